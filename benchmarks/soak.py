@@ -152,9 +152,9 @@ async def _soak(for_s: float, seed: int, folder: Path, beside: Beside | None) ->
     rules.follow(setup)
     assert setup.injector is not None
     setup.injector.start(setup.world, setup.supervisor.controller.power, rules.note)
-    chance = Random(seed)
+    rng = Random(seed)
     beginning = [place for place in places if place.kind != "task_crash"]
-    others = [_faults(setup, beginning, chance, counts), _person(setup, rules, chance)]
+    others = [_faults(setup, beginning, rng, counts), _person(setup, rules, rng)]
     tasks = [asyncio.ensure_future(each) for each in (*others, *([beside(setup)] if beside else []))]
     run = asyncio.ensure_future(setup.supervisor.run())
     samples: list[Sample] = []
@@ -178,23 +178,23 @@ def _carry_back(forest: Forest, world: World) -> None:
         world.carry_to(*forest.start_m, forest.heading_deg)
 
 
-async def _faults(setup: TrialSetup, places: Sequence[Any], chance: Random, counts: Counts) -> None:
+async def _faults(setup: TrialSetup, places: Sequence[Any], rng: Random, counts: Counts) -> None:
     """Begin a fault now and then, of any kind, and none twice at the same time."""
     assert setup.injector is not None
     until_s: dict[Any, float] = {}
     time = asyncio.get_running_loop().time
     while True:
-        await asyncio.sleep(chance.expovariate(1.0 / FAULT_EVERY_S))
-        place = chance.choice(places)
+        await asyncio.sleep(rng.expovariate(1.0 / FAULT_EVERY_S))
+        place = rng.choice(places)
         if until_s.get(place, 0.0) > time():
             continue
         counts.faults += 1
-        fault = draw_fault(place, time(), chance, LASTS_MOST_S)
+        fault = draw_fault(place, time(), rng, LASTS_MOST_S)
         until_s[place] = time() + fault.for_s + 1.0
         setup.injector.begin(counts.faults, fault)
 
 
-async def _person(setup: TrialSetup, log: Any, chance: Random) -> None:
+async def _person(setup: TrialSetup, log: Any, rng: Random) -> None:
     """Arm again whatever stands, resume what is held, and now and then hold, disarm or send elsewhere."""
     config, nowhere = setup.config, Path()
     live = RunningInspection(config, setup.rover, HostEnvironment(nowhere, nowhere, (), 0.0), setup.supervisor)
@@ -202,16 +202,14 @@ async def _person(setup: TrialSetup, log: Any, chance: Random) -> None:
     commands = RoverCommands(setup.supervisor, setup.rover.motors, lambda: live, log, about, checks=())
     controller = setup.supervisor.controller
     while True:
-        await asyncio.sleep(chance.expovariate(1.0 / PERSON_EVERY_S))
+        await asyncio.sleep(rng.expovariate(1.0 / PERSON_EVERY_S))
         with suppress(Refused, NotArmed):
             if controller.mode is Mode.DISARMED:
                 await commands.arm()
             elif controller.held:
                 await commands.resume()
-            elif chance.random() < 0.1:
-                await chance.choice(
-                    (commands.hold, commands.disarm, partial(commands.goal, chance.uniform(0.0, 359.0)))
-                )()
+            elif rng.random() < 0.1:
+                await rng.choice((commands.hold, commands.disarm, partial(commands.goal, rng.uniform(0.0, 359.0))))()
 
 
 def _sample(logs: Path, counts: Counts) -> Sample:

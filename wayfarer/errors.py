@@ -111,6 +111,11 @@ class NothingScheduled(WayfarerError):
     """Virtual time cannot continue: every task waits for an event that cannot occur."""
 
 
-def in_one_line(error: BaseException) -> str:
+def one_line(text: object) -> str:
+    """Return a text, or that of an error, without its line breaks."""
+    return " ".join(str(text).split())
+
+
+def kind_and_text(error: BaseException) -> str:
     """Return kind and text of an error that was not raised on purpose, in one line."""
-    return " ".join(f"{type(error).__name__}: {error}".split())
+    return one_line(f"{type(error).__name__}: {error}")

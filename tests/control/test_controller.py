@@ -264,7 +264,7 @@ async def test_goal_is_changed_for_the_decisions_and_nothing_else() -> None:
     bench = await Bench().armed(goal_heading_deg=30.0)
     mission = bench.controller.mission
     assert bench.handler.seen[-1].goal_heading_deg == 30.0
-    bench.controller.head_for(bench.t_s, 275.0)
+    bench.controller.set_goal(bench.t_s, 275.0)
     await bench.tick()
     assert bench.handler.seen[-1].goal_heading_deg == 275.0
     assert bench.controller.mission is mission

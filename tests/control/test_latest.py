@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 
 from wayfarer.control.latest import SensorBuffers
-from wayfarer.detector.tick import Tick
+from wayfarer.detector.tick import DetectorTick
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, Snapshot
 
 
 def snapshot(buffers: SensorBuffers, t_s: float) -> Snapshot:
     """What a tick at this time reads."""
-    tick = Tick(t_s)
+    tick = DetectorTick(t_s)
     buffers.read(tick)
     return tick.snapshot
 

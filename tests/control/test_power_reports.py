@@ -39,10 +39,10 @@ def said(duties: WheelCommand | None, *ticks: WheelCommand, times: int = 2) -> t
     """What is wrong once these commands were applied and the board has said the same so often."""
     power_reports = PowerReports(BoardSettings(), Log())
     for applied in ticks[:-1]:
-        power_reports.hear(applied)
+        power_reports.judge(applied)
     for _ in range(times):
         power_reports.board_said(1.0, WELL, duties)
-        power_reports.hear(ticks[-1])
+        power_reports.judge(ticks[-1])
     return power_reports.conditions(1.0)
 
 
@@ -53,7 +53,7 @@ def test_report_counts_and_is_logged_when_the_next_tick_begins() -> None:
     power_reports.board_silent(1.02, "no answer")
     power_reports.power(1.03, 0x1)
     assert (log.written, power_reports.conditions(1.04)) == ([], ())
-    assert power_reports.hear(STOP)
+    assert power_reports.judge(STOP)
     assert power_reports.conditions(1.05) == (Condition.BOARD_SILENT, Condition.UNDERVOLTAGE)
     assert log.written == [
         ("board", 1.01, AHEAD),
@@ -102,7 +102,7 @@ def test_answers_that_interleave_with_commands_are_never_a_fault(
         recent = [STOP, STOP, STOP, *commands[: count + 1]][-3:]
         left, right = (data.draw(st.sampled_from(recent)) for _ in range(2))
         power_reports.board_said(float(count), WELL, WheelCommand(left.left, right.right))
-        assert not power_reports.hear(applied)
+        assert not power_reports.judge(applied)
 
 
 def test_power_is_told_when_it_changes_only() -> None:
@@ -110,7 +110,7 @@ def test_power_is_told_when_it_changes_only() -> None:
     power_reports = PowerReports(BoardSettings(), log)
     for t_s, flags in enumerate([None, 0, 0, 1, 1, 0x10000, None, 0x10000]):
         power_reports.power(float(t_s), flags)
-        power_reports.hear(STOP)
+        power_reports.judge(STOP)
     assert [(t_s, details["flags"]) for _, t_s, details in log.written if isinstance(details, dict)] == [
         (3.0, "0x1"), (5.0, "0x10000"), (6.0, "0x0"), (7.0, "0x10000"),
     ]  # fmt: skip

@@ -16,7 +16,7 @@ from tests.daemon.left_turning import (
     bench,
     stop,
 )
-from wayfarer.daemon.salvage import SHIPPED
+from wayfarer.config.rover_path import SHIPPED
 from wayfarer.daemon.stop_motors import stop_motors
 from wayfarer.drivers.gpio import GpioPart
 from wayfarer.errors import BadInput, NotResponding, WayfarerError

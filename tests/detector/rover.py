@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from wayfarer.detector import Detector, DetectorSettings
-from wayfarer.detector.tick import Tick
+from wayfarer.detector.tick import DetectorTick
 from wayfarer.escape.api import Anomaly, Vehicle
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, Snapshot, WheelCommand
 from wayfarer.safety.conditions import Condition
@@ -62,7 +62,7 @@ class Rover:
 
     def sees(self, snapshot: Snapshot, applied: WheelCommand = STOP) -> Detection:
         """One tick with any snapshot."""
-        tick = Tick(snapshot.t_s, applied)
+        tick = DetectorTick(snapshot.t_s, applied)
         tick.compass, tick.motion, tick.contact = snapshot.compass, snapshot.motion, snapshot.contact
         self.timer.measure(tick)
         self.detector.update(tick)

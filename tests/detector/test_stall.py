@@ -62,13 +62,13 @@ def test_healthy_body_on_any_ground_is_never_stalled(
     gain_m_s2: float, from_m_s: float, cruise_m_s: float, backwards: bool, seed: int
 ) -> None:
     """From any speed either way, with the sensor's noise: it gains speed as the ground's grip allows."""
-    rover, chance, speed_m_s = started(), Random(seed), from_m_s
+    rover, rng, speed_m_s = started(), Random(seed), from_m_s
     way, dt_s = -1.0 if backwards else 1.0, 0.1
     for _ in range(4):
         rover.tick(STOP, way * speed_m_s * dt_s, dt_s=dt_s)
     for n in range(50):
         then_m_s, speed_m_s = speed_m_s, min(cruise_m_s, speed_m_s + gain_m_s2 * dt_s)
-        seen_m = way * (then_m_s + speed_m_s) / 2 * dt_s * chance.gauss(1.0, 0.03) + chance.gauss(0.0, 0.0004)
+        seen_m = way * (then_m_s + speed_m_s) / 2 * dt_s * rng.gauss(1.0, 0.03) + rng.gauss(0.0, 0.0004)
         wheels = WheelCommand(way * cruise_m_s, way * cruise_m_s)
         assert rover.tick(wheels, seen_m, dt_s=dt_s, heading_deg=n % 2).anomalies == ()
 
@@ -170,9 +170,9 @@ def test_rolling_on_after_slowing_down_is_motion() -> None:
 @pytest.mark.parametrize("share", [0.35, 1.0, 3.0])
 def test_garbage_and_readings_of_more_than_was_commanded_fake_no_stall(share: float) -> None:
     """A scale that is wrong, rolling on downhill, garbage of either sign in between: the rover moves."""
-    rover, chance = started(), Random(1)
+    rover, rng = started(), Random(1)
     for n in range(200):
-        moved_m = chance.choice([-30.0, 30.0]) if n % 8 == 7 else share * STEP_M
+        moved_m = rng.choice([-30.0, 30.0]) if n % 8 == 7 else share * STEP_M
         assert rover.tick(FULL, moved_m).anomalies == ()
 
 
@@ -199,12 +199,12 @@ def test_sense_without_a_direction_tells_a_moving_rover_from_a_stuck_one_both_wa
 @pytest.mark.parametrize("seed", range(20))
 def test_stall_is_found_within_two_seconds_under_random_counts(name: str, seed: int) -> None:
     """Field catalogue, fault 16: flow that jitters by up to 100 counts of 0.2 mm a reading, at 20 Hz."""
-    config, chance = load_rover(name), Random(seed)
+    config, rng = load_rover(name), Random(seed)
     rover = Rover(config.detector, config.vehicle)
     wheels = config.vehicle.mix(config.escape.cruise_m_s, 0.0)
     found = [
         Anomaly.IMMOBILISED
-        in rover.tick(wheels, chance.randint(-100, 100) * 0.0002, dt_s=0.05, heading_deg=n % 2).anomalies
+        in rover.tick(wheels, rng.randint(-100, 100) * 0.0002, dt_s=0.05, heading_deg=n % 2).anomalies
         for n in range(40)
     ]
     assert any(found)
@@ -214,10 +214,10 @@ def test_flow_that_saturates_is_not_motion_that_is_absent() -> None:
     """Field catalogue, fault 17: 7.4 rad/s at 0.1 m above ground are 0.74 m/s, the rover goes at 1.4."""
     config = load_rover("forestrover")
     rover = Rover(config.detector, config.vehicle)
-    chance = Random(1)
+    rng = Random(1)
     for _ in range(200):
-        moved_m = 0.74 * 0.05 * chance.gauss(1.0, 0.03)
-        assert rover.tick(FULL, moved_m, dt_s=0.05, heading_deg=chance.choice([0.0, 0.1])) == ALL_WELL
+        moved_m = 0.74 * 0.05 * rng.gauss(1.0, 0.03)
+        assert rover.tick(FULL, moved_m, dt_s=0.05, heading_deg=rng.choice([0.0, 0.1])) == ALL_WELL
 
 
 def test_body_that_skates_sideways_does_not_stand() -> None:

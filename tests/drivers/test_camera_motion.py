@@ -44,14 +44,14 @@ BELIEVED = DetectorSettings().quality_min
 GROUND = texture(RandomStreams(0).generator("ground"))
 
 
-def noisy(luma: NDArray[Any], chance: np.random.Generator) -> Luma:
-    return np.clip(luma + chance.normal(0.0, 2.0, luma.shape), 0, 255).astype(np.uint8)
+def noisy(luma: NDArray[Any], rng: np.random.Generator) -> Luma:
+    return np.clip(luma + rng.normal(0.0, 2.0, luma.shape), 0, 255).astype(np.uint8)
 
 
 def patch(x_px: int = 0, y_px: int = 0) -> Luma:
     """Return a piece of ground whose content lies that much further right and down."""
-    chance = np.random.default_rng((x_px % TILE_PX, y_px % TILE_PX))
-    return noisy(np.roll(GROUND, (y_px, x_px), axis=(0, 1))[200:320, 200:360], chance)
+    rng = np.random.default_rng((x_px % TILE_PX, y_px % TILE_PX))
+    return noisy(np.roll(GROUND, (y_px, x_px), axis=(0, 1))[200:320, 200:360], rng)
 
 
 def watching(settings: CameraMotionSettings, render: Callable[[float, int, int], Frame]) -> CameraMotion:
@@ -178,9 +178,9 @@ async def test_change_gives_the_numbers_that_the_settings_want() -> None:
 
 
 def test_a_cloud_before_the_sun_is_no_motion() -> None:
-    chance = np.random.default_rng(0)
+    rng = np.random.default_rng(0)
     bright = GROUND[200:320, 200:360]
-    (reading,) = readings(AHEAD, noisy(bright, chance), noisy(bright - 20.0, chance))
+    (reading,) = readings(AHEAD, noisy(bright, rng), noisy(bright - 20.0, rng))
     assert reading.forward_m < 0.05 * 0.7 * PERIOD_S
 
 

@@ -14,15 +14,15 @@ from wayfarer.escape.catalogue import BEYOND_THE_PAPER
 
 @pytest.mark.parametrize("name", BEYOND_THE_PAPER)
 def test_row_draws_no_chance(name: str) -> None:
-    chance = Random(1)
-    before = chance.getstate()
-    handler = BEYOND_THE_PAPER[name].make(SETTINGS, VEHICLE, chance)
+    rng = Random(1)
+    before = rng.getstate()
+    handler = BEYOND_THE_PAPER[name].make(SETTINGS, VEHICLE, rng)
     walk = Walk(name)
     walk.handler = handler
     for _ in range(3):
         walk.to(Phase.BACK_OFF)
         walk.to(Phase.FOLLOW)
-    assert chance.getstate() == before
+    assert rng.getstate() == before
 
 
 def widest_turn_deg(name: str, *anomalies: Anomaly) -> float:

@@ -17,7 +17,7 @@ import pytest
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.experiments import demo as module
 from wayfarer.experiments.demo import Demo, ForwardedCommands
-from wayfarer.simhal.clock.scaled_loop import FastLoop
+from wayfarer.simhal.clock.scaled_loop import ScaledLoop
 
 pytest.importorskip("aiohttp", reason="the live page needs aiohttp")
 
@@ -76,7 +76,7 @@ def run(demo: Demo, rover: Rover, during: Any = None) -> bool:
             await asyncio.sleep(0.1)
             return demo.watched.is_set()
 
-    with asyncio.Runner(loop_factory=partial(FastLoop, demo.pace)) as runner:
+    with asyncio.Runner(loop_factory=partial(ScaledLoop, demo.time_scale)) as runner:
         return runner.run(main())
 
 
@@ -121,7 +121,7 @@ def test_press_in_a_run_ends_it_and_its_end_is_not_shown(demo: Demo, page: Page)
     demo.show(RUN)
     demo.show(OUTCOME)
     assert rover.asked == [("stop", None)]
-    assert not demo.pace.paused, "an end takes time"
+    assert not demo.time_scale.paused, "an end takes time"
     assert page.shown == [RUN]
 
 
@@ -161,9 +161,9 @@ def test_command_is_done_by_the_run_and_stop_ends_a_pause(demo: Demo, forwarded:
 
     def ask() -> None:
         asyncio.run(forwarded.mark(text="log"))
-        paused.after_mark = demo.pace.paused
+        paused.after_mark = demo.time_scale.paused
         asyncio.run(forwarded.stop())
-        paused.after_stop = demo.pace.paused
+        paused.after_stop = demo.time_scale.paused
 
     run(demo, rover, ask)
     assert rover.asked == [("mark", "log"), ("stop", None)]
@@ -185,7 +185,7 @@ def test_age_is_in_seconds_of_the_viewer(demo: Demo) -> None:
             await asyncio.sleep(10.0)
             ages_s.append(demo.age_s(t_s))
 
-    with asyncio.Runner(loop_factory=partial(FastLoop, demo.pace)) as runner:
+    with asyncio.Runner(loop_factory=partial(ScaledLoop, demo.time_scale)) as runner:
         runner.run(main())
     assert ages_s == [pytest.approx(10.0 / 50.0, rel=0.01)]
 
@@ -199,14 +199,14 @@ def test_wall_clock_of_the_log_does_not_count_a_pause(demo: Demo) -> None:
         time.sleep(0.3)
         demo.pause(False)
         ends_s = time.monotonic() + 5.0
-        while demo.pace.stood_s < 0.25 and time.monotonic() < ends_s:  # for the loop to wake
+        while demo.time_scale.stood_s < 0.25 and time.monotonic() < ends_s:  # for the loop to wake
             time.sleep(0.01)
         time.sleep(0.3)  # it counts from its last look at the clock, which was before the pause
         looks_s.append((time.monotonic(), demo.wall(0.0)))
 
     run(demo, Rover(), pause)
     clock_s, wall_s = (after_s - before_s for before_s, after_s in zip(*looks_s, strict=True))
-    assert 0.25 <= demo.pace.stood_s <= clock_s
+    assert 0.25 <= demo.time_scale.stood_s <= clock_s
     assert 0.0 <= wall_s <= clock_s - 0.25
 
 

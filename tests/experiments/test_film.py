@@ -18,7 +18,7 @@ from wayfarer.experiments.film.camera import SIGHT_M, smooth, views
 from wayfarer.experiments.film.footage import FilmedTick, Footage
 from wayfarer.experiments.film.looks import SHELL
 from wayfarer.experiments.film.scenery import Scenery
-from wayfarer.experiments.film.track import EVERY_M, bars_of
+from wayfarer.experiments.film.tyre_marks import EVERY_M, bars_of
 from wayfarer.simhal.world.collision import Obstacle
 from wayfarer.simhal.world.forest import CLEARING
 

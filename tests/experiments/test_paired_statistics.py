@@ -25,8 +25,8 @@ def test_none_in_a_thousand_still_says_up_to_0_37_percent() -> None:
 
 
 def test_bootstrap_draws_layouts_not_trials() -> None:
-    chance = Random(1)
-    levels = [chance.gauss(0.0, 1.0) for _ in range(100)]
+    rng = Random(1)
+    levels = [rng.gauss(0.0, 1.0) for _ in range(100)]
     once = cluster_bootstrap([[level] for level in levels])
     ten_times = cluster_bootstrap([[level] * 10 for level in levels])
     assert ten_times.estimate == pytest.approx(once.estimate), (
@@ -50,9 +50,9 @@ def test_bootstrap_moves_with_the_values(values: list[float], shift: float) -> N
 
 
 def test_p_is_small_exactly_where_the_interval_has_no_zero() -> None:
-    chance = Random(2)
+    rng = Random(2)
     for shift in (-1.0, -0.2, 0.0, 0.2, 1.0):
-        found = cluster_bootstrap([[chance.gauss(shift, 1.0)] for _ in range(60)])
+        found = cluster_bootstrap([[rng.gauss(shift, 1.0)] for _ in range(60)])
         assert 0.0 < found.p <= 1.0
         assert (found.p < 0.05) is (found.estimate.low > 0.0 or found.estimate.high < 0.0), found
     certain = cluster_bootstrap([[2.0, 2.0], [2.0]])
@@ -62,9 +62,9 @@ def test_p_is_small_exactly_where_the_interval_has_no_zero() -> None:
 
 
 def test_p_is_that_of_the_normal_test_where_there_are_many_pairs() -> None:
-    chance = Random(3)
+    rng = Random(3)
     for shift in (0.0, 0.1, 0.2):
-        values = [chance.gauss(shift, 1.0) for _ in range(200)]
+        values = [rng.gauss(shift, 1.0) for _ in range(200)]
         z = statistics.fmean(values) / (statistics.stdev(values) / math.sqrt(len(values)))
         expected = 2 * (1 - statistics.NormalDist().cdf(abs(z)))
         tolerance = 3 * 2 * math.sqrt(expected / 2 * (1 - expected / 2) / 4000) + 0.005  # of the resamples' number

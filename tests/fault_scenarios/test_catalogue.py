@@ -92,19 +92,19 @@ def test_wheels_that_turn_on_for_too_long_fail_a_row() -> None:
 
 def test_headings_that_wrap_change_no_decision() -> None:
     """Where an angle meets a limit to the last bit of a number, two such drives may part; these do not."""
-    south, north = (run_result.monitor for run_result in runs_of("heading-wrap"))
+    south, north = (run_result.recorder for run_result in runs_of("heading-wrap"))
     assert wraps(north) > wraps(south) + 50
-    assert any(moment.why == "follow.anomaly" for moment in north.moments), "no turn was made"
+    assert any(moment.why == "follow.anomaly" for moment in north.ticks), "no turn was made"
     assert decisions(north) == decisions(south)
 
 
-def decisions(monitor: RunRecorder) -> list[tuple[float, str, WheelCommand]]:
-    return [(moment.t_s, moment.why, moment.applied) for moment in monitor.moments]
+def decisions(recorder: RunRecorder) -> list[tuple[float, str, WheelCommand]]:
+    return [(moment.t_s, moment.why, moment.applied) for moment in recorder.ticks]
 
 
-def wraps(monitor: RunRecorder) -> int:
+def wraps(recorder: RunRecorder) -> int:
     """How often the heading went across north from one tick to the next."""
-    readings = [moment.snapshot.compass for moment in monitor.moments]
+    readings = [moment.snapshot.compass for moment in recorder.ticks]
     headings = [reading.heading_deg for reading in readings if reading is not None]
     return sum(abs(now - last) > 180.0 for last, now in pairwise(headings))
 

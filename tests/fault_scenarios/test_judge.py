@@ -117,7 +117,7 @@ def test_hold_of_a_single_tick_counts() -> None:
     result = judged("stall", Expectation(Reached.HOLD, 1.1, ("tick_late",)))
     assert result.passed, result.problems
     _, run_result, _ = runs("stall")
-    assert sum("tick_late" in {each.value for each in moment.conditions} for moment in run_result.monitor.moments) == 1
+    assert sum("tick_late" in {each.value for each in moment.conditions} for moment in run_result.recorder.ticks) == 1
 
 
 def test_wheels_that_a_boards_deadman_stops_have_reached_s4() -> None:

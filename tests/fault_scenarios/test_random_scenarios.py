@@ -60,14 +60,14 @@ def test_every_kind_of_fault_can_be_drawn_on_some_rover() -> None:
 
 @pytest.mark.parametrize(("rover", "depth"), RIGS)
 def test_whatever_is_possible_begins_and_ends_in_a_run(rover: str, depth: Depth) -> None:
-    chance = Random(0)
+    rng = Random(0)
     places = [place for place in possible_faults(load_rover(rover), depth) if place.kind != "task_crash"]
-    faults = [replace(draw_fault(place, 1.0 + index / 5, chance), for_s=0.3) for index, place in enumerate(places)]
+    faults = [replace(draw_fault(place, 1.0 + index / 5, rng), for_s=0.3) for index, place in enumerate(places)]
     scenario = replace(draw_scenario(0, rover, depth), faults=tuple(faults), for_s=faults[-1].at_s + LONGEST_S + 1.0)
     run_result = run_scenario(scenario)
     assert (run_result.broken, run_result.error) == ((), None)
-    assert {fault for _, fault, begins in run_result.monitor.faults if begins} == set(faults)
-    assert {fault for _, fault, begins in run_result.monitor.faults if not begins} == set(faults)
+    assert {fault for _, fault, begins in run_result.recorder.faults if begins} == set(faults)
+    assert {fault for _, fault, begins in run_result.recorder.faults if not begins} == set(faults)
 
 
 @given(place=st.sampled_from(PLACES), seed=SEEDS)

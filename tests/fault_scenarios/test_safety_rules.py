@@ -13,7 +13,7 @@ from tests.fault_scenarios.broken_product import breaks_the_product
 from wayfarer.control.controller import Controller, Mode
 from wayfarer.control.shutdown import Shutdown
 from wayfarer.detector import Detector
-from wayfarer.detector.tick import Tick
+from wayfarer.detector.tick import DetectorTick
 from wayfarer.drivers.sabertooth import Sabertooth
 from wayfarer.escape.api import Decision, Observation
 from wayfarer.escape.handler import PhasedHandler
@@ -202,7 +202,7 @@ def handler_sees(**wrong: float) -> Break:
 def detector_is_blind_to_age(monkeypatch: Patch) -> None:
     update = Detector.update
 
-    def updated(self: Detector, tick: Tick) -> None:
+    def updated(self: Detector, tick: DetectorTick) -> None:
         update(self, tick)
         tick.conditions = ()
 

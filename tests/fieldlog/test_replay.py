@@ -18,7 +18,7 @@ from tests.views.text.records import SAMPLE_LOGS
 from tests.virtual import virtual
 from tests.workshop import Overriding
 from wayfarer import cli
-from wayfarer.cli.replay import told
+from wayfarer.cli.replay import replay_text
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.control.controller import Mode
 from wayfarer.control.run_log import Tee
@@ -154,7 +154,7 @@ def test_replay_goes_as_far_as_records_are_missing(run: Path) -> None:
     assert (found.ticks, found.difference) == (30, None)
     assert found.cut_elapsed_s is not None
     at = f"{span(found.cut_elapsed_s, 2)} (elapsed_s {found.cut_elapsed_s:.3f})"
-    assert f"records are missing before {at}, what follows" in told(run, found)
+    assert f"records are missing before {at}, what follows" in replay_text(run, found)
 
 
 @pytest.mark.parametrize(
@@ -299,7 +299,7 @@ async def eventful_run(folder: Path, config: RoverConfig) -> None:
     await asyncio.sleep(2.03)
     controller.hold(now(), held=False)
     await asyncio.sleep(3.0)
-    controller.head_for(now(), 20.0)
+    controller.set_goal(now(), 20.0)
     await fails("compass", 1.0)
     await fails("nonsense", 0.7)
     await fails("motion", 1.5)

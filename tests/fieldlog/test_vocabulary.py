@@ -4,15 +4,23 @@ from __future__ import annotations
 
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.escape.phases import WHY
-from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES, LEVELS, PHASES, because, disarmed_text, level_text
+from wayfarer.fieldlog.vocabulary import (
+    ANOMALY_TEXTS,
+    CAUSE_TEXTS,
+    LEVEL_TEXTS,
+    PHASE_TEXTS,
+    because,
+    disarmed_text,
+    level_text,
+)
 from wayfarer.safety.conditions import Condition, Level
 
 
 def test_every_phase_anomaly_level_and_condition_has_words() -> None:
-    assert set(PHASES) == {phase.value for phase in Phase}
-    assert set(ANOMALIES) == {anomaly.value for anomaly in Anomaly}
-    assert set(LEVELS) == {level.name.lower() for level in Level}
-    assert set(CAUSES) == {condition.value for condition in Condition}
+    assert set(PHASE_TEXTS) == {phase.value for phase in Phase}
+    assert set(ANOMALY_TEXTS) == {anomaly.value for anomaly in Anomaly}
+    assert set(LEVEL_TEXTS) == {level.name.lower() for level in Level}
+    assert set(CAUSE_TEXTS) == {condition.value for condition in Condition}
 
 
 def test_every_reason_is_a_whole_text_of_its_own() -> None:
@@ -40,8 +48,8 @@ def test_hold_that_a_person_asked_for_ends_with_resume_and_any_other_by_itself()
 
 
 def test_reason_to_disarm_names_conditions_in_words() -> None:
-    assert disarmed_text("fault: compass_lost") == f"fault: {CAUSES['compass_lost']}"
+    assert disarmed_text("fault: compass_lost") == f"fault: {CAUSE_TEXTS['compass_lost']}"
     assert disarmed_text("not armed: overturned, motion_gone") == (
-        f"not armed: {CAUSES['overturned']}, {CAUSES['motion_gone']}"
+        f"not armed: {CAUSE_TEXTS['overturned']}, {CAUSE_TEXTS['motion_gone']}"
     )
     assert disarmed_text("requested by a person") == "requested by a person"

@@ -18,7 +18,7 @@ from tests.daemon.socket.fake_daemon import FakeDaemon, open_files, serve
 from tests.fuzz.damage import as_json, bytes_of, json_of
 from tests.fuzz.target import Case, Target, Try, reading, shape
 from wayfarer.daemon.socket.client import ask
-from wayfarer.daemon.socket.protocol import REQUEST_BYTES, VERBS, accept, check, read_line
+from wayfarer.daemon.socket.protocol import REQUEST_BYTES, VERBS, check, ok_reply, read_line
 from wayfarer.daemon.socket.server import SocketLimits
 
 REQUESTS = [
@@ -135,9 +135,9 @@ def _word(line: bytes) -> str:
 
 SERVER = Target(
     "server",
-    ["wayfarer.daemon.socket.server:ControlServer", "wayfarer.daemon.socket.server:_turn_away",
-     "wayfarer.daemon.socket.protocol:perform", "wayfarer.daemon.socket.protocol:accept",
-     "wayfarer.daemon.socket.protocol:refuse"],
+    ["wayfarer.daemon.socket.server:ControlServer", "wayfarer.daemon.socket.server:_reject",
+     "wayfarer.daemon.socket.protocol:perform", "wayfarer.daemon.socket.protocol:ok_reply",
+     "wayfarer.daemon.socket.protocol:error_reply"],
     lambda kept: CLIENTS,
     _served,
     quick=20,
@@ -199,7 +199,7 @@ CLIENT = Target(
         "wayfarer.daemon.socket.client:_read_reply",
     ],
     lambda kept: st.tuples(
-        bytes_of([accept({"mode": "disarmed"}), accept({"log": "x" * 60_000})], [b'"ok"', b"true", b'"why"'])
+        bytes_of([ok_reply({"mode": "disarmed"}), ok_reply({"log": "x" * 60_000})], [b'"ok"', b"true", b'"why"'])
         | json_of(REPLIES, 3).map(lambda reply: as_json(reply) + b"\n"),
         st.booleans(),
     ),

@@ -25,11 +25,11 @@ from wayfarer.views.export.export import export
 from wayfarer.views.export.formats import ExportFormat, Output
 from wayfarer.views.run_report.reading import read_run
 from wayfarer.views.text.listing import lines, rows
-from wayfarer.views.text.run_narrator import Telling
+from wayfarer.views.text.run_narrator import Verbosity
 from wayfarer.views.text.run_summariser import summarise
 from wayfarer.views.text.summary_text import summary_text
 from wayfarer.views.text.tail import RunTail
-from wayfarer.views.text.verdict import judge
+from wayfarer.views.text.verdict import check_log
 
 RUN = "00017-20261121T061405Z"
 (SAMPLE,) = SAMPLE_LOGS.glob("00001-*")
@@ -103,14 +103,14 @@ def _runs(use: Callable[[Path], str]) -> Iterator[Try]:
 
 def _tell(run: Path) -> str:
     """See that what is told of a log is fit for a terminal, and that it is told to the end."""
-    for telling in Telling:
-        assert all(str(line).isprintable() for line in narrated(RunReader(run), telling))
+    for verbosity in Verbosity:
+        assert all(str(line).isprintable() for line in narrated(RunReader(run), verbosity))
     reader = RunReader(run)
     found = summarise(reader)
     assert all(line.isprintable() for line in summary_text("17", found, reader.damage).splitlines())
     json.dumps(asdict(found), allow_nan=False)
     assert all(line.isprintable() for line in lines(rows(run.parent, 0.0), 80))
-    verdict = judge(run)
+    verdict = check_log(run)
     assert str(verdict).isprintable()
     assert sum(1 for _ in _followed(run)) <= len(run.joinpath("run.jsonl").read_bytes().split(b"\n"))
     return f"{verdict.integrity.name}, {found.reason is None} {bool(reader.damage.lines)} {found.where is None}"

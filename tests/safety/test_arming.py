@@ -9,7 +9,7 @@ import pytest
 
 from wayfarer.angles import wrap180
 from wayfarer.hal import CompassReading
-from wayfarer.safety.arming import PATIENCE, Arming
+from wayfarer.safety.arming import PATIENCE, ArmingSequence
 from wayfarer.safety.settings import SafetySettings
 
 SETTINGS = SafetySettings(start_delay_s=10.0, settle_s=1.0, settle_spread_deg=3.0)
@@ -20,7 +20,7 @@ def captured(
     heading_deg: Callable[[float], float], goal_heading_deg: float | None = None
 ) -> tuple[float, float] | None:
     """Feed readings until the goal heading is there; return when, and what it is, or None if arming is refused."""
-    arming = Arming(SETTINGS, 0.0, goal_heading_deg)
+    arming = ArmingSequence(SETTINGS, 0.0, goal_heading_deg)
     for tick in range(1000):
         t_s = tick * PERIOD_S
         goal_deg = arming.update(CompassReading(t_s, heading_deg(t_s) % 360.0, 0.0, 0.0, None))
@@ -67,7 +67,7 @@ def test_spread_decides(spread_deg: float) -> None:
 
 
 def test_patience_is_bounded() -> None:
-    arming = Arming(SETTINGS, 100.0, None)
+    arming = ArmingSequence(SETTINGS, 100.0, None)
     last_s = 100.0 + SETTINGS.start_delay_s + PATIENCE * SETTINGS.settle_s
     assert not arming.too_late(last_s)
     assert arming.too_late(last_s + 0.001)

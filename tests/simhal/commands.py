@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tests.conftest import Run
-from wayfarer.experiments.report.reading import Results
+from wayfarer.experiments.report.reading import CampaignResults
 
 
 def succeed(run: Run, *arguments: object) -> str:
@@ -20,7 +20,7 @@ def refusal(run: Run, *arguments: object) -> str:
     return err
 
 
-def facts_of(results: Results) -> dict[str, str]:
+def facts_of(results: CampaignResults) -> dict[str, str]:
     """Return what the head of the report says."""
     from wayfarer.experiments.report.words import facts  # and Bokeh with it
 

@@ -15,7 +15,7 @@ from wayfarer.views.live.page_model import PageModel
 from wayfarer.views.run_report.quantities import panels_of
 from wayfarer.views.run_report.reading import read_run
 from wayfarer.views.text.console import Console
-from wayfarer.views.text.run_narrator import Telling
+from wayfarer.views.text.run_narrator import Verbosity
 
 TICK = tick(0.5)
 NEW_KEY = event("armed", 1.0, goal_heading_deg=12.0, moon="full")
@@ -27,7 +27,7 @@ def logs_show(*records: Record) -> str:
 
 
 def logs_show_ticks(*records: Record) -> str:
-    return narrated(records, Telling.TICKS)[-1].text
+    return narrated(records, Verbosity.TICKS)[-1].text
 
 
 def console(*records: Record) -> str:

@@ -62,15 +62,15 @@ def seen(colour: str, eye: Triple) -> Triple:
 @pytest.mark.parametrize("ground", [palette.PAPER, palette.NIGHT])
 def test_colours_stand_out_from_the_ground(ground: str) -> None:
     lines = {
-        *palette.PHASES.values(), *palette.RUNS, *palette.SERIES, palette.RECKONED, palette.RECEIVER, palette.TRUNK,
-        palette.TREE, palette.GOAL_LINE,
+        *palette.PHASE_COLOURS.values(), *palette.RUNS, *palette.SERIES, palette.RECKONED, palette.RECEIVER,
+        palette.TRUNK, palette.TREE, palette.GOAL_LINE,
     }  # fmt: skip
     assert {colour: contrast(colour, ground) for colour in lines if contrast(colour, ground) < CONTRAST} == {}
 
 
 @pytest.mark.parametrize("eye", EYES)
 def test_phases_and_dead_reckoning_are_told_apart_by_every_eye(eye: str) -> None:
-    drawn = {**palette.PHASES, "reckoned": palette.RECKONED}
+    drawn = {**palette.PHASE_COLOURS, "reckoned": palette.RECKONED}
     colours = {name: seen(colour, EYES[eye]) for name, colour in drawn.items()}
     near = {(one, two): float(np.linalg.norm(colours[one] - colours[two])) for one, two in combinations(colours, 2)}
     assert {pair: apart for pair, apart in near.items() if apart < APART} == {}
@@ -83,7 +83,7 @@ def test_a_colour_that_cannot_be_told_apart_is_seen() -> None:
 
 
 def test_every_phase_that_moves_and_every_anomaly_has_a_look() -> None:
-    assert set(palette.PHASES) == {phase.value for phase in Phase} - {Phase.HALT.value}
+    assert set(palette.PHASE_COLOURS) == {phase.value for phase in Phase} - {Phase.HALT.value}
     assert set(palette.ANOMALY_MARKERS) == {anomaly.value for anomaly in Anomaly}
     assert len(set(palette.ANOMALY_MARKERS.values())) == len(palette.ANOMALY_MARKERS)
 

@@ -11,7 +11,7 @@ import typer
 from wayfarer.cli import completion
 from wayfarer.cli.log_folder import log_folder
 from wayfarer.cli.options import Config, Logs
-from wayfarer.cli.rover import chosen
+from wayfarer.cli.rover import chosen_rover
 from wayfarer.views.text.colour import painted
 from wayfarer.views.text.scripting import print_json, say_next
 
@@ -28,7 +28,7 @@ T = TypeVar("T")
 
 
 class CalibrationStep(StrEnum):
-    """What can be calibrated."""
+    """What can be calibrated, as ``commissioning.calibrate.STEPS``; Typer takes no list of literals."""
 
     compass = "compass"
     flow = "flow"
@@ -128,7 +128,7 @@ def _at_the_rover(
     from wayfarer.daemon.motors_lock import motors_device, motors_lock
     from wayfarer.daemon.socket.paths import daemon_socket, single_daemon
 
-    where = chosen(config)
+    where = chosen_rover(config)
     loaded = load_rover(where)
     host = HostEnvironment.here(log_folder(logs), device_files(loaded))
 

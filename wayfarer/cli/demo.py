@@ -47,7 +47,7 @@ def _speed(value: float) -> float:
 def demo(
     *,
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="Random seed: forest and noise.")] = SEED,
-    algorithm: options.Algorithm = "forest-pledge",
+    algorithm: options.AlgorithmOption = "forest-pledge",
     speed: Annotated[
         float,
         typer.Option(
@@ -96,7 +96,7 @@ def _service(shown: Demo, algorithm: Algorithm, forest: int, logs: Path, socket:
     from wayfarer.config.rover_file import load_rover
     from wayfarer.daemon.daemon import Service
     from wayfarer.experiments.auto_arm import AutoArm
-    from wayfarer.simhal.clock.scaled_loop import FastLoop
+    from wayfarer.simhal.clock.scaled_loop import ScaledLoop
     from wayfarer.views.text.console import Console
 
     config = load_rover(ROVER)
@@ -111,8 +111,8 @@ def _service(shown: Demo, algorithm: Algorithm, forest: int, logs: Path, socket:
         dry_run=False,
         console=lambda write: Console("Starts when the page is opened", write).show,
         viewers=[AutoArm(shown, shown.watched)],
-        loop_factory=partial(FastLoop, shown.pace),
-        time_scale=shown.pace.speed,
+        loop_factory=partial(ScaledLoop, shown.time_scale),
+        time_scale=shown.time_scale.speed,
         wall=shown.wall,
     )
 

@@ -10,7 +10,7 @@ import typer
 
 from wayfarer.cli import completion
 from wayfarer.cli.extras import require
-from wayfarer.cli.options import AsJson, examples
+from wayfarer.cli.options import AsJson, examples, refuse
 from wayfarer.cli.trial_options import DepthName, Jobs, PhysicsName
 from wayfarer.errors import BadInput, MissingPackage
 
@@ -72,7 +72,7 @@ Seed = Annotated[
         rich_help_panel=BY_CHANCE,
     ),
 ]
-AtDepth = Annotated[
+RandomDepthOption = Annotated[
     DepthName | None,
     typer.Option(
         help="device: simulated parts; bus: the real drivers over simulated chips.", rich_help_panel=BY_CHANCE
@@ -86,7 +86,7 @@ MeasureDetector = Annotated[
         rich_help_panel=DETECTOR,
     ),
 ]
-Physics = Annotated[
+PhysicsOption = Annotated[
     PhysicsName | None, typer.Option(help="Physics while the detector is measured.", rich_help_panel=DETECTOR)
 ]
 Friction = Annotated[
@@ -121,9 +121,9 @@ def faults(
     jobs: Jobs = None,
     trials: Trials = None,
     seed: Seed = None,
-    depth: AtDepth = None,
+    depth: RandomDepthOption = None,
     detector: MeasureDetector = False,
-    physics: Physics = None,
+    physics: PhysicsOption = None,
     friction: Friction = None,
     torque_scale: TorqueScale = None,
     as_json: AsJson = False,
@@ -159,9 +159,7 @@ def faults(
 
 def _refuse(given: Mapping[str, object], why: str) -> None:
     """Refuse options that mean nothing beside the others."""
-    for option, value in given.items():
-        if value is not None:
-            raise BadInput(why.format(option))
+    refuse(*((value is not None, why.format(option)) for option, value in given.items()))
 
 
 def _cells(rover: str, physics: str | None, friction: float | None, torque_scale: float) -> Sequence[DetectorCase]:

@@ -88,7 +88,7 @@ def follow(run: Run = None, *, logs: Logs = None) -> None:
     """Show events as they happen, of this run and the next ones; with RUN until that run ends. Ctrl-C ends it."""
     from wayfarer.fieldlog.folders import find_run, run_folders
     from wayfarer.fieldlog.run_fold import RunFold
-    from wayfarer.views.text.run_narrator import RunNarrator, Telling
+    from wayfarer.views.text.run_narrator import RunNarrator, Verbosity
     from wayfarer.views.text.tail import follow as follow_records
     from wayfarer.views.text.verdict import NO_OUTCOME
 
@@ -109,7 +109,7 @@ def follow(run: Run = None, *, logs: Logs = None) -> None:
     with suppress(KeyboardInterrupt):
         for path, record in follow_records(folder, chosen, wait):
             if path != told:
-                told, fold, narrator = path, RunFold(reckons=False), RunNarrator(Telling.STATUS)
+                told, fold, narrator = path, RunFold(reckons=False), RunNarrator(Verbosity.STATUS)
                 print(run_title(path), flush=True)
             _tell(narrator.tell(fold.take(record)), flush=True)
         if chosen is not None:
@@ -130,11 +130,11 @@ def show(
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.fieldlog.reader import RunReader
     from wayfarer.fieldlog.run_fold import RunFold
-    from wayfarer.views.text.run_narrator import RunNarrator, Telling
+    from wayfarer.views.text.run_narrator import RunNarrator, Verbosity
     from wayfarer.views.text.scripting import print_json
     from wayfarer.views.text.verdict import NO_OUTCOME
 
-    fold, narrator = RunFold(reckons=False), RunNarrator(Telling.TICKS if ticks else Telling.STATUS)
+    fold, narrator = RunFold(reckons=False), RunNarrator(Verbosity.TICKS if ticks else Verbosity.STATUS)
     notes = sys.stderr if as_json else sys.stdout
     reader = RunReader(find_run(run, log_folder(logs)))
     for record in reader:
@@ -190,13 +190,13 @@ def check(
     """Read logs completely, and report lost or damaged records."""
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.views.text.scripting import print_json
-    from wayfarer.views.text.verdict import judge
+    from wayfarer.views.text.verdict import check_log
 
     folder = log_folder(logs)
     found = [find_run(name, folder) for name in runs or ["last"]]
     verdicts = []
     for run in found:
-        verdicts.append(judge(run))
+        verdicts.append(check_log(run))
         if not as_json:
             print(f"{run_title(run)}: {painted(str(verdicts[-1]), TONES[verdicts[-1].integrity.name])}")
     if as_json:

@@ -28,7 +28,7 @@ Config = Annotated[
         help=f"Name of a built-in rover, or a rover file (TOML). (default: {ROVER_FILE})",
     ),
 ]
-Algorithm = Annotated[
+AlgorithmOption = Annotated[
     str, typer.Option(metavar="NAME", autocompletion=completion.algorithm, help="Escape algorithm; see wayfarer list.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for scripts; docs/json.md describes it.")]

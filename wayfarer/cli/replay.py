@@ -67,14 +67,14 @@ def replay(
         replays.append({"run": run_title(folder), **result._asdict()})
         if not as_json:
             tone = "fault" if result.difference else "warning" if result.cut_elapsed_s is not None else "good"
-            print(painted(told(folder, result), tone))
+            print(painted(replay_text(folder, result), tone))
         codes.add(DIFFERS if result.difference else CUT if result.cut_elapsed_s is not None or not result.ticks else 0)
     if as_json:
         print_json({"runs": replays})
     raise typer.Exit(next(code for code in (BAD_INPUT, DIFFERS, CUT, 0) if code in codes))
 
 
-def told(run: Path, result: Replay) -> str:
+def replay_text(run: Path, result: Replay) -> str:
     """Return a replay in a line."""
     so_far = f"{run_title(run)}: {result.ticks} decision{'' if result.ticks == 1 else 's'} as logged"
     if result.difference is not None:

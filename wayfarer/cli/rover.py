@@ -10,7 +10,7 @@ import typer
 
 from wayfarer.cli.extras import require
 from wayfarer.cli.log_folder import log_folder
-from wayfarer.cli.options import ROVER_FILE, Algorithm, Config, Logs, examples, refuse
+from wayfarer.cli.options import ROVER_FILE, AlgorithmOption, Config, Logs, examples, refuse
 from wayfarer.cli.trial_options import DepthName
 from wayfarer.cli.viewer_options import Foxglove, FoxglovePort, Live, LiveHost, LivePort, viewers
 from wayfarer.errors import BadInput
@@ -36,7 +36,7 @@ def run(
     config: Config = None,
     sim: Annotated[bool, typer.Option("--sim", help="Run on the simulated rover, in real time.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Run everything, but do not drive the motors.")] = False,
-    algorithm: Algorithm = "forest-pledge",
+    algorithm: AlgorithmOption = "forest-pledge",
     logs: Logs = None,
     depth: Annotated[
         DepthName | None,
@@ -64,7 +64,7 @@ def run(
     refuse(
         (asks_simulation and not sim, "--depth and --seed are for the simulated rover: add --sim, or leave them out")
     )
-    name = chosen(config, default="sim" if sim else None)
+    name = chosen_rover(config, default="sim" if sim else None)
     loaded = load_rover(name)
     folder = log_folder(logs)
     if seed is None:  # a real run draws its seed; the log's first record has it
@@ -95,7 +95,7 @@ def stop_motors(*, config: Config = None) -> None:
     print(stop(str(ROVER_FILE) if config is None else config))
 
 
-def chosen(config: str | None, default: str | None = None) -> str:
+def chosen_rover(config: str | None, default: str | None = None) -> str:
     """Return the rover file to use: the one that was named, or else the system's own.
 
     Raises:

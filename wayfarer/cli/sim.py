@@ -34,7 +34,7 @@ Site = Literal["extended-maze", "dense-obstruction", "forest-escape"]  # the nam
 Ground = Literal["ideal", "leaf-litter", "dry-soil", "mud"]  # the names of ``simhal.world.grounds``
 
 Trials = Annotated[int, typer.Option(min=1, max=1_000_000, metavar="N", help="Trials of each algorithm.")]
-Scenario = Annotated[
+ScenarioOption = Annotated[
     Site | None,
     typer.Option(
         metavar="SITE",
@@ -50,11 +50,11 @@ ClusterAddress = Annotated[
         rich_help_panel=RUNNING,
     ),
 ]
-Physics = Annotated[
+PhysicsOption = Annotated[
     PhysicsName,
     typer.Option(help="light: fast built-in physics; mujoco: rigid bodies, wheels that grip and slip (slower)."),
 ]
-GroundName = Annotated[
+GroundOption = Annotated[
     Ground,
     typer.Option(
         metavar="GROUND",
@@ -122,7 +122,7 @@ def sim(
     trials: Trials = 1000,
     algorithm: options.AlgorithmNames = "forest-pledge",
     forests: options.Forests = None,
-    scenario: Scenario = None,
+    scenario: ScenarioOption = None,
     rover: options.RoverName = "sim",
     seed: options.Seed = 0,
     jobs: options.Jobs = None,
@@ -130,9 +130,9 @@ def sim(
     slip_mean_m: options.SlipMeanM = 10.0,
     budget_m: options.BudgetM = 1000.0,
     anomaly_source: options.AnomalySource = None,
-    depth: options.Depth = "device",
-    physics: Physics = "light",
-    ground: GroundName = "ideal",
+    depth: options.DepthOption = "device",
+    physics: PhysicsOption = "light",
+    ground: GroundOption = "ideal",
     friction: Friction = None,
     roughness_m: RoughnessM = None,
     torque_scale: TorqueScale = None,

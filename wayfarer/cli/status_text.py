@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES, PHASES, disarmed_text
+from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS, CAUSE_TEXTS, PHASE_TEXTS, disarmed_text
 from wayfarer.fieldlog.wording import marks, whole_deg
 from wayfarer.views.text.colour import painted
 
@@ -39,7 +39,7 @@ def _marks(status: Mapping[str, Any]) -> str:
 
 
 def _health(status: Mapping[str, Any]) -> str:
-    conditions = [CAUSES.get(condition, condition) for condition in status["conditions"]]
+    conditions = [CAUSE_TEXTS.get(condition, condition) for condition in status["conditions"]]
     wrong = ", ".join([*conditions, *status["motor_faults"]])
     return painted(wrong, "warning") if wrong else painted("well", "good")
 
@@ -47,9 +47,9 @@ def _health(status: Mapping[str, Any]) -> str:
 def _doing(status: Mapping[str, Any]) -> str:
     if status["mode"] != "armed":
         return ""
-    seen = [ANOMALIES.get(anomaly, anomaly) for anomaly in status.get("anomalies") or ()]
+    seen = [ANOMALY_TEXTS.get(anomaly, anomaly) for anomaly in status.get("anomalies") or ()]
     counter = f"counter {status.get('counter_deg', 0):.0f}"
-    phase = PHASES.get(status["phase"], status["phase"])
+    phase = PHASE_TEXTS.get(status["phase"], status["phase"])
     return ", ".join([f"{phase} ({status['algorithm']})", counter, *seen])
 
 

@@ -45,7 +45,7 @@ def sweep(
     slip_mean_m: options.SlipMeanM = 10.0,
     budget_m: options.BudgetM = 1000.0,
     anomaly_source: options.AnomalySource = None,
-    depth: options.Depth = "device",
+    depth: options.DepthOption = "device",
     spl: options.Spl = False,
     jobs: options.Jobs = None,
     resume: options.Resume = False,

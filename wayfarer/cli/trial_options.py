@@ -56,7 +56,7 @@ AnomalySource = Annotated[
     Literal["motion", "contact"] | None,
     typer.Option(help="Detect an obstacle by lack of motion, or by contact as well. (default: from the rover file)"),
 ]
-Depth = Annotated[
+DepthOption = Annotated[
     DepthName, typer.Option(help="device: simulated parts; bus: the real drivers over simulated chips (slower).")
 ]
 Spl = Annotated[

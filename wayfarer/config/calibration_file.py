@@ -24,6 +24,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from wayfarer.config.messages import key_and_problem
 from wayfarer.errors import BadInput, WayfarerError
+from wayfarer.units import DegreesOrZero
 
 FILE_NAME = "calibration.json"
 SYSTEM_FOLDER = Path("/var/lib/wayfarer")
@@ -32,7 +33,6 @@ USER_FOLDER = Path(".local/state/wayfarer")
 # Half a year: field, screws and cables of a rover change within a season.
 STALE_S = 180 * 86_400.0
 
-Angle = Annotated[float, Interval(ge=0, le=180)]
 Duty = Annotated[float, Interval(gt=0, le=1)]
 _PartOfDuty = Annotated[float, Interval(ge=0, lt=1)]
 Positive = Annotated[float, Interval(gt=0, le=1e6)]
@@ -60,7 +60,7 @@ class CompassEntry(Entry):
     """``level`` is the part's own, 0 to 3; ``residual_deg`` the mean error of four quarter turns."""
 
     level: Annotated[int, Interval(ge=0, le=3)]
-    residual_deg: Angle
+    residual_deg: DegreesOrZero
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,8 +74,8 @@ class FlowEntry(Entry):
 class MotorsEntry(Entry):
     """How far the heading shifts while the wheels turn at half and at full duty, and whether that is little enough."""
 
-    shift_half_deg: Angle
-    shift_full_deg: Angle
+    shift_half_deg: DegreesOrZero
+    shift_full_deg: DegreesOrZero
     passed: bool
 
 

@@ -143,11 +143,6 @@ def _dotted(section: str, key: str) -> str:
     return f"{section}.{key}" if section else key
 
 
-def one_line(text: str) -> str:
-    """Return a text without its line breaks."""
-    return " ".join(text.split())
-
-
 def _section_model(model: Any, section: list[str]) -> Any:
     """Return what says the ranges of a section's keys; the items of a list have none of their own."""
     tables = getattr(model, "model_fields", {})  # a settings dataclass has no tables within

@@ -12,7 +12,7 @@ from dataclasses import replace
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from wayfarer.errors import BadInput, UnknownName, WayfarerError, in_one_line
+from wayfarer.errors import BadInput, UnknownName, WayfarerError, kind_and_text, one_line
 from wayfarer.escape.catalogue import BUILT_IN, REMOVED, Algorithm
 
 ALGORITHM_GROUP = "wayfarer.algorithms"
@@ -103,7 +103,7 @@ def make_buses(name: str) -> Any:
     except WayfarerError:
         raise
     except (Exception, SystemExit) as error:  # a third party's may raise anything; what is no function cannot be called
-        raise BadInput(f"buses '{name}': {path} gives no buses: {in_one_line(error)}") from error
+        raise BadInput(f"buses '{name}': {path} gives no buses: {kind_and_text(error)}") from error
     if not all(callable(getattr(buses, kind, None)) for kind in ("i2c", "spi", "serial", "camera", "close")):
         raise BadInput(f"buses '{name}': {path} gives no wayfarer.drivers.buses.Buses")
     return buses
@@ -133,7 +133,7 @@ def load_path(kind: str, path: str) -> Any:
     try:
         module = importlib.import_module(module_name)
     except (Exception, SystemExit) as error:  # a third party's module may raise anything while it is imported
-        reason = " ".join(str(error).split()) or type(error).__name__
+        reason = one_line(error) or type(error).__name__
         raise BadInput(f"{kind} '{path}': cannot import {module_name} ({reason}); is it installed?") from error
     try:
         return getattr(module, attribute)

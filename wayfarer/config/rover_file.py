@@ -9,19 +9,18 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from importlib.resources import files
-from pathlib import Path
 from typing import Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from wayfarer.config.chassis import Chassis
 from wayfarer.config.log_settings import LogSettings
-from wayfarer.config.messages import at_line, line_of, one_line, shown, validated, with_short_keys
+from wayfarer.config.messages import at_line, line_of, shown, validated, with_short_keys
 from wayfarer.config.registry import check_buses, driver_names, find_driver
-from wayfarer.config.wiring import clash
+from wayfarer.config.rover_path import SHIPPED, is_rover_file, rover_path
+from wayfarer.config.wiring import wiring_conflict
 from wayfarer.detector import DetectorSettings
-from wayfarer.errors import BadConfig, BadInput, UnknownName
+from wayfarer.errors import BadConfig, BadInput, UnknownName, one_line
 from wayfarer.escape.api import EscapeSettings, Vehicle
 from wayfarer.safety.gate import STALL_LIMIT_S
 from wayfarer.safety.settings import BoardSettings, EntrapmentSettings, SafetySettings
@@ -108,7 +107,7 @@ class RoverConfig(BaseModel):
     def _parts_have_their_drivers(cls, parts: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
         """Refuse a part whose driver is unknown or does not understand its settings, and two parts on one wire."""
         made = [(part, *part_settings(part, table)) for part, table in parts.items()]
-        if why := clash(made):
+        if why := wiring_conflict(made):
             raise ValueError(why)
         return parts
 
@@ -162,7 +161,7 @@ def part_settings(part: str, table: Mapping[str, Any]) -> tuple[Any, Any]:
 
 def rover_names() -> list[str]:
     """Return the names of the shipped rovers."""
-    return sorted(path.name.removesuffix(".toml") for path in _shipped().iterdir() if path.name.endswith(".toml"))
+    return sorted(path.stem for path in SHIPPED.glob("*.toml"))
 
 
 def load_rover(name_or_path: str) -> RoverConfig:
@@ -172,7 +171,7 @@ def load_rover(name_or_path: str) -> RoverConfig:
         UnknownName: no shipped rover of that name.
         BadConfig: the file cannot be read or is not right; the text names file, key and what is allowed.
     """
-    is_file = _is_file(name_or_path)
+    is_file = is_rover_file(name_or_path)
     if not is_file and name_or_path not in rover_names():
         raise UnknownName("rover", name_or_path, rover_names())
     try:
@@ -194,18 +193,8 @@ def with_place(name_or_path: str, said: str) -> str:
     return f"{name_or_path}: {with_short_keys(said)}{at_line(_text_of(name_or_path), said)}"
 
 
-def _is_file(name_or_path: str) -> bool:
-    return "/" in name_or_path or name_or_path.endswith(".toml")
-
-
 def _text_of(name_or_path: str) -> str:
-    resource = Path(name_or_path) if _is_file(name_or_path) else _shipped() / f"{name_or_path}.toml"
-    text: str = resource.read_text(encoding=_TEXT)
-    return text
-
-
-def _shipped() -> Any:
-    return files("wayfarer") / "rovers"
+    return rover_path(name_or_path).read_text(encoding=_TEXT)
 
 
 def _parse(where: str, text: str) -> RoverConfig:

@@ -1,4 +1,4 @@
-"""A rover configuration with some settings replaced: for fault scenarios and sweeps."""
+"""A rover configuration with some settings replaced, and settings by their dotted names."""
 
 from __future__ import annotations
 
@@ -25,3 +25,10 @@ def _merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any
         under = merged.get(key)
         merged[key] = _merged(under, value) if isinstance(under, Mapping) and isinstance(value, Mapping) else value
     return merged
+
+
+def flat(value: Any, name: str = "") -> dict[str, Any]:
+    """Return tables within tables by their dotted names, as ``detector.tilt_deg``."""
+    if not isinstance(value, dict):
+        return {name: value}
+    return {key: leaf for k, v in value.items() for key, leaf in flat(v, f"{name}.{k}" if name else k).items()}

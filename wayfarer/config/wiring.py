@@ -63,7 +63,7 @@ class _PartAddress(NamedTuple):
     address: int | None
 
 
-def clash(parts: Iterable[tuple[str, Any, Any]]) -> str | None:
+def wiring_conflict(parts: Iterable[tuple[str, Any, Any]]) -> str | None:
     """Say which two parts cannot share a wire, by the key to correct; None where all can.
 
     Args:
@@ -75,21 +75,26 @@ def clash(parts: Iterable[tuple[str, Any, Any]]) -> str | None:
             if not place.wire.name:
                 return f"key '{place.key}' = '': names no device; it needs {place.wire.kind}, such as /dev/..."
             for other in placed:
-                if why := _quarrel(place, other):
+                if why := _conflict(place, other):
                     return why
             placed.append(place)
     return None
 
 
-def _places(part: str, driver: Any, settings: Any) -> list[_PartAddress]:
+def buses_asked(driver: Any, settings: Any) -> list[BusRequest]:
+    """Return the buses that a driver asks for when it is made."""
     buses = NotedBuses()
     with suppress(Exception):  # a third party's may fail without a real bus: what it asked for until then counts
         driver(settings, buses)
+    return buses.asked
+
+
+def _places(part: str, driver: Any, settings: Any) -> list[_PartAddress]:
     chip = getattr(driver, "chip", getattr(driver, "__name__", str(driver)))
     address = getattr(settings, "address", None)
     return [
         _PartAddress(part, chip, _key(part, settings, wire), wire, address if wire.kind == I2C else None)
-        for wire in buses.asked
+        for wire in buses_asked(driver, settings)
     ]
 
 
@@ -99,8 +104,8 @@ def _key(part: str, settings: Any, wire: BusRequest) -> str:
     return ".".join(["parts", part, *[name for name in names if getattr(settings, name) == wire.name][:1]])
 
 
-def _quarrel(place: _PartAddress, other: _PartAddress) -> str | None:
-    """Say why two places cannot be, None where they can."""
+def _conflict(place: _PartAddress, other: _PartAddress) -> str | None:
+    """Say why two parts cannot be where they are, None where they can."""
     (kind, name), there = place.wire, f"parts.{other.part} ({other.chip})"
     if normpath(name) != normpath(other.wire.name):
         return None

@@ -25,7 +25,7 @@ from wayfarer.detector.odometer import Odometer
 from wayfarer.errors import BadReading, DriverError
 from wayfarer.escape.api import EscapeHandler, Observation
 from wayfarer.hal import STOP, PositionFix, WheelCommand
-from wayfarer.safety.arming import Arming
+from wayfarer.safety.arming import ArmingSequence
 from wayfarer.safety.conditions import LEVELS, Condition, Level
 from wayfarer.safety.entrapment import EntrapmentMonitor
 from wayfarer.safety.gate import Gate
@@ -97,7 +97,7 @@ class Controller:
         self.goal_heading_deg = 0.0
         self.mission: Mission | None = None
         self.held = False
-        self._arming: Arming | None = None
+        self._arming: ArmingSequence | None = None
         self._travelled_m = 0.0
         self._held_s = 0.0
         self._applied = STOP
@@ -107,7 +107,7 @@ class Controller:
     # -- commands ------------------------------------------------------------------------------------------------
 
     def arm(self, t_s: float, goal_heading_deg: float | None) -> None:
-        """Begin to arm: after the start delay the wheels may turn. See ``Arming`` for the goal heading.
+        """Begin to arm: after the start delay the wheels may turn. See ``ArmingSequence`` for the goal heading.
 
         The motors must have been opened just before: only that makes sure that they answer and that their deadman is
         on.
@@ -116,7 +116,7 @@ class Controller:
         self._entrapment.reset()
         self._detector.begin_mission()
         self.mission = None
-        self._arming = Arming(self._safety, t_s, goal_heading_deg)
+        self._arming = ArmingSequence(self._safety, t_s, goal_heading_deg)
         self.mode = Mode.ARMING
         delay_s = self._safety.start_delay_s
         self._log.event("arming", t_s, start_delay_s=delay_s, goal_heading_deg=goal_heading_deg)
@@ -135,7 +135,7 @@ class Controller:
             self.held = held
             self._log.event("hold" if held else "resume", t_s)
 
-    def head_for(self, t_s: float, goal_heading_deg: float) -> None:
+    def set_goal(self, t_s: float, goal_heading_deg: float) -> None:
         """Change the goal of the mission, in degrees clockwise from magnetic north."""
         self.goal_heading_deg = goal_heading_deg
         self._log.event("goal", t_s, goal_heading_deg=goal_heading_deg)
@@ -168,7 +168,7 @@ class Controller:
         self._add_conditions(tick)
         conditions = self.conditions = tick.conditions
         if conditions and not _WHEELS_ASTRAY.isdisjoint(conditions):
-            self._motors.halt()  # at each tick: a board that does not do as it is told may take one stop of many
+            self._motors.halt()  # at each tick: a board that does not do as commanded may take one stop of many
         if self._arming is not None:
             self._continue_arming(t_s, self._arming, conditions)
         observation = tick.observation = self._observe(tick)
@@ -206,7 +206,7 @@ class Controller:
             tick.conditions += (Condition.MOTORS_FAILED,)
         if self.held:
             tick.conditions += (Condition.OPERATOR_HOLD,)
-        if self.power_reports.hear(tick.told):
+        if self.power_reports.judge(tick.commanded):
             tick.conditions += self.power_reports.conditions(tick.t_s)
         if armed and self._resume_warning.update(tick, tick.conditions):
             tick.conditions += (Condition.RESUME_WARNING,)
@@ -227,10 +227,10 @@ class Controller:
             self.goal_heading_deg,
             self._travelled_m,
             self._odometer.covered_m,
-            tick.told,
+            tick.commanded,
         )
 
-    def _continue_arming(self, t_s: float, arming: Arming, conditions: tuple[Condition, ...]) -> None:
+    def _continue_arming(self, t_s: float, arming: ArmingSequence, conditions: tuple[Condition, ...]) -> None:
         compass = self._detector.compass
         goal_heading_deg = arming.update(compass) if compass is not None else None
         stops = [condition.value for condition in conditions if LEVELS[condition] >= Level.DEGRADE]
@@ -274,6 +274,6 @@ def _checked(applied: WheelCommand) -> WheelCommand:
         BadReading: it cannot be (field catalogue, fault 8): what the wheels do is not known.
     """
     left, right = applied
-    if abs(left) <= 1.0 >= abs(right):
+    if abs(left) <= 1.0 and abs(right) <= 1.0:  # NaN is no duty
         return applied
     raise BadReading(f"motors: duties of {left:g} and {right:g} applied, allowed are -1 to 1: their driver has a bug")

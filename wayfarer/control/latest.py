@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isfinite
 from typing import Generic, TypeVar
 
-from wayfarer.detector.tick import Tick
+from wayfarer.detector.tick import DetectorTick
 from wayfarer.hal import CompassReading, ContactReading, MotionReading
 
 R = TypeVar("R")
@@ -69,6 +69,6 @@ class SensorBuffers:
         self.motion = MotionBuffer()
         self.contact: LatestValue[ContactReading] = LatestValue()
 
-    def read(self, tick: Tick) -> None:
+    def read(self, tick: DetectorTick) -> None:
         """Fill in what all sensors say now."""
         tick.compass, tick.motion, tick.contact = self.compass.reading, self.motion.take(), self.contact.reading

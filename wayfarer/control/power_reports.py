@@ -18,13 +18,13 @@ from wayfarer.safety.supply import SupplyMonitor, meaning
 
 
 class PowerReports:
-    """Takes reports as they come, and judges them when ``hear`` is called, at the beginning of each tick."""
+    """Takes reports as they come, and judges them when ``judge`` is called, at the beginning of each tick."""
 
     def __init__(self, settings: BoardSettings, log: RunLog) -> None:
         self.board = MotorBoardMonitor(settings)
         self._power = SupplyMonitor()
         self._log = log
-        self._news: list[Callable[[], None]] = []
+        self._pending: list[Callable[[], None]] = []
         # At the ticks of late: the board may have been asked amid any of them.
         self._applied = deque([STOP] * 3, maxlen=3)
 
@@ -32,41 +32,41 @@ class PowerReports:
 
     def board_said(self, t_s: float, health: MotorHealth, duties: WheelCommand | None) -> None:
         """Take what the motor board answered at ``t_s``; see ``MotorBoardMonitor.update``."""
-        self._news.append(partial(self._hear_board, t_s, health, duties))
+        self._pending.append(partial(self._judge_board, t_s, health, duties))
 
     def board_silent(self, t_s: float, error: str) -> None:
         """Take note that the motor board did not answer."""
-        self._news.append(partial(self._miss_board, t_s, error))
+        self._pending.append(partial(self._judge_silence, t_s, error))
 
     def power(self, t_s: float, flags: int | None) -> None:
         """Take the power flags of the computer's firmware, None where there are none; see ``SupplyMonitor``."""
-        self._news.append(partial(self._hear_power, t_s, flags))
+        self._pending.append(partial(self._judge_power, t_s, flags))
 
     # -- at each tick --------------------------------------------------------------------------------------------
 
-    def hear(self, applied: WheelCommand) -> bool:
+    def judge(self, applied: WheelCommand) -> bool:
         """Judge what was said since the last tick, at which ``applied`` was; return whether ``conditions`` may be."""
         self._applied.append(applied)
-        if self._news:
-            news, self._news = self._news, []
-            for judge in news:
-                judge()
+        if self._pending:
+            reports, self._pending = self._pending, []
+            for report in reports:
+                report()
         return bool(self.board.conditions) or self._power.noticed
 
     def conditions(self, t_s: float) -> tuple[Condition, ...]:
         """Return what is wrong at ``t_s``."""
         return self.board.conditions + self._power.conditions(t_s)
 
-    def _hear_board(self, t_s: float, health: MotorHealth, duties: WheelCommand | None) -> None:
+    def _judge_board(self, t_s: float, health: MotorHealth, duties: WheelCommand | None) -> None:
         self.board.update(t_s, health, duties, self._applied)
         self._log.board(t_s, health, duties)
 
-    def _miss_board(self, t_s: float, error: str) -> None:
+    def _judge_silence(self, t_s: float, error: str) -> None:
         if Condition.BOARD_SILENT not in self.board.conditions:
             self._log.event("board_silent", t_s, error=error)
         self.board.silent()
 
-    def _hear_power(self, t_s: float, flags: int | None) -> None:
+    def _judge_power(self, t_s: float, flags: int | None) -> None:
         before, now = self._power.flags or 0, flags or 0
         self._power.update(t_s, flags)
         if now != before:

@@ -50,7 +50,7 @@ class Shutdown:
         async with AsyncExitStack() as last_things:  # from the last line to the first
             last_things.callback(self._log.close, end.reason, end.text)
             for part in self._parts:
-                last_things.push_async_callback(self._let_go, part)
+                last_things.push_async_callback(self._close_part, part)
             last_things.callback(self._log.event, "wheels_stopped", t_s, reason=end.reason)
             last_things.push_async_callback(self.stop_wheels)
 
@@ -58,7 +58,7 @@ class Shutdown:
         self._motors.halt()
         self._log.event("stop_not_confirmed", asyncio.get_running_loop().time(), part=self._motors.name, error=why)
 
-    async def _let_go(self, part: Driver) -> None:
+    async def _close_part(self, part: Driver) -> None:
         try:
             async with asyncio.timeout(CLOSE_DEADLINE_S):
                 await part.close()

@@ -177,7 +177,7 @@ class Supervisor:
             beside.append(group.create_task(self._log_driver_counters(), name="troubles"))
             if self._rover.light is not None:
                 beside.append(group.create_task(self._show_state(self._rover.light), name="light"))
-            await self._hear_sensors()
+            await self._wait_for_sensors()
             try:
                 end = await asyncio.create_task(self._control(), name="control")
             finally:  # the wheels first: a sensor may take its time to let go
@@ -186,7 +186,7 @@ class Supervisor:
                     task.cancel()
         return end
 
-    async def _hear_sensors(self) -> None:
+    async def _wait_for_sensors(self) -> None:
         """Let the sensors speak before the first tick, and so at every time that their grids and its own share.
 
         A real bus takes some milliseconds. A sensor that stays silent is not waited for: the ticks say which one it is.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from wayfarer.detector.tick import Tick
+from wayfarer.detector.tick import DetectorTick
 from wayfarer.escape.api import Decision, Observation, Phase
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
@@ -13,7 +13,7 @@ from wayfarer.safety.conditions import Condition, Level
 STAND: Final = Decision(STOP, Phase.HALT, Phase.HALT.value)
 
 
-class TickRecord(Tick):
+class TickRecord(DetectorTick):
     """One control tick, filled in stage by stage: what was seen, decided and applied, and what the gate thought of it.
 
     ``observation`` is what the handler saw of the readings (None before the first believable heading). ``memory`` gives

@@ -111,11 +111,11 @@ class RoverCommands:
             async with asyncio.timeout(OPENING_S):
                 await self._supervisor.ticked.wait()
         findings = await run_checks(self._inspect(), self._checks)
-        self._warnings = [_told(finding) for finding in findings if finding.verdict is CheckVerdict.WARN]
+        self._warnings = [_finding_text(finding) for finding in findings if finding.verdict is CheckVerdict.WARN]
         failed = [finding for finding in findings if finding.verdict is CheckVerdict.FAIL] + self._standing()
         if failed:
             self._log.event("arming_refused", _now_s(), failed=[finding.name for finding in failed])
-            raise Refused("not armed: " + "; ".join(_told(finding) for finding in failed))
+            raise Refused("not armed: " + "; ".join(_finding_text(finding) for finding in failed))
 
     def _standing(self) -> list[Finding]:
         """Return what is wrong with the rover now, and would only let the arming fail later (field catalogue, 51)."""
@@ -153,7 +153,7 @@ class RoverCommands:
             raise Refused(
                 f"the rover is {self._controller.mode.value}: give the heading when arming (wayfarer arm DEG)"
             )
-        self._controller.head_for(_now_s(), heading_deg)
+        self._controller.set_goal(_now_s(), heading_deg)
         return {"goal_heading_deg": heading_deg}
 
     async def mark(self, text: str) -> Details:
@@ -202,7 +202,7 @@ class RoverCommands:
         }
 
 
-def _told(finding: Finding) -> str:
+def _finding_text(finding: Finding) -> str:
     return f"{finding.name}: {finding.found}" + (f" ({finding.remedy})" if finding.remedy else "")
 
 

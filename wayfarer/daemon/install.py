@@ -19,7 +19,8 @@ from pathlib import Path
 
 import wayfarer
 from wayfarer.config.rover_file import load_rover
-from wayfarer.errors import BadInput
+from wayfarer.config.rover_path import rover_path
+from wayfarer.errors import BadInput, one_line
 from wayfarer.fieldlog.atomic_file import write_whole
 
 HERE = Path("/")
@@ -174,8 +175,7 @@ def _place_rover_file(rover: str | None, path: Path) -> str:
     if rover is None:
         raise BadInput(f"{path}: no such file yet; say which rover this is with --rover NAME|FILE")
     load_rover(rover)
-    shipped = files("wayfarer") / "rovers" / f"{rover}.toml"
-    text = shipped.read_text(encoding="utf-8") if shipped.is_file() else Path(rover).read_text(encoding="utf-8")
+    text = rover_path(rover).read_text(encoding="utf-8")
     _make_folder(path.parent)
     write_whole(path, text, READABLE)
     return f"wrote {path} (from {rover})"
@@ -214,7 +214,7 @@ def _give(*command: str) -> None:
     """Give a command."""
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
-        raise BadInput(f"{' '.join(command)}: {' '.join(done.stderr.split())}")
+        raise BadInput(f"{' '.join(command)}: {one_line(done.stderr)}")
 
 
 def _make_folder(path: Path) -> None:

@@ -11,15 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from wayfarer.daemon.socket.driven import DrivenBoard
-from wayfarer.errors import BadConfig, BadInput, in_one_line
-
-SHIPPED = Path(__file__).parents[1] / "rovers"
-
-
-def rover_path(name_or_path: str) -> Path:
-    """Return the file of a shipped rover by its name, or the one that is named (a slash, or ``.toml`` at its end)."""
-    is_file = "/" in name_or_path or name_or_path.endswith(".toml")
-    return Path(name_or_path) if is_file else SHIPPED / f"{name_or_path}.toml"
+from wayfarer.errors import BadConfig, BadInput, kind_and_text
 
 
 def motors_of(path: Path) -> DrivenBoard:
@@ -49,7 +41,7 @@ def _read(path: Path) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         found = _salvaged(text)
         if "driver" not in found["parts"]["motors"]:
-            raise BadConfig(f"not valid TOML: {in_one_line(error)}") from None
+            raise BadConfig(f"not valid TOML: {kind_and_text(error)}") from None
         return found
 
 

@@ -18,7 +18,7 @@ from typing import Any
 
 from wayfarer.config.registry import find_driver, make_buses
 from wayfarer.daemon.socket.driven import DrivenBoard
-from wayfarer.errors import BadConfig, BadInput, DriverError, NotResponding, WayfarerError, in_one_line
+from wayfarer.errors import BadConfig, BadInput, DriverError, NotResponding, WayfarerError, kind_and_text
 from wayfarer.hal import STOP, DriveMotors
 
 # The keys that say where a board is. Without them another board might be stopped, so they must be right.
@@ -41,7 +41,7 @@ def stop_board(driven: DrivenBoard) -> str:
         raise
     except Exception as error:  # whatever a third party's driver or buses raise
         raise WayfarerError(
-            f"nothing may have been stopped: {in_one_line(error)}; switch the motors' power off"
+            f"nothing may have been stopped: {kind_and_text(error)}; switch the motors' power off"
         ) from None
 
 
@@ -65,7 +65,7 @@ def _stop_board(driven: DrivenBoard) -> str:
     except WayfarerError:
         raise
     except Exception as error:
-        raise BadConfig(f"[parts.motors] cannot be used: {in_one_line(error)}") from None
+        raise BadConfig(f"[parts.motors] cannot be used: {kind_and_text(error)}") from None
 
 
 async def _stop(driver: Any, given: Mapping[str, Any], buses_name: str) -> str:

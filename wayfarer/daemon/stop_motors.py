@@ -14,10 +14,11 @@ import sys
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from wayfarer.daemon.salvage import motors_of, rover_path
+from wayfarer.config.rover_path import rover_path
+from wayfarer.daemon.salvage import motors_of
 from wayfarer.daemon.socket.driven import DrivenBoard, known_records, read_record
 from wayfarer.daemon.stop_board import stop_board
-from wayfarer.errors import BadInput, WayfarerError, in_one_line
+from wayfarer.errors import BadInput, WayfarerError, kind_and_text, one_line
 
 RIGHTS_S = 15.0  # for a stop with another user's rights: TimeoutStopSec in the unit
 MOST_SAID = 500  # characters of what another user's code has to say
@@ -32,7 +33,7 @@ class BoardToStop(NamedTuple):
     recorded: bool
 
 
-class Outcome(NamedTuple):
+class StopResult(NamedTuple):
     """What came of one source; exit code 0: stopped, 1: a board may turn on, 2: a rover file that cannot be used."""
 
     said: str
@@ -51,17 +52,17 @@ def stop_motors(name_or_path: str) -> str:
         WayfarerError: a board did not answer, or a daemon goes on commanding it.
     """
     boards: list[BoardToStop] = []
-    unusable: list[Outcome] = []
+    unusable: list[StopResult] = []
     for found in _sources(name_or_path):
-        if isinstance(found, Outcome):
+        if isinstance(found, StopResult):
             unusable.append(found)
         else:
             _add(boards, found)
     # Those first that need no process of another user: that one may take its time.
     stopped = [_stopped(board) for board in sorted(boards, key=lambda board: not _is_trusted(board.owner))]
-    said = "; ".join(outcome.said for outcome in stopped + unusable)
-    codes = {outcome.exit_code for outcome in stopped}
-    if 1 in codes | {outcome.exit_code for outcome in unusable}:
+    said = "; ".join(result.said for result in stopped + unusable)
+    codes = {result.exit_code for result in stopped}
+    if 1 in codes | {result.exit_code for result in unusable}:
         raise WayfarerError(said)
     if 0 not in codes:
         raise BadInput(said)
@@ -71,13 +72,13 @@ def stop_motors(name_or_path: str) -> str:
 # -- where boards are written ------------------------------------------------------------------------------------------
 
 
-def _sources(name_or_path: str) -> Iterator[BoardToStop | Outcome]:
-    """Give the boards of daemons, then the rover file's; what cannot be used as an outcome."""
+def _sources(name_or_path: str) -> Iterator[BoardToStop | StopResult]:
+    """Give the boards of daemons, then the rover file's; what cannot be used as a result."""
     for record in known_records():
         try:
             found = read_record(record)
         except BadInput as error:
-            yield Outcome(str(error), 1)  # it may be of another board than the rover file's
+            yield StopResult(str(error), 1)  # it may be of another board than the rover file's
         else:
             if found is not None:
                 yield BoardToStop(f"the daemon's {record}", *found, recorded=True)
@@ -85,7 +86,7 @@ def _sources(name_or_path: str) -> Iterator[BoardToStop | Outcome]:
     try:
         yield BoardToStop(str(path), motors_of(path), os.geteuid(), recorded=False)
     except BadInput as error:
-        yield Outcome(f"{path}: {error}", error.exit_code)
+        yield StopResult(f"{path}: {error}", error.exit_code)
 
 
 def _add(boards: list[BoardToStop], new: BoardToStop) -> None:
@@ -106,12 +107,12 @@ def _is_trusted(owner: int) -> bool:
     return owner in {0, os.geteuid()}
 
 
-def _stopped(board: BoardToStop) -> Outcome:
+def _stopped(board: BoardToStop) -> StopResult:
     try:
         said = stop_board(board.driven) if _is_trusted(board.owner) else _stop_as(board.owner, board.driven)
     except WayfarerError as error:
-        return Outcome(f"{board.where}: {error}", 1 if board.recorded else error.exit_code)
-    return Outcome(f"{board.where}: {said}", 0)
+        return StopResult(f"{board.where}: {error}", 1 if board.recorded else error.exit_code)
+    return StopResult(f"{board.where}: {said}", 0)
 
 
 def _stop_as(owner: int, driven: DrivenBoard) -> str:
@@ -138,10 +139,10 @@ def _stop_as(owner: int, driven: DrivenBoard) -> str:
             check=False,
         )
     except (OSError, KeyError, subprocess.SubprocessError) as error:
-        why = f"no process of user {owner}, whose file this is, could stop them ({in_one_line(error)})"
+        why = f"no process of user {owner}, whose file this is, could stop them ({kind_and_text(error)})"
         raise WayfarerError(f"nothing may have been stopped: {why}; switch the motors' power off") from None
     said = "".join(each if each.isprintable() else " " for each in done.stdout + done.stderr)
-    said = " ".join(said.split())[-MOST_SAID:]
+    said = one_line(said)[-MOST_SAID:]
     if done.returncode != 0:
         raise WayfarerError(said or "nothing may have been stopped; switch the motors' power off")
     return f"{said} (stopped as user {owner}, whose file this is)"

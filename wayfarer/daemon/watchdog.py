@@ -24,6 +24,7 @@ from traceback import walk_stack
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.daemon.stderr_writer import StderrWriter
+from wayfarer.errors import one_line
 from wayfarer.safety.gate import STALL_LIMIT_S
 
 WHERE_FRAMES = 4  # the innermost ones: what blocks, and who called it
@@ -46,7 +47,7 @@ class SystemdNotifier:
 
     def status(self, text: str) -> None:
         """Show a line in ``systemctl status``."""
-        self.tell("STATUS=" + " ".join(text.split()))
+        self.tell("STATUS=" + one_line(text))
 
     def tell(self, message: str) -> None:
         """Send a message of sd_notify(3), such as ``READY=1``."""
@@ -127,9 +128,9 @@ class StallGuard:
         while not stopped.wait(self._beat_s + self._limit_s - time()):
             last_beat_s = self._beat_s
             if time() - last_beat_s >= self._limit_s:
-                self._stand_in(last_beat_s, stopped)
+                self._halt_until_beat(last_beat_s, stopped)
 
-    def _stand_in(self, last_beat_s: float, stopped: threading.Event) -> None:
+    def _halt_until_beat(self, last_beat_s: float, stopped: threading.Event) -> None:
         """Keep the wheels still until the loop is back."""
         self._halt()
         where = _where(self._loop_thread)

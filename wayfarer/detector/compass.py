@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import inf
 
+from wayfarer.angles import wrap180
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.hal import CompassReading
 from wayfarer.safety.conditions import Condition
@@ -62,7 +63,8 @@ class CompassMonitor:
         if not (  # written so that NaN fails it
             self._read_t_s <= read_t_s <= t_s
             and 0.0 <= heading_deg < 360.0
-            and abs(pitch_deg) <= 180.0 >= abs(roll_deg)
+            and abs(pitch_deg) <= 180.0
+            and abs(roll_deg) <= 180.0
             and (calibration is None or 0 <= calibration <= 3)
         ):
             self._reject(t_s)  # it cannot be, however often it is repeated; soon there is no fresh heading
@@ -86,7 +88,7 @@ class CompassMonitor:
         """Believe a reading, unless the rover cannot have turned that far since the previous one, believed or not."""
         believed, read_t_s = self.reading, self._read_t_s
         if believed is not None:
-            turned_deg = (self._heading_deg - believed.heading_deg + 180.0) % 360.0 - 180.0
+            turned_deg = wrap180(self._heading_deg - believed.heading_deg)
             if abs(turned_deg) > self._jump_deg and abs(turned_deg) > self._settings.heading_rate_max_deg_s * since_s:
                 self._reject(t_s)
                 # One that insists may be true: somebody has turned the rover. Believe it again, but not without a stop.

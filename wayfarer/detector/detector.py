@@ -9,7 +9,7 @@ from wayfarer.detector.contact import ContactMonitor
 from wayfarer.detector.drive import DriveMonitor
 from wayfarer.detector.motion import MotionMonitor
 from wayfarer.detector.settings import DetectorSettings
-from wayfarer.detector.tick import Tick
+from wayfarer.detector.tick import DetectorTick
 from wayfarer.detector.tilt import TiltMonitor
 from wayfarer.detector.turnable import TurnabilityMonitor
 from wayfarer.escape.api import Anomaly, Vehicle
@@ -51,12 +51,12 @@ class Detector:
         self.compass: CompassReading | None = None
         self.contact: ContactReading | None = None
 
-    def update(self, tick: Tick) -> None:
+    def update(self, tick: DetectorTick) -> None:
         """Take in one tick, and fill in its anomalies and conditions."""
         t_s, contact = tick.t_s, tick.contact
         if not self._started:
             self._start(t_s)
-        left, right = tick.told
+        left, right = tick.commanded
         turning_s = tick.driven_s if abs(left - right) >= self._turning_duty else 0.0
         before_deg = self._compass.gained_deg
         conditions = self._compass.update(t_s, turning_s, tick.compass, moves=self._motion.moves)

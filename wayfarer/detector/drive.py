@@ -1,10 +1,10 @@
 """Detects a dead, weak or reversed side: compares the turn rate with the wheel commands.
 
 It is judged by what a healthy drive can do on any ground. Ground that grips holds a body back, so a turn may be any
-part of what was told, down to none; ground that is slippery lets it turn on for a while. No ground turns it further
-than it was told or the other way, as a dead side does. A trunk along which it slides does so at times; a drive that
-turns as commanded, in a window in which a dead side would have shown, clears earlier findings. So does one that
-turns the body on the spot about its middle: one with a dead side turns it about that side.
+part of what was commanded, down to none; ground that is slippery lets it turn on for a while. No ground turns it
+further than it was commanded or the other way, as a dead side does. A trunk along which it slides does so at times; a
+drive that turns as commanded, in a window in which a dead side would have shown, clears earlier findings. So does one
+that turns the body on the spot about its middle: one with a dead side turns it about that side.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ RATE_TICKS: Final = 2  # over which the turn rate is taken: that of one tick is 
 class DriveSample:
     """A tick, and sums since the start of the run.
 
-    ``left_deg`` and ``right_deg`` are what each side was told to turn the rover by itself, the left one clockwise, the
-    right one back, with the lag of a body. ``clockwise_deg`` and ``anticlockwise_deg`` are what both were told to turn
-    it either way, without. ``gained_deg`` is what it has turned, clockwise.
+    ``left_deg`` and ``right_deg`` are what each side was commanded to turn the rover by itself, the left one clockwise,
+    the right one back, with the lag of a body. ``clockwise_deg`` and ``anticlockwise_deg`` are what both were commanded
+    to turn it either way, without. ``gained_deg`` is what it has turned, clockwise.
     """
 
     def __init__(
@@ -65,10 +65,10 @@ class DriveSample:
         self.ahead_m = ahead_m
 
 
-class Suspicion(NamedTuple):
+class SuspectedSide(NamedTuple):
     """When to report a side, which one, and whether the body hardly moved when it was noticed."""
 
-    tell_t_s: float
+    report_t_s: float
     side: int
     held: bool
 
@@ -93,8 +93,8 @@ class DriveMonitor:
         self._way = AHEAD
         self._window: deque[DriveSample] = deque()
         self._before: deque[DriveSample] = deque(maxlen=RATE_TICKS + 1)  # the last ones before the window
-        self._told: deque[tuple[float, int]] = deque()
-        self._suspect: Suspicion | None = None
+        self._reports: deque[tuple[float, int]] = deque()
+        self._suspect: SuspectedSide | None = None
         self.condition = Condition.DRIVE_ASYMMETRY
         self.until_t_s = -inf
 
@@ -103,8 +103,8 @@ class DriveMonitor:
 
         It is ``trusted`` unless the compass is in doubt, or the forest is in the way: such windows are dropped.
         """
-        t_s, driven_s, (left, right) = interval.t_s, interval.driven_s, interval.told
-        self._add_told(driven_s, left, right)
+        t_s, driven_s, (left, right) = interval.t_s, interval.driven_s, interval.commanded
+        self._add_commanded(driven_s, left, right)
         duty = left + right
         straight = abs(duty) >= self._from_duty
         if straight:
@@ -118,7 +118,7 @@ class DriveMonitor:
             self._way = way
             self._leave_window()
         if self._suspect is not None:
-            self._confirm(t_s, self._suspect, interval.told, trusted=trusted)
+            self._confirm(t_s, self._suspect, interval.commanded, trusted=trusted)
         now = DriveSample(
             t_s, self._left_deg, self._right_deg, self._clockwise_deg, self._anticlockwise_deg, gained_deg, ahead_m
         )
@@ -128,7 +128,7 @@ class DriveMonitor:
             self._before.append(window.popleft())
             then = window[0]
         still = abs(gained_deg - then.gained_deg) < self._least_deg
-        if still and straight and not self._told:
+        if still and straight and not self._reports:
             return  # as nearly always; a rover that is held turns no more than that
         if not straight:
             self._check_sense(then, now)
@@ -137,7 +137,7 @@ class DriveMonitor:
         elif t_s - then.t_s + 2 * driven_s > self._window_s:
             self._clear_sides(then, now)
 
-    def _add_told(self, driven_s: float, left: float, right: float) -> None:
+    def _add_commanded(self, driven_s: float, left: float, right: float) -> None:
         """Add what the wheels were commanded for so long."""
         share, deg_s_per_duty = driven_s / (driven_s + self._lag_s), self._deg_s_per_duty
         left_deg_s = self._left_deg_s = self._left_deg_s + (left * deg_s_per_duty - self._left_deg_s) * share
@@ -150,11 +150,11 @@ class DriveMonitor:
         else:
             self._anticlockwise_deg -= turn_deg
 
-    def _confirm(self, t_s: float, suspect: Suspicion, applied: WheelCommand, *, trusted: bool) -> None:
-        """Tell of the side under suspicion, once no anomaly has followed: a trunk that turns a rover soon holds it.
+    def _confirm(self, t_s: float, suspect: SuspectedSide, applied: WheelCommand, *, trusted: bool) -> None:
+        """Report the side under suspicion, once no anomaly has followed: a trunk that turns a rover soon holds it.
 
-        Where hardly any side but that one was told to push, the anomaly may be that side's as well: that is told, but
-        is never a fault, for a controller asks for that beside a trunk too. Nor is a side that lagged while the body
+        Where hardly any side but that one was to push, the anomaly may be that side's as well: that is reported, but is
+        never a fault, for a controller asks for that beside a trunk too. Nor is a side that lagged while the body
         hardly got on: a healthy one on slippery ground was turned by the trunk that held it.
         """
         at_s, side, held = suspect
@@ -164,7 +164,7 @@ class DriveMonitor:
             return
         self._suspect = None
         if trusted and not held:
-            self._tell(t_s, side, self._settings.drive_uneven_windows)
+            self._report(t_s, side, self._settings.drive_uneven_windows)
         elif trusted or alone:
             self._show(t_s, Condition.DRIVE_ASYMMETRY)
 
@@ -198,12 +198,12 @@ class DriveMonitor:
         """Forget what was found of either side, if it would have shown in this window as well."""
         margin_deg, measured_deg = self._settings.drive_margin_deg, now.gained_deg - then.gained_deg
         left_deg, right_deg = now.left_deg - then.left_deg, now.right_deg - then.right_deg
-        if abs(measured_deg + right_deg) > margin_deg < abs(measured_deg - left_deg):
+        if abs(measured_deg + right_deg) > margin_deg and abs(measured_deg - left_deg) > margin_deg:
             self._forget_sides()
 
     def _forget_sides(self) -> None:
         """Forget what was found of a side that lags."""
-        self._told = deque(each for each in self._told if each[1] == REVERSED)
+        self._reports = deque(each for each in self._reports if each[1] == REVERSED)
 
     def _compare(self, then: DriveSample, now: DriveSample) -> None:
         """Look for a side that lags behind: if it is the left one, the rover turns left ahead, right in reverse."""
@@ -219,25 +219,25 @@ class DriveMonitor:
         coasted_deg = self._coasts_deg(then, now, way)
         beyond_deg = way * measured_deg - that_way_deg - coasted_deg
         if beyond_deg < settings.drive_margin_deg / 2:
-            return  # no more than it was told to turn that way: it was held, as by a tree or by the ground
+            return  # no more than it was commanded to turn that way: it was held, as by a tree or by the ground
         side, dead_deg = (LEFT, left_deg) if excess_deg * self._way < 0.0 else (RIGHT, right_deg)
         if beyond_deg < settings.drive_margin_deg and self._both_push(now, side):
             return  # chance turned it, while the ground held it
         reversed_deg = settings.reversed_share * abs(dead_deg) + settings.reversed_margin_deg
         if abs(excess_deg) - coasted_deg > reversed_deg:
-            self._tell(now.t_s, REVERSED, settings.reversed_turns)
+            self._report(now.t_s, REVERSED, settings.reversed_turns)
         held = self._held(then, now)
         if self._suspect is None or (self._suspect.held and not held):
-            self._suspect = Suspicion(now.t_s + settings.drive_confirm_s - 1e-6, side, held)
+            self._suspect = SuspectedSide(now.t_s + settings.drive_confirm_s - 1e-6, side, held)
 
     def _held(self, then: DriveSample, now: DriveSample) -> bool:
         """Return whether the body hardly moved ahead: what holds it may also turn it.
 
         One side alone drives it half as far as both. Where nothing at all was seen, nobody knows.
         """
-        told_m = (now.left_deg - then.left_deg + now.right_deg - then.right_deg) / 2 * self._m_per_deg
+        commanded_m = (now.left_deg - then.left_deg + now.right_deg - then.right_deg) / 2 * self._m_per_deg
         moved_m = now.ahead_m - then.ahead_m
-        return moved_m != 0.0 and self._way * moved_m < self._settings.immobilised_below * self._way * told_m
+        return moved_m != 0.0 and self._way * moved_m < self._settings.immobilised_below * self._way * commanded_m
 
     def _both_push(self, now: DriveSample, side: int) -> bool:
         """Return whether the body goes on as fast as both sides drive it, and not as fast as without the one.
@@ -261,10 +261,10 @@ class DriveMonitor:
         if measured_deg >= settings.drive_margin_deg / 2 and self._about_the_middle(then, now):
             self._forget_sides()
         back_deg = settings.reversed_back_deg + self._coasts_deg(then, now, -way)
-        suspected = any(what == REVERSED for _, what in self._told)
+        suspected = any(what == REVERSED for _, what in self._reports)
         straight = suspected and measured_deg < self._least_deg and self._goes_straight_on(then, now)
         if straight or measured_deg <= -back_deg:
-            self._tell(now.t_s, REVERSED, settings.reversed_turns)
+            self._report(now.t_s, REVERSED, settings.reversed_turns)
 
     def _about_the_middle(self, then: DriveSample, now: DriveSample) -> bool:
         """Return whether the body was seen to turn about its middle: one with a dead side turns about that side.
@@ -287,23 +287,23 @@ class DriveMonitor:
         middle = self._window[len(self._window) // 2]
         return middle.ahead_m - then.ahead_m, now.ahead_m - middle.ahead_m
 
-    def _tell(self, t_s: float, what: int, limit: int) -> None:
+    def _report(self, t_s: float, what: int, limit: int) -> None:
         """Take note of what a window shows; so many alike within memory are a fault.
 
-        The same is not told twice of one window: after what was told, a window's length must have passed, or another
+        The same is not reported twice of one window: after a report, a window's length must have passed, or another
         manoeuvre have begun.
         """
-        told = self._told
-        while told and t_s - told[0][0] > self._settings.drive_memory_s:
-            told.popleft()
-        alike = [when_s for when_s, each in told if each == what]
+        reports = self._reports
+        while reports and t_s - reports[0][0] > self._settings.drive_memory_s:
+            reports.popleft()
+        alike = [when_s for when_s, each in reports if each == what]
         begins_s = self._window[0].t_s if self._window else t_s
         if alike and t_s - alike[-1] < self._window_s and begins_s <= alike[-1]:
             return
-        told.append((t_s, what))
+        reports.append((t_s, what))
         failed = len(alike) + 1 >= limit
         if failed:
-            told.clear()  # a person who re-arms the rover has looked at it
+            reports.clear()  # a person who re-arms the rover has looked at it
             self._leave_window()
         self._show(t_s, Condition.DRIVE_FAILED if failed else Condition.DRIVE_ASYMMETRY)
 

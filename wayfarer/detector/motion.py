@@ -38,7 +38,8 @@ class MotionMonitor:
         self.moves = False
         self.ahead_m = 0.0
         self._commanded_m = self._before_m = self._undriven_s = 0.0
-        # How far the sides were told to go, either way, and the left one further than their mean; how far it turned.
+        # How far the sides were commanded to go, either way, and the left one further than their mean; how far it
+        # turned.
         self._pushed_m = self._led_m = self._turned_deg = 0.0
         self._driven_t_s = self._spoke_t_s = self._moved_t_s = 0.0
 
@@ -57,7 +58,7 @@ class MotionMonitor:
             reading: what the sensor says, if anything.
             conditions: takes what is found.
         """
-        t_s, driven_s, (left, right) = interval.t_s, interval.driven_s, interval.told
+        t_s, driven_s, (left, right) = interval.t_s, interval.driven_s, interval.commanded
         self._commanded_m += interval.forward_m
         self._pushed_m += (abs(left) + abs(right)) * self._half_speed_m_s * driven_s
         self._led_m += (left - right) * self._half_speed_m_s * driven_s
@@ -78,13 +79,13 @@ class MotionMonitor:
             return  # no such time; or the first one, which says how far since nobody knows when
         dt_s, self._spoke_t_s = read_t_s - self._spoke_t_s, read_t_s
         commanded_m, self._commanded_m = self._commanded_m, 0.0
-        told_m, before_m = abs(commanded_m), self._before_m
-        self._before_m = told_m
+        distance_m, before_m = abs(commanded_m), self._before_m
+        self._before_m = distance_m
         # A reading may be older than the gap that the tick saw: then nothing is known to have been driven.
         driven_s = dt_s - self._undriven_s if self._undriven_s < dt_s else 0.0
         self._undriven_s = 0.0
         turned_deg = self._turned_deg
-        straight = told_m / hypot(self._pushed_m, turned_deg * self._m_per_deg) if commanded_m else 1.0
+        straight = distance_m / hypot(self._pushed_m, turned_deg * self._m_per_deg) if commanded_m else 1.0
         if abs(self._led_m - turned_deg * self._m_per_deg) > abs(commanded_m - forward_m):
             straight = 0.0  # one side's wheels slip ahead, the other's back: their friction cancels out
         self._pushed_m = self._led_m = self._turned_deg = 0.0
@@ -96,7 +97,7 @@ class MotionMonitor:
         # No reading counts for much more than what was driven: garbage now and then hides no stall.
         counted_m = forward_m if known else None
         if known and commanded_m:
-            most_m = MOST_SHARE * (told_m if told_m > before_m else before_m)
+            most_m = MOST_SHARE * (distance_m if distance_m > before_m else before_m)
             counted_m = most_m if forward_m > most_m else -most_m if forward_m < -most_m else forward_m
         slid_m = right_m if known and abs(right_m) >= self._seen_from_m_s * dt_s else 0.0
         self.stall.add(driven_s, commanded_m, counted_m, turned_deg=turned_deg, straight=straight, slid_m=slid_m)

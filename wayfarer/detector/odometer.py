@@ -20,30 +20,30 @@ class Odometer:
     def __init__(self, quality_min: float) -> None:
         self._quality_min = quality_min
         self.covered_m = 0.0
-        self._read_m = self._told_m = self._told_before_m = 0.0
+        self._read_m = self._commanded_m = self._commanded_before_m = 0.0
         self._share = 1.0
 
     def update(self, interval: Interval, motion: MotionReading | None) -> float:
         """Take a tick: what was commanded since the last one, and what the sensor saw since its last reading.
 
-        Returns metres covered since the last tick, negative where the rover was told to go backwards.
+        Returns metres covered since the last tick, negative where the rover was commanded backwards.
         """
-        self._told_m += abs(interval.forward_m)
+        self._commanded_m += abs(interval.forward_m)
         if motion is not None:
             self._take(motion)
-        covered_m, before_m = self._read_m + self._share * self._told_m, self.covered_m
+        covered_m, before_m = self._read_m + self._share * self._commanded_m, self.covered_m
         if covered_m <= before_m:
             return 0.0
         self.covered_m = covered_m
         return covered_m - before_m if interval.forward_m >= 0.0 else before_m - covered_m
 
     def _take(self, motion: MotionReading) -> None:
-        told_m, before_m = self._told_m, self._told_before_m
-        self._told_m, self._told_before_m = 0.0, told_m
-        moved_m = told_m
+        commanded_m, before_m = self._commanded_m, self._commanded_before_m
+        self._commanded_m, self._commanded_before_m = 0.0, commanded_m
+        moved_m = commanded_m
         if self._quality_min <= motion.quality <= 1.0:  # written so that NaN counts as driven
-            most_m = MOST_SHARE * (told_m if told_m > before_m else before_m)
+            most_m = MOST_SHARE * (commanded_m if commanded_m > before_m else before_m)
             seen_m = abs(motion.forward_m)
             moved_m = seen_m if seen_m < most_m else most_m
         self._read_m += moved_m
-        self._share = moved_m / told_m if moved_m < told_m else 1.0
+        self._share = moved_m / commanded_m if moved_m < commanded_m else 1.0

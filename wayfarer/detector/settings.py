@@ -7,7 +7,7 @@ from typing import Annotated
 
 from annotated_types import Interval
 
-from wayfarer.units import Count, Degrees, DegreesPerSecond, Fraction, Metres, MetresPerSecond, Seconds, SecondsOrNone
+from wayfarer.units import Count, Degrees, DegreesPerSecond, Fraction, Metres, MetresPerSecond, Seconds, SecondsOrZero
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,12 +65,12 @@ class DetectorSettings:
     nowhere_s: Seconds = 2.0
     gain_m_s2: Annotated[float, Interval(gt=0, le=20)] = 0.5
     tilt_deg: Degrees = 20.0
-    tilt_s: SecondsOrNone = 0.2
+    tilt_s: SecondsOrZero = 0.2
     tipping_deg: Degrees = 45.0
-    tipping_s: SecondsOrNone = 0.2
+    tipping_s: SecondsOrZero = 0.2
     overturned_deg: Degrees = 60.0
-    overturned_s: SecondsOrNone = 0.1
-    touch_s: SecondsOrNone = 0.0
+    overturned_s: SecondsOrZero = 0.1
+    touch_s: SecondsOrZero = 0.0
     quality_min: Fraction = 0.2
     compass_stale_s: Seconds = 0.25
     compass_lost_s: Seconds = 5.0
@@ -95,7 +95,7 @@ class DetectorSettings:
     drive_lag_s: Seconds = 0.1
     drive_margin_deg: Degrees = 30.0
     drive_margin_share: Fraction = 0.5
-    drive_confirm_s: SecondsOrNone = 1.0
+    drive_confirm_s: SecondsOrZero = 1.0
     drive_memory_s: Seconds = 30.0
     drive_uneven_windows: Count = 3
     reversed_turn_deg: Degrees = 25.0

@@ -6,8 +6,8 @@ with what it *could* have moved, not with what was commanded:
 * **It stands**: over ``immobilised_s`` it moved by less than a share of what was possible from the speed that it had
   before. A body that starts on mud, was reversing a moment ago or continues with spinning wheels does not stand; a
   body that met a wall while moving does, as soon as the window is over.
-* **It gets nowhere**: over ``nowhere_s`` it moved by less than that share of what was possible since it was told to
-  drive this way. It slides along a trunk.
+* **It gets nowhere**: over ``nowhere_s`` it moved by less than that share of what was possible since it was commanded
+  to drive this way. It slides along a trunk.
 
 Sums over a window, not single samples, so that one noise count cannot hide a stall and one zero cannot fake one.
 Nothing is claimed while the rover turns on the spot, or while the command has just changed direction, or of a body that
@@ -91,7 +91,7 @@ class StallMonitor:
 
         Args:
             driven_s: how long the wheels obeyed.
-            commanded_m: how far they were told to go, negative in reverse.
+            commanded_m: how far they were commanded to go, negative in reverse.
             moved_m: how far they went, signed as well; None where that was not seen.
             turned_deg: how far the body turned.
             straight: how much of the wheels' pushing is ahead or back, 0 to 1; the ground's grip is spent on turning

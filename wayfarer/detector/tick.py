@@ -8,7 +8,7 @@ from wayfarer.safety.conditions import Condition
 from wayfarer.safety.interval import Interval
 
 
-class Tick(Interval):
+class DetectorTick(Interval):
     """What the sensors say at a tick, and what is found in it.
 
     A reading is None where the sensor has not spoken (motion: since the last tick).

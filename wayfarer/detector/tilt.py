@@ -11,7 +11,7 @@ from wayfarer.hal import CompassReading
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.debounce import Debounce
 
-_TILTS: Final = (Anomaly.NOSE_UP, Anomaly.NOSE_DOWN, Anomaly.RIGHT_DOWN, Anomaly.LEFT_DOWN)
+TILTS: Final = (Anomaly.NOSE_UP, Anomaly.NOSE_DOWN, Anomaly.RIGHT_DOWN, Anomaly.LEFT_DOWN)
 
 
 class TiltMonitor:
@@ -28,7 +28,7 @@ class TiltMonitor:
         self._tipping_deg, self._tipping_s = settings.tipping_deg, settings.tipping_s
         self._readings: deque[CompassReading] = deque(maxlen=3)
         self._overturned_deg = settings.overturned_deg
-        self._tilts = {tilt: Debounce(settings.tilt_s) for tilt in _TILTS}
+        self._tilts = {tilt: Debounce(settings.tilt_s) for tilt in TILTS}
         self._overturned = Debounce(settings.overturned_s)
         self._tilted = False
 
@@ -44,7 +44,7 @@ class TiltMonitor:
         if abs(pitch_deg) < floor_deg > abs(roll_deg) and not self._tilted:
             return
         self._tilted = False
-        for tilt, angle_deg in zip(_TILTS, _towards_deg(believed), strict=True):
+        for tilt, angle_deg in zip(TILTS, _towards_deg(believed), strict=True):
             beyond = angle_deg >= limit_deg
             self._tilted |= beyond
             lasts = self._tilts[tilt].update(t_s, beyond)
@@ -57,7 +57,7 @@ class TiltMonitor:
         """Return whether the body will be tilted too far towards that side in a moment."""
         if len(self._readings) < 3:
             return False
-        side = _TILTS.index(tilt)
+        side = TILTS.index(tilt)
         old_deg, mid_deg, new_deg = (_towards_deg(reading)[side] for reading in self._readings)
         old_t_s, mid_t_s, new_t_s = (reading.t_s for reading in self._readings)
         rate_deg_s = min((mid_deg - old_deg) / (mid_t_s - old_t_s), (new_deg - mid_deg) / (new_t_s - mid_t_s))

@@ -44,7 +44,7 @@ class TurnabilityMonitor:
 
     def update(self, interval: Interval, gained_deg: float) -> tuple[Condition, ...]:
         """Take in a tick: what the wheels were commanded, and the heading gained since the start of the run."""
-        left, right = interval.told
+        left, right = interval.commanded
         if not -AHEAD_SHARE <= (left + right) / (left - right or 1.0) <= AHEAD_SHARE:
             self._way = 0.0
             return self._found

@@ -115,7 +115,7 @@ class CMPS14:
             NotResponding: no answer, twice.
             BadReading: a block that cannot be true, twice.
         """
-        block = await self._sound_block()
+        block = await self._valid_block()
         t_s = asyncio.get_running_loop().time()
         settings = self._settings
         pitch_deg, roll_deg = block.pitch_deg, block.roll_deg
@@ -133,7 +133,7 @@ class CMPS14:
 
     async def calibration(self) -> CalibrationLevels:
         """Return all levels of calibration; raises as ``read`` does."""
-        return (await self._sound_block()).levels
+        return (await self._valid_block()).levels
 
     async def configure(self, config: int) -> None:
         """Choose what calibrates itself in the background.
@@ -167,7 +167,7 @@ class CMPS14:
     # -- transfers -----------------------------------------------------------------------------------------------
 
     async def _identify(self) -> None:
-        (version,) = await self._insist(1)
+        (version,) = await self._read_with_retry(1)
         if version in SILENT_LINE:
             raise WrongPart(self.name, "a firmware number", f"0x{version:02X}")
         self._version = version
@@ -176,13 +176,13 @@ class CMPS14:
     async def _first_block(self) -> RegisterBlock:
         """Return the first block that can be true or, when the time to boot is over, one that cannot."""
         for _ in range(_BOOT_TRIES):
-            block = decode(await self._insist(BLOCK_BYTES))
+            block = decode(await self._read_with_retry(BLOCK_BYTES))
             if flaw(block, self._version) is None:
                 break
             await asyncio.sleep(_BOOT_PAUSE_S)
         return block
 
-    async def _sound_block(self) -> RegisterBlock:
+    async def _valid_block(self) -> RegisterBlock:
         """Return a block that can be true, with a second chance for one that was lost or corrupted."""
         try:
             return await self._checked_block()
@@ -199,8 +199,8 @@ class CMPS14:
         if (why := flaw(block, self._version)) is not None:
             raise BadReading(f"{self.name}: {why}")
 
-    async def _insist(self, count: int) -> bytes:
-        """Read, and again where that fails: one lost transfer must not end a run before it has begun."""
+    async def _read_with_retry(self, count: int) -> bytes:
+        """Read, and once more where that fails: one lost transfer must not end a run before it has begun."""
         try:
             return await self._read(count)
         except NotResponding:

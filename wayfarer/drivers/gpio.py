@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 from annotated_types import Interval
 
-from wayfarer.errors import NotResponding
+from wayfarer.errors import NotResponding, one_line
 
 Pin = Annotated[int, Interval(ge=0, le=27)]  # GPIO numbers of the 40-pin header, not positions on it
 
@@ -65,7 +65,7 @@ class GpioPart(ABC):
                     warnings.simplefilter("ignore", expected)
                 return self._make(gpiozero)
         except Exception as error:  # lgpio's own error, for one, is a bare Exception
-            reason = " ".join(str(error).split())
+            reason = one_line(error)
         # Raised here, not in the handler: a traceback kept by a caller would keep the pins that were claimed before.
         raise NotResponding(
             f"{self.name}: cannot have these pins: {reason}; does another program hold one, is the user in group gpio, "
@@ -80,8 +80,9 @@ class GpioPart(ABC):
         try:
             yield self._devices
         except Exception as error:
-            reason = " ".join(str(error).split())
-            raise NotResponding(f"{self.name}: the pins failed: {reason}; has another program taken them?") from None
+            raise NotResponding(
+                f"{self.name}: the pins failed: {one_line(error)}; has another program taken them?"
+            ) from None
 
 
 @contextmanager

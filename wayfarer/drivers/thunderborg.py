@@ -40,7 +40,7 @@ _DOES_NOT_ARM = (
 )
 
 
-class Command(IntEnum):
+class Opcode(IntEnum):
     """What the board understands, under the numbers of ThunderBorg.py."""
 
     SET_BOTH_LEDS = 5
@@ -75,7 +75,7 @@ class ThunderBorgLink:
         Raises:
             NotResponding: not acknowledged three times.
         """
-        await self._insist(lambda: self._bus.write(self._address, bytes(data)))
+        await self._retry(lambda: self._bus.write(self._address, bytes(data)))
 
     async def request(self, command: int, count: int) -> bytes:
         """Return the first ``count`` bytes of the answer.
@@ -84,7 +84,7 @@ class ThunderBorgLink:
             NotResponding: not acknowledged three times.
             BadReading: three answers to something else.
         """
-        return (await self._insist(lambda: self._ask_once(command)))[:count]
+        return (await self._retry(lambda: self._ask_once(command)))[:count]
 
     async def identify(self) -> None:
         """Make sure that a ThunderBorg answers.
@@ -95,7 +95,7 @@ class ThunderBorgLink:
         """
         expected = "a ThunderBorg (id 0x15)"
         try:
-            (board,) = await self.request(Command.GET_ID, 1)
+            (board,) = await self.request(Opcode.GET_ID, 1)
         except BadReading as error:
             raise WrongPart(self.where, expected, "no echo of the request") from error
         if board != _ID:
@@ -114,7 +114,7 @@ class ThunderBorgLink:
             )
         return bytes(answer)
 
-    async def _insist(self, transfer: Callable[[], Awaitable[T]]) -> T:
+    async def _retry(self, transfer: Callable[[], Awaitable[T]]) -> T:
         clock = asyncio.get_running_loop().time
         ends_s = clock() + _RETRY_WITHIN_S
         for _ in range(_RETRIES):
@@ -159,14 +159,14 @@ class _Motor(NamedTuple):
     """One output of the board: its letter, and its commands."""
 
     letter: str
-    forward: Command
-    reverse: Command
-    get: Command
-    get_fault: Command
+    forward: Opcode
+    reverse: Opcode
+    get: Opcode
+    get_fault: Opcode
 
 
-_A = _Motor("A", Command.SET_A_FORWARD, Command.SET_A_REVERSE, Command.GET_A, Command.GET_DRIVE_FAULT_A)
-_B = _Motor("B", Command.SET_B_FORWARD, Command.SET_B_REVERSE, Command.GET_B, Command.GET_DRIVE_FAULT_B)
+_A = _Motor("A", Opcode.SET_A_FORWARD, Opcode.SET_A_REVERSE, Opcode.GET_A, Opcode.GET_DRIVE_FAULT_A)
+_B = _Motor("B", Opcode.SET_B_FORWARD, Opcode.SET_B_REVERSE, Opcode.GET_B, Opcode.GET_DRIVE_FAULT_B)
 
 
 class ThunderBorg:
@@ -252,14 +252,14 @@ class ThunderBorg:
     async def stop(self) -> None:
         """Switch both motors off; never raises. Where the bus hangs, it is the first thing that goes out after that."""
         try:
-            await self._board.write(Command.ALL_OFF, 0)
+            await self._board.write(Opcode.ALL_OFF, 0)
         except Exception:
             self.halt()
 
     def halt(self) -> None:
         """Switch both motors off without waiting."""
         self._halts += 1
-        self._board.post(Command.ALL_OFF, 0)
+        self._board.post(Opcode.ALL_OFF, 0)
 
     async def read_back(self) -> WheelCommand:
         """Return the duties that the board says it applies; zero once the failsafe has tripped.
@@ -290,7 +290,7 @@ class ThunderBorg:
         try:
             await self._keep_failsafe()
         except BadReading:  # noise: it cannot be read now, but it can be switched on
-            await self._board.write(Command.SET_FAILSAFE, 1)
+            await self._board.write(Opcode.SET_FAILSAFE, 1)
         if self._forgot:
             await self.stop()
             raise PowerLost(self.name)
@@ -310,14 +310,14 @@ class ThunderBorg:
     async def _arm_failsafe(self) -> bool:
         """Switch the failsafe on and read it back; return whether it is on."""
         for _ in range(_FAILSAFE_TRIES):
-            await self._board.write(Command.SET_FAILSAFE, 1)
+            await self._board.write(Opcode.SET_FAILSAFE, 1)
             with suppress(BadReading):
                 if await self._failsafe_is_on():
                     return True
         return False
 
     async def _failsafe_is_on(self) -> bool:
-        (state,) = await self._board.request(Command.GET_FAILSAFE, 1)
+        (state,) = await self._board.request(Opcode.GET_FAILSAFE, 1)
         return state != 0
 
     async def _set(self, motor: _Motor, level: int) -> None:
@@ -342,7 +342,7 @@ class ThunderBorg:
         ]
 
     async def _battery_v(self) -> float:
-        raw = int.from_bytes(await self._board.request(Command.GET_BATTERY, 2), "big")
+        raw = int.from_bytes(await self._board.request(Opcode.GET_BATTERY, 2), "big")
         if raw > _FULL_RAW:
             raise BadReading(f"{self.name}: battery reads {raw} of at most {_FULL_RAW}; noise on the wires")
         return raw / _FULL_RAW * _FULL_VOLTS

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar
 from annotated_types import Interval
 
 from wayfarer.drivers.buses import Buses
-from wayfarer.drivers.thunderborg import DEFAULT_ADDRESS, Command, ThunderBorg, ThunderBorgLink
+from wayfarer.drivers.thunderborg import DEFAULT_ADDRESS, Opcode, ThunderBorg, ThunderBorgLink
 from wayfarer.hal import Colour
 
 _FULL = 255
@@ -42,7 +42,7 @@ class ThunderBorgLight:
         """Find the board and take its LEDs from the battery display."""
         self._shown = None
         await self._board.identify()
-        await self._board.write(Command.SET_LEDS_SHOW_BATTERY, 0)
+        await self._board.write(Opcode.SET_LEDS_SHOW_BATTERY, 0)
 
     async def close(self) -> None:
         """Nothing to release; the last colour stays."""
@@ -53,5 +53,5 @@ class ThunderBorgLight:
             return
         red, green, blue = (round(_FULL * part) for part in colour)
         for _ in range(2):
-            await self._board.write(Command.SET_BOTH_LEDS, red, green, blue)
+            await self._board.write(Opcode.SET_BOTH_LEDS, red, green, blue)
         self._shown = colour

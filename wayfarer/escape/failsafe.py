@@ -63,8 +63,8 @@ class FailSafe:
             t_s: time of this tick, seconds on a clock that never goes back; at the same time the answer is the same.
             heading_deg: degrees clockwise, any number of turns. While it is not finite the handler's wheels stand.
             goal_heading_deg: where the way out lies, from the same north.
-            stuck: whether the rover is told to drive now and does not move, or tilts, or touches something. It must be
-                False again as soon as that is over: the handler takes it for news.
+            stuck: whether the rover is commanded to drive now and does not move, or tilts, or touches something. It
+                must be False again as soon as that is over: the handler takes it for news.
             blind: whether the planner has nothing to plan with.
         """
         dt_s = t_s - self._last_t_s

@@ -60,7 +60,7 @@ class PhasedHandler:
         self._manoeuvres = {kind.phase: kind(settings, self._turns, self._escape_plan) for kind in MANOEUVRES}
         self._tactics = tuple(make() for make in spec.tactics)
         self._reckoning = Reckoning(settings.cruise_m_s)
-        self._level = PitchBaseline()
+        self._pitch_baseline = PitchBaseline()
         self.reset()
 
     def reset(self) -> None:
@@ -75,7 +75,7 @@ class PhasedHandler:
         self._blocked_turns = 0
         self._turns.reset()
         self._reckoning.reset()
-        self._level.reset()
+        self._pitch_baseline.reset()
         for tactic in self._tactics:
             tactic.reset()
 
@@ -92,7 +92,7 @@ class PhasedHandler:
         manoeuvre = self._manoeuvre
         if self._tactics:
             self._reckoning.follow(observation, manoeuvre.phase)
-            self._level.follow(observation)
+            self._pitch_baseline.follow(observation)
         event = (
             PhaseEvent.OVERWOUND
             if abs(self._escape_plan.counter_deg) > COUNTER_MAX_DEG
@@ -161,7 +161,7 @@ class PhasedHandler:
         reckoning = self._reckoning
         context = AnomalyContext(
             new_episode,
-            self._level.risen_deg,
+            self._pitch_baseline.risen_deg,
             wrap180(observation.heading_deg - observation.goal_heading_deg),
             reckoning.ahead_m,
             reckoning.right_m,

@@ -124,7 +124,7 @@ class Follow(Manoeuvre):
         return None
 
     def wheels(self, observation: Observation) -> WheelCommand:
-        error_deg = (observation.goal_heading_deg - observation.heading_deg + 180.0) % 360.0 - 180.0
+        error_deg = wrap180(observation.goal_heading_deg - observation.heading_deg)
         return self._hold.wheels(observation.t_s, error_deg)
 
     def _check_alignment(self, observation: Observation) -> PhaseEvent | None:
@@ -234,7 +234,7 @@ class Probe(Manoeuvre):
             speed_m_s = self._curve_speed_m_s()
             deg_per_m = degrees(escape_plan.side / escape_plan.radius_m)
             curve_deg, curve_deg_s = curved_m * deg_per_m, speed_m_s * deg_per_m
-        error_deg = (self._heading_deg - curve_deg - observation.heading_deg + 180.0) % 360.0 - 180.0
+        error_deg = wrap180(self._heading_deg - curve_deg - observation.heading_deg)
         turn_deg_s = settings.heading_p * error_deg - curve_deg_s
         limit_deg_s = settings.turn_deg_s
         return self._turns.wheels(speed_m_s, min(max(turn_deg_s, -limit_deg_s), limit_deg_s))

@@ -47,7 +47,7 @@ class Tactic(Protocol):
         """Change the plan for this anomaly."""
 
 
-FREE_RUN_M: Final = 0.9  # commanded since the last anomaly
+RETRY_AFTER_M: Final = 0.9  # commanded since the last anomaly
 BACK_OFF_SHARE: Final = 0.67  # 0.1 m with the measures of the paper's simulator
 
 
@@ -84,7 +84,7 @@ def nose_level(context: AnomalyContext) -> bool:
 class RetryAhead:
     """Back off a little after each free run, and go straight on where it is worth a try: a slip is over then.
 
-    Where something is there after all, it is met again at once, within ``FREE_RUN_M``, and answered. A wall costs a
+    Where something is there after all, it is met again at once, within ``RETRY_AFTER_M``, and answered. A wall costs a
     stall and a back-off more; a slip costs neither arc nor drift to one side. Every metre backwards is driven twice,
     and a body needs less room than the usual distance to turn on the spot; where it was too little, the next back-off
     is the usual one.
@@ -98,7 +98,7 @@ class RetryAhead:
         self._last_m = -inf
 
     def plan(self, context: AnomalyContext, escape_plan: EscapePlan) -> None:
-        free = context.travelled_m - self._last_m > FREE_RUN_M
+        free = context.travelled_m - self._last_m > RETRY_AFTER_M
         self._last_m = context.travelled_m
         if free and not context.blocked_turns:
             escape_plan.back_off_m *= BACK_OFF_SHARE

@@ -11,6 +11,7 @@ from __future__ import annotations
 from math import degrees
 from typing import Final
 
+from wayfarer.angles import wrap180
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import WheelCommand
 
@@ -23,10 +24,10 @@ AVERAGE_S: Final = 0.2
 CATCH_UP_PER_S: Final = 4.0
 # For how long a heading that fell behind is remembered: what was not caught up with by then was held.
 FORGET_S: Final = 1.5
-# Faster than it was told by so much, a body that was held has come free: twice the noise of the latest rate.
+# Faster than it was commanded by so much, a body that was held has come free: twice the noise of the latest rate.
 FREE_SHARE: Final = 1.2
 FREE_DEG_S: Final = 30.0
-# A body that is held says nothing of the ground: one that turns at less than this, or this share of what it is told.
+# A body that is held says nothing of the ground: one that turns at less than this, or this share of what is commanded.
 LEARN_FROM_DEG_S: Final = 10.0
 LEARN_FROM_SHARE: Final = 0.25
 LEARN_S: Final = 0.5
@@ -65,7 +66,7 @@ class TurnController:
         self.dead_zone = self._first_dead_zone
         self._t_s: float | None = None
         self._heading_deg = 0.0
-        self._told_deg_s = self._duty = 0.0
+        self._commanded_deg_s = self._duty = 0.0
         self._expected_deg_s = self._latest_deg_s = 0.0
         self._mean_duty = self._mean_rate_deg_s = 0.0
         self.rest()
@@ -86,7 +87,7 @@ class TurnController:
         self._t_s, self._heading_deg = t_s, heading_deg
         if last_t_s is None:
             return 0.0
-        gained_deg = (heading_deg - last_deg + 180.0) % 360.0 - 180.0
+        gained_deg = wrap180(heading_deg - last_deg)
         dt_s = t_s - last_t_s
         if not dt_s > 0.0:
             return gained_deg
@@ -97,7 +98,7 @@ class TurnController:
         rate_deg_s = gained_deg / dt_s
         self._latest_deg_s = (self._latest_deg_s + rate_deg_s) / 2.0
         expected_deg_s = self._expected_deg_s
-        expected_deg_s += (self._told_deg_s - expected_deg_s) * dt_s / (dt_s + LAG_S)
+        expected_deg_s += (self._commanded_deg_s - expected_deg_s) * dt_s / (dt_s + LAG_S)
         self._expected_deg_s = expected_deg_s
         # More than full duty can answer is not kept: anti-windup.
         most_deg = self._most_behind_deg
@@ -119,7 +120,7 @@ class TurnController:
         share = 1.0 if share > 1.0 else -1.0 if share < -1.0 else share
         duty = (turn_deg_s + CATCH_UP_PER_S * self._behind_deg) / self._ideal_deg_s + share * self.dead_zone
         duty = 1.0 if duty > 1.0 else -1.0 if duty < -1.0 else duty
-        self._told_deg_s, self._duty = turn_deg_s, duty
+        self._commanded_deg_s, self._duty = turn_deg_s, duty
         forward, room = speed_m_s / self._max_speed_m_s, 1.0 - abs(duty)
         forward = room if forward > room else -room if forward < -room else forward
         pushes = abs(duty) > abs(forward)
@@ -143,14 +144,14 @@ class TurnController:
 
     def _learn(self, dt_s: float) -> None:
         """Take what the turn duty has beyond the turn rate for the ground's; let go where a body has come free."""
-        told = self._expected_deg_s
+        expected_deg_s = self._expected_deg_s
         duty, rate, latest = self._mean_duty, self._mean_rate_deg_s, self._latest_deg_s
-        if told < 0.0:
-            told, duty, rate, latest = -told, -duty, -rate, -latest
-        share_deg_s = LEARN_FROM_SHARE * told
+        if expected_deg_s < 0.0:
+            expected_deg_s, duty, rate, latest = -expected_deg_s, -duty, -rate, -latest
+        share_deg_s = LEARN_FROM_SHARE * expected_deg_s
         least_deg_s = share_deg_s if share_deg_s > LEARN_FROM_DEG_S else LEARN_FROM_DEG_S
         if rate > least_deg_s < latest:
             seen = min(max(duty - rate / self._ideal_deg_s, 0.0), DEAD_ZONE_MAX)
             self.dead_zone += (seen - self.dead_zone) * dt_s / LEARN_S
-            if latest > FREE_SHARE * told + FREE_DEG_S:
+            if latest > FREE_SHARE * expected_deg_s + FREE_DEG_S:
                 self._behind_deg /= 2.0

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from wayfarer.config.chassis import AT_A_BRANCH
 from wayfarer.config.registry import find_algorithm
 from wayfarer.config.rover_file import RoverConfig, with_place
-from wayfarer.errors import BadConfig, BadInput, MissingPackage
+from wayfarer.errors import BadConfig, BadInput, MissingPackage, one_line
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.campaign import Campaign
 from wayfarer.simhal.world.grounds import GroundName
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from wayfarer.simhal.mujoco.terrain import Terrains
     from wayfarer.simhal.world.wheeled_body import WheeledBody
 
-PAPER = "paper"  # stands for the ten of the paper, which are the catalogue
+ALL_TEN = "paper"  # stands for the ten of the paper, which are the catalogue
 INTERRUPTED = 130  # as a shell reports a command that SIGINT ended
 
 
@@ -32,7 +32,7 @@ def algorithms(names: str) -> tuple[str, ...]:
         BadInput: a third party's algorithm cannot be loaded.
     """
     asked = [name.strip() for name in names.split(",")]
-    unfolded = dict.fromkeys(name for item in asked for name in (CATALOGUE if item == PAPER else [item]))
+    unfolded = dict.fromkeys(name for item in asked for name in (CATALOGUE if item == ALL_TEN else [item]))
     for name in unfolded:
         find_algorithm(name)
     return tuple(unfolded)
@@ -80,14 +80,15 @@ def _check_model(body: WheeledBody, where: str) -> None:
     Raises:
         BadConfig: it does not.
     """
-    from wayfarer.simhal.mujoco.model import build
+    from wayfarer.simhal.mujoco.model import build_model
     from wayfarer.simhal.mujoco.terrain import Terrain
 
     try:
-        build(body, Terrain(0.5, 0.0, 1.0), None, [])
+        build_model(body, Terrain(0.5, 0.0, 1.0), None, [])
     except ValueError as error:
-        what = " ".join(str(error).split())
-        raise BadConfig(f"{where}: MuJoCo cannot build this rover ({what}); correct its vehicle or chassis") from None
+        raise BadConfig(
+            f"{where}: MuJoCo cannot build this rover ({one_line(error)}); correct its vehicle or chassis"
+        ) from None
 
 
 def check_rover(config: RoverConfig, depth: str, where: str) -> None:

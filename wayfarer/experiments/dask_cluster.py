@@ -57,7 +57,7 @@ class Cluster(NamedTuple):
     jobs: int
 
 
-class Installed(WorkerPlugin):
+class WorkerSetup(WorkerPlugin):
     """What each worker does before anything else, whenever it comes."""
 
     def __init__(self, initializer: Callable[..., object], initargs: tuple[Any, ...]) -> None:
@@ -82,7 +82,7 @@ class ClusterExecutor(Executor):
 
     def __init__(self, client: Client, *, initializer: Callable[..., object], initargs: tuple[Any, ...]) -> None:
         self._client = client
-        self._plugin = Installed(initializer, initargs)
+        self._plugin = WorkerSetup(initializer, initargs)
         client.register_plugin(self._plugin)
         self._executor = client.get_executor(pure=False)
 

@@ -1,8 +1,8 @@
 """The runs of ``wayfarer demo``: one after the other, as the page asks, on a clock that the page may change.
 
 Every run is a daemon with its own event loop, as on a rover. The page is served beside them, in a thread where
-time is real, and stays between the runs. Pause and speed change the pace of the run's loop and nothing else, so that
-safety code sees what it always does: a time that goes on from tick to tick.
+time is real, and stays between the runs. Pause and speed change the time scale of the run's loop and nothing else, so
+that safety code sees what it always does: a time that goes on from tick to tick.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 from wayfarer.daemon.socket.protocol import Commands, Details, Refused
 from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.fieldlog.log import Record
-from wayfarer.simhal.clock.scaled_loop import FastLoop, Pace
+from wayfarer.simhal.clock.scaled_loop import ScaledLoop, TimeScale
 from wayfarer.views.live.demo_controls import DemoState
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ class _Run(NamedTuple):
     """A run that is on, as other threads reach it."""
 
     commands: Commands
-    loop: FastLoop
+    loop: ScaledLoop
 
     def do(self, verb: str, **keys: Any) -> Future[Details]:
         return asyncio.run_coroutine_threadsafe(getattr(self.commands, verb)(**keys), self.loop)
@@ -44,7 +44,8 @@ class _Run(NamedTuple):
 class Demo:
     """Runs that follow each other; implements ``daemon.viewer.Viewer`` and ``views.live.demo_controls.DemoControls``.
 
-    ``pace`` is that of every run's loop. ``watched`` is set for the run that is on when a viewer has opened the page.
+    ``time_scale`` is that of every run's loop. ``watched`` is set for the run that is on when a viewer has opened
+    the page.
 
     Args:
         seed: of the first forest; the next one has the next seed.
@@ -52,7 +53,7 @@ class Demo:
     """
 
     def __init__(self, seed: int, speed: float) -> None:
-        self.pace = Pace(speed)
+        self.time_scale = TimeScale(speed)
         self.watched = asyncio.Event()
         self._seed = seed
         self._presses: SimpleQueue[bool] = SimpleQueue()  # of Another forest, and False of Restart
@@ -81,7 +82,7 @@ class Demo:
     def seeds(self) -> Iterator[int]:
         """Give the seed of each run, once it is asked for, until no viewer has the page open."""
         while True:
-            self.pace.paused, self.pace.stood_s = False, 0.0
+            self.time_scale.paused, self.time_scale.stood_s = False, 0.0
             self.watched = asyncio.Event()
             yield self._seed
             if not self._wait_for_press():
@@ -96,7 +97,7 @@ class Demo:
 
     def wall(self, t_s: float) -> float:
         """Return the wall clock without the run's pauses; a ``WallClock``. Otherwise the log would say it was set."""
-        return wall_clock(t_s) - self.pace.stood_s
+        return wall_clock(t_s) - self.time_scale.stood_s
 
     def _wait_for_press(self) -> bool:
         """Wait until another run is asked for; return whether that was so."""
@@ -119,7 +120,7 @@ class Demo:
     @asynccontextmanager
     async def serving(self, commands: Commands) -> AsyncIterator[None]:
         """Forward what the page asks of this run while entered; see ``Viewer``."""
-        self._run = _Run(commands, cast(FastLoop, asyncio.get_running_loop()))
+        self._run = _Run(commands, cast(ScaledLoop, asyncio.get_running_loop()))
         if self._seen:
             self.watched.set()
         if self.goes_on:
@@ -133,7 +134,7 @@ class Demo:
 
     def now(self) -> DemoState:
         """Return how the demo is."""
-        return DemoState(self._seed, self.pace.speed, self.pace.paused, self._log)
+        return DemoState(self._seed, self.time_scale.speed, self.time_scale.paused, self._log)
 
     def seen(self) -> None:
         """Have the run begin: a viewer has opened the page."""
@@ -145,16 +146,16 @@ class Demo:
     def age_s(self, t_s: float) -> float:
         """Return how many seconds of the clock ago it was ``t_s`` on the run's; for ever where there is no run."""
         run = self._run
-        return float("inf") if run is None else (run.loop.time() - t_s) / self.pace.speed
+        return float("inf") if run is None else (run.loop.time() - t_s) / self.time_scale.speed
 
     def pause(self, paused: bool) -> None:
         """Let the run's time stand still, or continue."""
-        self.pace.paused = paused
+        self.time_scale.paused = paused
         self._wake()
 
     def run_at(self, speed: float) -> None:
         """Let the run's time go ``speed`` times as fast as the clock."""
-        self.pace.speed = speed
+        self.time_scale.speed = speed
         self.pause(False)
 
     def begin_again(self, next_forest: bool) -> None:
@@ -183,7 +184,7 @@ class Demo:
     def _wake(self) -> None:
         if (run := self._run) is not None:
             with suppress(RuntimeError):  # it has just ended
-                run.loop.look_at_pace()
+                run.loop.look_at_time_scale()
 
 
 class ForwardedCommands:

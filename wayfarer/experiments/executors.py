@@ -23,6 +23,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, Protocol, TypeVar
 from uuid import uuid4
 
+from wayfarer.errors import kind_and_text
 from wayfarer.experiments.campaign import Plan, Task
 from wayfarer.experiments.rows import TrialRow, rounded_row, row_of
 
@@ -249,7 +250,5 @@ def _fault(error: Exception) -> TrialError:
 
     cause = first_cause(error)
     frame = traceback.extract_tb(cause.__traceback__)[-1]
-    text = " ".join(f"{type(cause).__name__}: {cause}".split())
-    return TrialError(
-        f"{text} ({Path(frame.filename).name}:{frame.lineno})", "".join(traceback.format_exception(error))
-    )
+    text = f"{kind_and_text(cause)} ({Path(frame.filename).name}:{frame.lineno})"
+    return TrialError(text, "".join(traceback.format_exception(error)))

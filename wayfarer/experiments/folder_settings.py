@@ -11,6 +11,7 @@ from typing import Any
 
 from wayfarer.config.chassis import AT_A_BRANCH, Chassis
 from wayfarer.config.messages import shown
+from wayfarer.config.rover_overlay import flat
 from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Tasks
 from wayfarer.simhal.world.grounds import GroundName
@@ -81,10 +82,3 @@ def _chassis_keys_read(settings: Mapping[str, Any]) -> tuple[str, ...]:
     if settings["ground"] != GroundName.ideal or any(name.startswith("mujoco.") for name in settings):
         return tuple(field.name for field in fields(Chassis))
     return AT_A_BRANCH if settings.get("scenario") else ()
-
-
-def flat(value: Any, name: str = "") -> dict[str, Any]:
-    """Return tables within tables by their dotted names."""
-    if not isinstance(value, dict):
-        return {name: value}
-    return {key: leaf for k, v in value.items() for key, leaf in flat(v, f"{name}.{k}" if name else k).items()}

@@ -9,6 +9,7 @@ from rich.console import Console
 from wayfarer.experiments.paired_statistics import Comparison, Difference
 from wayfarer.experiments.rows import SUCCESSES
 from wayfarer.experiments.statistics import Estimate
+from wayfarer.experiments.tables import number_text
 from wayfarer.views.text.terminal_table import Column, print_in_full, table
 
 LEGEND = """change: against the baseline, mean over pairs of the same forest and noise
@@ -22,7 +23,10 @@ SMALLEST_P = 0.001  # 4,000 resamples tell 0.0005 at best
 
 def print_comparison(console: Console, algorithms: Sequence[Comparison]) -> None:
     """Print one table, or where the console is too narrow for it gains and outcomes below each other."""
-    whole, *parts = (table((NAME, *columns), algorithms) for columns in ((*GAINS, *OUTCOMES), GAINS, OUTCOMES))
+    whole, *parts = (
+        table((NAME_COLUMN, *columns), algorithms)
+        for columns in ((*GAIN_COLUMNS, *OUTCOME_COLUMNS), GAIN_COLUMNS, OUTCOME_COLUMNS)
+    )
     print_in_full(console, whole, parts)
     console.print(LEGEND.format(algorithms[0].layouts), highlight=False, soft_wrap=True)
     console.print()
@@ -70,14 +74,14 @@ def _worst(one: Comparison) -> str:
     return f"{what}, {row.forest}/{row.noise}"
 
 
-NAME: Column[Comparison] = Column("algorithm", lambda one: one.algorithm, left=True)
-GAINS: tuple[Column[Comparison], ...] = (
+NAME_COLUMN: Column[Comparison] = Column("algorithm", lambda one: one.algorithm, left=True)
+GAIN_COLUMNS: tuple[Column[Comparison], ...] = (
     Column("trials", lambda one: str(one.trials)),
-    Column("SPL", lambda one: "" if one.spl is None else f"{one.spl:.3f}"),
+    Column("SPL", lambda one: number_text(one.spl, 3)),
     Column("SPL change\n[95 %]", lambda one: _gain(one.spl_gain, 3), wraps=True),
     Column("path change, m\n[95 %]", lambda one: _gain(one.path_gain_m, 1), wraps=True),
 )
-OUTCOMES: tuple[Column[Comparison], ...] = (
+OUTCOME_COLUMNS: tuple[Column[Comparison], ...] = (
     Column("entrapped %\n[95 %]", lambda one: _share(one.entrapped, 2)),
     Column("left bounds %\n[95 %]", lambda one: _share(one.left_bounds, 1)),
     Column("worst\nforest/noise", _worst),

@@ -62,7 +62,7 @@ class Totals:
 
 
 @dataclass(frozen=True, slots=True)
-class CampaignResult:
+class CampaignRun:
     """How a run ended: how many trials there are, what this run took, and what all of them say once none is missing.
 
     ``summaries`` has one line an algorithm, and in a sweep one at each point: the points one after the other.
@@ -105,7 +105,7 @@ def run(
     progress: Callable[[Done], object] | None = None,
     executor: MakeExecutor | None = None,
     run_trial: RunTrial = field_trial,
-) -> CampaignResult:
+) -> CampaignRun:
     """Run the trials that ``folder`` does not hold yet, and write the final files when none is missing.
 
     ``progress`` is told each trial when it is done. Results depend neither on ``jobs``, the number of processes, nor on
@@ -141,10 +141,10 @@ def _kept(plan: Plan, folder: ResultsFolder | None) -> Iterator[TrialStore]:
         yield TrialStore.begun(file, tasks_of(plan.settings()))
 
 
-def _summed_up(plan: Plan, kept: TrialStore, folder: ResultsFolder | None, effort: ComputeCost) -> CampaignResult:
+def _summed_up(plan: Plan, kept: TrialStore, folder: ResultsFolder | None, effort: ComputeCost) -> CampaignRun:
     """Go once through all trials, if none is missing: for the summaries, and the tables of a folder without them."""
     totals = Totals()
-    finished = CampaignResult(plan, len(kept), kept.total, effort, totals)
+    finished = CampaignRun(plan, len(kept), kept.total, effort, totals)
     if finished.interrupted:
         return finished
     to_finish = folder if folder and not folder.complete else None

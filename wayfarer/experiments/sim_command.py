@@ -18,8 +18,8 @@ from wayfarer.experiments.folder_settings import tasks_of
 from wayfarer.experiments.progress_bar import drawing, fault_line, say, shown_progress
 from wayfarer.experiments.results_folder import ResultsFolder
 from wayfarer.experiments.rows import columns_of, csv_line
-from wayfarer.experiments.run_campaign import CampaignResult
-from wayfarer.experiments.tables import FORESTS, Layout, print_table
+from wayfarer.experiments.run_campaign import CampaignRun
+from wayfarer.experiments.tables import FOREST_LAYOUT, Layout, print_table
 from wayfarer.simhal.world.forest_file import content_of
 from wayfarer.views.text.scripting import print_json, say_next
 
@@ -96,7 +96,7 @@ def run_shown(
     jobs: int,
     run_trial: RunTrial,
     executor: MakeExecutor | None = None,
-) -> CampaignResult:
+) -> CampaignRun:
     """Run a campaign or a sweep with its progress on stderr, where an interruption is told too.
 
     Raises:
@@ -158,10 +158,10 @@ def film_alone(
     Raises:
         BadInput: as of ``run_alone``; or the film cannot be written or drawn, which is found out before the trial.
     """
-    from wayfarer.experiments.film.footage import Recorder
+    from wayfarer.experiments.film.footage import FootageRecorder
     from wayfarer.experiments.film.video import film
 
-    aside, recorder = Console(stderr=True), Recorder(log)
+    aside, recorder = Console(stderr=True), FootageRecorder(log)
     with film(video) as shown:
         code = run_alone(campaign, trial, log, recorder, as_json=as_json)
         if recorder.footage is None:
@@ -186,13 +186,13 @@ def _connected(cluster: str | None) -> AbstractContextManager[Cluster | None]:
 
 def _layout(campaign: Campaign) -> Layout:
     if campaign.scenario is None:
-        return FORESTS
+        return FOREST_LAYOUT
     from wayfarer.experiments.site_table import layout_of
 
     return layout_of(campaign.scenario, campaign.rover.name)
 
 
-def _effort(finished: CampaignResult) -> str:
+def _effort(finished: CampaignRun) -> str:
     effort = finished.effort
     simulated_h = finished.totals.simulated_s / 3600
     per_tick = f", {effort.cpu_us_per_tick:.1f} us of CPU a control tick" if effort.cpu_us_per_tick else ""

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from wayfarer.experiments.statistics import AlgorithmSummary
-from wayfarer.experiments.tables import Layout, PaperColumn, mean_and_sd, number, success
+from wayfarer.experiments.tables import Layout, PaperColumn, mean_and_sd, number_text, success
 
 
 class FieldTrials(NamedTuple):
@@ -20,7 +20,7 @@ class FieldTrials(NamedTuple):
 
 # The paper, section IV-C: "Human interventions averaging 11 across all 10 trials for the ForestRover (6 for MiniRover)"
 BY_FOREST_ROVER, BY_MINI_ROVER = 11, 6
-PAPER: Mapping[tuple[str, str, str], FieldTrials] = {
+FIELD_TRIALS: Mapping[tuple[str, str, str], FieldTrials] = {
     ("extended-maze", "forestrover", "forest-pledge"): FieldTrials(10, 152.0, 21.0, BY_FOREST_ROVER),
     ("extended-maze", "forestrover", "levy-walk"): FieldTrials(1, 141.0, 0.0, BY_FOREST_ROVER),
     ("extended-maze", "minirover", "forest-pledge"): FieldTrials(10, 51.0, 15.0, BY_MINI_ROVER),
@@ -35,38 +35,40 @@ PAPER: Mapping[tuple[str, str, str], FieldTrials] = {
 def _interventions(summary: AlgorithmSummary) -> str:
     """Return how many there were in ten trials, with those of each kind where they were told apart."""
     in_ten = [
-        number(10.0 * mean)
+        number_text(10.0 * mean)
         for mean in (summary.interventions_mean, summary.overturned_mean, summary.off_wheels_mean)
         if mean is not None
     ]
     return in_ten[0] if len(in_ten) == 1 else "{} ({}/{})".format(*in_ten) if in_ten else ""
 
 
-OUTCOMES = (
+OUTCOME_COLUMNS = (
     PaperColumn("trials", lambda s: str(s.trials), papers=lambda _: "10"),
-    PaperColumn("success %\n[95 %]", success, papers=lambda p: number(10.0 * p.successes)),
+    PaperColumn("success %\n[95 %]", success, papers=lambda p: number_text(10.0 * p.successes)),
     PaperColumn("entrapped", lambda s: str(s.entrapped), papers=lambda p: str(10 - p.successes)),
     PaperColumn("left\nbounds", lambda s: str(s.left_bounds)),
 )
-MEASURES = (
+MEASURE_COLUMNS = (
     PaperColumn(
         "time s\nmean ± SD",
         lambda s: mean_and_sd(s.escape_mean_s, s.escape_sd_s),
         papers=lambda p: mean_and_sd(p.mean_s, p.sd_s),
     ),
-    PaperColumn("median\ns", lambda s: number(s.escape_median_s)),
+    PaperColumn("median\ns", lambda s: number_text(s.escape_median_s)),
     PaperColumn(
         "interventions\nin ten trials",
         _interventions,
-        papers=lambda p: number(float(p.interventions)),
+        papers=lambda p: number_text(float(p.interventions)),
     ),
     PaperColumn("path m\nmean ± SD", lambda s: mean_and_sd(s.path_mean_m, s.path_sd_m)),
-    PaperColumn("SPL", lambda s: number(s.spl, 3)),
-    PaperColumn("anomalies", lambda s: number(s.anomalies_mean)),
+    PaperColumn("SPL", lambda s: number_text(s.spl, 3)),
+    PaperColumn("anomalies", lambda s: number_text(s.anomalies_mean)),
 )
 
 
 def layout_of(scenario: str, rover: str) -> Layout:
     """Return what the table of a scenario shows; the paper has figures of two scenarios and two rovers."""
-    paper = {algorithm: trials for (site, who, algorithm), trials in PAPER.items() if (site, who) == (scenario, rover)}
-    return Layout(OUTCOMES, MEASURES, paper)
+    paper = {
+        algorithm: trials for (site, who, algorithm), trials in FIELD_TRIALS.items() if (site, who) == (scenario, rover)
+    }
+    return Layout(OUTCOME_COLUMNS, MEASURE_COLUMNS, paper)

@@ -22,7 +22,7 @@ class PaperFigures(NamedTuple):
 
 
 # The paper, section IV: path lengths as mean and SD of the successes, and the success of Forest-Pledge alone.
-PAPER: Mapping[str, PaperFigures] = {
+PAPER_FIGURES: Mapping[str, PaperFigures] = {
     "pledge": PaperFigures(82.5, 30.8),
     "forest-pledge": PaperFigures(81.3, 29.3, success_percent=99.7),
     "levy-pledge": PaperFigures(88.3, 46.3),
@@ -45,14 +45,14 @@ class Layout(NamedTuple):
     paper: Mapping[str, Any]
 
 
-def number(value: float | None, decimals: int = 1) -> str:
+def number_text(value: float | None, decimals: int = 1) -> str:
     """Return a number with so many decimals, nothing where it is not known."""
     return "" if value is None else f"{value:.{decimals}f}"
 
 
 def mean_and_sd(mean: float | None, sd: float | None) -> str:
     """Return a mean with its standard deviation, as far as they are known."""
-    return number(mean) if sd is None else f"{number(mean)} ± {sd:.1f}"
+    return number_text(mean) if sd is None else f"{number_text(mean)} ± {sd:.1f}"
 
 
 def success(summary: AlgorithmSummary) -> str:
@@ -61,36 +61,36 @@ def success(summary: AlgorithmSummary) -> str:
     return f"{summary.success_percent:.1f} [{low:.1f}, {high:.1f}]"
 
 
-NAME = PaperColumn("algorithm", lambda s: s.algorithm, left=True, papers=lambda _: "  paper")
-OUTCOMES = (
+NAME_COLUMN = PaperColumn("algorithm", lambda s: s.algorithm, left=True, papers=lambda _: "  paper")
+OUTCOME_COLUMNS = (
     PaperColumn("trials", lambda s: str(s.trials)),
-    PaperColumn("success %\n[95 %]", success, papers=lambda p: number(p.success_percent)),
+    PaperColumn("success %\n[95 %]", success, papers=lambda p: number_text(p.success_percent)),
     PaperColumn("entrapped", lambda s: str(s.entrapped)),
     PaperColumn("left\nbounds", lambda s: str(s.left_bounds)),
     PaperColumn("tipped", lambda s: str(s.tipped)),
 )
 FAULTS = PaperColumn("faults", lambda s: str(s.fault))
-PATHS = (
+PATH_COLUMNS = (
     PaperColumn(
         "path m\nmean ± SD",
         lambda s: mean_and_sd(s.path_mean_m, s.path_sd_m),
         papers=lambda p: mean_and_sd(p.path_mean_m, p.path_sd_m),
     ),
-    PaperColumn("median\nm", lambda s: number(s.path_median_m)),
-    PaperColumn("SPL", lambda s: number(s.spl, 3)),
-    PaperColumn("time\ns", lambda s: number(s.time_mean_s)),
-    PaperColumn("anomalies", lambda s: number(s.anomalies_mean)),
+    PaperColumn("median\nm", lambda s: number_text(s.path_median_m)),
+    PaperColumn("SPL", lambda s: number_text(s.spl, 3)),
+    PaperColumn("time\ns", lambda s: number_text(s.time_mean_s)),
+    PaperColumn("anomalies", lambda s: number_text(s.anomalies_mean)),
 )
 
 
-FORESTS = Layout(OUTCOMES, PATHS, PAPER)
+FOREST_LAYOUT = Layout(OUTCOME_COLUMNS, PATH_COLUMNS, PAPER_FIGURES)
 
 
-def print_table(console: Console, summaries: Sequence[AlgorithmSummary], layout: Layout = FORESTS) -> None:
+def print_table(console: Console, summaries: Sequence[AlgorithmSummary], layout: Layout = FOREST_LAYOUT) -> None:
     """Print one table, or where the console is too narrow for it outcomes and measures below each other."""
     outcomes = (*layout.outcomes, *fault_columns(summaries))
     whole, *parts = (
-        _table(summaries, (NAME, *columns), layout.paper)
+        _table(summaries, (NAME_COLUMN, *columns), layout.paper)
         for columns in ((*outcomes, *layout.measures), outcomes, layout.measures)
     )
     print_in_full(console, whole, parts)

@@ -5,18 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
 from contextlib import closing
-from typing import TypeVar
 
 from rich.console import Console
 
 from wayfarer.errors import WayfarerError
 from wayfarer.experiments.commands import cores
-from wayfarer.experiments.executors import stream
+from wayfarer.experiments.executors import DoneT, TaskT, stream
 from wayfarer.experiments.progress_bar import shown_count
 from wayfarer.experiments.run_campaign import stop_on_signals
-
-TaskT = TypeVar("TaskT")
-DoneT = TypeVar("DoneT")
 
 
 def run_batch(run: Callable[[TaskT], DoneT], tasks: Sequence[TaskT], jobs: int | None, what: str) -> Iterator[DoneT]:

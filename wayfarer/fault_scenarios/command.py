@@ -11,7 +11,7 @@ from typing import Any
 
 from rich.console import Console
 
-from wayfarer.errors import WayfarerError
+from wayfarer.errors import WayfarerError, one_line
 from wayfarer.experiments.commands import INTERRUPTED, make_empty_folder
 from wayfarer.experiments.executors import Stopped
 from wayfarer.experiments.progress_bar import say
@@ -49,7 +49,7 @@ class ScenarioRunner:
         except Exception as error:
             said = str(error) if isinstance(error, WayfarerError) else f"an error inside wayfarer: {error!r}"
             return not_run(scenario)._replace(
-                within_s=scenario.expect.within_s, changed="nothing", problems=(" ".join(said.split()),)
+                within_s=scenario.expect.within_s, changed="nothing", problems=(one_line(said),)
             )
 
     def runs(self, scenario: Scenario) -> tuple[RunResult, RunResult]:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.tick_record import TickRecord
+from wayfarer.detector.tilt import TILTS
 from wayfarer.escape.api import Anomaly
 from wayfarer.fault_scenarios.recorder import after_each_step
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
@@ -106,7 +107,7 @@ class DetectorScorer(PartialLog):
         if self._held(world, driven_m_s) and abs(driven_m_s) >= config.detector.immobilised_from_m_s:
             there.append((Anomaly.IMMOBILISED, driven_m_s > 0.0))
         pitch_deg, roll_deg = world.pitch_deg + world.ground_pitch_deg, world.roll_deg + world.ground_roll_deg
-        tilts = zip(_TILTS, (pitch_deg, -pitch_deg, roll_deg, -roll_deg), strict=True)
+        tilts = zip(TILTS, (pitch_deg, -pitch_deg, roll_deg, -roll_deg), strict=True)
         there += [(tilt, True) for tilt, angle_deg in tilts if angle_deg >= config.detector.tilt_deg]
         if world.touch is not None:
             there.append((Anomaly.TOUCHED, True))
@@ -128,9 +129,6 @@ class DetectorScorer(PartialLog):
         waits_s = _waits_s(self._config, anomaly)
         spans = [span for key, spans in self._really.spans.items() if key[0] is anomaly for span in spans]
         return score(sorted(spans), self._claimed.spans.get(anomaly, []), waits_s)
-
-
-_TILTS = (Anomaly.NOSE_UP, Anomaly.NOSE_DOWN, Anomaly.RIGHT_DOWN, Anomaly.LEFT_DOWN)
 
 
 def _waits_s(config: RoverConfig, anomaly: Anomaly) -> float:

@@ -86,11 +86,11 @@ async def _run(spec: TrialSpec) -> Scores:
 
 
 def _slopes(trial: int) -> tuple[Fault, ...]:
-    chance = RandomStreams(trial).random("detector.slopes")
+    rng = RandomStreams(trial).random("detector.slopes")
     faults = []
     for number in range(SLOPES):
-        angle_deg = chance.uniform(-SLOPE_MAX_DEG, SLOPE_MAX_DEG)
-        slope = Slope(pitch_deg=angle_deg) if chance.random() < 0.5 else Slope(roll_deg=angle_deg)
-        at_s = (number + chance.random()) * SLOPE_EVERY_S + 1.0
-        faults.append(Fault(at_s, chance.uniform(*SLOPE_LASTS_S), "world", "slope", slope))
+        angle_deg = rng.uniform(-SLOPE_MAX_DEG, SLOPE_MAX_DEG)
+        slope = Slope(pitch_deg=angle_deg) if rng.random() < 0.5 else Slope(roll_deg=angle_deg)
+        at_s = (number + rng.random()) * SLOPE_EVERY_S + 1.0
+        faults.append(Fault(at_s, rng.uniform(*SLOPE_LASTS_S), "world", "slope", slope))
     return tuple(faults)

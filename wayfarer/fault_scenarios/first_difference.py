@@ -20,24 +20,24 @@ class FaultEffect(NamedTuple):
     what: str
 
 
-def first_difference(monitor: RunRecorder, well: RunRecorder) -> FaultEffect | None:
+def first_difference(recorder: RunRecorder, well: RunRecorder) -> FaultEffect | None:
     """Return the first difference between a run with a fault and the same run without, None where there is none."""
-    return min(_differences(monitor, well), key=lambda difference: difference.t_s, default=None)
+    return min(_differences(recorder, well), key=lambda difference: difference.t_s, default=None)
 
 
-def _differences(monitor: RunRecorder, well: RunRecorder) -> Iterator[FaultEffect]:
+def _differences(recorder: RunRecorder, well: RunRecorder) -> Iterator[FaultEffect]:
     """Give the first difference of each kind, those that tell most first."""
-    ticks = [(moment.t_s, moment.snapshot) for moment in monitor.moments]
-    well_ticks = [(moment.t_s, moment.snapshot) for moment in well.moments]
-    for t_s, now, then in _first(ticks, well_ticks, monitor.ended_s):
+    ticks = [(tick.t_s, tick.snapshot) for tick in recorder.ticks]
+    well_ticks = [(tick.t_s, tick.snapshot) for tick in well.ticks]
+    for t_s, now, then in _first(ticks, well_ticks, recorder.ended_s):
         yield FaultEffect(t_s, _of_snapshots(now, then))
-    for t_s, _, _ in _first(monitor.boards, well.boards, monitor.ended_s):
+    for t_s, _, _ in _first(recorder.boards, well.boards, recorder.ended_s):
         yield FaultEffect(t_s, "answer of the motor board")
-    fixes, well_fixes = ([(fix.t_s, fix) for fix in each.fixes if fix is not None] for each in (monitor, well))
-    for t_s, _, _ in _first(fixes, well_fixes, monitor.ended_s):
+    fixes, well_fixes = ([(fix.t_s, fix) for fix in each.fixes if fix is not None] for each in (recorder, well))
+    for t_s, _, _ in _first(fixes, well_fixes, recorder.ended_s):
         yield FaultEffect(t_s, "position")
-    events, well_events = ([(each.t_s, each) for each in log.recorded_events] for log in (monitor, well))
-    for t_s, event, well_event in _first(events, well_events, monitor.ended_s):
+    events, well_events = ([(each.t_s, each) for each in log.events] for log in (recorder, well))
+    for t_s, event, well_event in _first(events, well_events, recorder.ended_s):
         if there := event or well_event:
             yield FaultEffect(t_s, f"{'' if event else 'no '}event {there.name}")
 

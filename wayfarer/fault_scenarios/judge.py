@@ -28,11 +28,11 @@ def judge(scenario: Scenario, run_result: RunResult, well: RunResult) -> Result:
         changed="nothing",
         remark=scenario.because,
     )
-    begun_s = min((t_s for t_s, _, begins in run_result.monitor.faults if begins), default=None)
+    begun_s = min((t_s for t_s, _, begins in run_result.recorder.faults if begins), default=None)
     if begun_s is None:
         return result._replace(problems=(_error(run_result) or "no fault began before the run was over",))
     response = _Response(expect, run_result, begun_s)
-    changed = first_difference(run_result.monitor, well.monitor)
+    changed = first_difference(run_result.recorder, well.recorder)
     return result._replace(
         reached=response.worst.level,
         changed=f"{changed.what} at {changed.t_s - begun_s:+.2f} s" if changed else "nothing",
@@ -61,10 +61,10 @@ class _Response:
 
     def __init__(self, expect: Expectation, run_result: RunResult, begun_s: float) -> None:
         self._expect, self._run_result, self._begun_s = expect, run_result, begun_s
-        self._monitor = monitor = run_result.monitor
-        self._ticks = [moment for moment in monitor.moments if moment.t_s >= begun_s]
-        self._events = [event for event in monitor.recorded_events if event.t_s >= begun_s]
-        self._stood = [(t_s, still) for t_s, still in monitor.stood_still_s if t_s >= begun_s]
+        self._recorder = recorder = run_result.recorder
+        self._ticks = [tick for tick in recorder.ticks if tick.t_s >= begun_s]
+        self._events = [event for event in recorder.events if event.t_s >= begun_s]
+        self._stood = [(t_s, still) for t_s, still in recorder.stood_still_s if t_s >= begun_s]
         self._said = list(self._answers())
         self._escape = next((tick for tick in self._ticks if tick.why in expect.answer), None)
         wanted = [answer for answer in self._said if self._counts(answer)]
@@ -93,13 +93,13 @@ class _Response:
     def _answers(self) -> Iterator[Answer]:
         """Give what the rover said: conditions by their level, an error that ended it, events."""
         said = set()
-        for moment in self._ticks:
-            for condition in moment.conditions:
+        for tick in self._ticks:
+            for condition in tick.conditions:
                 if condition not in said:
                     said.add(condition)
-                    yield Answer(REACHED[LEVELS[condition]], condition.value, moment.t_s)
-        if self._monitor.ended == "failed":
-            yield Answer(Reached.FAULT, self._monitor.ended, self._monitor.ended_s)
+                    yield Answer(REACHED[LEVELS[condition]], condition.value, tick.t_s)
+        if self._recorder.ended == "failed":
+            yield Answer(Reached.FAULT, self._recorder.ended, self._recorder.ended_s)
         for t_s, name, _ in self._events:
             yield Answer(Reached.NOTE, name, t_s)
 
@@ -120,7 +120,7 @@ class _Response:
         holds_s = min((answer.t_s for answer in wanted if answer.level >= Reached.HOLD), default=None)
         if holds_s is None:
             return None
-        ticks = [(moment.t_s, moment.commanded == (0.0, 0.0)) for moment in self._ticks]
+        ticks = [(tick.t_s, tick.commanded == (0.0, 0.0)) for tick in self._ticks]
         stood = sorted((*ticks, *self._stood))
         if all(still for t_s, still in stood if t_s <= holds_s):
             return 0.0
@@ -128,7 +128,7 @@ class _Response:
 
     def _tripped_s(self) -> float | None:
         """Return when the wheels stood although no stop could get through to them: the board's own deadman did it."""
-        cuts = [(from_s, from_s + _cuts_for_s(fault)) for from_s, fault, begins in self._monitor.faults if begins]
+        cuts = [(from_s, from_s + _cuts_for_s(fault)) for from_s, fault, begins in self._recorder.faults if begins]
         times_s = (t_s for t_s, still in self._stood if still)
         return next((t_s for t_s in times_s if any(from_s < t_s <= to_s for from_s, to_s in cuts)), None)
 
@@ -139,7 +139,7 @@ class _Response:
             yield f"{self.worst.level} was reached, {self._expect.level} is expected{heard}"
 
     def _wrong_end(self) -> Iterator[str]:
-        expect, ended = self._expect, self._monitor.ended
+        expect, ended = self._expect, self._recorder.ended
         if expect.event and not any(event.name == expect.event for event in self._events):
             yield f"no event '{expect.event}' in the log"
         if expect.ends and ended not in expect.ends:
@@ -154,12 +154,12 @@ class _Response:
             yield f"the escape logic never responded with {' or '.join(self._expect.answer)}"
 
     def _unwanted(self) -> Iterator[str]:
-        came = {answer.cause for answer in self._said} | {moment.why for moment in self._ticks}
+        came = {answer.cause for answer in self._said} | {tick.why for tick in self._ticks}
         yield from (f"there was '{name}', which must not occur" for name in self._expect.never if name in came)
 
     def _gaps(self) -> Iterator[str]:
         most_s = self._expect.ticks_within_s
-        gap_s = max((now.t_s - last.t_s for last, now in pairwise(self._monitor.moments)), default=0.0)
+        gap_s = max((now.t_s - last.t_s for last, now in pairwise(self._recorder.ticks)), default=0.0)
         if most_s is not None and gap_s > most_s + ROUNDING_S:
             yield f"{gap_s:.2f} s between two ticks, {most_s:g} s are allowed"
 

@@ -94,7 +94,7 @@ def run_random(
     for line in _summary(rows, broken):
         say(console, line)
     for trial in broken[:SHOWN]:
-        for line in _told(trial, draw_scenario(trial.seed, rover, depth), out):
+        for line in _violation_lines(trial, draw_scenario(trial.seed, rover, depth), out):
             say(console, line)
     if out is not None:
         write_whole(out / ROWS_FILE, "".join(json.dumps(trial._asdict()) + "\n" for trial in rows))
@@ -109,13 +109,13 @@ def broken_rules(run_result: RunResult) -> tuple[str, ...]:
 
 
 def _trial(scenario: Scenario, run_result: RunResult) -> RandomTrial:
-    moments = run_result.monitor.moments
-    worst = max(moments, key=lambda moment: moment.level, default=None)
+    ticks = run_result.recorder.ticks
+    worst = max(ticks, key=lambda tick: tick.level, default=None)
     return _row(scenario)._replace(
         ended=run_result.end.reason if run_result.end is not None else (run_result.error or "").partition(":")[0],
         level=REACHED[worst.level if worst else Level.WELL],
         cause=worst.cause.value if worst and worst.cause else "",
-        ticks=len(moments),
+        ticks=len(ticks),
         excused=run_result.excused,
         broken=broken_rules(run_result),
     )
@@ -145,7 +145,7 @@ def _counts(items: Iterable[str]) -> str:
     return ", ".join(f"{name} {count}" for name, count in Counter(items).most_common())
 
 
-def _told(trial: RandomTrial, scenario: Scenario, out: Path | None) -> Iterator[str]:
+def _violation_lines(trial: RandomTrial, scenario: Scenario, out: Path | None) -> Iterator[str]:
     """Say what a trial broke and how to run it again: as the smallest scenario that still does."""
     yield f"seed {trial.seed}, {trial.rover} at {trial.depth} depth: {trial.broken[0]}"
     least = shrink(scenario, lambda tried: bool(broken_rules(run_scenario(tried))))

@@ -75,29 +75,29 @@ def ready_for(places: Iterable[FaultTarget]) -> tuple[Fault, ...]:
     )
 
 
-def draw_params(place: FaultTarget, chance: Random) -> Any:
+def draw_params(place: FaultTarget, rng: Random) -> Any:
     """Return a kind's parameters, anywhere in their ranges."""
     params = KINDS[place.kind].params
     hints = get_type_hints(params, include_extras=True)
     drawn: dict[str, Any] = {}
     span = inf
     if _NAMES_A_NUMBER in hints:
-        number = drawn[_NAMES_A_NUMBER] = chance.choice(sorted(NUMBERS[place.target]))
+        number = drawn[_NAMES_A_NUMBER] = rng.choice(sorted(NUMBERS[place.target]))
         span = NUMBERS[place.target][number]
     for name, hint in hints.items():
         if name != _NAMES_A_NUMBER:
-            drawn[name] = _draw(name, hint, span, chance)
+            drawn[name] = _draw(name, hint, span, rng)
     return params(**drawn)
 
 
-def _draw(name: str, hint: Any, span: float, chance: Random) -> Any:
+def _draw(name: str, hint: Any, span: float, rng: Random) -> Any:
     """Return a value for a parameter; one without a declared range is within ``span`` on both sides of zero."""
     if get_origin(hint) is Literal:
-        return chance.choice(get_args(hint))
+        return rng.choice(get_args(hint))
     low, high = _range(hint, span)
     if name.endswith("_s"):
         high = min(high, LONGEST_S)
-    drawn = chance.choice((low, high)) if chance.random() < AT_A_LIMIT else chance.uniform(low, high)
+    drawn = rng.choice((low, high)) if rng.random() < AT_A_LIMIT else rng.uniform(low, high)
     return round(drawn) if int in get_args(hint) else round(drawn, 3)
 
 
@@ -132,29 +132,29 @@ def draw_scenario(seed: int, rover: str | None = None, depth: Depth | None = Non
     Raises:
         BadInput: there is no such rover, its file is not right, or it has not the parts for that depth.
     """
-    chance = RandomStreams(seed).random("random faults")
+    rng = RandomStreams(seed).random("random faults")
     # Both are drawn even where they are given, so that naming those of a trial gives that trial again.
-    drawn = chance.choice(ROVERS)
+    drawn = rng.choice(ROVERS)
     config = _rover(rover or drawn)
     depths = [each for each in Depth if possible_faults(config, each)]
-    drawn_depth = chance.choice(depths)
+    drawn_depth = rng.choice(depths)
     depth = depth or drawn_depth
     if depth not in depths:
         raise BadInput(f"rover '{config.name}' lacks the parts that {depth} depth needs; use --depth {depths[0]}")
-    for_s = round(chance.uniform(*LASTS_S))
+    for_s = round(rng.uniform(*LASTS_S))
     return Scenario(
         f"random-{seed}",
         "faults by chance",
         Expectation(Reached.NONE, inf),
-        tuple(_draw_faults(possible_faults(config, depth), for_s, chance)),
+        tuple(_draw_faults(possible_faults(config, depth), for_s, rng)),
         rover=rover or drawn,
         depth=depth,
-        algorithm=chance.choice(_algorithms(config)),
+        algorithm=rng.choice(_algorithms(config)),
         for_s=for_s,
         seed=seed,
-        slip_mean_m=chance.choice((2.0, 10.0)),
-        clearing=chance.random() >= FOREST,
-        commands=(Command(0.0, "arm"), *_draw_commands(for_s, chance)),
+        slip_mean_m=rng.choice((2.0, 10.0)),
+        clearing=rng.random() >= FOREST,
+        commands=(Command(0.0, "arm"), *_draw_commands(for_s, rng)),
         settings=quick_settings(config),
     )
 
@@ -176,23 +176,23 @@ def _algorithms(config: RoverConfig) -> list[str]:
     return [name for name, algorithm in CATALOGUE.items() if algorithm.requires <= set(config.parts)]
 
 
-def _draw_faults(places: tuple[FaultTarget, ...], for_s: float, chance: Random) -> Iterator[Fault]:
+def _draw_faults(places: tuple[FaultTarget, ...], for_s: float, rng: Random) -> Iterator[Fault]:
     """Yield one to five faults, none of them twice at the same time."""
-    for place in sorted(chance.sample(places, chance.randint(1, FAULTS_MOST))):
-        yield draw_fault(place, round(chance.uniform(0.0, for_s), 3), chance)
+    for place in sorted(rng.sample(places, rng.randint(1, FAULTS_MOST))):
+        yield draw_fault(place, round(rng.uniform(0.0, for_s), 3), rng)
 
 
-def draw_fault(place: FaultTarget, at_s: float, chance: Random, lasts_most_s: float = inf) -> Fault:
+def draw_fault(place: FaultTarget, at_s: float, rng: Random, lasts_most_s: float = inf) -> Fault:
     """Return a fault that begins at a time; how long it lasts is anything between a tick and to the end."""
-    lasts_s = inf if chance.random() < TO_THE_END else round(_log_uniform(SHORTEST_S, LONGEST_S, chance), 3)
-    return Fault(at_s, min(lasts_s, lasts_most_s), place.target, place.kind, draw_params(place, chance))
+    lasts_s = inf if rng.random() < TO_THE_END else round(_log_uniform(SHORTEST_S, LONGEST_S, rng), 3)
+    return Fault(at_s, min(lasts_s, lasts_most_s), place.target, place.kind, draw_params(place, rng))
 
 
-def _log_uniform(low: float, high: float, chance: Random) -> float:
-    return exp(chance.uniform(log(low), log(high)))
+def _log_uniform(low: float, high: float, rng: Random) -> float:
+    return exp(rng.uniform(log(low), log(high)))
 
 
-def _draw_commands(for_s: float, chance: Random) -> list[Command]:
-    asked = chance.choices(ASKED, OFTEN, k=chance.randint(0, COMMANDS_MOST))
-    times_s = sorted(round(chance.uniform(1.0, for_s), 3) for _ in asked)
+def _draw_commands(for_s: float, rng: Random) -> list[Command]:
+    asked = rng.choices(ASKED, OFTEN, k=rng.randint(0, COMMANDS_MOST))
+    times_s = sorted(round(rng.uniform(1.0, for_s), 3) for _ in asked)
     return [Command(at_s, do) for at_s, do in zip(times_s, asked, strict=True)]

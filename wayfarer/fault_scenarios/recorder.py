@@ -40,8 +40,8 @@ class RunRecorder:
     """Implements ``records.RunLog``. ``follow`` tells it whose run it is."""
 
     def __init__(self) -> None:
-        self.moments: list[RecordedTick] = []
-        self.recorded_events: list[RecordedEvent] = []
+        self.ticks: list[RecordedTick] = []
+        self.events: list[RecordedEvent] = []
         self.boards: list[tuple[float, tuple[MotorHealth, WheelCommand | None]]] = []
         self.fixes: list[PositionFix | None] = []
         self.faults: list[tuple[float, Fault, bool]] = []
@@ -60,7 +60,7 @@ class RunRecorder:
 
     def tick(self, record: TickRecord) -> None:
         """Take a control tick."""
-        self.moments.append(
+        self.ticks.append(
             RecordedTick(
                 record.t_s,
                 record.snapshot,
@@ -75,7 +75,7 @@ class RunRecorder:
 
     def event(self, name: str, t_s: float, **details: object) -> None:
         """Take an event; the stop at the end of a run is looked at as well."""
-        self.recorded_events.append(RecordedEvent(t_s, name, details))
+        self.events.append(RecordedEvent(t_s, name, details))
         if name == "wheels_stopped":
             self.stood_still_s.append((_now_s(), self._world.commanded == (0.0, 0.0)))
 

@@ -39,7 +39,7 @@ class RunResult(NamedTuple):
     ``excused`` is how often a rule could not be kept by anything on board; see ``Invariants``.
     """
 
-    monitor: RunRecorder
+    recorder: RunRecorder
     end: RunEnd | None
     error: str | None
     broken: tuple[str, ...]
@@ -74,29 +74,29 @@ async def _run(scenario: Scenario, log_dir: Path | None) -> RunResult:
         0, scenario.algorithm, forest, scenario.seed, config, scenario.slip_mean_m, BUDGET_M, scenario.depth,
         scenario.faults,
     )  # fmt: skip
-    monitor, invariants = RunRecorder(), Invariants()
-    notes: list[NoteFault] = [monitor.note, invariants.note]
+    recorder, invariants = RunRecorder(), Invariants()
+    notes: list[NoteFault] = [recorder.note, invariants.note]
 
     def make_log(world: SimulatedWorld, rover: Rover) -> RunLog:
         if log_dir is None:
-            return Tee(monitor, invariants)
+            return Tee(recorder, invariants)
         log, ground_truth_log = field_log(spec, log_dir, world, rover)
         notes.append(ground_truth_log.note)
-        return Tee(monitor, invariants, log, ground_truth_log)
+        return Tee(recorder, invariants, log, ground_truth_log)
 
     def note_all(t_s: float, fault: Fault, *, begins: bool) -> None:
         for note in notes:
             note(t_s, fault, begins=begins)
 
     setup = TrialSetup(spec, make_log)
-    monitor.follow(setup)
+    recorder.follow(setup)
     invariants.follow(setup)
     if setup.injector is not None:
         setup.injector.start(setup.world, setup.supervisor.controller.power, note_all)
     error, end, loop = None, None, asyncio.get_running_loop()
     stray: list[str] = []  # errors that nobody awaits: of the injection, or of a task that was forgotten
     loop.set_exception_handler(lambda _, context: stray.append(f"{context['message']}: {context.get('exception')!r}"))
-    asking = asyncio.ensure_future(_ask(setup, scenario.commands, monitor))
+    asking = asyncio.ensure_future(_ask(setup, scenario.commands, recorder))
     loop.call_later(scenario.for_s, setup.supervisor.finish, "requested", "the scenario is over")
     try:
         end = await setup.supervisor.run()
@@ -111,7 +111,7 @@ async def _run(scenario: Scenario, log_dir: Path | None) -> RunResult:
         if setup.injector is not None:
             await asyncio.sleep(invariants.bound_s)  # the wheels are watched until they must stand
             setup.injector.end()
-    return RunResult(monitor, end, error, (*invariants.broken, *stray), invariants.excused)
+    return RunResult(recorder, end, error, (*invariants.broken, *stray), invariants.excused)
 
 
 async def _ask(setup: TrialSetup, commands: tuple[Command, ...], log: RunLog) -> None:

@@ -38,7 +38,7 @@ KEPT = 20  # broken rules of one run; one is enough to know
 ROUNDING_S = 1e-6
 
 
-class Suspicion(NamedTuple):
+class SuspectedMotion(NamedTuple):
     """Wheels that turned at ``t_s`` although they were to stand since ``since_s``: ``told`` says so."""
 
     t_s: float
@@ -61,7 +61,7 @@ class Invariants(PartialLog):
         self._stopped_by: str | None = None
         self._told_cause: str | None = None
         self._readings: deque[CompassReading] = deque()
-        self._suspected: list[Suspicion] = []
+        self._suspected: list[SuspectedMotion] = []
 
     @property
     def broken(self) -> tuple[str, ...]:
@@ -153,7 +153,7 @@ class Invariants(PartialLog):
             self.excused += 1
         else:
             told = f"rule 2: wheels are commanded to {commanded[0]:.2f}, {commanded[1]:.2f} since {since_s:.2f} s"
-            self._suspected.append(Suspicion(t_s, since_s, told))
+            self._suspected.append(SuspectedMotion(t_s, since_s, told))
 
     def _judge_suspected(self, may_move_from_s: float) -> None:
         """Break the rule for wheels that turned, except since a tick that was to let them: its record comes last."""

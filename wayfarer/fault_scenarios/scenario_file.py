@@ -16,11 +16,11 @@ from typing import Annotated, Any, NamedTuple, get_type_hints
 
 from annotated_types import MinLen
 
-from wayfarer.config.messages import at_line, one_line, validated
+from wayfarer.config.messages import at_line, validated
 from wayfarer.config.registry import find_algorithm
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.config.rover_overlay import laid_over
-from wayfarer.errors import BadConfig, BadInput, UnknownName
+from wayfarer.errors import BadConfig, BadInput, UnknownName, one_line
 from wayfarer.fault_scenarios.scenario import Command, Duration, Expectation, Line, Moment, Reached, Scenario
 from wayfarer.fault_scenarios.scenario_rover import OVERLAY, misfit, rover_of
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, PositionFix

@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.text import Text
 
 from wayfarer.experiments.progress_bar import say
+from wayfarer.experiments.tables import number_text
 from wayfarer.fault_scenarios.result import Result, Row
 from wayfarer.views.text.terminal_table import Column, table
 
@@ -16,10 +17,6 @@ LEGEND = (
     "S0 note, S1 degrade, S2 hold, S3 fault until re-armed, S4 the board's deadman",
     "seen: reported; stopped: wheels commanded to stop; seconds since the fault",
 )
-
-
-def _seconds(value: float | None) -> str:
-    return "" if value is None else f"{value:.2f}"
 
 
 def _verdict(result: Result) -> Text:
@@ -37,9 +34,9 @@ COLUMNS: tuple[tuple[int, Column[Result]], ...] = (
     (0, Column("level\nwanted", lambda each: "" if each.skipped else each.expected.value, left=True)),
     (0, Column("level\ngot", lambda each: "" if each.skipped else each.reached.value, left=True)),
     (130, Column("by", lambda each: each.cause, left=True)),
-    (0, Column("seen\nafter", lambda each: _seconds(each.detected_s))),
-    (0, Column("stopped\nafter", lambda each: _seconds(each.stopped_s))),
-    (0, Column("bound", lambda each: _seconds(each.within_s))),
+    (0, Column("seen\nafter", lambda each: number_text(each.detected_s, 2))),
+    (0, Column("stopped\nafter", lambda each: number_text(each.stopped_s, 2))),
+    (0, Column("bound", lambda each: number_text(each.within_s, 2))),
     (0, Column("verdict", _verdict, left=True)),
     (190, Column("first changed", lambda each: each.changed, left=True, wraps=True)),
 )
@@ -63,8 +60,8 @@ def print_results(console: Console, results: Sequence[Result], untried: Sequence
     for line in LEGEND:
         say(console, line)
     _section(console, "Not as expected", [f"{each.name}: {problem}" for each in results for problem in each.problems])
-    _section(console, "Remarks", _told_once((each.remark, each.name) for each in results))
-    _section(console, "Skipped", _told_once((each.skipped, each.name) for each in results))
+    _section(console, "Remarks", _with_names((each.remark, each.name) for each in results))
+    _section(console, "Skipped", _with_names((each.skipped, each.name) for each in results))
     if untried:
         _section(console, "Untried", [f"no scenario for row {', '.join(map(str, untried))} of the field catalogue"])
     console.print()
@@ -97,7 +94,7 @@ def summed_up(results: Sequence[Result], untried: Sequence[int] = ()) -> Iterato
         yield f"{len(rows - failed - in_part)} of {len(rows) + len(untried)} rows of the catalogue as expected{skipped}"
 
 
-def _told_once(remarks: Iterable[tuple[str, str]]) -> Iterator[str]:
+def _with_names(remarks: Iterable[tuple[str, str]]) -> Iterator[str]:
     """Give remarks, each once, with the names of what it is about."""
     about: dict[str, list[str]] = {}
     for remark, name in remarks:

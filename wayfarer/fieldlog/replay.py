@@ -151,7 +151,7 @@ class Rerun:
         elif name in {"hold", "resume"}:
             controller.hold(t_s, held=name == "hold")
         elif name == "goal":
-            controller.head_for(t_s, float(record["goal_heading_deg"]))
+            controller.set_goal(t_s, float(record["goal_heading_deg"]))
         elif name == "board_silent":
             controller.power_reports.board_silent(t_s, record["error"])
         elif name == "power":

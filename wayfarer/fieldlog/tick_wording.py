@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from wayfarer.fieldlog.typed import Tick
-from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES, PHASES, because, met
+from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS, CAUSE_TEXTS, PHASE_TEXTS, because, met
 from wayfarer.fieldlog.wording import NOTHING, detail_text, sentence, whole_deg
 
 
 def phase_text(tick: Tick) -> str:
     """Say in a sentence what the rover does from this tick on, and why."""
-    doing, reason = PHASES.get(tick.phase or "", tick.phase or "?"), reason_text(tick)
+    doing, reason = PHASE_TEXTS.get(tick.phase or "", tick.phase or "?"), reason_text(tick)
     return _placed(f"{doing}, because {reason}" if reason else doing, tick)
 
 
@@ -22,7 +22,7 @@ def reason_text(tick: Tick) -> str:
     """Return why the rover does something else now, or else what it meets; an anomaly says that by itself."""
     why = why_text(tick)
     reason, unmet = because(why, tick.anomalies), because(why, ())
-    met_now = [ANOMALIES.get(anomaly, anomaly) for anomaly in tick.anomalies] if reason == unmet else []
+    met_now = [ANOMALY_TEXTS.get(anomaly, anomaly) for anomaly in tick.anomalies] if reason == unmet else []
     return ", ".join(filter(None, [reason, *met_now]))
 
 
@@ -51,7 +51,7 @@ def aim_text(tick: Tick, battery_v: float | None) -> str:
 
 def tick_text(tick: Tick) -> str:
     """Say everything about a single tick that fits a line."""
-    held = f"{tick.level}: {CAUSES.get(tick.cause, tick.cause)}" if tick.cause else ""
+    held = f"{tick.level}: {CAUSE_TEXTS.get(tick.cause, tick.cause)}" if tick.cause else ""
     wanted, applied = _duties(tick.wanted_left, tick.wanted_right), _duties(tick.applied_left, tick.applied_right)
     wheels = f"wanted {wanted}, applied {applied}"
     told = filter(None, [reason_text(tick), held, *further_texts(tick)])

@@ -11,7 +11,7 @@ from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.escape.phases import PhaseEvent
 from wayfarer.safety.conditions import Condition, Level
 
-PHASES: Mapping[str, str] = {
+PHASE_TEXTS: Mapping[str, str] = {
     Phase.FOLLOW.value: "Follows the goal heading",
     Phase.BACK_OFF.value: "Backs off",
     Phase.TURN_AWAY.value: "Turns away",
@@ -38,7 +38,7 @@ _AFTER: Mapping[str, str] = {
     Phase.HALT.value: "it was stopped",
 }
 
-EVENTS: Mapping[str, str] = {
+PHASE_EVENT_TEXTS: Mapping[str, str] = {
     PhaseEvent.ANOMALY.value: "there was an anomaly {during}",
     PhaseEvent.DONE.value: "{after}",
     PhaseEvent.UNWOUND.value: "the turn counter C is back at zero",
@@ -47,7 +47,7 @@ EVENTS: Mapping[str, str] = {
     PhaseEvent.OVERWOUND.value: "C exceeded three turns {during} and was reset",
 }
 
-ANOMALIES: Mapping[str, str] = {
+ANOMALY_TEXTS: Mapping[str, str] = {
     Anomaly.IMMOBILISED.value: "stalled",
     Anomaly.NOSE_UP.value: "nose up",
     Anomaly.NOSE_DOWN.value: "nose down",
@@ -65,13 +65,13 @@ _MET: Mapping[str, str] = {
     Anomaly.TOUCHED.value: "it touched something",
 }
 
-PARTS: Mapping[str, str] = {  # those whose name in a rover file is no word for a thing
+PART_TEXTS: Mapping[str, str] = {  # those whose name in a rover file is no word for a thing
     "motion": "motion sensor",
     "contact": "bumper",
     "position": "position receiver",
 }
 
-LEVELS: Mapping[str, str] = {
+LEVEL_TEXTS: Mapping[str, str] = {
     Level.WELL.name.lower(): "No faults",
     Level.NOTE.name.lower(): "Note: continues to drive",
     Level.DEGRADE.name.lower(): "Degraded: drives with limits",
@@ -79,7 +79,7 @@ LEVELS: Mapping[str, str] = {
     Level.FAULT.name.lower(): "Fault: stopped until re-armed",
 }
 
-CAUSES: Mapping[str, str] = {
+CAUSE_TEXTS: Mapping[str, str] = {
     Condition.COMPASS_STALE.value: "the compass is silent",
     Condition.COMPASS_LOST.value: "the compass has been silent for seconds",
     Condition.COMPASS_IMPLAUSIBLE.value: "compass readings are implausible",
@@ -119,13 +119,13 @@ def level_text(level: str, cause: str | None) -> str:
     """
     if cause == Condition.OPERATOR_HOLD.value:
         return "Wheels held until Resume"
-    return LEVELS.get(level, level)
+    return LEVEL_TEXTS.get(level, level)
 
 
 def disarmed_text(reason: str) -> str:
     """Return why a rover was disarmed, as ``fault: compass_lost``, with its conditions in words."""
     what, colon, conditions = reason.partition(": ")
-    return f"{what}{colon}{', '.join(CAUSES.get(each, each) for each in conditions.split(', '))}"
+    return f"{what}{colon}{', '.join(CAUSE_TEXTS.get(each, each) for each in conditions.split(', '))}"
 
 
 def met(anomalies: Iterable[str], phase: str | None) -> str:
@@ -140,9 +140,9 @@ def because(why: str, anomalies: Iterable[str]) -> str:
     A third party's algorithm may give any other text: it is returned as it is.
     """
     phase, _, event = why.partition(".")
-    if phase not in _WHILE or event not in EVENTS:
+    if phase not in _WHILE or event not in PHASE_EVENT_TEXTS:
         return why
     found = tuple(anomalies)
     if event == PhaseEvent.ANOMALY.value and found:
         return met(found, phase)
-    return EVENTS[event].format(during=_WHILE[phase], after=_AFTER[phase])
+    return PHASE_EVENT_TEXTS[event].format(during=_WHILE[phase], after=_AFTER[phase])

@@ -18,7 +18,7 @@ from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.run_events import Ended, FaultInjected, Silence, event_name
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Fix
-from wayfarer.fieldlog.vocabulary import CAUSES, PARTS, disarmed_text, level_text
+from wayfarer.fieldlog.vocabulary import CAUSE_TEXTS, PART_TEXTS, disarmed_text, level_text
 
 
 class Tone(Enum):
@@ -188,9 +188,9 @@ OPTIONAL = re.compile(r"\[(.*?)\]")
 MISSING = {"goal_heading_deg": "straight ahead", "dropped": "Some records"}  # else ``UNKNOWN``
 WORDS: Mapping[str, Callable[[Any], str]] = {
     "goal_heading_deg": lambda angle_deg: f"towards {whole_deg(angle_deg)} degrees",
-    "part": lambda part: PARTS.get(part, clean(part)),
-    "sensor": lambda sensor: PARTS.get(sensor, clean(sensor)),
-    "cause": lambda cause: CAUSES.get(cause, clean(cause)),
+    "part": lambda part: PART_TEXTS.get(part, clean(part)),
+    "sensor": lambda sensor: PART_TEXTS.get(sensor, clean(sensor)),
+    "cause": lambda cause: CAUSE_TEXTS.get(cause, clean(cause)),
     "reason": lambda reason: clean(disarmed_text(reason).replace("_", " ")),
     "counts": lambda counts: _value(counts).replace("_", " "),
     "dropped": records_text,

@@ -13,7 +13,7 @@ from wayfarer.safety.settings import SafetySettings
 PATIENCE: Final = 10.0
 
 
-class Arming:
+class ArmingSequence:
     """Waits out the start delay, then takes the goal heading.
 
     A heading given by the user is used as it is. Otherwise the rover's own is taken at the END of the delay, as the

@@ -44,7 +44,7 @@ class EntrapmentMonitor:
             motion: what the motion sensor saw since the last tick, None where it has not spoken.
         """
         settings, forward_m = self._settings, interval.forward_m
-        left, right = interval.told
+        left, right = interval.commanded
         if left or right:
             self._tried_s += interval.driven_s
         self._unseen_m = self._unseen_m + forward_m if forward_m > 0.0 else 0.0

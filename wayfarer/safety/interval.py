@@ -12,7 +12,7 @@ from wayfarer.hal import STOP, WheelCommand
 class Interval:
     """From the previous control tick to this one; the first part of the record of a tick.
 
-    ``t_s`` is the time of this tick, ``told`` the wheel command before it, and ``dt_s`` the time since the
+    ``t_s`` is the time of this tick, ``commanded`` the wheel command before it, and ``dt_s`` the time since the
     previous one, 0 at the first. ``driven_s`` is for how much of ``dt_s`` the wheels obeyed: before a late tick the
     motor board's deadman has stopped them. ``forward_m`` is how far the wheels were commanded to go in ``driven_s``, in
     metres, negative in reverse.
@@ -22,13 +22,13 @@ class Interval:
     def __init__(
         self,
         t_s: float,
-        told: WheelCommand = STOP,
+        commanded: WheelCommand = STOP,
         dt_s: float = 0.0,
         driven_s: float = 0.0,
         forward_m: float = 0.0,
     ) -> None:
         self.t_s = t_s
-        self.told = told
+        self.commanded = commanded
         self.dt_s = dt_s
         self.driven_s = driven_s
         self.forward_m = forward_m
@@ -55,5 +55,5 @@ class IntervalTimer:
             return
         dt_s = tick.dt_s = tick.t_s - last_t_s
         driven_s = tick.driven_s = dt_s if dt_s < self._late_s else self._late_s
-        left, right = tick.told
+        left, right = tick.commanded
         tick.forward_m = (left + right) * self._half_speed_m_s * driven_s

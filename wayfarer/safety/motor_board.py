@@ -3,8 +3,8 @@
 A battery sags under load, so a voltage counts only once it has stayed below its limit for a while. Without limits it
 is only logged: they depend on the chemistry, and a board that cannot measure (Sabertooth) gives none.
 
-A board that says twice in a row that it applies other duties than it was told turns the wheels, or lets them stand, by
-itself (field catalogue, faults 23 and 30). Twice, because a stop may have come between.
+A board that says twice in a row that it applies other duties than it was commanded turns the wheels, or lets them
+stand, by itself (field catalogue, faults 23 and 30). Twice, because a stop may have come between.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class MotorBoardMonitor:
         self.health = health
         conditions = [Condition.BOARD_FAULT] if health.faults and self._faulty else []
         self._faulty = bool(health.faults)
-        disagrees = duties is not None and not _told(duties, applied)
+        disagrees = duties is not None and not _were_commanded(duties, applied)
         if disagrees and self.doubtful:
             conditions.append(Condition.BOARD_DISAGREES)
         self.doubtful = disagrees
@@ -66,6 +66,6 @@ class MotorBoardMonitor:
         self.conditions = (Condition.BOARD_SILENT,)
 
 
-def _told(duties: WheelCommand, applied: Sequence[WheelCommand]) -> bool:
+def _were_commanded(duties: WheelCommand, applied: Sequence[WheelCommand]) -> bool:
     """Return whether each side's duty was commanded; what is no number never was."""
     return all(any(abs(duty - command[side]) <= SAME_DUTY for command in applied) for side, duty in enumerate(duties))

@@ -72,7 +72,7 @@ class EntrapmentSettings:
     A free run is ``free_run_m`` commanded ahead without an anomaly, of which the motion sensor sees ``covered_m``
     without its largest readings: one that is garbage now and then frees no rover. Without such a run, so many anomalies
     or so long is enough: ``anomalies_max``, counted once in ``anomaly_every_s``, or ``give_up_s`` in which the wheels
-    were told to turn.
+    were commanded to turn.
 
     The catalogue asks for 12 anomalies or 60 s. Of 1,660 simulated trials with all ten algorithms, 1,571 got out: with
     Forest-Pledge after 8 anomalies without a free run and 13 s at most, in a Lévy walk after 17 and 48 s. So the 60 s

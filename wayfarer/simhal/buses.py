@@ -63,11 +63,14 @@ class FakeI2C:
 
     async def write_read(self, address: int, data: bytes, count: int) -> bytes:
         """Write, then read."""
+        return self._transfer(address, data, count)
+
+    write_then_read = write_read
+
+    def _transfer(self, address: int, data: bytes, count: int) -> bytes:
         chip = self.chip_at(address)
         chip.write(data)
         return chip.read(count)
-
-    write_then_read = write_read
 
     def post(self, address: int, data: bytes) -> None:
         """Write at once."""

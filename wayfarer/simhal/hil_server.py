@@ -118,7 +118,7 @@ class HilServer:
         self._wiring.tick()
         self.world.advance_to(self._clock())
 
-    async def meet(self, reader: StreamReader, writer: StreamWriter) -> None:
+    async def serve_client(self, reader: StreamReader, writer: StreamWriter) -> None:
         """Answer a client's requests in turn until it goes away."""
         try:
             while line := await reader.readline():
@@ -206,12 +206,12 @@ async def serve(config: RoverConfig, path: Path, seed: int | None) -> None:
     bench = HilServer(config, seed, asyncio.get_running_loop().time)
     talks: set[asyncio.Task[None]] = set()
 
-    def meet(reader: StreamReader, writer: StreamWriter) -> None:
-        talk = asyncio.create_task(bench.meet(reader, writer))
+    def serve_client(reader: StreamReader, writer: StreamWriter) -> None:
+        talk = asyncio.create_task(bench.serve_client(reader, writer))
         talks.add(talk)
         talk.add_done_callback(talks.discard)
 
-    async with await asyncio.start_unix_server(meet, path):
+    async with await asyncio.start_unix_server(serve_client, path):
         print(f"the chips of {config.name} are at {path}", flush=True)
         try:
             while True:

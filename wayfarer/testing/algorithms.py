@@ -46,20 +46,20 @@ def check_algorithm(algorithm: Algorithm) -> None:
 
 def _rehearse(algorithm: Algorithm, *, contact: bool) -> list[Observation]:
     """Drive through made-up trouble, checking each decision; return what was observed."""
-    handler, chance = _make(algorithm), Random(1)
+    handler, rng = _make(algorithm), Random(1)
     wheels, seen = STOP, []
     heading_steps, travelled_m = 0, 0.0
     for tick in range(1, TICKS):
-        heading_steps += round(_turn_deg(wheels) * ANGLE_STEPS * chance.choice((0.0, 1.0, 1.0)))
+        heading_steps += round(_turn_deg(wheels) * ANGLE_STEPS * rng.choice((0.0, 1.0, 1.0)))
         travelled_m += abs(wheels.left + wheels.right) / 2 * _VEHICLE.max_speed_m_s * TICK_S
-        met = chance.random() < 0.05
+        met = rng.random() < 0.05
         observation = Observation(
             t_s=tick * TICK_S,
             heading_deg=heading_steps % (360 * ANGLE_STEPS) / ANGLE_STEPS,
             pitch_deg=0.0,
             roll_deg=0.0,
-            anomalies=(chance.choice(tuple(Anomaly)),) if met else (),
-            contact=_touch(chance, tick * TICK_S, met) if contact else None,
+            anomalies=(rng.choice(tuple(Anomaly)),) if met else (),
+            contact=_touch(rng, tick * TICK_S, met) if contact else None,
             goal_heading_deg=0.0,
             travelled_m=travelled_m,
         )
@@ -69,9 +69,9 @@ def _rehearse(algorithm: Algorithm, *, contact: bool) -> list[Observation]:
     return seen
 
 
-def _touch(chance: Random, t_s: float, met: bool) -> ContactReading:
-    sides = (chance.choice(tuple(Side)),) if met else ()
-    axis_deg = chance.randrange(180) if met and chance.random() < 0.5 else None
+def _touch(rng: Random, t_s: float, met: bool) -> ContactReading:
+    sides = (rng.choice(tuple(Side)),) if met else ()
+    axis_deg = rng.randrange(180) if met and rng.random() < 0.5 else None
     return ContactReading(t_s, sides, axis_deg)
 
 

@@ -17,7 +17,7 @@ PAPER, NIGHT = "#ffffff", "#121412"  # the ground of a light and of a dark page
 BLUE, VERMILION, GREEN, PURPLE, ORANGE = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00"
 VIOLET, GREY, EDGE = "#9C6CFC", "#6E6E6E", "#4A4A4A"
 
-PHASES: Mapping[str, str] = {
+PHASE_COLOURS: Mapping[str, str] = {
     Phase.FOLLOW.value: BLUE,
     Phase.PROBE.value: VERMILION,
     Phase.STRIDE.value: GREEN,
@@ -37,7 +37,7 @@ ANOMALY_MARKERS: Mapping[str, tuple[str, float]] = {
     Anomaly.TOUCHED.value: ("square", 0.0),
 }
 ANOMALY, TROUBLE, PERSON = ORANGE, VERMILION, BLUE
-LEVELS: Mapping[str, str] = {
+LEVEL_COLOURS: Mapping[str, str] = {
     Level.DEGRADE.name.lower(): ORANGE,
     Level.HOLD.name.lower(): VERMILION,
     Level.FAULT.name.lower(): PURPLE,
@@ -52,7 +52,7 @@ TRUNK, TREE, GOAL_LINE = "#9C7A54", "#63926B", "#00804F"
 def css() -> str:
     """Return the colours that the style and the scripts of a page use, as variables: a phase's by its name in a log."""
     named = {
-        **PHASES, Phase.HALT.value: STANDS, "trunk": TRUNK, "tree": TREE, "goal-line": GOAL_LINE, "anomaly": ANOMALY,
-        "mark-edge": EDGE, "paper": PAPER, "night": NIGHT,
+        **PHASE_COLOURS, Phase.HALT.value: STANDS, "trunk": TRUNK, "tree": TREE, "goal-line": GOAL_LINE,
+        "anomaly": ANOMALY, "mark-edge": EDGE, "paper": PAPER, "night": NIGHT,
     }  # fmt: skip
     return f":root {{ {' '.join(f'--{name}: {colour};' for name, colour in named.items())} }}\n"

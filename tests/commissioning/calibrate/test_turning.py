@@ -277,7 +277,7 @@ def test_whatever_is_measured_can_be_kept(rates: list[float]) -> None:
 
 @given(gain=st.floats(0.3, 10.0), top=st.floats(0.2, 1.4))
 def test_even_gain_of_speed_is_found_even_where_the_top_is_not_reached(gain: float, top: float) -> None:
-    found = speed_gain(drive(0.0, gain, top), told_m_s=top)
+    found = speed_gain(drive(0.0, gain, top), commanded_m_s=top)
     if top / gain <= 2.0:
         assert found is not None
         assert found.speed_m_s == pytest.approx(top)

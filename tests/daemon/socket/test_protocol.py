@@ -15,11 +15,11 @@ from wayfarer.daemon.socket.protocol import (
     REPLY_BYTES,
     REQUEST_BYTES,
     Refused,
-    accept,
     check,
+    error_reply,
+    ok_reply,
     perform,
     read_line,
-    refuse,
 )
 from wayfarer.errors import BadInput, UnknownName
 
@@ -141,14 +141,14 @@ def test_line_without_an_object_is_refused_with_an_example(line: bytes) -> None:
 
 @given(details=st.dictionaries(st.text().filter(lambda key: key != "ok"), st.text() | st.integers(-1000, 1000)))
 def test_reply_is_one_line_that_gives_back_the_details(details: dict[str, Any]) -> None:
-    line = accept(details)
+    line = ok_reply(details)
     assert line.endswith(b"\n")
     assert line.count(b"\n") == 1
     assert orjson.loads(line) == {"ok": True, **details}
 
 
 def test_refusal_is_one_line_whatever_it_says() -> None:
-    line = refuse("first\nsecond \x1b[31m")
+    line = error_reply("first\nsecond \x1b[31m")
     assert line.count(b"\n") == 1
     assert orjson.loads(line) == {"ok": False, "why": "first\nsecond \x1b[31m"}
 
@@ -161,4 +161,4 @@ def test_longest_request_there_is_fits_a_line() -> None:
 
 def test_answer_without_end_is_not_sent() -> None:
     with pytest.raises(Refused, match="65536 is the limit"):
-        accept({"text": "x" * REPLY_BYTES})
+        ok_reply({"text": "x" * REPLY_BYTES})

@@ -17,7 +17,7 @@ from tests.experiments import fake_trials
 from tests.experiments.report.campaigns import ALGORITHMS, TRIALS, run_campaign
 from tests.views.page.outline import Outline
 from wayfarer.cli import report as command
-from wayfarer.experiments.entrapment import Cause
+from wayfarer.experiments.entrapment_cause import Cause
 from wayfarer.experiments.report.campaign import write_report
 from wayfarer.experiments.report.groups import grouped
 from wayfarer.experiments.report.reading import read_results

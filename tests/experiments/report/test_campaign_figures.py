@@ -160,4 +160,4 @@ def _data(renderer: Any) -> Mapping[str, Any]:
 def test_every_phase_that_moves_is_a_layer() -> None:
     figure = trials_map([trial_of(Trace([TrajectoryPoint(25.0, 12.5, Phase.FOLLOW)], []))])
     tags = {tag for renderer in figure.renderers for tag in renderer.tags}
-    assert tags == {f"layer:{phase}" for phase in palette.PHASES} | {"layer:slips"}
+    assert tags == {f"layer:{phase}" for phase in palette.PHASE_COLOURS} | {"layer:slips"}

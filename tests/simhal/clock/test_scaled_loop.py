@@ -21,20 +21,20 @@ from tests.simhal.clock.programs import timeouts, timers_in_time_order, trace_of
 from wayfarer.control.rate import Rate
 from wayfarer.daemon.watchdog import StallGuard
 from wayfarer.simhal.clock import scaled_loop
-from wayfarer.simhal.clock.scaled_loop import CATCH_UP_S, LATE_S, FastLoop, Pace
+from wayfarer.simhal.clock.scaled_loop import CATCH_UP_S, LATE_S, ScaledLoop, TimeScale
 
 T = TypeVar("T")
 SPEED = 50.0
 
 
 def run(main: Coroutine[Any, Any, T], speed: float = SPEED) -> T:
-    with asyncio.Runner(loop_factory=partial(FastLoop, Pace(speed))) as runner:
+    with asyncio.Runner(loop_factory=partial(ScaledLoop, TimeScale(speed))) as runner:
         return runner.run(main)
 
 
 @pytest.mark.parametrize("program", [timers_in_time_order, timeouts, waiting_for])
 def test_programs_note_the_same_in_the_same_order_as_in_virtual_time(program: Any) -> None:
-    fast = trace_of(program, partial(FastLoop, Pace(SPEED)))
+    fast = trace_of(program, partial(ScaledLoop, TimeScale(SPEED)))
     assert [text for _, text in fast] == [text for _, text in trace_of(program)]
 
 
@@ -151,25 +151,25 @@ def test_time_goes_on_while_the_loop_only_waits_for_a_socket() -> None:
 
 
 def test_time_stands_still_in_a_pause_and_calls_from_other_threads_are_done() -> None:
-    pace = Pace(SPEED)
+    time_scale = TimeScale(SPEED)
     done: list[float] = []
 
     async def main() -> tuple[float, float]:
-        loop = cast(FastLoop, asyncio.get_running_loop())
+        loop = cast(ScaledLoop, asyncio.get_running_loop())
 
         def look_on() -> None:
             time.sleep(0.2)  # ten seconds of the loop, if it went on
             loop.call_soon_threadsafe(done.append, loop.time())
             time.sleep(0.1)
-            pace.paused = False
-            loop.look_at_pace()
+            time_scale.paused = False
+            loop.look_at_time_scale()
 
-        pace.paused, began_s = True, loop.time()
+        time_scale.paused, began_s = True, loop.time()
         looking = asyncio.to_thread(look_on)
         await asyncio.gather(looking, asyncio.sleep(1.0))
         return began_s, loop.time()
 
-    with asyncio.Runner(loop_factory=partial(FastLoop, pace)) as runner:
+    with asyncio.Runner(loop_factory=partial(ScaledLoop, time_scale)) as runner:
         began_s, ended_s = runner.run(main())
     (called_s,) = done
     assert called_s - began_s < 0.01
@@ -177,33 +177,33 @@ def test_time_stands_still_in_a_pause_and_calls_from_other_threads_are_done() ->
 
 
 def test_signal_ends_a_pause() -> None:
-    pace = Pace(SPEED)
+    time_scale = TimeScale(SPEED)
 
     async def main() -> None:
         loop, told = asyncio.get_running_loop(), asyncio.Event()
         loop.add_signal_handler(signal.SIGUSR1, told.set)
-        pace.paused = True
+        time_scale.paused = True
         threading.Timer(0.1, os.kill, [os.getpid(), signal.SIGUSR1]).start()
         await told.wait()
         await asyncio.sleep(1.0)  # what a signal asks for takes time
 
-    with asyncio.Runner(loop_factory=partial(FastLoop, pace)) as runner:
+    with asyncio.Runner(loop_factory=partial(ScaledLoop, time_scale)) as runner:
         runner.run(asyncio.wait_for(main(), 60.0))
-    assert not pace.paused
+    assert not time_scale.paused
 
 
 def test_speed_may_change_at_any_time() -> None:
-    pace = Pace(1.0)
+    time_scale = TimeScale(1.0)
 
     async def main() -> tuple[float, float]:
         loop = asyncio.get_running_loop()
         await asyncio.sleep(0)
-        pace.speed, clock_s, loop_s = SPEED, time.monotonic(), loop.time()
+        time_scale.speed, clock_s, loop_s = SPEED, time.monotonic(), loop.time()
         for _ in range(20):
             await asyncio.sleep(0.5)
         return time.monotonic() - clock_s, loop.time() - loop_s
 
-    with asyncio.Runner(loop_factory=partial(FastLoop, pace)) as runner:
+    with asyncio.Runner(loop_factory=partial(ScaledLoop, time_scale)) as runner:
         clock_s, loop_s = runner.run(main())
     assert loop_s >= 10.0
     assert clock_s < 5.0, "a fifth of a second at this speed; ten at the one before"

@@ -41,7 +41,7 @@ def test_straight_ways_meet_mud_as_often_as_slips(width_m: float) -> None:
         mud = Mud(forest, physics, width_m, RandomStreams(seed))
         for way_m in ways_m:
             columns = [way_m + (off + 0.5) * MUD_CELL_M for off in range(-half, half + 1)]
-            muddy = [any(mud.lies_at(x_m, (row + 0.5) * MUD_CELL_M) for x_m in columns) for row in rows]
+            muddy = [any(mud.is_muddy(x_m, (row + 0.5) * MUD_CELL_M) for x_m in columns) for row in rows]
             begins += sum(now and not before for before, now in pairwise(muddy))
     per_m2 = 1.0 / ((2.0 * MUD_RADIUS_M + width_m) * mean_m)
     bare = exp(-per_m2 * (pi * MUD_RADIUS_M**2 + 2.0 * MUD_RADIUS_M * 2.0 * half * MUD_CELL_M))
@@ -54,10 +54,10 @@ def test_ground_holds_no_more_mud_than_it_has_room_for(slip_mean_m: float) -> No
     """Without a bound the second would lay patches out for ever."""
     mud = Mud(CLEARING, replace(STEADY, slip_mean_m=slip_mean_m), BODY.width_m, RandomStreams(0))
     places = [(x / 2.0, y / 2.0) for x in range(2, 98) for y in range(40, 98)]
-    assert sum(mud.lies_at(*place) for place in places) / len(places) == pytest.approx(0.99, abs=0.005)
+    assert sum(mud.is_muddy(*place) for place in places) / len(places) == pytest.approx(0.99, abs=0.005)
 
 
 def test_no_mud_where_the_rover_starts() -> None:
     mud = Mud(CLEARING, replace(STEADY, slip_mean_m=0.5), BODY.width_m, RandomStreams(0))
     assert mud.anywhere
-    assert not any(mud.lies_at(25.0 + east / 10.0, 12.5 + north / 10.0) for east in range(-5, 6) for north in range(6))
+    assert not any(mud.is_muddy(25.0 + east / 10.0, 12.5 + north / 10.0) for east in range(-5, 6) for north in range(6))

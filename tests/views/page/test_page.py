@@ -25,7 +25,7 @@ def write(out: Path) -> Path:
     line = made.line("x", "y", source=source, line_width=6)
     line.tags = ["layer:speed"]
     made.add_tools(hover([line], ("what", "@text"), ("speed", "@y{0.0} m/s"), line_policy="interp"))
-    body = [html.figure(plots.place(made), HOSTILE), html.layers("Show", [html.Layer("speed", "speed", "#0072B2")])]
+    body = [html.figure(plots.place(made), HOSTILE), html.layers("Show", [html.PlotLayer("speed", "speed", "#0072B2")])]
     return write_page(out, HOSTILE, body, plots)
 
 

@@ -37,7 +37,7 @@ from wayfarer.errors import BadInput
 from wayfarer.fieldlog.reader import Record, RunReader
 from wayfarer.views.run_report import words
 from wayfarer.views.run_report.data import RunData
-from wayfarer.views.run_report.events import happenings, is_trouble
+from wayfarer.views.run_report.events import event_marks, is_trouble
 from wayfarer.views.run_report.map import map_plot
 from wayfarer.views.run_report.quantities import PANELS, panels_of
 from wayfarer.views.run_report.reading import read_run
@@ -260,7 +260,7 @@ def test_time_without_ticks_is_marked(tmp_path: Path) -> None:
     assert "0:00:31.0 no ticks for 30.1 s" in text_of(page)
     (event,) = (data := read_run(tmp_path / "00001-run")).events
     assert is_trouble(event)
-    assert [(round(each.t_s, 6), each.layer) for each in happenings(data)] == [(0.95, "trouble")], "it began there"
+    assert [(round(each.t_s, 6), each.layer) for each in event_marks(data)] == [(0.95, "trouble")], "it began there"
 
 
 def test_way_and_lines_are_broken_where_no_ticks_came(tmp_path: Path) -> None:

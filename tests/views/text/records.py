@@ -10,7 +10,7 @@ import orjson
 
 from wayfarer.fieldlog.reader import Record
 from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.views.text.run_narrator import Line, RunNarrator, Telling
+from wayfarer.views.text.run_narrator import Line, RunNarrator, Verbosity
 
 SAMPLE_LOGS = Path(__file__).resolve().parents[3] / "field_logs"
 BEGAN_WALL_S = 1_800_000_000.0
@@ -63,9 +63,9 @@ def write(run: Path, records: Iterable[Record | bytes], name: str = "run.jsonl")
     return run
 
 
-def narrated(records: Iterable[Record], telling: Telling = Telling.STATUS) -> list[Line]:
+def narrated(records: Iterable[Record], verbosity: Verbosity = Verbosity.STATUS) -> list[Line]:
     """Return what is told of a run in lines."""
-    fold, narrator = RunFold(reckons=False), RunNarrator(telling)
+    fold, narrator = RunFold(reckons=False), RunNarrator(verbosity)
     return [line for each in records for line in narrator.tell(fold.take(each))]
 
 

@@ -10,7 +10,7 @@ from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, narrate
 from wayfarer.fieldlog.reader import Record
 from wayfarer.fieldlog.wording import Tone
 from wayfarer.views.text.console import Console
-from wayfarer.views.text.run_narrator import Telling
+from wayfarer.views.text.run_narrator import Verbosity
 
 
 def said(*records: Record) -> list[str]:
@@ -27,14 +27,14 @@ def clock(t_s: float) -> str:
 
 def test_line_has_the_wall_time_and_the_words_of_the_log() -> None:
     records = [HEADER, event("armed", 2.0, goal_heading_deg=123.456), tick(3.0, phase="back_off", why="anomaly")]
-    words = [line.text for line in narrated(records, Telling.CHANGES)]
+    words = [line.text for line in narrated(records, Verbosity.CHANGES)]
     assert said(*records) == [f"{clock(t_s)}  {text}" for t_s, text in zip((0.0, 2.0, 3.0), words, strict=True)]
     assert said(*records)[1] == f"{clock(2.0)}  Armed: drives towards 123 degrees"
 
 
 def test_rover_that_does_the_same_is_told_once() -> None:
     records = drive(0.0, 200.0)
-    assert any(line.tone is Tone.QUIET for line in narrated(records, Telling.STATUS)), "a viewer shows more"
+    assert any(line.tone is Tone.QUIET for line in narrated(records, Verbosity.STATUS)), "a viewer shows more"
     assert len(said(*records)) == 1
 
 

@@ -18,7 +18,7 @@ from wayfarer.views.text.run_summariser import summarise
 from wayfarer.views.text.summary import RunSummary
 from wayfarer.views.text.summary_text import summary_text
 from wayfarer.views.text.tail import RunTail
-from wayfarer.views.text.verdict import NO_OUTCOME, LogIntegrity, judge
+from wayfarer.views.text.verdict import NO_OUTCOME, LogIntegrity, check_log
 
 RUN = "00017-20261121T061405Z"
 WHOLE = numbered([HEADER, event("armed", 0.0), *drive(0.0, 1.0), outcome(1.0)])
@@ -29,17 +29,17 @@ def use_every_tool(run: Path) -> None:
     for target in (STORY, EXPORT):
         with target.opened() as attempt:
             said = attempt((run / "run.jsonl").read_bytes())
-        assert judge(run).integrity is LogIntegrity.UNREADABLE or not said.startswith("BadInput"), said
+        assert check_log(run).integrity is LogIntegrity.UNREADABLE or not said.startswith("BadInput"), said
 
 
 def test_log_is_whole(tmp_path: Path) -> None:
-    verdict = judge(write(tmp_path, WHOLE))
+    verdict = check_log(write(tmp_path, WHOLE))
     assert (verdict.integrity.exit_code, str(verdict)) == (0, "complete: 23 records")
 
 
 def test_sample_run_is_whole_and_tells_of_everything_that_was_asked() -> None:
     run = find_run("1", SAMPLE_LOGS)
-    assert judge(run).integrity is LogIntegrity.COMPLETE
+    assert check_log(run).integrity is LogIntegrity.COMPLETE
     found = summarise(RunReader(run))
     assert (found.holds, found.goals, [mark.text for mark in found.marks]) == (1, 1, ["hit log"])
     assert found.episodes > 0
@@ -57,7 +57,7 @@ def test_sample_run_is_whole_and_tells_of_everything_that_was_asked() -> None:
     ],
 )
 def test_log_that_lost_something_is_repaired_at_best(tmp_path: Path, records: list[Any], said: str) -> None:
-    verdict = judge(write(tmp_path, records))
+    verdict = check_log(write(tmp_path, records))
     assert (verdict.integrity, verdict.integrity.exit_code) == (LogIntegrity.PARTIAL, 3)
     assert said in str(verdict)
 
@@ -65,7 +65,7 @@ def test_log_that_lost_something_is_repaired_at_best(tmp_path: Path, records: li
 def test_log_that_ends_in_the_middle_of_a_line_says_what_was_skipped(tmp_path: Path) -> None:
     file = write(tmp_path, WHOLE) / "run.jsonl"
     file.write_bytes(file.read_bytes()[:-9])
-    assert "1 line is torn" in str(judge(tmp_path))
+    assert "1 line is torn" in str(check_log(tmp_path))
 
 
 LONG = numbered([HEADER, event("armed", 0.0), *drive(0.0, 7.0), *drive(7.0, 14.0, heading_deg=90.0), outcome(14.0)])
@@ -113,7 +113,7 @@ def test_what_cannot_be_is_dropped_and_counted_once(
 ) -> None:
     """``tests/views/test_damaged_copies.py`` shows that every tool says the same."""
     run = write(tmp_path / RUN, records)
-    verdict = judge(run)
+    verdict = check_log(run)
     assert (verdict.integrity.exit_code, verdict.records) == (3, len(records) - damage.lines)
     assert str(damage) in str(verdict)
 
@@ -133,7 +133,7 @@ def test_what_cannot_be_is_dropped_and_counted_once(
 def test_one_damaged_header_costs_that_header_only(tmp_path: Path, schema: int | None) -> None:
     run = write(tmp_path / RUN, [HEADER | {"schema": schema}, *LONG[1:MIDDLE]], "run.00001.jsonl")
     write(run, [HEADER | {"part": 2, "t_s": LONG[MIDDLE]["t_s"]}, *LONG[MIDDLE:]])
-    verdict = judge(run)
+    verdict = check_log(run)
     assert (verdict.integrity, verdict.records) == (LogIntegrity.PARTIAL, len(LONG))
     assert "1 record holds an impossible value" in str(verdict)
     tail = RunTail(run)
@@ -153,7 +153,7 @@ def test_part_without_its_header_is_counted(tmp_path: Path) -> None:
 @pytest.mark.parametrize("records", [WHOLE[:1], WHOLE[:-1]])
 def test_summary_calls_no_log_whole_that_check_does_not(tmp_path: Path, records: list[Record]) -> None:
     reader = RunReader(write(tmp_path / RUN, records))
-    assert judge(reader.run).integrity is LogIntegrity.PARTIAL
+    assert check_log(reader.run).integrity is LogIntegrity.PARTIAL
     said = summary_text("17", summarise(reader), reader.damage).splitlines()[-1]
     assert said == f"log        {NO_OUTCOME}"
 
@@ -168,7 +168,7 @@ def test_log_of_a_newer_wayfarer_is_refused_in_one_line(tmp_path: Path, records:
     with pytest.raises(BadInput, match="schema 99"):
         list(tail.take())
     tail.close()
-    verdict = judge(run)
+    verdict = check_log(run)
     assert verdict.integrity.exit_code == 1
     assert "schema 99" in str(verdict)
     assert [row.outcome for row in rows(tmp_path, 0.0)] == ["unreadable"]
@@ -177,7 +177,7 @@ def test_log_of_a_newer_wayfarer_is_refused_in_one_line(tmp_path: Path, records:
 @pytest.mark.parametrize("content", [b"", b"\0" * 5000, b"what?\n"])
 def test_log_of_which_nothing_is_left_is_unreadable(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "run.jsonl").write_bytes(content)
-    verdict = judge(tmp_path)
+    verdict = check_log(tmp_path)
     assert verdict.integrity.exit_code == 1
     assert re.match(r"unreadable: 0 readable records; .*: nothing in this log can be read \(.*\)$", str(verdict))
 

@@ -7,12 +7,12 @@ import pytest
 from tests.views.text.records import HEADER, drive, event, narrated, numbered, outcome, record, tick
 from wayfarer.fieldlog.reader import Record
 from wayfarer.fieldlog.wording import Tone, event_text
-from wayfarer.views.text.run_narrator import Telling
+from wayfarer.views.text.run_narrator import Verbosity
 
 
-def told(*records: Record, telling: Telling = Telling.STATUS) -> list[str]:
+def told(*records: Record, verbosity: Verbosity = Verbosity.STATUS) -> list[str]:
     """The lines that follow the header's."""
-    return [str(line) for line in narrated([HEADER, *records], telling)][1:]
+    return [str(line) for line in narrated([HEADER, *records], verbosity)][1:]
 
 
 def tone(each: Record) -> Tone:
@@ -77,7 +77,7 @@ def test_change_of_phase_is_a_sentence_where_only_changes_are_told() -> None:
         tick(25.6, phase="turn_away", why="back_off.done"),
         tick(26.5, phase="probe", why="turn_away.exhausted", anomalies=["nose_up"]),
         tick(27.4, phase="spin", why="of joy"),
-        telling=Telling.CHANGES,
+        verbosity=Verbosity.CHANGES,
     )
     assert [line[12:] for line in lines] == [
         "Stopped",
@@ -147,7 +147,7 @@ def test_missing_records_are_told_where_they_are_missing() -> None:
 
 
 def test_time_without_ticks_is_told_when_it_is_over() -> None:
-    lines = told(tick(1.0), tick(4.5, phase="back_off", why="follow.anomaly"), telling=Telling.CHANGES)
+    lines = told(tick(1.0), tick(4.5, phase="back_off", why="follow.anomaly"), verbosity=Verbosity.CHANGES)
     assert lines[1:] == [
         "0:00:04.50  no ticks for 3.5 s",
         "0:00:04.50  Backs off, because there was an anomaly on its way to the goal (heading 0, 2.2 m)",
@@ -171,7 +171,7 @@ def test_header_that_only_a_later_part_has_says_what_runs() -> None:
 
 def test_every_tick_is_told_when_asked_for() -> None:
     held = tick(0.1, cause="compass_stale", level="hold", applied_left=0.0)
-    lines = told(*drive(0.0, 0.1), held, telling=Telling.TICKS)
+    lines = told(*drive(0.0, 0.1), held, verbosity=Verbosity.TICKS)
     assert lines == [
         "0:00:00.00  follow     heading   0  wanted +0.50/+0.50, applied +0.50/+0.50",
         "0:00:00.05  follow     heading   0  wanted +0.50/+0.50, applied +0.50/+0.50",
@@ -190,5 +190,5 @@ def test_nothing_that_a_terminal_obeys_gets_through(nasty: str) -> None:
         record("computer", 1.0, throttled=nasty),
         record("outcome", 1.0, reason=nasty, text=nasty),
     ]
-    for telling in Telling:
-        assert all(str(line).isprintable() for line in narrated(records, telling))
+    for verbosity in Verbosity:
+        assert all(str(line).isprintable() for line in narrated(records, verbosity))

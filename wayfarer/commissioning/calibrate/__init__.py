@@ -45,9 +45,9 @@ async def calibrate(
         WayfarerError: what was measured cannot be used, or the file cannot be written.
     """
     calibration = load(host.calibration_file)
-    async with StandaloneInspection(config, rover, host) as bench:
+    async with StandaloneInspection(config, rover, host) as inspection:
         for step in steps:
-            before, calibration = calibration, await _take(step, calibration, bench, person)
+            before, calibration = calibration, await _take(step, calibration, inspection, person)
             if calibration is before:
                 await person.say(f"{step}: left as it was.")
                 continue
@@ -56,21 +56,21 @@ async def calibrate(
     return calibration
 
 
-async def _take(step: Step, known: Calibration, bench: StandaloneInspection, person: Person) -> Calibration:
+async def _take(step: Step, known: Calibration, inspection: StandaloneInspection, person: Person) -> Calibration:
     """Return what is known after a step; the same where the person declined, or the rover has no such part."""
-    rover, t_wall = bench.rover, bench.host.t_wall
+    rover, t_wall = inspection.rover, inspection.host.t_wall
     if step == "flow":
         if rover.motion is None:
             return known
-        await bench.open("motion")
-        flow = await calibrate_flow(rover.motion, person, bench.config.detector.quality_min, t_wall)
+        await inspection.open("motion")
+        flow = await calibrate_flow(rover.motion, person, inspection.config.detector.quality_min, t_wall)
         return replace(known, flow=flow)
-    await bench.open("compass")
+    await inspection.open("compass")
     if step == "compass":
         return replace(known, compass=await calibrate_compass(rover.compass, person, t_wall))
-    await bench.open("motors")
+    await inspection.open("motors")
     if step == "turning":
-        turning = await calibrate_turning(known, bench, person)
+        turning = await calibrate_turning(known, inspection, person)
         return known if turning is None else replace(known, turning=turning)
-    shift = await calibrate_motors(rover.motors, rover.compass, person, t_wall, bench.config.safety.duty_max)
+    shift = await calibrate_motors(rover.motors, rover.compass, person, t_wall, inspection.config.safety.duty_max)
     return known if shift is None else replace(known, motors=shift)

@@ -30,16 +30,16 @@ class FreeGround:
     """Drives a rover, and watches it by its compass and its motion sensor, where it has one.
 
     Args:
-        bench: the rover; nothing else uses it.
+        inspection: the rover; nothing else uses it.
         scale: what the metres of the motion sensor must be multiplied by.
     """
 
-    def __init__(self, bench: StandaloneInspection, scale: float) -> None:
-        self._bench, self._scale = bench, scale
-        detector = bench.config.detector
+    def __init__(self, inspection: StandaloneInspection, scale: float) -> None:
+        self._inspection, self._scale = inspection, scale
+        detector = inspection.config.detector
         self._quality_min, self._tilt_deg = detector.quality_min, detector.tilt_deg
         self._tilts = Debounce(detector.tilt_s)
-        self._gate = Gate(bench.config.safety, RATE_HZ)
+        self._gate = Gate(inspection.config.safety, RATE_HZ)
         self._heading_deg = 0.0
         self._now = Sample(0.0, 0.0, 0.0, seen=False)
 
@@ -49,17 +49,18 @@ class FreeGround:
         Raises:
             WayfarerError: they may not; the text says why and what to do.
         """
-        for finding in await run_checks(self._bench, MUST_NOT_FAIL):
+        for finding in await run_checks(self._inspection, MUST_NOT_FAIL):
             if finding.verdict is CheckVerdict.FAIL:
                 raise WayfarerError(f"{finding.name}: {finding.found}; {finding.cause}: {finding.remedy}")
 
     @asynccontextmanager
     async def drives(self) -> AsyncGenerator[None]:
         """Let the wheels turn; on the way out they are stopped, and the body comes to rest."""
-        reading, _ = await self._bench.rover.compass.read(), await self._bench.motion()  # what came before is not ours
+        reading = await self._inspection.rover.compass.read()
+        await self._inspection.motion()  # what came before is not ours
         self._heading_deg, self._now = reading.heading_deg, Sample(reading.t_s, 0.0, 0.0, seen=True)
-        async with wheels_stopped_after(self._bench.rover.motors):
-            self._gate = Gate(self._bench.config.safety, RATE_HZ)
+        async with wheels_stopped_after(self._inspection.rover.motors):
+            self._gate = Gate(self._inspection.config.safety, RATE_HZ)
             yield
         await asyncio.sleep(REST_S)
 
@@ -72,13 +73,13 @@ class FreeGround:
         """
         rate, samples = Rate(RATE_HZ), []
         for _ in range(round(for_s * RATE_HZ)):
-            await self._bench.rover.motors.drive(self._gate.limit(wanted, armed=True))
+            await self._inspection.rover.motors.drive(self._gate.limit(wanted, armed=True))
             await rate.wait()
             samples.append(await self._sense())
         return samples
 
     async def _sense(self) -> Sample:
-        reading, motion = await self._bench.rover.compass.read(), await self._bench.motion()
+        reading, motion = await self._inspection.rover.compass.read(), await self._inspection.motion()
         self._refuse_tilt(reading)
         _, turned_deg, ahead_m, _ = self._now
         turned_deg += wrap180(reading.heading_deg - self._heading_deg)

@@ -64,7 +64,7 @@ def turn_response(points: Sequence[tuple[float, float]]) -> TurnResponse | None:
     return TurnResponse(stood_at_duty=stood_at_duty, from_duty=from_duty, deg_s_per_duty=slope)
 
 
-def speed_gain(samples: Sequence[Sample], told_m_s: float) -> SpeedGain | None:
+def speed_gain(samples: Sequence[Sample], commanded_m_s: float) -> SpeedGain | None:
     """Return how a body gained speed from rest; None where the motion sensor hardly saw the ground, or hardly a move.
 
     Its first command was given a tick before the first sample. It may still gain speed at the end, if evenly.
@@ -74,7 +74,7 @@ def speed_gain(samples: Sequence[Sample], told_m_s: float) -> SpeedGain | None:
     end_s, _, ahead_m, _ = samples[-1]
     last = [each for each in samples if each.t_s >= end_s - LAST_S]
     speed_m_s, _ = linear_regression([each.t_s for each in last], [each.ahead_m for each in last])
-    if speed_m_s < MOVED_MIN_SHARE * told_m_s:
+    if speed_m_s < MOVED_MIN_SHARE * commanded_m_s:
         return None
     tick_s = samples[1].t_s - samples[0].t_s
     driven_s = end_s - samples[0].t_s + tick_s

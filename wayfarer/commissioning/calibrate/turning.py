@@ -35,12 +35,14 @@ ON_FREE_GROUND = (
 )
 
 
-async def calibrate_turning(known: Calibration, bench: StandaloneInspection, person: Person) -> TurningEntry | None:
+async def calibrate_turning(
+    known: Calibration, inspection: StandaloneInspection, person: Person
+) -> TurningEntry | None:
     """Measure an open rover's turn response and gain of speed; None where the person declines.
 
     Args:
         known: what was calibrated before, for the scale of the motion sensor.
-        bench: the rover, compass and motors open.
+        inspection: the rover, compass and motors open.
         person: agrees before a wheel turns, and names the ground.
 
     Raises:
@@ -48,9 +50,9 @@ async def calibrate_turning(known: Calibration, bench: StandaloneInspection, per
         WayfarerError: the motors may not drive it on the ground, it tilted, or turned the other way; the wheels
             were stopped.
     """
-    config = bench.config
-    motion, flow = bench.rover.motion, known.flow
-    ground = FreeGround(bench, flow.scale if flow and motion and flow.part == motion.name else 1.0)
+    config = inspection.config
+    motion, flow = inspection.rover.motion, known.flow
+    ground = FreeGround(inspection, flow.scale if flow and motion and flow.part == motion.name else 1.0)
     await ground.refuse_unsafe()
     drives_s = 2 * STEPS * (SETTLES_S + WATCHED_S) + 2 * ARCS * (ARC_SETTLES_S + WATCHED_S + REST_S) + 2 * AHEAD_S
     room_m = ceil(2.0 * (config.escape.cruise_m_s * AHEAD_S + config.vehicle.length_m + SPARE_M)) / 2.0
@@ -58,7 +60,7 @@ async def calibrate_turning(known: Calibration, bench: StandaloneInspection, per
         return None
     noted = (await person.note("What ground is it, in a few words?")).strip()[:GROUND_MAX]
     entry = TurningEntry(
-        **stamp(bench.rover.motors.name, bench.host.t_wall),
+        **stamp(inspection.rover.motors.name, inspection.host.t_wall),
         ground=noted,
         duty_max=config.safety.duty_max,
         clockwise=await _on_the_spot(ground, config.safety.duty_max, 1.0),

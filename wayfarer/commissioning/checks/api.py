@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 from wayfarer.config.calibration_file import calibration_file
 from wayfarer.config.rover_file import RoverConfig
+from wayfarer.errors import kind_and_text
 from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, MotorHealth, Rover
 
@@ -154,5 +155,6 @@ async def _run(check: Check, inspection: Inspection) -> Finding:
         return await check(inspection)
     except Exception as error:  # a third party's driver; arming must be refused, not the daemon ended
         name = getattr(check, "__name__", "check").replace("_", " ")
-        found = " ".join(f"{type(error).__name__}: {error}".split())
-        return fail(name, found, "an error in a driver or in wayfarer itself", "report it with this text")
+        return fail(
+            name, kind_and_text(error), "an error in a driver or in wayfarer itself", "report it with this text"
+        )

@@ -13,13 +13,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.commissioning.checks.api import Finding, HostEnvironment, Inspection, fail, ok, skipped, warn
+from wayfarer.fieldlog.fields import CLOCK_SET_S
 from wayfarer.safety.supply import SLOWED_NOW, UNDER_VOLTAGE_NOW, UNDER_VOLTAGE_SINCE_BOOT
 
 # At 50 MB an hour of field log (``LogSettings``) this is what a mission takes, beside what its log leaves alone.
 MISSION_MB = 50.0
 MB = 1_000_000
-# A clock that was never set stands at 1970, or at the day its system image was made.
-YEAR_MIN = 2024
 # The debug connector of a Raspberry Pi 5, which its /dev/serial0 leads to. Second hand, from the issue tracker of the
 # Raspberry Pi documentation (issue 3239, pull request 3294).
 PI5_DEBUG_PORT = "ttyAMA10"
@@ -175,7 +174,7 @@ async def log(trouble: Callable[[], str | None], inspection: Inspection) -> Find
 async def clock(inspection: Inspection) -> Finding:
     """Check that the wall clock was set; nothing but the names and dates in logs depends on it."""
     now = datetime.fromtimestamp(inspection.host.t_wall, UTC)
-    if now.year < YEAR_MIN:
+    if inspection.host.t_wall < CLOCK_SET_S:
         return warn(
             "clock",
             f"it is {now:%Y-%m-%d}",

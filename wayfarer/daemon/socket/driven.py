@@ -100,7 +100,7 @@ def _read(path: Path, folder: int) -> FoundRecord | None:
     file = os.open(path.name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK, dir_fd=folder)
     with os.fdopen(file, "rb") as reader:
         about = os.fstat(file)
-        if why := _doubt(about, os.fstat(folder)):
+        if why := _why_untrusted(about, os.fstat(folder)):
             raise BadInput(f"{path}: rejected: {why}; remove it")
         text = reader.read(MOST_BYTES)
     try:
@@ -113,7 +113,7 @@ def _read(path: Path, folder: int) -> FoundRecord | None:
     return FoundRecord(driven, about.st_uid)
 
 
-def _doubt(file: os.stat_result, folder: os.stat_result) -> str | None:
+def _why_untrusted(file: os.stat_result, folder: os.stat_result) -> str | None:
     """Return why a file is not to be believed."""
     user = os.geteuid()
     if not S_ISREG(file.st_mode):

@@ -153,7 +153,7 @@ async def perform(request: Request, commands: Commands, declination_deg: float |
     return details
 
 
-def accept(details: Details) -> bytes:
+def ok_reply(details: Details) -> bytes:
     """Return the line that says that it was done.
 
     Raises:
@@ -165,7 +165,7 @@ def accept(details: Details) -> bytes:
     return line + b"\n"
 
 
-def refuse(why: str) -> bytes:
+def error_reply(why: str) -> bytes:
     """Return the line that says why it was not done."""
     return orjson.dumps({"ok": False, "why": why}) + b"\n"
 

@@ -23,7 +23,16 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
-from wayfarer.daemon.socket.protocol import REQUEST_BYTES, Commands, Refused, accept, check, perform, read_line, refuse
+from wayfarer.daemon.socket.protocol import (
+    REQUEST_BYTES,
+    Commands,
+    Refused,
+    check,
+    error_reply,
+    ok_reply,
+    perform,
+    read_line,
+)
 from wayfarer.errors import BadInput, WayfarerError
 
 _CREDENTIALS = struct.Struct("iII")  # struct ucred of unix(7): process, user and group
@@ -106,7 +115,9 @@ class ControlServer:
                 await asyncio.sleep(_NO_FILES_S)
                 continue
             with suppress(OSError):  # it has gone already
-                self._meet(*await asyncio.open_unix_connection(sock=connection, limit=self._limits.line_bytes - 1))
+                self._serve_or_reject(
+                    *await asyncio.open_unix_connection(sock=connection, limit=self._limits.line_bytes - 1)
+                )
             await self._take_turn()
 
     async def _take_turn(self) -> None:
@@ -114,14 +125,14 @@ class ControlServer:
         async with self._turn:
             await asyncio.sleep(0)
 
-    def _meet(self, reader: StreamReader, writer: StreamWriter) -> None:
-        """Begin to talk with a new client, or turn it away."""
+    def _serve_or_reject(self, reader: StreamReader, writer: StreamWriter) -> None:
+        """Begin to serve a new client, or reject it."""
         try:
             self._admit(writer)
         except Refused as refusal:
-            _turn_away(writer, refusal)
+            _reject(writer, refusal)
             return
-        talk = asyncio.create_task(self._talk(reader, writer), name="control client")
+        talk = asyncio.create_task(self._serve(reader, writer), name="control client")
         self._clients[talk] = writer
         talk.add_done_callback(self._forget)
 
@@ -143,13 +154,13 @@ class ControlServer:
         silent = next((talk for talk in self._clients if talk not in self._under_way), None)
         if silent is None:
             raise Refused(f"{len(self._clients)} clients are being answered, which is the limit: try again")
-        _turn_away(
+        _reject(
             self._clients.pop(silent),
             Refused("disconnected to make room for another client, as the one silent longest: connect again"),
         )
         silent.cancel()
 
-    async def _talk(self, reader: StreamReader, writer: StreamWriter) -> None:
+    async def _serve(self, reader: StreamReader, writer: StreamWriter) -> None:
         writer.transport.set_write_buffer_limits(0)  # drain() then waits until nothing is left here
         try:
             await self._answer_all(reader, writer)
@@ -165,7 +176,7 @@ class ControlServer:
             while line := await self._next_line(reader):
                 await self._send(writer, await self._answer_in_turn(line))
         except Refused as refusal:
-            await self._send(writer, refuse(str(refusal)))
+            await self._send(writer, error_reply(str(refusal)))
 
     async def _answer_in_turn(self, line: bytes) -> bytes:
         talk = asyncio.current_task()
@@ -203,13 +214,13 @@ class ControlServer:
 
     async def _answer(self, line: bytes) -> bytes:
         try:
-            return accept(await perform(check(read_line(line)), self._commands, self._declination_deg))
+            return ok_reply(await perform(check(read_line(line)), self._commands, self._declination_deg))
         except WayfarerError as refusal:
-            return refuse(str(refusal))
+            return error_reply(str(refusal))
         except Exception as error:
             self._on_error(error)
             text = f"{type(error).__name__}: {error}"[:200]
-            return refuse(f"an error inside wayfarer ({text}): ask for the status before you go on")
+            return error_reply(f"an error inside wayfarer ({text}): ask for the status before you go on")
 
     async def _send(self, writer: StreamWriter, reply: bytes) -> None:
         """Send a line, at most ``reply_s`` long; both ways to fail, TimeoutError and ConnectionError, are OSErrors."""
@@ -218,9 +229,9 @@ class ControlServer:
             await writer.drain()
 
 
-def _turn_away(writer: StreamWriter, refusal: Refused) -> None:
+def _reject(writer: StreamWriter, refusal: Refused) -> None:
     """Say no and close; it fits what the kernel buffers, so nothing stays here."""
-    writer.write(refuse(str(refusal)))
+    writer.write(error_reply(str(refusal)))
     writer.close()
 
 

@@ -19,7 +19,9 @@ QUIET: Colour = (205, 205, 192, 255)
 WOOD: Colour = (188, 160, 120, 255)
 LEAF: Colour = (120, 150, 92, 255)
 WAY: Colour = (255, 138, 36, 255)
-PHASES = {Phase(phase): ImageColor.getrgb(colour) for phase, colour in palette.PHASES.items()} | {Phase.HALT: QUIET}
+PHASE_RGB = {Phase(phase): ImageColor.getrgb(colour) for phase, colour in palette.PHASE_COLOURS.items()} | {
+    Phase.HALT: QUIET
+}
 FINER = 3  # the map is drawn so many times larger, for smooth lines
 MAP_PER_HEIGHT = 0.31
 MARGIN_PER_HEIGHT = 0.03
@@ -81,7 +83,7 @@ class Caption:
             if index == 1:
                 radius = 0.32 * text_px
                 spot = (left, middle - radius, left + 2.0 * radius, middle + radius)
-                draw.ellipse(spot, WHITE if text == self._words.end else PHASES[shot.phase])
+                draw.ellipse(spot, WHITE if text == self._words.end else PHASE_RGB[shot.phase])
             draw.text((left + (text_px if index == 1 else 0.0), middle), text, WHITE, self._font, anchor="lm")
             left += ems * text_px
 

@@ -75,7 +75,7 @@ def _between(one: NDArray[np.float64], other: NDArray[np.float64], share: float)
     return joints
 
 
-class Recorder:
+class FootageRecorder:
     """Runs one trial, its field log in ``log_dir``, and keeps its footage; an ``executors.RunTrial``."""
 
     def __init__(self, log_dir: Path | None) -> None:

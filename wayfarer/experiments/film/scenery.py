@@ -65,15 +65,15 @@ class Scenery:
 
 
 def _build(forest: Forest, world: MujocoWorld, width: int, height: int) -> Any:
-    chance = np.random.default_rng(forest.forest)  # the same layout looks the same
+    rng = np.random.default_rng(forest.forest)  # the same layout looks the same
     spec = mujoco.MjSpec()
     _set_light(spec, width, height)
-    _add_materials(spec, chance)
+    _add_materials(spec, rng)
     _add_ground(spec, world.model)
     obstacles = obstacles_of(forest)
-    _add_logs(spec, [each for each in obstacles if each.axis_deg is not None], chance)
-    _add_trees(spec, forest, chance)
-    _add_grass(spec, obstacles, chance)
+    _add_fallen_trunks(spec, [each for each in obstacles if each.axis_deg is not None], rng)
+    _add_trees(spec, forest, rng)
+    _add_grass(spec, obstacles, rng)
     add_rover(spec, world.body)
     return spec.compile()
 
@@ -104,7 +104,7 @@ def _set_light(spec: Any, width: int, height: int) -> None:
         )
 
 
-def _add_materials(spec: Any, chance: Generator) -> None:
+def _add_materials(spec: Any, rng: Generator) -> None:
     spec.add_texture(
         name="sky",
         type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
@@ -115,10 +115,10 @@ def _add_materials(spec: Any, chance: Generator) -> None:
         height=96,
     )
     pictures = {
-        "ground": textures.forest_floor(chance),
-        "bark": textures.bark(chance, 0.25),
-        "log": textures.bark(chance, 1.0),
-        "cut": textures.cut_wood(chance),
+        "ground": textures.forest_floor(rng),
+        "bark": textures.bark(rng, 0.25),
+        "log": textures.bark(rng, 1.0),
+        "cut": textures.cut_wood(rng),
     }
     for name, picture in pictures.items():
         _add_material(spec, name, picture)
@@ -165,12 +165,12 @@ def _add_ground(spec: Any, model: Any) -> None:
     )
 
 
-def _add_logs(spec: Any, trunks: list[Obstacle], chance: Generator) -> None:
+def _add_fallen_trunks(spec: Any, trunks: list[Obstacle], rng: Generator) -> None:
     """Add all fallen trunks as one mesh, and the cut at each end."""
     logs = []
     for x0_m, y0_m, x1_m, y1_m, radius_m, _ in trunks:
         ends_m = np.array((x0_m, y0_m, radius_m)), np.array((x1_m, y1_m, radius_m))
-        logs.append(shapes.log(*ends_m, radius_m, chance))
+        logs.append(shapes.fallen_trunk(*ends_m, radius_m, rng))
         along = (ends_m[1] - ends_m[0]) / np.linalg.norm(ends_m[1] - ends_m[0])
         for end_m, out in ((ends_m[0], -along), (ends_m[1], along)):
             cut_m = end_m + 0.6 * radius_m * out
@@ -186,14 +186,14 @@ def _add_logs(spec: Any, trunks: list[Obstacle], chance: Generator) -> None:
         spec.worldbody.add_geom(type=MESH, meshname="logs", material="log", **UNTOUCHABLE)
 
 
-def _add_trees(spec: Any, forest: Forest, chance: Generator) -> None:
+def _add_trees(spec: Any, forest: Forest, rng: Generator) -> None:
     """Add each tree of the forest, and those beyond its edges."""
     for kind in range(TREE_KINDS):
-        shapes.tree(forest.tree_radius_m, chance).add_to(spec, f"{TREE}{kind}")
-    around_m = chance.uniform(-OUTSIDE_M, WORLD_SIZE_M + OUTSIDE_M, (OUTSIDE_TREES, 2))
+        shapes.tree(forest.tree_radius_m, rng).add_to(spec, f"{TREE}{kind}")
+    around_m = rng.uniform(-OUTSIDE_M, WORLD_SIZE_M + OUTSIDE_M, (OUTSIDE_TREES, 2))
     outside_m = around_m[np.abs(around_m - WORLD_SIZE_M / 2.0).max(axis=1) > WORLD_SIZE_M / 2.0 + 1.5]
     for number, (x_m, y_m) in enumerate([*forest.trees_m, *outside_m.tolist()]):
-        turn = chance.uniform(0.0, 2.0 * pi)
+        turn = rng.uniform(0.0, 2.0 * pi)
         spec.worldbody.add_geom(
             name=f"{TREE}{number}",
             type=MESH,
@@ -205,9 +205,9 @@ def _add_trees(spec: Any, forest: Forest, chance: Generator) -> None:
         )
 
 
-def _add_grass(spec: Any, obstacles: list[Obstacle], chance: Generator) -> None:
+def _add_grass(spec: Any, obstacles: list[Obstacle], rng: Generator) -> None:
     """Add tufts of grass where no trunk lies."""
-    places_m = chance.uniform(0.0, WORLD_SIZE_M, (TUFTS, 2))
+    places_m = rng.uniform(0.0, WORLD_SIZE_M, (TUFTS, 2))
     free = [
         (x_m, y_m, 0.0)
         for x_m, y_m in places_m.tolist()
@@ -217,5 +217,5 @@ def _add_grass(spec: Any, obstacles: list[Obstacle], chance: Generator) -> None:
             for near_x, near_y in [each.nearest(x_m, y_m)]
         )
     ]
-    shapes.grass(np.array(free), chance).add_to(spec, "grass")
+    shapes.grass(np.array(free), rng).add_to(spec, "grass")
     spec.worldbody.add_geom(type=MESH, meshname="grass", material="grass", **UNTOUCHABLE)

@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.errors import BadInput, in_one_line
+from wayfarer.errors import BadInput, kind_and_text
 from wayfarer.experiments.film.camera import View
 from wayfarer.experiments.film.scenery import Scenery
 
@@ -58,7 +58,7 @@ def opengl(width: int, height: int) -> Iterator[None]:
         context = import_module(f"mujoco.{name}").GLContext(width, height)
         context.make_current()
     except Exception as error:  # of PyOpenGL, of MuJoCo, or of a library that is half there
-        raise BadInput(f"--video cannot draw with {name} ({in_one_line(error)}): {INSTALL}") from error
+        raise BadInput(f"--video cannot draw with {name} ({kind_and_text(error)}): {INSTALL}") from error
     try:
         yield
     finally:

@@ -48,7 +48,7 @@ def together(shapes: list[Shape]) -> Shape:
     )
 
 
-def log(start_m: Array, end_m: Array, radius_m: float, chance: Generator) -> Shape:
+def fallen_trunk(start_m: Array, end_m: Array, radius_m: float, rng: Generator) -> Shape:
     """Return a fallen trunk, uneven by a tenth of its radius, with moss on top.
 
     The texture's left and right edges meet underneath. It ends where the engine's capsule is still as wide as a trunk.
@@ -61,22 +61,22 @@ def log(start_m: Array, end_m: Array, radius_m: float, chance: Generator) -> Sha
     rings = max(round(length_m / RING_M), 2)
     at_m = np.linspace(0.0, length_m, rings + 1)
     turns = np.linspace(0.0, 2.0 * pi, SIDES + 1)
-    wide_m = radius_m * (1.0 - 0.1 * _lumps(chance, rings + 1))
+    wide_m = radius_m * (1.0 - 0.1 * _lumps(rng, rings + 1))
     outwards = np.sin(turns)[:, None] * across - np.cos(turns)[:, None] * np.array((0.0, 0.0, 1.0))
     points_m = (start_m + at_m[:, None] * along)[:, None, :] + wide_m[..., None] * outwards
-    return _skin(points_m, at_m / (LOG_STRETCH * 2.0 * pi * radius_m) + chance.uniform())
+    return _skin(points_m, at_m / (LOG_STRETCH * 2.0 * pi * radius_m) + rng.uniform())
 
 
-def tree(radius_m: float, chance: Generator) -> Shape:
+def tree(radius_m: float, rng: Generator) -> Shape:
     """Return a standing trunk around the origin, with its roots' flare; its top is above every picture."""
     at_m = np.array((-0.05, 0.0, 0.06, 0.14, 0.24, ROOTS_M, 0.6, 1.2, 2.0, 3.5, 6.0, TREE_HEIGHT_M))
     turns = np.linspace(0.0, 2.0 * pi, SIDES + 1)
     roots = 1.0 + 0.45 * np.clip(1.0 - at_m / ROOTS_M, 0.0, 1.0)[:, None] ** 2 * (
-        1.0 + 0.6 * np.cos(5.0 * turns + chance.uniform(0.0, 2.0 * pi))
+        1.0 + 0.6 * np.cos(5.0 * turns + rng.uniform(0.0, 2.0 * pi))
     )
     taper = (1.0 - 0.045 * np.clip(at_m, 0.0, None))[:, None]
-    wide_m = radius_m * roots * taper * (1.0 - 0.08 * _lumps(chance, len(at_m)))
-    lean_m = chance.normal(0.0, 0.012, 2) * np.clip(at_m, 0.0, None)[:, None]
+    wide_m = radius_m * roots * taper * (1.0 - 0.08 * _lumps(rng, len(at_m)))
+    lean_m = rng.normal(0.0, 0.012, 2) * np.clip(at_m, 0.0, None)[:, None]
     points_m = np.stack(
         (
             lean_m[:, :1] + wide_m * np.cos(turns),
@@ -88,11 +88,11 @@ def tree(radius_m: float, chance: Generator) -> Shape:
     return _skin(points_m, at_m / (2.0 * pi * radius_m))
 
 
-def grass(roots_m: Array, chance: Generator) -> Shape:
+def grass(roots_m: Array, rng: Generator) -> Shape:
     """Return tufts of a few leaning blades each at these places; each blade can be seen from both sides."""
     blades = 7
-    turns = chance.uniform(0.0, 2.0 * pi, (len(roots_m), blades))
-    high_m = chance.uniform(0.05, 0.13, turns.shape)
+    turns = rng.uniform(0.0, 2.0 * pi, (len(roots_m), blades))
+    high_m = rng.uniform(0.05, 0.13, turns.shape)
     outwards = np.stack((np.cos(turns), np.sin(turns), np.zeros_like(turns)), axis=-1)
     aside = np.stack((-np.sin(turns), np.cos(turns), np.zeros_like(turns)), axis=-1) * 0.008
     foot_m = roots_m[:, None, :] + 0.02 * outwards
@@ -113,8 +113,8 @@ def _skin(points_m: Array, down: Array) -> Shape:
     return Shape(points_m.reshape(-1, 3), places.reshape(-1, 2), triangles)
 
 
-def _lumps(chance: Generator, rings: int) -> Array:
+def _lumps(rng: Generator, rings: int) -> Array:
     """Return unevenness in 0..1 for each point of each ring; the first and last point of a ring are the same."""
-    lumps = chance.uniform(size=(rings, SIDES + 1))
+    lumps = rng.uniform(size=(rings, SIDES + 1))
     lumps[:, -1] = lumps[:, 0]
     return lumps

@@ -40,9 +40,9 @@ BARK_MOSS = np.array((0.27, 0.30, 0.14))
 WOOD = np.array((0.66, 0.52, 0.34))
 
 
-def clouds(chance: Generator, size: int, rows_px: float, columns_px: float) -> NDArray[np.float64]:
+def clouds(rng: Generator, size: int, rows_px: float, columns_px: float) -> NDArray[np.float64]:
     """Return smooth noise with features of these sizes, mean 0.5, nearly all of it within 0..1."""
-    noise = chance.standard_normal((size, size))
+    noise = rng.standard_normal((size, size))
     smooth = np.fft.irfft2(fourier_gaussian(np.fft.rfft2(noise), (rows_px / 2.0, columns_px / 2.0), size), (size, size))
     return np.asarray(np.clip(0.5 + smooth / (4.0 * smooth.std()), 0.0, 1.0))
 
@@ -52,23 +52,23 @@ def mix(one: Picture, other: Picture, share: NDArray[np.float64]) -> Picture:
     return one + (other - one) * share[..., None]
 
 
-def forest_floor(chance: Generator) -> Picture:
+def forest_floor(rng: Generator) -> Picture:
     """Return soil with moss, under fallen leaves."""
     size = GROUND_SIZE
-    fine = 0.45 * clouds(chance, size, 60, 60) + 0.35 * clouds(chance, size, 10, 10) + 0.2 * clouds(chance, size, 3, 3)
+    fine = 0.45 * clouds(rng, size, 60, 60) + 0.35 * clouds(rng, size, 10, 10) + 0.2 * clouds(rng, size, 3, 3)
     floor = mix(SOIL_DARK, SOIL_LIGHT, np.clip(2.4 * fine - 0.7, 0.0, 1.0))
-    floor = mix(floor, MOSS, 0.6 * np.clip(4.0 * clouds(chance, size, 260, 260) - 2.2, 0.0, 1.0) * (0.4 + fine))
-    _strew(floor, chance)
-    light = 0.72 + 0.56 * clouds(chance, size, 330, 330)  # where the sun comes through the leaves above
+    floor = mix(floor, MOSS, 0.6 * np.clip(4.0 * clouds(rng, size, 260, 260) - 2.2, 0.0, 1.0) * (0.4 + fine))
+    _lay_leaves(floor, rng)
+    light = 0.72 + 0.56 * clouds(rng, size, 330, 330)  # where the sun comes through the leaves above
     return np.clip(floor * light[..., None], 0.0, 1.0)
 
 
-def _strew(floor: Picture, chance: Generator) -> None:
+def _lay_leaves(floor: Picture, rng: Generator) -> None:
     """Lay leaves, each with its shadow and its rib."""
     size = len(floor)
-    kinds = [_leaf(chance.uniform(*LEAF_PX), chance.uniform(0.0, pi)) for _ in range(LEAF_KINDS)]
-    colours = LEAF_COLOURS[chance.integers(len(LEAF_COLOURS), size=LEAVES)] * chance.uniform(0.55, 1.15, (LEAVES, 1))
-    places, which = chance.integers(size, size=(LEAVES, 2)), chance.integers(LEAF_KINDS, size=LEAVES)
+    kinds = [_leaf(rng.uniform(*LEAF_PX), rng.uniform(0.0, pi)) for _ in range(LEAF_KINDS)]
+    colours = LEAF_COLOURS[rng.integers(len(LEAF_COLOURS), size=LEAVES)] * rng.uniform(0.55, 1.15, (LEAVES, 1))
+    places, which = rng.integers(size, size=(LEAVES, 2)), rng.integers(LEAF_KINDS, size=LEAVES)
     for (row, column), colour, kind in zip(places.tolist(), colours, which.tolist(), strict=True):
         cover, shade = kinds[kind]
         offset = np.arange(len(cover))
@@ -89,19 +89,19 @@ def _leaf(half_px: float, turn: float) -> tuple[Picture, Picture]:
     return cover[..., None], (1.0 - 0.35 * np.clip(1.2 - np.abs(across), 0.0, 1.0))[..., None]
 
 
-def bark(chance: Generator, moss: float) -> Picture:
+def bark(rng: Generator, moss: float) -> Picture:
     """Return bark; columns run round the trunk, rows along it, and moss grows at the middle column by that share."""
     size = BARK_SIZE
-    ridges = np.abs(2.0 * clouds(chance, size, 70, 9) - 1.0) * 1.3 + 0.5 * clouds(chance, size, 12, 5)
+    ridges = np.abs(2.0 * clouds(rng, size, 70, 9) - 1.0) * 1.3 + 0.5 * clouds(rng, size, 12, 5)
     wood = mix(BARK_DARK, BARK_LIGHT, np.clip(1.4 * ridges - 0.1, 0.0, 1.0))
     top = 0.5 - 0.5 * np.cos(2.0 * pi * np.arange(size) / size)
-    grows = np.clip(4.0 * (clouds(chance, size, 45, 90) + 0.6 * top - 0.85), 0.0, 1.0) * moss
+    grows = np.clip(4.0 * (clouds(rng, size, 45, 90) + 0.6 * top - 0.85), 0.0, 1.0) * moss
     return np.clip(mix(wood, BARK_MOSS * (0.5 + 0.9 * ridges[..., None]), grows), 0.0, 1.0)
 
 
-def cut_wood(chance: Generator) -> Picture:
+def cut_wood(rng: Generator) -> Picture:
     """Return the rings of a trunk's end around the middle of the picture."""
     size = BARK_SIZE
     place = (np.arange(size) + 0.5) / size - 0.5
-    radius = np.hypot(place, place[:, None]) + 0.02 * clouds(chance, size, 120, 120)
+    radius = np.hypot(place, place[:, None]) + 0.02 * clouds(rng, size, 120, 120)
     return mix(WOOD * 0.6, WOOD, 0.5 + 0.5 * np.sin(radius * 130.0)) * (1.1 - 0.8 * radius[..., None])

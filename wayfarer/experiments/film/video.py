@@ -18,7 +18,7 @@ from wayfarer.experiments.film.camera import views
 from wayfarer.experiments.film.caption import Caption, CaptionText
 from wayfarer.experiments.film.footage import Footage
 from wayfarer.experiments.film.scenery import Scenery
-from wayfarer.experiments.film.track import add_bars, bars_of
+from wayfarer.experiments.film.tyre_marks import add_bars, bars_of
 from wayfarer.fieldlog.atomic_file import whole_file
 from wayfarer.simhal.world.collision import obstacles_of
 

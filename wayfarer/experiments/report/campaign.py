@@ -11,13 +11,13 @@ from rich.console import Console
 
 from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Campaign
-from wayfarer.experiments.entrapment import entrapment
+from wayfarer.experiments.entrapment_cause import entrapment
 from wayfarer.experiments.progress_bar import shown_progress
 from wayfarer.experiments.report import words
 from wayfarer.experiments.report.escape_figure import escape_figures
 from wayfarer.experiments.report.paths_figure import failures_figure, paths_figure
 from wayfarer.experiments.report.ratio_figure import ratio_figure
-from wayfarer.experiments.report.reading import Results, read_results
+from wayfarer.experiments.report.reading import CampaignResults, read_results
 from wayfarer.experiments.report.table import causes_table, ratios_table, results_table
 from wayfarer.experiments.report.trials_map import DrawnTrial, trials_map
 from wayfarer.experiments.report.worst_trials import RerunTrial, choose, run_again
@@ -42,7 +42,7 @@ def write_report(folder: Path, out: Path | None = None, *, gallery: int = 12, jo
     return write_page(out or folder / PAGE, words.title(results), body, plots, script)
 
 
-def _overview(results: Results, plots: Plots) -> Iterator[str]:
+def _overview(results: CampaignResults, plots: Plots) -> Iterator[str]:
     """Yield all sections that need no trial to be run again."""
     rows, summaries = results.by_algorithm, results.summaries
 
@@ -73,7 +73,7 @@ def _overview(results: Results, plots: Plots) -> Iterator[str]:
         yield html.section(heading, html.paragraph(words.NO_SHORTEST_PATHS))
 
 
-def _worst(results: Results, plots: Plots, count: int, jobs: int) -> Iterator[str]:
+def _worst(results: CampaignResults, plots: Plots, count: int, jobs: int) -> Iterator[str]:
     """Yield the sections on the worst trials, which are run again for that."""
     heading = "The worst trials, seen from above"
     rows = choose(results.by_algorithm, count)

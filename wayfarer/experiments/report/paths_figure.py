@@ -13,7 +13,7 @@ from wayfarer.experiments.report.algorithm_rows import Rows, lay_out, plain_numb
 from wayfarer.experiments.report.groups import grouped
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
 from wayfarer.experiments.statistics import AlgorithmSummary
-from wayfarer.experiments.tables import PAPER, mean_and_sd, number
+from wayfarer.experiments.tables import PAPER_FIGURES, mean_and_sd, number_text
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, hover, source
 
@@ -34,7 +34,7 @@ def paths_figure(
     layout = lay_out(grouped(by_algorithm))
     paths = {name: rows for name, own in by_algorithm.items() if (rows := _successes(own))}
     shortest_m = [statistics.fmean(shortest_paths_m)] if shortest_paths_m else []
-    papers = {name: PAPER[name] for name in layout.at if name in PAPER}
+    papers = {name: PAPER_FIGURES[name] for name in layout.at if name in PAPER_FIGURES}
     seen_m = [row.path_m or 0.0 for rows in paths.values() for row in rows]
     low_m, high_m = span_of([*seen_m, *shortest_m, *(paper.path_mean_m for paper in papers.values())])
     label = "path to the destination line, m (logarithmic)"
@@ -153,9 +153,13 @@ def failures_figure(summaries: Mapping[str, AlgorithmSummary]) -> Figure:
 
 
 def _papers_failures(made: Figure, layout: Rows) -> None:
-    known = {name: 100.0 - percent for name in layout.at if name in PAPER and (percent := PAPER[name].success_percent)}
+    known = {
+        name: 100.0 - percent
+        for name in layout.at
+        if name in PAPER_FIGURES and (percent := PAPER_FIGURES[name].success_percent)
+    }
     points = source(
-        x=list(known.values()), y=[layout.at[name] for name in known], text=[number(x) for x in known.values()]
+        x=list(known.values()), y=[layout.at[name] for name in known], text=[number_text(x) for x in known.values()]
     )
     mark = made.scatter("x", "y", source=points, marker="diamond", size=10, color=palette.VERMILION, name="paper")
     made.add_tools(hover([mark], ("the paper's", "@text % entrapped")))

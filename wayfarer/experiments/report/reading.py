@@ -34,7 +34,7 @@ class ForestsSettings(BaseModel):
     blake2b: str
 
 
-class Settings(BaseModel):
+class CampaignSettings(BaseModel):
     """``campaign.json``, as ``Campaign.settings`` wrote it; the rover is read where trials are to be run again."""
 
     model_config = ConfigDict(strict=True)
@@ -62,11 +62,11 @@ class Settings(BaseModel):
 
 
 @dataclass(frozen=True)
-class Results:
+class CampaignResults:
     """What a campaign's folder holds: ``rows`` are those of ``trials.csv``, complete and in its order."""
 
     folder: Path
-    settings: Settings
+    settings: CampaignSettings
     rows: list[TrialRow]
 
     @cached_property
@@ -149,7 +149,7 @@ class SweepSettings(BaseModel):
     """``sweep.json``, as ``Sweep.settings`` wrote it."""
 
     axes: list[SweptAxis] = Field(min_length=1, max_length=MOST_AXES)
-    campaign: Settings
+    campaign: CampaignSettings
 
 
 @dataclass(frozen=True)
@@ -191,7 +191,7 @@ def is_sweep(folder: Path) -> bool:
     return (folder / SWEEP_SETTINGS).is_file()
 
 
-def read_results(folder: Path) -> Results:
+def read_results(folder: Path) -> CampaignResults:
     """Read the folder of a finished campaign.
 
     Raises:
@@ -201,8 +201,8 @@ def read_results(folder: Path) -> Results:
         raise BadInput(f"{folder}: no such folder; give one that `wayfarer sim --out` has filled")
     if not (folder / SETTINGS).exists():
         raise BadInput(f"{folder} holds no campaign: {SETTINGS} is missing; give a folder of `wayfarer sim --out`")
-    settings = _read_settings(folder / SETTINGS, Settings, "campaign")
-    return Results(folder, settings, _read_trials(folder, settings, "campaign", "sim"))
+    settings = _read_settings(folder / SETTINGS, CampaignSettings, "campaign")
+    return CampaignResults(folder, settings, _read_trials(folder, settings, "campaign", "sim"))
 
 
 def read_sweep(folder: Path) -> SweepResults:

@@ -48,7 +48,9 @@ def _body(results: SweepResults, plots: Plots) -> Iterator[str]:
     else:
         ends = "; ".join(_ends(results, name) for name in results.algorithms)
         caption = f"{CURVES} {ends}."
-        key = html.layers("Show", [html.Layer(name, name, colour_of(at)) for at, name in enumerate(results.algorithms)])
+        key = html.layers(
+            "Show", [html.PlotLayer(name, name, colour_of(at)) for at, name in enumerate(results.algorithms)]
+        )
         yield html.section("What changes", html.paragraph(caption), key, _panels(curves_figures(results), plots))
     missing = [measure.title for measure in MEASURES if measure not in known_measures(results)]
     notes = [f"Not known: {', '.join(missing)}; run the sweep with --spl."] if missing else []

@@ -5,23 +5,31 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from wayfarer.experiments.entrapment import Cause
+from wayfarer.experiments.entrapment_cause import Cause
 from wayfarer.experiments.report.groups import grouped
 from wayfarer.experiments.report.ratio_figure import TIMES, WITHIN, quantile, ratios, times, within_percent
-from wayfarer.experiments.report.reading import Results
-from wayfarer.experiments.tables import NAME, OUTCOMES, PAPER, PATHS, PaperColumn, fault_columns, lines_of
+from wayfarer.experiments.report.reading import CampaignResults
+from wayfarer.experiments.tables import (
+    NAME_COLUMN,
+    OUTCOME_COLUMNS,
+    PAPER_FIGURES,
+    PATH_COLUMNS,
+    PaperColumn,
+    fault_columns,
+    lines_of,
+)
 from wayfarer.views.page import html
 
 CAPTION = "Success with its 95 % interval; path: of the successes; time and anomalies: mean a trial."
 
 
-def results_table(results: Results) -> str:
+def results_table(results: CampaignResults) -> str:
     """Return a row for each algorithm, under its group, with a row of the paper's below where the paper has one."""
-    columns = (NAME, *OUTCOMES, *fault_columns(results.summaries.values()), *PATHS)
+    columns = (NAME_COLUMN, *OUTCOME_COLUMNS, *fault_columns(results.summaries.values()), *PATH_COLUMNS)
     return html.table(CAPTION, [column.title for column in columns], _rows(results, columns))
 
 
-def ratios_table(results: Results) -> str:
+def ratios_table(results: CampaignResults) -> str:
     """Return the median ratio of each algorithm, and the shares of its trials within some multiples."""
     known = {name: found for name, rows in results.by_algorithm.items() if (found := ratios(rows))}
     rows = [
@@ -41,9 +49,9 @@ def causes_table(causes: Sequence[tuple[str, Cause]]) -> str:
     return html.table("Entrapped trials by cause.", ["algorithm", *Cause], rows)
 
 
-def _rows(results: Results, columns: Sequence[PaperColumn]) -> Iterator[tuple[str, list[str]]]:
+def _rows(results: CampaignResults, columns: Sequence[PaperColumn]) -> Iterator[tuple[str, list[str]]]:
     for group in grouped(results.settings.algorithms):
         yield "group", [group.title, *[""] * (len(columns) - 1)]
         for name in group.algorithms:
-            for whose, cells in lines_of(results.summaries[name], columns, PAPER):
+            for whose, cells in lines_of(results.summaries[name], columns, PAPER_FIGURES):
                 yield whose, [cell.strip() for cell in cells]

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
-from itertools import pairwise
 from math import radians
 from typing import Any, NamedTuple
 
+import numpy as np
 from bokeh.models import CDSView, GroupFilter
 
 from wayfarer.escape.api import Phase
-from wayfarer.experiments.entrapment import Entrapment
+from wayfarer.experiments.entrapment_cause import Entrapment
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.trajectory import Trace, TrajectoryPoint
-from wayfarer.fieldlog.vocabulary import PHASES
+from wayfarer.fieldlog.vocabulary import PHASE_TEXTS
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, hover, layer, plot, source
+from wayfarer.views.run_report.data import Floats
+from wayfarer.views.run_report.events import EDGE
 from wayfarer.views.run_report.forest import draw_forests
+from wayfarer.views.run_report.series import pieces
 
 MARGIN_M = 1.5  # around the map: a rover may leave it
 TOLD_EVERY = 5  # points of a way, which are 0.2 m apart: the hover box tells of the nearest one
@@ -41,7 +43,7 @@ def trials_map(trials: Sequence[DrawnTrial]) -> Figure:
     _leave_room(made)
     draw_forests(made, [trial.forest for trial in trials])
     for phase in Phase:
-        if phase.value in palette.PHASES:
+        if phase.value in palette.PHASE_COLOURS:
             _ways(made, trials, phase)
     _marks(made, trials)
     shown = GroupFilter(column_name="number", group=0, name=SHOWN)
@@ -65,46 +67,37 @@ def _ways(made: Figure, trials: Sequence[DrawnTrial], phase: Phase) -> None:
     ways = source(number=range(len(trials)))
     for name, at in (("xs", 0), ("ys", 1)):
         ways.data[name] = [source(way=line[at]).data["way"] for line in lines]
-    colour = palette.PHASES[phase.value]
+    colour = palette.PHASE_COLOURS[phase.value]
     line = made.multi_line("xs", "ys", source=ways, line_color=colour, line_width=2, line_join="round")
-    told = _columns(trials, lambda trial: _told(trial.trace.points, phase), ("x", "y", "t_s"))
+    told = _columns(trials, lambda trial: _reached(trial.trace.points, phase), ("x", "y", "t_s"))
     points = made.scatter("x", "y", source=told, size=7, alpha=0.0, hover_alpha=0.8, color=colour)
     layer(phase.value, line, points)
-    made.add_tools(hover([points], ("phase", PHASES[phase.value]), ("after", "@t_s{0} s"), *PLACE))
+    made.add_tools(hover([points], ("phase", PHASE_TEXTS[phase.value]), ("after", "@t_s{0} s"), *PLACE))
 
 
 PLACE = (("east", "@x{0.0} m"), ("north", "@y{0.0} m"))
 
 
-def way_in(points: Sequence[TrajectoryPoint], phase: Phase) -> tuple[list[float], list[float]]:
+def way_in(points: Sequence[TrajectoryPoint], phase: Phase) -> list[Floats]:
     """Return the parts of a path in a phase as one line with gaps; a part ends where the next phase begins."""
-    x_m: list[float] = []
-    y_m: list[float] = []
-    for point, after in pairwise(points):
-        if point.phase is phase:
-            x_m.append(point.x_m)
-            y_m.append(point.y_m)
-            if after.phase is not phase:
-                x_m += [after.x_m, math.nan]
-                y_m += [after.y_m, math.nan]
-    return x_m, y_m
+    columns = ([getattr(point, name) for point in points] for name in ("x_m", "y_m"))
+    return pieces(np.array([point.phase is phase for point in points]), *map(np.array, columns))
 
 
-def _told(points: Sequence[TrajectoryPoint], phase: Phase) -> list[tuple[float, ...]]:
+def _reached(points: Sequence[TrajectoryPoint], phase: Phase) -> list[tuple[float, ...]]:
     return [(point.x_m, point.y_m, point.t_s) for point in points[::TOLD_EVERY] if point.phase is phase]
 
 
 def _marks(made: Figure, trials: Sequence[DrawnTrial]) -> None:
     """Mark slips, the start with the goal heading, the end, and the ground that an entrapped rover kept to."""
-    edge: Any = {"line_color": palette.EDGE, "line_width": 0.8}
     slips = made.scatter(
         "x", "y", source=_columns(trials, lambda trial: trial.trace.slips_m, ("x", "y")), size=6,
-        fill_color=palette.ANOMALY, **edge,
+        fill_color=palette.ANOMALY, **EDGE,
     )  # fmt: skip
     layer("slips", slips)
     starts = _columns(trials, lambda t: [(*t.forest.start_m, -radians(t.forest.heading_deg))], ("x", "y", "angle"))
     start = made.scatter(
-        "x", "y", angle="angle", source=starts, marker="triangle", size=15, fill_color=palette.GOAL_LINE, **edge
+        "x", "y", angle="angle", source=starts, marker="triangle", size=15, fill_color=palette.GOAL_LINE, **EDGE
     )
     ends = _columns(trials, lambda t: [(p.x_m, p.y_m, p.t_s) for p in t.trace.points[-1:]], ("x", "y", "t_s"))
     end = made.scatter(

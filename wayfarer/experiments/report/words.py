@@ -7,12 +7,12 @@ from collections.abc import Iterator
 
 from wayfarer import __version__
 from wayfarer.errors import BadInput
-from wayfarer.experiments.entrapment import EXPLAINED, Entrapment
+from wayfarer.experiments.entrapment_cause import EXPLAINED, Entrapment
 from wayfarer.experiments.report.ratio_figure import quantile, ratios
-from wayfarer.experiments.report.reading import Results, Settings
+from wayfarer.experiments.report.reading import CampaignResults, CampaignSettings
 from wayfarer.experiments.report.worst_trials import ending
 from wayfarer.experiments.rows import SUCCESSES, TrialRow
-from wayfarer.fieldlog.vocabulary import PHASES
+from wayfarer.fieldlog.vocabulary import PHASE_TEXTS
 from wayfarer.views import palette
 from wayfarer.views.page import html
 
@@ -54,14 +54,14 @@ ENTRAPPED = (
 )
 
 
-def title(results: Results) -> str:
+def title(results: CampaignResults) -> str:
     """Name the page."""
     names, trials = results.settings.algorithms, results.settings.trials
     what, each = (names[0], "") if len(names) == 1 else (f"{len(names)} algorithms", " each")
     return f"{what} in {trials} simulated forest trial{'' if trials == 1 else 's'}{each}"
 
 
-def facts(settings: Settings) -> Iterator[tuple[str, str]]:
+def facts(settings: CampaignSettings) -> Iterator[tuple[str, str]]:
     """Yield what ran: everything that decides the results, and no date."""
     rover, forests = settings.rover, settings.forests
     yield "software", f"wayfarer {settings.version}"
@@ -80,7 +80,7 @@ def facts(settings: Settings) -> Iterator[tuple[str, str]]:
     yield "algorithms", ", ".join(settings.algorithms)
 
 
-def paths_caption(results: Results) -> str:
+def paths_caption(results: CampaignResults) -> str:
     """Explain the figure of paths."""
     shortest_m = results.shortest_paths_m
     line = f" Broken line: mean shortest path, {statistics.fmean(shortest_m):.1f} m." if shortest_m else ""
@@ -91,25 +91,25 @@ def paths_caption(results: Results) -> str:
     )
 
 
-def paths_alt(results: Results) -> str:
+def paths_alt(results: CampaignResults) -> str:
     """Say in words what the figure of paths shows."""
     parts = [f"{name}: median path {_metres(summary.path_median_m)}" for name, summary in results.summaries.items()]
     return "Path length by algorithm. " + "; ".join(parts)
 
 
-def failures_alt(results: Results) -> str:
+def failures_alt(results: CampaignResults) -> str:
     """Say in words what the figure of failures shows."""
     parts = [f"{name}: {100 - summary.success_percent:.1f} %" for name, summary in results.summaries.items()]
     return "Share of trials that did not get out, by algorithm. " + "; ".join(parts)
 
 
-def escape_alt(results: Results) -> str:
+def escape_alt(results: CampaignResults) -> str:
     """Say in words what the figures of escapes show."""
     parts = [f"{name} ends at {summary.success_percent:.1f} %" for name, summary in results.summaries.items()]
     return "Cumulative share of escaped trials over path length. " + "; ".join(parts)
 
 
-def ratio_caption(results: Results) -> str:
+def ratio_caption(results: CampaignResults) -> str:
     """Explain the figure of ratios."""
     of_all = (
         "" if len(results.shortest_paths_m) == len(results.rows) else ", of the trials whose shortest path is known"
@@ -122,7 +122,7 @@ def ratio_caption(results: Results) -> str:
     )
 
 
-def ratio_alt(results: Results) -> str:
+def ratio_alt(results: CampaignResults) -> str:
     """Say in words what the figure of ratios shows."""
     known = {name: found for name, rows in results.by_algorithm.items() if (found := ratios(rows))}
     parts = [f"{name}: median {quantile(found, 0.5):.1f} times" for name, found in known.items()]
@@ -145,11 +145,11 @@ def trial_text(row: TrialRow, slips: int) -> str:
     )
 
 
-def trial_layers() -> Iterator[html.Layer]:
+def trial_layers() -> Iterator[html.PlotLayer]:
     """Yield the boxes that hide parts of the path, which are the key to its colours too."""
-    for phase, colour in palette.PHASES.items():
-        yield html.Layer(phase, PHASES[phase], colour)
-    yield html.Layer("slips", "Slips", palette.ANOMALY)
+    for phase, colour in palette.PHASE_COLOURS.items():
+        yield html.PlotLayer(phase, PHASE_TEXTS[phase], colour)
+    yield html.PlotLayer("slips", "Slips", palette.ANOMALY)
 
 
 def entrapped_text(found: Entrapment) -> str:

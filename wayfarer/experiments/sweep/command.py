@@ -17,7 +17,7 @@ from wayfarer.experiments.sim_command import run_shown
 from wayfarer.experiments.statistics import AlgorithmSummary
 from wayfarer.experiments.sweep.axes import Value
 from wayfarer.experiments.sweep.grid import Sweep
-from wayfarer.experiments.tables import number
+from wayfarer.experiments.tables import number_text
 from wayfarer.views.text.scripting import print_json, say_next
 from wayfarer.views.text.terminal_table import Column, table
 
@@ -69,10 +69,10 @@ def _columns(sweep: Sweep) -> Iterator[Column[_Cell]]:
     for axis in sweep.axes:
         title = axis.key.rpartition(".")[2].replace("_", "\n")  # a word a line: two long keys must fit 80 columns
         yield Column(title, partial(_value, axis.key))
-    yield Column("success\n%", lambda cell: number(cell.summary.success_percent))
-    yield Column("SPL", lambda cell: number(cell.summary.spl, 3))
-    yield Column("path\nm", lambda cell: number(cell.summary.path_mean_m))
-    yield Column("left the\nmap %", lambda cell: number(100 * cell.summary.left_bounds / cell.summary.trials))
+    yield Column("success\n%", lambda cell: number_text(cell.summary.success_percent))
+    yield Column("SPL", lambda cell: number_text(cell.summary.spl, 3))
+    yield Column("path\nm", lambda cell: number_text(cell.summary.path_mean_m))
+    yield Column("left the\nmap %", lambda cell: number_text(100 * cell.summary.left_bounds / cell.summary.trials))
 
 
 def _value(key: str, cell: _Cell) -> str:

@@ -15,10 +15,9 @@ from typing import Annotated, Any
 from annotated_types import Interval
 
 from wayfarer.config.messages import validated
-from wayfarer.config.rover_overlay import laid_over
+from wayfarer.config.rover_overlay import flat, laid_over
 from wayfarer.errors import BadInput, UnknownName
 from wayfarer.experiments.campaign import Campaign
-from wayfarer.experiments.folder_settings import flat
 from wayfarer.experiments.sweep.axes import Value
 from wayfarer.simhal.world.grounds import GroundName
 from wayfarer.simhal.world.physics import Physics

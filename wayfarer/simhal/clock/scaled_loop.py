@@ -1,9 +1,9 @@
 """An asyncio loop, with sockets, whose time runs faster than the clock or stands still, for the demo.
 
-``loop.time()`` goes on ``Pace.speed`` times as fast as the clock, from timer to timer. Where the computer is busy or
-slow, time falls behind instead of jumping, so that no timer comes late: the rover never finds that its control tick was
-late because somebody's browser was starting. A little lost time is made up for by waiting less; the rest is forgotten.
-So a simulated world may be asked for any speed, and runs as fast as it can.
+``loop.time()`` goes on ``TimeScale.speed`` times as fast as the clock, from timer to timer. Where the computer is busy
+or slow, time falls behind instead of jumping, so that no timer comes late: the rover never finds that its control tick
+was late because somebody's browser was starting. A little lost time is made up for by waiting less; the rest is
+forgotten. So a simulated world may be asked for any speed, and runs as fast as it can.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ LOOK_S = 1e-8  # more than rounding errors, and less than anything that is timed
 
 
 @dataclass(slots=True)
-class Pace:
+class TimeScale:
     """How fast the time of a loop goes; any thread may change it.
 
     ``speed`` is above 0. While ``paused``, time stands still: callbacks from other threads and signals run, timers do
-    not. A loop that waits looks at it again when it is woken: ``FastLoop.look_at_pace``. ``stood_s`` is how long, in
-    seconds of the clock, the time has stood still so far.
+    not. A loop that waits looks at it again when it is woken: ``ScaledLoop.look_at_time_scale``. ``stood_s`` is how
+    long, in seconds of the clock, the time has stood still so far.
     """
 
     speed: float
@@ -39,21 +39,21 @@ class Pace:
     stood_s: float = 0.0
 
 
-class FastSelector(SelectSelector):
+class ScaledSelector(SelectSelector):
     """Waits for files ``speed`` times shorter than it is asked to; ``now_s`` is the loop's time by then.
 
     select(2) waits to the microsecond; epoll would round up to a millisecond, which is long at fifty times the speed.
     """
 
-    def __init__(self, pace: Pace) -> None:
+    def __init__(self, time_scale: TimeScale) -> None:
         super().__init__()
-        self._pace = pace
+        self._time_scale = time_scale
         self._lost_s = 0.0  # of the clock
         self.now_s = self._clock_s = monotonic()
 
     def select(self, timeout: float | None = None) -> list[tuple[SelectorKey, int]]:
         """Wait, at most ``timeout`` seconds of the loop, and let time continue."""
-        return self._stand_still(timeout) if self._pace.paused else self._go_on(timeout, self._pace.speed)
+        return self._stand_still(timeout) if self._time_scale.paused else self._go_on(timeout, self._time_scale.speed)
 
     def _go_on(self, timeout: float | None, speed: float) -> list[tuple[SelectorKey, int]]:
         before_s = monotonic()
@@ -71,28 +71,28 @@ class FastSelector(SelectSelector):
         before_s = self._clock_s
         ready = super().select(0.0 if timeout is not None and timeout <= 0.0 else None)
         self._clock_s, self._lost_s = monotonic(), 0.0
-        self._pace.stood_s += self._clock_s - before_s
+        self._time_scale.stood_s += self._clock_s - before_s
         return ready
 
 
-class FastLoop(asyncio.SelectorEventLoop):
-    """An event loop whose time runs as fast as its pace says, or as fast as the computer can."""
+class ScaledLoop(asyncio.SelectorEventLoop):
+    """An event loop whose time runs as fast as its time scale says, or as fast as the computer can."""
 
-    def __init__(self, pace: Pace) -> None:
-        self._pace = pace
-        self._fast = FastSelector(pace)
+    def __init__(self, time_scale: TimeScale) -> None:
+        self._time_scale = time_scale
+        self._scaled_selector = ScaledSelector(time_scale)
         self._looks = count()
-        super().__init__(self._fast)
+        super().__init__(self._scaled_selector)
 
     def time(self) -> float:
         """Return the loop's time in seconds; it begins where the clock is, and is later at each look.
 
         Timers for the same time would come in any order: heapq keeps none among equals.
         """
-        return self._fast.now_s + next(self._looks) * LOOK_S
+        return self._scaled_selector.now_s + next(self._looks) * LOOK_S
 
-    def look_at_pace(self) -> None:
-        """Wake the loop after a change of its pace, from any thread."""
+    def look_at_time_scale(self) -> None:
+        """Wake the loop after a change of its time scale, from any thread."""
         self.call_soon_threadsafe(lambda: None)
 
     def add_signal_handler(self, sig: int, callback: Callable[[Unpack[Ts]], object], *args: Unpack[Ts]) -> None:
@@ -100,5 +100,5 @@ class FastLoop(asyncio.SelectorEventLoop):
         super().add_signal_handler(sig, self._wake_up, callback, *args)
 
     def _wake_up(self, callback: Callable[[Unpack[Ts]], object], *args: Unpack[Ts]) -> None:
-        self._pace.paused = False
+        self._time_scale.paused = False
         callback(*args)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from random import Random
 from struct import pack
 from typing import Any
 
 from wayfarer.config.rover_file import RoverConfig, part_settings
-from wayfarer.config.wiring import I2C, SERIAL, SPI, NotedBuses
+from wayfarer.config.wiring import I2C, SERIAL, SPI, buses_asked
 from wayfarer.drivers.buses import Frame
 from wayfarer.drivers.pmw3901_burst import MOTION_BIT
 from wayfarer.simhal.chip_wiring import driver_name
@@ -76,10 +76,7 @@ def misplaced(fault: Fault, config: RoverConfig) -> str | None:
 def _bus_of(part: str, table: Mapping[str, Any]) -> tuple[str, str, Any]:
     """Return the kind and name of the bus that a part is on, and the part's settings; no name where it is on none."""
     driver, settings = part_settings(part, table)
-    noted = NotedBuses()
-    with suppress(Exception):  # a third party's may fail without a real bus: what it asked for until then counts
-        driver(settings, noted)
-    for kind, name in noted.asked:
+    for kind, name in buses_asked(driver, settings):
         if kind != I2C or hasattr(settings, "address"):
             return kind, name, settings
     name = getattr(settings, "camera", "")
@@ -102,12 +99,12 @@ def place_of(fault: Fault, config: RoverConfig, buses: TamperedBuses) -> WiredPa
     return WiredPart(driver, settings, kind, line.chip, line.wire, line.hang)
 
 
-def _nack(wired: WiredPart, params: Any, chance: Random) -> AbstractContextManager[None]:
+def _nack(wired: WiredPart, params: Any, rng: Random) -> AbstractContextManager[None]:
     left = params.most
 
     def is_lost() -> bool:
         nonlocal left
-        lost: bool = left > 0 and chance.random() < params.chance
+        lost: bool = left > 0 and rng.random() < params.chance
         left -= lost
         return lost
 
@@ -121,12 +118,12 @@ def _hang(wired: WiredPart, _: object, __: Random) -> Iterator[None]:
     wired.hang.end()
 
 
-def _flipped_bits(wired: WiredPart, params: Any, chance: Random) -> AbstractContextManager[None]:
+def _flipped_bits(wired: WiredPart, params: Any, rng: Random) -> AbstractContextManager[None]:
     def flip(data: bytes) -> bytes:
-        if chance.random() >= params.chance or not data:
+        if rng.random() >= params.chance or not data:
             return data
         wrong: int = int.from_bytes(data, "big")
-        for bit in chance.sample(range(len(data) * 8), min(params.bits, len(data) * 8)):
+        for bit in rng.sample(range(len(data) * 8), min(params.bits, len(data) * 8)):
             wrong ^= 1 << bit
         return wrong.to_bytes(len(data), "big")
 
@@ -171,9 +168,9 @@ def _reset(wired: WiredPart, _: object, __: Random) -> Iterator[None]:
     power_cycle()
 
 
-def _lost_bytes(wired: WiredPart, params: Any, chance: Random) -> AbstractContextManager[None]:
+def _lost_bytes(wired: WiredPart, params: Any, rng: Random) -> AbstractContextManager[None]:
     def lose(data: bytes) -> bytes:
-        return bytes(byte for byte in data if chance.random() >= params.chance)
+        return bytes(byte for byte in data if rng.random() >= params.chance)
 
     return listed(wired.wire.writes, lose)
 

@@ -111,8 +111,8 @@ class Injector:
         loop = asyncio.get_running_loop()
         self._note(loop.time(), fault, begins=True)
         stack = self._lasting[number] = ExitStack()
-        chance = self._streams.random(f"fault.{number}")
-        stack.enter_context(EFFECTS[fault.kind](self._target(fault), fault.params, chance))
+        rng = self._streams.random(f"fault.{number}")
+        stack.enter_context(EFFECTS[fault.kind](self._target(fault), fault.params, rng))
         if fault.for_s < inf:
             loop.call_later(fault.for_s, self.cease, number, fault)
 

@@ -20,9 +20,9 @@ from typing import Annotated, Any, Literal
 
 from annotated_types import Interval
 
-Degrees = Annotated[float, Interval(ge=-180, le=180)]
-Gain = Annotated[float, Interval(ge=-1, le=2)]
-Share = Annotated[float, Interval(ge=0, le=1)]
+from wayfarer.units import Fraction, SignedDegrees
+
+DriveGain = Annotated[float, Interval(ge=-1, le=2)]
 Delay = Annotated[float, Interval(gt=0, le=60)]
 Byte = Annotated[int, Interval(ge=0, le=255)]
 
@@ -68,7 +68,7 @@ class Fault:
 class MagneticAnomaly:
     """Iron nearby bends the field: the heading is off by ``bias_deg``, reached evenly over ``ramp_s``."""
 
-    bias_deg: Degrees = 20.0
+    bias_deg: SignedDegrees = 20.0
     ramp_s: Annotated[float, Interval(ge=0, le=3600)] = 0.0
 
 
@@ -76,15 +76,15 @@ class MagneticAnomaly:
 class MotorField:
     """The motors' current bends the field: the heading is off by ``bias_deg`` at full duty, in proportion below."""
 
-    bias_deg: Degrees = 15.0
+    bias_deg: SignedDegrees = 15.0
 
 
 @dataclass(frozen=True, slots=True)
 class Slope:
     """The ground tilts the body, nose up and right side down positive; 180 is upside down."""
 
-    pitch_deg: Degrees = 0.0
-    roll_deg: Degrees = 0.0
+    pitch_deg: SignedDegrees = 0.0
+    roll_deg: SignedDegrees = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,15 +98,15 @@ class Shove:
 class Drive:
     """The sides turn ``left_gain`` and ``right_gain`` times as fast as commanded: 0 dead, -1 wired the wrong way."""
 
-    left_gain: Gain = 1.0
-    right_gain: Gain = 1.0
+    left_gain: DriveGain = 1.0
+    right_gain: DriveGain = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class DeadBand:
     """Motors that do not turn below a duty."""
 
-    duty: Share = 0.2
+    duty: Fraction = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +171,7 @@ class Becomes:
 class Garbage:
     """Every number of a reading is anything at all: out of range, infinite or no number, as chance has it."""
 
-    chance: Share = 1.0
+    chance: Fraction = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,7 +211,7 @@ class Saturated:
 class Lost:
     """Transfers that are not acknowledged: the share ``chance`` of them, and no more than ``most`` in all."""
 
-    chance: Share = 1.0
+    chance: Fraction = 1.0
     most: Annotated[int, Interval(ge=1, le=1_000_000)] = 1_000_000
 
 
@@ -219,7 +219,7 @@ class Lost:
 class LostBytes:
     """Written bytes that never arrive: the share ``chance`` of them."""
 
-    chance: Share = 0.1
+    chance: Fraction = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,7 +230,7 @@ class FlippedBits:
     """
 
     bits: Annotated[int, Interval(ge=1, le=64)] = 1
-    chance: Share = 1.0
+    chance: Fraction = 1.0
 
 
 @dataclass(frozen=True, slots=True)

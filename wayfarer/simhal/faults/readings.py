@@ -111,10 +111,10 @@ def _frozen(part: TamperedPart) -> Change:
 def _value(to: Callable[[float, Any, Random], float]) -> Effect:
     """Return what changes one value of each reading."""
 
-    def effect(part: TamperedPart, params: Any, chance: Random) -> AbstractContextManager[None]:
+    def effect(part: TamperedPart, params: Any, rng: Random) -> AbstractContextManager[None]:
         return listed(
             part.changes,
-            lambda reading: _with(reading, params.of, to(getattr(reading, params.of), params, chance)),
+            lambda reading: _with(reading, params.of, to(getattr(reading, params.of), params, rng)),
         )
 
     return effect
@@ -122,7 +122,7 @@ def _value(to: Callable[[float, Any, Random], float]) -> Effect:
 
 def _reading(make: Callable[[Any, Random], Change]) -> Effect:
     """Return what changes readings as a whole."""
-    return lambda part, params, chance: listed(part.changes, make(params, chance))
+    return lambda part, params, rng: listed(part.changes, make(params, rng))
 
 
 def _jumps(params: Any, _: Random) -> Change:
@@ -152,16 +152,13 @@ def _becomes(params: Any, _: Random) -> Change:
     return lambda reading: reading._replace(**{params.of: float(params.value)})
 
 
-def _garbage(params: Any, chance: Random) -> Change:
+def _garbage(params: Any, rng: Random) -> Change:
     def change(reading: Any) -> Any:
-        if chance.random() >= params.chance:
+        if rng.random() >= params.chance:
             return reading
         numbers = [name for name, value in reading._asdict().items() if isinstance(value, float) and name != "t_s"]
         return reading._replace(
-            **{
-                name: chance.choice(_STRANGE) if chance.random() < 0.5 else chance.uniform(-32768.0, 32767.0)
-                for name in numbers
-            }
+            **{name: rng.choice(_STRANGE) if rng.random() < 0.5 else rng.uniform(-32768.0, 32767.0) for name in numbers}
         )
 
     return change
@@ -191,7 +188,7 @@ EFFECTS: Mapping[str, Effect] = {
     "frozen": lambda part, _, __: listed(part.changes, _frozen(part)),
     "offset": _value(lambda value, params, _: value + params.by),
     "jumps": _reading(_jumps),
-    "noisy": _value(lambda value, params, chance: value + chance.gauss(0.0, params.sd)),
+    "noisy": _value(lambda value, params, rng: value + rng.gauss(0.0, params.sd)),
     "drifts": _reading(_drifts),
     "negated": _value(lambda value, _, __: -value),
     "becomes": _reading(_becomes),

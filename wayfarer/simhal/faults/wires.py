@@ -13,9 +13,9 @@ from wayfarer.simhal.buses import ChipMisuse, FakeBuses, FakeI2C, FakeSerial, Fa
 from wayfarer.simhal.faults.bus_hang import Hang
 
 # What a chip answers, and what it was asked with: what the driver gets instead.
-Answer = Callable[[bytes, bytes], bytes]
+AnswerChange = Callable[[bytes, bytes], bytes]
 # What was written: what the chip gets instead, None where it hears nothing.
-Write = Callable[[bytes], bytes | None]
+WriteChange = Callable[[bytes], bytes | None]
 
 
 class FaultyWire:
@@ -27,8 +27,8 @@ class FaultyWire:
 
     def __init__(self, where: str, chip: Any = None) -> None:
         self.chip = chip
-        self.answers: list[Answer] = []
-        self.writes: list[Write] = []
+        self.answers: list[AnswerChange] = []
+        self.writes: list[WriteChange] = []
         self.unheard: list[Callable[[], bool]] = []
         self._where = where
         self._asked = b""
@@ -101,13 +101,7 @@ class TamperedI2C(FakeI2C):
 
     async def write_read(self, address: int, data: bytes, count: int) -> bytes:
         """Write, then read."""
-
-        def transfer() -> bytes:
-            chip = self.chip_at(address)
-            chip.write(data)
-            return chip.read(count)
-
-        return await self.hang.carry(transfer)
+        return await self.hang.carry(lambda: self._transfer(address, data, count))
 
     write_then_read = write_read
 

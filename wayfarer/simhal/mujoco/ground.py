@@ -65,15 +65,15 @@ class Mud:
         self._side = round(WORLD_SIZE_M / MUD_CELL_M)
         self._cells = bytearray(self._side * self._side)
         self.anywhere = False
-        chance = streams.generator("world.mud")
+        rng = streams.generator("world.mud")
         met_within_m = 2.0 * MUD_RADIUS_M + width_m
-        patches = chance.poisson(min(WORLD_SIZE_M**2 / (met_within_m * physics.slip_mean_m), MOST_PATCHES))
+        patches = rng.poisson(min(WORLD_SIZE_M**2 / (met_within_m * physics.slip_mean_m), MOST_PATCHES))
         start_x_m, start_y_m = forest.start_m
-        for x_m, y_m in chance.uniform(0.0, WORLD_SIZE_M, (patches, 2)).tolist():
+        for x_m, y_m in rng.uniform(0.0, WORLD_SIZE_M, (patches, 2)).tolist():
             if (x_m - start_x_m) ** 2 + (y_m - start_y_m) ** 2 > (physics.slip_free_m + met_within_m) ** 2:
-                self.spill(x_m, y_m)
+                self.add_patch(x_m, y_m)
 
-    def spill(self, x_m: float, y_m: float) -> None:
+    def add_patch(self, x_m: float, y_m: float) -> None:
         """Add a patch: row by row, the cells whose middles are in it."""
         self.anywhere = True
         rows = _middles_within(y_m, MUD_RADIUS_M, self._side)
@@ -83,7 +83,7 @@ class Mud:
             first = row * self._side + columns.start
             self._cells[first : first + len(columns)] = b"\1" * len(columns)
 
-    def lies_at(self, x_m: float, y_m: float) -> bool:
+    def is_muddy(self, x_m: float, y_m: float) -> bool:
         """Return whether there is mud at a point."""
         column, row = int(x_m / MUD_CELL_M), int(y_m / MUD_CELL_M)
         return 0 <= column < self._side and 0 <= row < self._side and bool(self._cells[row * self._side + column])
@@ -95,7 +95,7 @@ def _middles_within(at_m: float, reach_m: float, side: int) -> range:
     return range(max(first, 0), max(min(last, side - 1), first - 1) + 1)
 
 
-class Footing:
+class WheelFriction:
     """Gives each wheel the friction of what is under it; ``first`` is the first of the four wheels' geoms."""
 
     def __init__(self, model: Any, data: Any, mud: Mud, first: int, friction: float) -> None:
@@ -108,7 +108,7 @@ class Footing:
     def update(self) -> None:
         """Look under each wheel."""
         for wheel, (x_m, y_m, _) in enumerate(self._data.geom_xpos[self._first : self._first + 4].tolist()):
-            muddy = self._mud.lies_at(x_m, y_m)
+            muddy = self._mud.is_muddy(x_m, y_m)
             if muddy is not self._muddy[wheel]:
                 self._muddy[wheel] = muddy
                 self._model.geom_friction[self._first + wheel, 0] = self._friction[muddy]

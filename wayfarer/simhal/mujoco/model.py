@@ -48,7 +48,7 @@ if mujoco.get_mju_user_warning() is None:
     mujoco.set_mju_user_warning(lambda _text: None)
 
 
-def build(
+def build_model(
     body: WheeledBody, terrain: Terrain, field: HeightField | None, obstacles: list[Obstacle], step_s: float = STEP_S
 ) -> Any:
     """Return the compiled model: geom 0 is the ground, then come the obstacles, then the rover's body and wheels.
@@ -190,7 +190,7 @@ class Unstable(ArithmeticError):
     """The engine could not work the motion out; the trial says nothing. The text has what the engine warned of."""
 
 
-def refuse(data: Any, t_s: float) -> None:
+def raise_unstable(data: Any, t_s: float) -> None:
     """End a trial whose motion could not be worked out up to this time.
 
     Raises:

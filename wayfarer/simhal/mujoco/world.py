@@ -14,10 +14,10 @@ from math import cos, inf, radians, sin
 import mujoco
 import numpy as np
 
-from wayfarer.simhal.mujoco.ground import Footing, Mud, rough_ground
-from wayfarer.simhal.mujoco.model import ROVER, STEP_S, Contacts, build, refuse
-from wayfarer.simhal.mujoco.motion import Displacement, gravity_m_s2, pose_of, shove_n
-from wayfarer.simhal.mujoco.placing import Placing
+from wayfarer.simhal.mujoco.ground import Mud, WheelFriction, rough_ground
+from wayfarer.simhal.mujoco.kinematics import Displacement, gravity_m_s2, pose_of, shove_n
+from wayfarer.simhal.mujoco.model import ROVER, STEP_S, Contacts, build_model, raise_unstable
+from wayfarer.simhal.mujoco.placement import Placement
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.collision import low_trunks_of, obstacles_of
@@ -79,13 +79,15 @@ class MujocoWorld:
         # What passes under the belly is there for the wheels, but nothing that a bumper feels.
         felt = obstacles_of(forest, body.clearance_m)
         obstacles = felt + low_trunks_of(forest, body.clearance_m)
-        self.model = build(body, terrain, field, obstacles, step_s)
+        self.model = build_model(body, terrain, field, obstacles, step_s)
         self.data = mujoco.MjData(self.model)
         self._warned = self.data.warning.number  # how often the engine has warned of each trouble
         self._rover = self.model.body(ROVER).id
         self._contacts = Contacts(self.data, obstacles, len(felt))
-        self._footing = Footing(self.model, self.data, self._mud, self._contacts.belly + 1, terrain.friction)
-        self._placing = Placing(self.model, self.data, body, field, self._contacts)
+        self._wheel_friction = WheelFriction(
+            self.model, self.data, self._mud, self._contacts.belly + 1, terrain.friction
+        )
+        self._placement = Placement(self.model, self.data, body, field, self._contacts)
         self._slips = self._tilts = False
         self._hanging_s = 0.0
         self._displacement = Displacement()
@@ -127,8 +129,8 @@ class MujocoWorld:
     @slipping.setter
     def slipping(self, slips: bool) -> None:
         if slips:
-            self._mud.spill(self.x_m, self.y_m)
-            self._footing.update()
+            self._mud.add_patch(self.x_m, self.y_m)
+            self._wheel_friction.update()
 
     # -- what is done to it ----------------------------------------------------------------------------------------
 
@@ -156,7 +158,7 @@ class MujocoWorld:
             NoRoom: there is no such place within some lengths of the body.
         """
         x_m, y_m, heading_rad = self.x_m, self.y_m, self.heading_rad
-        for place in self._placing.free_places(x_m, y_m, heading_rad, distance_m):
+        for place in self._placement.free_places(x_m, y_m, heading_rad, distance_m):
             self._put_down(*place, heading_rad)
             if self._is_clear():
                 break
@@ -193,13 +195,13 @@ class MujocoWorld:
 
     def _look(self) -> None:
         if self._warned.any() or self.x_m != self.x_m:  # NaN
-            refuse(self.data, self.t_s)
+            raise_unstable(self.data, self.t_s)
         ahead_m = self._displacement.look(self._pose)
         speed_m_s = ahead_m / (LOOK_EVERY * self._step_s)
         self._feel_contacts()
         self._feel_slip(speed_m_s)
         if self._mud.anywhere:
-            self._footing.update()
+            self._wheel_friction.update()
         if self.body_faults.shove_m_s:
             self._shove(speed_m_s)
         if self._tilts or self.ground_pitch_deg or self.ground_roll_deg:
@@ -250,7 +252,7 @@ class MujocoWorld:
     def _put_down(self, x_m: float, y_m: float, heading_rad: float) -> None:
         """Put the body down and let it come to rest, with its wheels at rest as well."""
         self._hold(False)
-        self._placing.lift_to(x_m, y_m, heading_rad)
+        self._placement.lift_to(x_m, y_m, heading_rad)
         self.data.ctrl[:] = 0.0
         self.data.xfrc_applied[self._rover] = 0.0
         self.model.opt.gravity[:] = gravity_m_s2(0.0, 0.0, heading_rad)  # a slope pulls again from the next look on

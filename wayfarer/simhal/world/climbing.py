@@ -63,12 +63,12 @@ class GroundPitch:
 
     def __init__(self, forest: Forest, clearance_m: float, body: BodyOutline) -> None:
         self._body = body
-        self._map = ObstacleGrid(low_trunks_of(forest, clearance_m), body.reach_m, CELL_M)
+        self._grid = ObstacleGrid(low_trunks_of(forest, clearance_m), body.reach_m, CELL_M)
 
     def pitch_deg(self, x_m: float, y_m: float, sin_h: float, cos_h: float) -> float:
         """Return the pitch of a body there: a branch lifts the end that it is nearer to, by up to its thickness."""
         half_m, pitch_deg = self._body.half_length_m, 0.0
-        for branch in self._map.near(x_m, y_m):
+        for branch in self._grid.near(x_m, y_m):
             if self._body.overlaps(branch, x_m, y_m, sin_h, cos_h):
                 near_x, near_y = branch.nearest(x_m, y_m)
                 ahead_m = (near_x - x_m) * sin_h + (near_y - y_m) * cos_h

@@ -25,8 +25,8 @@ from typing import Annotated
 from annotated_types import Interval
 from pydantic import BaseModel, ConfigDict
 
-from wayfarer.config.messages import one_line, shown, validated, with_short_keys
-from wayfarer.errors import BadConfig, BadForest
+from wayfarer.config.messages import shown, validated, with_short_keys
+from wayfarer.errors import BadConfig, BadForest, one_line
 from wayfarer.simhal.world.forest import Coordinate, Forest, Trunk, check_forest
 from wayfarer.units import Metres
 

@@ -54,12 +54,12 @@ class GroundCamera:
         return _between(self._ground, north, east)
 
 
-def texture(chance: np.random.Generator) -> NDArray[np.float32]:
+def texture(rng: np.random.Generator) -> NDArray[np.float32]:
     """Return a square texture that continues at its opposite edges: noise whose amplitude falls as its detail grows."""
     rows, columns = np.fft.fftfreq(TILE_PX)[:, None], np.fft.rfftfreq(TILE_PX)
     detail = np.hypot(rows, columns)
     detail[0, 0] = np.inf  # no mean
-    spectrum = np.fft.rfft2(chance.standard_normal((TILE_PX, TILE_PX))) / detail
+    spectrum = np.fft.rfft2(rng.standard_normal((TILE_PX, TILE_PX))) / detail
     waves = np.fft.irfft2(spectrum, (TILE_PX, TILE_PX))
     ground: NDArray[np.float32] = (GREY_MEAN + waves * (GREY_SD / waves.std())).astype(np.float32)
     return ground

@@ -8,15 +8,15 @@ from typing import Annotated
 from annotated_types import Interval
 
 from wayfarer.units import (
-    BearingError,
     Degrees,
-    DegreesOrNone,
+    DegreesOrZero,
     DegreesPerSecond,
     Fraction,
     Gain,
     Metres,
-    MetresOrNone,
+    MetresOrZero,
     Seconds,
+    SignedDegrees,
 )
 
 
@@ -41,16 +41,16 @@ class Physics:
     side_gain_sd: Fraction = 0.02
     track_sd: Fraction = 0.05
     steer_noise_rad: Fraction = 0.2
-    heading_noise_deg: DegreesOrNone = 1.0
+    heading_noise_deg: DegreesOrZero = 1.0
     noise_per_m: Metres = 0.05
-    slip_free_m: MetresOrNone = 0.5
+    slip_free_m: MetresOrZero = 0.5
     slip_mean_m: Metres = 10.0
     climb_deg_s: DegreesPerSecond = 40.0
     settle_s: Seconds = 0.2
     tip_deg: Degrees = 60.0
-    compass_noise_deg: DegreesOrNone = 1.0
-    compass_bias_deg: BearingError = 0.0
-    tilt_noise_deg: DegreesOrNone = 1.0
+    compass_noise_deg: DegreesOrZero = 1.0
+    compass_bias_deg: SignedDegrees = 0.0
+    tilt_noise_deg: DegreesOrZero = 1.0
     flow_noise_counts: Gain = 2.0
     flow_noise_share: Fraction = 0.03
 

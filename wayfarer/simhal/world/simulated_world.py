@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from math import atan2, degrees
 from typing import Final, NamedTuple, Protocol
 
+from wayfarer.angles import wrap180
 from wayfarer.hal import Side
 from wayfarer.simhal.world.collision import Obstacle
 from wayfarer.simhal.world.physics import Physics
@@ -124,7 +125,7 @@ def side_of(obstacle: Obstacle, x_m: float, y_m: float, heading_rad: float) -> t
     """Return the side of a body at which an obstacle lies, by the bearing of its nearest point."""
     near_x, near_y = obstacle.nearest(x_m, y_m)
     bearing_rad = atan2(near_x - x_m, near_y - y_m) - heading_rad
-    off_deg = (degrees(bearing_rad) + 180.0) % 360.0 - 180.0
+    off_deg = wrap180(degrees(bearing_rad))
     if abs(off_deg) <= HEAD_ON_DEG:
         return (Side.FRONT,)
     if abs(off_deg) >= 135.0:

@@ -102,8 +102,8 @@ class World:
         self._seen_m = self._body.reach_m + beyond_m
         self._climbing = Climbing(vehicle, chassis, physics, streams) if chassis else None
         clearance_m = self._climbing.clearance_m if self._climbing else 0.0
-        self._map = ObstacleGrid(obstacles_of(forest, clearance_m), self._seen_m, cell_m)
-        self._underfoot = GroundPitch(forest, clearance_m, self._body) if clearance_m else None
+        self._grid = ObstacleGrid(obstacles_of(forest, clearance_m), self._seen_m, cell_m)
+        self._ground_pitch = GroundPitch(forest, clearance_m, self._body) if clearance_m else None
         self._free_m = 0.0
         self._lag = 1.0 - exp(-physics.step_s / physics.motor_lag_s)
         self._settling = exp(-physics.step_s / physics.settle_s)
@@ -163,8 +163,8 @@ class World:
     def attitude(self) -> tuple[float, float, float]:
         """Return heading (radians), pitch and roll (degrees): of the body, the ground and the low branches under it."""
         heading_rad, pitch_deg = self.heading_rad, self.pitch_deg + self.ground_pitch_deg
-        if self._underfoot is not None:
-            pitch_deg += self._underfoot.pitch_deg(self.x_m, self.y_m, sin(heading_rad), cos(heading_rad))
+        if self._ground_pitch is not None:
+            pitch_deg += self._ground_pitch.pitch_deg(self.x_m, self.y_m, sin(heading_rad), cos(heading_rad))
         return heading_rad, pitch_deg, self.roll_deg + self.ground_roll_deg
 
     def set_faults(self, **body_faults: float | bool) -> None:
@@ -267,7 +267,7 @@ class World:
         x_m, y_m = self.x_m, self.y_m
         free_m = self._seen_m - reach_m
         within_reach = []
-        for obstacle in self._map.near(x_m, y_m):
+        for obstacle in self._grid.near(x_m, y_m):
             near_x, near_y = obstacle.nearest(x_m, y_m)
             gap_m = hypot(near_x - x_m, near_y - y_m) - obstacle.radius_m - reach_m
             if gap_m <= 0.0:

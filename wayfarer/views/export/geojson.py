@@ -48,12 +48,12 @@ def _line(segment: Sequence[Fix], zero_s: float) -> dict[str, Any]:
 
 
 def _point(waypoint: Waypoint, zero_s: float) -> dict[str, Any]:
-    happening = waypoint.happening
+    placed_event = waypoint.placed_event
     properties = {
-        "kind": happening.kind,
-        "name": happening.text,
-        "time": utc_text(zero_s + happening.t_s),
-        "elapsed_s": happening.elapsed_s,
+        "kind": placed_event.kind,
+        "name": placed_event.text,
+        "time": utc_text(zero_s + placed_event.t_s),
+        "elapsed_s": placed_event.elapsed_s,
         "placed": waypoint.placed,
         "fix_elapsed_s": waypoint.fix.elapsed_s,
         "fix_error_m": waypoint.fix.error_m,

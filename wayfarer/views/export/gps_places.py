@@ -24,7 +24,7 @@ from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.run_events import AnomalyBegan, Ended, Marked, Noted
 from wayfarer.fieldlog.run_fold import HELD, RunFold
 from wayfarer.fieldlog.typed import Fix, RunEvent, Tick
-from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES
+from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS, CAUSE_TEXTS
 from wayfarer.fieldlog.wording import event_text, outcome_text, run_text, whole_deg
 from wayfarer.views.export.wall_time import read_clock_zero_s
 
@@ -33,7 +33,7 @@ NEAR_M = 0.05  # what is told as 0.0 m
 DECIMALS = 8  # of a degree: a millimetre
 
 
-class Happening(NamedTuple):
+class PlacedEvent(NamedTuple):
     """Something that happened at a place: ``mark``, ``anomaly``, ``hold`` or ``fault`` (the wheels stood), ``end``."""
 
     kind: str
@@ -45,7 +45,7 @@ class Happening(NamedTuple):
 class Waypoint(NamedTuple):
     """The place of something that happened, and from which fix it was reckoned, metres from there."""
 
-    happening: Happening
+    placed_event: PlacedEvent
     latitude_deg: float
     longitude_deg: float
     fix: Fix
@@ -88,10 +88,10 @@ def read_places(run: Path, form: str) -> Places:
     zero_s, fold = read_clock_zero_s(reader), RunFold()
     fixes: list[Fix] = []
     poses: list[ReckonedPose] = []
-    happenings: list[Happening] = []
+    placed_events: list[PlacedEvent] = []
     for record in RunReader(run):
         events = fold.take(record)
-        happenings += _happened(events)
+        placed_events += _happened(events)
         for event in events:
             match event:
                 case Tick(place=place) if place is not None:
@@ -104,25 +104,25 @@ def read_places(run: Path, form: str) -> Places:
             f"mcap; for the next run give the rover a receiver (parts.position in its file)"
         )
     fixes.sort(key=attrgetter("t_s"))
-    waypoints = [_placed(each, fixes, poses) for each in happenings]
+    waypoints = [_placed(each, fixes, poses) for each in placed_events]
     title, about = clean(run.resolve().name), run_text(fold.state.header)
     return Places(title, about, zero_s, list(_segments(fixes)), waypoints, reader.damage)
 
 
-def _happened(events: Sequence[RunEvent]) -> Iterator[Happening]:
+def _happened(events: Sequence[RunEvent]) -> Iterator[PlacedEvent]:
     """Give what has a place of what a record tells; anomalies that begin at the same tick are one."""
-    begun = [ANOMALIES.get(event.kind, event.kind) for event in events if isinstance(event, AnomalyBegan)]
+    begun = [ANOMALY_TEXTS.get(event.kind, event.kind) for event in events if isinstance(event, AnomalyBegan)]
     if begun:
-        yield Happening("anomaly", ", ".join(begun), events[0].t_s, events[0].elapsed_s)
+        yield PlacedEvent("anomaly", ", ".join(begun), events[0].t_s, events[0].elapsed_s)
     for event in events:
         match event:
             case Marked(record=record):
-                yield Happening("mark", event_text(record), event.t_s, event.elapsed_s)
+                yield PlacedEvent("mark", event_text(record), event.t_s, event.elapsed_s)
             case Noted(name="health", record={"level": str(level), **told}) if level in HELD:
                 cause = name(told, "cause") or "unknown"
-                yield Happening(level, f"{level}: {CAUSES.get(cause, cause)}", event.t_s, event.elapsed_s)
+                yield PlacedEvent(level, f"{level}: {CAUSE_TEXTS.get(cause, cause)}", event.t_s, event.elapsed_s)
             case Ended():
-                yield Happening("end", outcome_text(event), event.t_s, event.elapsed_s)
+                yield PlacedEvent("end", outcome_text(event), event.t_s, event.elapsed_s)
 
 
 def _segments(fixes: Sequence[Fix]) -> Iterator[list[Fix]]:
@@ -137,13 +137,13 @@ def _segments(fixes: Sequence[Fix]) -> Iterator[list[Fix]]:
     yield segment
 
 
-def _placed(happening: Happening, fixes: Sequence[Fix], poses: Sequence[ReckonedPose]) -> Waypoint:
+def _placed(placed_event: PlacedEvent, fixes: Sequence[Fix], poses: Sequence[ReckonedPose]) -> Waypoint:
     """Return where something happened."""
-    fix = min(_around(happening.t_s, fixes), key=lambda each: abs(each.t_s - happening.t_s))
-    north_m, east_m = _reckoned_m(poses, fix.t_s, happening.t_s)
+    fix = min(_around(placed_event.t_s, fixes), key=lambda each: abs(each.t_s - placed_event.t_s))
+    north_m, east_m = _reckoned_m(poses, fix.t_s, placed_event.t_s)
     latitude_deg, longitude_deg = coordinates_deg(fix, north_m, east_m)
     at = _on_globe(replace(fix, latitude_deg=latitude_deg, longitude_deg=longitude_deg))
-    return Waypoint(happening, at.latitude_deg, at.longitude_deg, fix, north_m, east_m)
+    return Waypoint(placed_event, at.latitude_deg, at.longitude_deg, fix, north_m, east_m)
 
 
 def _on_globe(fix: Fix) -> Fix:

@@ -54,12 +54,12 @@ def _document(places: Places) -> Element:
 
 
 def _waypoint(root: Element, waypoint: Waypoint, zero_s: float) -> None:
-    happening = waypoint.happening
-    point = _point(root, "wpt", waypoint.latitude_deg, waypoint.longitude_deg, zero_s + happening.t_s)
-    _text(point, "name", happening.text)
+    placed_event = waypoint.placed_event
+    point = _point(root, "wpt", waypoint.latitude_deg, waypoint.longitude_deg, zero_s + placed_event.t_s)
+    _text(point, "name", placed_event.text)
     _text(point, "desc", waypoint.placed)
-    _text(point, "type", happening.kind)
-    _extensions(point, happening.elapsed_s, None)
+    _text(point, "type", placed_event.kind)
+    _extensions(point, placed_event.elapsed_s, None)
 
 
 def _fix(segment: Element, fix: Fix, zero_s: float) -> None:

@@ -16,7 +16,7 @@ from pyarrow import parquet
 
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.schema import ANY_NUMBER, KEYS, STAMP, TEXT, Values
-from wayfarer.views.export.tables import COLUMNS, PARTS, cell, further_columns, table_rows
+from wayfarer.views.export.tables import COLUMNS, PART_COLUMNS, cell, further_columns, table_rows
 
 BLOCK_ROWS = 10_000  # that are in memory at once: 500 s of ticks at 20 Hz
 INT64 = range(-(2**63), 2**63)
@@ -96,7 +96,7 @@ def _known() -> Iterator[tuple[str, Values]]:
     yield "event", TEXT
     yield from ((name, ANY_NUMBER) for name in ("elapsed_s", "reckoned_north_m", "reckoned_east_m"))
     yield from KEYS["tick"].items()
-    yield from PARTS.items()
+    yield from PART_COLUMNS.items()
 
 
 KNOWN = {name: _of(values) for name, values in _known() if name in COLUMNS}

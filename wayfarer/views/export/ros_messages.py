@@ -28,7 +28,7 @@ from wayfarer.fieldlog.fields import number, table
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Fix, Tick
-from wayfarer.fieldlog.vocabulary import CAUSES, level_text
+from wayfarer.fieldlog.vocabulary import CAUSE_TEXTS, level_text
 from wayfarer.views.enu import enu_rotation
 from wayfarer.views.export.wall_time import SECOND_NS, nanoseconds
 
@@ -58,7 +58,7 @@ TOPICS: dict[str, Any] = {
 }
 ODOM, BODY = "odom", "base_link"  # frames of REP 105: where the log begins, and the rover
 # Diagnostics know three levels: a rover that drives on is not in error.
-LEVELS = {
+DIAGNOSTIC_LEVELS = {
     "well": DiagnosticStatus.OK,
     "note": DiagnosticStatus.WARN,
     "degrade": DiagnosticStatus.WARN,
@@ -131,9 +131,9 @@ class RosMessages:
             "anomalies": " ".join(tick.anomalies),
         }
         status = DiagnosticStatus(
-            level=LEVELS.get(level, DiagnosticStatus.STALE),
+            level=DIAGNOSTIC_LEVELS.get(level, DiagnosticStatus.STALE),
             name="wayfarer: gate",
-            message=": ".join(filter(None, [level_text(level, cause), CAUSES.get(cause or "", cause)])),
+            message=": ".join(filter(None, [level_text(level, cause), CAUSE_TEXTS.get(cause or "", cause)])),
             hardware_id=self._fold.state.header.rover or "",
             values=[KeyValue(key, value) for key, value in values.items()],
         )

@@ -29,7 +29,7 @@ from wayfarer.fieldlog.typed import Tick
 from wayfarer.fieldlog.wording import event_text, fault_text, outcome_text
 
 # What readings and other records say, under their names.
-PARTS: Mapping[str, Values] = {
+PART_COLUMNS: Mapping[str, Values] = {
     f"{kind}_{key}": values
     for kind in ("compass", "motion", "contact", "board", "position", "computer", "truth")
     for key, values in {**KEYS, **READINGS}[kind].items()
@@ -41,7 +41,7 @@ COLUMNS = (
     "covered_m", "reckoned_north_m", "reckoned_east_m",
     "wanted_left", "wanted_right", "applied_left", "applied_right", "level", "cause",
     "counter_deg", "side", "turn_deg", "episodes", "blocked_turns", "turn_from_duty", "decision_t_s",
-    *PARTS,
+    *PART_COLUMNS,
 )  # fmt: skip
 STAMP = ("t_s", "t_wall", "n")
 WORDS = {"run", "event", "fault", "outcome"}  # what is told in words, or is in every part of a log
@@ -83,7 +83,7 @@ def further_columns(records: Iterable[Record], known: Container[str] = frozenset
     """Return columns that are not known, as those of another algorithm's memory, with the types of their values."""
     found: dict[str, set[type]] = {}
     for record in records:
-        for column, value in _told(record).items():
+        for column, value in _columns_of(record).items():
             if column not in known:
                 found.setdefault(column, set()).add(type(value))
     return found
@@ -118,7 +118,7 @@ class _Sheet:
 
     def take(self, record: Record) -> Iterator[Row]:
         """Take a record, and give the row if it is a tick."""
-        events, said = self._fold.take(record), _told(record)
+        events, said = self._fold.take(record), _columns_of(record)
         self._stamp = {"elapsed_s": self._fold.state.elapsed_s, **{key: record.get(key) for key in STAMP}}
         for event in events:
             match event:
@@ -150,7 +150,7 @@ def _reckoned(tick: Tick) -> Row:
     return {"reckoned_north_m": round(tick.place.north_m, 3), "reckoned_east_m": round(tick.place.east_m, 3)}
 
 
-def _told(record: Record) -> Row:
+def _columns_of(record: Record) -> Row:
     """Return the columns of what a record says; none of one that is told in words, or that is in every part."""
     kind = record["record"]
     if kind in WORDS:

@@ -24,7 +24,10 @@ from wayfarer.fieldlog.vocabulary import met
 from wayfarer.fieldlog.wording import Tone, sentence
 from wayfarer.views.text.run_narrator import happened
 
-LEVELS: Mapping[Tone, LogLevel] = {Tone.WARNING: LogLevel.Warning, Tone.FAULT: LogLevel.Error}  # else for information
+LOG_LEVELS: Mapping[Tone, LogLevel] = {
+    Tone.WARNING: LogLevel.Warning,
+    Tone.FAULT: LogLevel.Error,
+}  # else for information
 NAMES: Mapping[type[RunEvent], str] = {
     RunBegan: "run", AnomalyBegan: "anomaly", BoardFaults: "board", PowerChanged: "power", Gap: "gap",
     Silence: "silence", FaultInjected: "fault", Ended: "outcome",
@@ -43,11 +46,11 @@ class LogMessage(NamedTuple):
 def notes(event: RunEvent) -> Iterator[LogMessage]:
     """Give the lines for something that happened, of one of the ``KINDS``."""
     name = event.name if isinstance(event, Noted) else NAMES[type(event)]
-    for text, tone in _told(event):
-        yield LogMessage(LEVELS.get(tone, LogLevel.Info), name, text)
+    for text, tone in _lines(event):
+        yield LogMessage(LOG_LEVELS.get(tone, LogLevel.Info), name, text)
 
 
-def _told(event: RunEvent) -> Iterator[tuple[str, Tone]]:
+def _lines(event: RunEvent) -> Iterator[tuple[str, Tone]]:
     if isinstance(event, AnomalyBegan):  # a terminal tells it with its tick
         yield sentence(met([event.kind], event.phase)), Tone.WARNING
     yield from happened(event)

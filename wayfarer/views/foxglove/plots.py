@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from wayfarer.angles import wrap180
 from wayfarer.fieldlog.schema import ANY_NUMBER, KEYS
 from wayfarer.fieldlog.typed import Board, Computer, RunEvent, Tick, Truth
-from wayfarer.fieldlog.vocabulary import ANOMALIES
+from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS
 
 NOTHING = "none"  # a separate state: in a strip of states, a missing value would look like the previous one
 
@@ -52,7 +52,7 @@ KINDS: Mapping[type[RunEvent], str] = {Tick: "tick", Board: "board", Computer: "
 def _kind(record: str, name: str) -> str:
     """Return the type of a field in JSON schema, from the log's schema; what an algorithm remembers are numbers."""
     types = KEYS[record].get(name, ANY_NUMBER).types
-    if bool in types or name in ANOMALIES:
+    if bool in types or name in ANOMALY_TEXTS:
         return "boolean"
     return "string" if str in types or list in types else "number"
 
@@ -79,7 +79,7 @@ _DERIVED: Mapping[str, Callable[[Any], object]] = {
     "cause": lambda tick: tick.cause or NOTHING,
     "faults": lambda board: ", ".join(board.faults) or NOTHING,
     **{name: _moved(name) for name in ("forward_m", "right_m", "quality")},
-    **{kind: _felt(kind) for kind in ANOMALIES},
+    **{kind: _felt(kind) for kind in ANOMALY_TEXTS},
 }
 
 PLOTS: Mapping[str, Plot] = {
@@ -129,7 +129,7 @@ PLOTS: Mapping[str, Plot] = {
             "applied_right": "duty that the motors took, right",
         },
     ),
-    "/anomalies": Plot(Tick, "Anomalies that the rover has detected.", ANOMALIES),
+    "/anomalies": Plot(Tick, "Anomalies that the rover has detected.", ANOMALY_TEXTS),
     "/motion": Plot(
         Tick,
         "Readings of the motion sensor since the last tick, and the distance so far.",

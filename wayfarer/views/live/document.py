@@ -8,7 +8,7 @@ from hashlib import sha256
 from importlib.resources import files
 from typing import NamedTuple
 
-from wayfarer.fieldlog.vocabulary import PHASES
+from wayfarer.fieldlog.vocabulary import PHASE_TEXTS
 from wayfarer.views import palette
 
 # In this order they make one script; each is about one thing.
@@ -27,7 +27,7 @@ def document() -> Document:
     folder = files("wayfarer.views.live") / "page"
     style = palette.css() + (folder / "page.css").read_text(encoding="utf-8")
     scripts = ((folder / name).read_text(encoding="utf-8") for name in SCRIPTS)
-    script = "\n".join([f"const PHASES = {json.dumps(PHASES)};", *scripts])
+    script = "\n".join([f"const PHASES = {json.dumps(PHASE_TEXTS)};", *scripts])
     html = (folder / "page.html").read_text(encoding="utf-8").replace("/* style */", style)
     policy = (
         f"default-src 'none'; style-src {_hash(style)}; script-src {_hash(script)}; connect-src 'self'; img-src data:;"

@@ -20,8 +20,8 @@ from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.sensor_status import SensorStatus
 from wayfarer.fieldlog.tick_wording import further_texts, why_text
 from wayfarer.fieldlog.typed import RunEvent, Tick, Truth
-from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES, PHASES, because, disarmed_text, level_text
-from wayfarer.views.text.run_narrator import RunNarrator, Telling
+from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS, CAUSE_TEXTS, PHASE_TEXTS, because, disarmed_text, level_text
+from wayfarer.views.text.run_narrator import RunNarrator, Verbosity
 from wayfarer.views.trail import Trail
 
 LINES = 200  # about the run; half an hour of a rover that drives
@@ -40,7 +40,7 @@ class PageModel:
 
     def __init__(self) -> None:
         self._fold = RunFold()
-        self._narrator = RunNarrator(Telling.CHANGES)
+        self._narrator = RunNarrator(Verbosity.CHANGES)
         self._trail = Trail(TRACK_POINTS, TRACK_SPACING_M)
         self._lines: deque[list[str]] = deque(maxlen=LINES)
         self._marks: deque[list[Any]] = deque(maxlen=MARKS)
@@ -90,11 +90,11 @@ class PageModel:
             "why_disarmed": disarmed_text(run.why_disarmed),
             "held": run.operator_hold,
             "phase": phase,
-            "phase_text": PHASES.get(phase, phase),
+            "phase_text": PHASE_TEXTS.get(phase, phase),
             "why_text": self._why,
             "level": level,
             "level_text": level_text(level, tick.cause),
-            "cause_text": CAUSES.get(tick.cause, tick.cause) if tick.cause else "",
+            "cause_text": CAUSE_TEXTS.get(tick.cause, tick.cause) if tick.cause else "",
             "heading_deg": tick.heading_deg,
             "pitch_deg": tick.pitch_deg,
             "roll_deg": tick.roll_deg,
@@ -102,8 +102,8 @@ class PageModel:
             "episodes": tick.episodes,
             "further": ", ".join(further_texts(tick))[:FURTHER_CHARS],
             "goal_heading_deg": run.goal_heading_deg,
-            "anomalies": [ANOMALIES.get(kind, kind) for kind in tick.anomalies],
-            "counts": [[ANOMALIES.get(kind, kind), count] for kind, count in run.anomalies.most_common()],
+            "anomalies": [ANOMALY_TEXTS.get(kind, kind) for kind in tick.anomalies],
+            "counts": [[ANOMALY_TEXTS.get(kind, kind), count] for kind, count in run.anomalies.most_common()],
             "wheels": [tick.applied_left, tick.applied_right],
             "mission_s": round(run.mission_s, 1),
             "mission_m": round(run.mission_m, 2),
@@ -126,7 +126,7 @@ class PageModel:
                 self._why = because(why_text(tick), tick.anomalies)
                 self._tell("phases", self._phases, [round(event.t_s, 2), event.phase or ""])
             case AnomalyBegan(kind=kind) if self._place is not None:
-                self._tell("marks", self._marks, [*self._place[:2], ANOMALIES.get(kind, kind)])
+                self._tell("marks", self._marks, [*self._place[:2], ANOMALY_TEXTS.get(kind, kind)])
             case RunBegan(header=header):
                 self._about = _about(header)
             case Ended():

@@ -93,7 +93,7 @@ class LivePage:
         self._commands = commands
         loop = asyncio.get_running_loop()
         self._http = web.Server(self._answer, access_log=None, logger=_clients, lingering_time=0.0)
-        server = await loop.create_server(self._meet, sock=self._socket)
+        server = await loop.create_server(self._make_protocol, sock=self._socket)
         telling = loop.create_task(self._tell_regularly(), name="live page")
         try:
             yield
@@ -145,7 +145,7 @@ class LivePage:
 
     # -- connections ---------------------------------------------------------------------------------------------
 
-    def _meet(self) -> asyncio.Protocol:
+    def _make_protocol(self) -> asyncio.Protocol:
         """Return what serves a new connection, which must become a viewer's within ``handshake_s``.
 
         If all places are taken, the oldest connection that is not a viewer's is closed for it.
@@ -154,7 +154,7 @@ class LivePage:
         if len(taken) >= self._limits.connections:
             idle = next((each for each in taken if each not in self._sessions), None)
             if idle is None:
-                return _TurnedAway()
+                return _RejectedConnection()
             _abort(idle)
         connection = self._http()
         loop = asyncio.get_running_loop()
@@ -211,7 +211,7 @@ class LivePage:
         return socket
 
 
-class _TurnedAway(asyncio.Protocol):
+class _RejectedConnection(asyncio.Protocol):
     """Ends a connection for which there is no room."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:

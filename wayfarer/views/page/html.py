@@ -33,7 +33,7 @@ def facts(pairs: Iterable[tuple[str, str]]) -> str:
     return "\n".join(['<dl class="facts">', *items, "</dl>"])
 
 
-class Layer(NamedTuple):
+class PlotLayer(NamedTuple):
     """What can be shown and hidden in all plots of a page: every model that is tagged ``layer:`` and its name."""
 
     name: str
@@ -42,7 +42,7 @@ class Layer(NamedTuple):
     shown: bool = True
 
 
-def layers(title: str, each: Iterable[Layer]) -> str:
+def layers(title: str, each: Iterable[PlotLayer]) -> str:
     """Return a box to tick for each layer, which is the key to the colours too; ``title`` is for those who hear it."""
     boxes = [
         f'<label><input type="checkbox" data-layer="{escape(layer.name)}"{" checked" * layer.shown}>'

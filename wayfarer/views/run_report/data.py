@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 Columns = Mapping[str, Floats]
 
 PHASES = tuple(phase.value for phase in Phase)
-LEVELS = {level.name.lower(): float(level) for level in Level}
+LEVEL_NUMBERS = {level.name.lower(): float(level) for level in Level}
 
 
 class MapFix(NamedTuple):

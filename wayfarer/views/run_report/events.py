@@ -7,18 +7,18 @@ from math import radians
 from typing import Any, NamedTuple
 
 from wayfarer.fieldlog.run_events import Marked, Noted, Silence
-from wayfarer.fieldlog.vocabulary import ANOMALIES
+from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS
 from wayfarer.fieldlog.wording import Tone, event_text, event_tone, silence_text
 from wayfarer.views import palette
-from wayfarer.views.page.html import Layer
+from wayfarer.views.page.html import PlotLayer
 from wayfarer.views.run_report.data import RunData
 
 LAYERS = (
-    Layer("anomaly", "anomalies", palette.ANOMALY),
-    Layer("mark", "marks", palette.EDGE),
-    Layer("trouble", "trouble", palette.TROUBLE),
-    Layer("person", "by hand", palette.PERSON),
-    Layer("other", "other", palette.GREY, shown=False),
+    PlotLayer("anomaly", "anomalies", palette.ANOMALY),
+    PlotLayer("mark", "marks", palette.EDGE),
+    PlotLayer("trouble", "trouble", palette.TROUBLE),
+    PlotLayer("person", "by hand", palette.PERSON),
+    PlotLayer("other", "other", palette.GREY, shown=False),
 )
 
 
@@ -26,7 +26,7 @@ EDGE: Mapping[str, Any] = {"line_color": palette.EDGE, "line_width": 0.8}
 LOOK: Mapping[str, Any] = {"marker": "shape", "angle": "turned", **EDGE}
 
 
-class Happening(NamedTuple):
+class EventMark(NamedTuple):
     """Something at a time: its layer, what a pointer is told of it, and the shape and the turn of its mark."""
 
     t_s: float
@@ -36,7 +36,7 @@ class Happening(NamedTuple):
     turned_deg: float = 0.0
 
 
-def columns(found: Sequence[Happening]) -> dict[str, Any]:
+def columns(found: Sequence[EventMark]) -> dict[str, Any]:
     """Return what marks show, by column of Bokeh's; ``LOOK`` reads them."""
     return {
         "t": [each.t_s for each in found], "what": [each.text for each in found],
@@ -44,30 +44,30 @@ def columns(found: Sequence[Happening]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def happenings(data: RunData) -> list[Happening]:
+def event_marks(data: RunData) -> list[EventMark]:
     """Return all that a run's panels mark, by time."""
     return sorted([*_anomalies(data), *_events(data)])
 
 
-def _anomalies(data: RunData) -> Iterator[Happening]:
+def _anomalies(data: RunData) -> Iterator[EventMark]:
     for onset in data.onsets:
         shape, turned_deg = palette.ANOMALY_MARKERS[onset.kind]
-        yield Happening(onset.elapsed_s, "anomaly", ANOMALIES[onset.kind], shape, turned_deg)
+        yield EventMark(onset.elapsed_s, "anomaly", ANOMALY_TEXTS[onset.kind], shape, turned_deg)
 
 
-def _events(data: RunData) -> Iterator[Happening]:
+def _events(data: RunData) -> Iterator[EventMark]:
     for event in data.events:
         if isinstance(event, Marked):
-            yield Happening(event.elapsed_s, "mark", told(event), "hex")
+            yield EventMark(event.elapsed_s, "mark", event_words(event), "hex")
         elif isinstance(event, Silence):
-            yield Happening(event.began_s, "trouble", told(event))
+            yield EventMark(event.began_s, "trouble", event_words(event))
         else:
             by_hand = event_tone(event.record) is Tone.PERSON
             layer = "trouble" if is_trouble(event) else "person" if by_hand else "other"
-            yield Happening(event.elapsed_s, layer, told(event))
+            yield EventMark(event.elapsed_s, layer, event_words(event))
 
 
-def told(event: Noted | Silence) -> str:
+def event_words(event: Noted | Silence) -> str:
     """Return an event in words; a person's mark with its number."""
     if isinstance(event, Silence):
         return silence_text(event)

@@ -12,7 +12,7 @@ from bokeh.models.annotations import Arrow, NormalHead
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, hover, layer, plot, source
 from wayfarer.views.run_report.data import PHASES, Floats
-from wayfarer.views.run_report.events import EDGE, LOOK, columns, happenings
+from wayfarer.views.run_report.events import EDGE, LOOK, columns, event_marks
 from wayfarer.views.run_report.forest import draw_forests
 from wayfarer.views.run_report.series import pieces
 from wayfarer.views.run_report.track import Track, Way
@@ -35,11 +35,11 @@ def map_plot(tracks: Sequence[Track]) -> Figure:
     draw_forests(map_, [track.forest for track in tracks[:1] if track.forest])
     side_m = _leave_room(map_, tracks)
     for at, track in enumerate(tracks):
-        colours = palette.PHASES if len(tracks) == 1 else dict.fromkeys(PHASES, palette.RUNS[at])
+        colours = palette.PHASE_COLOURS if len(tracks) == 1 else dict.fromkeys(PHASES, palette.RUNS[at])
         _draw_fixes(map_, track)
         _draw_ways(map_, track, colours)
         _draw_goals(map_, track, side_m)
-        _draw_happenings(map_, track)
+        _draw_event_marks(map_, track)
         _draw_ends(map_, track, palette.RUNS[at])
     _draw_cursors(map_, tracks)
     return map_
@@ -98,10 +98,10 @@ def _draw_goals(map_: Figure, track: Track, side_m: float) -> None:
         map_.add_layout(Arrow(end=head, x_start=east_m, y_start=north_m, **tip, **GOAL))
 
 
-def _draw_happenings(map_: Figure, track: Track) -> None:
+def _draw_event_marks(map_: Figure, track: Track) -> None:
     """Draw anomalies and marks; Bokeh leaves out those whose place is not known."""
     for name, colour, size in (("anomaly", palette.ANOMALY, 9), ("mark", palette.PAPER, 16)):
-        found = [each for each in happenings(track.data) if each.layer == name]
+        found = [each for each in event_marks(track.data) if each.layer == name]
         x_m, y_m = np.array([track.way.at(each.t_s) for each in found]).reshape(-1, 2).T
         numbers = [f"{number}" for number, _ in enumerate(found, start=1)]
         marks = source(x=x_m, y=y_m, number=numbers, **columns(found))

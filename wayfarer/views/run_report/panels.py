@@ -17,10 +17,10 @@ from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.quantities import Panel, panels_of
 from wayfarer.views.run_report.series import Line, around, thinned
 from wayfarer.views.run_report.time_axis import (
-    Shared,
+    PanelBackground,
     background,
     events_panel,
-    shared_by_panels,
+    panel_background,
     time_panel,
     time_range,
 )
@@ -29,7 +29,7 @@ HEIGHT_PX = 120
 LOG_FROM = 8.0  # times the usual period: then the axis is logarithmic
 
 
-class Drawn(NamedTuple):
+class PanelLine(NamedTuple):
     """A line of a panel, of the run with this index."""
 
     run: int
@@ -43,7 +43,7 @@ def draw_panels(runs: Sequence[RunData], plots: Plots) -> Iterator[str]:
     found = [(panel, lines) for panel in panels_of(runs) if (lines := list(_lines_of(panel, runs)))]
     if not found:
         return
-    time, shared = time_range(runs), [shared_by_panels(data) for data in runs]
+    time, shared = time_range(runs), [panel_background(data) for data in runs]
     yield html.key("events", []) + plots.place(events_panel(runs, time, shared))
     for panel, lines in found:
         key = [(each.name, each.look["line_color"]) for each in lines if len(runs) == 1]
@@ -51,17 +51,17 @@ def draw_panels(runs: Sequence[RunData], plots: Plots) -> Iterator[str]:
         yield html.key(title, key) + plots.place(_draw(panel, lines, runs, time, shared))
 
 
-def _lines_of(panel: Panel, runs: Sequence[RunData]) -> Iterator[Drawn]:
+def _lines_of(panel: Panel, runs: Sequence[RunData]) -> Iterator[PanelLine]:
     for run, data in enumerate(runs):
         for quantity in panel.quantities:
             if (line := quantity.line(data)) is not None:
                 colour = quantity.colour if len(runs) == 1 else palette.RUNS[run]
                 look = {"line_width": 1.5, **quantity.look, "line_color": colour}
-                yield Drawn(run, quantity.name, line, look)
+                yield PanelLine(run, quantity.name, line, look)
 
 
 def _draw(
-    panel: Panel, lines: Sequence[Drawn], runs: Sequence[RunData], time: Range1d, shared: Sequence[Shared]
+    panel: Panel, lines: Sequence[PanelLine], runs: Sequence[RunData], time: Range1d, shared: Sequence[PanelBackground]
 ) -> Figure:
     made = time_panel(panel.title, HEIGHT_PX, time, y_axis_type=_axis_type(panel, lines))
     background(made, shared)
@@ -89,6 +89,6 @@ def _draw(
     return made
 
 
-def _axis_type(panel: Panel, lines: Sequence[Drawn]) -> Literal["linear", "log"]:
+def _axis_type(panel: Panel, lines: Sequence[PanelLine]) -> Literal["linear", "log"]:
     values = np.concatenate([each.line[1] for each in lines])
     return "log" if panel.unit == "ms" and np.nanmax(values) > LOG_FROM * np.nanmedian(values) else "linear"

@@ -17,15 +17,15 @@ from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.run_events import AnomalyBegan, Noted, Silence
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Tick, Truth, or_nan
-from wayfarer.views.run_report.data import LEVELS, PHASES, Columns, MapFix, RunData
+from wayfarer.views.run_report.data import LEVEL_NUMBERS, PHASES, Columns, MapFix, RunData
 from wayfarer.views.text.run_summariser import RunSummariser
 
-ANOMALIES = frozenset(anomaly.value for anomaly in Anomaly)
+ANOMALY_KINDS = frozenset(anomaly.value for anomaly in Anomaly)
 PHASE_INDEX = {phase: float(index) for index, phase in enumerate(PHASES)}
 TICK: Mapping[str, Callable[[Tick], float | None]] = {
     "t_s": lambda tick: tick.elapsed_s,
     "phase": lambda tick: PHASE_INDEX.get(tick.phase or ""),
-    "level": lambda tick: LEVELS.get(tick.level or ""),
+    "level": lambda tick: LEVEL_NUMBERS.get(tick.level or ""),
     "heading_deg": lambda tick: tick.heading_deg,
     "goal_heading_deg": lambda tick: tick.goal_heading_deg,
     "counter_deg": lambda tick: tick.counter_deg,
@@ -91,7 +91,7 @@ def _add_further(tick: Tick, count: int, further: dict[str, array[float]]) -> No
 
 def _keep(event: RunEvent, place: ReckonedPose | None, data: RunData) -> None:
     match event:
-        case AnomalyBegan(kind=kind) if kind in ANOMALIES:
+        case AnomalyBegan(kind=kind) if kind in ANOMALY_KINDS:
             data.onsets.append(event)
         case Noted() | Silence():
             data.events.append(event)

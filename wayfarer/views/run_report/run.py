@@ -100,15 +100,15 @@ def _map(tracks: Sequence[Track], names: Sequence[str], plots: Plots) -> Iterato
         yield html.paragraph(words.NO_FOREST)
 
 
-def _layers(tracks: Sequence[Track]) -> Iterator[html.Layer]:
+def _layers(tracks: Sequence[Track]) -> Iterator[html.PlotLayer]:
     """Yield what can be switched off: of one run also its phases."""
     if len(tracks) == 1:
-        for phase, colour in palette.PHASES.items():
-            yield html.Layer(phase, vocabulary.PHASES[phase], colour)
+        for phase, colour in palette.PHASE_COLOURS.items():
+            yield html.PlotLayer(phase, vocabulary.PHASE_TEXTS[phase], colour)
     if any(track.reckoned for track in tracks):
-        yield html.Layer("reckoned", "dead reckoning", palette.RECKONED, shown=len(tracks) == 1)
+        yield html.PlotLayer("reckoned", "dead reckoning", palette.RECKONED, shown=len(tracks) == 1)
     if any(track.fixes for track in tracks):
-        yield html.Layer("fixes", "receiver", palette.RECEIVER, shown=len(tracks) == 1)
+        yield html.PlotLayer("fixes", "receiver", palette.RECEIVER, shown=len(tracks) == 1)
     yield from LAYERS
 
 

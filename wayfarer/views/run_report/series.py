@@ -37,7 +37,7 @@ def at_ticks(ticks: Columns, values: Floats) -> Line:
 
 def around(line: Line, centre_deg: float) -> Line:
     """Return angles as deviations from a centre, -180 to 180 degrees, broken where they go round the back."""
-    deviations_deg = (line[1] - centre_deg + 180.0) % 360.0 - 180.0
+    deviations_deg = (line[1] - centre_deg + 180.0) % 360.0 - 180.0  # as angles.wrap180, of an array
     return broken(line[0], deviations_deg, np.abs(np.diff(deviations_deg)) > 180.0)
 
 

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from html import escape
 from math import isnan
 
+from wayfarer.config.rover_overlay import flat
 from wayfarer.fieldlog.episodes import Episode
-from wayfarer.fieldlog.fields import span
+from wayfarer.fieldlog.fields import span, table
 from wayfarer.fieldlog.sensor_status import SensorStatus
-from wayfarer.fieldlog.vocabulary import ANOMALIES, because
+from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS, because
 from wayfarer.views.page import html
 from wayfarer.views.run_report import words
 from wayfarer.views.run_report.data import RunData
-from wayfarer.views.run_report.events import is_trouble, told
+from wayfarer.views.run_report.events import event_words, is_trouble
 
 ROWS = 500  # of a table; the log has all of them
 
@@ -27,7 +28,7 @@ def anomalies_table(data: RunData) -> str:
     rows = []
     for kind, count in sorted(counts.items(), key=lambda item: -item[1]):
         often = f"{count / hundred_m:.1f}" if hundred_m > 0.0 else ""
-        rows.append(("", (ANOMALIES.get(kind, kind), f"{count}", f"{count / total:.0%}", often)))
+        rows.append(("", (ANOMALY_TEXTS.get(kind, kind), f"{count}", f"{count / total:.0%}", often)))
     caption = "Anomalies by cause. Each is counted when it begins."
     return html.table(caption, ("cause", "times", "share", "in 100 m"), rows)
 
@@ -55,7 +56,7 @@ def events_list(data: RunData) -> str:
         return html.paragraph("No events.")
     lines = [html.paragraph("What people asked for, and what the rover reported."), "<ul>"]
     for event in data.events[:ROWS]:
-        text = escape(told(event))
+        text = escape(event_words(event))
         text = f"<strong>{text}</strong>" if is_trouble(event) else text
         lines.append(f"<li>{span(event.elapsed_s, 1)} {text}</li>")
     return "\n".join([*lines, "</ul>", _rest(data.events)])
@@ -105,23 +106,16 @@ def facts_table(runs: Sequence[RunData], names: Sequence[str]) -> str:
 
 def settings_table(runs: Sequence[RunData], names: Sequence[str]) -> str:
     """Return the keys of the rover file that have another value, or are in one of the runs only."""
-    flat = [dict(_flat(data.header.get("config"))) for data in runs]
-    changed = sorted(key for key in flat[0].keys() | flat[1].keys() if flat[0].get(key) != flat[1].get(key))
+    first, second = known = [
+        {key: str(value) for key, value in flat(table(data.header, "config")).items()} for data in runs
+    ]
+    changed = sorted(key for key in first.keys() | second.keys() if first.get(key) != second.get(key))
     if not changed:
         return html.paragraph(words.SAME_SETTINGS)
-    rows = (_compared(key, [each.get(key) for each in flat]) for key in changed)
+    rows = (_compared(key, [each.get(key) for each in known]) for key in changed)
     return html.table("Keys of the rover file with another value.", ["key", *names], rows)
 
 
 def _compared(key: str, values: Sequence[str | None]) -> tuple[str, list[str]]:
     kind = "same" if len(set(values)) == 1 else "differs"
     return kind, [key, *("not there" if value is None else value for value in values)]
-
-
-def _flat(part: object, key: str = "") -> Iterator[tuple[str, str]]:
-    """Yield each value of a rover file under its whole key, as ``detector.tilt_deg``."""
-    if isinstance(part, dict):
-        for name, value in part.items():
-            yield from _flat(value, f"{key}.{name}" if key else str(name))
-    elif key:
-        yield key, f"{part}"

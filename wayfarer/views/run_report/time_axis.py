@@ -14,8 +14,8 @@ from bokeh.plotting import ColumnDataSource
 from wayfarer.fieldlog import vocabulary
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, hover, layer, plot, source
-from wayfarer.views.run_report.data import LEVELS, PHASES, RunData
-from wayfarer.views.run_report.events import LAYERS, LOOK, columns, happenings
+from wayfarer.views.run_report.data import LEVEL_NUMBERS, PHASES, RunData
+from wayfarer.views.run_report.events import LAYERS, LOOK, columns, event_marks
 from wayfarer.views.run_report.series import spans
 
 SHADE = 0.16  # of a phase's colour, behind the lines
@@ -46,32 +46,32 @@ def time_panel(name: str, height_px: int, time: Range1d, **settings: Any) -> Fig
     return made
 
 
-class Shared(NamedTuple):
+class PanelBackground(NamedTuple):
     """The phases of one run by name, and its events by layer, for all panels."""
 
     phases: Mapping[str, ColumnDataSource]
     events: Mapping[str, ColumnDataSource]
 
 
-def shared_by_panels(data: RunData) -> Shared:
+def panel_background(data: RunData) -> PanelBackground:
     """Return what all panels of a run show behind their lines."""
     bands = spans(data.ticks, data.ticks["phase"])
-    inside = {phase: [each for each in bands if PHASES[int(each.value)] == phase] for phase in palette.PHASES}
-    told = happenings(data)
+    inside = {phase: [each for each in bands if PHASES[int(each.value)] == phase] for phase in palette.PHASE_COLOURS}
+    told = event_marks(data)
     found = {layer.name: [each for each in told if each.layer == layer.name] for layer in LAYERS}
-    return Shared(
+    return PanelBackground(
         {phase: source(x0=[each.start_s for each in spans_], x1=[each.end_s for each in spans_])
          for phase, spans_ in inside.items() if spans_},
         {layer: source(**columns(each)) for layer, each in found.items() if each},
     )  # fmt: skip
 
 
-def background(made: Figure, shared: Sequence[Shared]) -> None:
+def background(made: Figure, shared: Sequence[PanelBackground]) -> None:
     """Draw the phases of a single run, and its events but anomalies, behind a panel."""
     if len(shared) > 1:
         return
     for phase, bands in shared[0].phases.items():
-        colour = palette.PHASES[phase]
+        colour = palette.PHASE_COLOURS[phase]
         layer(phase, made.vstrip("x0", "x1", source=bands, fill_color=colour, fill_alpha=SHADE, line_color=None))
     for each in LAYERS:
         if each.name != "anomaly" and each.name in shared[0].events:
@@ -79,7 +79,7 @@ def background(made: Figure, shared: Sequence[Shared]) -> None:
             layer(each.name, made.vspan("t", source=shared[0].events[each.name], **look))
 
 
-def events_panel(runs: Sequence[RunData], time: Range1d, shared: Sequence[Shared]) -> Figure:
+def events_panel(runs: Sequence[RunData], time: Range1d, shared: Sequence[PanelBackground]) -> Figure:
     """Return the panel of all events: a row for each layer and for when the wheels were held, of each run."""
     rows = [
         (run, name, text) for run, data in enumerate(runs)
@@ -108,16 +108,16 @@ def events_panel(runs: Sequence[RunData], time: Range1d, shared: Sequence[Shared
 
 
 def _was_held(data: RunData) -> bool:
-    return bool((data.ticks["level"] >= LEVELS["degrade"]).any())
+    return bool((data.ticks["level"] >= LEVEL_NUMBERS["degrade"]).any())
 
 
 def _held(made: Figure, data: RunData, row: int) -> Iterator[GlyphRenderer[Any]]:
     """Draw when the rover's own condition made the gate hold the wheels, or do with less."""
     held = spans(data.ticks, data.ticks["level"])
-    for level, colour in palette.LEVELS.items():
-        bars = [each for each in held if each.value == LEVELS[level]]
+    for level, colour in palette.LEVEL_COLOURS.items():
+        bars = [each for each in held if each.value == LEVEL_NUMBERS[level]]
         if bars:
-            words = [f"{vocabulary.LEVELS[level]}, for {each.end_s - each.start_s:.1f} s" for each in bars]
+            words = [f"{vocabulary.LEVEL_TEXTS[level]}, for {each.end_s - each.start_s:.1f} s" for each in bars]
             begins_s = [each.start_s for each in bars]
             times = source(t=begins_s, right=[each.end_s for each in bars], what=words)
             yield made.hbar(y=row, left="t", right="right", height=0.6, source=times, color=colour)
@@ -125,8 +125,8 @@ def _held(made: Figure, data: RunData, row: int) -> Iterator[GlyphRenderer[Any]]
 
 def _states(made: Figure, run: int, data: RunData) -> None:
     """Put in, unseen, what the cursor reads of phase and level: where each changes."""
-    phases = {index: vocabulary.PHASES[phase] for index, phase in enumerate(PHASES)}
-    levels = {int(value): vocabulary.LEVELS[level] for level, value in LEVELS.items()}
+    phases = {index: vocabulary.PHASE_TEXTS[phase] for index, phase in enumerate(PHASES)}
+    levels = {int(value): vocabulary.LEVEL_TEXTS[level] for level, value in LEVEL_NUMBERS.items()}
     for name, words in (("phase", phases), ("level", levels)):
         bands = spans(data.ticks, data.ticks[name])
         changes = source(x=[band.start_s for band in bands], value=[words[int(band.value)] for band in bands])

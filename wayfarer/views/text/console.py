@@ -11,7 +11,7 @@ from wayfarer.fieldlog.reader import Record
 from wayfarer.fieldlog.run_events import event_name
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.views.text.colour import painted
-from wayfarer.views.text.run_narrator import RunNarrator, Telling
+from wayfarer.views.text.run_narrator import RunNarrator, Verbosity
 
 
 class Console:
@@ -28,7 +28,7 @@ class Console:
         self._write = write
         self._then = then
         self._log = ""
-        self._fold, self._narrator = RunFold(reckons=False), RunNarrator(Telling.CHANGES)
+        self._fold, self._narrator = RunFold(reckons=False), RunNarrator(Verbosity.CHANGES)
 
     def show(self, record: Record) -> None:
         """Take a record; where nothing has changed, nothing is written."""

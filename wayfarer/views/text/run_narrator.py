@@ -41,7 +41,7 @@ Told = tuple[str, Tone]
 Change = PhaseChanged | AnomalyBegan
 
 
-class Telling(Enum):
+class Verbosity(Enum):
     """What is told of the control ticks: changes in sentences, changes and a status in columns, or every tick."""
 
     CHANGES = "changes"
@@ -64,11 +64,11 @@ class RunNarrator:
     """Turns what ``RunFold`` yields of a run into lines.
 
     Args:
-        telling: what is told of the control ticks. With ``CHANGES`` a line is told only where something has changed.
+        verbosity: what is told of the control ticks. With ``CHANGES`` a line is told only where something has changed.
     """
 
-    def __init__(self, telling: Telling) -> None:
-        self._telling = telling
+    def __init__(self, verbosity: Verbosity) -> None:
+        self._verbosity = verbosity
         self._battery_v: float | None = None
         self._status_t_s = self._position_t_s = float("-inf")
 
@@ -76,7 +76,7 @@ class RunNarrator:
         """Return the lines for what a record tells; most records have none."""
         change = next((event for event in events if isinstance(event, Change)), None) if len(events) > 1 else None
         lines = [Line(event.elapsed_s, *told) for event in events for told in self._told(event, change)]
-        return [line for line in lines if line.tone is not Tone.QUIET or self._telling is not Telling.CHANGES]
+        return [line for line in lines if line.tone is not Tone.QUIET or self._verbosity is not Verbosity.CHANGES]
 
     def _told(self, event: RunEvent, change: Change | None) -> Iterable[Told]:
         match event:
@@ -91,9 +91,9 @@ class RunNarrator:
                 return happened(event)
 
     def _tick(self, tick: Tick, change: Change | None) -> Iterable[Told]:
-        if self._telling is Telling.TICKS:
+        if self._verbosity is Verbosity.TICKS:
             return [(tick_text(tick), Tone.PLAIN)]
-        if self._telling is Telling.CHANGES:
+        if self._verbosity is Verbosity.CHANGES:
             tell = phase_text if isinstance(change, PhaseChanged) else anomaly_text
             return [] if change is None else [(tell(tick), Tone.PHASE)]
         due_s = STANDING_S if tick.phase == "halt" else STATUS_S

@@ -12,10 +12,11 @@ from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.run_state import RunState
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import RunEvent, Tick
+from wayfarer.safety.settings import SafetySettings
 from wayfarer.views.text.last_position import last_position
 from wayfarer.views.text.summary import Mark, PeriodPercentiles, RunSummary
 
-LATE_S = 0.2  # as ``SafetySettings.tick_late_s``, where a header does not tell
+LATE_S = SafetySettings().tick_late_s  # where a header does not tell
 # The events that tell of something that failed; ``sensor_failed`` is counted by sensor.
 FAILURES = {
     "board_silent", "light_failed", "part_failed", "motors_failed", "loop_stalled", "stop_not_confirmed", "close_hangs",

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from wayfarer.escape.phases import PhaseEvent
 from wayfarer.fieldlog.fields import local_time, span
 from wayfarer.fieldlog.reader import Damage
-from wayfarer.fieldlog.vocabulary import ANOMALIES, CAUSES, because
+from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS, CAUSE_TEXTS, because
 from wayfarer.fieldlog.wording import place_text, records_text, whole_deg
 from wayfarer.views.text.last_position import LastPosition, RangeBearing
 from wayfarer.views.text.summary import RunSummary
@@ -31,7 +31,7 @@ def summary_facts(run: str, summary: RunSummary, damage: Damage, *, utc: bool = 
         ("where", where_lines(summary.where, damage.missing)),
         ("time", _time(summary, utc=utc)),
         ("distance", [distance_line(summary)]),
-        ("anomalies", [counted({ANOMALIES.get(kind, kind): count for kind, count in summary.anomalies.items()})]),
+        ("anomalies", [counted({ANOMALY_TEXTS.get(kind, kind): count for kind, count in summary.anomalies.items()})]),
         ("escapes", [_escapes(summary)]),
         ("battery", [_battery(summary)]),
         ("failures", [counted({**_sensors(summary), **summary.failures})]),
@@ -79,7 +79,9 @@ def _offset(offset: RangeBearing) -> str:
 
 def _time(summary: RunSummary, *, utc: bool) -> Iterator[str]:
     yield f"{span(summary.lasted_s)} in all{_began(summary, utc=utc)}; armed for {span(summary.armed_s)}"
-    yield from (f"held for {span(held_s, 1)}: {CAUSES.get(cause, cause)}" for cause, held_s in summary.held_s.items())
+    yield from (
+        f"held for {span(held_s, 1)}: {CAUSE_TEXTS.get(cause, cause)}" for cause, held_s in summary.held_s.items()
+    )
 
 
 def _began(summary: RunSummary, *, utc: bool) -> str:

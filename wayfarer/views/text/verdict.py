@@ -38,7 +38,7 @@ class LogVerdict(NamedTuple):
         return "; ".join([f"{self.integrity.name.lower()}: {records}", *self.wrong])
 
 
-def judge(run: Path) -> LogVerdict:
+def check_log(run: Path) -> LogVerdict:
     """Read a whole run and return its integrity; an unfinished run has no outcome, and is at best partial."""
     records, ended = 0, False
     try:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from wayfarer.config.rover_file import load_rover
 from wayfarer.escape.api import Phase
-from wayfarer.experiments.entrapment import Cause, entrapment
+from wayfarer.experiments.entrapment_cause import Cause, entrapment
 from wayfarer.experiments.trajectory import Trace, TrajectoryPoint, run_traced
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.simhal.world.forest import CLEARING, Forest, Trunk
@@ -33,7 +33,7 @@ CLOSED = replace(CLEARING, trunks=BOX)
 def layouts_asked_once() -> Iterator[None]:
     """Whether a layout is closed takes a tenth of a second to find out; most tests ask it of the same one."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("wayfarer.experiments.entrapment.is_closed", cache(is_closed))
+        patch.setattr("wayfarer.experiments.entrapment_cause.is_closed", cache(is_closed))
         yield
 
 

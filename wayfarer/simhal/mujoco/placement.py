@@ -24,7 +24,7 @@ class NoRoom(RuntimeError):
     """There is no free ground near the rover to put it down on; the trial cannot continue."""
 
 
-class Placing:
+class Placement:
     """Puts a body elsewhere in its world; what it touches there are ``contacts``."""
 
     def __init__(self, model: Any, data: Any, body: WheeledBody, field: HeightField | None, contacts: Contacts) -> None:

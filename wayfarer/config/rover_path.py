@@ -1,0 +1,17 @@
+"""Which file a rover's name means; needs no pydantic, so that a broken rover file can still be looked at."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+SHIPPED = Path(__file__).parents[1] / "rovers"
+
+
+def is_rover_file(name_or_path: str) -> bool:
+    """Return whether a file is named (a slash, or ``.toml`` at its end), and not a shipped rover."""
+    return "/" in name_or_path or name_or_path.endswith(".toml")
+
+
+def rover_path(name_or_path: str) -> Path:
+    """Return the file that is named, or that of a shipped rover."""
+    return Path(name_or_path) if is_rover_file(name_or_path) else SHIPPED / f"{name_or_path}.toml"
