@@ -104,9 +104,9 @@ def test_only_unit_tests_fail_that_start_a_process(suite: pytest.Pytester) -> No
 
 
 @pytest.mark.parametrize(
-    ("expression", "number", "workers"), [("not long", None, 3), ("unit", None, None), ("not long", "1", None)]
+    ("expression", "number", "workers"), [("not long", None, 4), ("unit", None, None), ("not long", "1", None)]
 )
-def test_there_is_a_worker_more_than_cores_where_processes_are_waited_for(
+def test_there_are_more_workers_than_cores_where_processes_are_waited_for(
     expression: str, number: str | None, workers: int | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})

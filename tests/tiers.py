@@ -6,7 +6,7 @@ long     above about 10 s: soak, kills at random instants, replay of a campaign,
 
 Plain ``pytest`` leaves out ``long``; ``pytest -m unit`` takes one tier. A unit test that starts a process fails.
 
-Each worker takes a file at a time. Tests of processes come first and mostly wait, so there is a worker more than cores.
+Each worker takes a file at a time. Tests of processes come first and mostly wait, so there are two workers more than cores.
 Those that judge how soon a process does something put it first (``tests/system/subprocesses.py``).
 """
 
@@ -53,10 +53,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
-    """Return one more than there are cores, unless processes are left out or the number is set."""
+    """Return two more than there are cores, unless processes are left out or the number is set."""
     if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ or config.getoption("markexpr") == "unit":
         return None  # xdist knows
-    return len(os.sched_getaffinity(0)) + 1
+    return len(os.sched_getaffinity(0)) + 2
 
 
 @pytest.hookimpl(wrapper=True)

@@ -149,7 +149,7 @@ def test_no_command_ends_by_an_error_of_its_own_and_each_says_the_same_of_what_i
     assert RUN[:5].lstrip("0") in use("logs", "list")[0]
 
 
-# Of these a page draws something else than of a log that lacks some lines.
+# Of these a page draws something else than of a log that lacks some lines; the others are drawn in the long tier.
 DRAWN_OTHERWISE = (
     "flipped bits", "a number that cannot be", "a time far too late", "a time too early",
     "header lost, and there again in the next part",
@@ -157,7 +157,11 @@ DRAWN_OTHERWISE = (
 
 
 @pytest.mark.process
-@pytest.mark.parametrize("run", DRAWN_OTHERWISE, indirect=True)
+@pytest.mark.parametrize(
+    "run",
+    [pytest.param(name, marks=() if name in DRAWN_OTHERWISE else pytest.mark.long) for name in COPIES],
+    indirect=True,
+)
 def test_report_is_a_page(run: Path) -> None:
     assert cli.run(["report", str(run), "--logs", str(run.parent)]) == 0
     assert (run / "report.html").stat().st_size > 10_000

@@ -21,7 +21,7 @@ from wayfarer.experiments.trial_setup import TrialSpec
 
 
 class RerunTrial(NamedTuple):
-    """A trial that was run again: its way, or why the path that it took this time is not the one in the table."""
+    """A trial that was run again: its path, or why the path that it took this time is not the one in the table."""
 
     row: TrialRow
     trace: Trace | None
