@@ -6,8 +6,8 @@ long     above about 10 s: soak, kills at random instants, replay of a campaign,
 
 Plain ``pytest`` leaves out ``long``; ``pytest -m unit`` takes one tier. A unit test that starts a process fails.
 
-Each worker takes a file at a time. Tests of processes come first and mostly wait, so there are two workers more than cores.
-Those that judge how soon a process does something put it first (``tests/system/subprocesses.py``).
+Each worker takes a file at a time. Tests of processes come first and mostly wait, so there are two workers more than
+cores. Those that judge how soon a process does something put it first (``tests/system/subprocesses.py``).
 """
 
 from __future__ import annotations
