@@ -1,4 +1,4 @@
-"""Whatever the drivers hand out, no decision sees what cannot be, and silence is noticed (field catalogue, fault 8)."""
+"""Whatever the drivers hand out, no decision sees what cannot be, and silence is noticed (fault catalogue, fault 8)."""
 
 from __future__ import annotations
 

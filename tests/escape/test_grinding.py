@@ -1,4 +1,4 @@
-"""No manoeuvre goes on against what does not give way: field catalogue, faults 29 and 58."""
+"""No manoeuvre goes on against what does not give way: fault catalogue, faults 29 and 58."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The field catalogue's rows that run in virtual time: each is met within its bound, and each could have failed."""
+"""The fault catalogue's rows that run in virtual time: each is met within its bound, and each could have failed."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ def test_what_failed_remarks_and_what_was_skipped_stand_below() -> None:
         "Not as expected": "undervoltage-thrice: S3 was reached, S2 is expected",
         "Remarks": "compass-answers-45-ms-late: the readings are used as late as they are",
         "Skipped": "camera-black, camera-gone: OpenCV is not installed\n  bumped: no bumper",
-        "Untried": "no scenario for row 3, 4 of the field catalogue",
+        "Untried": "no scenario for row 3, 4 of the fault catalogue",
     }.items():
         assert f"{title}\n  {line}" in text
 

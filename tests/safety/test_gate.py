@@ -16,7 +16,7 @@ from wayfarer.safety.settings import SafetySettings
 
 HZ = 20.0
 AHEAD = WheelCommand(1.0, 1.0)
-LOW_VOLTAGE_SHARE = 0.7  # field catalogue, fault 32
+LOW_VOLTAGE_SHARE = 0.7  # fault catalogue, fault 32
 BY_LEVEL = {level: [condition for condition in Condition if LEVELS[condition] is level] for level in Level}
 STOPPING = BY_LEVEL[Level.HOLD] + BY_LEVEL[Level.FAULT]
 HARMLESS = [each for each in (*BY_LEVEL[Level.NOTE], *BY_LEVEL[Level.DEGRADE]) if each is not Condition.UNDERVOLTAGE]

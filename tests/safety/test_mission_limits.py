@@ -16,7 +16,7 @@ from wayfarer.safety.settings import SafetySettings
 SETTINGS = SafetySettings(mission_time_s=600.0, mission_distance_m=400.0, mission_radius_m=100.0)
 STARTS_S = 1000.0
 EARTH_M = 6_371_000.0
-FIX_FRESH_S = 3.0  # field catalogue, fault 56: after that, dead reckoning counts
+FIX_FRESH_S = 3.0  # fault catalogue, fault 56: after that, dead reckoning counts
 FIXES_BEYOND = 5
 
 
@@ -166,7 +166,7 @@ BAD_FIXES = [
 
 @pytest.mark.parametrize("bad", BAD_FIXES, ids=str)
 def test_fix_that_no_receiver_can_give_is_not_taken_for_the_start_and_lifts_no_limit(bad: PositionFix) -> None:
-    """Field catalogue, fault 8: around a start that is no number every place would be within the radius."""
+    """Fault catalogue, fault 8: around a start that is no number every place would be within the radius."""
     under_test = mission()
     under_test.position(bad)
     under_test.position(fix(0.0))

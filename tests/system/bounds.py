@@ -1,4 +1,4 @@
-"""Within which time the field catalogue wants an answer."""
+"""Within which time the fault catalogue wants an answer."""
 
 from __future__ import annotations
 

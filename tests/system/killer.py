@@ -1,4 +1,4 @@
-"""SIGKILL at random instants of a daemon's life, again and again over the same bench (field catalogue, faults 33, 35).
+"""SIGKILL at random instants of a daemon's life, again and again over the same bench (fault catalogue, faults 33, 35).
 
 A killed daemon can do nothing any more. What must hold all the same: the motor board's own deadman stops the wheels
 within its period; the next start is disarmed and its wheels stand still; the log of the killed run reads back at least

@@ -50,7 +50,7 @@ def arm(
     *,
     north: North = "magnetic",
 ) -> None:
-    """Check every part, wait for the start delay, then drive. Step away from the rover."""
+    """Run the checks that need no motion, wait for the start delay, then drive. Step away from the rover."""
     keys = {} if heading_deg is None else {"heading_deg": wrap360(heading_deg), "north": north}
     reply = _ask("arm", **keys)
     with _as_this_version():

@@ -1,4 +1,4 @@
-"""``wayfarer replay``: recorded readings through today's code, as a regression test."""
+"""``wayfarer replay``: recorded readings through the installed code, as a regression test."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def replay(
     logs: Logs = None,
     as_json: AsJson = False,
 ) -> None:
-    """Run recorded readings through today's code, and compare the decisions with the log.
+    """Run recorded readings through the installed code, and compare the decisions with the log.
 
     Exit code: 0 if all are the same, 1 if one differs, 3 if records are missing, 2 if a run cannot be replayed.
     """

@@ -82,13 +82,17 @@ TorqueScale = Annotated[
     str | None,
     typer.Option(
         metavar="X|MIN:MAX",
-        help="Stall torque over the rover file's chassis.motors_n_m; 3 if that is the rated torque. (default: 1)",
+        help="Stall torque divided by the rover file's chassis.motors_n_m; 3 if that is the rated torque. (default: 1)",
         rich_help_panel=MUJOCO,
     ),
 ]
 Out = Annotated[
     Path | None,
-    typer.Option(metavar="DIR", help="New or empty folder for trials.csv and summary.json.", rich_help_panel=RUNNING),
+    typer.Option(
+        metavar="DIR",
+        help="New or empty folder for trials.csv, trials.parquet and summary.json.",
+        rich_help_panel=RUNNING,
+    ),
 ]
 TrialNumber = Annotated[
     int | None,

@@ -38,7 +38,7 @@ LivePort = Annotated[
     ),
 ]
 Foxglove = Annotated[
-    bool, typer.Option("--foxglove", help="Serve Foxglove on this computer.", rich_help_panel=LOOKING_ON)
+    bool, typer.Option("--foxglove", help="Serve data to Foxglove on this computer.", rich_help_panel=LOOKING_ON)
 ]
 FoxglovePort = Annotated[
     int | None,

@@ -271,7 +271,7 @@ def _checked(applied: WheelCommand) -> WheelCommand:
     """Return what the motors say that they apply.
 
     Raises:
-        BadReading: it cannot be (field catalogue, fault 8): what the wheels do is not known.
+        BadReading: it cannot be (fault catalogue, fault 8): what the wheels do is not known.
     """
     left, right = applied
     if abs(left) <= 1.0 and abs(right) <= 1.0:  # NaN is no duty

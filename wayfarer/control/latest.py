@@ -28,7 +28,7 @@ class MotionBuffer:
     """Adds up displacements until the tick takes them, so that no sensor rate loses ground.
 
     The quality of the sum is that of its worst part: half a displacement is not a displacement. A part without a time
-    or a quality makes that of the sum 0 (field catalogue, fault 8).
+    or a quality makes that of the sum 0 (fault catalogue, fault 8).
     """
 
     __slots__ = ("_pending", "latest")

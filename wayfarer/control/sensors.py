@@ -18,7 +18,7 @@ from wayfarer.control.run_log import RunLog
 from wayfarer.errors import DriverError
 from wayfarer.hal import Driver, MotionReading, PositionFix, Rover
 
-RETRY_PAUSE_S = 0.05  # a single missed answer is asked again within one control period (field catalogue, fault 1)
+RETRY_PAUSE_S = 0.05  # a single missed answer is asked again within one control period (fault catalogue, fault 1)
 RETRY_PAUSE_MAX_S = 2.0
 
 

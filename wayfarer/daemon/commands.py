@@ -118,7 +118,7 @@ class RoverCommands:
             raise Refused("not armed: " + "; ".join(_finding_text(finding) for finding in failed))
 
     def _standing(self) -> list[Finding]:
-        """Return what is wrong with the rover now, and would only let the arming fail later (field catalogue, 51)."""
+        """Return what is wrong with the rover now, and would only let the arming fail later (fault catalogue, 51)."""
         return [
             fail(condition.value.replace("_", " "), "at this moment", *REMEDIES[condition])
             for condition in self._controller.conditions

@@ -238,7 +238,7 @@ class Daemon:
         self._loop.call_soon_threadsafe(lambda: self._supervisor.controller.power(self._loop.time(), flags))
 
     def _tell_of_unfinished(self, before: UnfinishedRun) -> None:
-        """Tell of the run before, which was cut off (field catalogue, fault 33)."""
+        """Tell of the run before, which was cut off (fault catalogue, fault 33)."""
         run, last_t_s, last_t_wall, mode, error = before
         self._field_log.event(
             "unclean_shutdown", self._loop.time(),

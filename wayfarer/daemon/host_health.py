@@ -16,7 +16,7 @@ from pathlib import Path
 from wayfarer.commissioning.checks.system import THROTTLED, power_flags
 
 EVERY_S = 10.0  # field.md, users' complaint 34
-POWER_EVERY_S = 1.0  # field catalogue, fault 32
+POWER_EVERY_S = 1.0  # fault catalogue, fault 32
 CPU_TEMPERATURE = "/sys/class/thermal/thermal_zone0/temp"  # thousandths of a degree Celsius, on every Linux board
 
 Health = Mapping[str, float | str | None]

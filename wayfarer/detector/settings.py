@@ -12,7 +12,7 @@ from wayfarer.units import Count, Degrees, DegreesPerSecond, Fraction, Metres, M
 
 @dataclass(frozen=True, slots=True)
 class DetectorSettings:
-    """Thresholds, each with its own unit; "fault" is a row of the field catalogue.
+    """Thresholds, each with its own unit; "fault" is a row of the fault catalogue.
 
     ``stale`` ages: PX4 gives a compass 0.3 s, ArduPilot gives flow 0.5 s and a failed link 1.5 s; these, and the second
     of a sensor that sees nothing, are less by a reading and a tick, so that the wheels stand in time. A motion sensor
@@ -56,7 +56,7 @@ class DetectorSettings:
     ``reversed_turns`` times is a fault (fault 28).
 
     Full duty on the spot that turns nothing for ``cannot_turn_s`` is a try; ``cannot_turn_tries`` in a row are told,
-    and after ``cannot_turn_max`` the rover gives up, as after so many anomalies in the field catalogue (fault 57).
+    and after ``cannot_turn_max`` the rover gives up, as after so many anomalies in the fault catalogue (fault 57).
     """
 
     immobilised_s: Seconds = 0.3

@@ -26,7 +26,7 @@ BACK_OFF_SHARES: Final = (1.0, 0.5, 0.25)
 
 # Blocked turns are forgotten after following the goal freely for so long: that is another place.
 FREE_RUN_M: Final = 1.0
-# A counter beyond this is forgotten (field catalogue, fault 59).
+# A counter beyond this is forgotten (fault catalogue, fault 59).
 COUNTER_MAX_DEG: Final = 1080.0
 
 

@@ -22,7 +22,7 @@ Line = Annotated[str, MaxLen(200)]
 
 
 class Reached(StrEnum):
-    """How severely the rover answered; the levels of the field catalogue."""
+    """How severely the rover answered; the levels of the fault catalogue."""
 
     NONE = "-"
     NOTE = "S0"
@@ -80,7 +80,7 @@ class Expectation:
 class Scenario:
     """One scenario; the ranges are those of a scenario file.
 
-    ``row`` is its number in the field catalogue, None for a user's own; ``asked`` the level that the catalogue asks
+    ``row`` is its number in the fault catalogue, None for a user's own; ``asked`` the level that the catalogue asks
     for, and ``because`` why another one is expected here. ``settings`` are laid over the rover file.
     """
 

@@ -53,7 +53,7 @@ def print_results(console: Console, results: Sequence[Result], untried: Sequence
     Args:
         console: where to.
         results: in the order of the table.
-        untried: rows of the field catalogue that nothing tries.
+        untried: rows of the fault catalogue that nothing tries.
     """
     shown = [column for from_width, column in COLUMNS if from_width <= console.width]
     console.print(table(shown, results))
@@ -63,7 +63,7 @@ def print_results(console: Console, results: Sequence[Result], untried: Sequence
     _section(console, "Remarks", _with_names((each.remark, each.name) for each in results))
     _section(console, "Skipped", _with_names((each.skipped, each.name) for each in results))
     if untried:
-        _section(console, "Untried", [f"no scenario for row {', '.join(map(str, untried))} of the field catalogue"])
+        _section(console, "Untried", [f"no scenario for row {', '.join(map(str, untried))} of the fault catalogue"])
     console.print()
     for line in summed_up(results, untried):
         say(console, line)

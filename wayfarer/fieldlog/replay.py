@@ -1,4 +1,4 @@
-"""Replay: recorded readings and operator commands through today's code, decisions compared with the log.
+"""Replay: recorded readings and operator commands through the installed code, decisions compared with the log.
 
 Everything that came from outside is taken from the log: readings, what the motors took, what people asked for, what the
 motor board said. Everything that the rover concluded is computed again, by the controller itself: anomalies,

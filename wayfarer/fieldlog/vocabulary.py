@@ -15,7 +15,7 @@ PHASE_TEXTS: Mapping[str, str] = {
     Phase.FOLLOW.value: "Follows the goal heading",
     Phase.BACK_OFF.value: "Backs off",
     Phase.TURN_AWAY.value: "Turns away",
-    Phase.PROBE.value: "Probes: drives back in a curve",
+    Phase.PROBE.value: "Probes: drives ahead in a curve",
     Phase.STRIDE.value: "Drives straight ahead",
     Phase.HALT.value: "Stopped",
 }

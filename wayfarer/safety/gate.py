@@ -15,7 +15,7 @@ from wayfarer.safety.conditions import LEVELS, Condition, Level, worst
 from wayfarer.safety.settings import SafetySettings
 
 STALL_LIMIT_S: Final = 0.2  # field.md, fault 37: ArduPilot's rover disarms after as long without its main loop
-LOW_VOLTAGE_SHARE: Final = 0.7  # of ``duty_max`` while the computer's supply sags: field catalogue, fault 32
+LOW_VOLTAGE_SHARE: Final = 0.7  # of ``duty_max`` while the computer's supply sags: fault catalogue, fault 32
 
 
 class Gate:

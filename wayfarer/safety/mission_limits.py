@@ -14,7 +14,7 @@ from wayfarer.angles import displacement_m, offset_m
 from wayfarer.hal import PositionFix
 from wayfarer.safety.settings import SafetySettings
 
-FIX_FRESH_S: Final = 3.0  # an older fix does not count (field catalogue, fault 56)
+FIX_FRESH_S: Final = 3.0  # an older fix does not count (fault catalogue, fault 56)
 FIXES_BEYOND: Final = 5  # fixes in a row, so that one that jumps ends nothing
 
 
@@ -49,7 +49,7 @@ class Mission:
         self.east_m += east_m
 
     def position(self, fix: PositionFix) -> None:
-        """Take a fix; the first one is the start. One that no receiver can give is none (field catalogue, fault 8)."""
+        """Take a fix; the first one is the start. One that no receiver can give is none (fault catalogue, fault 8)."""
         if not (abs(fix.latitude_deg) <= 90.0 and abs(fix.longitude_deg) <= 180.0 and isfinite(fix.t_s)):
             return
         if self._home is None:

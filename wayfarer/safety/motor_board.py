@@ -4,7 +4,7 @@ A battery sags under load, so a voltage counts only once it has stayed below its
 is only logged: they depend on the chemistry, and a board that cannot measure (Sabertooth) gives none.
 
 A board that says twice in a row that it applies other duties than it was commanded turns the wheels, or lets them
-stand, by itself (field catalogue, faults 23 and 30). Twice, because a stop may have come between.
+stand, by itself (fault catalogue, faults 23 and 30). Twice, because a stop may have come between.
 """
 
 from __future__ import annotations

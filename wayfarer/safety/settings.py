@@ -48,7 +48,7 @@ class BoardSettings:
     """Limits of the motor board.
 
     Below ``battery_low_v`` for ``battery_low_s`` the rover is told to come home, below ``battery_critical_v`` for
-    ``battery_critical_s`` it stops: 10 and 5 s as field catalogue, fault 31 (ArduPilot waits 10 s). None is not judged.
+    ``battery_critical_s`` it stops: 10 and 5 s as fault catalogue, fault 31 (ArduPilot waits 10 s). None is not judged.
     The board is asked at ``health_hz``: a drive fault that it says twice in a row stops the wheels within 0.5 s
     (fault 26); twice, because a flag that is up at power-up takes a moment to clear.
     """
@@ -67,7 +67,7 @@ class BoardSettings:
 
 @dataclass(frozen=True, slots=True)
 class EntrapmentSettings:
-    """When the rover has got nowhere: field catalogue, fault 57.
+    """When the rover has got nowhere: fault catalogue, fault 57.
 
     A free run is ``free_run_m`` commanded ahead without an anomaly, of which the motion sensor sees ``covered_m``
     without its largest readings: one that is garbage now and then frees no rover. Without such a run, so many anomalies

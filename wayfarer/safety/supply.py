@@ -14,7 +14,7 @@ from wayfarer.safety.conditions import Condition
 # The firmware's power and heat flags: bits 0 to 3 say what is now, 16 to 19 what was since boot (field.md 4).
 UNDER_VOLTAGE_NOW, SLOWED_NOW, UNDER_VOLTAGE_SINCE_BOOT, SLOWED_SINCE_BOOT = 0x1, 0xE, 0x10000, 0xE0000
 
-DIPS, DIPS_S = 3, 60.0  # "repeated 3x/min": field catalogue, fault 32
+DIPS, DIPS_S = 3, 60.0  # "repeated 3x/min": fault catalogue, fault 32
 
 
 class SupplyMonitor:

@@ -144,8 +144,8 @@ def test_two_runs_share_the_cursor(runs: list[Path], browser_page: OpenPage, vie
     shown.page.locator(".cursor input").fill("1.0")
     assert read(shown.page, "heading") == "17: 0 °, 18: 90 °"
     shown.page.locator(".cursor input").fill("2.9")
-    assert read(shown.page, "phase") == "17: Probes: drives back in a curve, 18: Follows the goal heading"
+    assert read(shown.page, "phase") == "17: Probes: drives ahead in a curve, 18: Follows the goal heading"
     shown.page.locator(".cursor input").fill("3.3")
-    assert read(shown.page, "phase") == "17: Probes: drives back in a curve, 18: unknown"  # the second run has ended
+    assert read(shown.page, "phase") == "17: Probes: drives ahead in a curve, 18: unknown"  # the second run has ended
     assert shown.overflow_px() == 0
     assert shown.trouble == []

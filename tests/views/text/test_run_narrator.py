@@ -85,7 +85,7 @@ def test_change_of_phase_is_a_sentence_where_only_changes_are_told() -> None:
         "Backs off, because it stalled on its way to the goal (heading 272, 12.3 m)",
         "It stalled and it touched something while backing off (heading 0, 12.3 m)",
         "Turns away, because the back-off was done (heading 0, 12.8 m)",
-        "Probes: drives back in a curve, because it took too long while turning away, nose up (heading 0, 13.2 m)",
+        "Probes: drives ahead in a curve, because it took too long while turning away, nose up (heading 0, 13.2 m)",
         "spin, because of joy (heading 0, 13.7 m)",
     ]
 

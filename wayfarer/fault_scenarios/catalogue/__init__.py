@@ -1,4 +1,4 @@
-"""The field catalogue's faults: scenarios in the TOML files beside this one, and what tests hold instead."""
+"""The fault catalogue's faults: scenarios in the TOML files beside this one, and what tests hold instead."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from wayfarer.fault_scenarios.catalogue.held_by_tests import HELD_BY_TESTS, Faul
 from wayfarer.fault_scenarios.scenario import Scenario
 from wayfarer.fault_scenarios.scenario_file import read_scenarios
 
-ROWS = 60  # of the field catalogue
+ROWS = 60  # of the fault catalogue
 
 
 @cache
 def catalogue() -> tuple[Scenario | FaultTest, ...]:
-    """Return everything that tries a row of the field catalogue, in the order of rows."""
+    """Return everything that tries a row of the fault catalogue, in the order of rows."""
     return tuple(sorted([*_scenarios(), *HELD_BY_TESTS.values()], key=lambda each: each.row or 0))
 
 

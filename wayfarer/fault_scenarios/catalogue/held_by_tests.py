@@ -1,4 +1,4 @@
-"""Rows of the field catalogue that no simulated run can show: a test in wayfarer's checkout holds each of them."""
+"""Rows of the fault catalogue that no simulated run can show: a test in wayfarer's checkout holds each of them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from wayfarer.fault_scenarios.scenario import Reached
 class FaultTest(NamedTuple):
     """A fault that a test makes happen: mostly to the real daemon, as a process over simulated chips.
 
-    ``asked`` is what the field catalogue asks for, ``level`` and ``within_s`` what the test holds the rover to.
+    ``asked`` is what the fault catalogue asks for, ``level`` and ``within_s`` what the test holds the rover to.
     ``within_s`` is None where nothing is timed; where the motor board's deadman stops the wheels, it is that of the
     slower board. ``test`` is the test's name for pytest.
     """
@@ -41,7 +41,7 @@ _ALL = (
         "tests/system/test_arming_refused.py::test_board_that_does_not_acknowledge_its_failsafe_is_not_armed",
     ),
     FaultTest(
-        "deadman-unproved", 25, "nobody has seen the Sabertooth stop the wheels by itself, or not with today's timeout",
+        "deadman-unproved", 25, "nobody has seen the Sabertooth stop the wheels by itself, or not with this timeout",
         "send cmd 14 at open and every 1 s; never rely on it alone", Reached.FAULT, None,
         "tests/system/test_arming_refused.py::test_sabertooth_is_armed_only_with_a_proof_of_its_deadman",
     ),
@@ -106,7 +106,7 @@ _ALL = (
         "tests/system/test_log_faults.py::test_log_that_somebody_deletes_goes_on_in_a_new_file",
     ),
     FaultTest(
-        "torn-log", 44, "the last lines are torn, NUL and no text",
+        "torn-log", 44, "the last lines are incomplete, or hold NUL bytes or no text",
         "reader skips+counts, exit 3; at start", Reached.NOTE, None,
         "tests/system/test_log_faults.py::test_torn_end_of_a_log_costs_nothing_before_it",
     ),
@@ -141,12 +141,12 @@ _ALL = (
         "tests/system/test_socket_faults.py::test_socket_that_is_abused_delays_no_tick",
     ),
     FaultTest(
-        "wrong-state", 51, "verbs that are right, at the wrong time",
+        "wrong-state", 51, "valid commands in a state that does not allow them",
         "typed refusal, no state change", Reached.NONE, None,
         "tests/system/test_socket_faults.py::test_verbs_at_the_wrong_time_are_refused_and_change_nothing",
     ),
     FaultTest(
-        "second-daemon", 52, "a second daemon is started; then a stale socket lies there",
+        "second-daemon", 52, "a second daemon is started; then the socket of an ended daemon is left behind",
         "lock; second exits code 75-style, first untouched; start", Reached.NONE, None,
         "tests/system/test_socket_faults.py::test_second_daemon_leaves_the_first_alone",
     ),
