@@ -42,12 +42,13 @@ class Covered:
 
     @contextmanager
     def watching(self) -> Iterator[None]:
-        """Count what is reached in this thread."""
+        """Count what is reached in this thread; a tool that traced before, as coverage does, goes on afterwards."""
+        before = sys.gettrace()
         sys.settrace(self._trace_calls)
         try:
             yield
         finally:
-            sys.settrace(None)
+            sys.settrace(before)
 
     def _trace_calls(self, frame: FrameType, _event: str, _: Any) -> Any:
         """Have the lines of a function told, where some are missing."""

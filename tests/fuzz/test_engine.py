@@ -100,6 +100,19 @@ def test_lines_are_counted_of_the_functions_that_are_named() -> None:
     assert covered.share == pytest.approx(4 / 7)
 
 
+def test_tool_that_traced_before_goes_on_afterwards() -> None:
+    def trace(*_: object) -> None: ...
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        with Covered([f"{__name__}:decode"]).watching():
+            assert sys.gettrace() is not trace
+        assert sys.gettrace() is trace
+    finally:
+        sys.settrace(before)
+
+
 def test_nothing_is_damaged_where_nothing_is_told() -> None:
     assert damaged((b"x",), (), WHOLE, b"") == WHOLE
     assert changed(b'{"a":[1,2]}', b"") == {"a": [1, 2]}
