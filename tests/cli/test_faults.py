@@ -182,7 +182,7 @@ def test_row_that_a_test_holds_names_the_test(asked: str, run: Run) -> None:
     assert code == 2
     assert out == ""
     test = HELD_BY_TESTS["sigkill"].test
-    assert err == f"wayfarer: sigkill: covered by a test in wayfarer's checkout: pytest -n 0 -m '' {test}\n"
+    assert err == f"wayfarer: sigkill: covered by a test in wayfarer's checkout: pytest -m '' {test}\n"
 
 
 def test_row_of_a_scenario_and_a_test_runs_the_one_and_names_the_other(run: Run) -> None:

@@ -51,7 +51,7 @@ def test_what_a_test_holds_is_skipped_and_the_test_is_named() -> None:
     assert scenarios == SCENARIOS
     assert (skipped.name, skipped.row, skipped.about, skipped.asked) == ("killed", 35, "it is killed", "S4 stops")
     assert (skipped.expected, skipped.within_s) == (Reached.DEADMAN, 0.3)
-    assert skipped.skipped == "covered by a test in wayfarer's checkout: pytest -n 0 -m '' tests/test_it.py::test_killed"
+    assert skipped.skipped == "covered by a test in wayfarer's checkout: pytest -m '' tests/test_it.py::test_killed"
 
 
 def test_another_rover_leaves_out_what_it_cannot_have() -> None:

@@ -20,7 +20,7 @@ Selected = tuple[list[Scenario], list[Result]]
 def without_held_by_tests(rows: Sequence[Row]) -> Selected:
     """Select what simulated time can show; the others are skipped, with the test that holds each."""
     elsewhere = [
-        not_run(row, f"covered by a test in wayfarer's checkout: pytest -n 0 -m '' {row.test}")
+        not_run(row, f"covered by a test in wayfarer's checkout: pytest -m '' {row.test}")
         for row in rows
         if isinstance(row, FaultTest)
     ]
