@@ -12,6 +12,7 @@ from pydantic import TypeAdapter
 
 from tests.drivers.motor_boards import SabertoothBench
 from tests.virtual import virtual
+from wayfarer.drivers import sabertooth
 from wayfarer.drivers.sabertooth import SabertoothSettings
 from wayfarer.errors import NotResponding
 from wayfarer.hal import STOP, DriveMotors, MotorHealth, WheelCommand
@@ -151,12 +152,13 @@ async def share_of_wire(control_hz: float, baud: int) -> float:
     return sum(map(len, bench.seen)) * 10 / baud / 10.0
 
 
-@pytest.mark.parametrize("baud", [2400, 9600])
+@pytest.mark.parametrize(("baud", "resend_s"), [(2400, 1.0), (9600, 1.0), (2400, 0.5)])
 @virtual
 async def test_control_rate_is_refused_from_where_it_takes_more_than_7_tenths_of_the_wire(
-    baud: Literal[2400, 9600],
+    baud: Literal[2400, 9600], resend_s: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The rest is for stops; the lowest voltage goes out with the other settings."""
+    monkeypatch.setattr(sabertooth, "_RESEND_S", resend_s)
     given = SabertoothSettings(baud=baud, battery_min_v=10.0)
     fastest_hz = max(hz for hz in range(1, 200) if given.keeps_up_with(hz) is None)
     assert await share_of_wire(fastest_hz, baud) <= 0.7
