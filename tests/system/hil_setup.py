@@ -38,7 +38,9 @@ POLL_S = 0.02
 LOOKED_S = 0.4  # longer than any deadman
 MARGIN_S = 0.02  # between the two writes of one drive command
 STARTS = 3
-BUSY = re.compile("no end of a transfer within|an earlier transfer still hangs")  # what a late transfer is told as
+BUSY = re.compile(
+    "a transfer did not (begin|end) within|an earlier transfer still hangs"
+)  # what a late transfer is told as
 DRIVES_M_S = 0.05
 UNPROVED = 'deadman_unproved_because = "its board is simulated"'
 FLOW = '[parts.motion]\ndriver = "pmw3901"\nbus = "/dev/spidev0.1"\n\n'

@@ -4,20 +4,36 @@ from __future__ import annotations
 
 import os
 import subprocess
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
+from tests.system.hil_setup import BUSY
 from tests.system.jitter import jitter
 from tests.system.killer import after_death
 from tests.system.log_recovery import cut_off, numbered_twice, read_back
 from tests.system.subprocesses import DAEMON_PRIORITY, STARTING_NICENESS, put_first, python, starting
 from tests.system.wheel_history import Commands, first_stop, spans, stop_after, told_to_turn
+from wayfarer.drivers.worker import Worker
+from wayfarer.errors import NotResponding
 
 HEADER = '{"record":"run","t_s":0.0,"schema":2}\n'
 TICKS = "".join(f'{{"record":"tick","n":{n},"t_s":{n / 20}}}\n' for n in range(1, 5))
 OUTCOME = '{"record":"outcome","n":5,"t_s":0.25,"reason":"requested"}\n'
+
+
+# -- a computer that is too busy for a bench -----------------------------------------------------------------------------
+
+
+async def test_what_a_late_transfer_is_told_as_is_known() -> None:
+    worker, freed = Worker("bus", 0.01), threading.Event()
+    for _ in range(2):  # the first ends late, the second finds it hanging
+        with pytest.raises(NotResponding, match=BUSY):
+            await worker.call(freed.wait)
+    freed.set()
+    await worker.close()
 
 
 # -- what comes before others ------------------------------------------------------------------------------------------
