@@ -24,7 +24,7 @@ TICKS = "".join(f'{{"record":"tick","n":{n},"t_s":{n / 20}}}\n' for n in range(1
 OUTCOME = '{"record":"outcome","n":5,"t_s":0.25,"reason":"requested"}\n'
 
 
-# -- a computer that is too busy for a bench -----------------------------------------------------------------------------
+# -- a computer that is too busy for a bench ---------------------------------------------------------------------------
 
 
 async def test_what_a_late_transfer_is_told_as_is_known() -> None:
