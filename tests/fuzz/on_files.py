@@ -286,7 +286,7 @@ def _read_folder(files: dict[str, bytes]) -> str:
 RESULTS = Target(
     "results",
     ["wayfarer.experiments.results_folder:ResultsFolder._claim", "wayfarer.experiments.store:rows_in",
-     "wayfarer.experiments.folder_settings:refuse_another", "wayfarer.experiments.folder_settings:flat",
+     "wayfarer.experiments.folder_settings:refuse_another", "wayfarer.config.rover_overlay:flat",
      "wayfarer.experiments.results_folder:_drop_torn_line", "wayfarer.experiments.rows:parse_row",
      "wayfarer.experiments.rows:_value", "wayfarer.experiments.report.reading"],
     _campaigns,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from tests.fuzz.covered import Covered
 from tests.fuzz.engine import fuzz_cases
 from tests.fuzz.target import Target
 from tests.fuzz.targets import TARGETS
@@ -21,3 +22,8 @@ def test_no_case_of_a_reader_ends_in_an_error_that_it_does_not_know(target: Targ
     assert found.error is None, repr(found.case)
     assert found.cases >= target.quick // 2
     assert len(found.outcomes) > 1 or target.quick < SLOW_BELOW
+
+
+def test_what_a_target_is_to_reach_exists() -> None:
+    for target in TARGETS:
+        assert Covered(target.covers).missing, target.name
