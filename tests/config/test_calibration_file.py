@@ -89,8 +89,14 @@ def test_a_broken_file_is_refused_with_its_name_and_the_reason(tmp_path: Path, t
 def test_a_folder_in_the_files_place_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="cannot be read"):
         load(tmp_path)
-    with pytest.raises(WayfarerError, match="cannot be written"):
+    with pytest.raises(BadInput, match="is no ordinary file"):
         save(tmp_path, Calibration())
+
+
+def test_a_file_in_the_folders_place_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "wayfarer").touch()
+    with pytest.raises(WayfarerError, match=r"cannot be written: .*; check the folder's owner and the disk"):
+        save(tmp_path / "wayfarer" / FILE_NAME, Calibration())
 
 
 def test_a_save_that_is_cut_short_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

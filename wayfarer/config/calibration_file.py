@@ -22,6 +22,7 @@ import orjson
 from annotated_types import Interval, MaxLen
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
+from wayfarer.config.atomic_file import write_whole
 from wayfarer.config.messages import key_and_problem
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.units import DegreesOrZero
@@ -198,25 +199,11 @@ def save(path: Path, calibration: Calibration) -> None:
     Raises:
         WayfarerError: it cannot be written.
     """
-    fresh = path.with_name(f".{path.name}.new")
+    content = orjson.dumps(calibration, option=orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with fresh.open("wb") as file:
-            file.write(orjson.dumps(calibration, option=orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE))
-            file.flush()
-            os.fsync(file.fileno())
-        fresh.replace(path)
-        _sync_folder(path.parent)
+        write_whole(path, content)
     except OSError as error:
         raise WayfarerError(
             f"{path}: the calibration cannot be written: {error.strerror}; check the folder's owner and the disk"
         ) from None
-
-
-def _sync_folder(folder: Path) -> None:
-    """Make the new name last: it is the folder that holds it."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

@@ -18,10 +18,10 @@ from importlib.resources import files
 from pathlib import Path
 
 import wayfarer
+from wayfarer.config.atomic_file import write_whole
 from wayfarer.config.rover_file import load_rover
 from wayfarer.config.rover_path import rover_path
 from wayfarer.errors import BadInput, one_line
-from wayfarer.fieldlog.atomic_file import write_whole
 
 HERE = Path("/")
 UNIT = Path("etc/systemd/system/wayfarer.service")

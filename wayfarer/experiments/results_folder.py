@@ -17,11 +17,11 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, Self
 
+from wayfarer.config.atomic_file import whole_file, write_whole
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.experiments.folder_settings import kind_of, refuse_another, swept_values, tasks_of
 from wayfarer.experiments.rows import TrialRow, columns_of, csv_line
 from wayfarer.experiments.store import TrialStore, columns_in, rows_in
-from wayfarer.fieldlog.atomic_file import whole_file, write_whole
 
 SETTINGS = "campaign.json"
 SWEEP_SETTINGS = "sweep.json"

@@ -11,6 +11,7 @@ from typing import Any
 
 from rich.console import Console
 
+from wayfarer.config.atomic_file import write_whole
 from wayfarer.errors import WayfarerError, one_line
 from wayfarer.experiments.commands import INTERRUPTED, make_empty_folder
 from wayfarer.experiments.executors import Stopped
@@ -21,7 +22,6 @@ from wayfarer.fault_scenarios.result import Result, not_run
 from wayfarer.fault_scenarios.runner import RunResult, run_scenario, run_without_faults, without_faults
 from wayfarer.fault_scenarios.scenario import Scenario
 from wayfarer.fault_scenarios.table import print_results
-from wayfarer.fieldlog.atomic_file import write_whole
 from wayfarer.views.text.scripting import print_json, say_next
 
 CSV_FILE, JSON_FILE = "results.csv", "results.json"

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 from rich.console import Console
 
+from wayfarer.config.atomic_file import write_whole
 from wayfarer.experiments.commands import INTERRUPTED, make_empty_folder
 from wayfarer.experiments.executors import Stopped
 from wayfarer.experiments.progress_bar import say
@@ -26,7 +27,6 @@ from wayfarer.fault_scenarios.runner import RunResult, run_scenario
 from wayfarer.fault_scenarios.scenario import REACHED, Expectation, Reached, Scenario
 from wayfarer.fault_scenarios.scenario_writer import as_toml
 from wayfarer.fault_scenarios.shrink import shrink
-from wayfarer.fieldlog.atomic_file import write_whole
 from wayfarer.safety.conditions import Level
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.views.text.scripting import print_json

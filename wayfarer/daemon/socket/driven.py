@@ -16,9 +16,9 @@ from pathlib import Path
 from stat import S_IMODE, S_ISREG
 from typing import Any, NamedTuple
 
+from wayfarer.config.atomic_file import whole_file
 from wayfarer.daemon.socket import paths
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.atomic_file import whole_file
 
 NAME = "motors.json"
 MOST_BYTES = 65_536

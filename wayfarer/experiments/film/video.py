@@ -12,6 +12,7 @@ import av
 import numpy as np
 from PIL import Image
 
+from wayfarer.config.atomic_file import whole_file
 from wayfarer.errors import BadInput
 from wayfarer.experiments.film import screen
 from wayfarer.experiments.film.camera import views
@@ -19,7 +20,6 @@ from wayfarer.experiments.film.caption import Caption, CaptionText
 from wayfarer.experiments.film.footage import Footage
 from wayfarer.experiments.film.scenery import Scenery
 from wayfarer.experiments.film.tyre_marks import add_bars, bars_of
-from wayfarer.fieldlog.atomic_file import whole_file
 from wayfarer.simhal.world.collision import obstacles_of
 
 DRAWN = (960, 540)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from wayfarer.config.atomic_file import whole_file, whole_folder
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.atomic_file import whole_file, whole_folder
 from wayfarer.fieldlog.reader import Damage
 from wayfarer.views.export.formats import ExportFormat, Output
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from bokeh.resources import Resources
 
+from wayfarer.config.atomic_file import whole_file
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.atomic_file import whole_file
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Plots
 

@@ -27,9 +27,9 @@ def whole_file(path: Path) -> Iterator[Path]:
     draft = target.with_name(f".{target.name}.{os.getpid()}.new")
     try:
         yield draft
-        with draft.open("rb") as file:
-            os.fsync(file.fileno())
+        _sync(draft)
         draft.replace(target)
+        _sync(target.parent)  # the new name is in the folder
     except BaseException:
         with suppress(OSError):
             draft.unlink(missing_ok=True)
@@ -52,9 +52,9 @@ def whole_folder(path: Path) -> Iterator[Path]:
         made = draft / target.name
         yield made
         for each in made.iterdir():
-            with each.open("rb") as file:
-                os.fsync(file.fileno())
+            _sync(each)
         made.replace(target)
+        _sync(target.parent)
     finally:
         shutil.rmtree(draft, ignore_errors=True)
 
@@ -65,3 +65,12 @@ def write_whole(path: Path, content: str | bytes, mode: int | None = None) -> No
         draft.write_bytes(content.encode() if isinstance(content, str) else content)
         if mode is not None:
             draft.chmod(mode)
+
+
+def _sync(path: Path) -> None:
+    """Put a file or a folder on the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
+import stat
 from pathlib import Path
 
 import pytest
 
+from wayfarer.config.atomic_file import whole_file
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.atomic_file import whole_file
 
 
 def write(path: Path, text: str = "new") -> None:
@@ -41,9 +42,14 @@ def test_failure_leaves_what_was_there_and_nothing_else(tmp_path: Path, failure:
 
 def test_content_is_on_the_disk_before_the_name_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, synced = tmp_path / "file", []
-    monkeypatch.setattr(os, "fsync", lambda file: synced.append((os.fstat(file).st_size, path.exists())))
+
+    def sync(file: int) -> None:
+        status = os.fstat(file)
+        synced.append(("folder" if stat.S_ISDIR(status.st_mode) else status.st_size, path.exists()))
+
+    monkeypatch.setattr(os, "fsync", sync)
     write(path)
-    assert synced == [(3, False)]
+    assert synced == [(len("new"), False), ("folder", True)], "the folder holds the name"
 
 
 def test_symlink_stays_and_its_target_is_replaced(tmp_path: Path) -> None:
