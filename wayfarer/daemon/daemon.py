@@ -46,6 +46,9 @@ from wayfarer.fieldlog.writer_thread import WriterThread
 from wayfarer.hal import Rover
 from wayfarer.safety.mission_limits import RunEnd
 
+# The kernel's name for this boot: with it, times since boot of two runs can be compared.
+BOOT_ID = "/proc/sys/kernel/random/boot_id"
+
 
 @dataclass(frozen=True, slots=True)
 class RoverSetup:
@@ -222,7 +225,7 @@ class Daemon:
             "config": config,
             "config_hash": _hash(config),
             "time_scale": self._service.time_scale,
-            "boot_id": _boot_id(),
+            "boot_id": system.system_text(BOOT_ID),
         }
 
     def _note_computer(self, health: Health) -> None:
@@ -272,11 +275,3 @@ class Daemon:
 def _hash(config: dict[str, Any]) -> str:
     """Return what tells two rovers' settings apart at a glance: BLAKE2b of their JSON with sorted keys."""
     return hashlib.blake2b(orjson.dumps(config, option=orjson.OPT_SORT_KEYS), digest_size=8).hexdigest()
-
-
-def _boot_id() -> str | None:
-    """Return the kernel's name for this boot: with it, times since boot of two runs can be compared."""
-    try:
-        return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
-    except OSError:
-        return None

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from wayfarer.commissioning.checks.system import THROTTLED, power_flags
+from wayfarer.commissioning.checks.system import THROTTLED, power_flags, system_text
 
 EVERY_S = 10.0  # field.md, users' complaint 34
 POWER_EVERY_S = 1.0  # fault catalogue, fault 32
@@ -58,20 +58,13 @@ def monitor_host_health(
 
 def health(logs: Path, root: Path = Path("/")) -> Health:
     """Return what the computer reports, None for what it does not: not every one is a Raspberry Pi."""
-    cpu_mc = _text(root, CPU_TEMPERATURE)
+    cpu_mc = system_text(CPU_TEMPERATURE, root)
     return {
         "cpu_c": int(cpu_mc) / 1000.0 if cpu_mc and cpu_mc.lstrip("-").isdecimal() else None,
-        "throttled": _text(root, THROTTLED),
+        "throttled": system_text(THROTTLED, root),
         "load_1min": round(os.getloadavg()[0], 2),
         "disk_free_mb": _free_mb(logs),
     }
-
-
-def _text(root: Path, path: str) -> str | None:
-    try:
-        return (root / path.lstrip("/")).read_text(encoding="ascii").strip()
-    except (OSError, ValueError):
-        return None
 
 
 def _free_mb(folder: Path) -> float | None:

@@ -107,11 +107,19 @@ def _user() -> str:
         return str(os.geteuid())
 
 
+def system_text(path: str, root: Path = Path("/")) -> str | None:
+    """Return what a system file says, None where it cannot be read: not every computer has it."""
+    try:
+        return (root / path.lstrip("/")).read_text(encoding="ascii").strip()
+    except (OSError, ValueError):
+        return None
+
+
 def power_flags(root: Path = Path("/")) -> int | None:
     """Return the flags of ``wayfarer.safety.supply``, None where the computer does not report it."""
     try:
-        return int((root / THROTTLED.lstrip("/")).read_text(encoding="ascii"), 16)
-    except (OSError, ValueError):
+        return int(system_text(THROTTLED, root) or "", 16)
+    except ValueError:
         return None
 
 
