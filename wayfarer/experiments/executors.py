@@ -162,13 +162,14 @@ def stream(
     """Run ``tasks``, each by ``run``, and yield what is done, in the order of completion.
 
     Without an ``executor``, one job runs in this process and more of them in a pool of that many processes; with one,
-    ``jobs`` is how many it runs at a time. What ``run`` needs is sent to each worker once. ``cost`` says about how
-    long a task takes, in any unit: the last ones are begun longest first.
+    ``jobs`` is how many it runs at a time. There are never more jobs than tasks. What ``run`` needs is sent to each
+    worker once. ``cost`` says about how long a task takes, in any unit: the last ones are begun longest first.
 
     Raises:
         Stopped: ``stop`` was set; what runs on a pool at that moment is given up.
         BrokenExecutor: a worker died.
     """
+    jobs = max(1, min(jobs, len(tasks)))
     if executor is None and jobs == 1:
         yield from map(run, takewhile(lambda _: not stop.is_set(), tasks))
         if stop.is_set():

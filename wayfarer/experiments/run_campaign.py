@@ -117,7 +117,6 @@ def run(
     began, ticks = os.times(), 0
     with _kept(plan, folder) as kept, stop_on_signals() as stop:
         todo = kept.missing()
-        jobs = max(1, min(jobs, len(todo)))
         keep = folder.append if folder else kept.append
         finished = stream(
             TrialRunner(plan, run_trial).run, todo, jobs, stop, executor, lambda task: relative_cost(task.algorithm)

@@ -28,11 +28,11 @@ def run_batch(run: Callable[[TaskT], DoneT], tasks: Sequence[TaskT], jobs: int |
         Stopped: a signal asked for it.
         WayfarerError: a worker died.
     """
-    done, workers = 0, max(1, min(jobs or cores(), len(tasks)))
+    done = 0
     try:
         with (
             stop_on_signals() as stop,
-            closing(stream(run, tasks, workers, stop)) as running,
+            closing(stream(run, tasks, jobs or cores(), stop)) as running,
             shown_count(Console(stderr=True), 0, len(tasks), what) as advance,
         ):
             for result in running:

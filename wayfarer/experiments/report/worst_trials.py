@@ -54,9 +54,8 @@ def run_again(
         WayfarerError: a worker process died.
     """
     found: dict[tuple[str, int, int], RerunTrial] = {}
-    jobs, again = max(1, min(jobs, len(rows))), partial(_traced, campaign)
     try:
-        with closing(stream(again, rows, jobs, threading.Event())) as finished:
+        with closing(stream(partial(_traced, campaign), rows, jobs, threading.Event())) as finished:
             for row, done, trace in finished:
                 found[row.key] = _compare(row, done, trace)
                 progress(done)
