@@ -16,13 +16,13 @@ from wayfarer.errors import BadInput
 
 def runs(ctx: typer.Context) -> list[str]:
     """Return the numbers of the runs in the folder that ``--logs`` names so far; a run without one has its name."""
-    from wayfarer.fieldlog.folders import run_folders, run_number
+    from wayfarer.fieldlog.folders import run_folders, short_name
 
     try:
         found = run_folders(log_folder(ctx.params.get("logs")))
     except BadInput:
         return []
-    return [run.name if (number := run_number(run)) is None else str(number) for run in found]
+    return [short_name(run) for run in found]
 
 
 def rovers() -> list[str]:

@@ -1,4 +1,4 @@
-"""Where runs are logged, unless ``--logs`` says it, and the name by which a run is shown."""
+"""Where runs are logged, unless ``--logs`` says it."""
 
 from __future__ import annotations
 
@@ -14,10 +14,3 @@ def log_folder(logs: Path | None) -> Path:
     if logs is not None:
         return logs
     return SYSTEM_LOGS if os.access(SYSTEM_LOGS.parent, os.W_OK) else OWN_LOGS
-
-
-def run_title(run: Path) -> str:
-    """Return the name of a run's folder, however it was given (``.`` has none), fit for a terminal."""
-    from wayfarer.fieldlog.printable import clean
-
-    return clean(run.resolve().name)

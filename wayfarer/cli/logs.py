@@ -17,9 +17,10 @@ import typer
 from wayfarer.cli import completion
 from wayfarer.cli.extras import require
 from wayfarer.cli.help_texts import HelpCommand, HelpGroup
-from wayfarer.cli.log_folder import log_folder, run_title
+from wayfarer.cli.log_folder import log_folder
 from wayfarer.cli.options import AsJson, Logs, examples
 from wayfarer.errors import BadInput
+from wayfarer.fieldlog.folders import find_run, run_folders, run_title
 from wayfarer.views.export.formats import ExportFormat, Output
 from wayfarer.views.text.colour import painted
 
@@ -86,7 +87,6 @@ def list_runs(*, logs: Logs = None, as_json: AsJson = False) -> None:
 @command()
 def follow(run: Run = None, *, logs: Logs = None) -> None:
     """Show events as they happen, of this run and the next ones; with RUN until that run ends. Ctrl-C ends it."""
-    from wayfarer.fieldlog.folders import find_run, run_folders
     from wayfarer.fieldlog.run_fold import RunFold
     from wayfarer.views.text.run_narrator import RunNarrator, Verbosity
     from wayfarer.views.text.tail import follow as follow_records
@@ -127,7 +127,6 @@ def show(
     ] = False,
 ) -> None:
     """Show all events of a run, from its beginning."""
-    from wayfarer.fieldlog.folders import find_run
     from wayfarer.fieldlog.reader import RunReader
     from wayfarer.fieldlog.run_fold import RunFold
     from wayfarer.views.text.run_narrator import RunNarrator, Verbosity
@@ -158,7 +157,6 @@ def summary(
     as_json: AsJson = False,
 ) -> None:
     """Summarise a run: distance, duration, anomalies, and where the rover is likely to be."""
-    from wayfarer.fieldlog.folders import find_run
     from wayfarer.fieldlog.reader import RunReader
     from wayfarer.views.text.run_summariser import summarise
     from wayfarer.views.text.scripting import print_json
@@ -188,7 +186,6 @@ def check(
     as_json: AsJson = False,
 ) -> None:
     """Read logs completely, and report lost or damaged records."""
-    from wayfarer.fieldlog.folders import find_run
     from wayfarer.views.text.scripting import print_json
     from wayfarer.views.text.verdict import check_log
 
@@ -219,7 +216,6 @@ def export(
     logs: Logs = None,
 ) -> None:
     """Convert a run's log to a format of other tools, as a file or, for rosbag2, a folder."""
-    from wayfarer.fieldlog.folders import find_run
     from wayfarer.views.export.export import export as export_run
     from wayfarer.views.text.scripting import say_next
 

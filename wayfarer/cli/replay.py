@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wayfarer.cli import completion
-from wayfarer.cli.log_folder import log_folder, run_title
+from wayfarer.cli.log_folder import log_folder
 from wayfarer.cli.options import AsJson, Logs, examples
 from wayfarer.errors import BadInput
+from wayfarer.fieldlog.folders import find_run, run_title
 
 if TYPE_CHECKING:
     from wayfarer.fieldlog.replay import Replay
@@ -49,7 +50,6 @@ def replay(
     Exit code: 0 if all are the same, 1 if one differs, 3 if records are missing, 2 if a run cannot be replayed.
     """
     from wayfarer.config.rover_file import load_rover
-    from wayfarer.fieldlog.folders import find_run
     from wayfarer.fieldlog.replay import replay as replay_run
     from wayfarer.views.text.colour import painted
     from wayfarer.views.text.scripting import print_json

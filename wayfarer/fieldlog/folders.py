@@ -18,6 +18,7 @@ from pathlib import Path
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.fieldlog.disk_errors import error_advice
+from wayfarer.fieldlog.printable import clean
 
 FILE_NAME = "run.jsonl"  # the newest segment of a run's log; older ones are run.00001.jsonl and so on
 RUN_NAME = re.compile(r"(\d+)-\d{8}T\d{6}Z", re.ASCII)
@@ -119,6 +120,16 @@ def older_segments(run: Path) -> list[Path]:
 def run_number(run: Path) -> int | None:
     """Return the number in the name of a run's folder, None where it has another name."""
     return _number(run.name, RUN_NAME)
+
+
+def short_name(run: Path) -> str:
+    """Return what a run is called in short: its number, else its folder's name."""
+    return run.name if (number := run_number(run)) is None else str(number)
+
+
+def run_title(run: Path) -> str:
+    """Return the name of a run's folder, however it was given (``.`` has none), fit for a terminal."""
+    return clean(run.resolve().name)
 
 
 def _number(name: str, pattern: re.Pattern[str]) -> int | None:

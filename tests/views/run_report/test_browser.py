@@ -26,7 +26,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     first = [HEADER, ARMED, *episode(), fix(2.0, 2.0), event("mark", 4.5, text=TEXT), OUTCOME]
     first.sort(key=lambda each: float(each["t_s"]))
     second = [HEADER, ARMED, *(tick(0.05 * at, heading_deg=90.0) for at in range(60)), OUTCOME]
-    return [write_log(folder / f"0001{each}-run", records) for each, records in ((7, first), (8, second))]
+    return [write_log(folder / f"0001{each}-20261121T061405Z", records) for each, records in ((7, first), (8, second))]
 
 
 def opened(browser_page: OpenPage, path: Path, viewport: tuple[int, int] = DESKTOP) -> Opened:

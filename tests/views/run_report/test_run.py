@@ -349,8 +349,8 @@ def test_odd_values_never_break_the_page(tmp_path: Path, header: Record) -> None
 
 def test_two_runs_stand_beside_each_other_with_what_changed(tmp_path: Path) -> None:
     other = {**HEADER, "config": {**HEADER["config"], "control_hz": 10.0, "gym": {"seed": 3}}}
-    first = write_log(tmp_path / "00017-run", [HEADER, *episode(), OUTCOME])
-    second = write_log(tmp_path / "00018-run", [other, *drive(3.0), OUTCOME])
+    first = write_log(tmp_path / "00017-20261121T061405Z", [HEADER, *episode(), OUTCOME])
+    second = write_log(tmp_path / "00018-20261121T061405Z", [other, *drive(3.0), OUTCOME])
     out = write_comparison(first, second)
     assert out == second / "report-17-18.html"
     page = out.read_text(encoding="utf-8")
@@ -360,6 +360,12 @@ def test_two_runs_stand_beside_each_other_with_what_changed(tmp_path: Path) -> N
     assert "tilt_deg" not in text
     assert re.search(r'<tr class="differs"><th scope="row">anomalies</th><td data-column="17">[^<]*1[^<]*</td>', page)
     assert '"way-1"' in drawn(page)
+
+
+def test_folder_that_only_begins_with_a_number_is_not_called_by_it(tmp_path: Path) -> None:
+    """``wayfarer logs list`` and the names of runs in commands know it by the folder's name too."""
+    daemons, own = tmp_path / "00017-20261121T061405Z", tmp_path / "17-foo"
+    assert [words.number_of(run) for run in (daemons, own)] == ["17", "17-foo"]
 
 
 def test_runs_whose_maps_nothing_joins_begin_at_one_place(tmp_path: Path) -> None:

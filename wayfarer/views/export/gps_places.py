@@ -19,7 +19,7 @@ from wayfarer.angles import coordinates_deg, wrap180
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
 from wayfarer.fieldlog.fields import name, span
-from wayfarer.fieldlog.printable import clean
+from wayfarer.fieldlog.folders import run_title
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.run_events import AnomalyBegan, Ended, Marked, Noted
 from wayfarer.fieldlog.run_fold import HELD, RunFold
@@ -105,8 +105,7 @@ def read_places(run: Path, form: str) -> Places:
         )
     fixes.sort(key=attrgetter("t_s"))
     waypoints = [_placed(each, fixes, poses) for each in placed_events]
-    title, about = clean(run.resolve().name), run_text(fold.state.header)
-    return Places(title, about, zero_s, list(_segments(fixes)), waypoints, reader.damage)
+    return Places(run_title(run), run_text(fold.state.header), zero_s, list(_segments(fixes)), waypoints, reader.damage)
 
 
 def _happened(events: Sequence[RunEvent]) -> Iterator[PlacedEvent]:

@@ -9,6 +9,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from wayfarer.fieldlog import vocabulary
+from wayfarer.fieldlog.folders import run_title
 from wayfarer.views import palette
 from wayfarer.views.page import html
 from wayfarer.views.page.frame import PAGE, write_page
@@ -45,7 +46,7 @@ def write_run_report(run: Path, out: Path | None = None) -> Path:
     """
     data, plots = read_run(run), Plots()
     body = [
-        html.facts(words.facts(data, run.resolve().name)),
+        html.facts(words.facts(data, run_title(run))),
         *_drawn([data], [words.number_of(run)], plots),
         html.section("Anomalies and episodes", anomalies_table(data), episodes_table(data)),
         html.section("Events", events_list(data)),

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from wayfarer.fieldlog.fields import span
+from wayfarer.fieldlog.folders import short_name
 from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.wording import whole_deg
 from wayfarer.views.page import html
@@ -54,7 +55,7 @@ def title(data: RunData) -> str:
 
 def facts(data: RunData, folder: str) -> Iterator[tuple[str, str]]:
     """Yield what ran, when, how far and how it ended, as ``wayfarer logs summary`` tells it. Times are UTC."""
-    for title_, lines in summary_facts(clean(folder), data.summary, data.damage, utc=True):
+    for title_, lines in summary_facts(folder, data.summary, data.damage, utc=True):
         yield title_, "\n".join(lines)
     yield "goal", _goal(data)
     yield "seed", "unknown" if data.summary.seed is None else f"{data.summary.seed}"
@@ -67,9 +68,7 @@ def _goal(data: RunData) -> str:
 
 def number_of(run: Path) -> str:
     """Return what a run is called in short: its number, else its folder."""
-    name = run.resolve().name
-    number = name.partition("-")[0]
-    return f"{int(number)}" if number.isascii() and number.isdigit() else clean(name)
+    return clean(short_name(run.resolve()))
 
 
 def panels_text(runs: Sequence[RunData]) -> str:
