@@ -8,6 +8,7 @@ import typer
 
 from wayfarer.cli.extras import require
 from wayfarer.cli.options import refuse
+from wayfarer.views.foxglove import PORT as FOXGLOVE_PORT
 from wayfarer.views.live import HOST, PORT
 
 if TYPE_CHECKING:
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from wayfarer.views.live.server import LivePage
 
 LOOKING_ON = "Viewers"
-FOXGLOVE_PORT = 8765  # where Foxglove looks first
 
 Live = Annotated[bool, typer.Option("--live", help="Serve the live page.", rich_help_panel=LOOKING_ON)]
 LiveHost = Annotated[
@@ -77,7 +77,7 @@ def viewers(
         require("Foxglove")
         from wayfarer.views.foxglove.live import FoxgloveLive
 
-        channels = FoxgloveLive(port=FOXGLOVE_PORT if foxglove_port is None else foxglove_port)
+        channels = FoxgloveLive(FOXGLOVE_PORT if foxglove_port is None else foxglove_port)
         print(f"for Foxglove: {channels.url}", flush=True)
         found.append(channels)
     return found

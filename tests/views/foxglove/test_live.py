@@ -213,6 +213,7 @@ def test_port_in_use_is_one_line_before_anything_runs() -> None:
     )
 
 
-def test_address_of_another_computer_is_refused_with_the_reason() -> None:
+def test_address_of_another_computer_is_refused_with_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("wayfarer.views.foxglove.live.HOST", "203.0.113.1")
     with pytest.raises(BadInput, match=r"cannot be served at 203\.0\.113\.1 port 0: .*Cannot assign requested address"):
-        FoxgloveLive("203.0.113.1", 0)
+        FoxgloveLive(port=0)

@@ -14,7 +14,7 @@ from wayfarer.fieldlog.log import Record
 from wayfarer.views.export.wall_time import nanoseconds
 from wayfarer.views.foxglove.channels import Channels
 
-HOST, PORT = "127.0.0.1", 8765  # 8765 is where Foxglove looks first
+HOST = "127.0.0.1"  # anybody who can reach it can watch
 LASTING_EVERY_S = 0.5  # so that viewers who come and go all the time cost no more than that
 IN_USE = "Address already in use"
 
@@ -27,14 +27,13 @@ class FoxgloveLive:
     poses from its own future.
 
     Args:
-        host: the address to listen at; anybody who can reach it can watch.
         port: 0 takes a free one.
 
     Raises:
         BadInput: it cannot listen there; the text says why.
     """
 
-    def __init__(self, host: str = HOST, port: int = PORT) -> None:
+    def __init__(self, port: int) -> None:
         self._context = context = Context()  # kept: the SDK takes the channels down with it
         self._channels = Channels(context)
         self._viewers = _Viewers()
@@ -42,15 +41,15 @@ class FoxgloveLive:
         try:
             self._server = start_server(
                 name="wayfarer",
-                host=host,
+                host=HOST,
                 port=port,
                 context=context,
                 server_listener=self._viewers,
                 capabilities=[Capability.Time],
             )
         except RuntimeError as error:  # the SDK has no error class for it
-            raise BadInput(_refusal(host, port, str(error))) from None
-        self.url = f"ws://{f'[{host}]' if ':' in host else host}:{self._server.port}"
+            raise BadInput(_refusal(port, str(error))) from None
+        self.url = f"ws://{HOST}:{self._server.port}"
 
     def show(self, record: Record) -> None:
         """Send a record to all viewers."""
@@ -81,7 +80,7 @@ class _Viewers(ServerListener):
         self.changed = True
 
 
-def _refusal(host: str, port: int, error: str) -> str:
+def _refusal(port: int, error: str) -> str:
     if IN_USE in error:
-        return f"port {port} on {host} is in use; see what has it with ss -ltnp, or choose another with --foxglove-port"
-    return f"Foxglove cannot be served at {host} port {port}: {error.rpartition('FoxgloveError: ')[2]}"
+        return f"port {port} on {HOST} is in use; see what has it with ss -ltnp, or choose another with --foxglove-port"
+    return f"Foxglove cannot be served at {HOST} port {port}: {error.rpartition('FoxgloveError: ')[2]}"
