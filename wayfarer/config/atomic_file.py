@@ -27,9 +27,9 @@ def whole_file(path: Path) -> Iterator[Path]:
     draft = target.with_name(f".{target.name}.{os.getpid()}.new")
     try:
         yield draft
-        _sync(draft)
+        sync(draft)
         draft.replace(target)
-        _sync(target.parent)  # the new name is in the folder
+        sync(target.parent)  # the new name is in the folder
     except BaseException:
         with suppress(OSError):
             draft.unlink(missing_ok=True)
@@ -52,9 +52,9 @@ def whole_folder(path: Path) -> Iterator[Path]:
         made = draft / target.name
         yield made
         for each in made.iterdir():
-            _sync(each)
+            sync(each)
         made.replace(target)
-        _sync(target.parent)
+        sync(target.parent)
     finally:
         shutil.rmtree(draft, ignore_errors=True)
 
@@ -67,7 +67,7 @@ def write_whole(path: Path, content: str | bytes, mode: int | None = None) -> No
             draft.chmod(mode)
 
 
-def _sync(path: Path) -> None:
+def sync(path: Path) -> None:
     """Put a file or a folder on the disk."""
     descriptor = os.open(path, os.O_RDONLY)
     try:

@@ -8,6 +8,8 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
+from wayfarer.config.atomic_file import sync
+
 # Appending: whatever else happens to the file, a line never lands in the middle of it.
 FLAGS = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC
 
@@ -85,8 +87,4 @@ class Segment:
 def sync_folder(folder: Path) -> None:
     """Have the disk keep the names of the files in a folder, on file systems that can be asked for it."""
     with suppress(OSError):
-        opened = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-        try:
-            os.fsync(opened)
-        finally:
-            os.close(opened)
+        sync(folder)
