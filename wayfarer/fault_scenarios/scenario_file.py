@@ -20,6 +20,7 @@ from wayfarer.config.messages import at_line, validated
 from wayfarer.config.registry import find_algorithm
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.config.rover_overlay import laid_over
+from wayfarer.config.rover_path import is_rover_file
 from wayfarer.errors import BadConfig, BadInput, UnknownName, one_line
 from wayfarer.fault_scenarios.scenario import Command, Duration, Expectation, Line, Moment, Reached, Scenario
 from wayfarer.fault_scenarios.scenario_rover import OVERLAY, misfit, rover_of
@@ -122,7 +123,7 @@ def _scenario(place: _FileLocation, table: dict[str, Any], folder: Path) -> Scen
     place = place._replace(where=f"{place.where}: scenario {name!r}" if isinstance(name, str) else place.where)
     checked = place.check(_scenario_table(), table)
     own = {key: getattr(checked, key) for key in table if key not in {name for name, *_ in TABLES}}
-    if "/" in checked.rover or checked.rover.endswith(".toml"):
+    if is_rover_file(checked.rover):
         own["rover"] = str(folder / checked.rover)
     if "command" in table:
         own["commands"] = tuple(

@@ -9,6 +9,7 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
+from wayfarer.config.rover_path import is_rover_file
 from wayfarer.fault_scenarios.scenario import Scenario
 from wayfarer.simhal.faults.kinds import Fault
 
@@ -32,8 +33,7 @@ def as_toml(scenario: Scenario) -> str:
 
 def _rover(name_or_path: str) -> str:
     """Return a rover's name, or its file's path from anywhere: the scenario's own file may be elsewhere."""
-    is_file = "/" in name_or_path or name_or_path.endswith(".toml")
-    return str(Path(name_or_path).resolve()) if is_file else name_or_path
+    return str(Path(name_or_path).resolve()) if is_rover_file(name_or_path) else name_or_path
 
 
 def _fault(fault: Fault) -> dict[str, Any]:
