@@ -9,12 +9,10 @@ from math import ceil
 from random import Random
 
 from wayfarer.daemon.host_health import POWER_EVERY_S
+from wayfarer.safety.supply import UNDER_VOLTAGE_NOW, UNDER_VOLTAGE_SINCE_BOOT
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults.kinds import LoopStall, Undervoltage
 from wayfarer.simhal.faults.scoped import Effect
-
-UNDER_VOLTAGE = 0x1  # of the Raspberry Pi's get_throttled: bit 0 is now, bit 16 since boot (field.md 4)
-UNDER_VOLTAGE_SINCE_BOOT = 0x10000
 
 # Takes the computer's flags at a time: the target of these faults.
 TakePower = Callable[[float, int], None]
@@ -35,7 +33,7 @@ def _undervoltage(take_power: TakePower, params: Undervoltage, _: Random) -> Ite
     timers = []
     for dip in range(params.times):
         at_s = ceil((loop.time() + dip * params.every_s) / POWER_EVERY_S) * POWER_EVERY_S
-        timers.append(loop.call_at(at_s, lambda: take_power(loop.time(), UNDER_VOLTAGE | UNDER_VOLTAGE_SINCE_BOOT)))
+        timers.append(loop.call_at(at_s, lambda: take_power(loop.time(), UNDER_VOLTAGE_NOW | UNDER_VOLTAGE_SINCE_BOOT)))
         over_s = at_s + params.every_s / 2
         timers.append(loop.call_at(over_s, lambda: take_power(loop.time(), UNDER_VOLTAGE_SINCE_BOOT)))
     yield
