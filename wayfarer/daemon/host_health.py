@@ -7,13 +7,13 @@ thread of their own, because the rover drives more gently by them.
 from __future__ import annotations
 
 import os
-import shutil
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from wayfarer.commissioning.checks.system import THROTTLED, power_flags, system_text
+from wayfarer.fieldlog.disk_space import free_mb
 
 EVERY_S = 10.0  # field.md, users' complaint 34
 POWER_EVERY_S = 1.0  # fault catalogue, fault 32
@@ -69,6 +69,6 @@ def health(logs: Path, root: Path = Path("/")) -> Health:
 
 def _free_mb(folder: Path) -> float | None:
     try:
-        return round(shutil.disk_usage(folder).free / 1e6, 1)
+        return round(free_mb(folder), 1)
     except OSError:
         return None

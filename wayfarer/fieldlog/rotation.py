@@ -14,10 +14,9 @@ from typing import Any
 import orjson
 
 from wayfarer.config.log_settings import LogSettings
+from wayfarer.fieldlog.disk_space import MB
 from wayfarer.fieldlog.folders import FILE_NAME, older_segments, segment_path
 from wayfarer.fieldlog.segment import Segment, sync_folder
-
-MB = 1_000_000
 
 
 class SegmentRotation:

@@ -6,7 +6,6 @@ much is missing and where, and a person is told.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 from threading import Lock
@@ -15,7 +14,8 @@ from typing import Protocol
 from wayfarer.config.log_settings import UNLIMITED, LogSettings
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.disk_errors import DRIVES_ON, DiskErrorReporter, error_advice
-from wayfarer.fieldlog.rotation import MB, SegmentRotation, at
+from wayfarer.fieldlog.disk_space import free_mb
+from wayfarer.fieldlog.rotation import SegmentRotation, at
 from wayfarer.fieldlog.segment import Segment
 
 BATCH_BYTES = 65_536  # what is written at once, unless it is asked for earlier
@@ -180,12 +180,11 @@ class RunFiles:
         return segments.newest
 
     def _look_for_room(self) -> None:
-        enough = self._settings.free_mb * MB * (RELIEF if self._scarce else 1.0)
+        enough_mb = self._settings.free_mb * (RELIEF if self._scarce else 1.0)
         try:
-            disk = os.statvfs(self._folder)
+            self._scarce = free_mb(self._folder) < enough_mb
         except OSError:
             return
-        self._scarce = disk.f_bavail * disk.f_frsize < enough
         if self._scarce:
             text = f"the field log takes only events and positions: less than {self._settings.free_mb:g} MB are free"
             self.trouble.begins("disk", f"{self._folder}: {text}: delete old runs{DRIVES_ON}")

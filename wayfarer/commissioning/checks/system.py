@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import os
 import pwd
-import shutil
 import tempfile
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -13,12 +12,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.commissioning.checks.api import Finding, HostEnvironment, Inspection, fail, ok, skipped, warn
+from wayfarer.fieldlog.disk_space import free_mb
 from wayfarer.fieldlog.fields import CLOCK_SET_S
 from wayfarer.safety.supply import SLOWED_NOW, UNDER_VOLTAGE_NOW, UNDER_VOLTAGE_SINCE_BOOT
 
 # At 50 MB an hour of field log (``LogSettings``) this is what a mission takes, beside what its log leaves alone.
 MISSION_MB = 50.0
-MB = 1_000_000
 # The debug connector of a Raspberry Pi 5, which its /dev/serial0 leads to. Second hand, from the issue tracker of the
 # Raspberry Pi documentation (issue 3239, pull request 3294).
 PI5_DEBUG_PORT = "ttyAMA10"
@@ -151,7 +150,7 @@ def _disk(folder: Path, needed_mb: float) -> Finding:
         there = next(path for path in (there, *there.parents) if path.exists())
         with tempfile.TemporaryFile(dir=there) as file:
             file.write(b"wayfarer")
-        free_mb = shutil.disk_usage(there).free / MB
+        left_mb = free_mb(there)
     except OSError as error:
         return fail(
             "disk",
@@ -159,8 +158,8 @@ def _disk(folder: Path, needed_mb: float) -> Finding:
             "the folder belongs to another user, or the card went read-only after an error",
             f"sudo chown {_user()} {there}; if it is read-only, reboot and look at `dmesg`",
         )
-    found = f"{free_mb:.0f} MB free in {there}"
-    if free_mb < needed_mb:
+    found = f"{left_mb:.0f} MB free in {there}"
+    if left_mb < needed_mb:
         remedy = f"copy old runs from {folder} and delete them; {needed_mb:.0f} MB are needed"
         return fail("disk", found, "old runs fill it", remedy)
     return ok("disk", found)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.errors import BadInput
+from wayfarer.fieldlog.disk_space import MB
 from wayfarer.fieldlog.fields import began_wall_s, local_time, name, number, span, whole
 from wayfarer.fieldlog.folders import run_folders, run_number
 from wayfarer.fieldlog.header import Header
@@ -60,7 +61,7 @@ CELLS: Mapping[str, Callable[[RunRow], str]] = {
     "m": lambda row: "" if row.commanded_m is None else f"{row.commanded_m:.0f}",
     "episodes": lambda row: "" if row.episodes is None else str(row.episodes),
     "outcome": lambda row: row.outcome,
-    "MB": lambda row: "" if row.size_bytes is None else f"{row.size_bytes / 1e6:.1f}",
+    "MB": lambda row: "" if row.size_bytes is None else f"{row.size_bytes / MB:.1f}",
 }
 RIGHT = {"run", "lasted", "m", "episodes", "MB"}
 SPARED = ("MB", "rover", "algorithm", "episodes")  # what a narrow terminal goes without, first to last
