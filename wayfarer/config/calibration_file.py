@@ -37,6 +37,7 @@ STALE_S = 180 * 86_400.0
 Duty = Annotated[float, Interval(gt=0, le=1)]
 _PartOfDuty = Annotated[float, Interval(ge=0, lt=1)]
 Positive = Annotated[float, Interval(gt=0, le=1e6)]
+SCALE_MIN, SCALE_MAX = 0.1, 10.0  # of the motion sensor's metres
 SLOPE_MIN = 2.0  # deg/s for full duty: the track of the fastest rover stays within the bounds of ``vehicle.track_m``
 GROUND_MAX = 80  # characters of a person's note
 _STRICT = ConfigDict(extra="forbid", strict=True)
@@ -68,7 +69,7 @@ class CompassEntry(Entry):
 class FlowEntry(Entry):
     """``scale`` is what the metres of the motion sensor must be multiplied by."""
 
-    scale: Annotated[float, Interval(ge=0.1, le=10)]
+    scale: Annotated[float, Interval(ge=SCALE_MIN, le=SCALE_MAX)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,18 +9,17 @@ has its own way (``picture``).
 from __future__ import annotations
 
 from wayfarer.commissioning.calibrate.camera import ChangeSensor, calibrate_picture
+from wayfarer.commissioning.calibrate.response import UNSEEN_MAX
 from wayfarer.commissioning.checks.api import CheckVerdict
 from wayfarer.commissioning.checks.motion import judge_push
 from wayfarer.commissioning.manual_drive import measure_push
 from wayfarer.commissioning.operator import Person
-from wayfarer.config.calibration_file import FlowEntry, stamp
+from wayfarer.config.calibration_file import SCALE_MAX, SCALE_MIN, FlowEntry, stamp
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.hal import MotionSensor
 
 DISTANCE_M = 2.0
 DISTANCE_MIN_M, DISTANCE_MAX_M = 0.5, 50.0
-SCALE_MIN, SCALE_MAX = 0.1, 10.0  # as calibration.FlowEntry
-UNKNOWN_MAX = 0.05  # share of readings without quality: the way made during them is missing
 
 
 async def calibrate_flow(motion: MotionSensor, person: Person, quality_min: float, t_wall: float) -> FlowEntry:
@@ -42,7 +41,7 @@ async def calibrate_flow(motion: MotionSensor, person: Person, quality_min: floa
     finding = judge_push(seen)
     if finding.verdict is CheckVerdict.FAIL:
         raise WayfarerError(f"{motion.name}: {finding.found}; {finding.cause}: {finding.remedy}")
-    if seen.unknown > UNKNOWN_MAX:
+    if seen.unknown > UNSEEN_MAX:
         raise WayfarerError(
             f"{motion.name}: {seen.unknown:.0%} of the readings did not see the ground; push on grass in daylight"
         )
