@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -30,6 +30,7 @@ from wayfarer.fault_scenarios.shrink import shrink
 from wayfarer.safety.conditions import Level
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.views.text.scripting import print_json
+from wayfarer.views.text.summary_text import counted
 
 ROWS_FILE = "trials.jsonl"
 SHOWN = 10  # trials with a broken rule, one after the other; further ones are counted
@@ -132,17 +133,13 @@ def _row(scenario: Scenario) -> RandomTrial:
 def _summary(rows: Sequence[RandomTrial], broken: Sequence[RandomTrial]) -> Iterator[str]:
     hours = sum(row.for_s for row in rows) / 3600.0
     yield f"{len(rows)} trials, {sum(len(row.kinds) for row in rows)} faults, {hours:.1f} hours"
-    yield f"rovers: {_counts(f'{row.rover} at {row.depth} depth' for row in rows)}"
-    yield f"faults: {_counts(kind for row in rows for kind in row.kinds)}"
-    yield f"ended: {_counts(row.ended for row in rows)}"
-    yield f"worst level: {_counts(row.level for row in rows)}"
-    yield f"worst cause: {_counts(row.cause or 'none' for row in rows)}"
+    yield f"rovers: {counted(Counter(f'{row.rover} at {row.depth} depth' for row in rows))}"
+    yield f"faults: {counted(Counter(kind for row in rows for kind in row.kinds))}"
+    yield f"ended: {counted(Counter(row.ended for row in rows))}"
+    yield f"worst level: {counted(Counter(row.level for row in rows))}"
+    yield f"worst cause: {counted(Counter(row.cause or 'none' for row in rows))}"
     yield f"wheels that neither a command nor a deadman could stop: in {sum(row.excused > 0 for row in rows)} trials"
     yield f"broken rules: in {len(broken)} trials"
-
-
-def _counts(items: Iterable[str]) -> str:
-    return ", ".join(f"{name} {count}" for name, count in Counter(items).most_common())
 
 
 def _violation_lines(trial: RandomTrial, scenario: Scenario, out: Path | None) -> Iterator[str]:
