@@ -107,6 +107,11 @@ def rounded_row(**values: Any) -> TrialRow:
     return TrialRow(**{name: _kept(name, value) for name, value in values.items()})
 
 
+def rounded_values(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return these values as JSON and tables of results have them: floats with four decimals."""
+    return {name: round(value, 4) if isinstance(value, float) else value for name, value in values.items()}
+
+
 def csv_line(columns: Sequence[str], row: TrialRow | None = None, swept: Mapping[str, Any] = NOTHING) -> str:
     """Return these columns of a row as a line of CSV, of which ``swept`` are not its own; without a row their names."""
     if row is None:

@@ -22,7 +22,7 @@ from wayfarer.experiments.campaign import Plan
 from wayfarer.experiments.executors import Done, MakeExecutor, RunTrial, Stopped, TrialRunner, field_trial, stream
 from wayfarer.experiments.folder_settings import swept_values, tasks_of
 from wayfarer.experiments.results_folder import ResultsFolder
-from wayfarer.experiments.rows import TrialRow
+from wayfarer.experiments.rows import TrialRow, rounded_values
 from wayfarer.experiments.statistics import AlgorithmSummary, summarise
 from wayfarer.experiments.store import TrialStore
 from wayfarer.experiments.time_left import relative_cost
@@ -90,10 +90,10 @@ class CampaignRun:
         lines = zip(self.points, self.summaries, strict=True)
         return {
             **self.plan.settings(),
-            "table": [({"point": at} if at else {}) | _rounded(asdict(summary)) for at, summary in lines],
+            "table": [({"point": at} if at else {}) | rounded_values(asdict(summary)) for at, summary in lines],
             "simulated_s": round(self.totals.simulated_s, 3),
             "ticks": self.totals.ticks,
-            "last_run": _rounded({**self.effort._asdict(), "cpu_us_per_tick": self.effort.cpu_us_per_tick}),
+            "last_run": rounded_values({**self.effort._asdict(), "cpu_us_per_tick": self.effort.cpu_us_per_tick}),
         }
 
 
@@ -153,10 +153,6 @@ def _summed_up(plan: Plan, kept: TrialStore, folder: ResultsFolder | None, effor
     if to_finish:
         to_finish.finish(finished.as_json())
     return finished
-
-
-def _rounded(values: dict[str, Any]) -> dict[str, Any]:
-    return {name: round(value, 4) if isinstance(value, float) else value for name, value in values.items()}
 
 
 def _effort(began: os.times_result, ticks: int, *, elsewhere: bool) -> ComputeCost:

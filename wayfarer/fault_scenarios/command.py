@@ -16,6 +16,7 @@ from wayfarer.errors import WayfarerError, one_line
 from wayfarer.experiments.commands import INTERRUPTED, make_empty_folder
 from wayfarer.experiments.executors import Stopped
 from wayfarer.experiments.progress_bar import say
+from wayfarer.experiments.rows import rounded_values
 from wayfarer.fault_scenarios.batch import run_batch
 from wayfarer.fault_scenarios.judge import judge
 from wayfarer.fault_scenarios.result import Result, not_run
@@ -113,5 +114,4 @@ def _store(out: Path, results: Sequence[Result]) -> None:
 
 
 def _as_row(result: Result) -> dict[str, Any]:
-    said = {name: round(value, 4) if isinstance(value, float) else value for name, value in result._asdict().items()}
-    return {**said, "passed": result.passed}
+    return {**rounded_values(result._asdict()), "passed": result.passed}
