@@ -127,7 +127,7 @@ class _EndingCounters(TrialCounters):
             self.finish(name, str(details["reason"]))
 
 
-_BRIDGE: ContextVar[AgentBridge] = ContextVar("seat")
+_BRIDGE: ContextVar[AgentBridge] = ContextVar("bridge")
 
 AGENT = Algorithm("agent", "agent", "the agent that steps the environment", lambda *_: _BRIDGE.get(), origin=__name__)
 AGENT_NAME = f"{__name__}:AGENT"
