@@ -17,8 +17,7 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import WayfarerError
 from wayfarer.experiments import sim_command
 from wayfarer.experiments.campaign import Campaign
-from wayfarer.experiments.outcome import Outcome
-from wayfarer.experiments.rows import OUTCOMES
+from wayfarer.experiments.outcome import OUTCOMES, Outcome
 from wayfarer.experiments.trial import TrialResult
 from wayfarer.experiments.trial_setup import TrialSpec
 

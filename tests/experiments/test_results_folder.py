@@ -15,18 +15,9 @@ from hypothesis import strategies as st
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.experiments.campaign import Campaign
+from wayfarer.experiments.outcome import OUTCOMES
 from wayfarer.experiments.results_folder import PARQUET, PARTIAL, SETTINGS, SUMMARY, TRIALS, ResultsFolder
-from wayfarer.experiments.rows import (
-    COLUMNS,
-    OUTCOMES,
-    TERRAIN,
-    TrialRow,
-    columns_of,
-    csv_line,
-    parse_row,
-    row_of,
-    without_kinds,
-)
+from wayfarer.experiments.rows import COLUMNS, TERRAIN, TrialRow, columns_of, csv_line, parse_row, row_of, without_kinds
 from wayfarer.experiments.store import read_rows
 from wayfarer.experiments.trial import TrialResult
 from wayfarer.simhal.mujoco.terrain import Terrains

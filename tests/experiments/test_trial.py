@@ -11,7 +11,7 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.control import sensors, supervisor
 from wayfarer.drivers.pmw3901 import OPEN_S
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.experiments.rows import OUTCOMES
+from wayfarer.experiments.outcome import OUTCOMES
 from wayfarer.experiments.trial import TrialResult, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.simhal.world.forest import CLEARING, Trunk

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from math import inf
-from typing import Final, Literal
+from typing import Final, Literal, get_args
 
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 Outcome = Literal["escaped", "left_bounds", "entrapped", "tipped", "fault"]
+OUTCOMES: Final = get_args(Outcome)
+SUCCESSES: Final = ("escaped", "left_bounds")  # paper, section IV-B: leaving by another edge counts as an escape
 
 # What the log of the run says of each; a trial ends as "fault" by the supervisor, not here.
 ENDINGS: Final[Mapping[Outcome, str]] = {

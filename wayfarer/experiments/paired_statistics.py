@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from wayfarer.errors import BadInput
-from wayfarer.experiments.rows import SUCCESSES, TrialRow
+from wayfarer.experiments.outcome import SUCCESSES
+from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import Estimate, spread_of
 
 RESAMPLES = 4000

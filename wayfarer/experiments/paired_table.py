@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 
 from rich.console import Console
 
+from wayfarer.experiments.outcome import SUCCESSES
 from wayfarer.experiments.paired_statistics import Comparison, Difference
-from wayfarer.experiments.rows import SUCCESSES
 from wayfarer.experiments.statistics import Estimate
 from wayfarer.experiments.tables import number_text
 from wayfarer.views.text.terminal_table import Column, print_in_full, table

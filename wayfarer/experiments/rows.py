@@ -11,12 +11,10 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from wayfarer.errors import BadInput
+from wayfarer.experiments.outcome import OUTCOMES, SUCCESSES
 
 if TYPE_CHECKING:
     from wayfarer.experiments.trial import TrialResult
-
-SUCCESSES = ("escaped", "left_bounds")  # paper, section IV-B: leaving by another edge counts as an escape
-OUTCOMES = (*SUCCESSES, "entrapped", "tipped", "fault")
 
 TEXT_COLUMNS = ("algorithm", "outcome")
 KINDS = ("overturned", "off_wheels")  # of interventions; files of older versions do not have these columns

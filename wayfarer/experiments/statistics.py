@@ -10,7 +10,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from wayfarer.experiments.rows import OUTCOMES, SUCCESSES, TrialRow
+from wayfarer.experiments.outcome import OUTCOMES, SUCCESSES
+from wayfarer.experiments.rows import TrialRow
 
 AVERAGED = ("counted_spl", "time_s", "anomalies", "interventions", "overturned", "off_wheels")
 Z_95 = statistics.NormalDist().inv_cdf(0.975)

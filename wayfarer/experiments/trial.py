@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from wayfarer.control.run_log import PartialLog, Tee
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Phase
-from wayfarer.experiments.outcome import Outcome, OutcomeMonitor
+from wayfarer.experiments.outcome import SUCCESSES, Outcome, OutcomeMonitor
 from wayfarer.experiments.trial_setup import MakeLog, TrialSetup, TrialSpec
 from wayfarer.hal import Rover
 from wayfarer.safety.conditions import Condition
@@ -163,7 +163,7 @@ def _result(spec: TrialSpec, outcome: Outcome, setup: TrialSetup, counters: Tria
     forest, world = spec.forest, setup.world
     path_m = setup.outcome_monitor.path_m(world)
     shortest_m = forest.shortest_path_m
-    succeeded = outcome in ("escaped", "left_bounds")
+    succeeded = outcome in SUCCESSES
     spl = None if shortest_m is None else shortest_m / max(shortest_m, path_m) if succeeded else 0.0
     return TrialResult(
         spec.trial,

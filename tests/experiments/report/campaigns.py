@@ -12,7 +12,8 @@ from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments import sim_command
 from wayfarer.experiments.campaign import Campaign, read_forest_file
 from wayfarer.experiments.executors import RunTrial, field_trial
-from wayfarer.experiments.rows import SUCCESSES, TrialRow
+from wayfarer.experiments.outcome import SUCCESSES
+from wayfarer.experiments.rows import TrialRow
 from wayfarer.simhal.world.generate import generate_forest
 
 ALGORITHMS = ("forest-pledge", "levy-walk", "cv-react")

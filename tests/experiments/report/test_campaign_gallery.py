@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 
 from tests.experiments.report.campaigns import ALGORITHMS, campaign_of, row
 from wayfarer.experiments.executors import Done
+from wayfarer.experiments.outcome import SUCCESSES
 from wayfarer.experiments.report.reading import read_results
 from wayfarer.experiments.report.worst_trials import RerunTrial, choose, ending, run_again
-from wayfarer.experiments.rows import SUCCESSES, TrialRow
+from wayfarer.experiments.rows import TrialRow
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 
 from tests.experiments.report.campaigns import row
 from tests.experiments.report.reading_plots import columns, legend
+from wayfarer.experiments.outcome import OUTCOMES, SUCCESSES
 from wayfarer.experiments.report.escape_figure import escape_curve, escape_figures
-from wayfarer.experiments.rows import OUTCOMES, SUCCESSES, TrialRow
+from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import summarise
 
 # Few different values, so that many are equal; a multiple of 0.25 is exact.

@@ -10,9 +10,10 @@ from bokeh.models import Range1d
 from bokeh.models.annotations import Legend, LegendItem
 from bokeh.plotting import ColumnDataSource
 
+from wayfarer.experiments.outcome import SUCCESSES
 from wayfarer.experiments.report.algorithm_rows import SVG, plain_numbers, span_of
 from wayfarer.experiments.report.groups import Group, grouped, short
-from wayfarer.experiments.rows import SUCCESSES, TrialRow
+from wayfarer.experiments.rows import TrialRow
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, hover, plot, source
 

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from bokeh.models import FixedTicker, NumeralTickFormatter
 
+from wayfarer.experiments.outcome import SUCCESSES
 from wayfarer.experiments.report.algorithm_rows import EDGE, lay_out, rows_plot
 from wayfarer.experiments.report.groups import grouped
-from wayfarer.experiments.rows import SUCCESSES, TrialRow
+from wayfarer.experiments.rows import TrialRow
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, hover, source
 

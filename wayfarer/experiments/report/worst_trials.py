@@ -14,7 +14,8 @@ from typing import NamedTuple
 from wayfarer.errors import WayfarerError
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.executors import Done, TrialRunner, stream
-from wayfarer.experiments.rows import SUCCESSES, TrialRow
+from wayfarer.experiments.outcome import SUCCESSES
+from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.trajectory import Trace, run_traced
 from wayfarer.experiments.trial import TrialResult
 from wayfarer.experiments.trial_setup import TrialSpec

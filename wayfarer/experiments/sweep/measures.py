@@ -7,7 +7,8 @@ import statistics
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
-from wayfarer.experiments.rows import SUCCESSES, TrialRow
+from wayfarer.experiments.outcome import SUCCESSES
+from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import Z_95, Estimate, wilson_interval
 
 
