@@ -106,13 +106,21 @@ def _figure(
     return made
 
 
+def colour_of(place: int) -> str:
+    """Return the colour of an algorithm, by its place in the campaign or group."""
+    return palette.SERIES[place % len(palette.SERIES)]
+
+
+def curve_look(place: int) -> dict[str, Any]:
+    """Return the look of an algorithm's curve."""
+    return {"line_color": colour_of(place), "line_width": 2, "line_dash": list(DASHES[place % len(DASHES)])}
+
+
 def _curve(made: Figure, place: int, name: str, curve: Curve, corners: ColumnDataSource) -> LegendItem:
     """Draw a curve, with a mark where its longest failure ended, and return its line of the legend."""
-    colour = palette.SERIES[place % len(palette.SERIES)]
-    look: Any = {"line_color": colour, "line_width": 2, "line_dash": list(DASHES[place % len(DASHES)])}
-    line: Any = made.line("x", "y", source=corners, name=name, **look)
+    line: Any = made.line("x", "y", source=corners, name=name, **curve_look(place))
     last_m = curve.failed_m[-1:]
-    ended: Any = {"marker": "dash", "angle": np.pi / 2, "size": 11, "line_width": 2, "color": colour}
+    ended: Any = {"marker": "dash", "angle": np.pi / 2, "size": 11, "line_width": 2, "color": colour_of(place)}
     mark: Any = made.scatter(last_m, [curve.escaped_percent] * len(last_m), **ended)
     made.add_tools(hover([line], ("algorithm", "$name"), ("by", "@x{0.0} m"), ("escaped", "@y{0.0} %")))
     return LegendItem(label=f"{short(name)}, {curve.escaped_percent:.1f} %", renderers=[line, mark])

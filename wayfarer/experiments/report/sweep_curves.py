@@ -10,7 +10,7 @@ from bokeh.models.annotations import Span
 from bokeh.plotting import ColumnDataSource
 
 from wayfarer.experiments.report.algorithm_rows import SVG
-from wayfarer.experiments.report.escape_figure import DASHES
+from wayfarer.experiments.report.escape_figure import colour_of, curve_look
 from wayfarer.experiments.report.reading import SweepResults
 from wayfarer.experiments.statistics import Estimate
 from wayfarer.experiments.sweep.measures import MEASURES, Measure
@@ -70,15 +70,10 @@ def _curve(made: Figure, results: SweepResults, measure: Measure, number: int) -
         value=[each.value for each in drawn], low=[each.low for each in drawn], high=[each.high for each in drawn],
         text=[each.text(measure.decimals) if (each := estimates[point]) else "" for point in order],
     )  # fmt: skip
-    colour, dash = colour_of(number), list(DASHES[number % len(DASHES)])
+    colour = colour_of(number)
     band = made.varea("x", "low", "high", source=told, fill_color=colour, fill_alpha=0.18)
-    line = made.line("x", "value", source=told, line_color=colour, line_dash=dash, line_width=2)
+    line = made.line("x", "value", source=told, **curve_look(number))
     points = made.scatter("x", "value", source=told, size=6, color=colour, name=name)
     layer(name, band, line, points)
     rows = (("algorithm", "$name"), (results.axes[0].key, "@key"), (f"{measure.title} [95 %]", "@text"))
     made.add_tools(hover([points], *rows))
-
-
-def colour_of(number: int) -> str:
-    """Return the colour of an algorithm, by its place in the campaign."""
-    return palette.SERIES[number % len(palette.SERIES)]
