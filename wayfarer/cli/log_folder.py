@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-SYSTEM_LOGS = Path("/var/lib/wayfarer/field_logs")
+from wayfarer.config.rover_path import STATE_FOLDER
+
+SYSTEM_LOGS = STATE_FOLDER / "field_logs"
 OWN_LOGS = Path("field_logs")
 
 

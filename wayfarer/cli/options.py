@@ -9,9 +9,8 @@ import typer
 
 from wayfarer.cli import completion
 from wayfarer.cli.log_folder import OWN_LOGS, SYSTEM_LOGS
+from wayfarer.config.rover_path import ROVER_FILE
 from wayfarer.errors import BadInput
-
-ROVER_FILE = Path("/etc/wayfarer/rover.toml")
 
 Logs = Annotated[
     Path | None,

@@ -24,11 +24,11 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from wayfarer.config.atomic_file import write_whole
 from wayfarer.config.messages import key_and_problem
+from wayfarer.config.rover_path import STATE_FOLDER
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.units import DegreesOrZero
 
 FILE_NAME = "calibration.json"
-SYSTEM_FOLDER = Path("/var/lib/wayfarer")
 USER_FOLDER = Path(".local/state/wayfarer")
 
 # Half a year: field, screws and cables of a rover change within a season.
@@ -160,7 +160,7 @@ def stamp(part: str, t_wall: float) -> dict[str, Any]:
     return {"part": part, "t_wall": round(t_wall, 3), "date": datetime.fromtimestamp(t_wall, UTC).date().isoformat()}
 
 
-def calibration_file(environment: Mapping[str, str], home: Path, system: Path = SYSTEM_FOLDER) -> Path:
+def calibration_file(environment: Mapping[str, str], home: Path, system: Path = STATE_FOLDER) -> Path:
     """Return where the file is.
 
     In systemd's ``STATE_DIRECTORY`` where it is set, else in ``/var/lib/wayfarer`` where that may be written, else in a

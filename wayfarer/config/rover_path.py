@@ -1,9 +1,12 @@
-"""Which file a rover's name means; needs no pydantic, so that a broken rover file can still be looked at."""
+"""Where a rover's files are; needs no pydantic, so that a broken rover file can still be looked at."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+# On a rover, and in the unit of its service (``StateDirectory=``).
+ROVER_FILE = Path("/etc/wayfarer/rover.toml")
+STATE_FOLDER = Path("/var/lib/wayfarer")  # logs and calibration
 SHIPPED = Path(__file__).parents[1] / "rovers"
 
 

@@ -20,13 +20,11 @@ from pathlib import Path
 import wayfarer
 from wayfarer.config.atomic_file import write_whole
 from wayfarer.config.rover_file import load_rover
-from wayfarer.config.rover_path import rover_path
+from wayfarer.config.rover_path import ROVER_FILE, STATE_FOLDER, rover_path
 from wayfarer.errors import BadInput, one_line
 
 HERE = Path("/")
 UNIT = Path("etc/systemd/system/wayfarer.service")
-ROVER_FILE = Path("etc/wayfarer/rover.toml")
-STATE_FOLDER = Path("var/lib/wayfarer")  # StateDirectory= in the unit
 USER = "wayfarer"
 READABLE = 0o644  # for everyone, whatever the caller's umask
 # Own the device files on Raspberry Pi OS (its udev rules; dialout is Debian's for serial ports): hardware.md 7.
@@ -82,13 +80,13 @@ def install(
     here = root == HERE
     if here and os.geteuid() != 0:
         raise BadInput("install-service writes below /etc and makes a user: run it with sudo, or see it with --print")
-    unit = unit_text(root, python)
+    unit, rover_file = unit_text(root, python), root / ROVER_FILE.relative_to("/")
     try:
-        say(_place_rover_file(rover, root / ROVER_FILE))
-        refuse_unreadable(root / ROVER_FILE, root)
+        say(_place_rover_file(rover, rover_file))
+        refuse_unreadable(rover_file, root)
         if here:
             say(_make_user(root))
-            _make_state_folder(root / STATE_FOLDER)
+            _make_state_folder(root / STATE_FOLDER.relative_to("/"))
         _make_folder((root / UNIT).parent)
         write_whole(root / UNIT, unit, READABLE)
     except OSError as error:
@@ -191,7 +189,7 @@ def _make_user(root: Path) -> str:
     lacks = ",".join(name for name in _groups(root) if USER not in groups[name][-1].split(","))
     joins = ["--groups", lacks] if lacks else []
     if USER not in _entries(root / "etc/passwd"):
-        _give("useradd", "--system", "--user-group", "--no-create-home", "--home-dir", "/var/lib/wayfarer",
+        _give("useradd", "--system", "--user-group", "--no-create-home", "--home-dir", str(STATE_FOLDER),
               "--shell", "/usr/sbin/nologin", *joins, USER)  # fmt: skip
         return f"made user '{USER}'"
     if lacks:
