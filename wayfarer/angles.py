@@ -52,7 +52,12 @@ def circular_mean(angles_deg: Iterable[float]) -> tuple[float, float]:
         raise ValueError("no angles to average")
     north = sum(cos(a) for a in angles) / len(angles)
     east = sum(sin(a) for a in angles) / len(angles)
-    return wrap360(degrees(atan2(east, north))), min(1.0, hypot(north, east))
+    return bearing_deg(north, east), min(1.0, hypot(north, east))
+
+
+def bearing_deg(north: float, east: float) -> float:
+    """Return the compass direction of an offset, in [0, 360)."""
+    return wrap360(degrees(atan2(east, north)))
 
 
 def displacement_m(heading_deg: float, forward_m: float, right_m: float = 0.0) -> tuple[float, float]:

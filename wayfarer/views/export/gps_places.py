@@ -10,12 +10,12 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from math import atan2, degrees, hypot
+from math import hypot
 from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 
-from wayfarer.angles import coordinates_deg, wrap180
+from wayfarer.angles import bearing_deg, coordinates_deg, wrap180
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
 from wayfarer.fieldlog.fields import name, span
@@ -60,7 +60,7 @@ class Waypoint(NamedTuple):
         distance_m = hypot(self.north_m, self.east_m)
         if distance_m < NEAR_M:
             return f"at {fix}"
-        bearing = whole_deg(degrees(atan2(self.east_m, self.north_m)))
+        bearing = whole_deg(bearing_deg(self.north_m, self.east_m))
         return f"{distance_m:.1f} m at {bearing} degrees (magnetic) from {fix}, by dead reckoning"
 
 

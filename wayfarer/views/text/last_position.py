@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import atan2, degrees, hypot, isfinite
+from math import hypot, isfinite
 
-from wayfarer.angles import offset_m, wrap360
+from wayfarer.angles import bearing_deg, offset_m
 from wayfarer.fieldlog.run_state import RunState
 from wayfarer.fieldlog.typed import Fix
 
@@ -62,4 +62,4 @@ def _by_receiver(state: RunState) -> RangeBearing | None:
 
 def _offset(north_m: float, east_m: float) -> RangeBearing | None:
     distance_m = hypot(north_m, east_m)
-    return RangeBearing(distance_m, wrap360(degrees(atan2(east_m, north_m)))) if isfinite(distance_m) else None
+    return RangeBearing(distance_m, bearing_deg(north_m, east_m)) if isfinite(distance_m) else None
