@@ -76,7 +76,9 @@ def replay(
 
 def replay_text(run: Path, result: Replay) -> str:
     """Return a replay in a line."""
-    so_far = f"{run_title(run)}: {result.ticks} decision{'' if result.ticks == 1 else 's'} as logged"
+    from wayfarer.fieldlog.wording import plural
+
+    so_far = f"{run_title(run)}: {plural(result.ticks, 'decision')} as logged"
     if result.difference is not None:
         elapsed_s, number, key, *values = result.difference
         logged, today = map(_short, values) if _short(values[0]) != _short(values[1]) else map(repr, values)

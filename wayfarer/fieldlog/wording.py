@@ -115,14 +115,14 @@ def sentence(clause: str) -> str:
     return clause[:1].upper() + clause[1:]
 
 
-def records_text(count: int) -> str:
-    """Return how many records: ``1 record``, ``2 records``."""
-    return f"{count} record{'' if count == 1 else 's'}"
+def plural(count: int, noun: str) -> str:
+    """Return how many there are: ``1 record``, ``2 records``."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def outcome_text(end: Ended) -> str:
     """Say how a run ended."""
-    lost = f", {records_text(end.dropped)} could not be written" if end.dropped else ""
+    lost = f", {plural(end.dropped, 'record')} could not be written" if end.dropped else ""
     return f"The run has ended: {end.text or end.reason or UNKNOWN}{lost}"
 
 
@@ -193,7 +193,7 @@ WORDS: Mapping[str, Callable[[Any], str]] = {
     "cause": lambda cause: CAUSE_TEXTS.get(cause, clean(cause)),
     "reason": lambda reason: clean(disarmed_text(reason).replace("_", " ")),
     "counts": lambda counts: _value(counts).replace("_", " "),
-    "dropped": records_text,
+    "dropped": lambda count: plural(count, "record"),
     "last_t_wall": lambda wall_s: local_time(wall_s, " at %Y-%m-%d %H:%M:%S"),
 }
 

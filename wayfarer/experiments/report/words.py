@@ -14,6 +14,7 @@ from wayfarer.experiments.report.reading import CampaignResults, CampaignSetting
 from wayfarer.experiments.report.worst_trials import ending
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.fieldlog.vocabulary import PHASE_TEXTS
+from wayfarer.fieldlog.wording import plural
 from wayfarer.views import palette
 from wayfarer.views.page import html
 
@@ -59,7 +60,7 @@ def title(results: CampaignResults) -> str:
     """Name the page."""
     names, trials = results.settings.algorithms, results.settings.trials
     what, each = (names[0], "") if len(names) == 1 else (f"{len(names)} algorithms", " each")
-    return f"{what} in {trials} simulated forest trial{'' if trials == 1 else 's'}{each}"
+    return f"{what} in {plural(trials, 'simulated forest trial')}{each}"
 
 
 def facts(settings: CampaignSettings) -> Iterator[tuple[str, str]]:

@@ -8,7 +8,7 @@ from wayfarer.escape.phases import PhaseEvent
 from wayfarer.fieldlog.fields import local_time, span
 from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS, CAUSE_TEXTS, because
-from wayfarer.fieldlog.wording import place_text, records_text, whole_deg
+from wayfarer.fieldlog.wording import place_text, plural, whole_deg
 from wayfarer.views.text.last_position import LastPosition, RangeBearing
 from wayfarer.views.text.summary import RunSummary
 from wayfarer.views.text.verdict import NO_OUTCOME
@@ -145,7 +145,7 @@ def _log(summary: RunSummary, damage: Damage) -> str:
     if summary.dropped and damage.missing:
         told = [f"{damage}, {min(summary.dropped, damage.missing)} of them could not be written"]
     elif summary.dropped:
-        told.append(f"{records_text(summary.dropped)} could not be written")
+        told.append(f"{plural(summary.dropped, 'record')} could not be written")
     if summary.reason is None:
         told.append(NO_OUTCOME)
     return "; ".join(told) or "complete"

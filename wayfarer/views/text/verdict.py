@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.reader import RunReader
+from wayfarer.fieldlog.wording import plural
 
 NO_OUTCOME = "no outcome: the run was cut off, or is still running"
 
@@ -34,7 +35,7 @@ class LogVerdict(NamedTuple):
 
     def __str__(self) -> str:
         readable = "" if self.integrity is LogIntegrity.COMPLETE else "readable "
-        records = f"{self.records} {readable}record{'' if self.records == 1 else 's'}"
+        records = plural(self.records, f"{readable}record")
         return "; ".join([f"{self.integrity.name.lower()}: {records}", *self.wrong])
 
 
