@@ -22,8 +22,6 @@ from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.sensor_models import FlowSensorModel
 
 BANK: Final = 0x7F
-RESET: Final = 0x3A
-OBSERVATION: Final = 0x15
 BURST: Final = 0x16
 ORIENTATION: Final = 0x5B
 MOTION: Final = range(0x02, 0x07)  # motion byte, then both displacements, low byte first
