@@ -13,6 +13,7 @@ import orjson
 from tests.commissioning.checks.rigs import Rig
 from tests.virtual import virtual
 from tests.workshop import EventLog
+from wayfarer.commissioning.checks import ARMING
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.daemon.arming_inspection import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
@@ -40,7 +41,7 @@ class Run:
         handler = chosen.make(config.escape, config.vehicle, Random(0))
         self.supervisor = Supervisor(rig.rover, config, chosen, handler, self.log)
         self.inspect = RunningInspection(config, rig.rover, rig.host, self.supervisor)
-        self.commands = RoverCommands(self.supervisor, rig.motors, lambda: self.inspect, self.log, ABOUT)
+        self.commands = RoverCommands(self.supervisor, rig.motors, lambda: self.inspect, self.log, ABOUT, ARMING)
 
     async def __aenter__(self) -> Run:
         self.running = asyncio.create_task(self.supervisor.run())

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
-from wayfarer.commissioning.checks import ARMING, Check, CheckVerdict, Finding, Inspection, run_checks
+from wayfarer.commissioning.checks import Check, CheckVerdict, Finding, Inspection, run_checks
 from wayfarer.commissioning.checks.api import fail
 from wayfarer.control.controller import Mode
 from wayfarer.control.rate import ASKED_AT_ONCE, ASKED_HZ, RateLimiter
@@ -56,7 +56,7 @@ class RoverCommands:
         inspect: Callable[[], Inspection],
         log: RunLog,
         about: Mapping[str, Any],
-        checks: Sequence[Check] = ARMING,
+        checks: Sequence[Check],
         log_dropped: Callable[[], int] = lambda: 0,
     ) -> None:
         self._supervisor = supervisor
