@@ -12,7 +12,7 @@ import pytest
 
 from tests.virtual import run_virtually
 from wayfarer.experiments.auto_arm import AutoArm
-from wayfarer.fieldlog.log import Record
+from wayfarer.fieldlog.schema import Record
 
 RUN: Record = {"record": "run", "simulated": True}
 HEADING: Record = {"record": "tick", "heading_deg": 0.0}

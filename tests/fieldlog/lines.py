@@ -9,7 +9,8 @@ import orjson
 
 from wayfarer.config.log_settings import LogSettings
 from wayfarer.control.tick_record import TickRecord
-from wayfarer.fieldlog.reader import Record, RunReader, log_segments
+from wayfarer.fieldlog.reader import RunReader, log_segments
+from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.writer import LineSink, RunFiles
 
 FREE = LogSettings(free_mb=0.0)

@@ -13,7 +13,8 @@ from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, numbere
 from wayfarer.fieldlog import last_run
 from wayfarer.fieldlog.folders import FILE_NAME, new_run_folder
 from wayfarer.fieldlog.last_run import TAIL_BYTES, UnfinishedRun, unfinished_run
-from wayfarer.fieldlog.reader import Record, parse
+from wayfarer.fieldlog.reader import parse
+from wayfarer.fieldlog.schema import Record
 
 RUN = "00017-20261121T061405Z"
 STANDING: dict[str, Any] = {"phase": "halt", "why": "halt"}

@@ -10,8 +10,9 @@ from tests.fieldlog.lines import standing
 from wayfarer.config.rover_file import load_rover
 from wayfarer.experiments.trial import run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
-from wayfarer.fieldlog.log import FieldLog, Record
+from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.reader import Damage, RunReader
+from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.simhal.world.generate import generate_forest
 

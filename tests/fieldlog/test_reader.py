@@ -18,7 +18,8 @@ from hypothesis import strategies as st
 from tests.fieldlog.lines import event, header, read, tick
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog import reader
-from wayfarer.fieldlog.reader import Damage, Record, RunReader, log_segments, parse, read_header
+from wayfarer.fieldlog.reader import Damage, RunReader, log_segments, parse, read_header
+from wayfarer.fieldlog.schema import Record
 
 LINES = [header(1), *map(tick, range(1, 6)), event(6)]
 LOG = b"".join(line + b"\n" for line in LINES)

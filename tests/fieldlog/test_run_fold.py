@@ -10,7 +10,6 @@ import pytest
 from tests.views.text.records import HEADER, drive, event, numbered, outcome, record, tick
 from wayfarer.fieldlog.episodes import EpisodeBegan
 from wayfarer.fieldlog.header import Header
-from wayfarer.fieldlog.reader import Record
 from wayfarer.fieldlog.run_events import (
     AnomalyBegan,
     Gap,
@@ -20,7 +19,7 @@ from wayfarer.fieldlog.run_events import (
     Silence,
 )
 from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.fieldlog.schema import KINDS
+from wayfarer.fieldlog.schema import KINDS, Record
 from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Tick
 
 

@@ -24,8 +24,8 @@ from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.fieldlog import wording
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.fieldlog.log import FieldLog
-from wayfarer.fieldlog.reader import Record, RunReader
-from wayfarer.fieldlog.schema import KEYS, KINDS, READINGS, SCHEMA
+from wayfarer.fieldlog.reader import RunReader
+from wayfarer.fieldlog.schema import KEYS, KINDS, READINGS, SCHEMA, Record
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import PositionFix
 from wayfarer.simhal.build_rover import device_depth

@@ -28,7 +28,8 @@ from wayfarer.daemon.socket.paths import SOCKET_NAME
 from wayfarer.drivers.sabertooth import packet
 from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.folders import run_folders
-from wayfarer.fieldlog.reader import Record, RunReader
+from wayfarer.fieldlog.reader import RunReader
+from wayfarer.fieldlog.schema import Record
 from wayfarer.simhal.hil_buses import SOCKET_VARIABLE, HilConnection, HilI2C, HilSerial
 
 CHECKOUT = Path(__file__).resolve().parents[2]

@@ -15,7 +15,8 @@ from tests.system.bounds import bound_s
 from tests.system.hil_setup import Site, wait_for
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.fieldlog.folders import FILE_NAME, run_folders
-from wayfarer.fieldlog.reader import Record, RunReader
+from wayfarer.fieldlog.reader import RunReader
+from wayfarer.fieldlog.schema import Record
 
 DISK_KB = 160_000  # of them the log leaves 100,000 to the computer, and a mission takes 50,000
 DAMAGED = 3  # exit code of `wayfarer logs check` for a log of which something is lost

@@ -16,7 +16,8 @@ import pytest
 from tests.views.foxglove.readers import read
 from tests.views.text.records import SAMPLE_LOGS, numbered
 from wayfarer import cli
-from wayfarer.fieldlog.reader import Record, RunReader
+from wayfarer.fieldlog.reader import RunReader
+from wayfarer.fieldlog.schema import Record
 from wayfarer.views.foxglove.mcap_file import write_mcap
 from wayfarer.views.live.page_model import PageModel
 from wayfarer.views.run_report.reading import read_run

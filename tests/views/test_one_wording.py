@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from tests.views.text.records import HEADER, event, narrated, record, tick, write
-from wayfarer.fieldlog.reader import Record
 from wayfarer.fieldlog.run_fold import RunFold
+from wayfarer.fieldlog.schema import Record
 from wayfarer.views.export.tables import csv_rows, further_columns
 from wayfarer.views.live.page_model import PageModel
 from wayfarer.views.run_report.quantities import panels_of

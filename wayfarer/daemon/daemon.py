@@ -40,7 +40,8 @@ from wayfarer.escape.catalogue import Algorithm
 from wayfarer.fieldlog.clock import WallClock, wall_clock
 from wayfarer.fieldlog.folders import new_run_folder
 from wayfarer.fieldlog.last_run import UnfinishedRun, unfinished_run
-from wayfarer.fieldlog.log import FieldLog, Record
+from wayfarer.fieldlog.log import FieldLog
+from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.fieldlog.writer_thread import WriterThread
 from wayfarer.hal import Rover

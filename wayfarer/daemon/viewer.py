@@ -6,7 +6,7 @@ from contextlib import AbstractAsyncContextManager
 from typing import Protocol
 
 from wayfarer.daemon.socket.protocol import Commands
-from wayfarer.fieldlog.log import Record
+from wayfarer.fieldlog.schema import Record
 
 
 class Viewer(Protocol):

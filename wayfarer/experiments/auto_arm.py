@@ -13,7 +13,7 @@ from contextlib import asynccontextmanager, suppress
 from wayfarer.daemon.socket.protocol import Commands
 from wayfarer.daemon.viewer import Viewer
 from wayfarer.errors import WayfarerError
-from wayfarer.fieldlog.log import Record
+from wayfarer.fieldlog.schema import Record
 
 GOAL_HEADING_DEG = 0.0  # generated forests are left to the north
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from wayfarer.daemon.socket.protocol import Commands, Details, Refused
 from wayfarer.fieldlog.clock import wall_clock
-from wayfarer.fieldlog.log import Record
+from wayfarer.fieldlog.schema import Record
 from wayfarer.simhal.clock.scaled_loop import ScaledLoop, TimeScale
 from wayfarer.views.live.demo_controls import DemoState
 

@@ -19,14 +19,12 @@ from structlog.typing import EventDict, WrappedLogger
 from wayfarer import __version__
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Observation
-from wayfarer.fieldlog import schema
 from wayfarer.fieldlog.clock import WallClock, wall_clock
+from wayfarer.fieldlog.schema import SCHEMA, Record
 from wayfarer.fieldlog.writer import LineSink
 from wayfarer.hal import MotorHealth, PositionFix, WheelCommand
 
 CLOCK_STEP_S = 1.0  # more than a clock is slewed between two records; finding the right time steps it by hours
-
-Record = schema.Record
 
 
 class FieldLog:
@@ -125,7 +123,7 @@ class FieldLog:
     def _header(self, part: int) -> Record:
         """Return the first record of a part of the log."""
         t_s = self._t_s
-        about = {"schema": schema.SCHEMA, "part": part, "version": __version__, **self._details}
+        about = {"schema": SCHEMA, "part": part, "version": __version__, **self._details}
         return {"record": "run", "t_s": t_s, "t_wall": round(self._wall(t_s), 3), **about}
 
     def _stamp(self, _logger: WrappedLogger, _method: str, event: EventDict) -> EventDict:

@@ -19,11 +19,10 @@ import orjson
 
 from wayfarer import __version__
 from wayfarer.errors import BadInput, NothingReadable
-from wayfarer.fieldlog import schema
 from wayfarer.fieldlog.folders import FILE_NAME, older_segments
 from wayfarer.fieldlog.order import Order
+from wayfarer.fieldlog.schema import SCHEMA, Record, is_newer, is_record, wrong_key
 
-Record = schema.Record
 LINE_BYTES = 1_000_000  # far more than any record: the header of a simulated forest has 20,000
 READ_BYTES = 262_144  # read from the disk at once
 
@@ -147,7 +146,7 @@ class RunReader:
 
     def _header(self, header: Record, segment: Path) -> Record | None:
         """Return a header; where another one has a known schema, one of a newer schema is damage."""
-        if not schema.is_newer(header):
+        if not is_newer(header):
             self._knows_schema = True
             return header
         if not self._knows_schema:
@@ -169,9 +168,9 @@ def parse(line: bytes) -> Record | str:
         record = orjson.loads(line)
     except ValueError:
         return "garbled"
-    if not schema.is_record(record):
+    if not is_record(record):
         return "garbled"
-    return record if schema.wrong_key(record) is None else "wrong"
+    return record if wrong_key(record) is None else "wrong"
 
 
 def refuse_newer(header: Record, segment: Path, segments: Sequence[Path]) -> None:
@@ -180,8 +179,8 @@ def refuse_newer(header: Record, segment: Path, segments: Sequence[Path]) -> Non
     Raises:
         BadInput: a header says so, and no segment of the log begins with one of a known schema.
     """
-    if schema.is_newer(header) and all(schema.is_newer(each) for _, each in _headers(segments)):
-        known = f"wayfarer {__version__} knows up to {schema.SCHEMA}"
+    if is_newer(header) and all(is_newer(each) for _, each in _headers(segments)):
+        known = f"wayfarer {__version__} knows up to {SCHEMA}"
         raise BadInput(f"{segment}: this log has schema {header['schema']}, {known}: update wayfarer to read it")
 
 
@@ -194,7 +193,7 @@ def read_header(run: Path) -> Record:
     segments = log_segments(run)
     for segment, header in _headers(segments):
         refuse_newer(header, segment, segments)
-        if not schema.is_newer(header):
+        if not is_newer(header):
             return header
     raise BadInput(f"{run / FILE_NAME} is no field log: its first record does not say what ran")
 

@@ -27,8 +27,8 @@ from wayfarer.control.supervisor import make_detector, needs_of
 from wayfarer.errors import BadInput, DriverError
 from wayfarer.fieldlog.fields import seconds_since
 from wayfarer.fieldlog.log import tick_fields
-from wayfarer.fieldlog.reader import Record, RunReader
-from wayfarer.fieldlog.schema import SCHEMA
+from wayfarer.fieldlog.reader import RunReader
+from wayfarer.fieldlog.schema import SCHEMA, Record
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, MotorHealth, Side, WheelCommand
 
 # What a tick concluded, the root first: a heading that is believed or not explains an anomaly, that a phase.

@@ -12,7 +12,7 @@ from tests.views.text.records import HEADER, drive, record, tick, write
 from wayfarer.cli.extras import NEEDS
 from wayfarer.cli.logs import FORMATS_HELP
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.reader import Record
+from wayfarer.fieldlog.schema import Record
 from wayfarer.views.export.export import export
 from wayfarer.views.export.formats import ExportFormat, Output
 

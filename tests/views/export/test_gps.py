@@ -19,7 +19,8 @@ from hypothesis import strategies as st
 from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, outcome, record, tick, write
 from wayfarer.angles import METRES_PER_DEG
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.reader import Damage, Record
+from wayfarer.fieldlog.reader import Damage
+from wayfarer.fieldlog.schema import Record
 from wayfarer.views.export.formats import ExportFormat
 
 BEGAN = datetime.fromtimestamp(BEGAN_WALL_S, UTC)

@@ -19,8 +19,9 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput
 from wayfarer.experiments.trial import run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
-from wayfarer.fieldlog.reader import Damage, Record, RunReader
+from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.run_fold import RunFold
+from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Tick
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.views.enu import enu_rotation

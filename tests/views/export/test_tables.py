@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, outcome, record, tick, write
-from wayfarer.fieldlog.reader import Record
+from wayfarer.fieldlog.schema import Record
 from wayfarer.views.export.formats import ExportFormat
 from wayfarer.views.export.tables import COLUMNS
 

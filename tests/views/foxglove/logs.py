@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from tests.views.text import records
-from wayfarer.fieldlog.reader import Record
+from wayfarer.fieldlog.schema import Record
 
 HEADER: Record = records.HEADER | {
     "rover": "forestrover",

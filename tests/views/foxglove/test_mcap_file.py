@@ -16,8 +16,9 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.escape.api import Anomaly
 from wayfarer.experiments.trial import run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
-from wayfarer.fieldlog.reader import Record, RunReader
+from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.run_fold import RunFold
+from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Tick
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.views.foxglove.mcap_file import write_mcap

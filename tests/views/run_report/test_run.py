@@ -34,7 +34,8 @@ from tests.views.run_report.logs import (
 from tests.views.text.records import event, record
 from wayfarer.cli import report as command
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.reader import Record, RunReader
+from wayfarer.fieldlog.reader import RunReader
+from wayfarer.fieldlog.schema import Record
 from wayfarer.views.run_report import words
 from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.events import event_marks, is_trouble

@@ -8,8 +8,8 @@ from typing import Any
 
 import orjson
 
-from wayfarer.fieldlog.reader import Record
 from wayfarer.fieldlog.run_fold import RunFold
+from wayfarer.fieldlog.schema import Record
 from wayfarer.views.text.run_narrator import Line, RunNarrator, Verbosity
 
 SAMPLE_LOGS = Path(__file__).resolve().parents[3] / "field_logs"

@@ -7,7 +7,7 @@ import time
 import pytest
 
 from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, narrated, numbered, outcome, record, tick
-from wayfarer.fieldlog.reader import Record
+from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.wording import Tone
 from wayfarer.views.text.console import Console
 from wayfarer.views.text.run_narrator import Verbosity

@@ -12,7 +12,8 @@ from tests.fuzz.on_logs import EXPORT, STORY
 from tests.views.text.records import HEADER, SAMPLE_LOGS, drive, event, numbered, outcome, tick, write
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import find_run
-from wayfarer.fieldlog.reader import Damage, Record, RunReader, read_header
+from wayfarer.fieldlog.reader import Damage, RunReader, read_header
+from wayfarer.fieldlog.schema import Record
 from wayfarer.views.text.listing import rows
 from wayfarer.views.text.run_summariser import summarise
 from wayfarer.views.text.summary import RunSummary

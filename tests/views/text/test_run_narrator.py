@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.views.text.records import HEADER, drive, event, narrated, numbered, outcome, record, tick
-from wayfarer.fieldlog.reader import Record
+from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.wording import Tone, event_text
 from wayfarer.views.text.run_narrator import Verbosity
 

@@ -7,8 +7,9 @@ from collections.abc import Iterable
 import pytest
 
 from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, numbered, outcome, record, tick
-from wayfarer.fieldlog.reader import Damage, Record
+from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.run_state import LowBattery
+from wayfarer.fieldlog.schema import Record
 from wayfarer.views.text.run_summariser import summarise
 from wayfarer.views.text.summary import Mark, RunSummary
 from wayfarer.views.text.summary_text import summary_text

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.fields import clock_zero_s, local_time
-from wayfarer.fieldlog.reader import Record, RunReader
+from wayfarer.fieldlog.reader import RunReader
+from wayfarer.fieldlog.schema import Record
 
 SECOND_NS = 1_000_000_000
 LATEST_S = 2**31 - 1  # in the year 2038, where the seconds of ROS's times end; Foxglove's end later

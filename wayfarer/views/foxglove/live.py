@@ -10,7 +10,7 @@ from foxglove.websocket import Capability, ChannelView, Client, ServerListener
 
 from wayfarer.daemon.socket.protocol import Commands
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.log import Record
+from wayfarer.fieldlog.schema import Record
 from wayfarer.views.export.wall_time import nanoseconds
 from wayfarer.views.foxglove.channels import Channels
 

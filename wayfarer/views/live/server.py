@@ -15,7 +15,7 @@ from typing import Any
 from aiohttp import web
 
 from wayfarer.daemon.socket.protocol import Commands, Refused
-from wayfarer.fieldlog.log import Record
+from wayfarer.fieldlog.schema import Record
 from wayfarer.views.live.access import Access
 from wayfarer.views.live.address import address_to_open, bind
 from wayfarer.views.live.broadcaster import LIMITS, Broadcaster, PageViewer, ViewerLimits

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from wayfarer.escape.api import Phase
 from wayfarer.fieldlog.episodes import Episode
 from wayfarer.fieldlog.fields import number, setting
-from wayfarer.fieldlog.reader import Damage, Record
+from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.run_events import AnomalyBegan, Armed, GoalSet, Noted, Silence
+from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.sensor_status import SensorStatus
 from wayfarer.fieldlog.typed import or_nan
 from wayfarer.safety.conditions import Level

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from shlex import quote
 
 from wayfarer.fieldlog.fields import local_time, name
-from wayfarer.fieldlog.reader import Record
 from wayfarer.fieldlog.run_events import event_name
 from wayfarer.fieldlog.run_fold import RunFold
+from wayfarer.fieldlog.schema import Record
 from wayfarer.views.text.colour import painted
 from wayfarer.views.text.run_narrator import RunNarrator, Verbosity
 

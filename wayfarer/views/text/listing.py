@@ -13,7 +13,8 @@ from wayfarer.fieldlog.folders import run_folders, run_number
 from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.last_run import end_of_log
 from wayfarer.fieldlog.printable import clean
-from wayfarer.fieldlog.reader import Record, RunReader, log_segments, read_header
+from wayfarer.fieldlog.reader import RunReader, log_segments, read_header
+from wayfarer.fieldlog.schema import Record
 
 UNREADABLE = "unreadable"
 ALIVE_S = 5.0  # a log without an outcome that was written to so recently is of a run that goes on
