@@ -2,9 +2,6 @@ from __future__ import annotations
 
 import json
 import os
-import resource
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.fieldlog.disks import files_no_longer_than
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.experiments.campaign import Campaign
@@ -234,20 +232,13 @@ def test_folder_without_write_permission_is_refused(tmp_path: Path) -> None:
         ResultsFolder(tmp_path, SETTINGS_HERE)
 
 
-@contextmanager
-def full_disk() -> Iterator[None]:
-    """A process that may write no file any further is as badly off."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (0, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-
-
 def test_full_disk_ends_in_one_line_that_says_what_to_do(tmp_path: Path) -> None:
     said = r"cannot be written any more: File too large.*--resume"
-    with ResultsFolder(tmp_path, SETTINGS_HERE) as folder, full_disk(), pytest.raises(WayfarerError, match=said):
+    with (
+        ResultsFolder(tmp_path, SETTINGS_HERE) as folder,
+        files_no_longer_than(0),
+        pytest.raises(WayfarerError, match=said),
+    ):
         folder.append(ROWS[0])
 
 

@@ -6,6 +6,7 @@ import errno
 import os
 import resource
 import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,13 +16,18 @@ import pytest
 
 @contextmanager
 def files_no_longer_than(size: int) -> Iterator[None]:
-    """Have the operating system cut every write of this process at this length of a file, and refuse the next."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    """Have the operating system cut every write of this process at this length of a file, and refuse the next.
+
+    Meanwhile no import is cached: Python does not notice that a ``.pyc`` was cut, and later fails to import from it.
+    """
+    (soft, hard), no_cache = resource.getrlimit(resource.RLIMIT_FSIZE), sys.dont_write_bytecode
+    sys.dont_write_bytecode = True
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
     try:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        sys.dont_write_bytecode = no_cache
 
 
 @contextmanager

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import resource
 from pathlib import Path
 from pkgutil import resolve_name
 
 import pytest
 
+from tests.fieldlog.disks import files_no_longer_than
 from tests.views.text.records import HEADER, drive, record, tick, write
 from wayfarer.cli.extras import NEEDS
 from wayfarer.cli.logs import FORMATS_HELP
@@ -58,13 +58,9 @@ def test_output_that_is_refused_more_room_is_one_line_and_leaves_nothing_behind(
     out, before = tmp_path / "out", b"" if form.output is Output.FOLDER else b"the one before"
     if before:
         out.write_bytes(before)
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (200, limits[1]))
-    try:
-        with pytest.raises(BadInput, match=r"^[^\n]*out cannot be written: File too large; check the folder[^\n]*$"):
-            export(run, form, out, overwrite=True)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    refused = r"^[^\n]*out cannot be written: File too large; check the folder[^\n]*$"
+    with files_no_longer_than(200), pytest.raises(BadInput, match=refused):
+        export(run, form, out, overwrite=True)
     assert {path.name for path in tmp_path.iterdir()} == ({"run", "out"} if before else {"run"})
     assert not before or out.read_bytes() == before
     assert capfd.readouterr() == ("", "")
