@@ -16,7 +16,7 @@ from wayfarer.hal import STOP, DriveMotors, WheelCommand
 class FreshWheels:
     """The rover's motors as the controller sees them: a command of a tick that began too long ago is a stop.
 
-    Implements ``controller.Wheels``.
+    Implements ``control.controller.WheelMotors``.
 
     Args:
         motors: take the commands.

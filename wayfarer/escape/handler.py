@@ -157,7 +157,7 @@ class PhasedHandler:
             escape_plan.side = -self._side
 
     def _ask_tactics(self, observation: Observation, *, new_episode: bool) -> None:
-        """Let the tactics change the plan in the course."""
+        """Let the tactics change the escape plan."""
         reckoning = self._reckoning
         context = AnomalyContext(
             new_episode,

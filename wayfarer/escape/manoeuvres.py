@@ -165,7 +165,7 @@ class BackOff(Manoeuvre):
 
 
 class TurnAway(Manoeuvre):
-    """Turn on the spot by the course's angle to its side. Being blocked shows as running out of time.
+    """Turn on the spot by the escape plan's angle to its side. Being blocked shows as running out of time.
 
     The rate falls with the angle that is left, because a skid-steered body does not stop turning at once.
     """
@@ -248,7 +248,7 @@ class Probe(Manoeuvre):
 
 
 class Stride(Manoeuvre):
-    """Drive straight for the course's stride, on the heading at which it began."""
+    """Drive straight for the escape plan's stride, on the heading at which the stride began."""
 
     phase = Phase.STRIDE
 

@@ -15,7 +15,8 @@ from wayfarer.angles import wrap180
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import WheelCommand
 
-# A body follows its wheels with about this lag (``simhal.Physics``: 0.1 s; ForestRover's mass and motors: 0.12 s).
+# A body follows its wheels with about this lag (``simhal.world.physics.Physics``: 0.1 s; ForestRover's mass and motors:
+# 0.12 s).
 LAG_S: Final = 0.1
 # Rates and duties are averaged alike before they are compared, so that the noise of a compass (1 degree, 20 readings a
 # second) counts for 4 degrees a second.
@@ -38,7 +39,7 @@ FULL_COMPENSATION_DEG_S: Final = 20.0
 # while it was held, and the clock of the logic was paused.
 STRANGE_DEG: Final = 10.0
 # Duty is not given for long where it turns nothing. The heading must come on by so much to count as moved: three
-# times the noise of a compass. Field catalogue, faults 29 and 58, allow 3 s, and noise may look like a move once.
+# times the noise of a compass. Fault catalogue, faults 29 and 58, allow 3 s, and noise may look like a move once.
 MOVED_DEG: Final = 3.0
 GIVE_UP_AFTER_S: Final = 1.5
 # Of the duty, for feedback in a curve; and what is left for going ahead on ground on which the body hardly turns.

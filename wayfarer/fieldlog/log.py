@@ -30,7 +30,7 @@ Record = schema.Record
 
 
 class FieldLog:
-    """Turns what a run tells into records and hands each on as a line; implements ``records.RunLog``.
+    """Makes records of what a run reports and passes each on as a line; implements ``control.run_log.RunLog``.
 
     Args:
         sink: where the lines go.
