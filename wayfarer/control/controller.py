@@ -35,7 +35,7 @@ from wayfarer.safety.resume_warning import ResumeWarning
 
 
 class Mode(Enum):
-    """What the run is in; only ``ARMED`` may move the wheels."""
+    """Arming state of the rover; the wheels may turn only while it is ``ARMED``."""
 
     DISARMED = "disarmed"
     ARMING = "arming"
@@ -60,10 +60,10 @@ _WHEELS_ASTRAY: Final = frozenset({Condition.BOARD_DISAGREES, Condition.RUNAWAY}
 
 
 class Controller:
-    """Ticks; ``end`` is None until something ends the run, ``last`` is the record of the latest tick.
+    """Runs the control tick and holds the mode.
 
-    ``power_reports`` take what the motor board and the computer's supply say; ``board`` is what the board said of
-    itself.
+    ``end`` is None until something ends the run; ``last`` is the record of the latest tick. ``power_reports`` takes the
+    reports of the motor board and of the computer's supply; ``board`` is the monitor of the board's own reports.
     """
 
     def __init__(

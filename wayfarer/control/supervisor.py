@@ -231,7 +231,7 @@ class Supervisor:
             self.controller.power_reports.board_said(time(), health, duties)
 
     async def _log_driver_counters(self) -> None:
-        """Have the log say what parts have got over by themselves."""
+        """Log errors that parts recovered from."""
         notes, rate = DriverCounters(self._parts, self._log), Rate(NOTE_HZ)
         while notes.counting:
             await rate.wait()

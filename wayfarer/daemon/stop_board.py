@@ -157,7 +157,7 @@ async def _usable(driver: Any, given: Mapping[str, Any], buses_name: str) -> dic
     """Return the settings with which a driver can stop: where the board is, and of the others those that do no harm.
 
     Raises:
-        Exception: whatever the driver makes of a board that is nowhere.
+        Exception: any exception of the driver if the settings that say where the board is are missing or unusable.
     """
     needed = {
         field.name for field in fields(driver.Settings) if field.default is field.default_factory is MISSING

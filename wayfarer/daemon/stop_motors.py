@@ -25,7 +25,7 @@ MOST_SAID = 500  # characters of what another user's code has to say
 
 
 class BoardToStop(NamedTuple):
-    """A board to stop: where that is written, the user who chose the code that does it, and whether it is a record."""
+    """A board to stop: where it is written, the user who chose its driver, and whether a daemon recorded it."""
 
     where: str
     driven: DrivenBoard

@@ -59,9 +59,9 @@ class SystemdNotifier:
 
 
 def watchdog_period_s(environment: Mapping[str, str]) -> float | None:
-    """Return how often systemd's watchdog is to be fed: four times in ``WATCHDOG_USEC``, so that one delay is no death.
+    """Return the period for feeding systemd's watchdog: a quarter of its limit, so one delay does not cause a restart.
 
-    None where no watchdog watches this process (sd_watchdog_enabled(3)).
+    The limit is ``WATCHDOG_USEC``. None where no watchdog watches this process (sd_watchdog_enabled(3)).
     """
     limit_us, watched = environment.get("WATCHDOG_USEC", ""), environment.get("WATCHDOG_PID", "")
     if watched not in {"", str(os.getpid())} or not limit_us.isdecimal() or not 0.0 < float(limit_us) < NEVER_US:
@@ -115,7 +115,7 @@ class StallGuard:
         self._thread.start()
 
     def beat(self) -> None:
-        """Say that the loop lives; as cheap as it looks."""
+        """Record a beat; cheap enough for every tick."""
         self._beat_s = self._loop.time()
 
     def stop(self) -> None:

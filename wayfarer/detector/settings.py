@@ -14,9 +14,9 @@ from wayfarer.units import Count, Degrees, DegreesPerSecond, Fraction, Metres, M
 class DetectorSettings:
     """Thresholds, each with its own unit; "fault" is a row of the fault catalogue.
 
-    *Ages.* PX4 gives a compass 0.3 s, ArduPilot gives flow 0.5 s and a failed link 1.5 s. The ``stale`` ages, and
-    ``motion_unknown_s``, are shorter than what they are meant to achieve by one reading and one tick, so that the
-    wheels stand in time. A motion sensor that answers but sees nothing is unknown after ``motion_unknown_s`` and lost
+    *Ages.* PX4 gives a compass 0.3 s, ArduPilot gives flow 0.5 s and a failed link 1.5 s. ``compass_stale_s``,
+    ``motion_stale_s`` and ``motion_unknown_s`` (for 1 s) are less by one reading and one tick, so that the wheels stand
+    in time. A motion sensor that answers but sees nothing is unknown after ``motion_unknown_s`` and lost
     after ``motion_lost_s``; one that is silent for ``motion_lost_s`` is gone (faults 15 and 22).
 
     *Tilt.* A tilt beyond ``tilt_deg`` counts after ``tilt_s`` (PX4's attitude trigger: 0.3 s). The released field code
@@ -34,9 +34,9 @@ class DetectorSettings:
 
     *Compass.* A heading is rejected if it is more than ``heading_jump_deg`` from the last one, and more than
     ``heading_rate_max_deg_s`` (twice the fastest commanded turn) allows in the time between. The rover stops while
-    ``implausible_rejected`` of the last ``implausible_of`` readings were rejected. If all readings of ``implausible_s``
-    were rejected, the newest one is believed, and the rover stops first (fault 5: 45 degrees in 50 ms, 5 of 10). A
-    heading that stays the same to the last digit during ``frozen_s`` of commanded turns, faster than
+    ``implausible_rejected`` of the last ``implausible_of`` readings were rejected. If it rejected every reading for
+    ``implausible_s`` because of such a jump, it believes the newest one, but stops first (fault 5: 45 degrees in 50 ms,
+    5 of 10). A heading that stays the same to the last digit during ``frozen_s`` of commanded turns, faster than
     ``frozen_turn_deg_s``, is frozen (fault 4); a compass with steps of 1 degree passes twenty of them in that time.
     This counts while the rover is seen to move. A rover that stands may be held, so then pitch and roll must stay the
     same as well. A compass that is calibrated less than arming demands is reported after ``uncalibrated_s``. After
@@ -51,8 +51,8 @@ class DetectorSettings:
     ``drive_margin_share`` of that turn. In that second a dead side of the slowest shipped rover turns it by 51 degrees;
     noise and unequal sides turn it by 6 (one standard deviation). A window counts if no anomaly follows within
     ``drive_confirm_s``, because a trunk turns a rover as well, and then holds it. ``drive_uneven_windows`` to one side
-    within ``drive_memory_s`` are a fault (fault 27), unless a window between them cleared that side
-    (``detector.drive``). A reversed side turns the rover twice as far as a dead one; it is reported beyond
+    within ``drive_memory_s`` are a fault (fault 27), unless a window between them cleared the findings
+    (see ``detector.drive``). A reversed side turns the rover twice as far as a dead one; it is reported beyond
     ``reversed_share`` of a dead side's turn plus ``reversed_margin_deg``. In a turn on the spot of
     ``reversed_turn_deg``, a rover whose sides are both reversed, or exchanged, turns ``reversed_back_deg`` the other
     way; a rover with one reversed side goes ``reversed_straight_m`` straight on (from no source). ``reversed_turns``

@@ -1,4 +1,4 @@
-"""Detects stalls: wheels driven without motion, or without progress.
+"""Detects that the rover is stuck (a *stall*): wheels driven without motion, or without progress.
 
 A body gains speed no faster than the ground's grip allows, ``gain_m_s2`` at the least, so what it moved is compared
 with what it *could* have moved, not with what was commanded:

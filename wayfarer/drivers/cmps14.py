@@ -141,8 +141,8 @@ class CMPS14:
         Bit 7 is always set; bit 0 magnetometer, 1 accelerometer, 2 gyro, 4 periodic saving. 0x80 is nothing, for the
         field; 0x83 is what a heading needs. Whether the part remembers it without power is not documented.
 
-        A command that broke off before its argument still waits for it, and would take the first byte of the next one
-        as that: so the argument goes first then. Out of place it is nothing to the part.
+        If an earlier command was cut off before its argument, the chip takes the next byte as that argument. So the
+        argument is sent first in this case; a chip that does not wait for one ignores it.
 
         Raises:
             ValueError: bits that the data sheet does not define.

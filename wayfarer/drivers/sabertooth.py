@@ -88,10 +88,10 @@ class Sabertooth:
     A duty of 1 is ``duty_limit``. Duties are cut to the board's steps, towards zero, and what ``drive`` returns is what
     is left: data / (127 * duty_limit).
 
-    The deadman is the board's serial timeout: off by default, forgotten at each loss of power, and it cannot be read
-    back. So it goes out behind each command to move; at 2400 baud, each second. That it trips, only a person who
-    watches the wheels can tell; ``wayfarer check`` asks one, and without the answer no rover is armed whose
-    file does not say why. Nor can anything here notice that there is no board at the other end of the wire.
+    The deadman is the board's serial timeout: it is off by default, forgotten at each loss of power, and cannot be read
+    back. So it is sent after each command to move; at 2400 baud, once a second. Only a person who watches the wheels
+    can confirm that it trips; ``wayfarer check`` asks for this. Without the confirmation, or a reason in the rover
+    file, the rover is not armed. This driver also cannot notice that no board is connected to the wire.
     """
 
     part: ClassVar[str] = "motors"

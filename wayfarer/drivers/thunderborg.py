@@ -207,8 +207,8 @@ class ThunderBorg:
     async def open(self) -> None:
         """Find the board, arm its failsafe, read that back, and set both motors to zero.
 
-        A failsafe that is off now tells of a loss of power, after which the drive fault flags count for nothing; else
-        a fault of the last mission is still one.
+        If the failsafe is off now, the board has lost power, and its drive-fault flags are ignored until both motors
+        have been driven. Otherwise a fault of the last mission still counts.
         """
         await self._board.identify()
         with suppress(BadReading):

@@ -13,8 +13,8 @@ from wayfarer.hal import MotionReading
 from wayfarer.safety.interval import Interval
 from wayfarer.safety.settings import EntrapmentSettings
 
-# A reading counts for no more than this share of what was commanded ahead, and the largest of so many not at all: what
-# else they say may be garbage, or rolling on.
+# A reading counts for at most half of the commanded distance. The largest fifth of the readings is ignored, because it
+# may be noise or coasting.
 MOST_SHARE: Final = 0.5
 ONE_OF: Final = 5
 ROUNDING_S: Final = 1e-6  # sums of periods fall a rounding error short
