@@ -54,9 +54,9 @@ def defined_in(place: Definition) -> Iterator[tuple[str, ast.AST]]:
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
             inside = (each for target in targets for each in ast.walk(target))
             yield from ((each.id, each) for each in inside if isinstance(each, ast.Name))
-    for node in ast.walk(place) if isinstance(place, ast.ClassDef) else ():
-        if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
-            yield node.attr, node
+    for inner in ast.walk(place) if isinstance(place, ast.ClassDef) else ():
+        if isinstance(inner, ast.Attribute) and isinstance(inner.ctx, ast.Store):
+            yield inner.attr, inner
 
 
 def has(place: Definition, names: list[str]) -> bool:
