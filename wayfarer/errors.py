@@ -21,6 +21,23 @@
 The control socket's own (``Refused``, ``NoDaemon``, ``AlreadyRunning``) stand beside its code.
 
 Texts say what happened, where, the likely cause and what to do, in one line.
+
+Exit codes of the ``wayfarer`` command, and where each is decided:
+
+====  =================================================================================================================
+code  meaning
+====  =================================================================================================================
+0     done, and nothing is wrong; a run that a signal or ``wayfarer stop`` ended also has it
+1     any other ``WayfarerError``, or the system refused something (``cli``); or the result is negative: a check failed
+      (``cli.commissioning``), a replay differs (``cli.replay``), a log is unreadable (``views.text.verdict``), a fault
+      scenario or safety rule failed (``fault_scenarios``), a single trial had a fault (``experiments.sim_command``), a
+      board was not stopped (``daemon.stop_motors``)
+2     input that cannot be used: ``BadInput``, ``MissingPart``, ``MissingPackage``, or a wrong option (``cli``)
+3     records are missing: ``wayfarer logs check`` (``views.text.verdict``), ``wayfarer replay`` (``cli.replay``)
+75    another daemon runs already, or drives these motors: ``AlreadyRunning`` (``daemon.socket.paths``)
+130   Ctrl-C: the command was interrupted (``experiments.commands``, Typer)
+141   nobody reads the output any more, as with ``| head -1`` (``cli``)
+====  =================================================================================================================
 """
 
 from __future__ import annotations

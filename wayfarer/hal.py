@@ -10,11 +10,11 @@ Conventions, everywhere:
 * headings are degrees clockwise from magnetic north in [0, 360).
 * pitch is positive nose up, roll is positive right side down, both in degrees in [-180, 180].
 * forward and right are positive, in metres.
-* a value that is not known is ``None`` or a low quality. It is never 0: 0 is north, still, level.
+* an unknown value is ``None`` or has a low quality. It is never 0, because 0 means north, still or level.
 * readings are immutable, finite and in range; a driver that cannot give such a reading raises ``BadReading``.
 
-Life cycle of a driver: ``__init__`` only stores what it is given and touches nothing; ``open`` speaks to the part for
-the first time; ``close`` may come at any moment after that, twice, or after a failed ``open``.
+Life cycle of a driver: ``__init__`` only stores its arguments and uses no bus; ``open`` is the first to communicate
+with the part; ``close`` may be called at any time after that, also twice, or after a failed ``open``.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Side(Enum):
 class CompassReading(NamedTuple):
     """Heading and tilt of the body at ``t_s``.
 
-    ``calibration`` is 0 (not calibrated) to 3 (fully), or None where the part does not tell.
+    ``calibration`` is 0 (not calibrated) to 3 (fully), or None where the part does not report it.
     """
 
     t_s: float
@@ -50,9 +50,9 @@ class CompassReading(NamedTuple):
 class MotionReading(NamedTuple):
     """Displacement over ground since the previous read, in the body's own frame.
 
-    ``quality`` runs from 0 (nothing can be said) to 1. **Low quality means unknown, never still**: a leaf on the lens
-    also reads zero. A sense that sees how much changed but not which way (successive images of a forward-looking
-    camera) is not ``signed``: its ``forward_m`` is a magnitude.
+    ``quality`` is from 0 (nothing is known) to 1. **Low quality means unknown, never still**: a leaf on the lens also
+    gives zero. A sensor that measures how much has moved but not in which direction (successive images of a
+    forward-looking camera) is not ``signed``: its ``forward_m`` is a magnitude.
     """
 
     t_s: float
@@ -65,8 +65,8 @@ class MotionReading(NamedTuple):
 class ContactReading(NamedTuple):
     """What touches the body at ``t_s``.
 
-    ``sides`` is empty when nothing does. ``obstacle_bearing_deg`` is the compass bearing of the long axis of what is
-    touched, in [0, 180), or None where that is not known (a tree, a rover without that sense).
+    ``sides`` is empty when nothing does. ``obstacle_bearing_deg`` is the compass bearing of the long axis of the
+    obstacle, in [0, 180), or None where that is not known (a tree, a rover that cannot sense it).
     """
 
     t_s: float
@@ -75,7 +75,7 @@ class ContactReading(NamedTuple):
 
 
 class Snapshot(NamedTuple):
-    """What all sensors say at one control tick; None where a sensor has not spoken (motion: since the last tick)."""
+    """The readings of all sensors at one control tick; None if a sensor gave none yet (motion: since the last tick)."""
 
     t_s: float
     compass: CompassReading | None
@@ -94,7 +94,7 @@ STOP = WheelCommand(0.0, 0.0)
 
 
 class MotorHealth(NamedTuple):
-    """State of the motor board: battery in volts (None where it is not measured) and fault texts, empty when well."""
+    """State of the motor board: battery in volts (None if not measured), and texts of its faults, empty if none."""
 
     battery_v: float | None
     faults: tuple[str, ...]
@@ -111,7 +111,7 @@ class Colour(NamedTuple):
 class PositionFix(NamedTuple):
     """A position for the log and for mission limits; escape decisions never see one.
 
-    Degrees north and east (WGS 84) and the horizontal error in metres (None where the receiver does not tell).
+    Degrees north and east (WGS 84) and the horizontal error in metres (None where the receiver does not report it).
     """
 
     t_s: float
@@ -122,12 +122,12 @@ class PositionFix(NamedTuple):
 
 @runtime_checkable
 class Driver(Protocol):
-    """What every part can do. ``name`` is for logs and messages: the part and where it is connected."""
+    """The methods of every part. ``name`` is for logs and messages: the part and where it is connected."""
 
     name: str
 
     async def open(self) -> None:
-        """Speak to the part for the first time and make sure that it is the right one.
+        """Communicate with the part for the first time and check that it is the right one.
 
         Raises:
             NotResponding: no answer; the text names bus, address and the likely cause.
@@ -147,7 +147,7 @@ class Compass(Driver, Protocol):
 
         Raises:
             NotResponding: no answer within the bus's deadline.
-            BadReading: an answer that cannot be true.
+            BadReading: an impossible answer.
         """
 
 
@@ -156,7 +156,7 @@ class MotionSensor(Driver, Protocol):
     """Wheel-independent evidence of motion (optical flow or camera), typically read at 20 Hz."""
 
     async def read(self) -> MotionReading:
-        """Return the displacement since the previous call; it never waits for motion to happen.
+        """Return the displacement since the previous call; it never waits for motion.
 
         Raises:
             NotResponding: no answer within the bus's deadline.
@@ -192,7 +192,7 @@ class DriveMotors(Driver, Protocol):
 
         Raises:
             NotResponding: the board did not acknowledge; the wheels may still turn until its deadman trips.
-            PowerLost: the board has forgotten its deadman; the wheels stand, and it wants to be opened again.
+            PowerLost: the board has forgotten its deadman; the wheels stand, and it must be opened again.
         """
 
     async def stop(self) -> None:
@@ -201,15 +201,15 @@ class DriveMotors(Driver, Protocol):
     def halt(self) -> None:
         """Send a stop without waiting for it, from any thread: it works also when the event loop is blocked.
 
-        It never raises and never blocks. Where the bus hangs, the stop goes out first when it is back.
+        It never raises and never blocks. If the bus hangs, the stop is the first command sent when the bus works again.
         """
 
     async def read_back(self) -> WheelCommand | None:
-        """Return what the board says that it applies now, or None where the board cannot be asked.
+        """Return the duties that the board reports as applied now, or None where the board cannot report them.
 
         Raises:
             NotResponding: the board did not answer.
-            BadReading: what it answered cannot be.
+            BadReading: an impossible answer.
         """
 
     async def health(self) -> MotorHealth:
@@ -217,7 +217,7 @@ class DriveMotors(Driver, Protocol):
 
         Raises:
             NotResponding: the board did not answer.
-            BadReading: what it answered cannot be.
+            BadReading: an impossible answer.
         """
 
 
@@ -247,25 +247,25 @@ class PositionLogger(Driver, Protocol):
 
 @runtime_checkable
 class Counting(Driver, Protocol):
-    """What a part of any kind may have besides: it counts what went wrong and did no harm, such as a read again."""
+    """An optional property of any part: it counts errors that it recovered from, such as a read that was repeated."""
 
     @property
     def troubles(self) -> Mapping[str, int]:
-        """How often since the part was made, by what it was, in a few words: ``{"reads retried": 3}``."""
+        """The number of each error since the part was made, by a short name: ``{"reads retried": 3}``."""
 
 
 def troubles_of(part: Driver) -> Mapping[str, int]:
-    """Return what a part has counted, nothing where it does not count."""
+    """Return the error counts of a part; empty if it does not count."""
     return part.troubles if isinstance(part, Counting) else {}
 
 
 async def can_be_asked(motors: DriveMotors) -> bool:
-    """Return whether an open motor board answers, so that opening it proved that it is there and its deadman armed.
+    """Return whether an open motor board can report its state; if so, opening it has proved that its deadman is on.
 
-    Of a board that does not, nothing is believed that no person has seen.
+    If it cannot, only a person who watches the wheels can confirm the deadman.
 
     Raises:
-        DriverError: it can be asked, and did not answer well.
+        DriverError: it can be asked, and did not answer correctly.
     """
     return await motors.read_back() is not None
 
@@ -283,6 +283,6 @@ class Rover:
 
     @property
     def parts(self) -> Mapping[str, Driver]:
-        """The parts that there are, by capability, in the order of opening: motors first, to be stopped first."""
+        """The parts of this rover, by capability, in the order of opening: the motors first."""
         names = ("motors", "compass", "motion", "contact", "position", "light")
         return {name: part for name in names if (part := getattr(self, name)) is not None}

@@ -1,6 +1,6 @@
-"""Allowed ranges of settings, by unit.
+"""Allowed ranges of settings, one type for each unit.
 
-A two-sided range is also what keeps NaN and infinity out, and it is quoted to the user when a value is refused.
+A range with two bounds also rejects NaN and infinity. The message about a rejected value quotes the range.
 """
 
 from __future__ import annotations

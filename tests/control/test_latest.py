@@ -53,7 +53,7 @@ def test_displacements_without_a_direction_stay_without_one() -> None:
 @pytest.mark.parametrize("value", [nan, inf])
 @pytest.mark.parametrize("first", [True, False])
 def test_part_that_is_no_number_leaves_no_displacement_to_be_believed(field: str, value: float, first: bool) -> None:
-    """Field catalogue, fault 8: what one part hides is unknown, not the rest of the sum."""
+    """Fault catalogue, fault 8: what one part hides is unknown, not the rest of the sum."""
     good = MotionReading(0.1, 0.01, 0.0, 0.9)
     change: dict[str, Any] = {field: value}
     bad = good._replace(**change)

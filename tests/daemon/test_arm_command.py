@@ -150,7 +150,7 @@ SHIFTED = MotorsEntry(**stamp(MOTORS, T_WALL), shift_half_deg=4.0, shift_full_de
 async def test_arming_is_refused_with_what_a_check_found_and_what_to_do(
     run: Run, part: str, state: dict[str, Any], text: str
 ) -> None:
-    """Field catalogue, fault 12, and others."""
+    """Fault catalogue, fault 12, and others."""
     if part == "calibration":
         run.rig.keep(**state)
     else:

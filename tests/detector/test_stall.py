@@ -145,7 +145,7 @@ GARBAGE_M = [0.03, 0.1, 0.24, 30.0]  # what a chip can see, what none can, what 
 def test_stall_is_found_within_two_seconds_under_garbage_twice_a_second(
     name: str, phase: int, garbage_m: float
 ) -> None:
-    """Field catalogue, fault 16: the rover is stuck, and garbage goes on whenever it began."""
+    """Fault catalogue, fault 16: the rover is stuck, and garbage goes on whenever it began."""
     config = load_rover(name)
     rover, dt_s = Rover(config.detector, config.vehicle), 1.0 / config.rates.motion_hz
     every, wheels = round(0.5 / dt_s), config.vehicle.mix(config.escape.cruise_m_s, 0.0)
@@ -198,7 +198,7 @@ def test_sense_without_a_direction_tells_a_moving_rover_from_a_stuck_one_both_wa
 @pytest.mark.parametrize("name", ["sim", "forestrover"])
 @pytest.mark.parametrize("seed", range(20))
 def test_stall_is_found_within_two_seconds_under_random_counts(name: str, seed: int) -> None:
-    """Field catalogue, fault 16: flow that jitters by up to 100 counts of 0.2 mm a reading, at 20 Hz."""
+    """Fault catalogue, fault 16: flow that jitters by up to 100 counts of 0.2 mm a reading, at 20 Hz."""
     config, rng = load_rover(name), Random(seed)
     rover = Rover(config.detector, config.vehicle)
     wheels = config.vehicle.mix(config.escape.cruise_m_s, 0.0)
@@ -211,7 +211,7 @@ def test_stall_is_found_within_two_seconds_under_random_counts(name: str, seed: 
 
 
 def test_flow_that_saturates_is_not_motion_that_is_absent() -> None:
-    """Field catalogue, fault 17: 7.4 rad/s at 0.1 m above ground are 0.74 m/s, the rover goes at 1.4."""
+    """Fault catalogue, fault 17: 7.4 rad/s at 0.1 m above ground are 0.74 m/s, the rover goes at 1.4."""
     config = load_rover("forestrover")
     rover = Rover(config.detector, config.vehicle)
     rng = Random(1)

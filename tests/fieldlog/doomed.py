@@ -1,4 +1,4 @@
-"""Processes that end badly while they write a log; ``test_thread`` starts and kills them.
+"""Processes that end badly while they write a log; ``test_writer_thread`` starts and kills them.
 
 ``python -m tests.fieldlog.doomed write LOGS`` writes until it is killed and says on stdout, line by line, up to which
 number the disk has everything; ``hang RUN`` ends while its disk does not answer.

@@ -1,8 +1,8 @@
 """The ``wayfarer`` command.
 
 A mistake of the user gives one line on stderr and exit code 2. A command whose output nobody reads any more, as before
-``| head -1``, ends without a message and with exit code 141, like other Unix tools. Each command imports what it needs
-when it runs, so that the light ones are quick on a rover's small computer.
+``| head -1``, ends without a message and with exit code 141, like other Unix tools. ``wayfarer.errors`` lists all exit
+codes. Each command imports what it needs when it runs, so that the light ones are quick on a rover's small computer.
 """
 
 from __future__ import annotations

@@ -115,7 +115,7 @@ def _conflict(place: _PartAddress, other: _PartAddress) -> str | None:
         return None
     if kind != I2C:
         return f"key '{place.key}' = '{name}': {there} is on it already; two chips cannot share {kind}"
-    if place.address is None:  # a driver that has no key for it: its address is its own affair
+    if place.address is None:  # the driver has no address setting
         return None
     return (
         f"key 'parts.{place.part}.address' = 0x{place.address:02X}: {there} has this address on {name} already; "

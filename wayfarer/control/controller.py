@@ -1,13 +1,13 @@
 """The controller: arming, the control tick and the mission limits. Only it commands the wheels during a run.
 
-A tick always goes the same way::
+A tick always has the same order::
 
     readings -> detector -> gate.judge -> escape handler -> gate.limit -> motors -> log
 
 Each stage fills in its part of one ``TickRecord``.
 
-While the gate holds the wheels, the handler is not called and its clock is paused: a manoeuvre that is bounded in time
-goes on where it was when the hold ends.
+While the gate holds the wheels, the handler is not called and its clock is paused: when the hold ends, a manoeuvre with
+a time limit continues where it was.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from wayfarer.safety.resume_warning import ResumeWarning
 
 
 class Mode(Enum):
-    """What the run is in; only ``ARMED`` may move the wheels."""
+    """Arming state of the rover; the wheels may turn only while it is ``ARMED``."""
 
     DISARMED = "disarmed"
     ARMING = "arming"
@@ -43,7 +43,7 @@ class Mode(Enum):
 
 
 class WheelMotors(Protocol):
-    """As much of ``hal.DriveMotors`` as the controller uses."""
+    """The part of ``hal.DriveMotors`` that the controller uses."""
 
     async def drive(self, command: WheelCommand) -> WheelCommand:
         """Apply the command and return what was really applied."""
@@ -52,7 +52,7 @@ class WheelMotors(Protocol):
         """Send a stop without waiting for it."""
 
 
-# Members of an Enum are found slowly through its class, and the tick asks 20 times a second.
+# Looking up a member of an Enum through its class is slow, and the tick does it 20 times a second.
 _ARMED: Final = Mode.ARMED
 _FAULT: Final = Level.FAULT
 _RUNAWAY: Final = Condition.RUNAWAY
@@ -60,10 +60,10 @@ _WHEELS_ASTRAY: Final = frozenset({Condition.BOARD_DISAGREES, Condition.RUNAWAY}
 
 
 class Controller:
-    """Ticks; ``end`` is None until something ends the run, ``last`` is the record of the latest tick.
+    """Runs the control tick and holds the mode.
 
-    ``power_reports`` take what the motor board and the computer's supply say; ``board`` is what the board said of
-    itself.
+    ``end`` is None until something ends the run; ``last`` is the record of the latest tick. ``power_reports`` takes the
+    reports of the motor board and of the computer's supply; ``board`` is the monitor of the board's own reports.
     """
 
     def __init__(
@@ -109,8 +109,7 @@ class Controller:
     def arm(self, t_s: float, goal_heading_deg: float | None) -> None:
         """Begin to arm: after the start delay the wheels may turn. See ``ArmingSequence`` for the goal heading.
 
-        The motors must have been opened just before: only that makes sure that they answer and that their deadman is
-        on.
+        The motors must have been opened just before, which proves that they answer and that their deadman is on.
         """
         self._motors_failed = self.held = False
         self._entrapment.reset()
@@ -130,8 +129,8 @@ class Controller:
         self._log.event("disarmed", t_s, reason=reason)
 
     def hold(self, t_s: float, *, held: bool) -> None:
-        """Hold the wheels, or let them continue; the mission stays what it is."""
-        if held is not self.held:  # asked again and again, it changes nothing, and the log has better things to keep
+        """Hold the wheels, or let them continue; the mission is not changed."""
+        if held is not self.held:  # a repeated request changes nothing and is not logged
             self.held = held
             self._log.event("hold" if held else "resume", t_s)
 
@@ -151,7 +150,7 @@ class Controller:
         self.power_reports.power(t_s, flags)
 
     def finish(self, reason: str, text: str) -> None:
-        """End the run; the first reason stands."""
+        """End the run; the first reason counts."""
         if self.end is None:
             self.end = RunEnd(reason, text)
 
@@ -168,7 +167,7 @@ class Controller:
         self._add_conditions(tick)
         conditions = self.conditions = tick.conditions
         if conditions and not _WHEELS_ASTRAY.isdisjoint(conditions):
-            self._motors.halt()  # at each tick: a board that does not do as commanded may take one stop of many
+            self._motors.halt()  # at each tick: a board that does not obey may obey one of many stops
         if self._arming is not None:
             self._continue_arming(t_s, self._arming, conditions)
         observation = tick.observation = self._observe(tick)
@@ -198,7 +197,7 @@ class Controller:
         if armed and self._entrapment.ends(tick, bool(tick.anomalies), tick.motion):
             tick.conditions += (Condition.ENTRAPPED,)
         if tick.conditions and not armed and self._gate.cause is not _RUNAWAY:
-            # A person may push a rover that is not armed; one that ran away goes on being stopped.
+            # A person may push a rover that is not armed; a rover that ran away is still stopped at each tick.
             tick.conditions = tuple(condition for condition in tick.conditions if condition is not _RUNAWAY)
         if late:
             tick.conditions += (Condition.TICK_LATE,)
@@ -212,7 +211,7 @@ class Controller:
             tick.conditions += (Condition.RESUME_WARNING,)
 
     def _observe(self, tick: TickRecord) -> Observation | None:
-        """Return what the handler may see, or None before the first believable heading."""
+        """Return what the handler may see, or None before the first plausible heading."""
         compass = self._detector.compass
         if compass is None:
             return None
@@ -250,9 +249,9 @@ class Controller:
         self._log.event("armed", t_s, goal_heading_deg=goal_heading_deg)
 
     def _lose_motors(self, t_s: float, error: DriverError) -> WheelCommand:
-        """Without an acknowledgement the state of the wheels is unknown: latch a fault; the board's deadman stops them.
+        """Latch a fault: without an acknowledgement the state of the wheels is unknown. The board's deadman stops them.
 
-        A command that hangs in the wire may still get through: a stop follows right behind it.
+        A command that waits on the bus may still reach the board, so a stop is sent directly after it.
         """
         self._motors.halt()
         if not self._motors_failed:
@@ -268,10 +267,10 @@ class Controller:
 
 
 def _checked(applied: WheelCommand) -> WheelCommand:
-    """Return what the motors say that they apply.
+    """Return the duties that the motors report as applied.
 
     Raises:
-        BadReading: it cannot be (fault catalogue, fault 8): what the wheels do is not known.
+        BadReading: impossible duties (fault catalogue, fault 8); what the wheels do is not known.
     """
     left, right = applied
     if abs(left) <= 1.0 and abs(right) <= 1.0:  # NaN is no duty

@@ -13,7 +13,7 @@ NOTE_HZ = 1.0
 class DriverCounters:
     """Writes an event for each part whose counts have changed since the last ``note``.
 
-    ``counting`` are the parts that count at all, with what was noted of each.
+    ``counting`` are the parts that count errors, with the counts noted last.
     """
 
     def __init__(self, parts: Iterable[Driver], log: RunLog) -> None:
@@ -21,7 +21,7 @@ class DriverCounters:
         self._log = log
 
     def note(self, t_s: float) -> None:
-        """Look at all parts that count."""
+        """Write an event for each part whose counts have changed."""
         for part, noted in self.counting.items():
             counts = {what: count for what, count in part.troubles.items() if count}
             if counts != noted:

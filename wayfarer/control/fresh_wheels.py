@@ -1,7 +1,7 @@
 """Refuses outdated wheel commands: the command of a tick that began too long ago becomes a stop.
 
-A process can be suspended anywhere, also between a decision and the command that follows from it. When it is woken,
-seconds later, the command would be the first thing that it does, before the next tick finds out that time is missing.
+A process can be suspended at any point, also between a decision and its command. When it continues, seconds later, it
+would first send that old command, before the next tick notices that time is missing.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from wayfarer.hal import STOP, DriveMotors, WheelCommand
 
 
 class FreshWheels:
-    """The rover's motors as the controller sees them: a command of a tick that began too long ago is a stop.
+    """Wraps the motors for the controller: a command of a tick that began too long ago is sent as a stop.
 
-    Implements ``controller.Wheels``.
+    Implements ``control.controller.WheelMotors``.
 
     Args:
         motors: take the commands.

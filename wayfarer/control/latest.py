@@ -25,10 +25,10 @@ class LatestValue(Generic[R]):
 
 
 class MotionBuffer:
-    """Adds up displacements until the tick takes them, so that no sensor rate loses ground.
+    """Adds up displacements until the tick takes them, so that none is lost at any sensor rate.
 
-    The quality of the sum is that of its worst part: half a displacement is not a displacement. A part without a time
-    or a quality makes that of the sum 0 (fault catalogue, fault 8).
+    The quality of the sum is that of its worst part, because the sum of only some displacements is wrong. If time or
+    quality of a part is NaN or infinite, the quality of the sum is 0 (fault catalogue, fault 8).
     """
 
     __slots__ = ("_pending", "latest")
@@ -38,7 +38,7 @@ class MotionBuffer:
         self.latest: MotionReading | None = None
 
     def write(self, reading: MotionReading) -> None:
-        """Add a reading to what is pending; ``latest`` is the reading itself."""
+        """Add a reading to the pending sum; ``latest`` is the reading itself."""
         self.latest = reading
         pending = self._pending
         if pending is not None:
@@ -70,5 +70,5 @@ class SensorBuffers:
         self.contact: LatestValue[ContactReading] = LatestValue()
 
     def read(self, tick: DetectorTick) -> None:
-        """Fill in what all sensors say now."""
+        """Fill in the newest readings of all sensors."""
         tick.compass, tick.motion, tick.contact = self.compass.reading, self.motion.take(), self.contact.reading

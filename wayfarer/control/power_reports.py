@@ -1,6 +1,6 @@
 """Collects the reports of the motor board and of the computer's supply between two ticks. Pure.
 
-It counts, and is logged, from the beginning of the next tick, so that a replay finds it where it counted.
+A report counts, and is logged, at the beginning of the next tick, so that a replay gets it at the same tick.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ class PowerReports:
         self._power = SupplyMonitor()
         self._log = log
         self._pending: list[Callable[[], None]] = []
-        # At the ticks of late: the board may have been asked amid any of them.
+        # The commands of the last three ticks: the board may have been asked during any of them.
         self._applied = deque([STOP] * 3, maxlen=3)
 
     # -- reports -------------------------------------------------------------------------------------------------
 
     def board_said(self, t_s: float, health: MotorHealth, duties: WheelCommand | None) -> None:
-        """Take what the motor board answered at ``t_s``; see ``MotorBoardMonitor.update``."""
+        """Take the report of the motor board at ``t_s``; see ``MotorBoardMonitor.update``."""
         self._pending.append(partial(self._judge_board, t_s, health, duties))
 
     def board_silent(self, t_s: float, error: str) -> None:
-        """Take note that the motor board did not answer."""
+        """Note that the motor board did not answer."""
         self._pending.append(partial(self._judge_silence, t_s, error))
 
     def power(self, t_s: float, flags: int | None) -> None:
@@ -45,7 +45,7 @@ class PowerReports:
     # -- at each tick --------------------------------------------------------------------------------------------
 
     def judge(self, applied: WheelCommand) -> bool:
-        """Judge what was said since the last tick, at which ``applied`` was; return whether ``conditions`` may be."""
+        """Judge the reports since the last tick, which applied ``applied``; return whether there may be conditions."""
         self._applied.append(applied)
         if self._pending:
             reports, self._pending = self._pending, []
@@ -54,7 +54,7 @@ class PowerReports:
         return bool(self.board.conditions) or self._power.noticed
 
     def conditions(self, t_s: float) -> tuple[Condition, ...]:
-        """Return what is wrong at ``t_s``."""
+        """Return the conditions at ``t_s``."""
         return self.board.conditions + self._power.conditions(t_s)
 
     def _judge_board(self, t_s: float, health: MotorHealth, duties: WheelCommand | None) -> None:

@@ -1,4 +1,4 @@
-"""The interface of a log of a run, and logs that take a part of a run or pass it on."""
+"""The interface of a log of a run; a base for logs that keep only a part of it; and one that passes it to several."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from wayfarer.hal import MotorHealth, PositionFix, WheelCommand
 
 
 class RunLog(Protocol):
-    """Where a run writes. No method may raise or wait: logging never reaches into control."""
+    """Receives everything that a run reports. No method may raise or wait: logging must not disturb control."""
 
     def tick(self, record: TickRecord) -> None:
         """Take the record of one control tick."""
@@ -28,26 +28,26 @@ class RunLog(Protocol):
 
 
 class PartialLog:
-    """Takes a run and keeps nothing of it; a log that wants only a part of a run overrides that part."""
+    """Ignores everything; a log that needs only a part of a run overrides those methods."""
 
     def tick(self, record: TickRecord) -> None:
-        """Let a control tick pass."""
+        """Ignore a control tick."""
 
     def event(self, name: str, t_s: float, **details: object) -> None:
-        """Let an event pass."""
+        """Ignore an event."""
 
     def position(self, fix: PositionFix | None) -> None:
-        """Let a position pass."""
+        """Ignore a position."""
 
     def board(self, t_s: float, health: MotorHealth, duties: WheelCommand | None) -> None:
-        """Let what the motor board says pass."""
+        """Ignore a report of the motor board."""
 
     def close(self, reason: str, text: str) -> None:
-        """Let the outcome pass."""
+        """Ignore the outcome."""
 
 
 class Tee:
-    """Several logs that take the same run."""
+    """Passes a run to several logs."""
 
     def __init__(self, *logs: RunLog) -> None:
         self._logs = logs

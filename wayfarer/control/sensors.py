@@ -1,7 +1,8 @@
 """Sensor tasks: each samples one sensor at its own rate, and retries after failures.
 
-A sensor that fails is asked again within one control period, then closed and opened again with growing pauses, while
-the others run on; the safety gate sees its age and holds the wheels. Any other error is a bug, and ends the run.
+A sensor that fails is read again within one control period, then closed and opened again with growing pauses, while
+the others continue; the safety gate holds the wheels because of its age. Any error that is not a ``DriverError`` is a
+bug, and ends the run.
 """
 
 from __future__ import annotations
@@ -18,13 +19,13 @@ from wayfarer.control.run_log import RunLog
 from wayfarer.errors import DriverError
 from wayfarer.hal import Driver, MotionReading, PositionFix, Rover
 
-RETRY_PAUSE_S = 0.05  # a single missed answer is asked again within one control period (fault catalogue, fault 1)
+RETRY_PAUSE_S = 0.05  # after one missed answer, read again within a control period (fault catalogue, fault 1)
 RETRY_PAUSE_MAX_S = 2.0
 
 
 @dataclass(frozen=True, slots=True)
 class SensorTask:
-    """A row of the task table: read the part at its rate and hand each reading on; the first one sets ``spoke``."""
+    """A row of the task table: the part is read at its rate, ``write`` gets each reading, the first sets ``spoke``."""
 
     name: str
     part: Driver
@@ -41,7 +42,7 @@ def sensor_tasks(
     needs: frozenset[str],
     position: Callable[[PositionFix | None], None],
 ) -> tuple[SensorTask, ...]:
-    """Return a row for each sensor that a run with the optional parts ``needs`` uses; ``position`` takes fixes."""
+    """Return a row for each sensor of a run that uses the optional parts ``needs``; ``position`` takes fixes."""
     rows = [SensorTask("compass", rover.compass, rates.compass_hz, rover.compass.read, buffers.compass.write)]
     if rover.motion is not None:
         rows.append(SensorTask("motion", rover.motion, rates.motion_hz, rover.motion.read, buffers.motion.write))
@@ -53,7 +54,7 @@ def sensor_tasks(
 
 
 async def keep_sampling(row: SensorTask, buffers: SensorBuffers, log: RunLog) -> None:
-    """Sample for ever; after an error ask again soon, and reopen the part if that did not help."""
+    """Sample for ever; after an error read again soon, and reopen the part if that did not help."""
     failures = 0
     while True:
         try:
@@ -71,7 +72,7 @@ async def keep_sampling(row: SensorTask, buffers: SensorBuffers, log: RunLog) ->
             failures += 1
             pause_s = min(RETRY_PAUSE_S * 2.0 ** (failures - 1), RETRY_PAUSE_MAX_S)
             t_s = asyncio.get_running_loop().time()
-            if row.name == "motion" and failures == 1:  # what was missed is unknown, not still
+            if row.name == "motion" and failures == 1:  # the motion that was missed is unknown, not zero
                 buffers.motion.write(MotionReading(t_s, 0.0, 0.0, 0.0))
             log.event("sensor_failed", t_s, sensor=row.name, error=str(error), retry_in_s=pause_s)
             await asyncio.sleep(pause_s)

@@ -17,19 +17,19 @@ CLOSE_DEADLINE_S = 0.2  # for each part: the run must have ended 2 s after SIGTE
 
 
 class Shutdown:
-    """Ends a run. ``parts`` are closed, the motors among them."""
+    """Ends a run and closes its ``parts``, which include the motors."""
 
     def __init__(self, motors: DriveMotors, parts: Sequence[Driver], log: RunLog) -> None:
         self._motors = motors
         self._parts = parts
         self._log = log
-        self.confirmed = False  # whether the latest stop went out, and the board says nothing else
+        self.confirmed = False  # whether the latest stop was sent, and the board does not report otherwise
 
     async def stop_wheels(self) -> None:
         """Stop the wheels and ask the board whether they are stopped.
 
-        Where that hangs, or the board says otherwise, the stop is sent again without waiting, and the log says so:
-        the board's own deadman does the rest.
+        If that hangs, or the board reports otherwise, the stop is sent again without waiting, and the log says so.
+        Then the board's own deadman must stop the wheels.
         """
         self.confirmed = False
         try:
@@ -45,9 +45,9 @@ class Shutdown:
                 self.confirmed = True
 
     async def end(self, end: RunEnd) -> None:
-        """Do the last things, each even if another fails or hangs."""
+        """Stop the wheels, close the parts and the log; each step is done even if another one fails or hangs."""
         t_s = asyncio.get_running_loop().time()
-        async with AsyncExitStack() as last_things:  # from the last line to the first
+        async with AsyncExitStack() as last_things:  # it runs them from the last line to the first
             last_things.callback(self._log.close, end.reason, end.text)
             for part in self._parts:
                 last_things.push_async_callback(self._close_part, part)
@@ -67,7 +67,7 @@ class Shutdown:
 
 
 async def run_uncancellable(work: Coroutine[Any, Any, None]) -> None:
-    """Do the work to its end even while being cancelled; the cancellation is raised afterwards."""
+    """Do the work to its end even if this task is cancelled meanwhile; the cancellation is raised afterwards."""
     task = asyncio.ensure_future(work)
     cancelled: asyncio.CancelledError | None = None
     while not task.done():

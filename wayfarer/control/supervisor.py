@@ -1,9 +1,10 @@
 """The supervisor: opens the parts, runs sensor tasks and controller on one asyncio loop, and stops the wheels.
 
-What runs is a table (``Supervisor.tasks``): a row for each sensor that the run needs, at the sensor's own rate, and
-beside them the control tick. A sensor that fails is closed and opened again, with growing pauses, while the others run
-on; the safety gate sees its age and holds the wheels. Any other error ends the run. Whichever way a run ends (a limit,
-a request, an error, a cancellation), the wheels are stopped on a path that cancellation cannot cut short.
+The sensor tasks are a table (``Supervisor.tasks``): a row for each sensor that the run needs, with the sensor's own
+rate. The control tick runs beside them. A sensor that fails is closed and opened again, with growing pauses, while the
+others continue; the safety gate holds the wheels because of its age. Any other error ends the run. When a run ends, for
+any reason (a limit, a request, an error, a cancellation), the wheels are stopped by code that cancellation cannot
+interrupt.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from wayfarer.hal import Driver, Rover, StatusLight
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.mission_limits import RunEnd
 
-FRESH_S = 1.0  # a control tick older than this feeds no watchdog
+FRESH_S = 1.0  # if the last control tick is older, systemd's watchdog is not fed
 STALE = frozenset(
     {
         Condition.COMPASS_STALE,
@@ -40,7 +41,7 @@ STALE = frozenset(
         Condition.CONTACT_STALE,
     }
 )
-DOUBT_S = 0.1  # two ticks, of which one has judged the answer: so two answers and a stop fit into 0.5 s (fault 30)
+DOUBT_S = 0.1  # two ticks: one of them has judged the report. So two reports and a stop fit into 0.5 s (fault 30)
 
 
 class Supervisor:
@@ -62,9 +63,9 @@ class Supervisor:
         self._wheels = FreshWheels(rover.motors, config.safety.tick_late_s)
         self.controller = Controller(self._wheels, self.buffers, config, detector, handler, log)
         self._health_hz = config.board.health_hz
-        self._patience_s = config.detector.compass_stale_s  # then a silent compass is a condition
+        self._patience_s = config.detector.compass_stale_s  # after this a silent compass is a condition
         self._disarms = 0
-        self.ticked = asyncio.Event()  # is set by the first control tick: the parts are open
+        self.ticked = asyncio.Event()  # set by the first control tick; the parts are open then
         self.tasks = sensor_tasks(rover, self.buffers, config.rates, needs, self.controller.position)
         lights = () if rover.light is None else (rover.light,)
         self._parts: tuple[Driver, ...] = (rover.motors, *lights, *(row.part for row in self.tasks))
@@ -73,12 +74,12 @@ class Supervisor:
 
     @property
     def mode(self) -> Mode:
-        """Whether the wheels may turn."""
+        """The arming state; the wheels may turn only while it is ``ARMED``."""
         return self.controller.mode
 
     @property
     def wheels_stopped(self) -> bool:
-        """Whether the run's latest stop went out, and the board says nothing else."""
+        """Whether the run's latest stop was sent, and the board does not report otherwise."""
         return self._stopping.confirmed
 
     async def arm(
@@ -86,12 +87,12 @@ class Supervisor:
     ) -> None:
         """Begin to arm, towards a heading or, if None, the rover's own at the end of the start delay.
 
-        The motor board is opened again: one that lost its power for a moment has forgotten its deadman. Nothing has
-        changed when an error is raised.
+        The motor board is opened again, because one that lost its power for a moment has forgotten its deadman. If an
+        error is raised, nothing has changed.
 
         Args:
             goal_heading_deg: degrees clockwise from magnetic north.
-            check: is awaited first, and raises what speaks against arming.
+            check: is awaited first, and raises an error if the rover must not be armed.
 
         Raises:
             DriverError: the motor board does not answer, or its deadman does not arm.
@@ -118,7 +119,7 @@ class Supervisor:
             self._opening.cancel()
 
     def is_fresh(self) -> bool:
-        """Return whether the control tick runs and every sensor that the run needs has spoken of late."""
+        """Return whether the control tick runs and every sensor that the run needs has answered recently."""
         last = self.controller.last
         if last is None or asyncio.get_running_loop().time() - last.t_s > FRESH_S:
             return False
@@ -159,7 +160,7 @@ class Supervisor:
         self._log.event("opened", asyncio.get_running_loop().time(), parts=[part.name for part in self._parts])
 
     async def _open(self, part: Driver) -> None:
-        """Open a part; a run also begins without light and receiver."""
+        """Open a part; a run also begins if the light or the receiver does not open."""
         try:
             await part.open()
         except DriverError as error:
@@ -180,16 +181,17 @@ class Supervisor:
             await self._wait_for_sensors()
             try:
                 end = await asyncio.create_task(self._control(), name="control")
-            finally:  # the wheels first: a sensor may take its time to let go
+            finally:  # the wheels first: a sensor may take long to end
                 await run_uncancellable(self._stopping.stop_wheels())
                 for task in beside:
                     task.cancel()
         return end
 
     async def _wait_for_sensors(self) -> None:
-        """Let the sensors speak before the first tick, and so at every time that their grids and its own share.
+        """Wait for the first reading of each sensor, so that at common grid times the sensors come before the tick.
 
-        A real bus takes some milliseconds. A sensor that stays silent is not waited for: the ticks say which one it is.
+        A real bus takes some milliseconds. The wait ends after ``compass_stale_s``: the ticks then show which sensor is
+        silent.
         """
         waits = [row.spoke.wait() for row in self.tasks if row.part is not self._rover.position]
         with suppress(TimeoutError):
@@ -197,9 +199,9 @@ class Supervisor:
                 await asyncio.gather(*waits)
 
     async def _control(self) -> RunEnd:
-        """Tick at the control rate until something ends the run; return what did.
+        """Tick at the control rate until something ends the run; return the reason.
 
-        A separate task: a tick wakes this coroutine only, not all those that wait for the end of the run.
+        It is a separate task, so that a tick wakes only this coroutine, not those that wait for the end of the run.
         """
         controller, wheels, rate = self.controller, self._wheels, Rate(self._control_hz)
         time = asyncio.get_running_loop().time
@@ -231,14 +233,14 @@ class Supervisor:
             self.controller.power_reports.board_said(time(), health, duties)
 
     async def _log_driver_counters(self) -> None:
-        """Have the log say what parts have got over by themselves."""
+        """Log errors that parts recovered from."""
         notes, rate = DriverCounters(self._parts, self._log), Rate(NOTE_HZ)
         while notes.counting:
             await rate.wait()
             notes.note(asyncio.get_running_loop().time())
 
     async def _show_state(self, light: StatusLight) -> None:
-        """Keep the status light showing what the rover is about to do; a light that fails stops nothing."""
+        """Keep the status light showing the state of the rover; a light that fails does not stop the run."""
         controller, time, rate, failed = self.controller, asyncio.get_running_loop().time, Rate(LIGHT_HZ), False
         while True:
             try:
@@ -255,7 +257,7 @@ def check_parts(rover: Rover, algorithm: Algorithm, config: RoverConfig) -> froz
     """Return the optional parts that a run uses.
 
     Raises:
-        MissingPart: the rover has not got one of them.
+        MissingPart: the rover lacks one of them.
     """
     needs = needs_of(algorithm, config)
     for name in sorted(needs):
@@ -273,7 +275,7 @@ def needs_of(algorithm: Algorithm, config: RoverConfig) -> frozenset[str]:
 
 
 def make_detector(config: RoverConfig, needs: frozenset[str], *, watches_motion: bool) -> Detector:
-    """Return the detector of a run that uses the parts ``needs``; ``watches_motion`` where it has a motion sensor."""
+    """Return the detector of a run that uses the parts ``needs``; ``watches_motion`` if there is a motion sensor."""
     return Detector(
         config.detector,
         config.vehicle,
@@ -286,7 +288,7 @@ def make_detector(config: RoverConfig, needs: frozenset[str], *, watches_motion:
 
 
 def first_cause(error: BaseException) -> BaseException:
-    """Return what went wrong first, out of the groups that tasks wrap it in."""
+    """Return the first error, taken out of the groups that tasks wrap it in."""
     while isinstance(error, BaseExceptionGroup):
         error = error.exceptions[0]
     return error

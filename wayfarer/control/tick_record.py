@@ -14,10 +14,10 @@ STAND: Final = Decision(STOP, Phase.HALT, Phase.HALT.value)
 
 
 class TickRecord(DetectorTick):
-    """One control tick, filled in stage by stage: what was seen, decided and applied, and what the gate thought of it.
+    """One control tick, filled in stage by stage: what was seen, decided and applied, and the gate's level and cause.
 
-    ``observation`` is what the handler saw of the readings (None before the first believable heading). ``memory`` gives
-    the handler's inner state and is only good until the next tick: a log that keeps it calls it at once.
+    ``observation`` is what the handler saw of the readings (None before the first plausible heading). ``memory`` gives
+    the handler's inner state and is valid only until the next tick, so a log that keeps it calls it at once.
     """
 
     observation: Observation | None = None

@@ -21,7 +21,7 @@ class RunningInspection(Inspection):
 
     def __init__(self, config: RoverConfig, rover: Rover, host: HostEnvironment, supervisor: Supervisor) -> None:
         used = {row.name for row in supervisor.tasks}
-        read = rover if "contact" in used else replace(rover, contact=None)  # nobody reads what no decision uses
+        read = rover if "contact" in used else replace(rover, contact=None)  # an unused bumper is not read
         super().__init__(config, read, host)
         self._supervisor = supervisor
 
@@ -35,7 +35,7 @@ class RunningInspection(Inspection):
         return await self.rover.motors.health()
 
     async def _read(self, sense: str) -> Any:
-        """Return what a sensor's task has read last."""
+        """Return the latest reading of a sensor's task."""
         last = self._supervisor.controller.last
         if last is None:
             raise NotResponding("the rover's parts are still being opened: try again in some seconds")

@@ -19,7 +19,7 @@ from wayfarer.errors import DriverError
 from wayfarer.hal import DriveMotors
 from wayfarer.safety.conditions import Condition
 
-# Faults that re-arming cannot clear while they last; it clears the others, or they are detected again.
+# Faults that re-arming cannot clear while they last. It clears the others; those that still exist are detected again.
 REMEDIES: Mapping[Condition, tuple[str, str]] = {
     Condition.OVERTURNED: ("it lies on its side or roof, or its compass is mounted askew", "stand it on its wheels"),
     Condition.COMPASS_LOST: ("a loose wire, or no power", "check the compass's wires and power; wayfarer check"),
@@ -33,20 +33,20 @@ REMEDIES: Mapping[Condition, tuple[str, str]] = {
     Condition.POWER_UNSTABLE: ("the computer's supply dips again and again", "give it a separate 5 V supply"),
 }
 
-OPENING_S = 3.0  # for the parts to open, right after the start, before an arming is refused; the client waits for 5 s
+OPENING_S = 3.0  # just after the start, arming waits this long for the parts to open; the client waits for 5 s
 
 
 class RoverCommands:
-    """Implements ``socket.protocol.Commands``. Whatever stops the wheels does so before anything else.
+    """Carries out the commands; implements ``socket.protocol.Commands``. Those that stop the wheels do that first.
 
     Args:
         supervisor: the run.
         motors: its motors, for stops that do not wait for the next tick.
-        inspect: gives what the checks before arming look at, as it is at that moment.
+        inspect: returns the present state for the checks before arming.
         log: the run's log.
-        about: what ``status`` says besides: version, rover, algorithm.
-        checks: what must not fail before the rover is armed.
-        log_dropped: tells how many records the field log has lost.
+        about: constant details for ``status``: version, rover, algorithm.
+        checks: the checks that must not fail before the rover is armed.
+        log_dropped: returns how many records the field log has lost.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class RoverCommands:
         self._marks = RateLimiter()  # for all clients together: one that connects again is another client
 
     async def status(self) -> Details:
-        """Tell how things are."""
+        """Return the state of the rover."""
         controller = self._controller
         return {
             **self._about,
@@ -107,7 +107,7 @@ class RoverCommands:
 
     async def _check(self) -> None:
         """Refuse to arm a rover on which a check fails."""
-        with suppress(TimeoutError):  # the checks say then what is missing
+        with suppress(TimeoutError):  # then the checks say which part is missing
             async with asyncio.timeout(OPENING_S):
                 await self._supervisor.ticked.wait()
         findings = await run_checks(self._inspect(), self._checks)
@@ -118,7 +118,7 @@ class RoverCommands:
             raise Refused("not armed: " + "; ".join(_finding_text(finding) for finding in failed))
 
     def _standing(self) -> list[Finding]:
-        """Return what is wrong with the rover now, and would only let the arming fail later (fault catalogue, 51)."""
+        """Return the conditions that would let the arming fail later (fault catalogue, fault 51)."""
         return [
             fail(condition.value.replace("_", " "), "at this moment", *REMEDIES[condition])
             for condition in self._controller.conditions
@@ -157,7 +157,7 @@ class RoverCommands:
         return {"goal_heading_deg": heading_deg}
 
     async def mark(self, text: str) -> Details:
-        """Write a person's note into the log, unless there are so many that no person wrote them."""
+        """Write a person's note into the log; refuse it if there are too many for a person."""
         if not self._marks.take(_now_s()):
             raise Refused(
                 f"not noted: all clients together may send {ASKED_AT_ONCE} marks at once, and {ASKED_HZ:g} a second for"

@@ -47,17 +47,17 @@ from wayfarer.fieldlog.writer_thread import WriterThread
 from wayfarer.hal import Rover
 from wayfarer.safety.mission_limits import RunEnd
 
-# The kernel's name for this boot: with it, times since boot of two runs can be compared.
+# The kernel's identifier of this boot: if two runs have the same, their times since boot are comparable.
 BOOT_ID = "/proc/sys/kernel/random/boot_id"
 
 
 @dataclass(frozen=True, slots=True)
 class RoverSetup:
-    """A rover to serve, and what is known of it.
+    """A rover to serve, with its checks and what its log needs.
 
-    ``checks`` must not fail before it is armed, and ``devices`` are the device files that its parts are on;
-    ``close_buses`` is called last. The rest is for its log: how it was calibrated; of a simulated rover ``world`` is
-    the forest, for the first record, and ``ground_truth_log`` makes what writes the truth beside it.
+    ``checks`` must not fail before it is armed; ``devices`` are the device files of its parts; ``close_buses`` is
+    called last. The others are for the log: the calibration; for a simulated rover, ``world`` is the forest, for the
+    first record, and ``ground_truth_log`` makes the log that writes the ground truth into the same file.
     """
 
     rover: Rover
@@ -71,13 +71,13 @@ class RoverSetup:
 
 @dataclass(frozen=True, slots=True)
 class Service:
-    """What one daemon runs.
+    """Everything that one daemon needs to run.
 
     ``make_rover`` is called on the running loop with a function that ends the run (a simulated rover calls it when it
-    has escaped). ``seed`` is for an algorithm that draws lots. ``console`` is given what writes a line to stderr, and
-    returns what shows a record there; None shows nothing. ``viewers`` show the run. ``loop_factory`` makes the event
-    loop; None is asyncio's own. ``time_scale`` is how many times faster than the clock the time of such a loop goes at
-    first, ``wall`` the wall clock of the log.
+    has escaped). ``seed`` is for algorithms that use random numbers. ``console`` takes a function that writes a line to
+    stderr, and returns one that shows a record there; None shows nothing. ``viewers`` show the run. ``loop_factory``
+    makes the event loop; None is asyncio's own. ``time_scale`` is how many times faster than real time such a loop runs
+    at first; ``wall`` is the wall clock of the log.
     """
 
     config: RoverConfig
@@ -101,7 +101,7 @@ def serve(service: Service) -> RunEnd:
     Raises:
         AlreadyRunning: another daemon serves this socket, or drives these motors.
         BadInput: the log, the socket or the record of what is driven cannot be made.
-        WayfarerError: a part did not open; the wheels were stopped. Any other error is a bug and comes as it is.
+        WayfarerError: a part did not open; the wheels were stopped. Any other error is a bug and is raised unchanged.
     """
     config = service.config
     motors = None if service.simulated else config.parts.get("motors")
@@ -137,7 +137,7 @@ class Daemon:
         config = service.config
         self._setup = rover_setup = service.make_rover(self._finish)
         rover = rover_setup.rover
-        check_parts(rover, service.algorithm, config)  # before there is a log of a run that cannot be
+        check_parts(rover, service.algorithm, config)  # before a log is made for a run that cannot begin
         self._rover = replace(rover, motors=DryMotors(rover.motors)) if service.dry_run else rover
         self._notifier = SystemdNotifier(os.environ.get("NOTIFY_SOCKET"))
         self._guard = StallGuard(self._rover.motors.halt, self._tell_of_stall)
@@ -149,7 +149,7 @@ class Daemon:
             "algorithm": service.algorithm.name,
             "simulated": service.simulated,
             "dry_run": service.dry_run,
-            "log": str(folder.absolute()),  # who asks may be in another folder
+            "log": str(folder.absolute()),  # the client may be in another folder
             "start_delay_s": config.safety.start_delay_s,
         }
         self._lines = StderrWriter()
@@ -174,7 +174,7 @@ class Daemon:
 
     @property
     def wheels_stopped(self) -> bool:
-        """Whether the wheels were stopped at the end, as far as the board says."""
+        """Whether the wheels were stopped at the end, as far as the board reports it."""
         return self._supervisor.wheels_stopped
 
     async def run(self) -> RunEnd:
@@ -201,7 +201,7 @@ class Daemon:
                 self._lines.close()
 
     async def _run_watched(self) -> RunEnd:
-        """Run beside systemd's watchdog; what breaks one ends the other."""
+        """Run beside the task that feeds systemd's watchdog; an error in one ends both."""
         period_s = watchdog_period_s(os.environ)
         async with asyncio.TaskGroup() as group:
             feeding = None
@@ -230,7 +230,7 @@ class Daemon:
         }
 
     def _note_computer(self, health: Health) -> None:
-        """Write the computer's health down; called in another thread."""
+        """Log the computer's health; called in another thread."""
 
         def note() -> None:
             self._field_log.note("computer", self._loop.time(), {**health, "log_dropped": self._field_log.dropped})
@@ -238,11 +238,11 @@ class Daemon:
         self._loop.call_soon_threadsafe(note)
 
     def _note_power(self, flags: int | None) -> None:
-        """Hand the computer's power flags to the controller; called in another thread."""
+        """Pass the computer's power flags to the controller; called in another thread."""
         self._loop.call_soon_threadsafe(lambda: self._supervisor.controller.power(self._loop.time(), flags))
 
     def _tell_of_unfinished(self, before: UnfinishedRun) -> None:
-        """Tell of the run before, which was cut off (fault catalogue, fault 33)."""
+        """Log that the previous run was cut off (fault catalogue, fault 33)."""
         run, last_t_s, last_t_wall, mode, error = before
         self._field_log.event(
             "unclean_shutdown", self._loop.time(),
@@ -262,7 +262,7 @@ class Daemon:
         self._finish("signal", f"ended by {name}")
 
     def _suspend_by(self, name: str) -> None:
-        """Disarm, and suspend the process when the wheels have had the time to stop: what wakes it turns no wheels."""
+        """Disarm, and suspend the process after the wheels have had time to stop. When it continues, it is disarmed."""
         self._rover.motors.halt()
         self._supervisor.disarm(f"suspended by {name}")
         if self._suspension is not None:
@@ -274,5 +274,5 @@ class Daemon:
 
 
 def _hash(config: dict[str, Any]) -> str:
-    """Return what tells two rovers' settings apart at a glance: BLAKE2b of their JSON with sorted keys."""
+    """Return a short hash of a rover's settings: BLAKE2b of their JSON with sorted keys."""
     return hashlib.blake2b(orjson.dumps(config, option=orjson.OPT_SORT_KEYS), digest_size=8).hexdigest()

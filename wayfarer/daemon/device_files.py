@@ -17,7 +17,7 @@ def device_files(config: RoverConfig) -> tuple[str, ...]:
 
 
 def refuse_missing_ports(config: RoverConfig, where: str, host: HostEnvironment) -> None:
-    """Refuse a rover of which a device file is not there, or may not be used.
+    """Refuse a rover if a device file does not exist or may not be used.
 
     Args:
         config: the rover; only the Raspberry Pi's own buses have device files.

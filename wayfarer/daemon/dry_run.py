@@ -17,7 +17,7 @@ class DryMotors:
 
     @property
     def troubles(self) -> Mapping[str, int]:
-        """What the motors have counted."""
+        """The error counts of the motors."""
         return troubles_of(self._motors)
 
     async def open(self) -> None:

@@ -1,8 +1,8 @@
 """A lock on the motors' device: only one program at a time drives a rover's motors.
 
-The lock is the kernel's (flock) on the motors' own device file, so it needs no place that all users may write to, and
-ends with the process, however that ends. Motors without such a file, on GPIO pins or on buses of somebody else's, have
-none: pins have one owner anyway.
+The lock is the kernel's (flock) on the motors' own device file. So it needs no folder that all users may write to, and
+it ends with the process in every case. Motors without such a file, on GPIO pins or on third-party buses, have no lock;
+a GPIO pin can have only one owner anyway.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from wayfarer.config.rover_file import RoverConfig
 
 LOCKS = Path("/proc/locks")
-# A serial port must neither be waited for nor become the terminal of this process.
+# Opening a serial port must not wait, and the port must not become the terminal of this process.
 _QUIETLY = os.O_NONBLOCK | os.O_NOCTTY
 
 
 class MotorsTaken(AlreadyRunning):
-    """Another program drives these motors; ``who`` says which, as far as it is known."""
+    """Another program drives these motors; ``who`` names it, as far as it is known."""
 
     def __init__(self, who: str, device: str) -> None:
         super().__init__(

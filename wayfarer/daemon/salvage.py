@@ -1,6 +1,6 @@
 """Reads the motors' table of a rover file, even if the rest of the file is broken.
 
-Only what says where the board is must be right: no other mistake may keep the wheels turning.
+Only the keys that say where the board is must be right, because no other mistake may prevent a stop.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from wayfarer.errors import BadConfig, BadInput, kind_and_text
 
 
 def motors_of(path: Path) -> DrivenBoard:
-    """Return the motors of a rover file; nothing of them is checked but that they name a driver.
+    """Return the motors of a rover file; the only check is that they name a driver.
 
     Raises:
         BadInput: the file cannot be read.
@@ -46,7 +46,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _salvaged(text: str) -> dict[str, Any]:
-    """Return what the lines say that matter here, of a file that is no TOML as a whole."""
+    """Return the motors and the buses from the single lines of a file that is not valid TOML as a whole."""
     top: dict[str, Any] = {}
     motors: dict[str, Any] = {}
     table: dict[str, Any] | None = top
@@ -59,7 +59,7 @@ def _salvaged(text: str) -> dict[str, Any]:
 
 
 def _line(text: str) -> dict[str, Any]:
-    """Return key and value of a line; a value that is none as text, so that it is not taken for left out."""
+    """Return key and value of a line; an invalid value as text, so that the key does not count as left out."""
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError):

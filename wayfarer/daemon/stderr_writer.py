@@ -1,7 +1,8 @@
 """Writes lines for the terminal or the journal in a thread, so that the event loop never waits for them.
 
-A stderr that nobody drains (a stalled ssh, Ctrl-S, a journal that hangs) blocks every thread that writes to it, for
-good. So lines are queued, and a thread of their own writes them; what does not fit is lost, and the loss is told.
+A stderr that nobody reads (a stalled ssh, Ctrl-S, a journal that hangs) blocks every thread that writes to it, without
+a limit. So lines are queued, and a separate thread writes them. Lines that do not fit are lost, and their number is
+written later.
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ CLOSE_S = 0.2  # how long the end of a run waits for what is queued
 
 
 class StderrWriter(WaitingThread):
-    """Writes lines to stderr from any thread, never waiting and never raising; its thread begins with the first one.
+    """Writes lines to stderr from any thread, without waiting or raising; its thread begins with the first line.
 
-    Once lines are lost all are, until what is queued has been written: then one line says how many, in their place.
+    After the first lost line all further ones are lost until the queue is written; then one line says how many.
     """
 
     def __init__(self) -> None:
@@ -29,17 +30,17 @@ class StderrWriter(WaitingThread):
         self._lost = 0
 
     def write(self, text: str) -> None:
-        """Write a line, soon; lost where too many wait already, where there is no stderr, and after ``close``."""
+        """Write a line soon. It is lost if too many are queued, if there is no stderr, and after ``close``."""
         with self._changed:
             if self._lost or len(self._queue) >= LINES:
                 self._lost += 1
                 return
             self._queue.append(text)
-            with suppress(RuntimeError):  # no more threads to be had: the next line tries again
+            with suppress(RuntimeError):  # no thread can be started now: the next line tries again
                 self._wake()
 
     def close(self) -> None:
-        """Write what is queued, which ends the writer; at most ``CLOSE_S`` are spent on it. Safe twice."""
+        """Write the queued lines and end the writer; waits at most ``CLOSE_S``. Safe twice."""
         self._close()
         self._join(CLOSE_S)
 
@@ -59,7 +60,7 @@ class StderrWriter(WaitingThread):
 
 def _write(line: str) -> None:
     """Write to the file itself: a thread that waits in ``sys.stderr`` holds its lock, and then Python cannot exit."""
-    with suppress(OSError, ValueError, AttributeError):  # nobody reads any more, or there is no stderr at all
+    with suppress(OSError, ValueError, AttributeError):  # nobody reads it any more, or there is no stderr
         data = f"{line}\n".encode(errors="backslashreplace")
         while data:
             data = data[os.write(sys.stderr.fileno(), data) :]

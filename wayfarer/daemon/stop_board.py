@@ -1,7 +1,8 @@
 """Stops one motor board, given its table of settings.
 
-A daemon that is still there, and would turn the wheels again, is asked to stop. As a program (``python -m
-wayfarer.daemon.stop_board``) it takes the board as JSON: ``stop_motors`` starts it with the rights of another user.
+If a daemon still runs and would turn the wheels again, it is asked to stop. As a program (``python -m
+wayfarer.daemon.stop_board``) this module takes the board as JSON: ``stop_motors`` starts it with the rights of another
+user.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from wayfarer.hal import STOP, DriveMotors
 WHERE = {"bus", "address", "port", "baud"}
 ASK_S = 1.0  # for a daemon's answer
 AGAIN_S, AGAIN_EVERY_S = 0.5, 0.05  # a daemon that ends may have commands under way
-CLOSE_WAIT_S = 2.0  # for a bus that hangs to come back: the stop that was posted goes out first then
+CLOSE_WAIT_S = 2.0  # for a bus that hangs to work again: then the posted stop is sent first
 
 
 def stop_board(driven: DrivenBoard) -> str:
@@ -33,13 +34,13 @@ def stop_board(driven: DrivenBoard) -> str:
 
     Raises:
         BadInput: the motors' table cannot be used.
-        WayfarerError: the board did not answer, or a daemon goes on commanding it.
+        WayfarerError: the board did not answer, or a daemon still commands it.
     """
     try:
         return _stop_board(driven)
     except WayfarerError:
         raise
-    except Exception as error:  # whatever a third party's driver or buses raise
+    except Exception as error:  # a third party's driver or buses may raise anything
         raise WayfarerError(
             f"nothing may have been stopped: {kind_and_text(error)}; switch the motors' power off"
         ) from None
@@ -56,7 +57,7 @@ def _stop_board(driven: DrivenBoard) -> str:
         return asyncio.run(_stop(driver, given, buses))
     except WayfarerError:
         raise
-    except Exception:  # a value of the wrong kind, or out of its range: nobody has checked them
+    except Exception:  # a value of the wrong kind, or out of its range: the settings were not checked
         pass
     try:
         kept = asyncio.run(_usable(driver, given, buses))
@@ -96,7 +97,7 @@ async def _stop(driver: Any, given: Mapping[str, Any], buses_name: str) -> str:
 
 
 async def _confirmed(motors: DriveMotors) -> str:
-    """Return what the board says about its wheels."""
+    """Return a sentence with the board's report about its wheels."""
     try:
         try:
             await motors.drive(STOP)  # unlike stop(), it says whether the board was there
@@ -115,7 +116,7 @@ async def _confirmed(motors: DriveMotors) -> str:
 
 
 async def _why_not_open(motors: DriveMotors) -> None:
-    """Open motors that ``stop`` could not, for the reason that it swallowed."""
+    """Open the motors, to get the reason why ``stop`` could not: ``stop`` never raises."""
     try:
         await motors.open()
     except DriverError as error:
@@ -126,15 +127,15 @@ async def _why_not_open(motors: DriveMotors) -> None:
 
 
 def _ask_daemons() -> dict[Path, bool]:
-    """Ask every daemon that may be asked to stop; return by socket whether it will."""
+    """Ask every daemon that this user may reach to stop; return for each socket whether the daemon agreed."""
     from wayfarer.daemon.socket.client import NoDaemon, ask
     from wayfarer.daemon.socket.paths import known_sockets
 
     agreed: dict[Path, bool] = {}
-    with suppress(BadInput):  # a folder that is not private is nobody's
+    with suppress(BadInput):  # a folder that is not private is not used
         for place in known_sockets():
             if place in agreed or not os.access(place, os.W_OK):
-                continue  # another user's cannot be asked; the lock of the motors tells whether it matters
+                continue  # another user's daemon cannot be asked; the lock of the motors shows whether it drives them
             try:
                 ask({"do": "stop"}, place, ASK_S)
             except (NoDaemon, BadInput):
@@ -154,10 +155,10 @@ def _first_unwilling(agreed: Mapping[Path, bool]) -> str:
 
 
 async def _usable(driver: Any, given: Mapping[str, Any], buses_name: str) -> dict[str, Any]:
-    """Return the settings with which a driver can stop: where the board is, and of the others those that do no harm.
+    """Return the settings with which a driver can stop: those that say where the board is, and all others that work.
 
     Raises:
-        Exception: whatever the driver makes of a board that is nowhere.
+        Exception: any exception of the driver if the settings that say where the board is are missing or unusable.
     """
     needed = {
         field.name for field in fields(driver.Settings) if field.default is field.default_factory is MISSING
@@ -172,7 +173,7 @@ async def _usable(driver: Any, given: Mapping[str, Any], buses_name: str) -> dic
 
 
 async def _try_to_stop(driver: Any, given: Mapping[str, Any], buses_name: str) -> None:
-    """Stop with these settings; only what the settings themselves break is raised, not that a board is silent."""
+    """Stop with these settings; errors because of the settings are raised, but not the silence of the board."""
     buses = make_buses(buses_name)
     try:
         motors: DriveMotors = driver(driver.Settings(**given), buses)
@@ -189,7 +190,7 @@ async def _try_to_stop(driver: Any, given: Mapping[str, Any], buses_name: str) -
 
 
 def main() -> None:
-    """Stop the board that comes as JSON; say what came of it, and end with the exit code of it."""
+    """Stop the board that is given as JSON on stdin; print the result, and exit with its exit code."""
     try:
         print(stop_board(DrivenBoard(**json.load(sys.stdin))))
     except WayfarerError as error:

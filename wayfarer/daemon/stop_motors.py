@@ -1,7 +1,7 @@
 """``wayfarer stop-motors``: stops the motors without the daemon; also systemd's ``ExecStopPost``.
 
-Stopped are the motors that a daemon drives or drove, by the record that it keeps beside its socket
-(``daemon/socket/driven.py``), and those of the rover file, which may be others by now. A stop does no harm to either.
+It stops the motors that a daemon drives or drove, as recorded beside its socket (``daemon/socket/driven.py``), and
+those of the rover file, which may be different ones by now. A stop is harmless for both.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ MOST_SAID = 500  # characters of what another user's code has to say
 
 
 class BoardToStop(NamedTuple):
-    """A board to stop: where that is written, the user who chose the code that does it, and whether it is a record."""
+    """A board to stop: where it is written, the user who chose its driver, and whether a daemon recorded it."""
 
     where: str
     driven: DrivenBoard
@@ -34,7 +34,7 @@ class BoardToStop(NamedTuple):
 
 
 class StopResult(NamedTuple):
-    """What came of one source; exit code 0: stopped, 1: a board may turn on, 2: a rover file that cannot be used."""
+    """The result for one source; exit code 0: stopped, 1: wheels may still turn, 2: the rover file cannot be used."""
 
     said: str
     exit_code: int
@@ -49,7 +49,7 @@ def stop_motors(name_or_path: str) -> str:
 
     Raises:
         BadInput: nothing was stopped, because neither rover file nor record can be used.
-        WayfarerError: a board did not answer, or a daemon goes on commanding it.
+        WayfarerError: a board did not answer, or a daemon still commands it.
     """
     boards: list[BoardToStop] = []
     unusable: list[StopResult] = []
@@ -58,7 +58,7 @@ def stop_motors(name_or_path: str) -> str:
             unusable.append(found)
         else:
             _add(boards, found)
-    # Those first that need no process of another user: that one may take its time.
+    # First the boards that need no process of another user, because such a process may take long.
     stopped = [_stopped(board) for board in sorted(boards, key=lambda board: not _is_trusted(board.owner))]
     said = "; ".join(result.said for result in stopped + unusable)
     codes = {result.exit_code for result in stopped}
@@ -73,12 +73,12 @@ def stop_motors(name_or_path: str) -> str:
 
 
 def _sources(name_or_path: str) -> Iterator[BoardToStop | StopResult]:
-    """Give the boards of daemons, then the rover file's; what cannot be used as a result."""
+    """Give the boards of daemons, then that of the rover file; for a source that cannot be used, give a result."""
     for record in known_records():
         try:
             found = read_record(record)
         except BadInput as error:
-            yield StopResult(str(error), 1)  # it may be of another board than the rover file's
+            yield StopResult(str(error), 1)  # it may be for another board than that of the rover file
         else:
             if found is not None:
                 yield BoardToStop(f"the daemon's {record}", *found, recorded=True)
@@ -90,7 +90,7 @@ def _sources(name_or_path: str) -> Iterator[BoardToStop | StopResult]:
 
 
 def _add(boards: list[BoardToStop], new: BoardToStop) -> None:
-    """Add a board, or its name to the same board from elsewhere; then the caller's own rights are enough for it."""
+    """Add a board; one from two sources is kept once, with both names, and as the caller's own if either source is."""
     for index, board in enumerate(boards):
         if board.driven == new.driven:
             owner = new.owner if board.owner != os.geteuid() else board.owner
@@ -103,7 +103,7 @@ def _add(boards: list[BoardToStop], new: BoardToStop) -> None:
 
 
 def _is_trusted(owner: int) -> bool:
-    """Return whether what this user wrote may be done with the rights of this process."""
+    """Return whether code that this user chose may run with the rights of this process."""
     return owner in {0, os.geteuid()}
 
 

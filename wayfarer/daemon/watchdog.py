@@ -1,10 +1,9 @@
 """Watchdogs: notifies systemd that the rover is well, and stops the wheels when the event loop is blocked.
 
-Two watchers with different jobs. systemd's watchdog is fed from the loop (``feed_watchdog``) and restarts a daemon that
-hangs, after seconds. The stall guard (``StallGuard``) is a thread that stops the wheels within a fraction of a second,
-because a loop that a bug has blocked can do nothing, not even stop. Where the interpreter itself is held (a library
-that keeps Python's global lock, a stopped process) no thread runs either: then the motor board's own timeout stops the
-wheels.
+There are two. systemd's watchdog is fed from the loop (``feed_watchdog``) and restarts a daemon that hangs, after
+seconds. The stall guard (``StallGuard``) is a thread that stops the wheels within a fraction of a second, because a
+loop that is blocked by a bug cannot stop them. If the interpreter itself is blocked (a library that keeps Python's
+global lock, a stopped process), no thread runs either; then the motor board's own timeout stops the wheels.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from wayfarer.daemon.stderr_writer import StderrWriter
 from wayfarer.errors import one_line
 from wayfarer.safety.gate import STALL_LIMIT_S
 
-WHERE_FRAMES = 4  # the innermost ones: what blocks, and who called it
+WHERE_FRAMES = 4  # the innermost calls: the one that blocks, and its callers
 NEVER_US = 2.0**64 - 1.0  # what systemd calls infinity
 HALT_AGAIN_S = 0.1  # a stop may be lost on the bus; it is repeated for as long as the loop is blocked
 
@@ -35,7 +34,7 @@ HALT_AGAIN_S = 0.1  # a stop may be lost on the bus; it is repeated for as long 
 class SystemdNotifier:
     """Notifies systemd of the service's state (sd_notify); without systemd it does nothing.
 
-    Nothing here raises or waits: being watched must never hinder control.
+    Nothing here raises or waits: notifying systemd must not disturb control.
 
     Args:
         address: the socket, as systemd gives it in ``NOTIFY_SOCKET``: a path, or ``@`` and an abstract name.
@@ -59,9 +58,9 @@ class SystemdNotifier:
 
 
 def watchdog_period_s(environment: Mapping[str, str]) -> float | None:
-    """Return how often systemd's watchdog is to be fed: four times in ``WATCHDOG_USEC``, so that one delay is no death.
+    """Return the period for feeding systemd's watchdog: a quarter of its limit, so one delay does not cause a restart.
 
-    None where no watchdog watches this process (sd_watchdog_enabled(3)).
+    The limit is ``WATCHDOG_USEC``. None where no watchdog watches this process (sd_watchdog_enabled(3)).
     """
     limit_us, watched = environment.get("WATCHDOG_USEC", ""), environment.get("WATCHDOG_PID", "")
     if watched not in {"", str(os.getpid())} or not limit_us.isdecimal() or not 0.0 < float(limit_us) < NEVER_US:
@@ -104,7 +103,7 @@ class StallGuard:
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Begin to watch the running loop; the next beat is due within the limit. Nothing where it watches already."""
+        """Begin to watch the running loop, if it does not yet; the next beat is due within the limit."""
         if self._thread is not None:
             return
         self._loop = asyncio.get_running_loop()
@@ -115,11 +114,11 @@ class StallGuard:
         self._thread.start()
 
     def beat(self) -> None:
-        """Say that the loop lives; as cheap as it looks."""
+        """Record a beat; cheap enough for every tick."""
         self._beat_s = self._loop.time()
 
     def stop(self) -> None:
-        """Watch no longer; safe twice. A stop of the wheels that is under way may still go out."""
+        """Stop watching; safe twice. A stop of the wheels that has begun may still be sent."""
         self._stopped.set()
         self._thread = None
 
@@ -142,12 +141,12 @@ class StallGuard:
 
     def _tell_what_blocks(self) -> None:
         self._lines.write(f"wayfarer: the event loop is blocked for {self._limit_s:g} s; wheels stopped")
-        with suppress(OSError):  # no file to be had; the wheels matter more
+        with suppress(OSError):  # no file can be made; the wheels matter more
             self._lines.write(_stacks())
 
 
 class WatchdogFeed(PartialLog):
-    """Feeds both from the run's log: each tick is a beat for the guard, and the first says that the service is up."""
+    """Feeds both from the run's log: each tick is a beat for the guard, and the first tick tells systemd "ready"."""
 
     def __init__(self, notifier: SystemdNotifier, guard: StallGuard) -> None:
         self._notifier = notifier
@@ -164,7 +163,7 @@ class WatchdogFeed(PartialLog):
         self._guard.beat()
 
     def event(self, name: str, t_s: float, **details: object) -> None:  # noqa: ARG002
-        """Set the text for systemctl; after the final stop the wheels need no more guarding."""
+        """Set the text for systemctl; after the final stop the guard is no longer needed."""
         if name == "wheels_stopped":
             self._guard.stop()
             self._notifier.tell("STOPPING=1")
@@ -173,7 +172,7 @@ class WatchdogFeed(PartialLog):
             self._notifier.status(f"{name}: {shown}" if shown else name)
 
     def close(self, reason: str, text: str) -> None:  # noqa: ARG002
-        """Say how it ended."""
+        """Show systemd how the run ended."""
         self._notifier.status(text)
 
 
@@ -189,9 +188,10 @@ def _short(file: str) -> str:
 
 
 def _stacks() -> str:
-    """Return the stacks of all threads, by way of memory: ``faulthandler`` holds Python's lock while it writes.
+    """Return the stacks of all threads. They are written to memory first.
 
-    On a stderr that blocks it would stop every thread for good, the stall guard among them.
+    ``faulthandler`` holds Python's lock while it writes, so a stderr that blocks would stop all threads, also the stall
+    guard.
     """
     with os.fdopen(os.memfd_create("stacks"), "rb") as memory:
         faulthandler.dump_traceback(memory)

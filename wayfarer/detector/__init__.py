@@ -1,8 +1,8 @@
 """The detector: from readings and commands to "something is wrong". Pure: time comes in as data.
 
-It tells two things apart. *Anomalies* are what the forest does (blocked, tilted, touched) and go to the escape
-handler. *Conditions* are what the rover's own senses and wheels do (stale, implausible, blind, lopsided, running away)
-and go to the safety gate.
+It separates two things. *Anomalies* come from the forest (blocked, tilted, touched) and go to the escape handler.
+*Conditions* come from the rover's own sensors and wheels (stale, implausible, blind, one-sided, running away) and go to
+the safety gate.
 """
 
 from wayfarer.detector.detector import Detector

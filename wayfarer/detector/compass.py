@@ -12,10 +12,10 @@ from wayfarer.safety.debounce import Debounce
 
 
 class CompassMonitor:
-    """Takes each reading once and keeps what can be true.
+    """Takes each reading once and keeps the plausible ones.
 
-    ``reading`` is the newest that can be true, None before the first; no other reaches a decision. ``gained_deg`` is
-    the heading gained since then, through any number of turns, clockwise positive.
+    ``reading`` is the newest plausible reading, None before the first; decisions use no other. ``gained_deg`` is the
+    heading gained since the first one, over any number of turns, clockwise positive.
     """
 
     def __init__(self, settings: DetectorSettings, calibration_min: int) -> None:
@@ -28,8 +28,8 @@ class CompassMonitor:
         self._seen: CompassReading | None = None
         self._read_t_s = -inf
         self._believed_t_s = 0.0
-        self._heading_deg = self._pitch_deg = self._roll_deg = -1.0  # as they were read, believed or not
-        self._equal_s = self._all_equal_s = 0.0  # turning on the move; turning at all
+        self._heading_deg = self._pitch_deg = self._roll_deg = -1.0  # of the latest reading, also if it was rejected
+        self._equal_s = self._all_equal_s = 0.0  # turning while the rover moves; turning at all
         self._frozen = False
         self._low_since_s: float | None = None
         self._rejections = 0  # a bit for each of the last readings, the newest lowest: 1 was rejected
@@ -39,13 +39,13 @@ class CompassMonitor:
         self._doubted_until_s = -inf
 
     def start(self, t_s: float) -> None:
-        """Begin the age now: what has not spoken yet is as old as the run."""
+        """Begin the age now: the age of a compass that has not answered yet is that of the run."""
         self._believed_t_s = t_s
 
     def update(self, t_s: float, turning_s: float, reading: CompassReading | None, *, moves: bool) -> list[Condition]:
-        """Take in a tick, in which the wheels were commanded to turn the rover for ``turning_s``.
+        """Judge a tick, before which the wheels were commanded to turn the rover for ``turning_s``.
 
-        ``moves`` says whether it is known to move: one that stands may be held, and then its heading stays.
+        ``moves`` says whether the rover is known to move: one that stands may be held, and then its heading stays.
         """
         self._all_equal_s += turning_s
         if moves:
@@ -67,7 +67,7 @@ class CompassMonitor:
             and abs(roll_deg) <= 180.0
             and (calibration is None or 0 <= calibration <= 3)
         ):
-            self._reject(t_s)  # it cannot be, however often it is repeated; soon there is no fresh heading
+            self._reject(t_s)  # impossible, however often it is repeated; the heading will soon be stale
             return
         since_s, self._read_t_s = read_t_s - self._read_t_s, read_t_s
         if heading_deg != self._heading_deg:
@@ -85,13 +85,13 @@ class CompassMonitor:
         self._weigh(t_s, since_s, reading)
 
     def _weigh(self, t_s: float, since_s: float, reading: CompassReading) -> None:
-        """Believe a reading, unless the rover cannot have turned that far since the previous one, believed or not."""
+        """Accept a reading, unless the rover cannot have turned that far in the time since the previous reading."""
         believed, read_t_s = self.reading, self._read_t_s
         if believed is not None:
             turned_deg = wrap180(self._heading_deg - believed.heading_deg)
             if abs(turned_deg) > self._jump_deg and abs(turned_deg) > self._settings.heading_rate_max_deg_s * since_s:
                 self._reject(t_s)
-                # One that insists may be true: somebody has turned the rover. Believe it again, but not without a stop.
+                # A jump that stays may be true: a person has turned the rover. Accept it, but stop first.
                 self._insisted = self._insists.update(read_t_s, True)
                 if not self._insisted:
                     return

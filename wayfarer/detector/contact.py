@@ -12,7 +12,7 @@ from wayfarer.safety.debounce import Debounce
 
 
 class ContactMonitor:
-    """Keeps the newest reading that can be true in ``reading``, None before the first.
+    """Keeps the newest plausible reading in ``reading``, None before the first.
 
     ``touch_counts`` says whether a touch is an anomaly, ``needed`` whether silence is a condition.
     """

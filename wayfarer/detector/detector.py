@@ -19,13 +19,12 @@ from wayfarer.hal import CompassReading, ContactReading
 class Detector:
     """Turns readings and applied commands into anomalies and conditions, one control tick at a time.
 
-    ``vehicle`` tells the ground speed at full duty and the turn that it makes, ``calibration_min`` (0 to 3) how well
-    the compass was calibrated when the rover was armed, ``duty_max`` what the gate lets through.
-    ``watches_motion`` and ``needs_contact`` say whether silence of that sensor is a condition, ``watches_contact``
-    whether a touch is an anomaly as well.
+    ``vehicle`` gives the ground speed and the turn rate at full duty, ``calibration_min`` (0 to 3) the calibration that
+    arming demands of the compass, ``duty_max`` the highest duty that the gate allows. ``watches_motion`` and
+    ``needs_contact`` say whether silence of that sensor is a condition. ``watches_contact`` says whether a touch is an
+    anomaly; then silence is a condition as well.
 
-    ``compass`` and ``contact`` are the newest readings that can be true, None before the first: no other reaches a
-    decision.
+    ``compass`` and ``contact`` are the newest plausible readings, None before the first. Decisions use no others.
     """
 
     def __init__(
@@ -52,7 +51,7 @@ class Detector:
         self.contact: ContactReading | None = None
 
     def update(self, tick: DetectorTick) -> None:
-        """Take in one tick, and fill in its anomalies and conditions."""
+        """Judge one tick: fill in its anomalies and conditions."""
         t_s, contact = tick.t_s, tick.contact
         if not self._started:
             self._start(t_s)
@@ -79,11 +78,11 @@ class Detector:
             tick.anomalies, tick.conditions = tuple(anomalies), tuple(conditions)
 
     def begin_mission(self) -> None:
-        """Forget what was tried before the rover was armed: a person has seen to it."""
+        """Forget failed turns from before the rover was armed: a person has looked at it since."""
         self._turns.reset()
 
     def _start(self, t_s: float) -> None:
-        """Begin all ages now: what has not spoken yet is as old as the run."""
+        """Begin all ages now: the age of a sensor that has not answered yet is that of the run."""
         self._started = True
         self._compass.start(t_s)
         self._motion.start(t_s)

@@ -1,10 +1,12 @@
-"""Detects a dead, weak or reversed side: compares the turn rate with the wheel commands.
+"""Detects a dead, weak or reversed side: compares the turn of the body with the wheel commands.
 
-It is judged by what a healthy drive can do on any ground. Ground that grips holds a body back, so a turn may be any
-part of what was commanded, down to none; ground that is slippery lets it turn on for a while. No ground turns it
-further than it was commanded or the other way, as a dead side does. A trunk along which it slides does so at times; a
-drive that turns as commanded, in a window in which a dead side would have shown, clears earlier findings. So does one
-that turns the body on the spot about its middle: one with a dead side turns it about that side.
+The turn is compared with what a healthy drive can do on any ground. Ground with much grip resists a turn, so the body
+may turn by any part of what was commanded, or not at all. On slippery ground it may continue to turn for a while. No
+ground turns it further than commanded, or the other way; a dead side does.
+
+A trunk can also turn the body this way while it slides along it. So what was found of a side is cleared by either of
+two observations: the body hardly turned in a window in which a dead side would have turned it; or it turned on the spot
+about its middle, while with a dead side it turns about that side.
 """
 
 from __future__ import annotations
@@ -19,31 +21,33 @@ from wayfarer.hal import WheelCommand
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.interval import Interval
 
-# What a window shows: the side that lags behind, or wheels that go the wrong way.
+# What a window shows: the side that lags behind, or wheels that turn the wrong way.
 LEFT: Final = -1
 RIGHT: Final = 1
 REVERSED: Final = 0
-# What a window is of: driving ahead or back, or turning on the spot.
+# What the rover is commanded to do during a window: drive ahead or back, or turn on the spot.
 AHEAD: Final = 1
 BACK: Final = -1
 CLOCKWISE: Final = 2
 ANTICLOCKWISE: Final = -2
 
-# Wheels stand about three quarters of the way from the middle of a body to its corners, and its weight is spread
-# evenly: a friction f stops its turning with f g times this, over the diagonal of its outline, in rad/s2.
+# A friction f stops a turn with f g times this, divided by the diagonal of the body's outline, in rad/s2. Assumed: the
+# wheels are about three quarters of the way from the middle of the body to its corners, and its weight is evenly spread
+# over the outline.
 TURN_STOP: Final = 0.75 / 2 * 12
-# One that slides ahead as well has less grip left for that: measured in MuJoCo at a friction of 0.1, it turned on by 20
-# degrees from 40 degrees a second.
+# A body that also slides ahead has less grip left to stop its turn: measured in MuJoCo at a friction of 0.1, it
+# continued to turn by 20 degrees from 40 degrees a second.
 TURNS_ON_S: Final = 0.5
-RATE_TICKS: Final = 2  # over which the turn rate is taken: that of one tick is mostly noise
+RATE_TICKS: Final = 2  # the turn rate is the mean over so many ticks: that of one tick is mostly noise
 
 
 class DriveSample:
-    """A tick, and sums since the start of the run.
+    """Cumulative sums at one tick, since the start of the run.
 
-    ``left_deg`` and ``right_deg`` are what each side was commanded to turn the rover by itself, the left one clockwise,
-    the right one back, with the lag of a body. ``clockwise_deg`` and ``anticlockwise_deg`` are what both were commanded
-    to turn it either way, without. ``gained_deg`` is what it has turned, clockwise.
+    ``left_deg`` is how far the commands of the left side alone turn the rover clockwise, ``right_deg`` how far those of
+    the right side alone turn it anticlockwise; both include the lag of the body. ``clockwise_deg`` and
+    ``anticlockwise_deg`` are how far the commands of both sides together turn it each way, without the lag.
+    ``gained_deg`` is how far it has turned, clockwise positive; ``ahead_m`` how far it was seen to move ahead.
     """
 
     def __init__(
@@ -66,7 +70,7 @@ class DriveSample:
 
 
 class SuspectedSide(NamedTuple):
-    """When to report a side, which one, and whether the body hardly moved when it was noticed."""
+    """A suspected side: when to report it, which side it is, and whether the body hardly moved when it was noticed."""
 
     report_t_s: float
     side: int
@@ -76,7 +80,7 @@ class SuspectedSide(NamedTuple):
 class DriveMonitor:
     """Compares the heading gained with the turn commanded, over a window of driving or turning one way.
 
-    ``condition`` is what was shown last, and stays until ``until_t_s``.
+    ``condition`` is the latest condition found; it holds until ``until_t_s``.
     """
 
     def __init__(self, settings: DetectorSettings, vehicle: Vehicle) -> None:
@@ -99,9 +103,10 @@ class DriveMonitor:
         self.until_t_s = -inf
 
     def update(self, interval: Interval, gained_deg: float, ahead_m: float, *, trusted: bool) -> None:
-        """Take in a tick: the wheel commands since the last, and the heading and distance gained since the start.
+        """Take in a tick: the wheel commands since the last tick, and heading and distance gained since the start.
 
-        It is ``trusted`` unless the compass is in doubt, or the forest is in the way: such windows are dropped.
+        A tick is ``trusted`` unless the compass is in doubt or there is an anomaly. A tick that is not trusted ends the
+        window.
         """
         t_s, driven_s, (left, right) = interval.t_s, interval.driven_s, interval.commanded
         self._add_commanded(driven_s, left, right)
@@ -129,7 +134,7 @@ class DriveMonitor:
             then = window[0]
         still = abs(gained_deg - then.gained_deg) < self._least_deg
         if still and straight and not self._reports:
-            return  # as nearly always; a rover that is held turns no more than that
+            return  # nearly every tick ends here; a rover that is held turns no more than that
         if not straight:
             self._check_sense(then, now)
         elif not still:
@@ -138,7 +143,7 @@ class DriveMonitor:
             self._clear_sides(then, now)
 
     def _add_commanded(self, driven_s: float, left: float, right: float) -> None:
-        """Add what the wheels were commanded for so long."""
+        """Add the commands that the wheels obeyed for ``driven_s``."""
         share, deg_s_per_duty = driven_s / (driven_s + self._lag_s), self._deg_s_per_duty
         left_deg_s = self._left_deg_s = self._left_deg_s + (left * deg_s_per_duty - self._left_deg_s) * share
         right_deg_s = self._right_deg_s = self._right_deg_s + (right * deg_s_per_duty - self._right_deg_s) * share
@@ -151,11 +156,11 @@ class DriveMonitor:
             self._anticlockwise_deg -= turn_deg
 
     def _confirm(self, t_s: float, suspect: SuspectedSide, applied: WheelCommand, *, trusted: bool) -> None:
-        """Report the side under suspicion, once no anomaly has followed: a trunk that turns a rover soon holds it.
+        """Report the suspected side if no anomaly has followed: a trunk that turns a rover soon holds it.
 
-        Where hardly any side but that one was to push, the anomaly may be that side's as well: that is reported, but is
-        never a fault, for a controller asks for that beside a trunk too. Nor is a side that lagged while the body
-        hardly got on: a healthy one on slippery ground was turned by the trunk that held it.
+        If almost only that side was commanded, the anomaly may be caused by that side. This is reported, but never as
+        a fault, because the controller also commands this beside a trunk. A side that lagged while the body hardly
+        moved is no fault either: on slippery ground, a trunk that holds a healthy rover can turn it.
         """
         at_s, side, held = suspect
         suspected, other = applied if side == LEFT else reversed(applied)
@@ -174,16 +179,17 @@ class DriveMonitor:
         self._window.clear()
 
     def _rate_before_deg_s(self) -> float:
-        """Return the turn rate that the body had before the window."""
+        """Return the turn rate that the body had just before the window, 0 where that is not known."""
         if len(self._before) <= RATE_TICKS:
             return 0.0
         first, last = self._before[0], self._before[-1]
         return (last.gained_deg - first.gained_deg) / (last.t_s - first.t_s)
 
     def _coasts_deg(self, then: DriveSample, now: DriveSample, way: float) -> float:
-        """Return how far the body may turn on that way from the rate that it had before the window.
+        """Return how far the body may continue to turn that way, because of its turn rate before the window.
 
-        One that gains or loses speed as fast as slippery ground allows spends its grip on that, and turns on meanwhile.
+        A body that gains or loses speed as fast as slippery ground allows has no grip left to stop its turn: it may
+        continue to turn for the whole window.
         """
         rate_deg_s = way * self._rate_before_deg_s()
         if rate_deg_s <= 0.0:
@@ -195,18 +201,18 @@ class DriveMonitor:
         return rate_deg_s * turns_on_s
 
     def _clear_sides(self, then: DriveSample, now: DriveSample) -> None:
-        """Forget what was found of either side, if it would have shown in this window as well."""
+        """Forget what was found of both sides, if a dead side would have turned the body in this window."""
         margin_deg, measured_deg = self._settings.drive_margin_deg, now.gained_deg - then.gained_deg
         left_deg, right_deg = now.left_deg - then.left_deg, now.right_deg - then.right_deg
         if abs(measured_deg + right_deg) > margin_deg and abs(measured_deg - left_deg) > margin_deg:
             self._forget_sides()
 
     def _forget_sides(self) -> None:
-        """Forget what was found of a side that lags."""
+        """Forget the reports of sides that lag; those of reversed wheels stay."""
         self._reports = deque(each for each in self._reports if each[1] == REVERSED)
 
     def _compare(self, then: DriveSample, now: DriveSample) -> None:
-        """Look for a side that lags behind: if it is the left one, the rover turns left ahead, right in reverse."""
+        """Look for a side that lags behind: with the left one, the rover turns left ahead, and right in reverse."""
         settings, measured_deg = self._settings, now.gained_deg - then.gained_deg
         left_deg, right_deg = now.left_deg - then.left_deg, now.right_deg - then.right_deg
         commanded_deg = left_deg - right_deg
@@ -219,10 +225,10 @@ class DriveMonitor:
         coasted_deg = self._coasts_deg(then, now, way)
         beyond_deg = way * measured_deg - that_way_deg - coasted_deg
         if beyond_deg < settings.drive_margin_deg / 2:
-            return  # no more than it was commanded to turn that way: it was held, as by a tree or by the ground
+            return  # it turned no further that way than commanded: a tree or the ground held it back
         side, dead_deg = (LEFT, left_deg) if excess_deg * self._way < 0.0 else (RIGHT, right_deg)
         if beyond_deg < settings.drive_margin_deg and self._both_push(now, side):
-            return  # chance turned it, while the ground held it
+            return  # both sides push: it turned a little too far by chance, while the ground held it
         reversed_deg = settings.reversed_share * abs(dead_deg) + settings.reversed_margin_deg
         if abs(excess_deg) - coasted_deg > reversed_deg:
             self._report(now.t_s, REVERSED, settings.reversed_turns)
@@ -231,18 +237,20 @@ class DriveMonitor:
             self._suspect = SuspectedSide(now.t_s + settings.drive_confirm_s - 1e-6, side, held)
 
     def _held(self, then: DriveSample, now: DriveSample) -> bool:
-        """Return whether the body hardly moved ahead: what holds it may also turn it.
+        """Return whether the body hardly moved, compared with the commands: what holds it may also turn it.
 
-        One side alone drives it half as far as both. Where nothing at all was seen, nobody knows.
+        One side alone drives it half as far as both. The answer is no if no motion was seen at all, because then the
+        sensor may be blind.
         """
         commanded_m = (now.left_deg - then.left_deg + now.right_deg - then.right_deg) / 2 * self._m_per_deg
         moved_m = now.ahead_m - then.ahead_m
         return moved_m != 0.0 and self._way * moved_m < self._settings.immobilised_below * self._way * commanded_m
 
     def _both_push(self, now: DriveSample, side: int) -> bool:
-        """Return whether the body goes on as fast as both sides drive it, and not as fast as without the one.
+        """Return whether the speed of the body is closer to that of both sides than to that of the other side alone.
 
-        Of late, as a side may just have died. A sense that cannot tell which way never shows it.
+        Only recent samples count, the second half of the window, because a side may have failed a moment ago. A motion
+        sensor that does not see the direction cannot show this.
         """
         middle = self._window[len(self._window) // 2]
         left_deg, right_deg = now.left_deg - middle.left_deg, now.right_deg - middle.right_deg
@@ -251,7 +259,7 @@ class DriveMonitor:
         return self._way * (now.ahead_m - middle.ahead_m) >= max(0.0, self._way * between_m)
 
     def _check_sense(self, then: DriveSample, now: DriveSample) -> None:
-        """Look for a turn on the spot that goes the other way, or straight on."""
+        """Look for a commanded turn on the spot in which the body turns the other way, or drives straight on."""
         settings = self._settings
         way = 1.0 if self._way == CLOCKWISE else -1.0
         commanded_deg = way * (now.left_deg - then.left_deg - now.right_deg + then.right_deg)
@@ -267,31 +275,31 @@ class DriveMonitor:
             self._report(now.t_s, REVERSED, settings.reversed_turns)
 
     def _about_the_middle(self, then: DriveSample, now: DriveSample) -> bool:
-        """Return whether the body was seen to turn about its middle: one with a dead side turns about that side.
+        """Return whether the body was seen to turn about its middle.
 
-        Then its middle moves by half a track for each radian. Where nothing at all was seen, nobody knows.
+        With a dead side it turns about that side, and its middle moves by half a track for each radian. The answer is
+        no if no motion was seen at all, because then the sensor may be blind.
         """
         turned_m = (now.gained_deg - then.gained_deg) * self._m_per_deg
         return 0.0 < abs(now.ahead_m - then.ahead_m) < abs(turned_m) / 4
 
     def _goes_straight_on(self, then: DriveSample, now: DriveSample) -> bool:
-        """Return whether the wheels drive the body ahead or back: one that only coasts, or is shoved, gets slower.
+        """Return whether the wheels drive the body ahead or back: a body that only coasts, or was pushed, gets slower.
 
-        A body with one side in mud goes ahead as well, so that this alone raises no suspicion.
+        A body with one side in mud goes straight on as well, so this alone is no reason for a report.
         """
         early_m, late_m = self._halves_m(then, now)
         return abs(early_m + late_m) >= self._settings.reversed_straight_m and early_m * late_m >= early_m * early_m
 
     def _halves_m(self, then: DriveSample, now: DriveSample) -> tuple[float, float]:
-        """Return how far the body was seen to go ahead in each half of the window."""
+        """Return how far the body was seen to move ahead in each half of the window."""
         middle = self._window[len(self._window) // 2]
         return middle.ahead_m - then.ahead_m, now.ahead_m - middle.ahead_m
 
     def _report(self, t_s: float, what: int, limit: int) -> None:
-        """Take note of what a window shows; so many alike within memory are a fault.
+        """Note what a window shows; ``limit`` equal reports within ``drive_memory_s`` are a fault.
 
-        The same is not reported twice of one window: after a report, a window's length must have passed, or another
-        manoeuvre have begun.
+        One window gives one report of a kind: the next one counts after a window's length, or in a new window.
         """
         reports = self._reports
         while reports and t_s - reports[0][0] > self._settings.drive_memory_s:

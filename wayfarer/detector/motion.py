@@ -1,4 +1,4 @@
-"""Compares the motion sensor with the wheel commands."""
+"""Checks the readings of the motion sensor and compares them with the wheel commands: stuck, running away, or blind."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ from wayfarer.hal import MotionReading
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.interval import Interval
 
-# Of what was commanded now or just before, for a rover that rolls on: no reading counts for more; a tenth is for noise.
+# A reading counts for at most this share of the commanded distance of this or the previous reading (a rover may roll
+# on). A tenth is for noise.
 MOST_SHARE: Final = 1.1
 
 
 class MotionMonitor:
-    """Feeds ``stall`` and ``runaway`` with what can be true, and knows how long nothing was.
+    """Passes plausible readings to ``stall`` and ``runaway``, and measures how long there was none.
 
     ``watched`` says whether silence is a condition; ``moves`` is whether the newest reading shows that the rover moves.
-    ``ahead_m`` is how far it was seen to go ahead since the start, less what it went back.
+    ``ahead_m`` is how far it was seen to move ahead since the start, minus how far it moved back.
     """
 
     def __init__(self, settings: DetectorSettings, vehicle: Vehicle, *, watched: bool) -> None:
@@ -38,8 +39,8 @@ class MotionMonitor:
         self.moves = False
         self.ahead_m = 0.0
         self._commanded_m = self._before_m = self._undriven_s = 0.0
-        # How far the sides were commanded to go, either way, and the left one further than their mean; how far it
-        # turned.
+        # Since the last reading: the mean distance commanded of the sides, ahead and back both positive; how much
+        # further the left side was commanded than the mean of both; how far the body turned.
         self._pushed_m = self._led_m = self._turned_deg = 0.0
         self._driven_t_s = self._spoke_t_s = self._moved_t_s = 0.0
 
@@ -76,7 +77,7 @@ class MotionMonitor:
     def _take(self, t_s: float, reading: MotionReading, conditions: list[Condition]) -> None:
         read_t_s, forward_m, right_m, quality, signed = reading
         if not self._spoke_t_s < read_t_s <= t_s:
-            return  # no such time; or the first one, which says how far since nobody knows when
+            return  # an impossible time, or not later than the last reading or the start of the run
         dt_s, self._spoke_t_s = read_t_s - self._spoke_t_s, read_t_s
         commanded_m, self._commanded_m = self._commanded_m, 0.0
         distance_m, before_m = abs(commanded_m), self._before_m
@@ -90,11 +91,11 @@ class MotionMonitor:
             straight = 0.0  # one side's wheels slip ahead, the other's back: their friction cancels out
         self._pushed_m = self._led_m = self._turned_deg = 0.0
         if not signed and commanded_m < 0.0:
-            forward_m = -forward_m  # the sense cannot tell which way; believe the wheels
+            forward_m = -forward_m  # the sensor does not see the direction; take that of the wheels
         limit_m = self._speed_max_m_s * dt_s
         can_be = abs(forward_m) <= limit_m >= abs(right_m) and 0.0 <= quality <= 1.0
         known = can_be and quality >= self._quality_min
-        # No reading counts for much more than what was driven: garbage now and then hides no stall.
+        # No reading counts for much more than what was driven, so that single wild readings cannot hide a stall.
         counted_m = forward_m if known else None
         if known and commanded_m:
             most_m = MOST_SHARE * (distance_m if distance_m > before_m else before_m)

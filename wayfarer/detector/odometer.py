@@ -1,4 +1,4 @@
-"""Odometer: distance by the motion sensor, or by the commands where the sensor is not usable. Pure."""
+"""Odometer: distance from the motion sensor, or from the commands where the sensor is not usable. Pure."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from wayfarer.safety.interval import Interval
 
 
 class Odometer:
-    """Adds up the ground covered, ``covered_m``, forwards and backwards both counted up.
+    """Adds up the distance covered, ``covered_m``; driving forwards and backwards both increase it.
 
-    Readings come less often than ticks. In between the rover is assumed to continue as before: by the share of the
-    commanded distance that the latest reading saw. Without a sensor that is all of it.
+    Readings come less often than ticks. Between two readings the rover is assumed to cover the same share of the
+    commanded distance as at the latest reading. Without a sensor that share is 1.
 
     Args:
-        quality_min: of a reading that is believed, 0 to 1.
+        quality_min: the lowest quality of a reading that is used, 0 to 1.
     """
 
     def __init__(self, quality_min: float) -> None:
@@ -24,7 +24,7 @@ class Odometer:
         self._share = 1.0
 
     def update(self, interval: Interval, motion: MotionReading | None) -> float:
-        """Take a tick: what was commanded since the last one, and what the sensor saw since its last reading.
+        """Add a tick: the commands since the last one, and what the sensor saw since its last reading.
 
         Returns metres covered since the last tick, negative where the rover was commanded backwards.
         """

@@ -9,10 +9,11 @@ from wayfarer.detector.settings import DetectorSettings
 
 
 class RunawayMonitor:
-    """Finds motion without a command, in one direction; ``found`` says whether it has lasted.
+    """Finds motion without a command, in one direction; ``found`` says whether it has lasted long enough.
 
-    A body that coasts loses speed, on the most slippery ground at ``gain_m_s2``: as long as it does, it is not running
-    away. Whether the rover is armed it does not know: a person may push one that is not.
+    A body that coasts loses speed, at least ``gain_m_s2`` on the most slippery ground. While it loses that much, it is
+    not running away. This monitor does not know whether the rover is armed; a person may push one that is not, so the
+    controller ignores the finding then.
     """
 
     def __init__(self, settings: DetectorSettings) -> None:
@@ -31,9 +32,9 @@ class RunawayMonitor:
         self._halt()
 
     def add(self, dt_s: float, stood_s: float, moved_m: float) -> None:
-        """Add a reading of the last ``dt_s``: how far the ground went; zero had been commanded for ``stood_s`` by then.
+        """Add a reading: the body moved ``moved_m`` in the last ``dt_s``; zero has been commanded for ``stood_s``.
 
-        It counts when most of it is after the time for coasting.
+        It counts if most of ``dt_s`` is after the time for coasting.
         """
         if self._coasting and stood_s <= self._coasting[-1][0]:
             self.clear()
@@ -48,12 +49,12 @@ class RunawayMonitor:
         self.found = self._moving_s >= self._for_s
 
     def _halt(self) -> None:
-        """Begin to count again: the rover does not move, or may still do so."""
+        """Begin to count again: the rover does not move, or its motion is allowed."""
         self._moving_s, self._way = 0.0, 0.0
         self.found = False
 
     def _slows_down(self, stood_s: float, speed_m_s: float) -> bool:
-        """Return whether the speed has fallen, over as long as a motion must last, by what it loses at the least."""
+        """Return whether the speed has fallen by at least ``gain_m_s2``, measured over ``runaway_for_s``."""
         speeds = self._coasting
         speeds.append((stood_s, speed_m_s))
         while len(speeds) > 1 and stood_s - speeds[1][0] >= self._for_s:

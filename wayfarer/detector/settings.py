@@ -1,4 +1,4 @@
-"""Thresholds of the detector."""
+"""Thresholds of the detector: when a rover counts as stuck, tilted or running away, and a sensor as stale or wrong."""
 
 from __future__ import annotations
 
@@ -14,49 +14,53 @@ from wayfarer.units import Count, Degrees, DegreesPerSecond, Fraction, Metres, M
 class DetectorSettings:
     """Thresholds, each with its own unit; "fault" is a row of the fault catalogue.
 
-    ``stale`` ages: PX4 gives a compass 0.3 s, ArduPilot gives flow 0.5 s and a failed link 1.5 s; these, and the second
-    of a sensor that sees nothing, are less by a reading and a tick, so that the wheels stand in time. A motion sensor
-    that speaks and sees nothing is unknown and then lost; one that is silent for ``motion_lost_s`` is gone (faults 15
-    and 22).
-    Tilt persists 0.2 s as PX4's attitude trigger persists 0.3 s; the released field code stops beyond 15 degrees of
-    pitch, here on both axes and both signs with margin for rough ground. A body that climbs fast tips over within those
-    0.2 s: one that at its rate will be tilted by ``tipping_deg`` in ``tipping_s`` is tilted now. The shipped bodies tip
-    at 51 degrees (closed form, docs/physics.md); a reading, a tick and the motors' lag (``simhal.Physics``) together
-    are those 0.2 s. Beyond ``overturned_deg`` for ``overturned_s``, which one reading with a flipped bit is not, it
-    lies on its side.
+    *Ages.* PX4 gives a compass 0.3 s, ArduPilot gives flow 0.5 s and a failed link 1.5 s. ``compass_stale_s``,
+    ``motion_stale_s`` and ``motion_unknown_s`` (for 1 s) are less by one reading and one tick, so that the wheels stand
+    in time. A motion sensor that answers but sees nothing is unknown after ``motion_unknown_s`` and lost
+    after ``motion_lost_s``; one that is silent for ``motion_lost_s`` is gone (faults 15 and 22).
 
-    ``gain_m_s2`` is how fast this body gains speed, and loses it, on the most slippery ground that it meets: a friction
-    of 0.05, half of that of mud; from no measurement. What starts, coasts or turns on is judged by it. Over
-    ``immobilised_s`` the rover stands when it moved by less than the share ``immobilised_below`` of what was possible
-    from its speed before; over ``nowhere_s``, which is never taken as the shorter one, it gets nowhere (ArduPilot's
-    crash check takes 2 s).
+    *Tilt.* A tilt beyond ``tilt_deg`` counts after ``tilt_s`` (PX4's attitude trigger: 0.3 s). The released field code
+    stops beyond 15 degrees of pitch; this limit is for both axes and both signs, with a margin for rough ground. A body
+    that climbs fast tips over within those 0.2 s. So a body that will reach ``tipping_deg`` within ``tipping_s`` at its
+    present rate counts as tilted at once. The shipped bodies tip at 51 degrees (closed form, docs/physics.md).
+    ``tipping_s`` is a reading, a tick and the motors' lag (``simhal.world.physics.Physics``) together. A body that is
+    tilted beyond ``overturned_deg`` for ``overturned_s`` has overturned; one reading with a flipped bit is shorter.
 
-    A heading that is more than ``heading_jump_deg`` from the last one, and further than ``heading_rate_max_deg_s``
-    (twice the fastest commanded turn) goes in the time between, is rejected; where ``implausible_rejected`` of the last
-    ``implausible_of`` readings were, and before one that insists for ``implausible_s`` is believed, the rover stops
-    (fault 5: 45 degrees in 50 ms, 5 of 10). One that is the same to the last digit through ``frozen_s`` of commanded
-    turns, faster than ``frozen_turn_deg_s``, is frozen (fault 4): a part with steps of 1 degree passes twenty of them.
-    That counts while the rover is seen to move; one that stands may be held, so that pitch and roll must stay as well.
-    A compass below the calibration that arming demands is doubted after ``uncalibrated_s``, and for as long after each
-    reading that it has rejected then (fault 10).
+    *Stall.* ``gain_m_s2`` is how fast this body gains or loses speed on the most slippery ground that it meets: a
+    friction of 0.05, half of that of mud; from no measurement. It limits what a body that starts, coasts or turns can
+    do. The rover stands if it moved, over ``immobilised_s``, by less than the share ``immobilised_below`` of what was
+    possible from its speed before. It gets nowhere if the same holds over ``nowhere_s``, which counts as at least
+    ``immobilised_s`` (ArduPilot's crash check takes 2 s).
 
-    The rover runs away when, from ``runaway_after_s`` after the last command to move on, the ground goes by at
-    ``runaway_from_m_s`` or more for ``runaway_for_s``: together the 0.5 s of fault 30. Until then it may coast, and for
-    as long as it loses ``gain_m_s2`` or more of its speed, looked at over ``runaway_for_s``.
+    *Compass.* A heading is rejected if it is more than ``heading_jump_deg`` from the last one, and more than
+    ``heading_rate_max_deg_s`` (twice the fastest commanded turn) allows in the time between. The rover stops while
+    ``implausible_rejected`` of the last ``implausible_of`` readings were rejected. If it rejected every reading for
+    ``implausible_s`` because of such a jump, it believes the newest one, but stops first (fault 5: 45 degrees in 50 ms,
+    5 of 10). A heading that stays the same to the last digit during ``frozen_s`` of commanded turns, faster than
+    ``frozen_turn_deg_s``, is frozen (fault 4); a compass with steps of 1 degree passes twenty of them in that time.
+    This counts while the rover is seen to move. A rover that stands may be held, so then pitch and roll must stay the
+    same as well. A compass that is calibrated less than arming demands is reported after ``uncalibrated_s``. After
+    that, each rejected reading makes it implausible for as long (fault 10).
 
-    Drives are watched over ``drive_window_s`` at most. The heading is to follow the commanded turn, which lags by
-    ``drive_lag_s`` (as ``simhal.Physics``), but for ``drive_margin_deg`` and ``drive_margin_share`` of that turn: a
-    dead side of the slowest shipped rover turns it by 51 degrees in that second, noise and unequal sides by 6 (one
-    standard deviation). A window counts when no anomaly has followed within ``drive_confirm_s``: a trunk turns a rover
-    as well, and then holds it. ``drive_uneven_windows`` to one side in ``drive_memory_s``, with no drive in between
-    that turned as commanded, and no turn on the spot about the middle, are a fault (fault 27). A side that is reversed
-    turns it twice as far as a dead one, so more than ``reversed_share`` and ``reversed_margin_deg``; where both
-    are, or left and right are mixed up, a turn on the spot of ``reversed_turn_deg`` goes ``reversed_back_deg`` the
-    other way, or the rover goes ``reversed_straight_m`` straight on (from no source). Either of them
-    ``reversed_turns`` times is a fault (fault 28).
+    *Runaway.* The rover runs away if it moves at ``runaway_from_m_s`` or more for ``runaway_for_s``, counted from
+    ``runaway_after_s`` after the last command to move: together the 0.5 s of fault 30. Before that it may coast. Later
+    it may coast too, as long as it loses ``gain_m_s2`` or more of its speed, measured over ``runaway_for_s``.
 
-    Full duty on the spot that turns nothing for ``cannot_turn_s`` is a try; ``cannot_turn_tries`` in a row are told,
-    and after ``cannot_turn_max`` the rover gives up, as after so many anomalies in the fault catalogue (fault 57).
+    *Drive.* Drives are watched over windows of at most ``drive_window_s``. The heading must follow the commanded turn,
+    which lags by ``drive_lag_s`` (as ``simhal.world.physics.Physics``), within ``drive_margin_deg`` plus
+    ``drive_margin_share`` of that turn. In that second a dead side of the slowest shipped rover turns it by 51 degrees;
+    noise and unequal sides turn it by 6 (one standard deviation). A window counts if no anomaly follows within
+    ``drive_confirm_s``, because a trunk turns a rover as well, and then holds it. ``drive_uneven_windows`` to one side
+    within ``drive_memory_s`` are a fault (fault 27), unless a window between them cleared the findings
+    (see ``detector.drive``). A reversed side turns the rover twice as far as a dead one; it is reported beyond
+    ``reversed_share`` of a dead side's turn plus ``reversed_margin_deg``. In a turn on the spot of
+    ``reversed_turn_deg``, a rover whose sides are both reversed, or exchanged, turns ``reversed_back_deg`` the other
+    way; a rover with one reversed side goes ``reversed_straight_m`` straight on (from no source). ``reversed_turns``
+    such reports are a fault (fault 28).
+
+    *Turning.* Full duty on the spot that hardly turns the rover for ``cannot_turn_s`` is a failed try.
+    ``cannot_turn_tries`` in a row are reported. After ``cannot_turn_max`` the rover gives up, as after that number of
+    anomalies in the fault catalogue (fault 57).
     """
 
     immobilised_s: Seconds = 0.3

@@ -1,4 +1,4 @@
-"""Detects stalls: wheels driven without motion, or without progress.
+"""Detects that the rover is stuck (a *stall*): wheels driven without motion, or without progress.
 
 A body gains speed no faster than the ground's grip allows, ``gain_m_s2`` at the least, so what it moved is compared
 with what it *could* have moved, not with what was commanded:
@@ -9,10 +9,10 @@ with what it *could* have moved, not with what was commanded:
 * **It gets nowhere**: over ``nowhere_s`` it moved by less than that share of what was possible since it was commanded
   to drive this way. It slides along a trunk.
 
-Sums over a window, not single samples, so that one noise count cannot hide a stall and one zero cannot fake one.
-Nothing is claimed while the rover turns on the spot, or while the command has just changed direction, or of a body that
-is still on its way in the other direction, nor where too much of a window was not seen: **low quality means unknown,
-never still**.
+Both are judged by sums over a window, not by single samples, so that one noise count cannot hide a stall and one zero
+cannot fake one. There is no result while the rover turns on the spot, just after the command has changed direction,
+while the body still moves in the other direction, or if too much of a window was not seen: **low quality means
+unknown, never still**.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from typing import Final
 
 from wayfarer.detector.settings import DetectorSettings
 
-# What was possible must be well above what a sensor shows of a body that stands: 4 to 5 standard deviations of a
+# The possible distance must be well above what a sensor shows while the body stands: 4 to 5 standard deviations of a
 # PMW3901's counts over 0.3 s, at three times its noise.
 SEEN_FROM_M: Final = 0.01
-# A body that turns so fast through the short window does not stand, and what was its speed ahead has become sideways;
-# one that a trunk turns does so at 67 degrees a second at most (measured in MuJoCo, friction 0.3).
+# A body that turns faster than this in the short window does not stand: its speed ahead has become speed sideways. A
+# trunk turns a body by at most 67 degrees a second (measured in MuJoCo, friction 0.3).
 TURNS_FROM_DEG_S: Final = 70.0
 
 
 class DrivingInterval:
     """An interval of driving; distances and speeds are positive in the direction that is commanded.
 
-    ``moved_m`` is None where nothing was seen, ``slid_m`` is to the right, ``gained_m_s`` is the speed that grip gives
-    in this time, ``possible_m`` the distance possible since driving began this way, and ``before_m_s`` the speed at
-    which the ground passed before.
+    ``moved_m`` is None where nothing was seen; ``slid_m`` is to the right; ``gained_m_s`` is the speed that grip can
+    add in this time; ``possible_m`` is the distance possible in it, given when driving this way began; ``before_m_s``
+    is the speed of the body before it.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class DrivingInterval:
 
 
 class StallMonitor:
-    """Finds commanded driving that does not move the ground; ``found`` says whether a whole window of it did not."""
+    """Finds commanded driving that does not move the body; ``found`` says whether it did not for a whole window."""
 
     def __init__(self, settings: DetectorSettings) -> None:
         self._stands_s = settings.immobilised_s - 1e-6  # sums of periods fall a rounding error short
@@ -92,13 +92,13 @@ class StallMonitor:
         Args:
             driven_s: how long the wheels obeyed.
             commanded_m: how far they were commanded to go, negative in reverse.
-            moved_m: how far they went, signed as well; None where that was not seen.
+            moved_m: how far the body moved ahead, negative in reverse; None where that was not seen.
             turned_deg: how far the body turned.
-            straight: how much of the wheels' pushing is ahead or back, 0 to 1; the ground's grip is spent on turning
-                for the rest.
-            slid_m: how far it slid to the right, where that is plain to see.
+            straight: the share of the wheels' push that is ahead or back, 0 to 1; the rest of the ground's grip is used
+                for turning.
+            slid_m: how far the body slid to the right, 0 where that is not clearly seen.
         """
-        before_m_s = (self._last_m_s + self._before_last_m_s) / 2  # of two, so that noise counts for half
+        before_m_s = (self._last_m_s + self._before_last_m_s) / 2  # the mean of two has less noise
         last_m_s = self._last_m_s
         if moved_m is not None and driven_s > 0.0:
             self._before_last_m_s, self._last_m_s = self._last_m_s, moved_m / driven_s
@@ -109,7 +109,7 @@ class StallMonitor:
             self._ahead = not self._ahead
             self._begin()
             if last_m_s * commanded_m < 0.0 and abs(last_m_s) > abs(before_m_s):
-                before_m_s = last_m_s  # still on its way in the other direction, and faster than before
+                before_m_s = last_m_s  # still moving in the other direction, and faster than before
         if not self._ahead:
             commanded_m, before_m_s, moved_m = -commanded_m, -before_m_s, None if moved_m is None else -moved_m
         if not self._intervals:
@@ -128,7 +128,7 @@ class StallMonitor:
         self.found = nowhere or self._stands()
 
     def _begin(self) -> None:
-        """Begin both windows; how fast the ground passes stays known."""
+        """Begin both windows again; the latest speeds are kept."""
         self._intervals.clear()
         self._span_s = self._moved_m = self._could_m = self._possible_m_s = 0.0
         self.found = False
@@ -153,7 +153,7 @@ class StallMonitor:
         else:
             return False
         if seen_m >= self._share * commanded_m:
-            return False  # as nearly always: no more was possible than was commanded
+            return False  # nearly every tick ends here: what was possible is at most what was commanded
         speed_m_s = self._intervals[-count].before_m_s
         moved_m = could_m = slid_m = unseen_s = turned_deg = 0.0
         for place in range(-count, 0):
@@ -164,19 +164,19 @@ class StallMonitor:
             turned_deg += interval.turned_deg
             if interval.moved_m is None:
                 unseen_s += interval.driven_s
-                moved_m += self._share * possible_m  # which speaks for neither
+                moved_m += self._share * possible_m  # an interval not seen counts neither for nor against standing
             else:
                 moved_m += interval.moved_m
         if unseen_s >= self._share * span_s or abs(turned_deg) > TURNS_FROM_DEG_S * span_s:
             return False
-        return self._too_little(max(moved_m, abs(slid_m)), could_m)  # one that skates sideways does not stand
+        return self._too_little(max(moved_m, abs(slid_m)), could_m)  # a body that slides sideways does not stand
 
     def _too_little(self, moved_m: float, could_m: float) -> bool:
         return could_m > SEEN_FROM_M and moved_m < self._share * could_m
 
 
 def _possible(speed_m_s: float, driven_s: float, commanded_m: float, gained_m_s: float) -> tuple[float, float]:
-    """Return how far a body of that speed can go as commanded, and its speed then."""
+    """Return how far a body of this speed can move in an interval, and its speed then; both at most as commanded."""
     reach_m, reach_m_s = (speed_m_s + gained_m_s / 2) * driven_s, speed_m_s + gained_m_s
     commanded_m_s = commanded_m / driven_s
     return (

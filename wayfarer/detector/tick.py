@@ -9,9 +9,9 @@ from wayfarer.safety.interval import Interval
 
 
 class DetectorTick(Interval):
-    """What the sensors say at a tick, and what is found in it.
+    """The readings of the sensors at a tick, and what the detector found in them.
 
-    A reading is None where the sensor has not spoken (motion: since the last tick).
+    A reading is None where the sensor has not answered yet (motion: since the last tick).
     """
 
     compass: CompassReading | None = None
@@ -22,5 +22,5 @@ class DetectorTick(Interval):
 
     @property
     def snapshot(self) -> Snapshot:
-        """The readings, for those who keep or compare them."""
+        """The readings alone, to keep or compare them."""
         return Snapshot(self.t_s, self.compass, self.motion, self.contact)

@@ -15,11 +15,12 @@ TILTS: Final = (Anomaly.NOSE_UP, Anomaly.NOSE_DOWN, Anomaly.RIGHT_DOWN, Anomaly.
 
 
 class TiltMonitor:
-    """Looks at pitch and roll; each side persists by itself, but one to which the body is tipping over counts at once.
+    """Judges pitch and roll.
 
-    The body tips over where its tilt, which grows, would soon be too much for it. The rate is that of the slower of the
-    last two steps between readings, so that one wrong reading, or one bump, is no tipping; and nothing is below half
-    of the limit for tilt.
+    A tilt to one of the four sides counts once it has lasted, separately for each side. A body that is tipping over to
+    a side counts as tilted at once: its tilt grows so fast that it would soon be too much. The rate is that of the
+    slower of the last two steps between readings, so that one wrong reading or one bump does not count as tipping. A
+    tilt below half of the limit never counts.
     """
 
     def __init__(self, settings: DetectorSettings) -> None:
@@ -35,7 +36,7 @@ class TiltMonitor:
     def update(
         self, t_s: float, believed: CompassReading, anomalies: list[Anomaly], conditions: list[Condition]
     ) -> None:
-        """Take in a tick, and add what is found."""
+        """Judge a tick, and add what is found to ``anomalies`` and ``conditions``."""
         read_t_s, _, pitch_deg, roll_deg, _ = believed
         readings = self._readings
         if not readings or readings[-1].t_s < read_t_s:
@@ -61,7 +62,7 @@ class TiltMonitor:
         old_deg, mid_deg, new_deg = (_towards_deg(reading)[side] for reading in self._readings)
         old_t_s, mid_t_s, new_t_s = (reading.t_s for reading in self._readings)
         rate_deg_s = min((mid_deg - old_deg) / (mid_t_s - old_t_s), (new_deg - mid_deg) / (new_t_s - mid_t_s))
-        ahead_s = new_t_s - mid_t_s + self._tipping_s  # from the middle reading on: the newest one alone may be wrong
+        ahead_s = new_t_s - mid_t_s + self._tipping_s  # from the middle reading: the newest one alone may be wrong
         return rate_deg_s > 0.0 and mid_deg + rate_deg_s * ahead_s >= self._tipping_deg
 
 

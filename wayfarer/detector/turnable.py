@@ -1,7 +1,7 @@
 """Detects a rover that cannot turn on the spot: repeated full turn duty without rotation.
 
-A tree or a branch under the belly holds a body for a while; ground that grips more than the motors can overcome holds
-it everywhere. Both look alike, and trying on is no use in either.
+A tree, or a branch under the belly, holds a body for a while. Ground with more grip than the motors can overcome holds
+it everywhere. The rover cannot distinguish them, and in both cases more tries do not help.
 """
 
 from __future__ import annotations
@@ -13,20 +13,21 @@ from wayfarer.detector.settings import DetectorSettings
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.interval import Interval
 
-# Of the duty that the gate allows; a Sabertooth knows 127 steps and an undervoltage leaves 0.7 of it.
+# What counts as full duty, as a share of the duty that the gate allows: an undervoltage leaves 0.7 of it, and a
+# Sabertooth rounds to 127 steps.
 FULL_SHARE: Final = 0.65
-# A turn on the spot has next to nothing in common with going ahead.
+# In a turn on the spot, driving ahead is at most this share of turning.
 AHEAD_SHARE: Final = 0.2
-# A body that turned by so much can turn: three times what counts as no turn at all.
+# A body that turned by this much can turn: three times what counts as no turn at all.
 TURNS_DEG: Final = 9.0
 
 
 class TurnabilityMonitor:
-    """Counts the tries in a row in which full duty on the spot turned nothing.
+    """Counts the tries in a row in which full duty on the spot did not turn the rover.
 
     Args:
-        settings: how long a try is, and how many of them say what.
-        duty_max: what the gate lets through, above 0 to 1.
+        settings: how long a try is, and how many failed tries are reported or end the mission.
+        duty_max: the highest duty that the gate allows, above 0 to 1.
     """
 
     def __init__(self, settings: DetectorSettings, duty_max: float) -> None:
@@ -43,7 +44,7 @@ class TurnabilityMonitor:
         self._from_deg = self._tried_s = 0.0
 
     def update(self, interval: Interval, gained_deg: float) -> tuple[Condition, ...]:
-        """Take in a tick: what the wheels were commanded, and the heading gained since the start of the run."""
+        """Judge a tick: the wheel commands before it, and the heading gained since the start of the run."""
         left, right = interval.commanded
         if not -AHEAD_SHARE <= (left + right) / (left - right or 1.0) <= AHEAD_SHARE:
             self._way = 0.0

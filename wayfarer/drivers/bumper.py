@@ -1,7 +1,7 @@
 """Bumper switches at the GPIO pins, through gpiozero: one switch for each side of the body.
 
-A switch that closes and opens again between two reads is not lost: the pin's own event remembers it until the next
-read. A switch whose wire is torn off looks like one that nothing touches; nothing here can tell.
+A switch that closes and opens again between two reads is not missed: the pin's own event is remembered until the next
+read. A switch whose wire is broken looks like one that nothing touches; this driver cannot detect that.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class BumperSettings:
 
 
 class Bumper(GpioPart):
-    """The switches as a ``hal.ContactSensor``; they do not know along which bearing an obstacle lies."""
+    """The switches as a ``hal.ContactSensor``; they do not know the bearing of an obstacle."""
 
     part: ClassVar[str] = "contact"
     Settings = BumperSettings
@@ -62,7 +62,7 @@ class Bumper(GpioPart):
     async def read(self) -> ContactReading:
         """Return the sides that are pressed now, or were since the previous read."""
         with self._using() as switches:
-            # Forget first, look second: a press in between is seen twice, and not never.
+            # Forget before looking: a press between the two is then reported twice, and is not missed.
             sides = tuple(side for side, switch in switches.items() if self._forget(side) or switch.is_active)
         return ContactReading(asyncio.get_running_loop().time(), sides, None)
 
@@ -74,5 +74,5 @@ class Bumper(GpioPart):
         self._pressed[side] = True
 
     def _forget(self, side: Side) -> bool:
-        """Return whether a side was pressed since this was last asked."""
+        """Return whether a side was pressed since the last call."""
         return self._pressed.pop(side, False)

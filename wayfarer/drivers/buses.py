@@ -1,9 +1,9 @@
 """Bus protocols, as the drivers see them: I2C, SPI, serial, camera.
 
-A driver asks ``Buses`` for the bus that its settings name and awaits transfers on it. Whether behind them are a
-Raspberry Pi's device files (``linux.py``), simulated chips (``simhal.buses``) or another process is not its business.
-No transfer ever waits longer than a deadline: a bus that hangs raises ``NotResponding``. The first one may take seconds
-more, for it opens the bus.
+A driver asks ``Buses`` for the bus that its settings name and awaits transfers on it. It does not know whether these
+use the device files of a Raspberry Pi (``linux.py``), simulated chips (``simhal.buses``) or another process. No
+transfer waits longer than a deadline: a bus that hangs raises ``NotResponding``. The first transfer may take seconds
+more, because it opens the bus.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ CLOSE_WAIT_S = 0.2  # as for each part: a run must have ended 2 s after SIGTERM
 class I2CBus(Protocol):
     """An I2C bus; addresses are 7-bit.
 
-    Each transfer that is awaited raises ``NotResponding`` where there is no acknowledgement, or the deadline passed.
+    Each transfer that is awaited raises ``NotResponding`` if there is no acknowledgement, or the deadline passed.
     """
 
     name: str
@@ -29,7 +29,7 @@ class I2CBus(Protocol):
         """Write bytes."""
 
     async def write_read(self, address: int, data: bytes, count: int) -> bytes:
-        """Write, then read ``count`` bytes after a repeated start, as EEPROM-like chips want it."""
+        """Write, then read ``count`` bytes after a repeated start, as EEPROM-like chips need it."""
 
     async def write_then_read(self, address: int, data: bytes, count: int) -> bytes:
         """Write, stop, read ``count`` bytes; no other transfer on this bus comes in between."""
@@ -103,4 +103,4 @@ class Buses(Protocol):
         """Return a camera by its number among the connected ones, as text; ``exposure_us`` None is automatic."""
 
     async def close(self, wait_s: float = CLOSE_WAIT_S) -> None:
-        """Send what was posted, then release everything; never raises, and waits for all of it at most ``wait_s``."""
+        """Send the posted commands, then release everything; never raises, and waits at most ``wait_s`` in total."""

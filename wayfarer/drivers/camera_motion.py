@@ -1,15 +1,18 @@
 """A camera as motion sensor, in one of two modes.
 
 ``displacement``: the camera looks straight down. Successive pictures are registered to each other by phase correlation,
-and the shift is scaled to metres. From one picture to the next the rover may drive a third of the ground that a picture
-shows, better a tenth: mount the camera high enough, or let it run faster. Turning rotates the picture: quality falls.
+and the shift is scaled to metres. Between two pictures the rover may drive at most a third, better a tenth, of the
+ground that a picture shows: mount the camera high enough, or increase its rate. A turn rotates the picture, which
+lowers the quality.
 
-``difference``: the camera looks anywhere, for example ahead. How much successive pictures differ says that the rover
-moves, not which way: readings are not ``signed``. It needs two numbers from a calibration on the ground to be driven.
+``difference``: the camera looks in any direction, for example ahead. The difference of successive pictures shows that
+the rover moves, but not in which direction: readings are not ``signed``. This mode needs two numbers from a calibration
+on the ground to be driven.
 
-Pictures that are black, flat or identical to the last bit say nothing, and the reading's quality is 0: a real sensor is
-never without noise. Dirt on the lens that is sharp and dark enough does not move in the picture, like the ground before
-a stuck rover. Fix the exposure where the light allows: a short one also keeps the picture sharp while the rover moves.
+Pictures that are black, flat or identical to the last bit are no evidence, and the quality of the reading is 0: a real
+sensor always has noise. Dirt on the lens that is sharp and dark enough does not move in the picture, like the ground
+before a stuck rover. Set a fixed exposure if the light allows it; a short one keeps the picture sharp while the rover
+moves.
 """
 
 from __future__ import annotations
@@ -47,11 +50,12 @@ class CameraMotionSettings:
     forward: for displacement, the image axis that points ahead; x runs to the right of the picture and y down.
         ``-y`` is a camera whose picture has the rover's front at its top.
     m_per_pixel: for displacement, the ground that one pixel shows, in metres: drive a metre and divide.
-    dark_below, flat_below: a picture of less mean grey, or with less standard deviation of it, is no evidence. From no
-        source: a covered lens must fall below, the darkest ground to be driven must not.
+    dark_below, flat_below: a picture with a lower mean grey level, or a lower standard deviation, is no evidence. From
+        no source: a covered lens must be below them, the darkest ground to be driven must not.
     difference_still, difference_moving: for difference, the mean change of a pixel in grey levels from one picture to
-        the next (``CameraMotion.change``), standing still and at ``difference_speed_m_s`` on the dullest ground.
-    difference_speed_m_s: that speed; choose the cruising speed. Faster driving changes the picture no more than that.
+        the next (``CameraMotion.change``), while standing, and at ``difference_speed_m_s`` on the ground with the least
+        contrast.
+    difference_speed_m_s: that speed; choose the cruising speed. A higher speed is measured as this one.
     """
 
     camera: Literal["0", "1", "2", "3"] = "0"
@@ -79,7 +83,10 @@ class CameraMotionSettings:
 
 
 class Picture(NamedTuple):
-    """A frame, made ready for comparison: ``relief`` is its luma less its mean, so that brightness does not matter."""
+    """A frame for comparison: ``relief`` is luma minus its mean, so that brightness does not matter.
+
+    ``tells`` says whether it is evidence: neither too dark nor too flat.
+    """
 
     t_s: float
     luma: NDArray[numpy.uint8]
@@ -111,7 +118,7 @@ class CameraMotion:
 
         Raises:
             NotResponding: OpenCV is missing, or no camera, or no picture comes.
-            BadReading: a picture of another size, or of no grey bytes.
+            BadReading: a picture of another size, or not of grey bytes.
         """
         try:
             self._cv2: Any = import_module("cv2")
@@ -121,15 +128,15 @@ class CameraMotion:
         self._last = await self._picture()
 
     async def close(self) -> None:
-        """Forget the last picture; the camera is not this driver's."""
+        """Forget the last picture; the camera belongs to the buses."""
         self._last = None
 
     async def read(self) -> MotionReading:
-        """Return the displacement since the picture before; waits for a picture, never for motion.
+        """Return the displacement since the previous picture; waits for a picture, not for motion.
 
         Raises:
             NotResponding: no picture comes, or this is not open.
-            BadReading: a picture of another size, or of no grey bytes.
+            BadReading: a picture of another size, or not of grey bytes.
         """
         last, now = await self._next()
         displaces = self._settings.method == "displacement"
@@ -138,14 +145,14 @@ class CameraMotion:
         return self._displacement(last, now) if displaces else self._difference(last, now)
 
     async def change(self) -> float:
-        """Return by how many grey levels a pixel differs, on average, from the picture before; raises as ``read``.
+        """Return by how many grey levels a pixel differs, on average, from the previous picture; raises as ``read``.
 
         For calibration.
         """
         return _change(*await self._next())
 
     async def _next(self) -> tuple[Picture, Picture]:
-        """Return the picture before, and the next one, which takes its place."""
+        """Return the previous picture and the next one, which then becomes the previous one."""
         if self._last is None:
             raise NotResponding(f"{self.name}: not open")
         last, self._last = self._last, await self._picture()
@@ -165,17 +172,17 @@ class CameraMotion:
         return Picture(t_s, luma, (luma - mean).astype("float32"), tells)
 
     def _displacement(self, last: Picture, now: Picture) -> MotionReading:
-        """Register two pictures. The height of the correlation's peak, 1 for equal ones, is the quality."""
+        """Register two pictures. The quality is the height of the correlation's peak, 1 for equal pictures."""
         (x, y), response = self._cv2.phaseCorrelate(last.relief, now.relief, self._window)
         ahead_x, ahead_y = AXES[self._settings.forward]
-        # The picture moves against the rover; right is a quarter turn clockwise of ahead, in the picture as outside.
+        # The picture moves opposite to the rover; right is a quarter turn clockwise from ahead, also in the picture.
         forward, right = -(x * ahead_x + y * ahead_y), x * ahead_y - y * ahead_x
         m_per_pixel = self._settings.m_per_pixel
         assert m_per_pixel is not None  # the settings saw to that
         return MotionReading(now.t_s, forward * m_per_pixel, right * m_per_pixel, min(1.0, max(0.0, response)))
 
     def _difference(self, last: Picture, now: Picture) -> MotionReading:
-        """Take how much the picture changed as a share of how much it changes at the calibrated speed."""
+        """Return the motion as a share of the calibrated speed: the same share as that of the picture's change."""
         still, moving = self._settings.difference_still, self._settings.difference_moving
         assert still is not None and moving is not None  # the settings saw to that
         share = min(1.0, max(0.0, (_change(last, now) - still) / (moving - still)))

@@ -1,9 +1,9 @@
 """Devantech CMPS14: a tilt-compensated compass on I2C.
 
-Registers and commands are those of the CMPS14 data sheet, pages 2 to 4; where it is silent, the comment says what was
+Registers and commands are those of the CMPS14 data sheet, pages 2 to 4; where it is silent, a comment says what is
 assumed. The part has no data-valid flag and no checksum, and a Raspberry Pi's I2C can corrupt bytes when a part
-stretches the clock, so every reading is one block of the whole register map, and ``flaw`` looks whether what the map
-says twice agrees.
+stretches the clock. So every reading is one block of the whole register map, and ``flaw`` compares the values that the
+map has twice.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from wayfarer.hal import CompassReading
 
 _COMMAND_REGISTER = 0x00  # the same register reads the firmware version
 
-# How long it boots is not documented: a second, beside the tens of seconds of the Pi that asks.
+# Its boot time is not documented; a second is waited. The Pi itself boots for tens of seconds.
 _BOOT_TRIES, _BOOT_PAUSE_S = 10, 0.1
 
 _CONFIGURE, _STORE, _ERASE = b"\x98\x95\x99", b"\xf0\xf5\xf6", b"\xe0\xe5\xe2"
@@ -49,10 +49,10 @@ class CMPS14Settings:
     ``heading_offset_deg`` is added to the bearing: a part whose arrow points 90 degrees to the right of the rover's
     nose needs -90. The signs of the part's tilt are not documented: compare with a rover that is held nose up (pitch
     positive) and then right side down (roll positive). A part that is mounted across needs ``swap_pitch_roll``, which
-    comes before either is reversed.
+    is applied before ``reverse_pitch`` and ``reverse_roll``.
 
-    Background calibration is switched off when the part is opened, unless ``background_calibration``: near iron, or
-    beside motors, it learns what is wrong there. ``wayfarer calibrate`` does it well once, and has the part keep it.
+    Background calibration is switched off when the part is opened, unless ``background_calibration``: near iron or
+    motors it learns a wrong calibration. ``wayfarer calibrate`` calibrates the part once, and the part stores it.
     """
 
     bus: str = "/dev/i2c-1"
@@ -65,7 +65,7 @@ class CMPS14Settings:
 
 
 class CMPS14:
-    """The compass as ``hal.Compass``; ``troubles`` count the reads that needed a second transfer."""
+    """The compass as ``hal.Compass``; ``troubles`` counts the reads that needed a second transfer."""
 
     part: ClassVar[str] = "compass"
     Settings = CMPS14Settings
@@ -80,15 +80,16 @@ class CMPS14:
         self.troubles: Counter[str] = Counter()
 
     async def open(self) -> None:
-        """Ask for the firmware, then for one block; a part that is still booting gets a second.
+        """Read the firmware number, then one block; a part that is still booting gets a second.
 
-        A CMPS12 answers at the same address and cannot be asked what it is, but has a bearing where a CMPS14 has its
-        16-bit pitch. One that lies level and points north passes, until it turns; so does one with a firmware below 5.
+        A CMPS12 answers at the same address and has no register with its type, but it has a bearing where a CMPS14 has
+        its 16-bit pitch. A CMPS12 that lies level and points north is not noticed until it turns; one with a firmware
+        below 5 is not noticed.
 
         Raises:
             NotResponding: nothing at this address.
             WrongPart: no firmware number, or the register map of a CMPS12.
-            BadReading: no block that can be true within a second.
+            BadReading: no plausible block within a second.
         """
         try:
             await self._identify()
@@ -109,11 +110,11 @@ class CMPS14:
         """Nothing to release."""
 
     async def read(self) -> CompassReading:
-        """Return heading and tilt; what fails is asked for again at once, within the same call.
+        """Return heading and tilt; a read that fails is repeated once, within the same call.
 
         Raises:
             NotResponding: no answer, twice.
-            BadReading: a block that cannot be true, twice.
+            BadReading: an implausible block, twice.
         """
         block = await self._valid_block()
         t_s = asyncio.get_running_loop().time()
@@ -139,14 +140,14 @@ class CMPS14:
         """Choose what calibrates itself in the background.
 
         Bit 7 is always set; bit 0 magnetometer, 1 accelerometer, 2 gyro, 4 periodic saving. 0x80 is nothing, for the
-        field; 0x83 is what a heading needs. Whether the part remembers it without power is not documented.
+        field; 0x83 is what a heading needs. Whether the part keeps this setting without power is not documented.
 
-        A command that broke off before its argument still waits for it, and would take the first byte of the next one
-        as that: so the argument goes first then. Out of place it is nothing to the part.
+        If an earlier command was cut off before its argument, the chip takes the next byte as that argument. So the
+        argument is sent first in this case; a chip that does not wait for one ignores it.
 
         Raises:
             ValueError: bits that the data sheet does not define.
-            NotResponding: a byte was not acknowledged; give the whole command again.
+            NotResponding: a byte was not acknowledged; repeat the whole command.
         """
         if config & ~_CONFIG_BITS or not config & _CONFIG_FIXED:
             raise ValueError(f"calibration config 0x{config:02X}: bit 7 must be set, bits 3, 5 and 6 have no meaning")
@@ -156,11 +157,11 @@ class CMPS14:
         self._argument_awaited = False
 
     async def store_profile(self) -> None:
-        """Have the part keep its present calibration without power; raises ``NotResponding`` as ``configure``."""
+        """Store the present calibration in the part, also without power; raises ``NotResponding`` as ``configure``."""
         await self._command(_STORE)
 
     async def erase_profile(self) -> None:
-        """Go back to the calibration of the factory, and wait until the part has settled; raises as ``configure``."""
+        """Restore the factory calibration, and wait until the part has settled; raises as ``configure``."""
         await self._command(_ERASE)
         await asyncio.sleep(_ERASE_SETTLE_S)
 
@@ -174,7 +175,7 @@ class CMPS14:
         self.name = f"CMPS14 firmware {version} {self._where}"
 
     async def _first_block(self) -> RegisterBlock:
-        """Return the first block that can be true or, when the time to boot is over, one that cannot."""
+        """Return the first plausible block or, when the time to boot is over, an implausible one."""
         for _ in range(_BOOT_TRIES):
             block = decode(await self._read_with_retry(BLOCK_BYTES))
             if flaw(block, self._version) is None:
@@ -183,7 +184,7 @@ class CMPS14:
         return block
 
     async def _valid_block(self) -> RegisterBlock:
-        """Return a block that can be true, with a second chance for one that was lost or corrupted."""
+        """Return a plausible block; one that was lost or is corrupted is read once more."""
         try:
             return await self._checked_block()
         except DriverError:
@@ -200,7 +201,7 @@ class CMPS14:
             raise BadReading(f"{self.name}: {why}")
 
     async def _read_with_retry(self, count: int) -> bytes:
-        """Read, and once more where that fails: one lost transfer must not end a run before it has begun."""
+        """Read, and once more if that fails: one lost transfer must not prevent a run from starting."""
         try:
             return await self._read(count)
         except NotResponding:

@@ -1,6 +1,6 @@
-"""The registers of a CMPS14: what a block of them says, and whether it can be true. Pure.
+"""The registers of a CMPS14: decodes a block of them, and checks whether it is plausible. Pure.
 
-They are those of the CMPS14 data sheet, pages 2 to 4. The part has no checksum, but it tells bearing and tilt twice.
+They are those of the CMPS14 data sheet, pages 2 to 4. The part has no checksum, but it gives bearing and tilt twice.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from wayfarer.angles import wrap180
 # version, bearing, bearing, pitch, roll, magnetometer, accelerometer, gyro, 2 unlisted, pitch, roll, calibration
 _MAP: Final = Struct(">BBHbb3h3h3h2xhhB")
 BLOCK_BYTES: Final = _MAP.size  # from register 0x00 on
-SILENT_LINE: Final = (0x00, 0xFF)  # what a line reads that nothing drives; no firmware has either number
+SILENT_LINE: Final = (0x00, 0xFF)  # read from a line that nothing drives; no firmware has either number
 # Earlier firmware has no 16-bit pitch at 0x1A: published drivers agree, the data sheet is silent.
 _PITCH16_SINCE: Final = 5
-# Whether the 8-bit values are rounded or cut off is not documented: they may be one of their own steps away.
+# Whether the 8-bit values are rounded or truncated is not documented: they may differ by one of their own steps.
 _BEARING_APART_DEG: Final = 360 / 256 + 0.1
 _TILT_APART_DEG: Final = 1.5
 _ROLL8_ENDS_DEG: Final = 89.0  # the 8-bit roll is documented for +-90 only, the 16-bit one for +-180
@@ -25,7 +25,7 @@ _CORRUPTED: Final = "bytes shifted or swapped on the bus; lower i2c_arm_baudrate
 
 
 class CalibrationLevels(NamedTuple):
-    """Calibration as in register 0x1E, each 0 (none) to 3 (full); the gyro's tells nothing, a bug of the sensor."""
+    """Calibration as in register 0x1E, each 0 (none) to 3 (full); that of the gyro is useless, a bug of the sensor."""
 
     system: int
     gyro: int
@@ -34,10 +34,10 @@ class CalibrationLevels(NamedTuple):
 
     @property
     def heading(self) -> int:
-        """How far the part itself trusts its heading: the magnetometer's level, and 0 while the system's is 0.
+        """The calibration level of the heading: that of the magnetometer, and 0 while that of the system is 0.
 
         The accelerometer's level is left out: the heading of a rover that is nearly level hardly depends on it. Even 3
-        is no proof: iron and motor currents beside the part move the bearing and not the level.
+        is no proof: iron and motor currents beside the part change the bearing, but not the level.
         """
         return self.mag if self.system else 0
 
@@ -59,7 +59,7 @@ class RegisterBlock(NamedTuple):
 
 
 def decode(data: bytes) -> RegisterBlock:
-    """Return what 31 bytes from register 0x00 say, true or not; pitch is in whole degrees before firmware 5."""
+    """Decode 31 bytes from register 0x00, plausible or not; pitch is in whole degrees before firmware 5."""
     said = _MAP.unpack(data)
     version, bearing8, bearing, pitch8, roll8 = said[:5]
     mag, accel, gyro = said[5:8], said[8:11], said[11:14]
@@ -80,7 +80,7 @@ def decode(data: bytes) -> RegisterBlock:
 
 
 def flaw(block: RegisterBlock, version: int) -> str | None:
-    """Return why a block cannot be true, or None. ``version`` is what register 0x00 said when it was read alone."""
+    """Return why a block is implausible, or None. ``version`` is the value of register 0x00 when it was read alone."""
     if block.version in SILENT_LINE:
         return f"firmware reads 0x{block.version:02X}: the line is not driven, check power and wires"
     if not any(block.accel):
@@ -91,7 +91,7 @@ def flaw(block: RegisterBlock, version: int) -> str | None:
 
 def _garbled(block: RegisterBlock, version: int) -> str | None:
     if block.version != version:
-        # All else could agree: where each byte is shifted by one bit, both bearings are doubled, and both pitches.
+        # All other values could agree: if each byte is shifted by one bit, both bearings and both pitches are doubled.
         return f"firmware reads {block.version} and was {version} when opened"
     if block.bearing_deg >= 360.0:
         return f"bearing {block.bearing_deg:.1f} is beyond 359.9"
@@ -105,7 +105,7 @@ def _garbled(block: RegisterBlock, version: int) -> str | None:
 
 
 def has_strange_pitch(block: RegisterBlock) -> bool:
-    """Return whether a block has something else where a CMPS14 has its 16-bit pitch."""
+    """Return whether the 16-bit pitch of a block is impossible, or differs from the 8-bit one."""
     return abs(block.pitch_deg) > 90.0 or abs(block.pitch_deg - block.pitch8_deg) > _TILT_APART_DEG
 
 

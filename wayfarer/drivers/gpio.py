@@ -21,9 +21,9 @@ Pin = Annotated[int, Interval(ge=0, le=27)]  # GPIO numbers of the 40-pin header
 
 
 class GpioPart(ABC):
-    """A part at GPIO pins: ``open`` claims them, ``close`` lets go of them. Each driver says in ``_make`` what for.
+    """A part at GPIO pins: ``open`` claims them, ``close`` releases them; ``_make`` of a driver makes their devices.
 
-    What else a driver does with its pins raises ``NotResponding`` where they are not open or failed.
+    Every other use of the pins raises ``NotResponding`` if they are not open or failed.
     """
 
     def __init__(self, name: str) -> None:
@@ -34,13 +34,13 @@ class GpioPart(ABC):
         """Claim the pins.
 
         Raises:
-            NotResponding: gpiozero is missing, or it cannot have the pins.
+            NotResponding: gpiozero is missing, or it cannot claim the pins.
         """
         await self.close()
         self._devices = self._claim()
 
     async def close(self) -> None:
-        """Let go of the pins."""
+        """Release the pins."""
         devices, self._devices = self._devices, {}
         with _uncollected():
             for device in devices.values():
@@ -60,13 +60,13 @@ class GpioPart(ABC):
             ) from None
         try:
             with _uncollected(), warnings.catch_warnings():
-                # Two lines for each pin library that is not there; where none is, the error below says so in one.
+                # gpiozero warns in two lines of each missing pin library; if all are missing, the error below says so.
                 for expected in (gpiozero.PinFactoryFallback, gpiozero.NativePinFactoryFallback):
                     warnings.simplefilter("ignore", expected)
                 return self._make(gpiozero)
         except Exception as error:  # lgpio's own error, for one, is a bare Exception
             reason = one_line(error)
-        # Raised here, not in the handler: a traceback kept by a caller would keep the pins that were claimed before.
+        # Raised here, not in the handler: a traceback kept by a caller would also keep the claimed pins alive.
         raise NotResponding(
             f"{self.name}: cannot have these pins: {reason}; does another program hold one, is the user in group gpio, "
             "is python3-lgpio installed?"
@@ -74,7 +74,7 @@ class GpioPart(ABC):
 
     @contextmanager
     def _using(self) -> Iterator[Mapping[Any, Any]]:
-        """Give the devices; turn whatever pins raise while they are used into ``NotResponding``."""
+        """Give the devices; every error of the pins while they are used becomes ``NotResponding``."""
         if not self._devices:
             raise NotResponding(f"{self.name}: not open")
         try:
@@ -87,10 +87,10 @@ class GpioPart(ABC):
 
 @contextmanager
 def _uncollected() -> Iterator[None]:
-    """Let nothing be garbage collected while pins are claimed or released.
+    """Prevent garbage collection while pins are claimed or released.
 
-    gpiozero holds a lock meanwhile. A device that nobody has closed is closed when it is collected, and waits for that
-    lock: for ever, where it is collected in the same thread.
+    gpiozero holds a lock meanwhile. A device that was not closed is closed when it is collected, and waits for that
+    lock; it waits for ever if it is collected in the same thread.
     """
     collects = gc.isenabled()
     gc.disable()

@@ -1,6 +1,6 @@
 """A status light at the GPIO pins, through gpiozero: one LED, one of three colours, or a buzzer.
 
-Each pin is on or off, nothing between: eight colours are enough for ten metres, and a buzzer has no other.
+Each pin is on or off, with nothing between: eight colours are enough at ten metres, and a buzzer is only on or off.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class GpioLight(GpioPart):
         self._settings = settings
 
     async def show(self, colour: Colour) -> None:
-        """Show a colour until the next call. One that this light does not have is shown by all it has: never dark."""
+        """Show a colour until the next call. If this light has no pin for it, all pins are lit: it is never dark."""
         with self._using() as lamps:
             lit = {part for part in lamps if getattr(colour, part) > 0.0}
             if not lit and any(colour):

@@ -1,16 +1,15 @@
 """Motors on a plain H-bridge at the GPIO pins, through gpiozero.
 
-**Nothing stops these wheels when the computer dies.** Such a board has no timeout: a process that is killed
-with SIGKILL, or a kernel that hangs, leaves the pins as they are at that moment, and the rover drives on until somebody
-catches it. ``deadman_s`` is therefore None, and arming a rover that has no other deadman needs a permission that is
-given elsewhere, in so many words.
+**Nothing stops these wheels if the computer fails.** Such a board has no timeout: after SIGKILL, or if the kernel
+hangs, the pins keep their state, and the rover drives on until a person catches it. So ``deadman_s`` is None, and the
+rover is armed only if its file has ``safety.allow_no_deadman``.
 
-Each side has a pin that drives it ahead and one that drives it back, each in software PWM, and perhaps one that enables
-it (TB6612, L298N, DRV8833). Boards that take a direction and a speed instead are not for this driver. A side that turns
-the wrong way has its two pins exchanged in the rover file.
+Each side has a pin that drives it ahead and one that drives it back, both in software PWM, and optionally one that
+enables it (TB6612, L298N, DRV8833). Boards that take a direction and a speed instead cannot be used with this driver.
+If a side turns the wrong way, exchange its two pins in the rover file.
 
-Pins 0 to 8 of a Raspberry Pi are pulled up while nobody drives them, at boot and after ``close``, and 9 to 27 down
-(BCM2835 ARM Peripherals, table 6-31): wire an H-bridge to the latter.
+While no program drives them, at boot and after ``close``, pins 0 to 8 of a Raspberry Pi are pulled up and pins 9 to 27
+down (BCM2835 ARM Peripherals, table 6-31): wire an H-bridge to the latter.
 """
 
 from __future__ import annotations
@@ -33,9 +32,9 @@ class GpioMotorsSettings:
     """The pins, by GPIO number.
 
     left_forward, left_backward, right_forward, right_backward: the inputs of the H-bridge.
-    left_enable, right_enable: held high while the pins are claimed; None where the board has none, or a jumper.
-    duty_limit: no side gets more duty than this; above it both are scaled down together, so that a curve keeps its
-        shape. For motors whose rated voltage is below the battery's.
+    left_enable, right_enable: held high while the pins are claimed; None if the board has no such input, or a jumper.
+    duty_limit: no side gets more duty than this; if one would, both are scaled down together, so that a curve keeps its
+        shape. For motors whose rated voltage is below that of the battery.
     """
 
     left_forward: Pin
@@ -62,14 +61,14 @@ class GpioMotors(GpioPart):
     async def open(self) -> None:
         """Claim the pins, all at zero; raises as ``GpioPart.open``.
 
-        Pins that are held and obey are stopped and kept: let go, they would float.
+        Pins that are claimed already and obey are stopped and kept; released pins would float.
         """
         if not self._stopped():
             await super().close()
             self._devices = self._claim()
 
     async def close(self) -> None:
-        """Stop, and let go of the pins."""
+        """Stop, and release the pins."""
         self.halt()
         await super().close()
 
@@ -77,7 +76,7 @@ class GpioMotors(GpioPart):
         """Set the duty of both sides and return what was set, within the limit; duties beyond -1..1 count as these.
 
         Raises:
-            ValueError: a duty is not a number; it reaches no pin.
+            ValueError: a duty is NaN; nothing is set.
             NotResponding: the pins are not open or failed; both sides were stopped as far as their pins obey.
         """
         asked = WheelCommand(_duty(command.left), _duty(command.right))
@@ -92,7 +91,7 @@ class GpioMotors(GpioPart):
         return applied
 
     async def stop(self) -> None:
-        """Stop both sides; claims the pins if need be and holds them at zero."""
+        """Stop both sides; claims the pins if necessary and holds them at zero."""
         with suppress(NotResponding):
             await self.open()
 
@@ -101,12 +100,12 @@ class GpioMotors(GpioPart):
         self._stopped()
 
     async def read_back(self) -> WheelCommand:
-        """Return the duty that the pins are set to; what the H-bridge makes of it cannot be asked."""
+        """Return the duty that the pins are set to; the H-bridge itself reports nothing."""
         with self._using() as sides:
             return WheelCommand(sides["left"].value, sides["right"].value)
 
     async def health(self) -> MotorHealth:
-        """Return that nothing is known of the battery: the board measures nothing."""
+        """Return an empty report: the board measures nothing."""
         return MotorHealth(None, ())
 
     def _make(self, gpiozero: Any) -> dict[str, Any]:
@@ -117,7 +116,7 @@ class GpioMotors(GpioPart):
         }
 
     def _stopped(self) -> bool:
-        """Stop each side, even if the other fails; return whether both were held and obeyed."""
+        """Stop each side, even if the other fails; return whether both were claimed and obeyed."""
         obeyed = 0
         for motor in self._devices.values():
             with suppress(Exception):

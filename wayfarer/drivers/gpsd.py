@@ -1,11 +1,12 @@
 """Positions from gpsd, the daemon that reads GPS receivers, for the log and for mission limits.
 
-gpsd speaks lines of JSON over TCP (gpsd_json(5)), and three of its fields are all that is wanted. The clients that
-there are block, or reconnect on their own and hide that the daemon is gone; reading lines is shorter than taming them.
+gpsd sends lines of JSON over TCP (gpsd_json(5)). Five fields of its TPV report are used: ``time``, ``mode``, ``lat``,
+``lon`` and ``eph``. Existing client libraries block, or reconnect by themselves and hide that gpsd is gone; reading the
+lines directly is shorter than working around that.
 
-What comes from a receiver is doubted: a fix counts only once its own ``time`` has been seen to move on, because a
-receiver, or a daemon, that hangs repeats its last fix as if it were new. Where ``time`` leaps back, as at a correction
-of the week, the fix counts again when it moves on from there.
+A fix is not trusted until its own ``time`` has been seen to advance, because a receiver or a gpsd that hangs repeats
+its last fix as if it were new. If ``time`` goes back, as at a correction of the week, the fix counts again when its
+time advances from there.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from wayfarer.hal import PositionFix
 from wayfarer.units import Seconds
 
 WATCH = b'?WATCH={"enable":true,"json":true};\n'
-LINE_LIMIT = 65_536  # bytes; what gpsd says of a sky full of satellites is a tenth of it
+LINE_LIMIT = 65_536  # bytes; gpsd's report of a sky full of satellites is a tenth of it
 ANSWER_S = 2.0
 FIX_2D = 2  # TPV's mode: 0 unknown, 1 no fix, 2 without and 3 with altitude
 
@@ -35,7 +36,8 @@ class GpsdSettings:
     """Where gpsd listens, and how old a fix may be.
 
     host, port: gpsd listens on its own machine only, unless it was started with -G.
-    stale_s: a fix whose time has not moved on for this long is none.
+    stale_s: a fix whose time has not advanced for this long is not reported any more. More than 3 s has no effect on
+        ``safety.mission_radius_m``, which uses a fix for 3 s at most (``safety.mission_limits.FIX_FRESH_S``).
     """
 
     host: Annotated[str, Len(1, 253)] = "127.0.0.1"
@@ -44,7 +46,7 @@ class GpsdSettings:
 
 
 class Fixes:
-    """What gpsd's lines say of the position; pure.
+    """Gets positions from the lines of gpsd; pure.
 
     Several reports may come for one moment, the first of them incomplete; the last one counts.
     """
@@ -56,13 +58,13 @@ class Fixes:
         self._fix: PositionFix | None = None
 
     def take(self, line: bytes, t_s: float) -> None:
-        """Take a line that came at ``t_s``; one that is no report of a position changes nothing."""
+        """Take a line that arrived at ``t_s``; a line that is not a TPV report changes nothing."""
         report = parse(line)
         if report.get("class") != "TPV":
             return
         time = report.get("time")
         if not isinstance(time, str):
-            self._fix = None  # no fix at all, or one whose age nobody knows
+            self._fix = None  # no fix at all, or one of unknown age
             return
         if self._time is not None and time > self._time:  # ISO 8601 in UTC sorts as text
             self._moved_on_s = t_s
@@ -96,13 +98,13 @@ def fix_of(report: dict[str, Any], t_s: float) -> PositionFix | None:
 
 
 def number(report: dict[str, Any], key: str) -> float | None:
-    """Return a number that can be one, or None: what is missing or NaN must not become 0."""
+    """Return a finite number, or None where it is missing, NaN or infinite: that must not become 0."""
     value = report.get(key)
     return value if isinstance(value, float) and isfinite(value) else None
 
 
 class Gpsd:
-    """A client of gpsd as a ``hal.PositionLogger``; ``t_s`` of a fix is when it came, some tenths after it was true."""
+    """A client of gpsd as a ``hal.PositionLogger``; ``t_s`` of a fix is when it arrived, tenths of a second late."""
 
     part: ClassVar[str] = "position"
     Settings = GpsdSettings
@@ -118,8 +120,8 @@ class Gpsd:
         """Connect, make sure that it is gpsd, and ask for reports; takes 2 s at most.
 
         Raises:
-            NotResponding: nobody listens there, or says nothing.
-            WrongPart: what listens there is no gpsd.
+            NotResponding: nothing listens there, or it sends nothing.
+            WrongPart: what listens there is not gpsd.
         """
         await self.close()
         try:
@@ -138,14 +140,14 @@ class Gpsd:
         self._follower = asyncio.create_task(self._follow(reader), name=self.name)
 
     async def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         follower, self._follower = self._follower, None
         if follower is not None:
             follower.cancel()
             await asyncio.wait([follower])
         writer, self._writer = self._writer, None
         if writer is not None:
-            writer.transport.abort()  # nothing is left to say, and a peer that hangs must not be waited for
+            writer.transport.abort()  # nothing is left to send, and a peer that hangs must not delay this
             with suppress(OSError):
                 await writer.wait_closed()
 
@@ -176,7 +178,7 @@ class Gpsd:
         return reader
 
     async def _follow(self, reader: asyncio.StreamReader) -> None:
-        """Take what comes until the connection ends."""
+        """Take the lines that arrive until the connection ends."""
         time = asyncio.get_running_loop().time
         with suppress(OSError):
             while not reader.at_eof():

@@ -6,11 +6,11 @@ from wayfarer.hal import WheelCommand
 
 
 class MotorLevels:
-    """The levels of both sides' motors: whole steps, negative for reverse, up to what the board is allowed.
+    """The levels of both sides' motors: whole steps, negative for reverse, up to the allowed level.
 
-    A duty of 1 is ``steps``, the board's full level times the highest share of the battery's voltage that its motors
-    get; duties are cut to whole steps, towards zero. A side is reversed where its motors turn backwards when told to go
-    forward.
+    A duty of 1 is ``steps``: the board's full level times the highest share of the battery's voltage that its motors
+    may get. Duties are rounded to whole steps, towards zero. A side is reversed if its motors turn backwards when they
+    are commanded forwards.
     """
 
     def __init__(self, steps: float, *, reverse_left: bool, reverse_right: bool) -> None:
@@ -22,12 +22,12 @@ class MotorLevels:
         """Return the levels of left and right; duties beyond -1..1 count as these.
 
         Raises:
-            ValueError: a duty is not a number; it must reach no motor.
+            ValueError: a duty is NaN, which must not be sent to a motor.
         """
         return self._left_sign * self._level(command.left), self._right_sign * self._level(command.right)
 
     def duties(self, left: int, right: int) -> WheelCommand:
-        """Return the duties that these levels are."""
+        """Return the duties of these levels."""
         return WheelCommand(left * self._left_sign / self._steps, right * self._right_sign / self._steps)
 
     def _level(self, duty: float) -> int:

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     import numpy
     from numpy.typing import NDArray
 
-# Long enough for libcamera to start again and for a long exposure; the detector acts on a frame's age long before.
+# Long enough for a restart of libcamera and for a long exposure; the detector responds to a frame's age much earlier.
 FRAME_DEADLINE_S = 3.0
-CAMERA_OPEN_DEADLINE_S = 10.0  # picamera2 brings much with it, and libcamera looks for every camera first
+CAMERA_OPEN_DEADLINE_S = 10.0  # picamera2 imports much, and libcamera first looks for all cameras
 MAIN_SIZE = (640, 480)  # lores may not exceed the main stream (hardware.md 5)
 _SPI_FILE = re.compile(r"/dev/spidev(\d{1,4})\.(\d{1,4})")  # of bus and chip select, as spidev opens it
 
@@ -54,12 +54,12 @@ class LinuxBuses:
         return self._once(f"camera {name}", lambda: ThreadedCamera(f"camera {name}", opener, *deadlines_s))
 
     async def close(self, wait_s: float = CLOSE_WAIT_S) -> None:
-        """Release everything at once; what has not ended by then ends by itself, or with the process."""
+        """Release all buses at the same time; a thread that has not ended after ``wait_s`` ends later by itself."""
         await asyncio.gather(*(bus.close(wait_s) for bus in self._open.values()))
         self._open.clear()
 
     def _once(self, name: str, make: Callable[[], B]) -> B:
-        """Return the bus of that name, made at the first time: parts on one bus share its thread."""
+        """Return the bus of that name, made at the first call: parts on one bus share its thread."""
         if name not in self._open:
             self._open[name] = make()
         bus: B = self._open[name]  # type: ignore[assignment]
@@ -121,7 +121,7 @@ def _spi_numbers(path: str) -> tuple[int, int]:
     """Return bus and chip select of an SPI device file; links are followed.
 
     Raises:
-        OSError: it is none.
+        OSError: it is not an SPI device file.
     """
     file = str(Path(path).resolve())
     if not (numbers := _SPI_FILE.fullmatch(file)):
@@ -169,7 +169,7 @@ class LibCamera:
             )
             self._camera.start()
         except RuntimeError as error:
-            self.close()  # or else it would be busy at the next try
+            self.close()  # otherwise it would be busy at the next try
             raise OSError(f"the camera does not start: {error}") from None
 
     def luma(self) -> NDArray[numpy.uint8]:

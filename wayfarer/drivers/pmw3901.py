@@ -1,12 +1,13 @@
 """PMW3901 optical flow sensor, such as Pimoroni's breakout, on SPI, looking down at the ground.
 
-A read is one burst and never waits: no motion is an answer. What the chip cannot see it reports as zero, so each
-reading carries a quality from how much texture it found (SQUAL); darkness is quality 0, not standing still.
+A read is one burst and never waits: no motion is a valid answer. If the chip cannot see the ground it reports zero, so
+each reading has a quality, calculated from the texture that the chip found (SQUAL). Darkness is quality 0, not
+standing still.
 
 It needs 80 mm from lens to ground and 60 lux, and follows no more than 7.4 rad/s: 0.74 m/s at 0.1 m (hardware.md 2.1).
-A reading of more than that is garbage from the bus, and rejected.
-The PAA5100 for smaller distances has the same identity, and cannot be told from it. Turning adds flow where the sensor
-is off the centre of the turn; that is not taken out.
+A reading of more than that is garbage from the bus, and is rejected. The PAA5100, for smaller distances, has the same
+identity and cannot be distinguished. If the sensor is not at the centre of a turn, the turn adds flow; that is not
+corrected.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ Axis = Literal["+x", "-x", "+y", "-y"]
 
 PRODUCT, INVERSE_PRODUCT = 0x49, 0xB6
 RUNNING = 0xBF  # the observation byte of a chip that works: hardware.md 2.2
-# What the chip follows (hardware.md 2.1); near that speed, the ground may be going faster.
+# The highest speed that the chip follows (hardware.md 2.1); a reading near it may be of a higher speed.
 LIMIT_RAD_S, AT_LIMIT = 7.4, 0.95
 RAD_PER_COUNT = 0.00213195  # the data sheet's (hardware.md 2.6)
 PROBE_TRIES = 3
@@ -43,12 +44,13 @@ class PMW3901Settings:
 
     bus: the breakout's front slot is chip select 1, its back slot chip select 0 (``/dev/spidev0.0``).
     spi_mode: the data sheet says 3; Pimoroni, PX4 and libdriver on the Pi use 0, and one port worked in 0 only.
-    speed_hz: the chip takes 2 MHz, and 35 us to find a register's value. ``spidev`` leaves no gap after the address, so
-        only a slow clock gives it time: at Pimoroni's 400 kHz a byte takes 20 us, which is known to work.
+    speed_hz: the chip accepts 2 MHz, and needs 35 us to find a register's value. ``spidev`` makes no pause after the
+        address, so only a slow clock gives it time: at Pimoroni's 400 kHz a byte takes 20 us, which is known to work.
     height_m: from lens to ground in metres.
-    rad_per_count: angle of one count. The data sheet's; published drivers use 0.00126 to 0.0026, so calibrate.
-    forward, right: which of the chip's axes grows as the rover moves forward, and to its right. The defaults are the
-        mounting of the Crazyflie's flow deck; a push by hand shows yours.
+    rad_per_count: angle of one count. The default is the data sheet's; published drivers use 0.00126 to 0.0026, so
+        calibrate.
+    forward, right: which of the chip's axes increases as the rover moves forward, and to its right. The defaults are
+        the mounting of the Crazyflie's flow deck; a push by hand shows those of your rover.
     squal_full: the SQUAL that counts as quality 1, in proportion below. Indoors 80 to 100, in the sun 120 to 150,
         at night 0 to 60 (PX4 #12894).
     led: light the breakout's own LED.
@@ -75,9 +77,9 @@ class PMW3901Settings:
 
     @property
     def limit_counts_s(self) -> float:
-        """Counts a second at the speed that the chip follows: 3,471, or more where a smaller angle is set.
+        """Counts a second at the highest speed that the chip follows: 3,471, or more if a smaller angle is set.
 
-        A larger angle allows no fewer: the data sheet's chip may count these, whatever is believed of it.
+        A larger angle does not lower the limit: a chip as in the data sheet may give 3,471, whatever angle is set.
         """
         return LIMIT_RAD_S / min(self.rad_per_count, RAD_PER_COUNT)
 
@@ -85,7 +87,7 @@ class PMW3901Settings:
 class PMW3901:
     """The sensor as a ``hal.MotionSensor``.
 
-    ``troubles`` count the readings at the limit of what it can follow, and those that were rejected as garbage.
+    ``troubles`` counts the readings at the highest speed that it can follow, and those that were rejected as garbage.
     """
 
     part: ClassVar[str] = "motion"
@@ -101,9 +103,10 @@ class PMW3901:
         self.troubles: Counter[str] = Counter()
 
     async def open(self) -> None:
-        """Reset the chip, make sure that it is one, give it its settings and see that it runs; takes 0.3 s.
+        """Reset the chip, check its identity, write its settings and check that it runs; takes 0.3 s.
 
-        ``spidev`` cannot give the pulse of chip select that the data sheet begins with; each transfer is one anyway.
+        ``spidev`` cannot give the single pulse of chip select with which the data sheet begins; each transfer is such a
+        pulse anyway.
 
         Raises:
             NotResponding: no answer, or the chip does not run after its start-up.
@@ -116,14 +119,14 @@ class PMW3901:
         self._is_first = True
 
     async def close(self) -> None:
-        """Nothing to release: the bus is not this driver's."""
+        """Nothing to release: the bus belongs to the buses."""
 
     async def read(self) -> MotionReading:
-        """Return the displacement since the previous read; the first one after ``open`` says nothing: quality 0.
+        """Return the displacement since the previous read; the first one after ``open`` has quality 0.
 
         Raises:
             NotResponding: silence, or the chip has lost its settings; ``open`` writes them again.
-            BadReading: a displacement that cannot be, as garbage on the bus makes it.
+            BadReading: an impossible displacement, caused by garbage on the bus.
         """
         is_first, settings, burst = self._is_first, self._settings, await self._burst()
         scale, good = self._m_per_count, quality(burst, settings.squal_full) * (not is_first)
@@ -144,7 +147,7 @@ class PMW3901:
         asked_t_s = loop.time()
         (answer,) = await self._bus.transfer(b"\x16" + bytes(12))
         t_s = loop.time()
-        # The chip counted from some moment in the transfer before to one in this: late answers make it no garbage.
+        # The counts began at some moment in the previous transfer and end in this one: allow for late answers.
         longest_s, since_s = t_s - self._asked_t_s, t_s - self._read_t_s
         self._asked_t_s, self._read_t_s = asked_t_s, t_s
         burst = decode(answer[1:])
@@ -154,7 +157,7 @@ class PMW3901:
                 "likely its supply dipped and it lost its settings, check the 3.3 V wire"
             )
         is_first, self._is_first = self._is_first, False
-        if is_first:  # counts since nobody knows when: what moved while it started is among them
+        if is_first:  # the counts of an unknown time, with the motion during the start-up
             return burst
         if what := contradiction(burst, longest_s, self._limit_counts_s):
             self.troubles["garbage rejected"] += 1
@@ -167,10 +170,10 @@ class PMW3901:
         return burst
 
     async def _reset(self) -> None:
-        # An opening that broke off leaves another bank selected, and the reset register is known in bank 00 only.
+        # An interrupted opening leaves another bank selected, and the reset register is documented for bank 00 only.
         await self._write((0x7F, 0x00), (0x3A, 0x5A))
         await asyncio.sleep(RESET_S)
-        for register in range(0x02, 0x07):  # the data sheet wants them read once, whatever they say
+        for register in range(0x02, 0x07):  # the data sheet requires one read of each; the values do not matter
             await self._read(register)
 
     async def _identify(self) -> None:
@@ -197,7 +200,7 @@ class PMW3901:
     async def _probe(self) -> None:
         """Write until the chip confirms, three times at most.
 
-        One that never does may still run, as it must for Pimoroni and PX4, who do not ask; ``_observe`` will tell.
+        A chip that never confirms may still run: the drivers of Pimoroni and PX4 do not ask. ``_observe`` checks it.
         """
         for _ in range(PROBE_TRIES):
             await self._write(*table.PROBE)
@@ -205,7 +208,7 @@ class PMW3901:
                 return
 
     async def _observe(self) -> None:
-        """See that the chip takes pictures: it sets the observation byte again in each."""
+        """Check that the chip takes pictures: it sets the observation byte again in each."""
         await self._write((0x15, 0x00))
         await asyncio.sleep(OBSERVE_S)
         observation = await self._read(0x15)
@@ -216,7 +219,7 @@ class PMW3901:
             )
 
     async def _write(self, *writes: tuple[int, int]) -> None:
-        for register, value in writes:  # one transfer each: the chip wants 45 us between two writes
+        for register, value in writes:  # one transfer each: the chip needs 45 us between two writes
             await self._bus.transfer(bytes((register | 0x80, value)))
 
     async def _read(self, register: int) -> int:

@@ -1,8 +1,8 @@
 """Start-up register values of the PMW3901, as published by the manufacturer without explanation.
 
 Each block is a run of writes, ``register=value`` in hex, in the order of hardware.md 2.3; ``7F`` selects a bank.
-Between the blocks stand the reads, choices and waits that ``pmw3901.py`` makes. Where the published drivers differ, the
-value is the data sheet's, as Bitcraze and libdriver have it: ``74=1F``, where Pimoroni and PX4 write 21.
+The reads, choices and waits between the blocks are in ``pmw3901.py``. Where the published drivers differ, the value is
+that of the data sheet, as in Bitcraze and libdriver: ``74=1F``, where Pimoroni and PX4 write 21.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ TRIM_MAX = 0x3F
 
 
 def _writes(text: str) -> Writes:
-    """Return the (register, value) pairs that a text such as ``7F=00 55=01`` stands for."""
+    """Return the (register, value) pairs of a text such as ``7F=00 55=01``."""
     pairs = (word.split("=") for word in text.split())
     return tuple((int(register, 16), int(value, 16)) for register, value in pairs)
 

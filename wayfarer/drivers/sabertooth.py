@@ -24,15 +24,15 @@ _MINIMUM_VOLTAGE, _SERIAL_TIMEOUT = 2, 14
 _TIMEOUT_UNITS_PER_S = 10  # page 19
 _UNITS_PER_VOLT, _LOWEST_V = 5, 6.0  # page 18
 _CHECKSUM_MASK = 0x7F
-# A reset of the board is invisible and clears its settings. The timeout goes out behind each command to move, so that
-# wheels never turn without it for longer than a packet takes; at 2400 baud the wire cannot carry that at 20 Hz. All
-# settings are sent again this often.
+# A reset of the board cannot be noticed, and clears its settings. The timeout is sent after each command to move, so
+# that the wheels never turn without it for longer than a packet takes; at 2400 baud the wire is too slow for that at
+# 20 Hz. All settings are sent again this often.
 _RESEND_S = 1.0
 _TIMEOUT_EACH_TIME_FROM_BAUD = 9600
 _DRIVE_BYTES, _SETTINGS_BYTES, _TIMEOUT_BYTES = 8, 8, 4  # two packets, two packets, one packet
 _BITS_PER_BYTE = 10  # with start and stop bit
-_LOAD_MAX = 0.7  # of the wire; the rest is for stops, and for a Linux that wakes late
-_STOPS = 3  # bytes may be lost, and nobody hears about it
+_LOAD_MAX = 0.7  # of the wire; the rest is for stops, and for a process that Linux wakes late
+_STOPS = 3  # bytes may be lost without notice
 
 
 def packet(address: int, command: int, data: int) -> bytes:
@@ -44,10 +44,10 @@ def packet(address: int, command: int, data: int) -> bytes:
 class SabertoothSettings:
     """How the board is wired and switched: packetised serial, with its address on the DIP switches.
 
-    ``left`` is the output of the left wheels (M1 or M2), the other one drives the right ones. A side is ``reverse``
-    where its motors turn backwards when told to go forward. ``timeout_s`` is the board's own deadman, in tenths of a
-    second. Below ``battery_min_v`` the board stops the motors (None leaves that to the board). ``duty_limit`` is the
-    highest share of the battery's voltage that the motors get.
+    ``left`` is the output of the left wheels (M1 or M2), the other one drives the right ones. ``reverse_left`` and
+    ``reverse_right`` are for a side whose motors turn backwards when they are commanded forwards. ``timeout_s`` is the
+    board's own deadman, in whole tenths of a second. Below ``battery_min_v`` the board stops the motors (None: the
+    board's own setting). ``duty_limit`` is the highest share of the battery's voltage that the motors may get.
     """
 
     port: str = "/dev/serial0"
@@ -67,13 +67,13 @@ class SabertoothSettings:
 
     @property
     def timeout_each_time(self) -> bool:
-        """Whether the wire can carry the timeout behind each command to move."""
+        """Whether the wire is fast enough to send the timeout after each command to move."""
         return self.baud >= _TIMEOUT_EACH_TIME_FROM_BAUD
 
     def keeps_up_with(self, control_hz: float) -> str | None:
-        """Return None where the wire carries so many commands a second, and else why not.
+        """Return None if the wire is fast enough for this number of commands a second, otherwise the reason.
 
-        What the wire cannot carry waits in the kernel's buffer, and a stop behind it.
+        Commands that the wire is too slow for wait in the kernel's buffer, and a stop would wait behind them.
         """
         drive_bytes = _DRIVE_BYTES + _TIMEOUT_BYTES * self.timeout_each_time
         bits_per_s = (drive_bytes * control_hz + _SETTINGS_BYTES / _RESEND_S) * _BITS_PER_BYTE
@@ -85,13 +85,13 @@ class SabertoothSettings:
 class Sabertooth:
     """Both motors of a Sabertooth; implements ``hal.DriveMotors``.
 
-    A duty of 1 is ``duty_limit``. Duties are cut to the board's steps, towards zero, and what ``drive`` returns is what
-    is left: data / (127 * duty_limit).
+    A duty of 1 is ``duty_limit``. Duties are rounded to the board's steps, towards zero, and ``drive`` returns the
+    rounded ones: data / (127 * duty_limit).
 
-    The deadman is the board's serial timeout: off by default, forgotten at each loss of power, and it cannot be read
-    back. So it goes out behind each command to move; at 2400 baud, each second. That it trips, only a person who
-    watches the wheels can tell; ``wayfarer check`` asks one, and without the answer no rover is armed whose
-    file does not say why. Nor can anything here notice that there is no board at the other end of the wire.
+    The deadman is the board's serial timeout: it is off by default, forgotten at each loss of power, and cannot be read
+    back. So it is sent after each command to move; at 2400 baud, once a second. Only a person who watches the wheels
+    can confirm that it trips; ``wayfarer check`` asks for this. Without the confirmation, or a reason in the rover
+    file, the rover is not armed. This driver also cannot notice that no board is connected to the wire.
     """
 
     part: ClassVar[str] = "motors"
@@ -120,7 +120,7 @@ class Sabertooth:
         """Send the board its settings and stop both motors.
 
         Raises:
-            NotResponding: the port is gone; a board that is not there cannot be noticed.
+            NotResponding: the port is gone; a missing board cannot be noticed.
         """
         self._resend_at_s = -inf
         await self.drive(STOP)
@@ -129,9 +129,9 @@ class Sabertooth:
         """Nothing to release; the port belongs to the buses."""
 
     async def drive(self, command: WheelCommand) -> WheelCommand:
-        """Apply the command; duties beyond -1..1 count as these. Both sides, and what else is due, in one write.
+        """Apply the command; duties beyond -1..1 count as these. Both sides, and settings that are due, are one write.
 
-        A ``halt`` that comes meanwhile wins: what was written around it is taken back.
+        A ``halt`` that comes meanwhile has priority: a stop is sent again after the command.
 
         Raises:
             NotResponding: the port is gone.
@@ -140,7 +140,7 @@ class Sabertooth:
         halts = self._halts
         now_s = asyncio.get_running_loop().time()
         all_due = now_s >= self._resend_at_s
-        # Settings go behind the command: a board that starts amid these bytes moves no wheel without its timeout.
+        # Settings come after the command: a board that starts during these bytes does not move a wheel without them.
         settings = self._board_settings if all_due else self._timeout_behind(left, right)
         await self._port.write(self._motor_packets(left, right) + settings)
         if all_due:
@@ -151,7 +151,7 @@ class Sabertooth:
         return self._levels.duties(left, right)
 
     async def stop(self) -> None:
-        """Stop both motors, said three times; never raises. Where the port hangs, it goes out first after that."""
+        """Stop both motors, sent three times; never raises. If the port hangs, the stop is sent first after that."""
         try:
             await self._port.write(self._motor_packets(0, 0) * _STOPS)
         except Exception:
@@ -166,7 +166,7 @@ class Sabertooth:
         """Return None: the board cannot be asked."""
 
     async def health(self) -> MotorHealth:
-        """Return that nothing is known: the board tells neither voltage nor faults."""
+        """Return an empty report: the board reports neither voltage nor faults."""
         return MotorHealth(None, ())
 
     def _timeout_behind(self, left: int, right: int) -> bytes:

@@ -1,8 +1,8 @@
 """Buses over blocking devices, each behind its worker thread.
 
 A blocking device is opened in its thread at the first transfer, and again after every error: a USB adapter that was
-pulled out comes back as another file, and a handle that failed once tells nothing by failing again. Only the first
-opening, when no wheel turns yet, has a longer deadline: it loads the bus's library too.
+unplugged comes back as another file, so the old handle may fail for ever. Only the first opening, when no wheel turns
+yet, has a longer deadline, because it also loads the bus's library.
 """
 
 from __future__ import annotations
@@ -108,15 +108,15 @@ class Threaded(Generic[D]):
             raise NotResponding(f"{self.name}: {error}; pip install '.[pi]' in wayfarer's checkout") from None
 
     def send(self, use: Callable[[D], Any]) -> None:
-        """Use the device before all that waits, without waiting for it; from any thread."""
+        """Use the device before all queued transfers, without waiting for it; from any thread."""
         self._worker.post(lambda: self._use(use))
 
     async def close(self, wait_s: float = CLOSE_WAIT_S) -> None:
-        """Release the device after what was sent; wait for that no longer than ``wait_s``."""
+        """Release the device after the posted transfers; wait for that no longer than ``wait_s``."""
         await self._worker.close(self._release, wait_s)
 
     def _use(self, use: Callable[[D], T]) -> T:
-        """Open the device if need be and use it; runs in the worker's thread, as all below."""
+        """Open the device if necessary and use it; runs in the worker's thread, as all methods below."""
         device = self._opened()
         try:
             return use(device)
@@ -129,7 +129,7 @@ class Threaded(Generic[D]):
             try:
                 self._device = self._open()
             finally:
-                self._tried = True  # only now: who asks meanwhile must be as patient as the first
+                self._tried = True  # only now: a call meanwhile needs the same long deadline
         return self._device
 
     def _release(self) -> None:

@@ -1,7 +1,7 @@
 """PiBorg ThunderBorg: the motor board of a MonsterBorg, on I2C.
 
-Commands, levels and the form of a request are those of PiBorg's own ThunderBorg.py, which is the only documentation
-there is. A request is a write, a stop and a read of 6 bytes: the command echoed, the answer, and filler.
+Commands, levels and the form of a request are those of PiBorg's own ThunderBorg.py, the only documentation. A request
+is a write, a stop and a read of 6 bytes: the echo of the command, the answer, and filler.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from wayfarer.hal import STOP, MotorHealth, WheelCommand
 T = TypeVar("T")
 
 DEFAULT_ADDRESS = 0x15
-DEADMAN_S = 0.25  # "every 1/4 of a second"; how exactly the board keeps it is not documented
+DEADMAN_S = 0.25  # "every 1/4 of a second"; the precision is not documented
 FULL_LEVEL = 255
 
-_ID = 0x15  # names the kind of board: a board moved to another address still answers this
+_ID = 0x15  # identifies the kind of board: a board with another address still answers this
 _FORWARD, _REVERSE = 1, 2
 _REPLY_BYTES = 6
-_RETRIES = 2  # PiBorg asks three times for a right echo; so do writes that are not acknowledged
-_RETRY_WITHIN_S = 0.1  # what failed later is not tried again: a bus that hangs, or a process that was suspended amid it
+_RETRIES = 2  # PiBorg asks three times for a right echo; here also for writes that are not acknowledged
+_RETRY_WITHIN_S = 0.1  # after this no retry: the bus hangs, or the process was suspended
 _FAILSAFE_TRIES = 5  # as PiBorg's own MonsterBorg scripts
 _FULL_VOLTS, _FULL_RAW = 36.3, 1023
 
@@ -41,7 +41,7 @@ _DOES_NOT_ARM = (
 
 
 class Opcode(IntEnum):
-    """What the board understands, under the numbers of ThunderBorg.py."""
+    """The commands of the board, with the numbers of ThunderBorg.py."""
 
     SET_BOTH_LEDS = 5
     SET_LEDS_SHOW_BATTERY = 6
@@ -61,7 +61,7 @@ class Opcode(IntEnum):
 
 
 class ThunderBorgLink:
-    """Writes and requests to one ThunderBorg: what its motors and its lights share; ``retries`` are counted."""
+    """Writes and requests to one ThunderBorg, for the drivers of its motors and lights; counts its ``retries``."""
 
     def __init__(self, bus: I2CBus, address: int) -> None:
         self.where = f"ThunderBorg at 0x{address:02X} on {bus.name}"
@@ -139,7 +139,8 @@ class ThunderBorgSettings:
 
     ``duty_limit`` is the highest share of the battery's voltage that the motors get: 0.95 for 12 V motors on ten NiMH
     cells, as in PiBorg's scripts. ``left`` is the output of the left wheels (a MonsterBorg's motor 2, "B"); the other
-    drives the right ones. A side is ``reverse`` where its motors turn backwards when told to go forward.
+    drives the right ones. ``reverse_left`` and ``reverse_right`` are for a side whose motors turn backwards when they
+    are commanded forwards.
     """
 
     bus: str = "/dev/i2c-1"
@@ -172,14 +173,15 @@ _B = _Motor("B", Opcode.SET_B_FORWARD, Opcode.SET_B_REVERSE, Opcode.GET_B, Opcod
 class ThunderBorg:
     """Both motors of a ThunderBorg; implements ``hal.DriveMotors``.
 
-    A duty of 1 is ``duty_limit``. Duties are cut to the board's levels, towards zero, and what ``drive`` returns is
-    what is left: level / (255 * duty_limit).
+    A duty of 1 is ``duty_limit``. Duties are rounded to the board's levels, towards zero, and ``drive`` returns the
+    rounded ones: level / (255 * duty_limit).
 
     The board's failsafe, off at power-up, is the deadman: it stops the motors when no drive command came for 0.25 s.
-    Whether requests count as commands is not documented; the controller drives 20 times a second. A board that lost its
-    power for a moment has switched it off: the board is asked before each command to move, and gets none without it.
+    Whether requests count as commands is not documented; the controller drives 20 times a second. In a board that lost
+    its power for a moment the failsafe is off. So the board is asked before each command to move, and gets no such
+    command while it is off.
 
-    ``troubles`` count the transfers that were tried again, and how often the board had lost its power.
+    ``troubles`` counts the transfers that were tried again, and how often the board had lost its power.
     """
 
     part: ClassVar[str] = "motors"
@@ -197,7 +199,7 @@ class ThunderBorg:
         self._left, self._right = (_A, _B) if settings.left == "A" else (_B, _A)
         self._driven: set[_Motor] = set()
         self._power_losses = 0
-        self._forgot = False  # since it was opened last, the board has lost its power, and with it what it was told
+        self._forgot = False  # the board has lost its power, and its settings, since it was last opened
 
     @property
     def troubles(self) -> dict[str, int]:
@@ -207,8 +209,8 @@ class ThunderBorg:
     async def open(self) -> None:
         """Find the board, arm its failsafe, read that back, and set both motors to zero.
 
-        A failsafe that is off now tells of a loss of power, after which the drive fault flags count for nothing; else
-        a fault of the last mission is still one.
+        If the failsafe is off now, the board has lost power, and its drive-fault flags are ignored until both motors
+        have been driven. Otherwise a fault of the last mission still counts.
         """
         await self._board.identify()
         with suppress(BadReading):
@@ -225,9 +227,9 @@ class ThunderBorg:
     async def drive(self, command: WheelCommand) -> WheelCommand:
         """Apply the command; duties beyond -1..1 count as these. One write for each side, the left first.
 
-        A ``halt`` that comes meanwhile wins: what was written before it is taken back. So is a command that took longer
-        than the deadman: the process was suspended amid it. No wheel is told to turn while the failsafe is off: if this
-        computer fell silent then, nothing would ever stop it.
+        A ``halt`` that comes meanwhile has priority: the motors are stopped after it. So they are if the command took
+        longer than the deadman, because the process was suspended meanwhile. No wheel is commanded to turn while the
+        failsafe is off: if this computer failed then, nothing would stop the wheels.
 
         Raises:
             NotResponding: not acknowledged three times.
@@ -250,7 +252,7 @@ class ThunderBorg:
         return self._levels.duties(left, right)
 
     async def stop(self) -> None:
-        """Switch both motors off; never raises. Where the bus hangs, it is the first thing that goes out after that."""
+        """Switch both motors off; never raises. If the bus hangs, the stop is the first command sent after that."""
         try:
             await self._board.write(Opcode.ALL_OFF, 0)
         except Exception:
@@ -266,15 +268,15 @@ class ThunderBorg:
 
         Raises:
             NotResponding: not acknowledged three times.
-            BadReading: three answers to something else, or a direction that is none.
+            BadReading: three answers to something else, or an invalid direction.
         """
         return self._levels.duties(await self._get(self._left), await self._get(self._right))
 
     async def health(self) -> MotorHealth:
-        """Return the battery's voltage (steps of 35 mV, sagging under load) and what is wrong.
+        """Return the battery's voltage (steps of 35 mV, lower under load) and the faults.
 
-        The board's drive fault flags may be up after power-up and clear once both motors have been driven, so they
-        count from then on only.
+        The board's drive-fault flags may be set after power-up and are cleared once both motors have been driven, so
+        they count only after that.
 
         Raises:
             NotResponding: not acknowledged three times.
@@ -296,9 +298,9 @@ class ThunderBorg:
             raise PowerLost(self.name)
 
     async def _keep_failsafe(self) -> bool:
-        """Ask the board for its failsafe, and switch it on where it is off; return whether it is on now.
+        """Ask the board for its failsafe, and switch it on if it is off; return whether it is on now.
 
-        Off is believed when it was said twice: a byte may be wrong although its echo is right.
+        It counts as off if the board says so twice: a byte may be wrong although its echo is right.
         """
         if await self._failsafe_is_on() or await self._failsafe_is_on():
             return True

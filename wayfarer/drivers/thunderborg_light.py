@@ -25,8 +25,8 @@ class ThunderBorgLightSettings:
 class ThunderBorgLight:
     """Both LEDs in one colour; implements ``hal.StatusLight``.
 
-    The board ignores colours while its LEDs show the battery. It may acknowledge a colour and not take it: one user of
-    PiBorg's forum had to send each twice. So each change is sent twice, and nothing in between.
+    The board ignores colours while its LEDs show the battery. It may acknowledge a colour without showing it: a user in
+    PiBorg's forum had to send each twice. So each change is sent twice, and the same colour is not sent again.
     """
 
     part: ClassVar[str] = "light"

@@ -1,4 +1,4 @@
-"""Base of the threads that do what must not hold up the event loop: transfers on a bus, writing a log, printing."""
+"""Base of the threads for work that must not delay the event loop: transfers on a bus, writing a log, printing."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from abc import ABC, abstractmethod
 class WaitingThread(ABC):
     """A thread that waits for work; it begins with the first ``_wake``.
 
-    Everything that it shares with other threads is read and changed while ``_changed`` is held. It is a daemon thread:
-    the process must be able to end while a call hangs in the kernel.
+    Everything that it shares with other threads is read and changed while ``_changed`` is held. It is a daemon thread,
+    so that the process can end while a call hangs in the kernel.
     """
 
     def __init__(self, name: str) -> None:
@@ -21,10 +21,10 @@ class WaitingThread(ABC):
 
     @abstractmethod
     def _work(self) -> None:
-        """Do what there is to do until ``_closed``; runs in the thread."""
+        """Do the work until ``_closed``; runs in the thread."""
 
     def _wake(self) -> None:
-        """Have the thread look at what there is to do; called while ``_changed`` is held."""
+        """Let the thread check for work; called while ``_changed`` is held."""
         if self._thread is None:
             thread = threading.Thread(target=self._work, name=self._thread_name, daemon=True)
             thread.start()
@@ -32,12 +32,12 @@ class WaitingThread(ABC):
         self._changed.notify()
 
     def _close(self) -> None:
-        """Have the thread end once nothing is left to do."""
+        """Let the thread end once no work is left."""
         with self._changed:
             self._closed = True
             self._changed.notify()
 
     def _join(self, wait_s: float) -> None:
-        """Wait until the thread has ended, no longer than this."""
+        """Wait until the thread has ended, at most ``wait_s``."""
         if self._thread is not None:
             self._thread.join(wait_s)

@@ -1,10 +1,10 @@
 """Worker thread of a bus: a hanging bus does not block the event loop.
 
-Every call on a real bus blocks, for a second and more when a wire is loose, and cannot be cut short. So each bus has
-one thread, which does its transfers in turn, and each transfer has a deadline. A transfer that misses it raises
-``NotResponding``; until the thread comes back, every further one is refused at once. What was queued and is not begun
-within its deadline is dropped: an old drive command must never reach the wheels late, not even that of a process which
-was suspended and is woken. Stops that were posted are kept, and go first.
+Every call on a real bus blocks, for a second and more if a wire is loose, and cannot be interrupted. So each bus has
+one thread, which does its transfers one after the other, and each transfer has a deadline. A transfer that misses it
+raises ``NotResponding``; until the call in the thread returns, every further transfer is refused at once. A queued
+transfer that has not begun within its deadline is dropped, because an old drive command must never reach the wheels
+late, also not after the process was suspended. Posted stops are kept, and are sent first.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from wayfarer.errors import NotResponding
 
 T = TypeVar("T")
 
-POSTED_KEPT = 8  # stops pile up while a bus hangs, and one is as good as the next
+POSTED_KEPT = 8  # while a bus hangs, stops accumulate; they are all the same
 TRANSFER_DEADLINE_S = 0.1  # a block read takes 3 ms at 100 kHz; the rover's boards stop the wheels after 0.25 s
 
 
 class Worker(WaitingThread):
-    """One thread that does blocking jobs in turn, each with a deadline."""
+    """One thread that does blocking jobs one after the other, each with a deadline."""
 
     def __init__(self, name: str, deadline_s: float = TRANSFER_DEADLINE_S) -> None:
         super().__init__(f"bus {name}")
@@ -73,7 +73,7 @@ class Worker(WaitingThread):
                 return await asyncio.wrap_future(future)
         except TimeoutError:
             if not deadline.expired():
-                raise  # the job's own: a driver in the kernel gave the bus up
+                raise  # the job's own error: a driver in the kernel timed out
             self._give_up()
             raise NotResponding(
                 f"{self.name}: a transfer did not end within {deadline_s:g} s; a device holds the bus, "
@@ -81,15 +81,15 @@ class Worker(WaitingThread):
             ) from None
 
     def post(self, job: Callable[[], Any]) -> None:
-        """Do a job before all that wait, from any thread, without waiting; what it raises is dropped."""
+        """Do a job before all queued ones, from any thread, without waiting; its errors are ignored."""
         with self._changed:
             if not self._closed:
                 self._posted.append(job)
-                with suppress(RuntimeError):  # no more threads to be had: the next job tries again
+                with suppress(RuntimeError):  # no thread can be started now: the next job tries again
                     self._wake()
 
     async def close(self, last: Callable[[], Any] | None = None, wait_s: float = CLOSE_WAIT_S) -> None:
-        """Let the thread end after what was posted, and ``last``; wait for it no longer than ``wait_s``."""
+        """Let the thread end after the posted jobs and ``last``; wait for it no longer than ``wait_s``."""
         with self._changed:
             if last is not None and self._thread is not None and not self._closed:
                 self._posted.append(last)
@@ -100,7 +100,7 @@ class Worker(WaitingThread):
                     await asyncio.shield(asyncio.wrap_future(self._ended))
 
     def _give_up(self) -> None:
-        """Drop all that waits behind a job that hangs: a call, an abandoned call, or a stop."""
+        """Drop all calls that wait behind a job that hangs: a call, an abandoned call, or a stop."""
         with self._changed:
             self._overdue = self._busy
             dropped, self._jobs = self._jobs, deque()
@@ -124,7 +124,7 @@ class Worker(WaitingThread):
         self._ended.set_result(None)
 
     def _next(self) -> tuple[Callable[[], Any], Future[Any] | None] | None:
-        """Wait for a job; None once closed and nothing is left to do."""
+        """Wait for a job; None once the worker is closed and no posted job is left."""
         with self._changed:
             self._busy = self._overdue = False
             self._changed.wait_for(lambda: self._posted or self._jobs or self._closed)

@@ -1,1 +1,1 @@
-"""Pure decision logic: what to do after an anomaly. ``phases`` holds the theory of operation."""
+"""Pure decision logic: what to do after an anomaly. ``phases`` explains how an escape works."""

@@ -1,8 +1,8 @@
 """The interface of an escape algorithm: its input, its output, and what it must guarantee.
 
 An algorithm is pure: no clock, no I/O, no asyncio, no global randomness. Time comes in as ``Observation.t_s``, chance
-as the ``random.Random`` it was made with. The same observations give the same decisions, on a rover, in a simulated
-forest and in a replay of last week's log.
+from the ``random.Random`` it was made with. The same observations give the same decisions, on a rover, in a simulated
+forest and in a replay of a log.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ class Phase(Enum):
 class Observation(NamedTuple):
     """What an algorithm sees in one control tick.
 
-    ``travelled_m`` is the distance commanded so far, forwards and backwards both counted up. ``measured_m`` is the same
-    as the motion sensor saw it, and as commanded where it cannot be believed; None where nothing measures it.
-    ``contact`` is None on a rover without a contact sensor. ``applied`` is what the wheels really did since the last
-    tick, within the gate's limits; None where that is not known.
+    ``travelled_m`` is the distance commanded so far; driving forwards and backwards both increase it. ``measured_m`` is
+    the distance that the motion sensor saw, or the commanded one where the sensor is not usable; None where nothing
+    measures it. ``contact`` is None on a rover without a contact sensor. ``applied`` is the wheel command that was
+    applied since the last tick, after the gate's limits; None where that is not known.
     """
 
     t_s: float

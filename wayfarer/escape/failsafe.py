@@ -1,7 +1,8 @@
 """Fail-safe under another stack's planner: decides when an escape handler drives, and when it returns control.
 
-Pure, as all decision logic here: the other stack calls ``FailSafe.update`` once a control tick with its own compass and
-its own word on whether the rover is stuck, and gets None while its planner may drive, else what the wheels must do.
+Pure, as all decision logic here. The other stack calls ``FailSafe.update`` once a control tick, with its own heading
+and its own finding whether the rover is stuck. It gets None while its planner may drive, else the decision for the
+wheels.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, Observation, P
 from wayfarer.hal import STOP
 from wayfarer.units import Metres, Seconds
 
-# What the wheels did in a longer time between two calls nobody knows; as ``SafetySettings.tick_late_s``.
+# A longer time between two calls counts as this, because what the wheels did in it is unknown; as
+# ``SafetySettings.tick_late_s``.
 GAP_MAX_S: Final = 0.2
 NO_HEADING: Final = Decision(STOP, Phase.HALT, "no_heading")
 
@@ -23,17 +25,18 @@ _STUCK: Final = (Anomaly.IMMOBILISED,)
 class FailSafe:
     """Takes the wheels from a planner that is stuck or blind, and gives them back once the rover is free.
 
-    Free means: the handler's last episode is over, and it has followed the goal freely for a *free run* since. One that
-    took over for blindness alone, and met nothing, gives back as soon as the planner sees again. A planner that is
-    stuck again within ``relapse_s`` has steered back to where it was freed from: its next free run is twice as long.
+    The rover is free when the handler's last episode is over and it has then followed the goal for a *free run*, a
+    distance without an anomaly. If the handler took over only because the planner was blind, and met nothing, it gives
+    the wheels back as soon as the planner sees again. A planner that is stuck again within ``relapse_s`` has steered
+    back to the same place: the next free run is twice as long.
 
     Args:
-        handler: the algorithm at work, made by a row of the catalogue that needs no contact sensor. It restarts at
-            each takeover: what the planner did with the wheels is not its to count.
-        vehicle: the body; ``max_speed_m_s`` turns duties into commanded distance.
-        free_run_m: the first free run, metres commanded ahead.
+        handler: an escape handler, made by a row of the catalogue that needs no contact sensor. It restarts at each
+            takeover, because it does not know what the planner did with the wheels.
+        vehicle: the body; ``max_speed_m_s`` converts duties into commanded distance.
+        free_run_m: the first free run, metres commanded.
         free_run_max_m: the longest one.
-        relapse_s: so long after having the wheels back, in seconds, a planner that gets stuck met something new.
+        relapse_s: seconds after the wheels were given back; a planner that gets stuck later has met something new.
     """
 
     def __init__(
@@ -51,7 +54,7 @@ class FailSafe:
 
     @property
     def drives(self) -> bool:
-        """Whether the wheels are the handler's."""
+        """Whether the handler drives now."""
         return self._decision is not None
 
     def update(
@@ -61,11 +64,11 @@ class FailSafe:
 
         Args:
             t_s: time of this tick, seconds on a clock that never goes back; at the same time the answer is the same.
-            heading_deg: degrees clockwise, any number of turns. While it is not finite the handler's wheels stand.
-            goal_heading_deg: where the way out lies, from the same north.
+            heading_deg: degrees clockwise, any number of turns. While it is not finite, the handler stops the wheels.
+            goal_heading_deg: the heading of the way out, from the same north.
             stuck: whether the rover is commanded to drive now and does not move, or tilts, or touches something. It
-                must be False again as soon as that is over: the handler takes it for news.
-            blind: whether the planner has nothing to plan with.
+                must be False as soon as that is over, because the handler takes it as a new anomaly.
+            blind: whether the planner has no data to plan with.
         """
         dt_s = t_s - self._last_t_s
         if not dt_s > 0.0:
@@ -89,7 +92,7 @@ class FailSafe:
         self._decision = NO_HEADING
 
     def _advance(self, dt_s: float, last: Decision) -> None:
-        """Count the handler's own time and the distance that it commanded; standing blind of the heading is neither."""
+        """Count the handler's own time and the distance that it commanded; waiting for a heading counts as neither."""
         if last is not NO_HEADING:
             left, right = last.wheels
             self._time_s += dt_s

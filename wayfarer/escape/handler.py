@@ -18,13 +18,13 @@ from wayfarer.escape.reckoning import PitchBaseline, Reckoning
 from wayfarer.escape.tactics import AnomalyContext, Tactic
 from wayfarer.escape.turn_control import TurnController
 
-# After this many blocked turns in a row they alternate between the sides, beginning with the other one: a body that is
-# wedged can still turn back the way it came, and repeating what does not work is how mowers dig themselves in.
+# After this many blocked turns in a row, turns alternate between the sides, beginning with the other side: a body that
+# is wedged can still turn back the way it came, and robot mowers that repeat a failed turn dig themselves in.
 BLOCKED_TURNS_BEFORE_ALTERNATING: Final = 2
 # Shares of the back-off distance, by the number of blocked turns: between two trunks a body turns best in the middle.
 BACK_OFF_SHARES: Final = (1.0, 0.5, 0.25)
 
-# Blocked turns are forgotten after following the goal freely for so long: that is another place.
+# Blocked turns are forgotten after following the goal for more than this distance, because that is another place.
 FREE_RUN_M: Final = 1.0
 # A counter beyond this is forgotten (fault catalogue, fault 59).
 COUNTER_MAX_DEG: Final = 1080.0
@@ -34,8 +34,8 @@ COUNTER_MAX_DEG: Final = 1080.0
 class AlgorithmSpec:
     """What makes one algorithm out of the common handler.
 
-    ``keeps_side`` holds the turn direction for a whole episode, as Pledge must; otherwise each anomaly chooses again.
-    ``tactics`` make what may then change the plan for an anomaly, in this order.
+    ``keeps_side`` keeps the turn direction for a whole episode, as Pledge must; otherwise it is chosen at each anomaly.
+    ``tactics`` make the objects that may then change the plan for an anomaly, in this order.
     """
 
     transitions: Transitions
@@ -157,7 +157,7 @@ class PhasedHandler:
             escape_plan.side = -self._side
 
     def _ask_tactics(self, observation: Observation, *, new_episode: bool) -> None:
-        """Let the tactics change the plan in the course."""
+        """Let the tactics change the escape plan."""
         reckoning = self._reckoning
         context = AnomalyContext(
             new_episode,

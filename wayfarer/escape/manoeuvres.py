@@ -29,7 +29,7 @@ class EscapePlan:
     ``counter_deg`` is the paper's C: the heading gained since the episode began, clockwise positive, any number of
     turns. ``side`` is the turn direction tau (+1 clockwise), ``turn_deg`` the turn angle theta; ``straight_m`` and
     ``radius_m`` are the two parts of the probe. ``unturned_deg`` is what a finished turn left to its probe, clockwise
-    positive. ``resets`` says whether a heading back at the goal ends the episode.
+    positive. ``resets`` says whether a heading that is back at the goal heading ends the episode.
     """
 
     side: int = 1
@@ -47,7 +47,7 @@ _NOTHING: Final[frozenset[Anomaly]] = frozenset()
 
 
 class Manoeuvre(ABC):
-    """One phase at work: ``begin``, then ``event`` and ``wheels`` once a tick until ``event`` returns one."""
+    """Runs one phase: call ``begin``, then ``event`` and ``wheels`` once a tick until ``event`` returns an event."""
 
     phase: ClassVar[Phase]
 
@@ -72,7 +72,7 @@ class Manoeuvre(ABC):
         """Return the wheels for this tick."""
 
     def _bound(self, observation: Observation, time_s: float, distance_m: float = inf) -> None:
-        """Bound the manoeuvre: the planned time and commanded distance, with slack, from this observation on."""
+        """Set the bounds of the manoeuvre: the planned time and commanded distance with slack, from now on."""
         self._limit_t_s = observation.t_s + time_s * SLACK + SLACK_S
         self._limit_m = observation.travelled_m + distance_m * SLACK
 
@@ -80,7 +80,7 @@ class Manoeuvre(ABC):
         return observation.t_s >= self._limit_t_s or observation.travelled_m >= self._limit_m
 
     def _fresh(self, observation: Observation) -> tuple[Anomaly, ...]:
-        """Return the anomalies that were not there when the manoeuvre began; one that has cleared may come again."""
+        """Return the anomalies that are new since the manoeuvre began; one that had cleared is new again."""
         if not observation.anomalies:
             self._known = _NOTHING
             return ()
@@ -89,7 +89,7 @@ class Manoeuvre(ABC):
 
 
 def _ahead(observation: Observation) -> bool:
-    """Return whether what is wrong concerns driving on: a touch behind alone, left over from backing off, does not."""
+    """Return whether an anomaly concerns driving ahead: a touch only at the rear, left from backing off, does not."""
     contact = observation.contact
     if contact is None or contact.sides != _BEHIND:
         return True
@@ -136,7 +136,7 @@ class Follow(Manoeuvre):
 
 
 class BackOff(Manoeuvre):
-    """Reverse straight. What was wrong at its start is not news; being blocked behind is."""
+    """Reverse straight. Anomalies that were there at its start do not count; being blocked behind does."""
 
     phase = Phase.BACK_OFF
 
@@ -165,7 +165,7 @@ class BackOff(Manoeuvre):
 
 
 class TurnAway(Manoeuvre):
-    """Turn on the spot by the course's angle to its side. Being blocked shows as running out of time.
+    """Turn on the spot to the side and by the angle of the escape plan. A blocked turn runs out of time.
 
     The rate falls with the angle that is left, because a skid-steered body does not stop turning at once.
     """
@@ -248,7 +248,7 @@ class Probe(Manoeuvre):
 
 
 class Stride(Manoeuvre):
-    """Drive straight for the course's stride, on the heading at which it began."""
+    """Drive straight for the escape plan's stride, on the heading at which the stride began."""
 
     phase = Phase.STRIDE
 

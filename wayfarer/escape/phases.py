@@ -2,29 +2,30 @@
 
 Theory of operation
 -------------------
-A blind rover holds its goal heading (``FOLLOW``) until something is wrong: it does not move, it tilts, it touches.
-That starts an *episode*. The rover backs off a little, turns away on the spot, and then one of two families takes over.
+A blind rover holds its goal heading (``FOLLOW``) until there is an anomaly: it is stuck, tilts, or touches something.
+That starts an *episode*. The rover backs off a little and turns away on the spot. What follows depends on the family of
+the algorithm.
 
 The *Pledge* family (paper, section III-A) counts how far it has turned since the episode began: the counter C, in
-degrees, clockwise positive, taken from the compass, so a turn that was blocked half-way counts half. Then it drives a
-curve back against the turn (``PROBE``), feeling for the end of the obstacle as a hand feels along a wall. Each new
-anomaly backs off, turns away and adds to C; each metre of curve takes from it. When C is back at zero the rover has
-unwound every turn it made and the way towards the goal was free to curve into: it follows the goal again. Counting
-turns, not only looking where the nose points, is what frees it from spirals and pockets. *Forest-Pledge* also ends the
-episode whenever the heading comes within 5 degrees of the goal, whole turns forgiven: shorter in clutter, at the
-price of Pledge's guarantee.
+degrees, clockwise positive. C is taken from the compass, so a turn that was blocked half-way counts half. After the
+turn it drives a curve back against the turn (``PROBE``), to find the end of the obstacle. At each new anomaly it backs
+off, turns away and so increases C; the curve decreases C. When C is back at zero, the rover has taken back all its
+turns, and the curve towards the goal was free: it follows the goal again. Counting turns, instead of looking at the
+heading only, lets it leave spirals and pockets. *Forest-Pledge* also ends the episode when the heading comes within 5
+degrees of the goal heading, whatever the number of whole turns. This is shorter among many obstacles, but loses
+Pledge's guarantee.
 
-The *stochastic* and *reactive* families drive a straight piece in the new direction instead (``STRIDE``) and then
-follow the goal again. They remember nothing, which is why they stay in pockets.
+The *stochastic* and *reactive* families drive straight ahead in the new direction instead (``STRIDE``) and then follow
+the goal again. They have no memory and can therefore stay in pockets.
 
-Every phase is bounded in time and in commanded distance. Running out is an event like any other (``EXHAUSTED``), so a
-rover whose reverse is blocked, or whose wheels spin in place, goes on to the next manoeuvre instead of grinding.
+Every phase is bounded in time and in commanded distance. Reaching a bound is an event like any other (``EXHAUSTED``),
+so a rover whose way back is blocked, or whose wheels spin, continues with the next manoeuvre.
 
-A counter beyond three turns is forgotten (``OVERWOUND``), whatever the phase: a compass that drifts, or a spiral that
-no forest has, would otherwise have the rover unwind for ever.
+A counter beyond three turns is set to zero (``OVERWOUND``), in every phase. Otherwise a compass that drifts could make
+the rover take back turns for ever.
 
-Every transition is in ``PLEDGE`` and ``STRIDES`` below, and nowhere else. The event's name, with the phase it ended,
-is the ``why`` of the decision and of the log: ``probe.unwound``, ``turn_away.exhausted``.
+All transitions are in ``PLEDGE`` and ``STRIDES`` below. The phase that ended and the event that ended it are the
+``why`` of the decision and of the log: ``probe.unwound``, ``turn_away.exhausted``.
 """
 
 from __future__ import annotations
@@ -42,9 +43,9 @@ class PhaseEvent(Enum):
     ANOMALY = "anomaly"  # something new is wrong
     DONE = "done"  # the manoeuvre did what it was meant to do
     UNWOUND = "unwound"  # the counter came back to zero
-    REALIGNED = "realigned"  # the heading came back to the goal, whole turns forgiven
+    REALIGNED = "realigned"  # the heading came back to the goal heading; whole turns are ignored
     EXHAUSTED = "exhausted"  # out of time or distance
-    OVERWOUND = "overwound"  # the counter can no longer be true
+    OVERWOUND = "overwound"  # the counter is beyond three turns, which cannot be true
 
 
 Transitions = Mapping[tuple[Phase, PhaseEvent], Phase]
@@ -52,10 +53,10 @@ Transitions = Mapping[tuple[Phase, PhaseEvent], Phase]
 _SHARED: Final[Transitions] = {
     **{(phase, PhaseEvent.OVERWOUND): Phase.FOLLOW for phase in (Phase.FOLLOW, Phase.BACK_OFF, Phase.TURN_AWAY)},
     (Phase.FOLLOW, PhaseEvent.ANOMALY): Phase.BACK_OFF,
-    # FOLLOW runs out when it cannot turn to the goal: something holds the tail or the side.
+    # FOLLOW is exhausted when the rover cannot turn to the goal: something holds its rear or its side.
     (Phase.FOLLOW, PhaseEvent.EXHAUSTED): Phase.BACK_OFF,
     (Phase.BACK_OFF, PhaseEvent.DONE): Phase.TURN_AWAY,
-    # Blocked behind as well: go on with the turn, do not grind.
+    # Blocked behind as well: continue with the turn, do not push.
     (Phase.BACK_OFF, PhaseEvent.ANOMALY): Phase.TURN_AWAY,
     (Phase.BACK_OFF, PhaseEvent.EXHAUSTED): Phase.TURN_AWAY,
     (Phase.TURN_AWAY, PhaseEvent.ANOMALY): Phase.BACK_OFF,

@@ -1,4 +1,4 @@
-"""What tactics know of place and ground: dead reckoning over short distances, and pitch relative to level ground."""
+"""Position and slope for tactics: dead reckoning over short distances, and pitch relative to the ground."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Final
 from wayfarer.angles import displacement_m
 from wayfarer.escape.api import Anomaly, Observation, Phase
 
-# The stall detector needs so long to be sure (DetectorSettings.immobilised_s): what was commanded then was not driven.
+# The stall detector needs this long (DetectorSettings.immobilised_s); what was commanded in that time was not driven.
 STALL_S: Final = 0.3
 
 
 class Reckoning:
-    """Where the rover has come since ``reset``: metres ``ahead_m`` along the goal heading and ``right_m`` of it."""
+    """Position of the rover since ``reset``: ``ahead_m`` along the goal heading, ``right_m`` to the right of it."""
 
     def __init__(self, cruise_m_s: float) -> None:
         self._stall_m = STALL_S * cruise_m_s
@@ -25,14 +25,14 @@ class Reckoning:
         self._last_m: float | None = None
 
     def follow(self, observation: Observation, phase: Phase) -> None:
-        """Take one tick, which ended a period of this phase: only ``BACK_OFF`` goes backwards, a turn goes nowhere."""
+        """Add one tick in this phase: only ``BACK_OFF`` moves backwards, and a turn on the spot does not move."""
         last_m, self._last_m = self._last_m, observation.covered_m
         if last_m is not None and phase is not Phase.TURN_AWAY:
             forward_m = observation.covered_m - last_m
             self._move(observation, -forward_m if phase is Phase.BACK_OFF else forward_m)
 
     def take_back_stall(self, observation: Observation) -> None:
-        """Take back what was commanded, and not measured, while driving ahead was found to move nothing."""
+        """Subtract the distance commanded during a stall, if no motion sensor measured the distance."""
         if observation.measured_m is None and Anomaly.IMMOBILISED in observation.anomalies:
             self._move(observation, -self._stall_m)
 
@@ -42,14 +42,14 @@ class Reckoning:
         self.right_m += right_m
 
 
-# The ground's own slope is what the pitch has been for about so long; a stall is found in a third of it.
+# The slope of the ground is the mean pitch of about this time; a stall is found in a third of it.
 SETTLE_S: Final = 1.0
 
 
 class PitchBaseline:
     """Follows the pitch of the ground; ``risen_deg`` is how far the nose is above it.
 
-    A rover that pushes onto a trunk pitches up, one with spinning wheels stays level.
+    A rover that pushes onto a trunk pitches up; one whose wheels spin stays level.
     """
 
     def __init__(self) -> None:

@@ -37,7 +37,7 @@ class HeadingHold:
         turn_deg_s = degrees(self._turn_rad_s(t_s, error))
         if abs(error_deg) < self._pivot_beyond_deg:
             return self._turns.wheels(self._cruise_m_s * cos(error), turn_deg_s)
-        self._integral = 0.0  # a pivot is not a steady offset to be learnt
+        self._integral = 0.0  # the error during a pivot is no steady offset to learn
         return self._turns.wheels(0.0, turn_deg_s)
 
     def _turn_rad_s(self, t_s: float, error: float) -> float:

@@ -1,10 +1,10 @@
 """Tactics: small objects with a memory that may change the plan at an anomaly; ``catalogue`` combines them.
 
-The ten algorithms of the paper answer each anomaly from what they see at that moment (``policies``). A tactic
-remembers: it is asked at each anomaly, after those choices, and may change the plan that is in the ``EscapePlan``: turn
-angle, back-off, length of the straight, radius of the probe's arc, and whether a heading back at the goal ends the
-episode. It sees what any blind rover has: the compass, that something is wrong, and dead reckoning from commands. It
-cannot prolong anything: phases keep their bounds, whatever is planned.
+The ten algorithms of the paper respond to each anomaly by what they observe at that moment (``policies``). A tactic has
+a memory. It is called at each anomaly, after those choices, and may change the ``EscapePlan``: turn angle, back-off,
+length of the straight, radius of the probe's arc, and whether a heading that is back at the goal heading ends the
+episode. Its input is what every blind rover has: the compass, the fact that there is an anomaly, and dead reckoning. It
+cannot make a phase unbounded: each phase has bounds for every plan.
 
 Numbers without another source are from ``docs/better-escape.md``, found on the even layouts of the reference forests.
 """
@@ -22,7 +22,7 @@ from wayfarer.escape.manoeuvres import EscapePlan
 class AnomalyContext(NamedTuple):
     """An anomaly, as a tactic sees it.
 
-    ``nose_up_deg`` is how far the nose has risen over the slope of the ground. ``bearing_deg`` is the heading relative
+    ``nose_up_deg`` is how far the nose has risen above the slope of the ground. ``bearing_deg`` is the heading relative
     to the goal, in [-180, 180), clockwise positive; ``ahead_m`` and ``right_m`` are dead reckoning along and across the
     goal heading since the mission began; ``travelled_m`` is the distance commanded; ``blocked_turns`` counts turns in a
     row that something stopped.
@@ -52,7 +52,7 @@ BACK_OFF_SHARE: Final = 0.67  # 0.1 m with the measures of the paper's simulator
 
 
 class PlanScaling:
-    """Plan in other measures: each a multiple of what the rover file says, so that it still fits the rover."""
+    """Scales the plan: each measure is a multiple of that in the rover file, so that it still fits the rover."""
 
     def __init__(self, *, turn: float = 1.0, straight: float = 1.0, radius: float = 1.0) -> None:
         self._turn, self._straight, self._radius = turn, straight, radius
@@ -72,7 +72,7 @@ NOSE_UP_DEG: Final = 3.0
 
 
 def on_the_way(context: AnomalyContext) -> bool:
-    """Return whether the rover was following its goal: along a wall, contacts are what is to be expected."""
+    """Return whether the rover was following its goal; during an episode, along a wall, contacts are expected."""
     return context.new_episode
 
 
@@ -82,12 +82,12 @@ def nose_level(context: AnomalyContext) -> bool:
 
 
 class RetryAhead:
-    """Back off a little after each free run, and go straight on where it is worth a try: a slip is over then.
+    """After a free run, back off only a little, and retry straight ahead where ``worth`` says so: a slip is over then.
 
-    Where something is there after all, it is met again at once, within ``RETRY_AFTER_M``, and answered. A wall costs a
-    stall and a back-off more; a slip costs neither arc nor drift to one side. Every metre backwards is driven twice,
-    and a body needs less room than the usual distance to turn on the spot; where it was too little, the next back-off
-    is the usual one.
+    If there is an obstacle after all, the rover meets it again within ``RETRY_AFTER_M``, and then responds as usual. So
+    a wall costs one stall and one back-off more, and a slip costs neither an arc nor drift to one side. The back-off is
+    shorter because every metre backwards is driven twice, and a body needs less room than the usual distance to turn on
+    the spot. If it was too short, the next back-off is the usual one.
     """
 
     def __init__(self, worth: Callable[[AnomalyContext], bool]) -> None:
@@ -106,8 +106,8 @@ class RetryAhead:
                 escape_plan.turn_deg = 0.0
 
 
-# An anomaly is the same as another one in a cell of 1 m and an octant of heading; three of a kind among the last 80 are
-# a loop, and strict Pledge is to lead out of it for 30 (the field survey's design).
+# Two anomalies count as the same if they are in the same cell of 1 m and the same octant of heading. Three such among
+# the last 80 are a loop. Then strict Pledge is used for 30 anomalies (the design of the field survey).
 CELL_M: Final = 1.0
 OCTANT_DEG: Final = 45.0
 REMEMBERED: Final = 80
@@ -116,10 +116,10 @@ STRICT: Final = 30
 
 
 class LoopGuard:
-    """Unwind every turn, as strict Pledge does, for some anomalies after the same one was met again and again.
+    """Take back every turn, as strict Pledge does, for some anomalies after the same anomaly was met several times.
 
-    A heading back at the goal ends Forest-Pledge's episodes early, which is short on average and circles in a trap
-    shaped like a G. Dead reckoning that drifts by more than a cell a lap can hide a circle.
+    Forest-Pledge ends an episode early when the heading is back at the goal heading. This is shorter on average, but
+    circles in a trap shaped like a G. If dead reckoning drifts by more than a cell a lap, a circle is not noticed.
     """
 
     def __init__(self) -> None:

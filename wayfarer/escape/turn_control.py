@@ -3,7 +3,7 @@
 Tyres resist sideways. A body therefore turns only where the *turn duty* (half the difference of both sides' duties,
 clockwise positive) is more than the ground's friction takes up; that share is the *dead zone*. It depends on ground,
 tyres, weight and motors: 0 on ideal ground, a tenth on mud, and half or more on dry soil (Kozlowski and Pazderski 2004,
-Mandow 2007). It is learnt while the body turns, and only then: a body that a tree holds says nothing of the ground.
+Mandow 2007). It is learnt only while the body turns, because a body that a tree holds shows nothing about the ground.
 """
 
 from __future__ import annotations
@@ -15,43 +15,49 @@ from wayfarer.angles import wrap180
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import WheelCommand
 
-# A body follows its wheels with about this lag (``simhal.Physics``: 0.1 s; ForestRover's mass and motors: 0.12 s).
+# A body follows its wheels with about this lag (``simhal.world.physics.Physics``: 0.1 s; ForestRover's mass and motors:
+# 0.12 s).
 LAG_S: Final = 0.1
 # Rates and duties are averaged alike before they are compared, so that the noise of a compass (1 degree, 20 readings a
 # second) counts for 4 degrees a second.
 AVERAGE_S: Final = 0.2
-# A heading that is behind is caught up with at this share of it a second: slow beside lag and tick together.
+# Feedback: this share of the angle by which the heading lags is added to the turn rate per second. It is slow compared
+# with lag and tick together.
 CATCH_UP_PER_S: Final = 4.0
-# For how long a heading that fell behind is remembered: what was not caught up with by then was held.
+# The time constant with which the angle by which the heading lags is forgotten: a body that did not follow was held.
 FORGET_S: Final = 1.5
-# Faster than it was commanded by so much, a body that was held has come free: twice the noise of the latest rate.
+# A body that turns faster than commanded by more than this was held and has come free: twice the noise of the latest
+# rate.
 FREE_SHARE: Final = 1.2
 FREE_DEG_S: Final = 30.0
-# A body that is held says nothing of the ground: one that turns at less than this, or this share of what is commanded.
+# Nothing is learnt from a body that may be held: one that turns more slowly than this, or than this share of the
+# commanded rate.
 LEARN_FROM_DEG_S: Final = 10.0
 LEARN_FROM_SHARE: Final = 0.25
 LEARN_S: Final = 0.5
 DEAD_ZONE_MAX: Final = 0.9
-# Up to this rate the dead zone is made up for in proportion: a noisy compass must not throw the wheels about.
+# Below this rate, only a proportional part of the dead zone is compensated, so that a noisy compass does not jerk the
+# wheels.
 FULL_COMPENSATION_DEG_S: Final = 20.0
-# No wheels turn a body further in a tick than full duty on ideal ground, and so much for noise: then somebody turned it
-# while it was held, and the clock of the logic was paused.
+# In one tick the wheels turn a body by at most full duty on ideal ground, plus this for noise. If it turned further, a
+# person turned it during a hold, while the clock of the logic was paused.
 STRANGE_DEG: Final = 10.0
-# Duty is not given for long where it turns nothing. The heading must come on by so much to count as moved: three
-# times the noise of a compass. Field catalogue, faults 29 and 58, allow 3 s, and noise may look like a move once.
+# Turn duty is not continued for long if the body does not turn. The heading must change by ``MOVED_DEG`` to count as
+# turned: three times the noise of a compass. Fault catalogue, faults 29 and 58, allow 3 s; noise may look like a turn
+# once in that time.
 MOVED_DEG: Final = 3.0
 GIVE_UP_AFTER_S: Final = 1.5
-# Of the duty, for feedback in a curve; and what is left for going ahead on ground on which the body hardly turns.
+# Shares of the duty: kept for feedback in a curve; and left for driving ahead on ground on which the body hardly turns.
 RESERVE_DUTY: Final = 0.1
 LEAST_DUTY: Final = 0.1
 
 
 class TurnController:
-    """Works out the wheels for a forward speed and a turn rate.
+    """Calculates the wheel command for a forward speed and a turn rate.
 
-    Once a tick ``observe``, then ``wheels``. Where the wheels cannot give both, turning comes before going ahead.
-    ``dead_zone`` is the turn duty that was learnt; ``stands`` tells that the wheels have turned against each other more
-    than ahead for ``GIVE_UP_AFTER_S`` of full duty, and turned nothing.
+    Call ``observe``, then ``wheels``, once a tick. If the wheels cannot deliver both, turning has priority over speed.
+    ``dead_zone`` is the turn duty that was learnt. ``stands`` is True when there was more turn duty than forward duty
+    for ``GIVE_UP_AFTER_S`` of full duty, and the body did not turn.
     """
 
     def __init__(self, vehicle: Vehicle) -> None:
@@ -72,15 +78,15 @@ class TurnController:
         self.rest()
 
     def rest(self) -> None:
-        """Begin a manoeuvre: what the last one did not reach is not caught up with."""
+        """Begin a manoeuvre: forget the angle by which the heading lags."""
         self._behind_deg = self._pushed_s = self._pushed_deg = 0.0
         self._expected_deg_s = self._latest_deg_s
         self._pushes = self.stands = False
 
     def observe(self, t_s: float, heading_deg: float, applied: WheelCommand | None) -> float:
-        """Take the heading at a tick, and compare what the body did since the last one with its commands.
+        """Take the heading at a tick, and compare the turn since the last tick with the commands.
 
-        ``applied`` is what the wheels really did since then, None where that is not known: then what was asked for.
+        ``applied`` is the wheel command that was applied since then; if it is None, the one that was returned counts.
         Returns the heading gained since then, 0 at the first tick: degrees, clockwise positive, half a turn at most.
         """
         last_t_s, last_deg = self._t_s, self._heading_deg
@@ -100,7 +106,7 @@ class TurnController:
         expected_deg_s = self._expected_deg_s
         expected_deg_s += (self._commanded_deg_s - expected_deg_s) * dt_s / (dt_s + LAG_S)
         self._expected_deg_s = expected_deg_s
-        # More than full duty can answer is not kept: anti-windup.
+        # The angle is limited to what full duty can correct: anti-windup.
         most_deg = self._most_behind_deg
         behind_deg = (self._behind_deg + expected_deg_s * dt_s - gained_deg) * FORGET_S / (FORGET_S + dt_s)
         self._behind_deg = most_deg if behind_deg > most_deg else -most_deg if behind_deg < -most_deg else behind_deg
@@ -129,21 +135,24 @@ class TurnController:
         return WheelCommand(forward + duty, forward - duty)
 
     def curve_speed_m_s(self, wanted_m_s: float, radius_m: float) -> float:
-        """Return the fastest speed, up to the one wanted, at which the wheels can keep to a curve on this ground."""
+        """Return the highest speed, up to the wanted one, at which the wheels can follow a curve on this ground."""
         duty = max(1.0 - self.dead_zone - RESERVE_DUTY, LEAST_DUTY)
         fastest_m_s = duty / (1.0 / self._max_speed_m_s + degrees(1.0 / radius_m) / self._ideal_deg_s)
         return fastest_m_s if fastest_m_s < wanted_m_s else wanted_m_s
 
     def _watch(self, gained_deg: float, dt_s: float) -> None:
-        """Count for how long the wheels have turned against each other and turned nothing."""
-        self._pushed_s += dt_s * abs(self._duty)  # seconds of full duty; less does less harm, and turns less
+        """Count for how long there was turn duty and the body did not turn."""
+        self._pushed_s += dt_s * abs(self._duty)  # in seconds of full duty: less duty does less harm, and turns less
         self._pushed_deg += gained_deg if self._duty > 0.0 else -gained_deg
         if self._pushed_deg >= MOVED_DEG:
             self._pushed_s = self._pushed_deg = 0.0
         self.stands = self._pushed_s >= GIVE_UP_AFTER_S
 
     def _learn(self, dt_s: float) -> None:
-        """Take what the turn duty has beyond the turn rate for the ground's; let go where a body has come free."""
+        """Learn the dead zone: the turn duty beyond what the turn rate needs on ideal ground.
+
+        The feedback of a body that has come free is reduced.
+        """
         expected_deg_s = self._expected_deg_s
         duty, rate, latest = self._mean_duty, self._mean_rate_deg_s, self._latest_deg_s
         if expected_deg_s < 0.0:

@@ -229,7 +229,7 @@ def _run_installed(key: str, tasks: list[Any]) -> list[Any]:
 
 
 def forget(key: str) -> None:
-    """Let go, in a worker that goes on living, of what a stream installed there."""
+    """Remove a stream's function from a worker that stays alive."""
     _installed.pop(key, None)
 
 

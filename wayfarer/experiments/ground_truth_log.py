@@ -36,7 +36,7 @@ class GroundTruthLog(PartialLog):
         self._last = happening
 
     def note(self, t_s: float, fault: Fault, *, begins: bool) -> None:
-        """Take the beginning of a fault, or its end; implements ``injection.injector.Note``."""
+        """Take the beginning of a fault, or its end; implements ``simhal.faults.injector.NoteFault``."""
         about = {"target": fault.target, "kind": fault.kind, "begins": begins}
         lasting_s = fault.for_s if fault.for_s < inf else None
         self._log.note("fault", t_s, {**about, "for_s": lasting_s, "params": asdict(fault.params)})

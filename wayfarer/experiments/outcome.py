@@ -1,4 +1,7 @@
-"""Decides when and how a trial ended. Only this module sees the ground truth."""
+"""Decides from the simulated world when a trial ends, and how.
+
+``trial.outcome_of`` adds the rover's own reasons for ending.
+"""
 
 from __future__ import annotations
 

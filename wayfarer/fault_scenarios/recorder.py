@@ -37,7 +37,7 @@ class RecordedEvent(NamedTuple):
 
 
 class RunRecorder:
-    """Implements ``records.RunLog``. ``follow`` tells it whose run it is."""
+    """Keeps what a run reports; implements ``control.run_log.RunLog``. ``follow`` gives it the trial to watch."""
 
     def __init__(self) -> None:
         self.ticks: list[RecordedTick] = []

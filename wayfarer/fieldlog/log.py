@@ -28,7 +28,7 @@ CLOCK_STEP_S = 1.0  # more than a clock is slewed between two records; finding t
 
 
 class FieldLog:
-    """Turns what a run tells into records and hands each on as a line; implements ``records.RunLog``.
+    """Makes records of what a run reports and passes each on as a line; implements ``control.run_log.RunLog``.
 
     Args:
         sink: where the lines go.

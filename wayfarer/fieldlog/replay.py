@@ -168,7 +168,7 @@ class Rerun:
 
 
 class LoggedMotors:
-    """Wheels that take what the log says they took; implements ``controller.Wheels``."""
+    """Motors that return what the log says they applied; implements ``control.controller.WheelMotors``."""
 
     def __init__(self) -> None:
         self.applied = STOP

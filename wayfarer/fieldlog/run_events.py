@@ -129,7 +129,7 @@ class Noted(RunEvent):
 
 
 class Arming(Noted):
-    """Somebody asked for it."""
+    """Arming was requested."""
 
 
 class Armed(Noted):

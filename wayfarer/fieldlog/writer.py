@@ -1,7 +1,7 @@
 """Writes the lines of a run's log to its files; it may block, so it runs in a thread.
 
-Nothing that a disk does raises out of here: what cannot be written is dropped and counted, a record in the log says how
-much is missing and where, and a person is told.
+Disk errors are not raised after ``open``: a line that cannot be written is dropped and counted, a record in the log
+says how much is missing and where, and a message is shown to the person.
 """
 
 from __future__ import annotations

@@ -16,9 +16,9 @@ PATIENCE: Final = 10.0
 class ArmingSequence:
     """Waits out the start delay, then takes the goal heading.
 
-    A heading given by the user is used as it is. Otherwise the rover's own is taken at the END of the delay, as the
-    mean over a settling time in which it stayed within a narrow spread: when the delay begins, a person with keys and a
-    phone still leans over the compass.
+    A heading given by the user is used as it is. Otherwise the rover's own heading is taken at the END of the delay, as
+    the mean over a settling time in which it stayed within a narrow spread. It is not taken earlier, because a person
+    with keys and a phone is still near the compass when the delay begins.
     """
 
     def __init__(self, settings: SafetySettings, t_s: float, goal_heading_deg: float | None) -> None:
@@ -28,7 +28,7 @@ class ArmingSequence:
         self._headings: deque[tuple[float, float]] = deque()
 
     def update(self, compass: CompassReading) -> float | None:
-        """Return the goal heading once it is there, None while waiting."""
+        """Return the goal heading once it is known, None while waiting."""
         t_s = compass.t_s
         if t_s < self._delay_ends_s:
             return None
@@ -47,5 +47,5 @@ class ArmingSequence:
         return None
 
     def too_late(self, t_s: float) -> bool:
-        """Return whether the heading has not come to rest for so long that arming must be refused."""
+        """Return whether arming must be refused, because the heading has not come to rest in time."""
         return t_s > self._delay_ends_s + PATIENCE * self._settings.settle_s

@@ -1,7 +1,7 @@
 """Conditions of the rover's health and the response to each: one table, the most severe wins.
 
-These are not anomalies. An anomaly (``escape.api.Anomaly``) says that the forest is in the way and is answered by a
-manoeuvre; a condition says that the rover cannot trust itself and is answered by the safety gate.
+These are not anomalies. An anomaly (``escape.api.Anomaly``) says that the forest is in the way, and the escape handler
+responds with a manoeuvre. A condition says that the rover itself is not well, and the safety gate responds.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Detects an escape without progress, which would otherwise continue forever. Pure.
 
-A rover that is caught goes round its manoeuvres without end, and each of them ends in time. What tells it from one
-that works its way out of a pocket is a *free run*: driving ahead without an anomaly, with some ground covered. A pocket
-gives one every few seconds; an anomaly that never clears, a storm of them, or a body that is snagged give none.
+An entrapped rover repeats its manoeuvres for ever, although each of them ends in time. A rover that works its way out
+of a pocket is different in one thing, the *free run*: it drives ahead for some distance without an anomaly. In a pocket
+there is a free run every few seconds. There is none with an anomaly that never clears, with very frequent anomalies, or
+if something holds the body.
 """
 
 from __future__ import annotations
@@ -13,15 +14,15 @@ from wayfarer.hal import MotionReading
 from wayfarer.safety.interval import Interval
 from wayfarer.safety.settings import EntrapmentSettings
 
-# A reading counts for no more than this share of what was commanded ahead, and the largest of so many not at all: what
-# else they say may be garbage, or rolling on.
+# A reading counts for at most half of the commanded distance. The largest fifth of the readings is ignored, because it
+# may be noise or coasting.
 MOST_SHARE: Final = 0.5
 ONE_OF: Final = 5
 ROUNDING_S: Final = 1e-6  # sums of periods fall a rounding error short
 
 
 class EntrapmentMonitor:
-    """Takes each tick of an armed rover and tells when to give up; ``reset`` starts again."""
+    """Judges each tick of an armed rover and says when to give up; ``reset`` starts again."""
 
     def __init__(self, settings: EntrapmentSettings, quality_min: float) -> None:
         self._settings = settings
@@ -36,7 +37,7 @@ class EntrapmentMonitor:
         self._begin_place()
 
     def ends(self, interval: Interval, anomalous: bool, motion: MotionReading | None) -> bool:
-        """Take one tick and return whether the rover is entrapped: it has got nowhere for too long.
+        """Judge one tick and return whether the rover is entrapped: it has made no progress for too long.
 
         Args:
             interval: the wheel commands since the last tick.
@@ -76,7 +77,7 @@ class EntrapmentMonitor:
         self._anomalies += 1
 
     def _take_ground(self, motion: MotionReading) -> None:
-        """Note what was seen; where nothing can be said of it, believe the wheels: unknown is never still."""
+        """Note what was seen; a reading of low quality counts as driven, because unknown is never still."""
         self._sees_ground = True
         most_m, self._unseen_m = MOST_SHARE * self._unseen_m, 0.0
         if most_m > 0.0:
@@ -84,6 +85,6 @@ class EntrapmentMonitor:
             self._seen_m.append(max(-most_m, min(most_m, motion.forward_m)) if known else most_m)
 
     def _covers_ground(self) -> bool:
-        """Return whether the ground went by in this run, as far as the sensor can tell."""
+        """Return whether the rover moved over the ground in this run, as far as the sensor can see."""
         believed_m = sorted(self._seen_m)[: len(self._seen_m) - len(self._seen_m) // ONE_OF]
         return not self._sees_ground or sum(believed_m) >= self._settings.covered_m

@@ -1,7 +1,7 @@
-"""The safety gate, the last stage before the wheels. Pure: the controller asks it once a tick and obeys.
+"""The safety gate, the last stage before the wheels. Pure: the controller calls it once a tick and obeys.
 
-Whatever the decision wants, the wheels get zero unless the rover is armed and nothing demands a hold; a fault stays
-until the rover is re-armed. What passes is limited in duty and in how fast it may grow. Stopping is never limited.
+For every decision, the wheels get zero unless the rover is armed and no condition demands a hold; a fault stays until
+the rover is re-armed. A command that passes is limited in duty and in the growth of duty. Stopping is never limited.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import LEVELS, Condition, Level, worst
 from wayfarer.safety.settings import SafetySettings
 
-STALL_LIMIT_S: Final = 0.2  # field.md, fault 37: ArduPilot's rover disarms after as long without its main loop
+STALL_LIMIT_S: Final = 0.2  # field.md, fault 37: ArduPilot's rover disarms after this time without its main loop
 LOW_VOLTAGE_SHARE: Final = 0.7  # of ``duty_max`` while the computer's supply sags: fault catalogue, fault 32
 
 
 class Gate:
-    """Limits commands, holds and latches; ``level`` and ``cause`` say how severe the worst condition is and which.
+    """Limits commands, holds the wheels, and latches faults.
 
-    Once a tick ``judge``, then ``limit``.
+    Call ``judge``, then ``limit``, once a tick. ``cause`` is the worst condition, ``level`` its severity.
     """
 
     def __init__(self, settings: SafetySettings, control_hz: float) -> None:
@@ -72,7 +72,7 @@ class Gate:
             self._fault = self.cause
 
     def _limit(self, wanted: float, last: float) -> float:
-        """Limit one side in duty and growth; less duty of the same sign, and zero, are given at once."""
+        """Limit one side in duty and in growth; zero, and less duty of the same sign, pass at once."""
         step, most = self._step, self._most
         if wanted > 0.0:
             return min(wanted, (last if last > 0.0 else 0.0) + step, most)

@@ -1,7 +1,7 @@
 """The interval between two control ticks: its length, and the wheel commands in it. Pure.
 
-It is worked out once a tick. Detector, progress and mission all take it from here, so that none of them counts time in
-which nobody drove the wheels.
+It is calculated once a tick. Detector, entrapment and mission all use it, so that none of them counts time in which the
+wheels were not driven.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ class Interval:
     """From the previous control tick to this one; the first part of the record of a tick.
 
     ``t_s`` is the time of this tick, ``commanded`` the wheel command before it, and ``dt_s`` the time since the
-    previous one, 0 at the first. ``driven_s`` is for how much of ``dt_s`` the wheels obeyed: before a late tick the
-    motor board's deadman has stopped them. ``forward_m`` is how far the wheels were commanded to go in ``driven_s``, in
-    metres, negative in reverse.
+    previous one, 0 at the first. ``driven_s`` is the part of ``dt_s`` in which the wheels obeyed: before a late tick
+    the motor board's deadman has stopped them. ``forward_m`` is how far the wheels were commanded to go in
+    ``driven_s``, in metres, negative in reverse.
     """
 
     # No dataclass: the compiled core would run its ``__init__`` in the interpreter.

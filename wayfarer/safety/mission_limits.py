@@ -1,7 +1,7 @@
 """Normal end of a mission: limits on time, commanded distance, and radius around the start. Pure.
 
-The radius is dead reckoning by odometer and compass: wheels that spin take the rover nowhere. Where a receiver gives
-fixes, they count instead. Escape decisions see neither.
+The distance from the start is dead reckoning by odometer and compass, so that spinning wheels do not count. If a
+receiver gives fixes, they count instead. Escape decisions use neither.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from wayfarer.hal import PositionFix
 from wayfarer.safety.settings import SafetySettings
 
 FIX_FRESH_S: Final = 3.0  # an older fix does not count (fault catalogue, fault 56)
-FIXES_BEYOND: Final = 5  # fixes in a row, so that one that jumps ends nothing
+FIXES_BEYOND: Final = 5  # fixes in a row must be beyond the radius, so that a single jump does not end the mission
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,14 +42,14 @@ class Mission:
         self._fixes_beyond = 0
 
     def advance(self, commanded_m: float, covered_m: float, heading_deg: float) -> None:
-        """Take what was commanded and what was covered since the last tick; both are negative backwards."""
+        """Add the distances commanded and covered since the last tick; both are negative backwards."""
         self.travelled_m += abs(commanded_m)
         north_m, east_m = displacement_m(heading_deg, covered_m)
         self.north_m += north_m
         self.east_m += east_m
 
     def position(self, fix: PositionFix) -> None:
-        """Take a fix; the first one is the start. One that no receiver can give is none (fault catalogue, fault 8)."""
+        """Take a fix; the first one is the start. Impossible fixes are ignored (fault catalogue, fault 8)."""
         if not (abs(fix.latitude_deg) <= 90.0 and abs(fix.longitude_deg) <= 180.0 and isfinite(fix.t_s)):
             return
         if self._home is None:
@@ -58,7 +58,7 @@ class Mission:
         self._fixes_beyond = self._fixes_beyond + 1 if hypot(*offset_m(self._home, fix)) >= self._radius_m else 0
 
     def end(self, t_s: float) -> RunEnd | None:
-        """Return which limit is reached, or None."""
+        """Return the limit that is reached, or None."""
         settings = self._settings
         if t_s >= self._ends_s:
             return RunEnd("mission_time", f"the mission limit of {settings.mission_time_s:g} s was reached")
@@ -70,7 +70,7 @@ class Mission:
         return None
 
     def _beyond_radius(self, t_s: float) -> bool:
-        if 0.0 <= t_s - self._fix_t_s <= FIX_FRESH_S:  # a fix of the future is none either
+        if 0.0 <= t_s - self._fix_t_s <= FIX_FRESH_S:  # a fix from the future does not count
             return self._fixes_beyond >= FIXES_BEYOND
         away_m2 = self.north_m * self.north_m + self.east_m * self.east_m
         return not away_m2 < self._radius_m * self._radius_m  # written so that NaN is beyond

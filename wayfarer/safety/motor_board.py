@@ -1,10 +1,10 @@
 """Conditions from the motor board's reports: battery, drive faults, duties. Pure: time is an input.
 
-A battery sags under load, so a voltage counts only once it has stayed below its limit for a while. Without limits it
-is only logged: they depend on the chemistry, and a board that cannot measure (Sabertooth) gives none.
+The voltage of a battery drops under load, so it counts only once it has stayed below its limit for a while. Without
+limits it is only logged: they depend on the chemistry, and some boards (Sabertooth) do not measure it.
 
-A board that says twice in a row that it applies other duties than it was commanded turns the wheels, or lets them
-stand, by itself (fault catalogue, faults 23 and 30). Twice, because a stop may have come between.
+A board that reports twice in a row other duties than it was commanded does not obey (fault catalogue, faults 23 and
+30). Twice, because a stop may have been sent between command and report.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ SAME_DUTY: Final = 0.01  # a step of the coarsest board known, a Sabertooth's 1/
 
 
 class MotorBoardMonitor:
-    """Turns a board's answers into conditions; ``conditions`` are those of the latest answer.
+    """Turns a board's reports into conditions; ``conditions`` are those of the latest report.
 
-    ``doubtful`` says that the latest answer disagreed with what was commanded: the next one decides.
+    ``doubtful`` says that the latest report disagreed with the commands; the next one decides.
     """
 
     def __init__(self, settings: BoardSettings) -> None:
@@ -38,13 +38,13 @@ class MotorBoardMonitor:
     def update(
         self, t_s: float, health: MotorHealth, duties: WheelCommand | None = None, applied: Sequence[WheelCommand] = ()
     ) -> None:
-        """Take an answer.
+        """Judge a report.
 
         Args:
-            t_s: when it came.
+            t_s: when it arrived.
             health: battery and faults.
-            duties: what the board says that it applies, None where it cannot be asked.
-            applied: what it took before, while and after it was asked: its answers and commands interleave.
+            duties: the duties that the board reports, None where it cannot report them.
+            applied: the commands before, during and after the request: requests and commands interleave.
         """
         self.health = health
         conditions = [Condition.BOARD_FAULT] if health.faults and self._faulty else []
@@ -61,11 +61,11 @@ class MotorBoardMonitor:
         self.conditions = tuple(conditions)
 
     def silent(self) -> None:
-        """Take note that the board did not answer: nothing is known of it now."""
+        """Note that the board did not answer: its state is unknown now."""
         self.health = None
         self.conditions = (Condition.BOARD_SILENT,)
 
 
 def _were_commanded(duties: WheelCommand, applied: Sequence[WheelCommand]) -> bool:
-    """Return whether each side's duty was commanded; what is no number never was."""
+    """Return whether each side's duty was commanded; NaN never was."""
     return all(any(abs(duty - command[side]) <= SAME_DUTY for command in applied) for side, duty in enumerate(duties))

@@ -1,8 +1,8 @@
-"""The warning before a rover that was held drives on by itself. Pure: called at each tick of an armed rover.
+"""The warning before a rover that was held continues by itself. Pure: called at each tick of an armed rover.
 
-A person may have stepped up to a rover that has stopped. A hold that the rover began by itself (a silent sensor, a late
-tick) can end at any moment, so after a long one the wheels stand for a second more, while the status light blinks as it
-does before the start. A person's own hold is ended by a person, who looks first: it needs no warning.
+A person may have walked up to a rover that has stopped. A hold that the rover began by itself (a silent sensor, a late
+tick) can end at any moment. So after a long one the wheels stand for a second more, while the status light blinks as
+before the start. A hold that a person requested is ended by a person, who looks first, so it needs no warning.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from typing import Final
 from wayfarer.safety.conditions import LEVELS, Condition, Level
 from wayfarer.safety.interval import Interval
 
-LONG_HOLD_S: Final = 1.0  # nobody steps up to a rover that stops for less
-FREE_S: Final = 0.5  # wheels that turn for less, between two holds, do not drive off: the rover still stands
+LONG_HOLD_S: Final = 1.0  # nobody walks up to a rover that stops for less
+FREE_S: Final = 0.5  # if the wheels turn for less than this between two holds, the rover still counts as standing
 
 
 class ResumeWarning:
-    """Tells whether the wheels must still wait; ``warning_s`` is for how long the light warns, 0 for not at all."""
+    """Says whether the wheels must still wait; ``warning_s`` is the length of the warning, 0 for none."""
 
     def __init__(self, warning_s: float) -> None:
         self._warning_s = warning_s
@@ -33,9 +33,9 @@ class ResumeWarning:
         self._until_s = -inf
 
     def update(self, interval: Interval, conditions: Sequence[Condition]) -> bool:
-        """Take a tick with what is wrong at it; return whether it is time to warn."""
+        """Judge a tick with its conditions; return whether the rover warns now."""
         if self._stands_since_s is None and not conditions:
-            return False  # as nearly always, 20 times a second
+            return False  # nearly every tick ends here
         t_s = interval.t_s
         if _holds(conditions):
             self._stand(interval)

@@ -19,13 +19,13 @@ Volts = Annotated[float, Interval(gt=0, le=60)]
 class SafetySettings:
     """Limits at the gate, and what arming demands.
 
-    ``slew_per_s`` bounds how fast a duty may grow: a motor start that resets the computer is the commonest trouble of
-    such rovers. ``mission_*`` end a run normally. A rover whose compass is calibrated to less than ``calibration_min``
-    (0 to 3) is not armed, nor one whose motor board cannot stop the wheels by itself, unless ``allow_no_deadman``. One
-    whose board cannot be asked is armed once a person has seen that it does (``wayfarer check``), or where
-    ``deadman_unproved_because`` says why nobody has; that is told at each arming. ``resume_warning_s`` is for how long
-    the status light warns before a rover that held its wheels for more than a second by itself lets them turn again; 0
-    for no warning.
+    ``slew_per_s`` limits how fast a duty may grow, because motors that start too fast can reset the computer, the most
+    frequent problem of such rovers. ``mission_*`` are limits that end a run normally. A rover whose compass is
+    calibrated to less than ``calibration_min`` (0 to 3) is not armed. A rover whose motor board has no deadman is armed
+    only with ``allow_no_deadman``. A board that has one but cannot report it needs a person who has seen it stop the
+    wheels (``wayfarer check``), or a reason why nobody has in ``deadman_unproved_because``, which is shown at each
+    arming. ``resume_warning_s`` is how long the status light warns before a rover that held its wheels by itself, for
+    more than a second, lets them turn again; 0 for no warning.
     """
 
     duty_max: Annotated[float, Interval(gt=0, le=1)] = 1.0
@@ -47,10 +47,11 @@ class SafetySettings:
 class BoardSettings:
     """Limits of the motor board.
 
-    Below ``battery_low_v`` for ``battery_low_s`` the rover is told to come home, below ``battery_critical_v`` for
-    ``battery_critical_s`` it stops: 10 and 5 s as fault catalogue, fault 31 (ArduPilot waits 10 s). None is not judged.
-    The board is asked at ``health_hz``: a drive fault that it says twice in a row stops the wheels within 0.5 s
-    (fault 26); twice, because a flag that is up at power-up takes a moment to clear.
+    A battery below ``battery_low_v`` for ``battery_low_s`` is reported, and the rover continues. Below
+    ``battery_critical_v`` for ``battery_critical_s`` it stops. The times are those of the fault catalogue, fault 31
+    (ArduPilot waits 10 s). A limit of None is not checked. The board is asked at ``health_hz``. A drive fault that it
+    reports twice in a row stops the wheels within 0.5 s (fault 26); twice, because a flag that is set at power-up takes
+    a moment to clear.
     """
 
     battery_low_v: Volts | None = None
@@ -67,16 +68,16 @@ class BoardSettings:
 
 @dataclass(frozen=True, slots=True)
 class EntrapmentSettings:
-    """When the rover has got nowhere: fault catalogue, fault 57.
+    """When a rover without progress gives up: fault catalogue, fault 57.
 
-    A free run is ``free_run_m`` commanded ahead without an anomaly, of which the motion sensor sees ``covered_m``
-    without its largest readings: one that is garbage now and then frees no rover. Without such a run, so many anomalies
-    or so long is enough: ``anomalies_max``, counted once in ``anomaly_every_s``, or ``give_up_s`` in which the wheels
-    were commanded to turn.
+    A free run is ``free_run_m`` commanded ahead without an anomaly, of which the motion sensor sees ``covered_m``. Its
+    largest readings are not counted, so that single wild readings are no progress. Without such a run the rover gives
+    up after ``anomalies_max`` anomalies, counted at most once in ``anomaly_every_s``, or after ``give_up_s`` in which
+    the wheels were commanded to turn.
 
     The catalogue asks for 12 anomalies or 60 s. Of 1,660 simulated trials with all ten algorithms, 1,571 got out: with
     Forest-Pledge after 8 anomalies without a free run and 13 s at most, in a Lévy walk after 17 and 48 s. So the 60 s
-    are kept, with one to spare for the reaction, and 12 anomalies are not enough.
+    are kept, less 1 s for the reaction, and 12 anomalies would be too few.
     """
 
     anomalies_max: Count = 24

@@ -1,7 +1,7 @@
 """Conditions from the computer's power supply, as a Raspberry Pi's firmware reports it. Pure: time is an input.
 
-A supply that sags when the motors start resets the computer: the rover continues with less duty while the voltage is
-too low, and holds for a while if it dips repeatedly.
+A supply whose voltage drops when the motors start can reset the computer. So the rover continues with less duty while
+the voltage is too low, and holds for a while if it drops repeatedly.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from math import inf
 
 from wayfarer.safety.conditions import Condition
 
-# The firmware's power and heat flags: bits 0 to 3 say what is now, 16 to 19 what was since boot (field.md 4).
+# The firmware's power and heat flags: bits 0 to 3 are the state now, 16 to 19 what happened since boot (field.md 4).
 UNDER_VOLTAGE_NOW, SLOWED_NOW, UNDER_VOLTAGE_SINCE_BOOT, SLOWED_SINCE_BOOT = 0x1, 0xE, 0x10000, 0xE0000
 
 DIPS, DIPS_S = 3, 60.0  # "repeated 3x/min": fault catalogue, fault 32
@@ -20,7 +20,7 @@ DIPS, DIPS_S = 3, 60.0  # "repeated 3x/min": fault catalogue, fault 32
 class SupplyMonitor:
     """Turns the firmware's flags into conditions; ``flags`` are the latest, None where the computer does not report it.
 
-    ``noticed`` says whether there was a dip so far: before the first there is no condition.
+    ``noticed`` says whether the voltage has dropped so far: before that there is no condition.
     """
 
     def __init__(self) -> None:
@@ -36,7 +36,7 @@ class SupplyMonitor:
             self.noticed = True
 
     def conditions(self, t_s: float) -> tuple[Condition, ...]:
-        """Return what the supply demands at ``t_s``: less duty while it is low, a hold while it dips too often."""
+        """Return the conditions at ``t_s``: less duty while the voltage is low, a hold while it drops too often."""
         low = (Condition.UNDERVOLTAGE,) if self._is_low else ()
         return (*low, Condition.POWER_UNSTABLE) if t_s - self._dips_s[0] < DIPS_S else low
 
@@ -46,7 +46,7 @@ class SupplyMonitor:
 
 
 def meaning(flags: int) -> str:
-    """Return what flags say, in words."""
+    """Return the meaning of flags, in words."""
     said = {
         UNDER_VOLTAGE_NOW: "under-voltage now",
         SLOWED_NOW: "slowed down now",

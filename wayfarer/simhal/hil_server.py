@@ -15,7 +15,8 @@ piece means a read alone. Beside them
 
 * ``{"do": "look", "since_s": 0.0}`` returns the state of the world and the wheel commands since then;
 * ``{"do": "power_cycle"}`` interrupts the motor board's power for a moment;
-* ``{"do": "inject", "target": "motors", "kind": "failsafe_off"}`` begins a fault of the bus layer (``faults.KINDS``);
+* ``{"do": "inject", "target": "motors", "kind": "failsafe_off"}`` begins a fault of the bus layer
+  (``simhal.faults.kinds.KINDS``);
 * ``{"do": "hang", "bus": "/dev/i2c-1", "for_s": 1.0}`` holds a bus: what is under way ends late, as commanded.
 """
 

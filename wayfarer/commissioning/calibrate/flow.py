@@ -3,7 +3,7 @@
 Published scales of the PMW3901 differ by half (hardware.md 2.6), and the lens height on a rover is a guess; one push of
 two metres corrects both. Signs and axes are not corrected but refused, with the setting to change: a sensor that is
 mounted otherwise than the rover file says is wrong sideways as well. A camera that only sees that something changes
-has its own way (``picture``).
+is calibrated in another way (``camera``).
 """
 
 from __future__ import annotations

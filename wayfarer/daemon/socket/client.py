@@ -1,6 +1,6 @@
 """Client of the control socket: one request, one answer.
 
-Plain blocking sockets: a command that says ``stop`` should not first start an event loop.
+It uses plain blocking sockets, so that a command such as ``stop`` need not start an event loop first.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from wayfarer.errors import BadInput, WayfarerError
 
 
 class NoDaemon(WayfarerError):
-    """Nobody listens on the socket, or there is none."""
+    """No daemon listens on the socket, or there is no socket."""
 
 
 def ask(request: Mapping[str, object], path: Path | None = None, timeout_s: float = 5.0) -> dict[str, Any]:
@@ -28,19 +28,19 @@ def ask(request: Mapping[str, object], path: Path | None = None, timeout_s: floa
 
     Args:
         request: such as ``{"do": "arm", "heading_deg": 12.5}``; None for a value is the same as leaving it out.
-        path: the daemon's socket; without it the first of ``paths.known_sockets`` where somebody listens.
+        path: the daemon's socket; without it the first of ``paths.known_sockets`` where a daemon listens.
         timeout_s: the longest wait for the connection, and again for the reply.
 
     Raises:
         BadInput: the request is wrong; nothing was sent.
         NoDaemon: no daemon is running.
         Refused: the daemon says no; the text says why.
-        WayfarerError: the socket belongs to somebody else, or what answers (or does not) is no healthy daemon.
+        WayfarerError: the socket belongs to another user, or no healthy daemon answers there.
     """
     check(request)
     try:
         line = orjson.dumps(dict(request))
-    except TypeError:  # half a character, as a terminal hands on what is no UTF-8
+    except TypeError:  # half a character: a terminal passes on invalid UTF-8 this way
         raise BadInput(f"the request is no text in UTF-8: {dict(request)!a}") from None
     with socket.socket(socket.AF_UNIX) as connection:
         _limit_waiting(connection, timeout_s)
@@ -57,7 +57,7 @@ def ask(request: Mapping[str, object], path: Path | None = None, timeout_s: floa
 def _limit_waiting(connection: socket.socket, timeout_s: float) -> None:
     """Let the kernel limit each wait.
 
-    Python's own timeouts would not do: with one, connecting fails at once where the daemon's queue is full.
+    Python's own timeouts cannot be used: with them, connecting fails at once if the daemon's queue is full.
     """
     seconds, fraction_s = divmod(timeout_s, 1.0)
     wait = struct.pack("ll", int(seconds), int(fraction_s * 1e6))  # struct timeval
@@ -73,7 +73,7 @@ def _connect(connection: socket.socket, places: Iterable[Path]) -> Path:
             connection.connect(str(place))
         except (FileNotFoundError, NotADirectoryError, ConnectionRefusedError):  # the last: left by a killed daemon
             tried.append(str(place))
-        except PermissionError:  # the service's, perhaps, while one's own daemon is asked for
+        except PermissionError:  # perhaps the service's, while the user's own daemon is wanted
             barred = barred or place
         except BlockingIOError:
             raise WayfarerError(f"{place}: the daemon accepts no connection; it hangs, or is flooded") from None
@@ -89,7 +89,7 @@ def _connect(connection: socket.socket, places: Iterable[Path]) -> Path:
 
 
 def _exchange(connection: socket.socket, line: bytes) -> bytes:
-    with suppress(BrokenPipeError, ConnectionResetError):  # turned away before it was read; the reply says why
+    with suppress(BrokenPipeError, ConnectionResetError):  # rejected before the request was read; the reply says why
         connection.sendall(line)
     reply = b""
     while not reply.endswith(b"\n") and len(reply) <= REPLY_BYTES:

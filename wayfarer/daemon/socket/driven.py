@@ -1,7 +1,7 @@
 """The record of the motors that a daemon drives, in a file beside its socket.
 
-The file names code to import (``driver``, ``buses``), so it is believed only where nobody but its owner and root can
-have written it: nobody else may write to it or to its folder, and the owner is this user or root. Root believes any
+The file names code to import (``driver``, ``buses``), so it is used only if nobody but its owner and root can have
+written it: nobody else may write to it or to its folder, and the owner is this user or root. Root uses the file of any
 owner, and must act with that owner's rights.
 """
 
@@ -26,23 +26,23 @@ _OTHERS_WRITE = 0o022
 
 
 class DrivenBoard(NamedTuple):
-    """A board: ``[parts.motors]`` of a rover file as it was given, driver included, and the name of its buses."""
+    """A board: the table ``[parts.motors]`` of a rover file, unchanged, and the name of its buses."""
 
     motors: dict[str, Any]
     buses: str
 
 
 class FoundRecord(NamedTuple):
-    """What a daemon recorded, and the user whose file it is."""
+    """What a daemon recorded, and the user who owns the file."""
 
     driven: DrivenBoard
     owner: int
 
 
 def write_record(socket_path: Path, driven: DrivenBoard) -> None:
-    """Write the record of a daemon, which holds ``paths.single_daemon`` for this socket.
+    """Write the record of a daemon that holds ``paths.single_daemon`` for this socket.
 
-    It replaces what a daemon that was killed may have left.
+    It replaces the record of a killed daemon.
 
     Raises:
         BadInput: it cannot be written.
@@ -64,9 +64,9 @@ def remove_record(socket_path: Path) -> None:
 
 
 def known_records() -> Iterator[Path]:
-    """Give every place where a daemon may have left its file, each once."""
+    """Give every path where a daemon may have left its record, each once."""
     given: set[Path] = set()
-    with suppress(BadInput):  # a folder that is not private is nobody's
+    with suppress(BadInput):  # a folder that is not private is not used
         for socket_path in paths.known_sockets():
             path = socket_path.with_name(NAME)
             if path not in given:
@@ -75,10 +75,10 @@ def known_records() -> Iterator[Path]:
 
 
 def read_record(path: Path) -> FoundRecord | None:
-    """Return what a daemon recorded; None where there is nothing, or nothing for this user to read.
+    """Return what a daemon recorded; None if there is no record, or none that this user may read.
 
     Raises:
-        BadInput: what is there cannot be believed or understood; the text names the file and says why.
+        BadInput: the record cannot be trusted or understood; the text names the file and says why.
     """
     try:
         folder = os.open(path.parent, os.O_PATH | os.O_DIRECTORY)
@@ -96,7 +96,7 @@ def read_record(path: Path) -> FoundRecord | None:
 
 
 def _read(path: Path, folder: int) -> FoundRecord | None:
-    # Neither a symlink nor a pipe that nobody writes to leads astray.
+    # A symlink is not followed, and a pipe that nobody writes to does not block this.
     file = os.open(path.name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK, dir_fd=folder)
     with os.fdopen(file, "rb") as reader:
         about = os.fstat(file)
@@ -114,7 +114,7 @@ def _read(path: Path, folder: int) -> FoundRecord | None:
 
 
 def _why_untrusted(file: os.stat_result, folder: os.stat_result) -> str | None:
-    """Return why a file is not to be believed."""
+    """Return why a file must not be trusted, or None."""
     user = os.geteuid()
     if not S_ISREG(file.st_mode):
         return "it is no ordinary file"

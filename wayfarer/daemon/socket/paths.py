@@ -1,10 +1,9 @@
 """Path of the control socket, and the lock that allows only one daemon on it.
 
-The daemon takes the first of these folders that it can use, the client looks through all of them in this order:
+The daemon uses the first of these folders that it can use; the client tries all of them in this order:
 ``$RUNTIME_DIRECTORY`` (systemd sets it for services), ``/run/wayfarer``, ``$XDG_RUNTIME_DIR/wayfarer``,
-``/tmp/wayfarer-<uid>``. The last is in a place where anybody may make a folder of that name, so it is used only if it
-is private. Root's client also looks for the daemons of users who are logged in, in ``/run/user``: sudo takes
-``XDG_RUNTIME_DIR`` away.
+``/tmp/wayfarer-<uid>``. Any user can make the last one, so it is used only if it is private. Root's client also tries
+the daemons of users who are logged in, in ``/run/user``, because sudo removes ``XDG_RUNTIME_DIR``.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ def known_sockets() -> Iterator[Path]:
     """Give every place where a daemon's socket may be, in the order of preference.
 
     Raises:
-        BadInput: the folder under ``/tmp`` is not private; only when its turn comes.
+        BadInput: the folder under ``/tmp`` is not private; only when it is reached.
     """
     if services := os.environ.get("RUNTIME_DIRECTORY"):
         yield Path(services.split(":")[0]) / SOCKET_NAME
@@ -55,7 +54,7 @@ def known_sockets() -> Iterator[Path]:
     folder = SHARED_FOLDER / f"wayfarer-{os.geteuid()}"
     _refuse_if_shared(folder)
     yield folder / SOCKET_NAME
-    if os.geteuid() == 0:  # last, where no daemon of root's own looks for a place
+    if os.geteuid() == 0:  # last, so that a daemon of root never uses one of these
         yield from sorted(SESSIONS_FOLDER.glob(f"*/wayfarer/{SOCKET_NAME}"))
 
 
@@ -79,13 +78,13 @@ def _refuse_if_shared(folder: Path) -> None:
 def single_daemon(socket_path: Path) -> Iterator[None]:
     """Hold the lock of a socket while entered; only the holder may remove the socket's file.
 
-    The lock is the kernel's (flock on ``<socket>.lock``), so it ends with the process, however that ends, and what a
-    killed daemon left behind is cleared away by the next one. The lock's file stays: removing it would let two
-    processes hold two files of the same name.
+    The lock is the kernel's (flock on ``<socket>.lock``), so it ends with the process in every case, and the next
+    daemon removes the socket of a killed one. The lock's file stays: if it were removed, two processes could hold locks
+    on two files of the same name.
 
     Raises:
         AlreadyRunning: another process holds it; the text names its process id.
-        BadInput: the folder or the lock cannot be made, or something else is where the socket is to be.
+        BadInput: the folder or the lock cannot be made, or something else is at the path of the socket.
     """
     lock_path = socket_path.with_name(f"{socket_path.name}.lock")
     try:

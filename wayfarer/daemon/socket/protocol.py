@@ -6,7 +6,7 @@
     {"do": "hold"}                                         ->  {"ok": false, "why": "what is wrong, and what to do"}
 
 A key that is ``null`` counts as left out. Requests are checked by the client, for a quick answer, and again by the
-server, which trusts nobody. Pure: no clock, no loop, no files.
+server, because any program can write to the socket. Pure: no clock, no loop, no files.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ Details = Mapping[str, object]
 
 
 class Refused(WayfarerError):
-    """The daemon will not do what was asked, and nothing has changed; the text says why and what to do."""
+    """The daemon refuses a request, and nothing has changed; the text says why and what to do."""
 
 
 class Commands(Protocol):
     """What the daemon can do, a method for each verb.
 
     Each returns details for the reply (plain JSON values), or raises ``Refused`` or another error that says why.
-    Headings are in degrees clockwise from magnetic north, 0 <= heading < 360. Commands of several clients may overlap
-    where they wait, so that ``stop`` never queues behind an ``arm``.
+    Headings are in degrees clockwise from magnetic north, 0 <= heading < 360. While one command waits, others can run,
+    so that ``stop`` never waits for ``arm``.
     """
 
     async def status(self) -> Details:
-        """Tell how things are."""
+        """Return the state of the rover."""
 
     async def arm(self, heading_deg: float | None = None) -> Details:
         """Begin to arm, towards a heading or, if None, the rover's own at the end of the start delay."""
@@ -87,7 +87,7 @@ VERBS: Mapping[str, Verb] = {
 
 
 class Request(NamedTuple):
-    """A request that has been checked: a verb, and only keys that it takes, each with a value that can be."""
+    """A checked request: a verb, and only keys that it takes, each with a valid value."""
 
     do: str
     keys: dict[str, Any]
@@ -113,7 +113,7 @@ def check(fields: Mapping[str, object]) -> Request:
 
     Raises:
         UnknownName: no such verb, or the verb takes no such key.
-        BadInput: a key is missing, or its value cannot be.
+        BadInput: a key is missing, or its value is invalid.
     """
     keys = {key: value for key, value in fields.items() if value is not None}
     do = keys.pop("do", None)
@@ -134,12 +134,12 @@ def check(fields: Mapping[str, object]) -> Request:
 
 
 async def perform(request: Request, commands: Commands, declination_deg: float | None) -> Details:
-    """Do what a request asks and return the details for the reply.
+    """Carry out a request and return the details for the reply.
 
-    ``declination_deg`` is where magnetic north lies from true north at this place, east positive; None is not known.
+    ``declination_deg`` is the angle from true north to magnetic north at this place, east positive; None is not known.
 
     Raises:
-        Refused: the daemon will not; its commands may raise other errors, too.
+        Refused: the daemon refuses; its commands may raise other errors, too.
     """
     arguments = dict(request.keys)
     if arguments.pop("north", "magnetic") == "true":
@@ -154,10 +154,10 @@ async def perform(request: Request, commands: Commands, declination_deg: float |
 
 
 def ok_reply(details: Details) -> bytes:
-    """Return the line that says that it was done.
+    """Return the line of a successful reply.
 
     Raises:
-        Refused: the details make too long a line.
+        Refused: the line with the details is too long.
     """
     line = orjson.dumps({"ok": True, **details})
     if len(line) > REPLY_BYTES:
@@ -166,7 +166,7 @@ def ok_reply(details: Details) -> bytes:
 
 
 def error_reply(why: str) -> bytes:
-    """Return the line that says why it was not done."""
+    """Return the line of a reply that says why the request failed."""
     return orjson.dumps({"ok": False, "why": why}) + b"\n"
 
 
@@ -196,5 +196,5 @@ def _checked(key: str, value: object) -> object:
 
 
 def _short(name: str) -> str:
-    """Cut a name that somebody made up: comparing a very long one would hold up the control tick."""
+    """Cut an unknown name: comparing a very long one would delay the control tick."""
     return name[:40]

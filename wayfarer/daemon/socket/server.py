@@ -1,13 +1,13 @@
 """Server of the control socket: it serves requests without delaying the control tick.
 
-Everything that a client can use up is bounded: connections, length of a line, time to finish one, time to read the
-reply. Requests are answered on the loop itself, but only one in each turn of the loop, so that a flood waits for the
-tick and not the tick for the flood. Whatever goes wrong in a request ends as a refusal; the server goes on.
+All resources of clients are bounded: connections, length of a line, time to finish one, time to read the reply.
+Requests are answered on the loop itself, but only one in each turn of the loop, so that many requests cannot delay the
+tick. Every error in a request becomes a refusal, and the server continues.
 
-A ``stop`` always gets in. New clients wait in the kernel's queue, first come, first served; to accept one takes a turn
-like answering one, so those who wait for an answer get it before the next comes in. Where all connections are taken,
-the client makes room from whom no whole request has come for longest: one that is idle, has sent half a line, or does
-not read. A client just accepted stays until 15 more have come, which is longer than its request takes.
+A ``stop`` is always accepted. New clients wait in the kernel's queue, in the order of arrival. Accepting a client takes
+a turn, as answering does, so that waiting requests are answered before the next client is accepted. If all connections
+are in use, the client that has been without a complete request for longest is disconnected: it is idle, has sent half a
+line, or does not read. A new client stays until 15 more have been accepted, which takes longer than its request.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _NO_FILES_S = 0.1  # until accepting is tried again, where the process has no fi
 
 
 class SocketLimits(NamedTuple):
-    """What one client, and all of them, may use up; field.md, fault 50."""
+    """Limits for one client, and for all together; field.md, fault 50."""
 
     line_bytes: int = REQUEST_BYTES
     clients: int = 16
@@ -56,15 +56,15 @@ LIMITS = SocketLimits()
 class ControlServer:
     """Serves ``commands`` on a socket while it is entered (``async with``).
 
-    The file is the daemon's alone (mode 0600), and a peer must be its user or root besides. The process must hold
-    ``paths.single_daemon`` for the same path, which also clears a dead daemon's socket away.
+    Only the daemon's user may use the file (mode 0600), and a client must also be that user or root. The process must
+    hold ``paths.single_daemon`` for the same path, which also removes the socket of a dead daemon.
 
     Args:
         path: where the socket is made; a Unix socket's path has 107 bytes at most.
         commands: what the daemon can do.
         declination_deg: of magnetic from true north, east positive; None where it is not configured.
-        on_error: is told of every error that is not meant for the client: a bug. It must not raise.
-        limits: what clients may use up.
+        on_error: is called with every error that is not meant for the client, a bug. It must not raise.
+        limits: the resources that clients may use.
 
     Raises:
         BadInput: the socket cannot be made.
@@ -106,12 +106,12 @@ class ControlServer:
         self._bound.close()
 
     async def _accept_all(self) -> None:
-        """Let clients in, one in a turn of the loop at most."""
+        """Accept clients, at most one in each turn of the loop."""
         loop = asyncio.get_running_loop()
         while True:
             try:
                 connection, _ = await loop.sock_accept(self._bound)
-            except OSError:  # too many open files: the others go on, and end
+            except OSError:  # too many open files: the other clients continue, and end
                 await asyncio.sleep(_NO_FILES_S)
                 continue
             with suppress(OSError):  # it has gone already
@@ -121,7 +121,7 @@ class ControlServer:
             await self._take_turn()
 
     async def _take_turn(self) -> None:
-        """Wait until those who came before have had theirs, and let the rest of the loop go first."""
+        """Wait for the turns of those who came before, and let the other tasks of the loop run first."""
         async with self._turn:
             await asyncio.sleep(0)
 
@@ -150,7 +150,7 @@ class ControlServer:
             self._make_room()
 
     def _make_room(self) -> None:
-        """Drop the client who was silent longest; what is being done for a client is done to its end."""
+        """Drop the client that was silent longest; a request that is being carried out is completed."""
         silent = next((talk for talk in self._clients if talk not in self._under_way), None)
         if silent is None:
             raise Refused(f"{len(self._clients)} clients are being answered, which is the limit: try again")
@@ -193,7 +193,7 @@ class ControlServer:
         """Return the next line with its end, or nothing if the client has closed.
 
         Raises:
-            Refused: the line is too long, too slow or has no end; there is no going on after that.
+            Refused: the line is too long, too slow or has no end; the connection cannot continue after that.
         """
         time, limits = asyncio.get_running_loop().time, self._limits
         line = b""
@@ -230,7 +230,7 @@ class ControlServer:
 
 
 def _reject(writer: StreamWriter, refusal: Refused) -> None:
-    """Say no and close; it fits what the kernel buffers, so nothing stays here."""
+    """Send a refusal and close; it fits into the kernel's buffer, so nothing has to be kept here."""
     writer.write(error_reply(str(refusal)))
     writer.close()
 

@@ -32,7 +32,7 @@ ACROSS = (2**-0.5, 2**-0.5, 0.0, 0.0)  # the quaternion that lays a cylinder's a
 
 
 def add_rover(spec: Any, body: WheeledBody) -> None:
-    """Add the rover with the same joints in the same order as ``model.build``, so that its poses fit."""
+    """Add the rover with the same joints in the same order as ``model.build_model``, so that its poses fit."""
     rover = spec.worldbody.add_body(name=ROVER)
     rover.add_freejoint()
     _add_hull(rover, body)

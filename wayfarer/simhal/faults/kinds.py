@@ -169,14 +169,14 @@ class Becomes:
 
 @dataclass(frozen=True, slots=True)
 class Garbage:
-    """Every number of a reading is anything at all: out of range, infinite or no number, as chance has it."""
+    """Every number of a reading is random, possibly out of range, infinite or NaN; this happens with ``chance``."""
 
     chance: Fraction = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class NotANumber:
-    """A value that is no number, or without end."""
+    """A value is NaN or infinite."""
 
     of: str = "heading_deg"
     value: Literal["nan", "inf", "-inf"] = "nan"

@@ -159,7 +159,7 @@ def _add_motor(spec: Any, joint: str, stall_n_m: float, free_rad_s: float) -> No
 class Contacts:
     """The rover's contacts with the ground and with ``obstacles``, the first ``felt`` of which a bumper feels.
 
-    Geoms are in the order of ``build``.
+    Geoms are in the order of ``build_model``.
     """
 
     def __init__(self, data: Any, obstacles: Sequence[Obstacle], felt: int) -> None:

@@ -20,7 +20,7 @@ CELL_M: Final = 0.5  # of the map of what is underfoot
 
 
 class Climbing:
-    """The body's nose at a branch.
+    """Models climbing onto a branch.
 
     ``strength`` is the torque of the motors over the moment of the weight about one axle, which they must overcome to
     lift the other: 0.35 for ForestRover, 0.24 for MiniRover. ``Physics.climb_deg_s`` is how fast a strength of 1 lifts

@@ -22,7 +22,7 @@ from wayfarer.units import (
 
 @dataclass(frozen=True, slots=True)
 class Physics:
-    """Physics-light: what makes a blind rover's life hard, and no more.
+    """Parameters of physics-light: slip, noise, lag, contact.
 
     From the paper and its released simulator (section IV-A; units as measured from the released code): the rover goes
     off its heading by ``steer_noise_rad`` in each step (0.05 m at cruise), its heading wanders by

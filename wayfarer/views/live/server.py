@@ -28,13 +28,13 @@ STATE_S = 0.1
 REST_S = 0.02  # between two floods of events
 
 _bugs = logging.getLogger("wayfarer.views.live")
-_clients = logging.getLogger("wayfarer.views.live.clients")  # who speaks no HTTP is no news
+_clients = logging.getLogger("wayfarer.views.live.clients")  # clients that do not speak HTTP are not reported
 _clients.addHandler(logging.NullHandler())
 _clients.propagate = False
 
 
 class LivePage:
-    """Shows a run to browsers; implements ``daemon.viewer.PageViewer``.
+    """Shows a run to browsers; implements ``daemon.viewer.Viewer``.
 
     ``url`` is the address to open.
 
@@ -72,7 +72,7 @@ class LivePage:
         self._socket.close()
 
     def show(self, record: Record) -> None:
-        """Take a record; see ``PageViewer``."""
+        """Take a record; see ``daemon.viewer.Viewer``."""
         if self._model.take(record):
             self._soon.set()
 
@@ -89,7 +89,7 @@ class LivePage:
 
     @asynccontextmanager
     async def serving(self, commands: Commands) -> AsyncIterator[None]:
-        """Serve while entered; see ``PageViewer``. The last records are still sent at the end."""
+        """Serve while entered; see ``daemon.viewer.Viewer``. The last records are still sent at the end."""
         self._commands = commands
         loop = asyncio.get_running_loop()
         self._http = web.Server(self._answer, access_log=None, logger=_clients, lingering_time=0.0)

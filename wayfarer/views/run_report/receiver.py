@@ -18,7 +18,7 @@ from wayfarer.views.run_report.data import MapFix
 
 Places = NDArray[np.complex128]
 
-FAR_M = 10_000.0  # from the middle of all fixes: no rover walks there, a receiver that just woke up says so
+FAR_M = 10_000.0  # fixes this far from the median are start-up errors
 # What a compass and an odometer can be wrong by before the fixes have said anything: one part in five, 11 degrees (the
 # declination, which nobody corrects) or 20 % of the distance (slip). It has no source; in a run that is long against
 # the receiver's error it does not matter.
