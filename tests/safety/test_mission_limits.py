@@ -95,8 +95,9 @@ def test_radius_by_fixes_is_that_on_the_globe(
     off_m = great_circle_m(home, there)
     assume(abs(off_m - 100.0) > 1.0)
     under_test = mission()
-    for each in (home, *[there] * FIXES_BEYOND):
-        under_test.position(each)
+    under_test.position(home)
+    for number in range(1, FIXES_BEYOND + 1):
+        under_test.position(there._replace(t_s=STARTS_S + 0.2 * number))
     assert (reason(under_test) == "mission_radius") is (off_m > 100.0)
 
 
@@ -105,17 +106,28 @@ def test_only_fixes_beyond_in_a_row_end_a_mission(norths_m: list[float]) -> None
     under_test = mission()
     under_test.position(fix(0.0))
     beyond = 0
-    for north_m in norths_m:
-        under_test.position(fix(north_m))
+    for t_s, north_m in enumerate(norths_m, start=int(STARTS_S) + 1):
+        under_test.position(fix(north_m, t_s))
         beyond = beyond + 1 if north_m > 100.0 else 0
-        assert (reason(under_test) == "mission_radius") is (beyond >= FIXES_BEYOND)
+        assert (reason(under_test, t_s) == "mission_radius") is (beyond >= FIXES_BEYOND)
+
+
+def test_fix_that_jumped_and_is_read_many_times_counts_once() -> None:
+    """``rates.position_hz`` may be higher than the rate of the receiver."""
+    under_test = mission()
+    under_test.position(fix(0.0))
+    for seconds in range(1, FIXES_BEYOND + 1):
+        assert reason(under_test, STARTS_S + seconds) is None
+        for _ in range(2 * FIXES_BEYOND):
+            under_test.position(fix(150.0, STARTS_S + seconds))
+    assert reason(under_test, STARTS_S + FIXES_BEYOND) == "mission_radius"
 
 
 def test_first_fix_is_the_start_wherever_that_is() -> None:
     under_test = mission()
-    for _ in range(20):
-        under_test.position(fix(5000.0))
-    assert reason(under_test) is None
+    for seconds in range(20):
+        under_test.position(fix(5000.0, STARTS_S + seconds))
+    assert reason(under_test, STARTS_S + 20.0) is None
 
 
 def test_fresh_fix_at_home_counts_more_than_dead_reckoning_and_an_old_one_less() -> None:
@@ -137,10 +149,12 @@ def test_fix_of_the_future_counts_less_than_dead_reckoning() -> None:
 
 def test_old_fixes_beyond_the_radius_end_nothing() -> None:
     under_test = mission()
-    for north_m in (0.0, *[150.0] * FIXES_BEYOND):
-        under_test.position(fix(north_m))
-    assert reason(under_test, STARTS_S + FIX_FRESH_S) == "mission_radius"
-    assert reason(under_test, STARTS_S + FIX_FRESH_S + 0.1) is None
+    under_test.position(fix(0.0))
+    for seconds in range(1, FIXES_BEYOND + 1):
+        under_test.position(fix(150.0, STARTS_S + seconds))
+    old_s = STARTS_S + FIXES_BEYOND + FIX_FRESH_S
+    assert reason(under_test, old_s) == "mission_radius"
+    assert reason(under_test, old_s + 0.1) is None
 
 
 def test_the_first_limit_of_several_is_told() -> None:
@@ -170,7 +184,7 @@ def test_fix_that_no_receiver_can_give_is_not_taken_for_the_start_and_lifts_no_l
     under_test = mission()
     under_test.position(bad)
     under_test.position(fix(0.0))
-    for _ in range(FIXES_BEYOND):
+    for seconds in range(1, FIXES_BEYOND + 1):
         under_test.position(bad)
-        under_test.position(fix(150.0))
-    assert reason(under_test, STARTS_S) == "mission_radius"
+        under_test.position(fix(150.0, STARTS_S + seconds))
+    assert reason(under_test, STARTS_S + FIXES_BEYOND) == "mission_radius"

@@ -49,8 +49,13 @@ class Mission:
         self.east_m += east_m
 
     def position(self, fix: PositionFix) -> None:
-        """Take a fix; the first one is the start. Impossible fixes are ignored (fault catalogue, fault 8)."""
+        """Take a fix; the first one is the start. Impossible fixes are ignored (fault catalogue, fault 8).
+
+        A fix that is read several times, because the receiver is slower than the reading, counts once.
+        """
         if not (abs(fix.latitude_deg) <= 90.0 and abs(fix.longitude_deg) <= 180.0 and isfinite(fix.t_s)):
+            return
+        if fix.t_s == self._fix_t_s:
             return
         if self._home is None:
             self._home = fix
