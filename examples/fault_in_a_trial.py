@@ -5,13 +5,13 @@ Run it: pip install '.[sim]' && python examples/fault_in_a_trial.py
 
 from wayfarer.fault_scenarios.judge import judge
 from wayfarer.fault_scenarios.runner import run_scenario, run_without_faults
-from wayfarer.fault_scenarios.scenario import Expectation, Reached, Scenario
+from wayfarer.fault_scenarios.scenario import Expectation, ResponseLevel, Scenario
 from wayfarer.simhal.faults.kinds import Fault
 
 scenario = Scenario(
     name="silent-compass",
     about="the compass does not answer for five seconds",
-    expect=Expectation(Reached.HOLD, within_s=1.0, causes=("compass_stale",)),
+    expect=Expectation(ResponseLevel.HOLD, within_s=1.0, causes=("compass_stale",)),
     faults=(Fault(at_s=15.0, for_s=5.0, target="compass", kind="silent"),),
     for_s=25.0,
 )

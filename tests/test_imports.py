@@ -21,7 +21,7 @@ MODULES = {
 }
 
 # The package from the top: each line may import from the lines below it, and what stands on one line may not know
-# each other. ``errors`` and ``units`` know nothing.
+# each other. ``errors`` and ``setting_ranges`` know nothing.
 PICTURE = """
     cli
     testing
@@ -38,13 +38,13 @@ PICTURE = """
     detector
     safety      escape
     hal
-    units       angles      errors
+    setting_ranges  angles  errors
 """
 LAYERS = [line.split() for line in PICTURE.split("\n") if line.strip()]
 ENTRIES = 22  # in ``wayfarer/``, at most
 SHARE = 0.20  # of the package's lines in one part of it, at most
 PURE = [
-    "angles", "units", "hal", "escape", "detector", "safety", "control.latest", "control.power_reports",
+    "angles", "setting_ranges", "hal", "escape", "detector", "safety", "control.latest", "control.power_reports",
     "control.status_light",
 ]  # fmt: skip
 IMPURE = {"asyncio", "time", "datetime", "io", "os", "pathlib", "logging", "structlog", "socket", "threading", "numpy"}
@@ -207,7 +207,7 @@ def test_pure_modules_draw_from_no_global_randomness() -> None:
 
 
 def test_drivers_see_only_the_contracts() -> None:
-    seen = ("hal", "errors", "angles", "units", "drivers")
+    seen = ("hal", "errors", "angles", "setting_ranges", "drivers")
     for module in modules_of("drivers"):
         others = {name for name in wayfarer_modules(module) if not within(name, *seen)}
         assert not others, f"{module} imports {others}"

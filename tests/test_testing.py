@@ -42,7 +42,7 @@ from wayfarer.testing import (
     check_contact_sensor,
     check_motion_sensor,
     check_motors,
-    check_position_logger,
+    check_position_receiver,
     check_status_light,
 )
 
@@ -135,7 +135,7 @@ CHECKS: dict[str, Callable[..., Coroutine[Any, Any, None]]] = {
     "motion": check_motion_sensor,
     "contact": check_contact_sensor,
     "motors": check_motors,
-    "position": check_position_logger,
+    "position": check_position_receiver,
     "light": check_status_light,
 }
 

@@ -234,7 +234,7 @@ class StatusLight(Driver, Protocol):
 
 
 @runtime_checkable
-class PositionLogger(Driver, Protocol):
+class PositionReceiver(Driver, Protocol):
     """A receiver such as GPS, read at about 1 Hz, for the log and for mission limits only."""
 
     async def read(self) -> PositionFix | None:
@@ -246,20 +246,20 @@ class PositionLogger(Driver, Protocol):
 
 
 @runtime_checkable
-class Counting(Driver, Protocol):
+class HasErrorCounts(Driver, Protocol):
     """An optional property of any part: it counts errors that it recovered from, such as a read that was repeated."""
 
     @property
-    def troubles(self) -> Mapping[str, int]:
+    def error_counts(self) -> Mapping[str, int]:
         """The number of each error since the part was made, by a short name: ``{"reads retried": 3}``."""
 
 
-def troubles_of(part: Driver) -> Mapping[str, int]:
+def error_counts_of(part: Driver) -> Mapping[str, int]:
     """Return the error counts of a part; empty if it does not count."""
-    return part.troubles if isinstance(part, Counting) else {}
+    return part.error_counts if isinstance(part, HasErrorCounts) else {}
 
 
-async def can_be_asked(motors: DriveMotors) -> bool:
+async def has_readback(motors: DriveMotors) -> bool:
     """Return whether an open motor board can report its state; if so, opening it has proved that its deadman is on.
 
     If it cannot, only a person who watches the wheels can confirm the deadman.
@@ -278,7 +278,7 @@ class Rover:
     motors: DriveMotors
     motion: MotionSensor | None = None
     contact: ContactSensor | None = None
-    position: PositionLogger | None = None
+    position: PositionReceiver | None = None
     light: StatusLight | None = None
 
     @property

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from wayfarer.config.atomic_file import whole_file
+from wayfarer.config.atomic_file import atomic_file
 from wayfarer.errors import BadInput
 
 
 def write(path: Path, text: str = "new") -> None:
-    with whole_file(path) as draft:
+    with atomic_file(path) as draft:
         draft.write_text(text, encoding="utf-8")
 
 
@@ -22,7 +22,7 @@ def test_file_appears_once_it_is_whole(tmp_path: Path, before: str | None) -> No
     path = tmp_path / "file"
     if before is not None:
         path.write_text(before, encoding="utf-8")
-    with whole_file(path) as draft:
+    with atomic_file(path) as draft:
         draft.write_text("new", encoding="utf-8")
         assert (path.read_text(encoding="utf-8") if path.exists() else None) == before
     assert path.read_text(encoding="utf-8") == "new"
@@ -33,7 +33,7 @@ def test_file_appears_once_it_is_whole(tmp_path: Path, before: str | None) -> No
 def test_failure_leaves_what_was_there_and_nothing_else(tmp_path: Path, failure: type[BaseException]) -> None:
     path = tmp_path / "file"
     path.write_text("old", encoding="utf-8")
-    with pytest.raises(failure), whole_file(path) as draft:
+    with pytest.raises(failure), atomic_file(path) as draft:
         draft.write_text("half", encoding="utf-8")
         raise failure
     assert path.read_text(encoding="utf-8") == "old"

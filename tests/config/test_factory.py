@@ -19,7 +19,7 @@ from wayfarer.drivers.buses import Buses
 from wayfarer.drivers.cmps14 import CMPS14
 from wayfarer.drivers.pmw3901 import PMW3901
 from wayfarer.errors import BadConfig
-from wayfarer.hal import MotionReading, MotionSensor, troubles_of
+from wayfarer.hal import MotionReading, MotionSensor, error_counts_of
 from wayfarer.simhal.buses import FakeBuses
 
 COMPASS = '[parts.compass]\ndriver = "cmps14"\n'
@@ -97,7 +97,7 @@ def test_part_that_cannot_be_used_is_told_by_its_key(tmp_path: Path, tables: str
 
 async def test_calibrated_metres_are_scaled_and_nothing_else_is() -> None:
     class Flow:
-        name, troubles = "bench flow", MappingProxyType({"garbage rejected": 2})
+        name, error_counts = "bench flow", MappingProxyType({"garbage rejected": 2})
         open, close = AsyncMock(), AsyncMock()
         read = AsyncMock(return_value=MotionReading(3.0, 0.4, -0.2, 0.7, signed=False))
 
@@ -108,7 +108,7 @@ async def test_calibrated_metres_are_scaled_and_nothing_else_is() -> None:
     assert await scaled.read() == MotionReading(3.0, 0.4 * 1.25, -0.2 * 1.25, 0.7, signed=False)
     await scaled.close()
     assert [method.await_count for method in (Flow.open, Flow.read, Flow.close)] == [1, 1, 1]
-    assert troubles_of(scaled) == {"garbage rejected": 2}
+    assert error_counts_of(scaled) == {"garbage rejected": 2}
 
 
 def test_rover_turns_as_calibrated_both_ways_or_else_as_its_file_says() -> None:

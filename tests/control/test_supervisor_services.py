@@ -115,14 +115,14 @@ class CountingContact(Contact):
 
     def __init__(self, shop: Workshop, name: str) -> None:
         super().__init__(shop, name)
-        self.troubles = {"reads retried": 0, "garbage": 0}
+        self.error_counts = {"reads retried": 0, "garbage": 0}
 
 
 def test_troubles_of_a_part_are_noted_when_they_grow_at_most_once_a_second(shop: Workshop) -> None:
     contact = CountingContact(shop, "contact")
 
     def fail_often(it: Supervisor) -> None:
-        contact.troubles["reads retried"] += 1
+        contact.error_counts["reads retried"] += 1
         if it.controller.end is None:
             asyncio.get_running_loop().call_later(0.01, fail_often, it)
 

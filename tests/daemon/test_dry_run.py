@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.simhal.clearing import steady_world
 from tests.virtual import run_virtually
 from wayfarer.daemon.dry_run import DryMotors
-from wayfarer.hal import STOP, DriveMotors, WheelCommand, troubles_of
+from wayfarer.hal import STOP, DriveMotors, WheelCommand, error_counts_of
 from wayfarer.simhal.parts import SimMotors
 from wayfarer.testing import check_motors
 
@@ -21,7 +21,7 @@ DUTIES = st.floats(-1, 1)
 def board() -> Any:
     """A motor board that notes what is done to it."""
     noted = create_autospec(DriveMotors, instance=True)
-    noted.name, noted.deadman_s, noted.troubles = "bench motors", 0.25, {"transfers retried": 1}
+    noted.name, noted.deadman_s, noted.error_counts = "bench motors", 0.25, {"transfers retried": 1}
     noted.drive.side_effect = lambda command: command
     return noted
 
@@ -44,7 +44,7 @@ async def test_everything_else_reaches_the_board() -> None:
     motors = board()
     dry = DryMotors(motors)
     assert isinstance(dry, DriveMotors)
-    assert (dry.name, dry.deadman_s, troubles_of(dry)) == ("bench motors (dry run)", 0.25, {"transfers retried": 1})
+    assert (dry.name, dry.deadman_s, error_counts_of(dry)) == ("bench motors (dry run)", 0.25, {"transfers retried": 1})
     for method in (dry.open, dry.stop, dry.close):
         await method()
     dry.halt()

@@ -9,8 +9,8 @@ from wayfarer.detector.tick import DetectorTick
 from wayfarer.escape.api import Anomaly, Vehicle
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, Snapshot, WheelCommand
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.interval import IntervalTimer
 from wayfarer.safety.settings import SafetySettings
+from wayfarer.safety.tick_interval import IntervalTimer
 
 MAX_SPEED_M_S = 1.0
 VEHICLE = Vehicle(length_m=0.4, width_m=0.4, track_m=0.5, max_speed_m_s=MAX_SPEED_M_S)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from wayfarer.detector.motion import MOST_SHARE
 from wayfarer.detector.odometer import Odometer
 from wayfarer.hal import MotionReading, WheelCommand
-from wayfarer.safety.interval import Interval
+from wayfarer.safety.tick_interval import TickInterval
 
 TICK_S = 0.05
 
@@ -26,7 +26,7 @@ class Way:
     def drive(self, ticks: int, told_m: float, seen_m: float | None, *, quality: float = 0.8) -> float:
         for tick in range(ticks):
             self._t_s += TICK_S
-            interval = Interval(self._t_s, WheelCommand(0.5, 0.5), TICK_S, TICK_S, told_m)
+            interval = TickInterval(self._t_s, WheelCommand(0.5, 0.5), TICK_S, TICK_S, told_m)
             speaks = seen_m is not None and tick % 2 == 1
             self.odometer.update(interval, MotionReading(self._t_s, seen_m or 0.0, 0.0, quality) if speaks else None)
         return self.odometer.covered_m
@@ -43,7 +43,7 @@ def test_step_back_is_negative_and_the_steps_add_up_to_what_was_covered() -> Non
     steps_m = []
     for tick in range(1, 41):
         told_m = 0.05 if tick <= 20 else -0.05
-        interval = Interval(tick * TICK_S, WheelCommand(0.5, 0.5), TICK_S, TICK_S, told_m)
+        interval = TickInterval(tick * TICK_S, WheelCommand(0.5, 0.5), TICK_S, TICK_S, told_m)
         steps_m.append(odometer.update(interval, MotionReading(tick * TICK_S, 0.4 * told_m, 0.0, 0.8)))
     assert all(step_m > 0.0 for step_m in steps_m[:20])
     assert all(step_m < 0.0 for step_m in steps_m[20:])
@@ -86,6 +86,6 @@ def test_distance_never_shrinks_and_never_outgrows_the_commands(ticks: list[tupl
     for tick, (forward_m, seen_m, quality) in enumerate(ticks):
         told_m += abs(forward_m)
         reading = None if seen_m is None else MotionReading(tick * TICK_S, seen_m, 0.0, quality)
-        odometer.update(Interval(tick * TICK_S, WheelCommand(0.0, 0.0), TICK_S, TICK_S, forward_m), reading)
+        odometer.update(TickInterval(tick * TICK_S, WheelCommand(0.0, 0.0), TICK_S, TICK_S, forward_m), reading)
         assert last_m <= odometer.covered_m <= 2.0 * MOST_SHARE * told_m + 1e-9
         last_m = odometer.covered_m

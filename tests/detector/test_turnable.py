@@ -8,7 +8,7 @@ from wayfarer.detector.settings import DetectorSettings
 from wayfarer.detector.turnable import TurnabilityMonitor
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.interval import Interval
+from wayfarer.safety.tick_interval import TickInterval
 
 TICK_S = 0.05
 SETTINGS = DetectorSettings()
@@ -27,7 +27,7 @@ class Turns:
         for _ in range(round(seconds / TICK_S)):
             self.t_s += TICK_S
             self.gained_deg += rate_deg_s * TICK_S
-            self.found = self.watch.update(Interval(self.t_s, wheels, TICK_S, TICK_S, 0.0), self.gained_deg)
+            self.found = self.watch.update(TickInterval(self.t_s, wheels, TICK_S, TICK_S, 0.0), self.gained_deg)
             if Condition.ENTRAPPED in self.found:
                 break
         return self.found

@@ -296,7 +296,7 @@ async def test_one_lost_or_corrupt_block_is_asked_for_again(trouble: Trouble) ->
     bench.bus.troubles = (trouble,)
     assert (await compass.read())[1:] == (273.4, -12.3, 4.5, 3)
     await compass.read()
-    assert (compass.troubles, len(bench.sense.asked_s)) == ({"reads retried": 1}, 4)
+    assert (compass.error_counts, len(bench.sense.asked_s)) == ({"reads retried": 1}, 4)
 
 
 @pytest.mark.parametrize(

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from wayfarer.drivers import gpsd
 from wayfarer.drivers.gpsd import Fixes, Gpsd, GpsdSettings
 from wayfarer.errors import NotResponding, WrongPart
-from wayfarer.hal import PositionFix, PositionLogger
+from wayfarer.hal import PositionFix, PositionReceiver
 from wayfarer.simhal.buses import FakeBuses
-from wayfarer.testing import check_position_logger
+from wayfarer.testing import check_position_receiver
 
 VERSION = b'{"class":"VERSION","release":"3.22","rev":"3.22","proto_major":3,"proto_minor":14}\n'
 # hardware.md 8.5, as Debian 12's gpsd 3.22 reports it
@@ -183,7 +183,7 @@ async def test_asks_for_reports_and_gives_the_fix() -> None:
         await saying(b'{"class":"DEVICES","devices":[]}\n', report(0), report(1))(reader, writer)
 
     async with served(script) as client:
-        assert isinstance(client, PositionLogger)
+        assert isinstance(client, PositionReceiver)
         await client.open()
         fix = await fix_from(client)
         assert fix[1:] == (LATITUDE_DEG, LONGITUDE_DEG, ERROR_M)
@@ -255,9 +255,9 @@ async def test_a_server_that_hangs_up_at_once_or_says_nothing_does_not_answer(mo
             await client.open()
 
 
-async def test_keeps_the_promises_of_a_position_logger() -> None:
+async def test_keeps_the_promises_of_a_position_receiver() -> None:
     async with served(saying(VERSION)) as client:
-        await check_position_logger(lambda: client, lambda: Gpsd(GpsdSettings(port=1), FakeBuses()))
+        await check_position_receiver(lambda: client, lambda: Gpsd(GpsdSettings(port=1), FakeBuses()))
         await client.open()
         await client.open()
 

@@ -81,7 +81,7 @@ async def test_a_board_that_lost_its_power_turns_no_wheel_until_it_is_opened_aga
     await bench.motors.open()
     await bench.motors.drive(AHEAD)
     assert bench.world.commanded != STOP
-    assert bench.motors.troubles["power lost"] == 1
+    assert bench.motors.error_counts["power lost"] == 1
 
 
 @virtual
@@ -181,12 +181,12 @@ async def test_a_failsafe_that_does_not_arm_is_a_fault_of_the_board() -> None:
 @virtual
 async def test_two_missing_acknowledgements_are_made_good_and_counted_and_three_are_told() -> None:
     bench = await ThunderBorgBench().opened()
-    assert bench.motors.troubles == {"transfers retried": 0, "power lost": 0}
+    assert bench.motors.error_counts == {"transfers retried": 0, "power lost": 0}
     bench.loose = 2
     assert (await bench.motors.drive(AHEAD)).left > 0.49
     bench.garbled = {21: 1}
     await bench.motors.health()
-    assert bench.motors.troubles == {"transfers retried": 3, "power lost": 0}
+    assert bench.motors.error_counts == {"transfers retried": 3, "power lost": 0}
     bench.loose = 3
     with pytest.raises(NotResponding, match=r"ThunderBorg at 0x15 .* no answer .* battery off or flat"):
         await bench.motors.drive(STOP)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from wayfarer.config.rover_file import load_rover
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.entrapment_cause import Cause, entrapment
-from wayfarer.experiments.trajectory import Trace, TrajectoryPoint, run_traced
+from wayfarer.experiments.trajectory import Trajectory, TrajectoryPoint, run_with_trajectory
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.simhal.world.forest import CLEARING, Forest, Trunk
 from wayfarer.simhal.world.shortest_path import is_closed
@@ -37,15 +37,15 @@ def layouts_asked_once() -> Iterator[None]:
         yield
 
 
-def way(*points: TrajectoryPoint) -> Trace:
-    return Trace(list(points), [])
+def way(*points: TrajectoryPoint) -> Trajectory:
+    return Trajectory(list(points), [])
 
 
-def cause(trace: Trace, forest: Forest = CLEARING) -> Cause:
-    return entrapment(forest, ROVER, trace).why
+def cause(trajectory: Trajectory, forest: Forest = CLEARING) -> Cause:
+    return entrapment(forest, ROVER, trajectory).why
 
 
-def around(laps: float, radius_m: float = 3.0) -> Trace:
+def around(laps: float, radius_m: float = 3.0) -> Trajectory:
     """Follow a circle for so many laps, a point every quarter of a second."""
     count = round(80 * laps)
     angles_rad = [2.0 * pi * number / 80 for number in range(count)]
@@ -57,7 +57,7 @@ def around(laps: float, radius_m: float = 3.0) -> Trace:
     )
 
 
-def to_and_fro(turned_deg: float, *, touches: bool) -> Trace:
+def to_and_fro(turned_deg: float, *, touches: bool) -> Trajectory:
     """Back off, turn away for half a second, go on; in one place."""
     points = []
     for number in range(40):
@@ -127,7 +127,7 @@ def test_way_out_that_is_no_wider_than_the_diagonal_is_narrow(gap_m: float, why:
 
 def test_trial_in_a_closed_layout_says_so() -> None:
     spec = TrialSpec(0, "forest-pledge", CLOSED, 5, ROVER, budget_m=60.0)
-    result, trace = run_traced(spec)
+    result, trajectory = run_with_trajectory(spec)
     assert result.outcome == "entrapped"
-    assert cause(trace, CLOSED) is Cause.CLOSED
-    assert cause(trace) is Cause.ORBITING  # were it not for the trunks all round
+    assert cause(trajectory, CLOSED) is Cause.CLOSED
+    assert cause(trajectory) is Cause.ORBITING  # were it not for the trunks all round

@@ -82,12 +82,12 @@ def test_spl_computes_the_shortest_paths_that_are_not_known() -> None:
 def test_one_forest_serves_all_algorithms() -> None:
     made: list[int] = []
 
-    class Counting(Campaign):
+    class CountingCampaign(Campaign):
         def make_forest(self, trial: int):  # type: ignore[no-untyped-def]
             made.append(trial)
             return super().make_forest(trial)
 
-    plan = Counting(("pledge", "levy-walk", "cv-react"), 3, campaign_of(1).rover)
+    plan = CountingCampaign(("pledge", "levy-walk", "cv-react"), 3, campaign_of(1).rover)
     runner = TrialRunner(plan, fake_trials.quick)
     for task in plan.tasks_by_forest():
         runner.run(task)

@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from annotated_types import Interval
 
-from wayfarer.fault_scenarios.catalogue.held_by_tests import HELD_BY_TESTS
+from wayfarer.fault_scenarios.catalogue.covered_by_tests import COVERED_BY_TESTS
 from wayfarer.simhal.faults.kinds import KINDS, FaultKind, Layer
 
 HEAD = "| kind | what happens | to | parameters |\n|---|---|---|---|"
@@ -23,7 +23,7 @@ def rows(layer: Layer) -> list[str]:
 def held() -> list[str]:
     return [
         f"| {each.row} | `{each.name}` | {each.about} | {each.level} | {seconds(each.within_s)} | `{each.test}` |"
-        for each in HELD_BY_TESTS.values()
+        for each in COVERED_BY_TESTS.values()
     ]
 
 

@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 from wayfarer.fault_scenarios.catalogue import catalogue
-from wayfarer.fault_scenarios.catalogue.held_by_tests import HELD_BY_TESTS, FaultTest
+from wayfarer.fault_scenarios.catalogue.covered_by_tests import COVERED_BY_TESTS, FaultTest
 from wayfarer.fault_scenarios.command import ScenarioRunner
 from wayfarer.fault_scenarios.judge import judge
 from wayfarer.fault_scenarios.recorder import RunRecorder
 from wayfarer.fault_scenarios.runner import RunResult, without_faults
-from wayfarer.fault_scenarios.scenario import Reached, Scenario
+from wayfarer.fault_scenarios.scenario import ResponseLevel, Scenario
 from wayfarer.hal import WheelCommand
 
 CHECKOUT = Path(__file__).parents[2]
@@ -40,7 +40,7 @@ def rows() -> list[object]:
     return [pytest.param(each.name, marks=long if each.rover == CAMERA_ROVER else []) for each in ordered]
 
 
-@pytest.mark.parametrize("fault", HELD_BY_TESTS.values(), ids=HELD_BY_TESTS)
+@pytest.mark.parametrize("fault", COVERED_BY_TESTS.values(), ids=COVERED_BY_TESTS)
 def test_test_that_holds_a_fault_is_there(fault: FaultTest) -> None:
     file, _, function = fault.test.partition("::")
     module = ast.parse((CHECKOUT / file).read_text(encoding="utf-8"))
@@ -61,9 +61,9 @@ def test_row_is_met_within_its_bound(name: str) -> None:
 def test_row_fails_where_its_bound_is_impossible(name: str) -> None:
     """A row that would pass whatever the rover did shows nothing."""
     scenario = SCENARIOS[name]
-    other = Reached.HOLD if scenario.expect.level is Reached.NONE else Reached.NONE
+    other = ResponseLevel.HOLD if scenario.expect.level is ResponseLevel.NONE else ResponseLevel.NONE
     assert not judge(with_expectation(scenario, level=other), *runs_of(name)).passed
-    if scenario.expect.level is not Reached.NONE or scenario.expect.answer:
+    if scenario.expect.level is not ResponseLevel.NONE or scenario.expect.answer:
         assert not judge(with_expectation(scenario, within_s=-1.0), *runs_of(name)).passed
 
 

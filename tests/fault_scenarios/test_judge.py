@@ -11,13 +11,13 @@ import pytest
 from wayfarer.fault_scenarios.judge import STOOD_ALREADY, judge
 from wayfarer.fault_scenarios.result import Result, Tried
 from wayfarer.fault_scenarios.runner import RunResult, run_scenario, run_without_faults
-from wayfarer.fault_scenarios.scenario import Command, Expectation, Reached, Scenario
+from wayfarer.fault_scenarios.scenario import Command, Expectation, ResponseLevel, Scenario
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.faults.kinds import Fault, LoopStall, Lost, Slope
 
 BEGINS_S = 3.0
 LOOSE = Fault(BEGINS_S, inf, "compass", "nack", Lost())
-HELD = Expectation(Reached.HOLD, 0.4, ("compass_stale",))
+HELD = Expectation(ResponseLevel.HOLD, 0.4, ("compass_stale",))
 
 
 def scenario(fault: Fault = LOOSE, expect: Expectation = HELD, **others: object) -> Scenario:
@@ -58,7 +58,7 @@ def judged(key: str, expect: Expectation = HELD) -> Result:
 def test_level_bound_and_change_of_a_fault_that_is_met() -> None:
     result = judged("loose plug")
     assert result.passed, result.problems
-    assert (result.reached, result.cause, result.tried) == (Reached.HOLD, "compass_stale", Tried.SIMULATED)
+    assert (result.reached, result.cause, result.tried) == (ResponseLevel.HOLD, "compass_stale", Tried.SIMULATED)
     assert result.changed.startswith("compass: an older reading at +0.0")
     assert result.detected_s == result.stopped_s
     assert 0.25 <= (result.detected_s or 0.0) <= 0.4
@@ -67,16 +67,16 @@ def test_level_bound_and_change_of_a_fault_that_is_met() -> None:
 WRONG = {
     "bound": (replace(HELD, within_s=0.1), "detected after 0."),
     "bound of the stop": (replace(HELD, within_s=0.1), "the wheels stopped after 0."),
-    "level above": (replace(HELD, level=Reached.FAULT), "S2 was reached, S3 is expected; the rover said"),
-    "level below": (replace(HELD, level=Reached.NOTE), "S2 was reached, S0 is expected"),
-    "no level": (replace(HELD, level=Reached.NONE), "S2 was reached, - is expected"),
+    "level above": (replace(HELD, level=ResponseLevel.FAULT), "S2 was reached, S3 is expected; the rover said"),
+    "level below": (replace(HELD, level=ResponseLevel.NOTE), "S2 was reached, S0 is expected"),
+    "no level": (replace(HELD, level=ResponseLevel.NONE), "S2 was reached, - is expected"),
     "cause": (
         replace(HELD, causes=("battery_low",)),
         "- was reached, S2 is expected; the rover said compass_stale (S2)",
     ),
     "event": (replace(HELD, event="disarmed"), "no event 'disarmed' in the log"),
     "end": (replace(HELD, ends=("mission_time",)), "the run ended by 'requested', expected is mission_time"),
-    "deadman": (replace(HELD, level=Reached.DEADMAN), "S2 was reached, S4 is expected"),
+    "deadman": (replace(HELD, level=ResponseLevel.DEADMAN), "S2 was reached, S4 is expected"),
 }
 
 
@@ -88,13 +88,13 @@ def test_scenario_that_expects_something_else_fails_and_says_what(expect: Expect
 
 
 def test_events_count_where_they_are_named_as_causes() -> None:
-    noted = judged("loose plug", Expectation(Reached.NOTE, 0.1, ("sensor_failed",)))
+    noted = judged("loose plug", Expectation(ResponseLevel.NOTE, 0.1, ("sensor_failed",)))
     assert noted.passed, noted.problems
     assert noted.stopped_s is None
 
 
 def test_fault_that_changes_nothing_for_the_field_code_fails() -> None:
-    result = judged("nothing", Expectation(Reached.NONE, 0.0))
+    result = judged("nothing", Expectation(ResponseLevel.NONE, 0.0))
     assert result.problems == ("the fault changed nothing that the field code read",)
 
 
@@ -103,18 +103,18 @@ def test_fault_that_never_began_fails() -> None:
 
 
 def test_task_that_crashes_ends_the_run_and_is_a_fault() -> None:
-    result = judged("crash", Expectation(Reached.FAULT, 0.1, ("failed",), ends=("failed",)))
+    result = judged("crash", Expectation(ResponseLevel.FAULT, 0.1, ("failed",), ends=("failed",)))
     assert result.passed, result.problems
     assert (result.cause, result.stopped_s) == ("failed", result.detected_s)
 
 
 def test_crash_that_nobody_expects_fails() -> None:
-    result = judged("crash", Expectation(Reached.FAULT, 0.1))
+    result = judged("crash", Expectation(ResponseLevel.FAULT, 0.1))
     assert result.problems == ("the run ended by an error: Bug: a bug in a driver, injected",)
 
 
 def test_hold_of_a_single_tick_counts() -> None:
-    result = judged("stall", Expectation(Reached.HOLD, 1.1, ("tick_late",)))
+    result = judged("stall", Expectation(ResponseLevel.HOLD, 1.1, ("tick_late",)))
     assert result.passed, result.problems
     _, run_result, _ = runs("stall")
     assert sum("tick_late" in {each.value for each in moment.conditions} for moment in run_result.recorder.ticks) == 1
@@ -122,7 +122,7 @@ def test_hold_of_a_single_tick_counts() -> None:
 
 def test_wheels_that_a_boards_deadman_stops_have_reached_s4() -> None:
     for key in ("stall", "dead line"):
-        result = judged(key, Expectation(Reached.DEADMAN, 0.4))
+        result = judged(key, Expectation(ResponseLevel.DEADMAN, 0.4))
         assert result.passed, result.problems
         assert 0.2 <= (result.stopped_s or 0.0) <= 0.4
 
@@ -134,7 +134,7 @@ def test_wheels_that_stood_before_the_fault_stood_already() -> None:
 
 
 def test_what_a_person_does_is_no_answer_to_a_fault() -> None:
-    result = judged("held by a person", Expectation(Reached.NONE, 0.0))
+    result = judged("held by a person", Expectation(ResponseLevel.NONE, 0.0))
     assert "operator_hold" not in (result.cause, *result.problems)
 
 

@@ -33,7 +33,7 @@ from wayfarer.fault_scenarios.random_scenarios import (
     possible_faults,
 )
 from wayfarer.fault_scenarios.runner import run_scenario
-from wayfarer.fault_scenarios.scenario import Command, Expectation, Reached, Scenario
+from wayfarer.fault_scenarios.scenario import Command, Expectation, ResponseLevel, Scenario
 from wayfarer.fault_scenarios.scenario_file import read_scenarios
 from wayfarer.fault_scenarios.scenario_writer import as_toml
 from wayfarer.fault_scenarios.shrink import shrink
@@ -100,7 +100,7 @@ def test_scenario_is_that_of_its_seed_also_where_its_rover_and_depth_are_named(s
 def test_scenario_that_was_drawn_is_read_back_from_its_file(seed: int, tmp_path_factory: Any) -> None:
     scenario = draw_scenario(seed)
     path = tmp_path_factory.getbasetemp() / "again.toml"
-    path.write_text(as_toml(replace(scenario, expect=Expectation(Reached.HOLD, 5.0))), encoding="utf-8")
+    path.write_text(as_toml(replace(scenario, expect=Expectation(ResponseLevel.HOLD, 5.0))), encoding="utf-8")
     (read,) = read_scenarios(path)
     assert replace(read, expect=scenario.expect) == scenario
 
@@ -185,7 +185,7 @@ GUILTY = Fault(5.0, inf, "world", "snag")
 def test_smallest_scenario_keeps_only_what_is_needed() -> None:
     innocent = [Fault(at_s, 1.0, "world", kind) for at_s, kind in ((1.0, "slip"), (2.0, "slope"), (30.0, "battery"))]
     scenario = Scenario(
-        "test", "", Expectation(Reached.NONE, 0.0), (*innocent[:2], GUILTY, innocent[2]), for_s=60.0,
+        "test", "", Expectation(ResponseLevel.NONE, 0.0), (*innocent[:2], GUILTY, innocent[2]), for_s=60.0,
         commands=(Command(0.0, "arm"), Command(7.0, "hold"), Command(40.0, "disarm")),
     )  # fmt: skip
 

@@ -18,7 +18,7 @@ from wayfarer.drivers.sabertooth import Sabertooth
 from wayfarer.escape.api import Decision, Observation
 from wayfarer.escape.handler import PhasedHandler
 from wayfarer.fault_scenarios.runner import run_scenario
-from wayfarer.fault_scenarios.scenario import Command, Expectation, Reached, Scenario
+from wayfarer.fault_scenarios.scenario import Command, Expectation, ResponseLevel, Scenario
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import LEVELS, Condition, Level
 from wayfarer.safety.gate import Gate
@@ -33,7 +33,8 @@ NO_COMPASS = Fault(3.0, inf, "compass", "silent")
 BRIEFLY_NO_COMPASS = Fault(3.0, 1.0, "compass", "silent")
 HARMLESS = Fault(100.0, inf, "compass", "silent")
 UNTOUCHED = Scenario(
-    "test", "", Expectation(Reached.NONE, 0.0), (HARMLESS,), rover="sim", depth=Depth.DEVICE, for_s=6.0, clearing=True
+    "test", "", Expectation(ResponseLevel.NONE, 0.0), (HARMLESS,),
+    rover="sim", depth=Depth.DEVICE, for_s=6.0, clearing=True,
 )  # fmt: skip
 
 Patch = pytest.MonkeyPatch

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from wayfarer.errors import BadInput
-from wayfarer.fault_scenarios.scenario import Command, Expectation, Reached, Scenario
+from wayfarer.fault_scenarios.scenario import Command, Expectation, ResponseLevel, Scenario
 from wayfarer.fault_scenarios.scenario_file import FILE_BYTES, read_scenarios
 from wayfarer.fault_scenarios.scenario_rover import rover_of
 from wayfarer.simhal.build_rover import Depth
@@ -71,7 +71,7 @@ def complaint(folder: Path, text: str | bytes) -> str:
 def test_scenario_is_read_with_all_that_it_says(tmp_path: Path) -> None:
     (scenario,) = read(tmp_path, GOOD)
     assert (scenario.name, scenario.depth, scenario.for_s, scenario.seed) == ("loose-plug", Depth.BUS, 30.0, 3)
-    assert scenario.expect == Expectation(Reached.FAULT, 5.3, ("compass_lost",))
+    assert scenario.expect == Expectation(ResponseLevel.FAULT, 5.3, ("compass_lost",))
     assert scenario.faults == (
         Fault(15.0, inf, "compass", "nack", Lost(0.5)),
         Fault(16.0, 2.0, "motion", "dark"),

@@ -9,14 +9,14 @@ import pytest
 
 from wayfarer.errors import BadInput
 from wayfarer.fault_scenarios.catalogue import ROWS, catalogue
-from wayfarer.fault_scenarios.catalogue.held_by_tests import FaultTest
+from wayfarer.fault_scenarios.catalogue.covered_by_tests import FaultTest
 from wayfarer.fault_scenarios.result import Row
-from wayfarer.fault_scenarios.scenario import Expectation, Reached, Scenario
+from wayfarer.fault_scenarios.scenario import Expectation, ResponseLevel, Scenario
 from wayfarer.fault_scenarios.selection import (
     RENAMED,
     chosen,
     on_another_rover,
-    without_held_by_tests,
+    without_covered_by_tests,
     without_missing_packages,
 )
 from wayfarer.simhal.build_rover import Depth
@@ -24,13 +24,15 @@ from wayfarer.simhal.faults.kinds import Fault
 
 
 def scenario(name: str, row: int, fault: Fault) -> Scenario:
-    return Scenario(name, "", Expectation(Reached.HOLD, 1.0), (fault,), row=row)
+    return Scenario(name, "", Expectation(ResponseLevel.HOLD, 1.0), (fault,), row=row)
 
 
 LOOSE = scenario("loose", 2, Fault(1.0, 1.0, "compass", "nack"))
 DARK = scenario("dark", 15, Fault(1.0, 1.0, "motion", "dark"))
 BUMPED = scenario("bumped", 15, Fault(1.0, 1.0, "contact", "silent"))
-KILLED = FaultTest("killed", 35, "it is killed", "S4 stops", Reached.DEADMAN, 0.3, "tests/test_it.py::test_killed")
+KILLED = FaultTest(
+    "killed", 35, "it is killed", "S4 stops", ResponseLevel.DEADMAN, 0.3, "tests/test_it.py::test_killed"
+)
 SCENARIOS = [LOOSE, DARK, BUMPED]
 ALL: list[Row] = [*SCENARIOS, KILLED]
 
@@ -49,10 +51,10 @@ def test_names_and_rows_are_chosen_once_in_the_order_of_the_catalogue(asked: str
 
 
 def test_what_a_test_holds_is_skipped_and_the_test_is_named() -> None:
-    scenarios, (skipped,) = without_held_by_tests(ALL)
+    scenarios, (skipped,) = without_covered_by_tests(ALL)
     assert scenarios == SCENARIOS
     assert (skipped.name, skipped.row, skipped.about, skipped.asked) == ("killed", 35, "it is killed", "S4 stops")
-    assert (skipped.expected, skipped.within_s) == (Reached.DEADMAN, 0.3)
+    assert (skipped.expected, skipped.within_s) == (ResponseLevel.DEADMAN, 0.3)
     assert skipped.skipped == "covered by a test in wayfarer's checkout: pytest -m '' tests/test_it.py::test_killed"
 
 

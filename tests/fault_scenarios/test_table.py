@@ -8,16 +8,17 @@ import pytest
 from rich.console import Console
 
 from wayfarer.fault_scenarios.result import Result, Tried
-from wayfarer.fault_scenarios.scenario import Reached
+from wayfarer.fault_scenarios.scenario import ResponseLevel
 from wayfarer.fault_scenarios.table import print_results, skipped_lines, summed_up
 
 MET = Result(
-    "compass-answers-45-ms-late", 9, "answers come late", Tried.SIMULATED, "reject", Reached.NONE, Reached.NONE, None,
+    "compass-answers-45-ms-late", 9, "answers come late", Tried.SIMULATED, "reject",
+    ResponseLevel.NONE, ResponseLevel.NONE, None,
     "compass: an older reading at +0.02 s", None, None, "", (), "the readings are used as late as they are",
 )  # fmt: skip
 MISSED = Result(
     "undervoltage-thrice", 32, "the supply sags three times in a minute", Tried.SIMULATED, "S1 + duty cap; S2",
-    Reached.HOLD, Reached.FAULT, 21.0, "event power at +0.80 s", 120.82, 0.0, "power_unstable",
+    ResponseLevel.HOLD, ResponseLevel.FAULT, 21.0, "event power at +0.80 s", 120.82, 0.0, "power_unstable",
     ("S3 was reached, S2 is expected",),
 )  # fmt: skip
 OWN = MET._replace(row=None, name="[own]")

@@ -28,7 +28,7 @@ from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.live_rover import live_rover_setup
 from wayfarer.experiments.trial import run_trial
-from wayfarer.fieldlog.fields import span
+from wayfarer.fieldlog.fields import duration_text
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.replay import Replay, replay
@@ -153,7 +153,7 @@ def test_replay_goes_as_far_as_records_are_missing(run: Path) -> None:
     found = replay(run)
     assert (found.ticks, found.difference) == (30, None)
     assert found.cut_elapsed_s is not None
-    at = f"{span(found.cut_elapsed_s, 2)} (elapsed_s {found.cut_elapsed_s:.3f})"
+    at = f"{duration_text(found.cut_elapsed_s, 2)} (elapsed_s {found.cut_elapsed_s:.3f})"
     assert f"records are missing before {at}, what follows" in replay_text(run, found)
 
 

@@ -22,7 +22,7 @@ from wayfarer.config import calibration_file
 from wayfarer.config.rover_file import load_rover, rover_names
 from wayfarer.daemon.stop_motors import stop_motors
 from wayfarer.errors import BadConfig, WayfarerError
-from wayfarer.experiments.report.reading import read_results
+from wayfarer.experiments.report.load_results import read_results
 from wayfarer.experiments.results_folder import FORESTS, PARTIAL, SETTINGS, TRIALS, ResultsFolder
 from wayfarer.experiments.rows import COLUMNS, TrialRow, csv_line
 from wayfarer.fault_scenarios.scenario_file import read_scenarios
@@ -288,7 +288,7 @@ RESULTS = Target(
     ["wayfarer.experiments.results_folder:ResultsFolder._claim", "wayfarer.experiments.store:rows_in",
      "wayfarer.experiments.folder_settings:refuse_another", "wayfarer.config.rover_overlay:flat",
      "wayfarer.experiments.results_folder:_drop_torn_line", "wayfarer.experiments.rows:parse_row",
-     "wayfarer.experiments.rows:_value", "wayfarer.experiments.report.reading"],
+     "wayfarer.experiments.rows:_value", "wayfarer.experiments.report.load_results"],
     _campaigns,
     lambda: nullcontext(_read_folder),
 )  # fmt: skip

@@ -23,7 +23,7 @@ from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.replay import replay
 from wayfarer.views.export.export import export
 from wayfarer.views.export.formats import ExportFormat, Output
-from wayfarer.views.run_report.reading import read_run
+from wayfarer.views.run_report.load_run import read_run
 from wayfarer.views.text.listing import lines, rows
 from wayfarer.views.text.run_narrator import Verbosity
 from wayfarer.views.text.run_summariser import summarise
@@ -193,7 +193,7 @@ def _read_run(run: Path) -> str:
 
 RUN_READING = Target(
     "run-reading",
-    ["wayfarer.views.run_report.reading"],
+    ["wayfarer.views.run_report.load_run"],
     lambda kept: logs_of([*KINDS, WHOLE[:DRIVEN]], kept),
     lambda: _runs(_read_run),
 )

@@ -13,8 +13,8 @@ from wayfarer.control.controller import Mode
 from wayfarer.hal import STOP, CompassReading, MotionReading, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.entrapment import EntrapmentMonitor
-from wayfarer.safety.interval import Interval
 from wayfarer.safety.settings import EntrapmentSettings
+from wayfarer.safety.tick_interval import TickInterval
 
 TICK_S = 0.05
 SETTINGS = EntrapmentSettings()
@@ -44,7 +44,7 @@ class Drive:
         motion = None if self.grip is None else MotionReading(self.t_s, forward_m * self.grip, 0.0, self.quality)
         if self.garbage is not None and self.ticks % 10 == 0:
             motion = self.garbage
-        return self.progress.ends(Interval(self.t_s, wheels, TICK_S, TICK_S, forward_m), anomalous, motion)
+        return self.progress.ends(TickInterval(self.t_s, wheels, TICK_S, TICK_S, forward_m), anomalous, motion)
 
     def go(self, wheels: WheelCommand, for_s: float, *, anomalous: bool = False) -> bool:
         """Drive so until it is over, or for so long; return whether the rover gave up."""
@@ -120,7 +120,7 @@ def test_it_never_gives_up_before_enough_was_tried(ticks: list[tuple[WheelComman
     for wheels, anomalous, seen_m in ticks:
         tried_s += TICK_S * (wheels != STOP)
         motion = MotionReading(0.0, seen_m, 0.0, 0.8)
-        interval = Interval(tried_s, wheels, TICK_S, TICK_S, SPEEDS_M_S[wheels] * TICK_S)
+        interval = TickInterval(tried_s, wheels, TICK_S, TICK_S, SPEEDS_M_S[wheels] * TICK_S)
         if progress.ends(interval, anomalous, motion):
             assert tried_s >= 3 * SETTINGS.anomaly_every_s - 1e-6
 

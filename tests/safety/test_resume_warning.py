@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.interval import Interval, IntervalTimer
 from wayfarer.safety.resume_warning import FREE_S, LONG_HOLD_S, ResumeWarning
+from wayfarer.safety.tick_interval import IntervalTimer, TickInterval
 
 TICK_S = 0.0625  # binary, so that times are exact
 WARNING_S = 1.0
@@ -24,7 +24,7 @@ class Rover:
 
     def tick(self, conditions: tuple[Condition, ...] = (), dt_s: float = TICK_S) -> bool:
         self.t_s += dt_s
-        interval = Interval(self.t_s)
+        interval = TickInterval(self.t_s)
         self.timer.measure(interval)
         return self.warning.update(interval, conditions)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tests.conftest import Run
-from wayfarer.experiments.report.reading import CampaignResults
+from wayfarer.experiments.report.load_results import CampaignResults
 
 
 def succeed(run: Run, *arguments: object) -> str:

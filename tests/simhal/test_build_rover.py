@@ -24,7 +24,7 @@ from wayfarer.hal import (
     STOP,
     ContactSensor,
     MotionSensor,
-    PositionLogger,
+    PositionReceiver,
     Rover,
     WheelCommand,
 )
@@ -164,7 +164,7 @@ async def test_light_at_a_pin_is_left_out_and_the_light_of_the_board_and_a_recei
     equipped = with_part(load_rover("sim"), position={"driver": "gpsd"}, light={"driver": "gpio_light", "red": 17})
     _, rover = rover_in(CLEARING, equipped, Depth.BUS)
     assert rover.light is None
-    assert isinstance(rover.position, PositionLogger)
+    assert isinstance(rover.position, PositionReceiver)
     _, mini = rover_in(CLEARING, load_rover("minirover"), Depth.BUS)
     assert mini.light is not None
     for part in (mini.motors, mini.light):

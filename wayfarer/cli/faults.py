@@ -198,7 +198,7 @@ def _run(
     from wayfarer.fault_scenarios.selection import (
         chosen,
         on_another_rover,
-        without_held_by_tests,
+        without_covered_by_tests,
         without_missing_packages,
     )
     from wayfarer.fault_scenarios.table import print_list, skipped_lines
@@ -207,7 +207,7 @@ def _run(
     rows = list(read_scenarios(scenario) if scenario else catalogue())
     untried = [] if scenario or only else sorted({*range(1, ROWS + 1)} - {row.row for row in rows})
     rows = chosen(rows, only) if only is not None else rows
-    scenarios, elsewhere = without_held_by_tests(rows)
+    scenarios, elsewhere = without_covered_by_tests(rows)
     misfits: list[Result] = []
     if rover is not None:
         scenarios, misfits = on_another_rover(scenarios, rover)

@@ -90,9 +90,9 @@ def replay_text(run: Path, result: Replay) -> str:
 
 def _moment(elapsed_s: float) -> str:
     """Return a moment as ``wayfarer logs show`` has it, and as exports have it."""
-    from wayfarer.fieldlog.fields import span
+    from wayfarer.fieldlog.fields import duration_text
 
-    return f"{span(elapsed_s, 2)} (elapsed_s {elapsed_s:.3f})"
+    return f"{duration_text(elapsed_s, 2)} (elapsed_s {elapsed_s:.3f})"
 
 
 def _short(value: object) -> str:

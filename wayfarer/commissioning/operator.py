@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 
-class Person(Protocol):
+class Operator(Protocol):
     """Reads, answers, and moves the rover about. While one is waited for, the event loop runs on."""
 
     async def say(self, text: str) -> None:

@@ -12,7 +12,7 @@ from wayfarer.errors import BadInput
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def atomic_file(path: Path) -> Iterator[Path]:
     """Give the path of a draft to write; once that is done and on the disk, the draft takes the place of the file.
 
     A symlink stays, and what it points to is replaced. Whatever fails, the draft goes and what was there stays.
@@ -37,7 +37,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def whole_folder(path: Path) -> Iterator[Path]:
+def atomic_folder(path: Path) -> Iterator[Path]:
     """Give the path of a folder to make, with the same name; once that is done and on the disk, it stands at ``path``.
 
     Whatever fails, the draft goes. A folder with files in it is never replaced.
@@ -59,9 +59,9 @@ def whole_folder(path: Path) -> Iterator[Path]:
         shutil.rmtree(draft, ignore_errors=True)
 
 
-def write_whole(path: Path, content: str | bytes, mode: int | None = None) -> None:
-    """Write a file as ``whole_file`` does; text in UTF-8, with the permissions ``mode`` or those that are usual."""
-    with whole_file(path) as draft:
+def write_atomically(path: Path, content: str | bytes, mode: int | None = None) -> None:
+    """Write a file as ``atomic_file`` does; text in UTF-8, with the permissions ``mode`` or those that are usual."""
+    with atomic_file(path) as draft:
         draft.write_bytes(content.encode() if isinstance(content, str) else content)
         if mode is not None:
             draft.chmod(mode)

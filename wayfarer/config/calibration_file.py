@@ -22,11 +22,11 @@ import orjson
 from annotated_types import Interval, MaxLen
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
-from wayfarer.config.atomic_file import write_whole
+from wayfarer.config.atomic_file import write_atomically
 from wayfarer.config.messages import key_and_problem
 from wayfarer.config.rover_path import STATE_FOLDER
 from wayfarer.errors import BadInput, WayfarerError
-from wayfarer.units import DegreesOrZero
+from wayfarer.setting_ranges import DegreesOrZero
 
 FILE_NAME = "calibration.json"
 USER_FOLDER = Path(".local/state/wayfarer")
@@ -203,7 +203,7 @@ def save(path: Path, calibration: Calibration) -> None:
     content = orjson.dumps(calibration, option=orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, content)
+        write_atomically(path, content)
     except OSError as error:
         raise WayfarerError(
             f"{path}: the calibration cannot be written: {error.strerror}; check the folder's owner and the disk"

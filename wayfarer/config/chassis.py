@@ -11,7 +11,7 @@ from typing import Annotated
 
 from annotated_types import Interval
 
-from wayfarer.units import Metres
+from wayfarer.setting_ranges import Metres
 
 Kilograms = Annotated[float, Interval(gt=0, le=1000)]
 NewtonMetres = Annotated[float, Interval(gt=0, le=1000)]

@@ -11,7 +11,7 @@ from wayfarer.config.calibration_file import Calibration
 from wayfarer.config.registry import make_buses
 from wayfarer.config.rover_file import RoverConfig, part_settings, with_place
 from wayfarer.errors import BadConfig, BadInput
-from wayfarer.hal import MotionReading, MotionSensor, Rover, troubles_of
+from wayfarer.hal import MotionReading, MotionSensor, Rover, error_counts_of
 
 if TYPE_CHECKING:
     from wayfarer.drivers.buses import Buses
@@ -97,9 +97,9 @@ class ScaledMotionSensor:
         self._scale = scale
 
     @property
-    def troubles(self) -> Mapping[str, int]:
+    def error_counts(self) -> Mapping[str, int]:
         """What the sensor has counted."""
-        return troubles_of(self._sensor)
+        return error_counts_of(self._sensor)
 
     async def open(self) -> None:
         """Open the sensor."""

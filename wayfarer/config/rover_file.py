@@ -24,7 +24,7 @@ from wayfarer.errors import BadConfig, BadInput, UnknownName, one_line
 from wayfarer.escape.api import EscapeSettings, Vehicle
 from wayfarer.safety.gate import STALL_LIMIT_S
 from wayfarer.safety.settings import BoardSettings, EntrapmentSettings, SafetySettings
-from wayfarer.units import Hertz
+from wayfarer.setting_ranges import Hertz
 
 # The schema is built when a file is read: a worker of a campaign gets its rover read already.
 _STRICT = ConfigDict(extra="forbid", frozen=True, defer_build=True)

@@ -29,9 +29,9 @@ from wayfarer.safety.arming import ArmingSequence
 from wayfarer.safety.conditions import LEVELS, Condition, Level
 from wayfarer.safety.entrapment import EntrapmentMonitor
 from wayfarer.safety.gate import Gate
-from wayfarer.safety.interval import IntervalTimer
 from wayfarer.safety.mission_limits import Mission, RunEnd
 from wayfarer.safety.resume_warning import ResumeWarning
+from wayfarer.safety.tick_interval import IntervalTimer
 
 
 class Mode(Enum):

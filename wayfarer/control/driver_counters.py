@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from wayfarer.control.run_log import RunLog
-from wayfarer.hal import Counting, Driver
+from wayfarer.hal import Driver, HasErrorCounts
 
 NOTE_HZ = 1.0
 
@@ -17,13 +17,15 @@ class DriverCounters:
     """
 
     def __init__(self, parts: Iterable[Driver], log: RunLog) -> None:
-        self.counting: dict[Counting, dict[str, int]] = {part: {} for part in parts if isinstance(part, Counting)}
+        self.counting: dict[HasErrorCounts, dict[str, int]] = {
+            part: {} for part in parts if isinstance(part, HasErrorCounts)
+        }
         self._log = log
 
     def note(self, t_s: float) -> None:
         """Write an event for each part whose counts have changed."""
         for part, noted in self.counting.items():
-            counts = {what: count for what, count in part.troubles.items() if count}
+            counts = {what: count for what, count in part.error_counts.items() if count}
             if counts != noted:
                 self.counting[part] = counts
                 self._log.event("part_troubles", t_s, part=part.name, counts=counts)

@@ -16,12 +16,12 @@ from contextlib import suppress
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.controller import Controller, Mode
 from wayfarer.control.driver_counters import NOTE_HZ, DriverCounters
-from wayfarer.control.fresh_wheels import FreshWheels
 from wayfarer.control.latest import SensorBuffers
 from wayfarer.control.rate import Rate
 from wayfarer.control.run_log import RunLog
 from wayfarer.control.sensors import keep_sampling, sensor_tasks
 from wayfarer.control.shutdown import Shutdown, run_uncancellable
+from wayfarer.control.stale_command_guard import StaleCommandGuard
 from wayfarer.control.status_light import LIGHT_HZ, colour
 from wayfarer.detector import Detector
 from wayfarer.errors import DriverError, MissingPart, NotArmed
@@ -60,7 +60,7 @@ class Supervisor:
         self.buffers = SensorBuffers()
         needs = check_parts(rover, algorithm, config)
         detector = make_detector(config, needs, watches_motion=rover.motion is not None)
-        self._wheels = FreshWheels(rover.motors, config.safety.tick_late_s)
+        self._wheels = StaleCommandGuard(rover.motors, config.safety.tick_late_s)
         self.controller = Controller(self._wheels, self.buffers, config, detector, handler, log)
         self._health_hz = config.board.health_hz
         self._patience_s = config.detector.compass_stale_s  # after this a silent compass is a condition
@@ -175,7 +175,7 @@ class Supervisor:
                 for row in self.tasks
             ]
             beside.append(group.create_task(self._watch_board(), name="board"))
-            beside.append(group.create_task(self._log_driver_counters(), name="troubles"))
+            beside.append(group.create_task(self._log_driver_counters(), name="driver counters"))
             if self._rover.light is not None:
                 beside.append(group.create_task(self._show_state(self._rover.light), name="light"))
             await self._wait_for_sensors()

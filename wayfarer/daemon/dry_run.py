@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from wayfarer.hal import STOP, DriveMotors, MotorHealth, WheelCommand, troubles_of
+from wayfarer.hal import STOP, DriveMotors, MotorHealth, WheelCommand, error_counts_of
 
 
 class DryMotors:
@@ -16,9 +16,9 @@ class DryMotors:
         self.deadman_s = motors.deadman_s
 
     @property
-    def troubles(self) -> Mapping[str, int]:
+    def error_counts(self) -> Mapping[str, int]:
         """The error counts of the motors."""
-        return troubles_of(self._motors)
+        return error_counts_of(self._motors)
 
     async def open(self) -> None:
         """Open the motors: their deadman is verified as in any run."""

@@ -18,7 +18,7 @@ from importlib.resources import files
 from pathlib import Path
 
 import wayfarer
-from wayfarer.config.atomic_file import write_whole
+from wayfarer.config.atomic_file import write_atomically
 from wayfarer.config.rover_file import load_rover
 from wayfarer.config.rover_path import ROVER_FILE, STATE_FOLDER, rover_path
 from wayfarer.errors import BadInput, one_line
@@ -88,7 +88,7 @@ def install(
             say(_make_user(root))
             _make_state_folder(root / STATE_FOLDER.relative_to("/"))
         _make_folder((root / UNIT).parent)
-        write_whole(root / UNIT, unit, READABLE)
+        write_atomically(root / UNIT, unit, READABLE)
     except OSError as error:
         raise BadInput(f"{error.filename or root}: cannot be written: {error.strerror}") from None
     say(f"wrote {root / UNIT}")
@@ -175,7 +175,7 @@ def _place_rover_file(rover: str | None, path: Path) -> str:
     load_rover(rover)
     text = rover_path(rover).read_text(encoding="utf-8")
     _make_folder(path.parent)
-    write_whole(path, text, READABLE)
+    write_atomically(path, text, READABLE)
     return f"wrote {path} (from {rover})"
 
 

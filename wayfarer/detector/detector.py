@@ -6,7 +6,7 @@ from math import radians
 
 from wayfarer.detector.compass import CompassMonitor
 from wayfarer.detector.contact import ContactMonitor
-from wayfarer.detector.drive import DriveMonitor
+from wayfarer.detector.drive_monitor import DriveMonitor
 from wayfarer.detector.motion import MotionMonitor
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.detector.tick import DetectorTick

@@ -11,7 +11,7 @@ from wayfarer.detector.stall import StallMonitor
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import MotionReading
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.interval import Interval
+from wayfarer.safety.tick_interval import TickInterval
 
 # A reading counts for at most this share of the commanded distance of this or the previous reading (a rover may roll
 # on). A tenth is for noise.
@@ -49,7 +49,7 @@ class MotionMonitor:
         self._driven_t_s = self._spoke_t_s = self._moved_t_s = t_s
 
     def update(
-        self, interval: Interval, turned_deg: float, reading: MotionReading | None, conditions: list[Condition]
+        self, interval: TickInterval, turned_deg: float, reading: MotionReading | None, conditions: list[Condition]
     ) -> None:
         """Take in a tick.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from wayfarer.detector.motion import MOST_SHARE
 from wayfarer.hal import MotionReading
-from wayfarer.safety.interval import Interval
+from wayfarer.safety.tick_interval import TickInterval
 
 
 class Odometer:
@@ -23,7 +23,7 @@ class Odometer:
         self._read_m = self._commanded_m = self._commanded_before_m = 0.0
         self._share = 1.0
 
-    def update(self, interval: Interval, motion: MotionReading | None) -> float:
+    def update(self, interval: TickInterval, motion: MotionReading | None) -> float:
         """Add a tick: the commands since the last one, and what the sensor saw since its last reading.
 
         Returns metres covered since the last tick, negative where the rover was commanded backwards.

@@ -7,7 +7,16 @@ from typing import Annotated
 
 from annotated_types import Interval
 
-from wayfarer.units import Count, Degrees, DegreesPerSecond, Fraction, Metres, MetresPerSecond, Seconds, SecondsOrZero
+from wayfarer.setting_ranges import (
+    Count,
+    Degrees,
+    DegreesPerSecond,
+    Fraction,
+    Metres,
+    MetresPerSecond,
+    Seconds,
+    SecondsOrZero,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +61,7 @@ class DetectorSettings:
     noise and unequal sides turn it by 6 (one standard deviation). A window counts if no anomaly follows within
     ``drive_confirm_s``, because a trunk turns a rover as well, and then holds it. ``drive_uneven_windows`` to one side
     within ``drive_memory_s`` are a fault (fault 27), unless a window between them cleared the findings
-    (see ``detector.drive``). A reversed side turns the rover twice as far as a dead one; it is reported beyond
+    (see ``detector.drive_monitor``). A reversed side turns the rover twice as far as a dead one; it is reported beyond
     ``reversed_share`` of a dead side's turn plus ``reversed_margin_deg``. In a turn on the spot of
     ``reversed_turn_deg``, a rover whose sides are both reversed, or exchanged, turns ``reversed_back_deg`` the other
     way; a rover with one reversed side goes ``reversed_straight_m`` straight on (from no source). ``reversed_turns``

@@ -5,10 +5,10 @@ from __future__ import annotations
 from wayfarer.escape.api import Anomaly
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, Snapshot
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.interval import Interval
+from wayfarer.safety.tick_interval import TickInterval
 
 
-class DetectorTick(Interval):
+class DetectorTick(TickInterval):
     """The readings of the sensors at a tick, and what the detector found in them.
 
     A reading is None where the sensor has not answered yet (motion: since the last tick).

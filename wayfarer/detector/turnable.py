@@ -11,7 +11,7 @@ from typing import Final
 
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.interval import Interval
+from wayfarer.safety.tick_interval import TickInterval
 
 # What counts as full duty, as a share of the duty that the gate allows: an undervoltage leaves 0.7 of it, and a
 # Sabertooth rounds to 127 steps.
@@ -43,7 +43,7 @@ class TurnabilityMonitor:
         self._way = 0.0
         self._from_deg = self._tried_s = 0.0
 
-    def update(self, interval: Interval, gained_deg: float) -> tuple[Condition, ...]:
+    def update(self, interval: TickInterval, gained_deg: float) -> tuple[Condition, ...]:
         """Judge a tick: the wheel commands before it, and the heading gained since the start of the run."""
         left, right = interval.commanded
         if not -AHEAD_SHARE <= (left + right) / (left - right or 1.0) <= AHEAD_SHARE:

@@ -27,7 +27,7 @@ from annotated_types import Interval, MultipleOf
 from wayfarer.drivers.buses import Buses
 from wayfarer.errors import BadReading, NotResponding
 from wayfarer.hal import MotionReading
-from wayfarer.units import Hertz, MetresPerSecond
+from wayfarer.setting_ranges import Hertz, MetresPerSecond
 
 if TYPE_CHECKING:
     import numpy

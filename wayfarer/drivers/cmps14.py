@@ -65,7 +65,7 @@ class CMPS14Settings:
 
 
 class CMPS14:
-    """The compass as ``hal.Compass``; ``troubles`` counts the reads that needed a second transfer."""
+    """The compass as ``hal.Compass``; ``error_counts`` counts the reads that needed a second transfer."""
 
     part: ClassVar[str] = "compass"
     Settings = CMPS14Settings
@@ -77,7 +77,7 @@ class CMPS14:
         self._version = 0
         self._argument_awaited = False
         self.name = f"CMPS14 {self._where}"
-        self.troubles: Counter[str] = Counter()
+        self.error_counts: Counter[str] = Counter()
 
     async def open(self) -> None:
         """Read the firmware number, then one block; a part that is still booting gets a second.
@@ -188,7 +188,7 @@ class CMPS14:
         try:
             return await self._checked_block()
         except DriverError:
-            self.troubles["reads retried"] += 1
+            self.error_counts["reads retried"] += 1
             return await self._checked_block()
 
     async def _checked_block(self) -> RegisterBlock:

@@ -23,7 +23,7 @@ from annotated_types import Interval, Len
 from wayfarer.drivers.buses import Buses
 from wayfarer.errors import NotResponding, WrongPart
 from wayfarer.hal import PositionFix
-from wayfarer.units import Seconds
+from wayfarer.setting_ranges import Seconds
 
 WATCH = b'?WATCH={"enable":true,"json":true};\n'
 LINE_LIMIT = 65_536  # bytes; gpsd's report of a sky full of satellites is a tenth of it
@@ -104,7 +104,7 @@ def number(report: dict[str, Any], key: str) -> float | None:
 
 
 class Gpsd:
-    """A client of gpsd as a ``hal.PositionLogger``; ``t_s`` of a fix is when it arrived, tenths of a second late."""
+    """A client of gpsd as a ``hal.PositionReceiver``; ``t_s`` of a fix is when it arrived, tenths of a second late."""
 
     part: ClassVar[str] = "position"
     Settings = GpsdSettings

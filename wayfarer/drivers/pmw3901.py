@@ -87,7 +87,7 @@ class PMW3901Settings:
 class PMW3901:
     """The sensor as a ``hal.MotionSensor``.
 
-    ``troubles`` counts the readings at the highest speed that it can follow, and those that were rejected as garbage.
+    ``error_counts`` has the readings at the highest speed that it can follow, and those that were rejected as garbage.
     """
 
     part: ClassVar[str] = "motion"
@@ -100,7 +100,7 @@ class PMW3901:
         self._bus = buses.spi(settings.bus, mode=settings.spi_mode, speed_hz=settings.speed_hz)
         self._asked_t_s = self._read_t_s = 0.0
         self._is_first = True
-        self.troubles: Counter[str] = Counter()
+        self.error_counts: Counter[str] = Counter()
 
     async def open(self) -> None:
         """Reset the chip, check its identity, write its settings and check that it runs; takes 0.3 s.
@@ -160,13 +160,13 @@ class PMW3901:
         if is_first:  # the counts of an unknown time, with the motion during the start-up
             return burst
         if what := contradiction(burst, longest_s, self._limit_counts_s):
-            self.troubles["garbage rejected"] += 1
+            self.error_counts["garbage rejected"] += 1
             raise BadReading(
                 f"{self.name}: ({burst.dx}, {burst.dy}): {what}; noise on the SPI wires, keep them short; "
                 "or the ground goes by too fast, raise the lens and height_m"
             )
         if max(abs(burst.dx), abs(burst.dy)) * self._settings.rad_per_count >= AT_LIMIT * LIMIT_RAD_S * since_s > 0.0:
-            self.troubles["readings at the speed limit"] += 1
+            self.error_counts["readings at the speed limit"] += 1
         return burst
 
     async def _reset(self) -> None:

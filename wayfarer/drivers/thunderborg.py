@@ -181,7 +181,7 @@ class ThunderBorg:
     its power for a moment the failsafe is off. So the board is asked before each command to move, and gets no such
     command while it is off.
 
-    ``troubles`` counts the transfers that were tried again, and how often the board had lost its power.
+    ``error_counts`` counts the transfers that were tried again, and how often the board had lost its power.
     """
 
     part: ClassVar[str] = "motors"
@@ -202,7 +202,7 @@ class ThunderBorg:
         self._forgot = False  # the board has lost its power, and its settings, since it was last opened
 
     @property
-    def troubles(self) -> dict[str, int]:
+    def error_counts(self) -> dict[str, int]:
         """How many transfers were tried again, and how often the board was found to have lost its power."""
         return {"transfers retried": self._board.retries, "power lost": self._power_losses}
 

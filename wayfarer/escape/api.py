@@ -15,7 +15,7 @@ from typing import Annotated, NamedTuple, Protocol
 from annotated_types import Interval
 
 from wayfarer.hal import ContactReading, WheelCommand
-from wayfarer.units import Degrees, DegreesPerSecond, Gain, Metres, MetresPerSecond
+from wayfarer.setting_ranges import Degrees, DegreesPerSecond, Gain, Metres, MetresPerSecond
 
 
 class Anomaly(Enum):

@@ -12,7 +12,7 @@ from typing import Final
 
 from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, Observation, Phase, Vehicle
 from wayfarer.hal import STOP
-from wayfarer.units import Metres, Seconds
+from wayfarer.setting_ranges import Metres, Seconds
 
 # A longer time between two calls counts as this, because what the wheels did in it is unknown; as
 # ``SafetySettings.tick_late_s``.

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.escape.api import Phase
-from wayfarer.experiments.trajectory import Trace, TrajectoryPoint
+from wayfarer.experiments.trajectory import Trajectory, TrajectoryPoint
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.shortest_path import is_closed
 
@@ -66,9 +66,9 @@ class Entrapment(NamedTuple):
     new: float
 
 
-def entrapment(forest: Forest, rover: RoverConfig, trace: Trace) -> Entrapment:
+def entrapment(forest: Forest, rover: RoverConfig, trajectory: Trajectory) -> Entrapment:
     """Return why the rover of this way was entrapped."""
-    vehicle, points = rover.vehicle, _driven(trace.points)
+    vehicle, points = rover.vehicle, _driven(trajectory.points)
     halfway_s = (points[0].t_s + points[-1].t_s) / 2.0
     late = [point for point in points if point.t_s >= halfway_s]
     xs_m, ys_m = [point.x_m for point in late], [point.y_m for point in late]

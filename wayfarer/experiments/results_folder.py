@@ -17,7 +17,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, Self
 
-from wayfarer.config.atomic_file import whole_file, write_whole
+from wayfarer.config.atomic_file import atomic_file, write_atomically
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.experiments.folder_settings import kind_of, refuse_another, swept_values, tasks_of
 from wayfarer.experiments.rows import TrialRow, columns_of, csv_line
@@ -76,7 +76,7 @@ class ResultsFolder:
             WayfarerError: the folder cannot be written.
         """
         with self._writing():
-            write_whole(self.path / FORESTS, content)
+            write_atomically(self.path / FORESTS, content)
 
     def append(self, row: TrialRow) -> None:
         """Keep a finished trial, safe from a crash of this process.
@@ -96,7 +96,11 @@ class ResultsFolder:
         from wayfarer.experiments.parquet import copy_as_parquet
 
         values = swept_values(self._settings)
-        with self._writing(), whole_file(self.path / TRIALS) as draft, whole_file(self.path / PARQUET) as parquet_draft:
+        with (
+            self._writing(),
+            atomic_file(self.path / TRIALS) as draft,
+            atomic_file(self.path / PARQUET) as parquet_draft,
+        ):
             with draft.open("w", encoding="utf-8") as text:
                 text.write(csv_line(self._columns))
                 for row in rows:
@@ -112,13 +116,13 @@ class ResultsFolder:
         """
         with self._writing():
             if kind_of(self._settings) == "campaign":
-                write_whole(self.path / SUMMARY, _json(summary))
+                write_atomically(self.path / SUMMARY, _json(summary))
             (self.path / PARTIAL).unlink()
 
     def _claim(self, resume: bool) -> TrialStore:
         """Make the folder this campaign's and return the trials that it holds."""
         if not any(self.path.iterdir()):
-            write_whole(self.path / f"{kind_of(self._settings)}.json", _json(self._settings))
+            write_atomically(self.path / f"{kind_of(self._settings)}.json", _json(self._settings))
         elif not resume:
             raise BadInput(f"{self.path} is not empty; give a new folder, or add --resume to continue what is in it")
         else:
@@ -194,7 +198,7 @@ def _add_kinds(path: Path, columns: tuple[str, ...]) -> None:
         there = columns_in(file, str(path), columns)
         if there == columns:
             return
-        with whole_file(path) as draft, draft.open("w", encoding="utf-8") as text:
+        with atomic_file(path) as draft, draft.open("w", encoding="utf-8") as text:
             text.write(csv_line(columns))
             text.writelines(csv_line(columns, row) for _, row in rows_in(file, str(path), there))
 

@@ -1,6 +1,6 @@
 """Runs a trial again to record its true path, with phases and slips.
 
-No rover knows its own position. A trace is what a log sees that looks at the simulated world beside the rover's
+No rover knows its own position. A trajectory is what a log sees that looks at the simulated world beside the rover's
 records; it is thinned while it is read, because an entrapped rover takes 80,000 ticks.
 """
 
@@ -34,29 +34,29 @@ class TrajectoryPoint(NamedTuple):
     touches: bool = False
 
 
-class Trace(NamedTuple):
+class Trajectory(NamedTuple):
     """The way of one trial: its points in the order of time, and where the ground gave way."""
 
     points: list[TrajectoryPoint]
     slips_m: list[tuple[float, float]]
 
 
-class TraceLog(PartialLog):
+class TrajectoryLog(PartialLog):
     """Looks at the world at each tick, and keeps every change of phase, and of whether the body touches something.
 
     Between two changes a point is kept when it is ``KEPT_EVERY_M`` from the one before.
     """
 
     def __init__(self, world: SimulatedWorld) -> None:
-        self.trace = Trace([], [])
+        self.trajectory = Trajectory([], [])
         self._world = world
         self._slipping = False
 
     def tick(self, record: TickRecord) -> None:
         """Look where the rover is."""
-        world, points = self._world, self.trace.points
+        world, points = self._world, self.trajectory.points
         if world.slipping and not self._slipping:
-            self.trace.slips_m.append((world.x_m, world.y_m))
+            self.trajectory.slips_m.append((world.x_m, world.y_m))
         self._slipping = world.slipping
         here = self._point(record.decision.phase)
         last = points[-1] if points else None
@@ -75,19 +75,19 @@ class TraceLog(PartialLog):
 
     def close(self, reason: str, text: str) -> None:  # noqa: ARG002
         """Keep where it ended."""
-        self.trace.points.append(self._point(Phase.HALT))
+        self.trajectory.points.append(self._point(Phase.HALT))
 
 
-def run_traced(spec: TrialSpec) -> tuple[TrialResult, Trace]:
-    """Run one trial, and return its result, which is the same as in the campaign, with its trace.
+def run_with_trajectory(spec: TrialSpec) -> tuple[TrialResult, Trajectory]:
+    """Run one trial, and return its result, which is the same as in the campaign, with its trajectory.
 
     Raises:
         MissingPart: the rover cannot give what the algorithm needs.
     """
-    logs: list[TraceLog] = []
+    logs: list[TrajectoryLog] = []
 
-    def make_log(world: SimulatedWorld, _: Rover) -> TraceLog:
-        logs.append(TraceLog(world))
+    def make_log(world: SimulatedWorld, _: Rover) -> TrajectoryLog:
+        logs.append(TrajectoryLog(world))
         return logs[0]
 
-    return run_watched(spec, make_log), logs[0].trace
+    return run_watched(spec, make_log), logs[0].trajectory

@@ -11,7 +11,7 @@ from typing import Any
 
 from rich.console import Console
 
-from wayfarer.config.atomic_file import write_whole
+from wayfarer.config.atomic_file import write_atomically
 from wayfarer.errors import WayfarerError, one_line
 from wayfarer.experiments.commands import INTERRUPTED, make_empty_folder
 from wayfarer.experiments.executors import Stopped
@@ -110,7 +110,7 @@ def _store(out: Path, results: Sequence[Result]) -> None:
     writer.writerow(COLUMNS)
     writer.writerows(["; ".join(cell) if isinstance(cell, tuple) else cell for cell in row.values()] for row in rows)
     for name, text in ((CSV_FILE, table.getvalue()), (JSON_FILE, json.dumps(rows, indent=1) + "\n")):
-        write_whole(out / name, text)
+        write_atomically(out / name, text)
 
 
 def _as_row(result: Result) -> dict[str, Any]:

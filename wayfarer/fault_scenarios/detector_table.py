@@ -12,7 +12,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from wayfarer.config.atomic_file import write_whole
+from wayfarer.config.atomic_file import write_atomically
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.escape.api import Anomaly
 from wayfarer.experiments.commands import INTERRUPTED, make_empty_folder
@@ -74,7 +74,7 @@ def run_detector(
         for line in LEGEND:
             say(console, line)
     if out is not None:
-        write_whole(out / JSON_FILE, json.dumps(objects(measured), indent=1) + "\n")
+        write_atomically(out / JSON_FILE, json.dumps(objects(measured), indent=1) + "\n")
         say(aside, f"the results are in {out}")
     return 0
 

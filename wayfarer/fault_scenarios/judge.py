@@ -10,7 +10,7 @@ from typing import NamedTuple
 from wayfarer.fault_scenarios.first_difference import FaultEffect, first_difference
 from wayfarer.fault_scenarios.result import Result, not_run
 from wayfarer.fault_scenarios.runner import RunResult
-from wayfarer.fault_scenarios.scenario import REACHED, Expectation, Reached, Scenario
+from wayfarer.fault_scenarios.scenario import RESPONSE_LEVELS, Expectation, ResponseLevel, Scenario
 from wayfarer.safety.conditions import LEVELS, Condition
 from wayfarer.simhal.faults.kinds import Fault, LoopStall, Lost
 
@@ -24,7 +24,7 @@ def judge(scenario: Scenario, run_result: RunResult, well: RunResult) -> Result:
     """Judge a run with its faults, beside one without."""
     expect = scenario.expect
     result = not_run(scenario)._replace(
-        within_s=None if expect.level is Reached.NONE and not expect.answer else expect.within_s,
+        within_s=None if expect.level is ResponseLevel.NONE and not expect.answer else expect.within_s,
         changed="nothing",
         remark=scenario.because,
     )
@@ -51,7 +51,7 @@ def judge(scenario: Scenario, run_result: RunResult, well: RunResult) -> Result:
 class Answer(NamedTuple):
     """Something that the rover said; ``t_s`` on the run's clock, when it was said first."""
 
-    level: Reached
+    level: ResponseLevel
     cause: str
     t_s: float
 
@@ -69,8 +69,8 @@ class _Response:
         self._escape = next((tick for tick in self._ticks if tick.why in expect.answer), None)
         wanted = [answer for answer in self._said if self._counts(answer)]
         self.worst, self.stopped_s = self._worst(wanted), self._stopped_s(wanted)
-        if expect.level is Reached.DEADMAN and (tripped_s := self._tripped_s()) is not None:
-            self.worst = Answer(Reached.DEADMAN, "the board's deadman", tripped_s)
+        if expect.level is ResponseLevel.DEADMAN and (tripped_s := self._tripped_s()) is not None:
+            self.worst = Answer(ResponseLevel.DEADMAN, "the board's deadman", tripped_s)
             self.stopped_s = tripped_s - begun_s
         self.detected_s = self.worst.t_s - begun_s if self.worst.t_s < inf else None
 
@@ -78,9 +78,9 @@ class _Response:
         """Give what is not as expected."""
         expect = self._expect
         yield from self._missed()
-        if expect.level is not Reached.NONE:
+        if expect.level is not ResponseLevel.NONE:
             yield from _later("detected", self.detected_s, expect.within_s)
-        if expect.level >= Reached.HOLD:
+        if expect.level >= ResponseLevel.HOLD:
             yield from _later("the wheels stopped", self.stopped_s, expect.within_s)
         yield from self._wrong_end()
         yield from self._unanswered()
@@ -97,27 +97,27 @@ class _Response:
             for condition in tick.conditions:
                 if condition not in said:
                     said.add(condition)
-                    yield Answer(REACHED[LEVELS[condition]], condition.value, tick.t_s)
+                    yield Answer(RESPONSE_LEVELS[LEVELS[condition]], condition.value, tick.t_s)
         if self._recorder.ended == "failed":
-            yield Answer(Reached.FAULT, self._recorder.ended, self._recorder.ended_s)
+            yield Answer(ResponseLevel.FAULT, self._recorder.ended, self._recorder.ended_s)
         for t_s, name, _ in self._events:
-            yield Answer(Reached.NOTE, name, t_s)
+            yield Answer(ResponseLevel.NOTE, name, t_s)
 
     def _counts(self, answer: Answer) -> bool:
         """Return whether an answer is one to the fault: an event, or what a person did, only where it is expected."""
-        by_itself = answer.level > Reached.NOTE and answer.cause != Condition.OPERATOR_HOLD.value
+        by_itself = answer.level > ResponseLevel.NOTE and answer.cause != Condition.OPERATOR_HOLD.value
         return answer.cause in self._expect.causes or (not self._expect.causes and by_itself)
 
     def _worst(self, wanted: list[Answer]) -> Answer:
         """Return the severest of the answers that count, the first of several."""
-        worst = max(wanted, key=lambda answer: (answer.level, -answer.t_s), default=Answer(Reached.NONE, "", inf))
-        if worst.level is Reached.NONE and self._escape is not None:  # an answer to what is no fault of the rover
-            return Answer(Reached.NONE, self._escape.why, self._escape.t_s)
+        worst = max(wanted, key=lambda answer: (answer.level, -answer.t_s), default=Answer(ResponseLevel.NONE, "", inf))
+        if worst.level is ResponseLevel.NONE and self._escape is not None:  # an answer to what is no fault of the rover
+            return Answer(ResponseLevel.NONE, self._escape.why, self._escape.t_s)
         return worst
 
     def _stopped_s(self, wanted: list[Answer]) -> float | None:
         """Return the delay to the first stop command from a hold on; 0 if the wheels were stopped all the time."""
-        holds_s = min((answer.t_s for answer in wanted if answer.level >= Reached.HOLD), default=None)
+        holds_s = min((answer.t_s for answer in wanted if answer.level >= ResponseLevel.HOLD), default=None)
         if holds_s is None:
             return None
         ticks = [(tick.t_s, tick.commanded == (0.0, 0.0)) for tick in self._ticks]
@@ -134,7 +134,7 @@ class _Response:
 
     def _missed(self) -> Iterator[str]:
         if self.worst.level != self._expect.level:
-            others = [f"{each.cause} ({each.level})" for each in self._said if each.level > Reached.NOTE]
+            others = [f"{each.cause} ({each.level})" for each in self._said if each.level > ResponseLevel.NOTE]
             heard = f"; the rover said {', '.join(dict.fromkeys(others)) or 'nothing'}"
             yield f"{self.worst.level} was reached, {self._expect.level} is expected{heard}"
 

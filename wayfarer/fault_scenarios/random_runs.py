@@ -17,14 +17,14 @@ from typing import NamedTuple
 
 from rich.console import Console
 
-from wayfarer.config.atomic_file import write_whole
+from wayfarer.config.atomic_file import write_atomically
 from wayfarer.experiments.commands import INTERRUPTED, make_empty_folder
 from wayfarer.experiments.executors import Stopped
 from wayfarer.experiments.progress_bar import say
 from wayfarer.fault_scenarios.batch import run_batch
 from wayfarer.fault_scenarios.random_scenarios import draw_scenario, refuse_missing_package
 from wayfarer.fault_scenarios.runner import RunResult, run_scenario
-from wayfarer.fault_scenarios.scenario import REACHED, Expectation, Reached, Scenario
+from wayfarer.fault_scenarios.scenario import RESPONSE_LEVELS, Expectation, ResponseLevel, Scenario
 from wayfarer.fault_scenarios.scenario_writer import as_toml
 from wayfarer.fault_scenarios.shrink import shrink
 from wayfarer.safety.conditions import Level
@@ -50,7 +50,7 @@ class RandomTrial(NamedTuple):
     faults: tuple[str, ...]
     kinds: tuple[str, ...]
     ended: str = ""
-    level: str = Reached.NONE.value
+    level: str = ResponseLevel.NONE.value
     cause: str = ""
     ticks: int = 0
     excused: int = 0
@@ -98,7 +98,7 @@ def run_random(
         for line in _violation_lines(trial, draw_scenario(trial.seed, rover, depth), out):
             say(console, line)
     if out is not None:
-        write_whole(out / ROWS_FILE, "".join(json.dumps(trial._asdict()) + "\n" for trial in rows))
+        write_atomically(out / ROWS_FILE, "".join(json.dumps(trial._asdict()) + "\n" for trial in rows))
     return 1 if broken else 0 if len(rows) == trials else INTERRUPTED
 
 
@@ -114,7 +114,7 @@ def _trial(scenario: Scenario, run_result: RunResult) -> RandomTrial:
     worst = max(ticks, key=lambda tick: tick.level, default=None)
     return _row(scenario)._replace(
         ended=run_result.end.reason if run_result.end is not None else (run_result.error or "").partition(":")[0],
-        level=REACHED[worst.level if worst else Level.WELL],
+        level=RESPONSE_LEVELS[worst.level if worst else Level.WELL],
         cause=worst.cause.value if worst and worst.cause else "",
         ticks=len(ticks),
         excused=run_result.excused,
@@ -150,7 +150,7 @@ def _violation_lines(trial: RandomTrial, scenario: Scenario, out: Path | None) -
     again = f"wayfarer faults --trials 1 --seed {trial.seed} --rover {trial.rover} --depth {trial.depth}"
     if out is not None:
         path = out / f"{least.name}.toml"
-        within = Expectation(Reached(trial.level), least.for_s)
-        write_whole(path, as_toml(replace(least, expect=within)))
+        within = Expectation(ResponseLevel(trial.level), least.for_s)
+        write_atomically(path, as_toml(replace(least, expect=within)))
         again = f"wayfarer faults --scenario {path}"
     yield f"  again: {again}"

@@ -18,7 +18,7 @@ from annotated_types import Interval
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.errors import BadInput, MissingPackage
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.fault_scenarios.scenario import Command, Expectation, Reached, Scenario
+from wayfarer.fault_scenarios.scenario import Command, Expectation, ResponseLevel, Scenario
 from wayfarer.fault_scenarios.scenario_rover import misfit
 from wayfarer.simhal.build_rover import Depth, missing_package
 from wayfarer.simhal.faults.kinds import KINDS, Fault
@@ -145,7 +145,7 @@ def draw_scenario(seed: int, rover: str | None = None, depth: Depth | None = Non
     return Scenario(
         f"random-{seed}",
         "faults by chance",
-        Expectation(Reached.NONE, inf),
+        Expectation(ResponseLevel.NONE, inf),
         tuple(_draw_faults(possible_faults(config, depth), for_s, rng)),
         rover=rover or drawn,
         depth=depth,

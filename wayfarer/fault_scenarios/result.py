@@ -5,8 +5,8 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import NamedTuple
 
-from wayfarer.fault_scenarios.catalogue.held_by_tests import FaultTest
-from wayfarer.fault_scenarios.scenario import Reached, Scenario
+from wayfarer.fault_scenarios.catalogue.covered_by_tests import FaultTest
+from wayfarer.fault_scenarios.scenario import ResponseLevel, Scenario
 
 Row = Scenario | FaultTest
 
@@ -32,8 +32,8 @@ class Result(NamedTuple):
     about: str
     tried: Tried
     asked: str
-    expected: Reached
-    reached: Reached = Reached.NONE
+    expected: ResponseLevel
+    reached: ResponseLevel = ResponseLevel.NONE
     within_s: float | None = None
     changed: str = ""
     detected_s: float | None = None

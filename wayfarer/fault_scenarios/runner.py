@@ -19,7 +19,7 @@ from wayfarer.experiments.trial import field_log
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.fault_scenarios.recorder import RunRecorder
 from wayfarer.fault_scenarios.safety_rules import Invariants
-from wayfarer.fault_scenarios.scenario import Command, Expectation, Reached, Scenario
+from wayfarer.fault_scenarios.scenario import Command, Expectation, ResponseLevel, Scenario
 from wayfarer.fault_scenarios.scenario_rover import rover_of
 from wayfarer.hal import Rover
 from wayfarer.safety.mission_limits import RunEnd
@@ -63,7 +63,7 @@ def run_without_faults(scenario: Scenario) -> RunResult:
 
 def without_faults(scenario: Scenario) -> Scenario:
     """Return the scenario that all have in common which differ only in faults and in what is expected of them."""
-    nothing = Expectation(Reached.NONE, 0.0)
+    nothing = Expectation(ResponseLevel.NONE, 0.0)
     return replace(scenario, name="", about="", row=None, asked="", because="", expect=nothing, faults=())
 
 

@@ -21,7 +21,7 @@ Duration = Annotated[float, Interval(gt=0, le=LONGEST_S)]
 Line = Annotated[str, MaxLen(200)]
 
 
-class Reached(StrEnum):
+class ResponseLevel(StrEnum):
     """How severely the rover answered; the levels of the fault catalogue."""
 
     NONE = "-"
@@ -32,12 +32,12 @@ class Reached(StrEnum):
     DEADMAN = "S4"
 
 
-REACHED: Mapping[Level, Reached] = {
-    Level.WELL: Reached.NONE,
-    Level.NOTE: Reached.NOTE,
-    Level.DEGRADE: Reached.DEGRADE,
-    Level.HOLD: Reached.HOLD,
-    Level.FAULT: Reached.FAULT,
+RESPONSE_LEVELS: Mapping[Level, ResponseLevel] = {
+    Level.WELL: ResponseLevel.NONE,
+    Level.NOTE: ResponseLevel.NOTE,
+    Level.DEGRADE: ResponseLevel.DEGRADE,
+    Level.HOLD: ResponseLevel.HOLD,
+    Level.FAULT: ResponseLevel.FAULT,
 }
 
 
@@ -65,7 +65,7 @@ class Expectation:
     motor board stops the wheels sooner than the rover notices anything, ``stands_within_s`` is the bound for that.
     """
 
-    level: Reached
+    level: ResponseLevel
     within_s: Moment
     causes: tuple[str, ...] = ()
     event: str | None = None

@@ -22,7 +22,7 @@ from wayfarer.config.rover_file import RoverConfig
 from wayfarer.config.rover_overlay import laid_over
 from wayfarer.config.rover_path import is_rover_file
 from wayfarer.errors import BadConfig, BadInput, UnknownName, one_line
-from wayfarer.fault_scenarios.scenario import Command, Duration, Expectation, Line, Moment, Reached, Scenario
+from wayfarer.fault_scenarios.scenario import Command, Duration, Expectation, Line, Moment, ResponseLevel, Scenario
 from wayfarer.fault_scenarios.scenario_rover import OVERLAY, misfit, rover_of
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, PositionFix
 from wayfarer.simhal.faults.kinds import KINDS, Fault
@@ -147,7 +147,7 @@ def _scenario_table() -> type:
 
 
 def _expectation(place: _FileLocation, table: dict[str, Any]) -> Expectation:
-    nothing = {"within_s": 0.0} if table.get("level") == Reached.NONE.value else {}
+    nothing = {"within_s": 0.0} if table.get("level") == ResponseLevel.NONE.value else {}
     expectation: Expectation = place.check(Expectation, nothing | table)
     return expectation
 

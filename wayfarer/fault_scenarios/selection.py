@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput, UnknownName
-from wayfarer.fault_scenarios.catalogue.held_by_tests import FaultTest
+from wayfarer.fault_scenarios.catalogue.covered_by_tests import FaultTest
 from wayfarer.fault_scenarios.result import Result, Row, not_run
 from wayfarer.fault_scenarios.scenario import Scenario
 from wayfarer.fault_scenarios.scenario_rover import misfit, rover_of
@@ -20,7 +20,7 @@ Selected = tuple[list[Scenario], list[Result]]
 RENAMED = {"compass-begins-anew": "compass-restarts"}  # since 0.1.0
 
 
-def without_held_by_tests(rows: Sequence[Row]) -> Selected:
+def without_covered_by_tests(rows: Sequence[Row]) -> Selected:
     """Select what simulated time can show; the others are skipped, with the test that holds each."""
     elsewhere = [
         not_run(row, f"covered by a test in wayfarer's checkout: pytest -m '' {row.test}")

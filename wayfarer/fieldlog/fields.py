@@ -38,13 +38,13 @@ def flag(record: Mapping[str, Any], key: str) -> bool | None:
     return value if isinstance(value, bool) else None
 
 
-def name(record: Mapping[str, Any], key: str) -> str | None:
+def safe_text(record: Mapping[str, Any], key: str) -> str | None:
     """Return a text that is fit for a terminal, or None."""
     value = record.get(key)
     return clean(value) if isinstance(value, str) else None
 
 
-def names(record: Mapping[str, Any], key: str) -> tuple[str, ...]:
+def safe_texts(record: Mapping[str, Any], key: str) -> tuple[str, ...]:
     """Return the texts of a list; none where there is no list."""
     value = record.get(key)
     if not value or not isinstance(value, list | tuple):  # mostly there are no anomalies
@@ -67,7 +67,7 @@ def setting(header: Mapping[str, Any], *keys: str) -> float | None:
     return number(found, key)
 
 
-def span(seconds: float | None, decimals: int = 0) -> str:
+def duration_text(seconds: float | None, decimals: int = 0) -> str:
     """Return a time since the beginning, or a duration, as ``1:23:45``; empty where it is not known."""
     if seconds is None or not abs(seconds) < ABSURD:
         return ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from wayfarer.fieldlog.fields import flag, name, number, setting, table, whole
+from wayfarer.fieldlog.fields import flag, number, safe_text, setting, table, whole
 from wayfarer.fieldlog.schema import Record
 
 
@@ -28,9 +28,9 @@ class Header:
         """Return the view of a ``run`` record; one of an empty record knows nothing."""
         return cls(
             record,
-            rover=name(record, "rover"),
-            algorithm=name(record, "algorithm"),
-            version=name(record, "version"),
+            rover=safe_text(record, "rover"),
+            algorithm=safe_text(record, "algorithm"),
+            version=safe_text(record, "version"),
             seed=whole(record, "seed"),
             trial=whole(record, "trial"),
             part=whole(record, "part") or 1,

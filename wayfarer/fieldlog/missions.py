@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from wayfarer.fieldlog.fields import name
+from wayfarer.fieldlog.fields import safe_text
 from wayfarer.fieldlog.run_events import Armed, Arming, Disarmed, GoalSet, Held, Noted, Released
 from wayfarer.fieldlog.run_state import RunState
 from wayfarer.fieldlog.typed import Tick
@@ -38,7 +38,7 @@ class MissionTracker:
                 if state.from_start is None:
                     state.from_start, state.start = True, state.place
             case Disarmed():
-                state.mode, state.why_disarmed = event.name, name(event.record, "reason") or ""
+                state.mode, state.why_disarmed = event.name, safe_text(event.record, "reason") or ""
                 self._began_t_s = None
             case Held() | Released():
                 state.operator_hold = isinstance(event, Held)

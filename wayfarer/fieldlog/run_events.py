@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
-from wayfarer.fieldlog.fields import name, number, table
+from wayfarer.fieldlog.fields import number, safe_text, table
 from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import RunEvent
@@ -110,7 +110,7 @@ class FaultInjected(RunEvent):
     def of(cls, elapsed_s: float, record: Record) -> FaultInjected:
         """Return what a ``fault`` record tells."""
         begins = record.get("begins") is True
-        target, kind, for_s = name(record, "target"), name(record, "kind"), record.get("for_s")
+        target, kind, for_s = safe_text(record, "target"), safe_text(record, "kind"), record.get("for_s")
         return cls(elapsed_s, record["t_s"], target, kind, begins, for_s, table(record, "params"))
 
 
@@ -158,7 +158,7 @@ class SensorFailed(Noted):
     @property
     def sensor(self) -> str:
         """Return which."""
-        return name(self.record, "sensor") or "unknown"
+        return safe_text(self.record, "sensor") or "unknown"
 
 
 class ClockStep(Noted):
@@ -179,7 +179,7 @@ class Marked(Noted):
     @property
     def text(self) -> str:
         """Return what it says."""
-        return name(self.record, "text") or ""
+        return safe_text(self.record, "text") or ""
 
 
 BY_NAME: Mapping[str, type[Noted]] = {
@@ -190,4 +190,4 @@ BY_NAME: Mapping[str, type[Noted]] = {
 
 def event_name(event: Record) -> str:
     """Return the name of an event, also of a damaged one."""
-    return name(event, "name") or "event"
+    return safe_text(event, "name") or "event"

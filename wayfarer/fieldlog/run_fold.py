@@ -13,7 +13,7 @@ from wayfarer.escape.api import Phase
 from wayfarer.escape.phases import PhaseEvent
 from wayfarer.fieldlog.dead_reckoning import GAP_S, QUALITY_MIN, DeadReckoning
 from wayfarer.fieldlog.episodes import EpisodeTracker
-from wayfarer.fieldlog.fields import name, seconds_since, table, whole
+from wayfarer.fieldlog.fields import safe_text, seconds_since, table, whole
 from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.missions import MissionTracker
 from wayfarer.fieldlog.run_events import (
@@ -230,7 +230,7 @@ class RunFold:
 
     def _outcome(self, elapsed_s: float, record: Record) -> Events:
         state = self.state
-        reason, text, dropped = name(record, "reason"), name(record, "text"), whole(record, "dropped") or 0
+        reason, text, dropped = safe_text(record, "reason"), safe_text(record, "text"), whole(record, "dropped") or 0
         state.mode, state.dropped = "ended", max(state.dropped, dropped)
         state.ended = Ended(elapsed_s, record["t_s"], reason, text, dropped)
         return [state.ended]

@@ -14,7 +14,7 @@ from math import nan
 from typing import Any, Generic, TypeVar
 
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
-from wayfarer.fieldlog.fields import name, names, number
+from wayfarer.fieldlog.fields import number, safe_text, safe_texts
 from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.schema import Record
 from wayfarer.hal import MotionReading
@@ -111,9 +111,9 @@ class Tick(RunEvent):
         """Return the view of a ``tick`` record."""
         get = record.get
         return cls(
-            elapsed_s, record["t_s"], record, get("heading_deg"), names(record, "anomalies"),
-            get("travelled_m"), name(record, "phase"), name(record, "why"), get("applied_left"), get("applied_right"),
-            name(record, "level"), name(record, "cause"),
+            elapsed_s, record["t_s"], record, get("heading_deg"), safe_texts(record, "anomalies"),
+            get("travelled_m"), safe_text(record, "phase"), safe_text(record, "why"),
+            get("applied_left"), get("applied_right"), safe_text(record, "level"), safe_text(record, "cause"),
         )  # fmt: skip
 
     @property
@@ -147,7 +147,7 @@ class Board(RunEvent):
     @classmethod
     def of(cls, elapsed_s: float, record: Record) -> Board:
         """Return the view of a ``board`` record."""
-        return cls(elapsed_s, record["t_s"], number(record, "battery_v"), names(record, "faults"))
+        return cls(elapsed_s, record["t_s"], number(record, "battery_v"), safe_texts(record, "faults"))
 
 
 @dataclass(slots=True)

@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import Final
 
 from wayfarer.hal import MotionReading
-from wayfarer.safety.interval import Interval
 from wayfarer.safety.settings import EntrapmentSettings
+from wayfarer.safety.tick_interval import TickInterval
 
 # A reading counts for at most half of the commanded distance. The largest fifth of the readings is ignored, because it
 # may be noise or coasting.
@@ -36,7 +36,7 @@ class EntrapmentMonitor:
         self._sees_ground = False
         self._begin_place()
 
-    def ends(self, interval: Interval, anomalous: bool, motion: MotionReading | None) -> bool:
+    def ends(self, interval: TickInterval, anomalous: bool, motion: MotionReading | None) -> bool:
         """Judge one tick and return whether the rover is entrapped: it has made no progress for too long.
 
         Args:

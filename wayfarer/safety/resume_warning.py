@@ -12,7 +12,7 @@ from math import inf
 from typing import Final
 
 from wayfarer.safety.conditions import LEVELS, Condition, Level
-from wayfarer.safety.interval import Interval
+from wayfarer.safety.tick_interval import TickInterval
 
 LONG_HOLD_S: Final = 1.0  # nobody walks up to a rover that stops for less
 FREE_S: Final = 0.5  # if the wheels turn for less than this between two holds, the rover still counts as standing
@@ -32,7 +32,7 @@ class ResumeWarning:
         self._due = False
         self._until_s = -inf
 
-    def update(self, interval: Interval, conditions: Sequence[Condition]) -> bool:
+    def update(self, interval: TickInterval, conditions: Sequence[Condition]) -> bool:
         """Judge a tick with its conditions; return whether the rover warns now."""
         if self._stands_since_s is None and not conditions:
             return False  # nearly every tick ends here
@@ -51,7 +51,7 @@ class ResumeWarning:
             self._stands_since_s = None
         return False
 
-    def _stand(self, interval: Interval) -> None:
+    def _stand(self, interval: TickInterval) -> None:
         """Note that the rover holds its wheels; in an interval that was late the board's deadman had stopped them."""
         if self._stands_since_s is None:
             self._stands_since_s = interval.t_s - interval.dt_s

@@ -10,7 +10,7 @@ from typing import Annotated
 
 from annotated_types import Interval, MaxLen
 
-from wayfarer.units import Count, Hertz, Metres, Seconds
+from wayfarer.setting_ranges import Count, Hertz, Metres, Seconds
 
 Volts = Annotated[float, Interval(gt=0, le=60)]
 

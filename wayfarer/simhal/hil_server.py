@@ -43,7 +43,7 @@ from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.chip_wiring import ChipWiring
 from wayfarer.simhal.faults.bus import EFFECTS, place_of
 from wayfarer.simhal.faults.kinds import KINDS, Fault
-from wayfarer.simhal.faults.wires import TamperedBuses
+from wayfarer.simhal.faults.wires import FaultyBuses
 from wayfarer.simhal.hil_buses import from_hex
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import CLEARING, Forest
@@ -103,7 +103,7 @@ class HilServer:
         else:
             forest, physics = generate_forest(seed, 0, seed), Physics()
         self.world = RecordedWorld(forest, config.vehicle, physics, streams, clock())
-        self._wires = TamperedBuses()
+        self._wires = FaultyBuses()
         self._wiring = ChipWiring(self.world, streams, clock, self._wires)
         self._clock = clock
         self._config = config

@@ -20,7 +20,7 @@ from wayfarer.testing.parts import (
     check_contact_sensor,
     check_motion_sensor,
     check_motors,
-    check_position_logger,
+    check_position_receiver,
     check_status_light,
 )
 
@@ -30,6 +30,6 @@ __all__ = [
     "check_contact_sensor",
     "check_motion_sensor",
     "check_motors",
-    "check_position_logger",
+    "check_position_receiver",
     "check_status_light",
 ]

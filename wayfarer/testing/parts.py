@@ -17,7 +17,7 @@ from wayfarer.hal import (
     DriveMotors,
     Driver,
     MotionSensor,
-    PositionLogger,
+    PositionReceiver,
     Side,
     StatusLight,
     WheelCommand,
@@ -98,10 +98,10 @@ async def _check_driving(motors: DriveMotors) -> None:
     assert health.battery_v is None or health.battery_v >= 0.0, f"battery_v {health.battery_v}: None means unknown"
 
 
-async def check_position_logger(
-    factory: Callable[[], PositionLogger], unreachable: Callable[[], PositionLogger] | None = None
+async def check_position_receiver(
+    factory: Callable[[], PositionReceiver], unreachable: Callable[[], PositionReceiver] | None = None
 ) -> None:
-    """Check the life cycle of a ``hal.PositionLogger``, and what it gives: a fix that can be, or None."""
+    """Check the life cycle of a ``hal.PositionReceiver``, and what it gives: a fix that can be, or None."""
     await _check_life_cycle(factory, unreachable)
     async with _opened(factory()) as receiver:
         fix = await receiver.read()

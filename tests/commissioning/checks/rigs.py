@@ -14,7 +14,7 @@ import pytest
 from tests.drivers.benches import now_s
 from tests.simhal.clearing import STEADY, VEHICLE
 from tests.virtual import run_virtually
-from wayfarer.commissioning.calibrate import Person, Step, calibrate
+from wayfarer.commissioning.calibrate import Operator, Step, calibrate
 from wayfarer.commissioning.checks import Check, Finding, HostEnvironment, Inspection
 from wayfarer.commissioning.checks.motion import deadman_trips
 from wayfarer.commissioning.checks.standalone import StandaloneInspection
@@ -189,7 +189,7 @@ class Rig:
         assert self.world.commanded == (0.0, 0.0)
         return found
 
-    def calibrate(self, someone: Person, *steps: Step) -> Calibration:
+    def calibrate(self, someone: Operator, *steps: Step) -> Calibration:
         """Return what is known after these steps; the wheels stand afterwards, whatever happens."""
         try:
             return run_virtually(calibrate(self.config, self.rover, self.host, someone, steps))

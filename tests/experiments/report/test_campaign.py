@@ -20,7 +20,7 @@ from wayfarer.cli import report as command
 from wayfarer.experiments.entrapment_cause import Cause
 from wayfarer.experiments.report.campaign import write_report
 from wayfarer.experiments.report.groups import grouped
-from wayfarer.experiments.report.reading import read_results
+from wayfarer.experiments.report.load_results import read_results
 from wayfarer.experiments.report.worst_trials import choose
 from wayfarer.experiments.results_folder import TRIALS as TABLE
 from wayfarer.views.page.frame import PAGE

@@ -22,7 +22,7 @@ from wayfarer.experiments.report.ratio_figure import TIMES, quantile, ratio_figu
 from wayfarer.experiments.report.trials_map import DrawnTrial, trials_map, way_in
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import AlgorithmSummary, summarise
-from wayfarer.experiments.trajectory import Trace, TrajectoryPoint
+from wayfarer.experiments.trajectory import Trajectory, TrajectoryPoint
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, Plots
@@ -129,8 +129,8 @@ def test_ratio_counts_failures_as_endless() -> None:
 # --- the map of the worst trials
 
 
-def trial_of(trace: Trace, number: int = 0) -> DrawnTrial:
-    return DrawnTrial(row("pledge", number), generate_forest(number, 0, 0), trace, None)
+def trial_of(trajectory: Trajectory, number: int = 0) -> DrawnTrial:
+    return DrawnTrial(row("pledge", number), generate_forest(number, 0, 0), trajectory, None)
 
 
 def test_way_is_drawn_whole_each_piece_in_its_phase() -> None:
@@ -141,10 +141,10 @@ def test_way_is_drawn_whole_each_piece_in_its_phase() -> None:
 
 
 def test_map_has_all_trials_and_shows_one() -> None:
-    traces = [
-        Trace([TrajectoryPoint(25.0, 12.5 + n, Phase.FOLLOW) for n in range(9)], [(25.0, 14.0)]) for _ in range(3)
+    trajectories = [
+        Trajectory([TrajectoryPoint(25.0, 12.5 + n, Phase.FOLLOW) for n in range(9)], [(25.0, 14.0)]) for _ in range(3)
     ]
-    figure: Any = trials_map([trial_of(trace, number) for number, trace in enumerate(traces)])
+    figure: Any = trials_map([trial_of(trajectory, number) for number, trajectory in enumerate(trajectories)])
     views = {renderer.view.filter.group for renderer in figure.renderers if "number" in _data(renderer)}
     assert views == {0}
     for renderer in figure.renderers:
@@ -158,6 +158,6 @@ def _data(renderer: Any) -> Mapping[str, Any]:
 
 
 def test_every_phase_that_moves_is_a_layer() -> None:
-    figure = trials_map([trial_of(Trace([TrajectoryPoint(25.0, 12.5, Phase.FOLLOW)], []))])
+    figure = trials_map([trial_of(Trajectory([TrajectoryPoint(25.0, 12.5, Phase.FOLLOW)], []))])
     tags = {tag for renderer in figure.renderers for tag in renderer.tags}
     assert tags == {f"layer:{phase}" for phase in palette.PHASE_COLOURS} | {"layer:slips"}

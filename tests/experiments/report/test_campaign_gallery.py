@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from tests.experiments.report.campaigns import ALGORITHMS, campaign_of, row
 from wayfarer.experiments.executors import Done
 from wayfarer.experiments.outcome import SUCCESSES
-from wayfarer.experiments.report.reading import read_results
+from wayfarer.experiments.report.load_results import read_results
 from wayfarer.experiments.report.worst_trials import RerunTrial, choose, ending, run_again
 from wayfarer.experiments.rows import TrialRow
 
@@ -75,8 +75,8 @@ def test_fewer_drawings_than_algorithms_show_the_worst() -> None:
 def test_way_is_that_of_the_trial_in_the_table(finished: Path, worst: list[RerunTrial]) -> None:
     assert [each.row for each in worst] == choose(read_results(finished).by_algorithm, 4)
     for each in worst:
-        assert each.trace is not None
-        start, *_, end = each.trace.points
+        assert each.trajectory is not None
+        start, *_, end = each.trajectory.points
         assert (start.x_m, start.y_m) == campaign_of().make_forest(each.row.trial).start_m
         escaped = each.row.outcome == "escaped"
         assert (end.y_m >= 50.0) is escaped
@@ -101,13 +101,13 @@ def test_a_pool_gives_the_same_ways_and_tells_of_each_trial(finished: Path, wors
 def test_trial_that_comes_out_in_another_way_has_no_drawing(finished: Path, column: str, value: Any, says: str) -> None:
     original = choose(read_results(finished).by_algorithm, 1)[0]
     (ran,) = again([original._replace(**{column: value})], finished)
-    assert ran.trace is None
+    assert ran.trajectory is None
     assert re.search(says, ran.why_not)
 
 
 def test_trial_that_cannot_be_run_again_has_no_drawing_and_says_why(finished: Path) -> None:
     (ran,) = again([row("gone:algorithm", 0)], finished)
-    assert ran.trace is None
+    assert ran.trajectory is None
     assert "cannot be run again: BadInput: algorithm 'gone:algorithm'" in ran.why_not
 
 

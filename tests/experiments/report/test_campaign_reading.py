@@ -14,7 +14,7 @@ from tests.experiments import fake_trials
 from tests.experiments.report.campaigns import ALGORITHMS, BUDGET_M, TRIALS, campaign_of, run_campaign, some_forests
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.experiments.report.campaign import write_report
-from wayfarer.experiments.report.reading import read_results
+from wayfarer.experiments.report.load_results import read_results
 from wayfarer.experiments.results_folder import FORESTS, PARTIAL, SETTINGS, ResultsFolder
 from wayfarer.experiments.results_folder import TRIALS as TABLE
 

@@ -17,7 +17,7 @@ from tests.views.page.outline import Outline
 from wayfarer.cli import report as command
 from wayfarer.errors import BadInput
 from wayfarer.experiments.folder_settings import tasks_of
-from wayfarer.experiments.report.reading import SweepResults, SweepSettings, read_sweep
+from wayfarer.experiments.report.load_results import SweepResults, SweepSettings, read_sweep
 from wayfarer.experiments.report.sweep import write_sweep_report
 from wayfarer.experiments.report.sweep_curves import curves_figures
 from wayfarer.experiments.report.sweep_maps import maps_figures

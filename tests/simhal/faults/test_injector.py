@@ -27,7 +27,7 @@ from wayfarer.simhal.faults.bus import WiredPart, misplaced, place_of
 from wayfarer.simhal.faults.bus_hang import Hang
 from wayfarer.simhal.faults.injector import EFFECTS, Injector
 from wayfarer.simhal.faults.kinds import KINDS, Fault, Layer
-from wayfarer.simhal.faults.readings import TamperedPart
+from wayfarer.simhal.faults.readings import FaultyPart
 from wayfarer.simhal.faults.wires import FaultyWire
 from wayfarer.simhal.world.forest import CLEARING
 
@@ -124,7 +124,7 @@ def tampering(fault: Fault, config: RoverConfig) -> Callable[[TrialSetup], objec
             (world.ground_pitch_deg, world.ground_roll_deg, world.battery_v),
             world.after_step.__qualname__,
         ]
-        if isinstance(part, TamperedPart):
+        if isinstance(part, FaultyPart):
             state += [list(part.changes), part.silent, part.crash, part.answers_after_s]
         if KINDS[fault.kind].layer is Layer.BUS:
             place = place_of(fault, config, setup.injector.buses)
@@ -207,9 +207,9 @@ def injector_of(rover: str, fault: Fault) -> None:
 
 @virtual
 async def test_frozen_part_repeats_what_it_said_last() -> None:
-    part = TamperedPart(FakeCompass())
+    part = FaultyPart(FakeCompass())
     last = await part.read()
-    with EFFECTS["frozen"](part, kinds.Nothing(), Random(0)):
+    with EFFECTS["frozen"](part, kinds.NoParameters(), Random(0)):
         again = await part.read()
     assert again.heading_deg == last.heading_deg
     assert again.t_s > last.t_s
@@ -218,7 +218,7 @@ async def test_frozen_part_repeats_what_it_said_last() -> None:
 
 @virtual
 async def test_late_answer_carries_the_time_at_which_it_was_given() -> None:
-    part, loop = TamperedPart(FakeCompass()), asyncio.get_running_loop()
+    part, loop = FaultyPart(FakeCompass()), asyncio.get_running_loop()
     with EFFECTS["late_answer"](part, kinds.LateAnswer(by_s=0.2), Random(0)):
         await part.read()
     assert loop.time() == pytest.approx(0.2)
@@ -226,7 +226,7 @@ async def test_late_answer_carries_the_time_at_which_it_was_given() -> None:
 
 @virtual
 async def test_drift_begins_at_nothing_and_grows() -> None:
-    part = TamperedPart(FakeCompass())
+    part = FaultyPart(FakeCompass())
     with EFFECTS["drifts"](part, kinds.Drifts(per_s=100.0), Random(0)):
         readings = [await part.read() for _ in range(3)]
     assert [reading.heading_deg for reading in readings] == [0.0, 101.0, 202.0]

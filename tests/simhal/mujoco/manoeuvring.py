@@ -15,7 +15,7 @@ from wayfarer.escape.api import Anomaly, Observation, Phase
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP, MotionReading
 from wayfarer.safety.gate import Gate
-from wayfarer.safety.interval import Interval, IntervalTimer
+from wayfarer.safety.tick_interval import IntervalTimer, TickInterval
 
 COMPASS_NOISE_DEG = 1.0
 MEETS_EVERY_S = 12.0
@@ -89,7 +89,7 @@ def _drive(config: RoverConfig, friction: float, torque_scale: float, episodes: 
     for tick in range(1, round((2.0 + episodes * MEETS_EVERY_S) * config.control_hz)):
         t_s = tick / config.control_hz
         world.advance_to(t_s)
-        interval = Interval(t_s, wheels)
+        interval = TickInterval(t_s, wheels)
         timer.measure(interval)
         travelled_m += abs(interval.forward_m)
         gone_m = world.forward_m - world.reverse_m

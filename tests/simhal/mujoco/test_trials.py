@@ -20,7 +20,7 @@ from tests.simhal.commands import facts_of, refusal, succeed
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Campaign, Task
-from wayfarer.experiments.report.reading import read_results
+from wayfarer.experiments.report.load_results import read_results
 from wayfarer.experiments.rows import KINDS, TERRAIN
 from wayfarer.experiments.trial import TrialResult, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec

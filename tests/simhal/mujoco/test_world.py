@@ -14,7 +14,7 @@ import pytest
 from tests.simhal.mujoco.fields import BODY, drive, rover_on, speed_m_s, tree_at, trunk_across
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.hal import Side
-from wayfarer.simhal.faults.kinds import KINDS, Drive, Layer, Nothing, Slope
+from wayfarer.simhal.faults.kinds import KINDS, Drive, Layer, NoParameters, Slope
 from wayfarer.simhal.faults.world import EFFECTS
 from wayfarer.simhal.mujoco.ground import MUD_FRICTION
 from wayfarer.simhal.mujoco.model import Unstable
@@ -202,12 +202,12 @@ async def test_every_fault_of_the_world_begins_and_ends(kind: str) -> None:
 
 def test_slip_fault_makes_driving_wheels_spin_until_they_are_out_of_it() -> None:
     standing = rover_on(0.8)
-    with EFFECTS["slip"](standing, Nothing(), Random(0)):
+    with EFFECTS["slip"](standing, NoParameters(), Random(0)):
         assert not standing.slipping, "wheels that stand still do not slip, mud or not"
     ways_m = {}
     for slips in (False, True):
         world = rover_on(0.8)
-        fault = EFFECTS["slip"](world, Nothing(), Random(0))
+        fault = EFFECTS["slip"](world, NoParameters(), Random(0))
         with fault if slips else nullcontext():
             drive(world, 1.0, 1.0, 0.3)
             assert world.slipping is slips

@@ -9,7 +9,7 @@ import pytest
 
 from tests.conftest import Run
 from tests.simhal.commands import facts_of, refusal, succeed
-from wayfarer.experiments.report.reading import read_results
+from wayfarer.experiments.report.load_results import read_results
 from wayfarer.simhal.world.grounds import GroundName
 
 SIM = ("sim", "--jobs", "1", "--trials", "1", "--budget-m", "5")

@@ -12,7 +12,7 @@ from tests.experiments import fake_trials
 from tests.simhal.commands import succeed
 from wayfarer.config.rover_file import load_rover
 from wayfarer.experiments.campaign import Campaign, read_forest_file
-from wayfarer.experiments.report.reading import read_results
+from wayfarer.experiments.report.load_results import read_results
 from wayfarer.simhal.world.forest_file import REFERENCE, content_of
 
 CHECKSUM = "1937f0543ac287bc3ea0acac1dfacc14"  # BLAKE2b of the file that the tables of the README were measured with

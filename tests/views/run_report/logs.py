@@ -12,7 +12,7 @@ from tests.views.text import records
 from tests.views.text.records import event, numbered, outcome, record, write
 from wayfarer.fieldlog.schema import Record
 from wayfarer.views.run_report.data import RunData
-from wayfarer.views.run_report.reading import read_run
+from wayfarer.views.run_report.load_run import read_run
 from wayfarer.views.run_report.run import write_run_report
 
 HEADER: Record = records.HEADER | {

@@ -39,9 +39,9 @@ from wayfarer.fieldlog.schema import Record
 from wayfarer.views.run_report import words
 from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.events import event_marks, is_trouble
+from wayfarer.views.run_report.load_run import read_run
 from wayfarer.views.run_report.map import map_plot
 from wayfarer.views.run_report.quantities import PANELS, panels_of
-from wayfarer.views.run_report.reading import read_run
 from wayfarer.views.run_report.run import write_comparison, write_run_report
 from wayfarer.views.run_report.series import Line
 from wayfarer.views.run_report.tables import anomalies_table, episodes_table, events_list, sensors_table, settings_table

@@ -16,19 +16,19 @@ from wayfarer.commissioning.calibrate.motors import calibrate_motors
 from wayfarer.commissioning.calibrate.turning import calibrate_turning
 from wayfarer.commissioning.checks.api import HostEnvironment
 from wayfarer.commissioning.checks.standalone import StandaloneInspection
-from wayfarer.commissioning.operator import Person
+from wayfarer.commissioning.operator import Operator
 from wayfarer.config.calibration_file import Calibration, load, save
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.hal import Rover
 
-__all__ = ["STEPS", "Person", "Step", "calibrate"]
+__all__ = ["STEPS", "Operator", "Step", "calibrate"]
 
 Step = Literal["compass", "flow", "motors", "turning"]
 STEPS: tuple[Step, ...] = ("compass", "flow", "motors", "turning")
 
 
 async def calibrate(
-    config: RoverConfig, rover: Rover, host: HostEnvironment, person: Person, steps: Sequence[Step] = STEPS
+    config: RoverConfig, rover: Rover, host: HostEnvironment, operator: Operator, steps: Sequence[Step] = STEPS
 ) -> Calibration:
     """Guide a person through some steps, and return what is known afterwards; each step is saved when it is done.
 
@@ -36,7 +36,7 @@ async def calibrate(
         config: the rover file.
         rover: its parts, not open, without an earlier calibration applied; they are closed afterwards.
         host: where the calibration file is, and the time.
-        person: who turns and pushes the rover; wheels turn only after a yes.
+        operator: turns and pushes the rover; wheels turn only after a yes.
         steps: in this order.
 
     Raises:
@@ -47,30 +47,30 @@ async def calibrate(
     calibration = load(host.calibration_file)
     async with StandaloneInspection(config, rover, host) as inspection:
         for step in steps:
-            before, calibration = calibration, await _take(step, calibration, inspection, person)
+            before, calibration = calibration, await _take(step, calibration, inspection, operator)
             if calibration is before:
-                await person.say(f"{step}: left as it was.")
+                await operator.say(f"{step}: left as it was.")
                 continue
             save(host.calibration_file, calibration)
-            await person.say(f"{step}: saved in {host.calibration_file}.")
+            await operator.say(f"{step}: saved in {host.calibration_file}.")
     return calibration
 
 
-async def _take(step: Step, known: Calibration, inspection: StandaloneInspection, person: Person) -> Calibration:
+async def _take(step: Step, known: Calibration, inspection: StandaloneInspection, operator: Operator) -> Calibration:
     """Return what is known after a step; the same where the person declined, or the rover has no such part."""
     rover, t_wall = inspection.rover, inspection.host.t_wall
     if step == "flow":
         if rover.motion is None:
             return known
         await inspection.open("motion")
-        flow = await calibrate_flow(rover.motion, person, inspection.config.detector.quality_min, t_wall)
+        flow = await calibrate_flow(rover.motion, operator, inspection.config.detector.quality_min, t_wall)
         return replace(known, flow=flow)
     await inspection.open("compass")
     if step == "compass":
-        return replace(known, compass=await calibrate_compass(rover.compass, person, t_wall))
+        return replace(known, compass=await calibrate_compass(rover.compass, operator, t_wall))
     await inspection.open("motors")
     if step == "turning":
-        turning = await calibrate_turning(known, inspection, person)
+        turning = await calibrate_turning(known, inspection, operator)
         return known if turning is None else replace(known, turning=turning)
-    shift = await calibrate_motors(rover.motors, rover.compass, person, t_wall, inspection.config.safety.duty_max)
+    shift = await calibrate_motors(rover.motors, rover.compass, operator, t_wall, inspection.config.safety.duty_max)
     return known if shift is None else replace(known, motors=shift)

@@ -10,7 +10,7 @@ from statistics import median
 from typing import Protocol, runtime_checkable
 
 from wayfarer.commissioning.manual_drive import sample_during
-from wayfarer.commissioning.operator import Person
+from wayfarer.commissioning.operator import Operator
 from wayfarer.config.calibration_file import FlowEntry, stamp
 from wayfarer.errors import WayfarerError
 from wayfarer.hal import MotionReading
@@ -32,18 +32,18 @@ class ChangeSensor(Protocol):
         """Return the mean change of a pixel since the picture before, in grey levels."""
 
 
-async def calibrate_picture(motion: ChangeSensor, person: Person, distance_m: float, t_wall: float) -> FlowEntry:
+async def calibrate_picture(motion: ChangeSensor, operator: Operator, distance_m: float, t_wall: float) -> FlowEntry:
     """Guide a person through standing still and a push, and say what to write into the rover file.
 
     Raises:
         DriverError: the camera stopped answering.
         WayfarerError: the picture hardly changes when the rover moves.
     """
-    await person.say("Hands off: looking at the ground while nothing moves.")
+    await operator.say("Hands off: looking at the ground while nothing moves.")
     still = median(await sample_during(asyncio.sleep(STILL_S), motion.change, 0.0))  # the camera sets the pace
     time = asyncio.get_running_loop().time
     starts_s = time()
-    told = person.wait(f"Push it straight ahead by {distance_m:g} m, at cruising speed, and stop there.")
+    told = operator.wait(f"Push it straight ahead by {distance_m:g} m, at cruising speed, and stop there.")
     moving = median(await sample_during(told, motion.change, 0.0))
     if moving < TIMES_STILL_MIN * still:
         raise WayfarerError(
@@ -51,7 +51,7 @@ async def calibrate_picture(motion: ChangeSensor, person: Person, distance_m: fl
             " push it faster, fix exposure_us under [parts.motion], or let the camera look at rougher ground"
         )
     speed_m_s = distance_m / (time() - starts_s)
-    await person.say(
+    await operator.say(
         f"Write under [parts.motion]: difference_still = {still:.1f}, difference_moving = {moving:.1f}, "
         f"difference_speed_m_s = {speed_m_s:.2f}"
     )

@@ -13,7 +13,7 @@ from typing import Protocol, runtime_checkable
 
 from wayfarer.angles import circular_mean, wrap180
 from wayfarer.commissioning.manual_drive import sample_headings
-from wayfarer.commissioning.operator import Person
+from wayfarer.commissioning.operator import Operator
 from wayfarer.config.calibration_file import CompassEntry, stamp
 from wayfarer.errors import BadReading, WayfarerError
 from wayfarer.hal import Compass
@@ -71,7 +71,7 @@ class CalibratableCompass(Compass, Protocol):
         """Go back to the calibration of the factory."""
 
 
-async def calibrate_compass(compass: Compass, person: Person, t_wall: float) -> CompassEntry:
+async def calibrate_compass(compass: Compass, operator: Operator, t_wall: float) -> CompassEntry:
     """Guide a person through calibrating an open compass.
 
     Raises:
@@ -79,31 +79,31 @@ async def calibrate_compass(compass: Compass, person: Person, t_wall: float) -> 
         WayfarerError: it cannot be calibrated here; the text says why. It is left as it was, or as far as it got, with
             calibration off.
     """
-    await person.wait(PREPARE)
+    await operator.wait(PREPARE)
     if isinstance(compass, CalibratableCompass):
-        await _teach(compass, person)
+        await _teach(compass, operator)
     else:
-        await person.say(f"{compass.name} accepts no calibration: only its error is measured.")
-    error_deg = residual_deg([await _heading(compass, person, text) for text in QUARTERS])
+        await operator.say(f"{compass.name} accepts no calibration: only its error is measured.")
+    error_deg = residual_deg([await _heading(compass, operator, text) for text in QUARTERS])
     if error_deg > FOLLOWS_WITHIN_DEG:
         raise WayfarerError(
             f"{compass.name}: the heading was {error_deg:.0f}° off after quarter turns; it was turned to the left, or "
             "there is a magnet or iron beside the compass: move it onto a mast and calibrate again"
         )
     level = (await compass.read()).calibration
-    await person.say(f"Quarter turns were off by {error_deg:.1f}° on average.")
+    await operator.say(f"Quarter turns were off by {error_deg:.1f}° on average.")
     return CompassEntry(**stamp(compass.name, t_wall), level=level or 0, residual_deg=error_deg)
 
 
-async def _teach(compass: CalibratableCompass, person: Person) -> None:
+async def _teach(compass: CalibratableCompass, operator: Operator) -> None:
     """Ask for turns until the levels are full, and store the calibration; calibrating ends in any case."""
-    if await person.ask("Forget the stored calibration first (right after the compass was moved to another place)?"):
+    if await operator.ask("Forget the stored calibration first (right after the compass was moved to another place)?"):
         await compass.erase_profile()
     try:
         await compass.configure(LEARN)
-        await person.say(TURN_ABOUT)
+        await operator.say(TURN_ABOUT)
         async with asyncio.timeout(PATIENCE_S):
-            await _until_full(compass, person)
+            await _until_full(compass, operator)
         await compass.store_profile()
     except TimeoutError:
         raise WayfarerError(
@@ -114,7 +114,7 @@ async def _teach(compass: CalibratableCompass, person: Person) -> None:
         await compass.configure(OFF)
 
 
-async def _until_full(compass: CalibratableCompass, person: Person) -> None:
+async def _until_full(compass: CalibratableCompass, operator: Operator) -> None:
     """Show the levels as they change until both are full."""
     shown = ""
     while True:
@@ -122,16 +122,16 @@ async def _until_full(compass: CalibratableCompass, person: Person) -> None:
             levels = await compass.calibration()
             text = f"field {levels.mag} of {FULL}, tilt {levels.accel} of {FULL}"
             if text != shown:
-                await person.say(text)
+                await operator.say(text)
                 shown = text
             if levels.mag == levels.accel == FULL:
                 return
         await asyncio.sleep(LOOK_S)
 
 
-async def _heading(compass: Compass, person: Person, text: str) -> float:
+async def _heading(compass: Compass, operator: Operator, text: str) -> float:
     """Return the mean heading of a second, once the rover is placed as asked."""
-    await person.wait(text)
+    await operator.wait(text)
     mean_deg, _ = circular_mean(await sample_headings(compass.read, STEADY_S))
     return mean_deg
 

@@ -13,7 +13,7 @@ from wayfarer.commissioning.calibrate.response import UNSEEN_MAX
 from wayfarer.commissioning.checks.api import CheckVerdict
 from wayfarer.commissioning.checks.motion import judge_push
 from wayfarer.commissioning.manual_drive import measure_push
-from wayfarer.commissioning.operator import Person
+from wayfarer.commissioning.operator import Operator
 from wayfarer.config.calibration_file import SCALE_MAX, SCALE_MIN, FlowEntry, stamp
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.hal import MotionSensor
@@ -22,7 +22,7 @@ DISTANCE_M = 2.0
 DISTANCE_MIN_M, DISTANCE_MAX_M = 0.5, 50.0
 
 
-async def calibrate_flow(motion: MotionSensor, person: Person, quality_min: float, t_wall: float) -> FlowEntry:
+async def calibrate_flow(motion: MotionSensor, operator: Operator, quality_min: float, t_wall: float) -> FlowEntry:
     """Guide a person through a push; the open sensor must be read as it is, without an earlier scale.
 
     Raises:
@@ -30,13 +30,13 @@ async def calibrate_flow(motion: MotionSensor, person: Person, quality_min: floa
         DriverError: the sensor stopped answering.
         WayfarerError: what it saw cannot be used; the text says why and what to do.
     """
-    distance_m = await person.number("How many metres are you going to push it, along a measured line?", DISTANCE_M)
+    distance_m = await operator.number("How many metres are you going to push it, along a measured line?", DISTANCE_M)
     if not DISTANCE_MIN_M <= distance_m <= DISTANCE_MAX_M:
         raise BadInput(f"a push of {distance_m:g} m: {DISTANCE_MIN_M:g} to {DISTANCE_MAX_M:g} m are allowed")
-    await person.wait("Set the rover at the line's start, wheels free, and step behind it.")
+    await operator.wait("Set the rover at the line's start, wheels free, and step behind it.")
     if isinstance(motion, ChangeSensor) and not (await motion.read()).signed:
-        return await calibrate_picture(motion, person, distance_m, t_wall)
-    told = person.wait(f"Push it straight ahead by {distance_m:g} m, at a slow walk, and stop there.")
+        return await calibrate_picture(motion, operator, distance_m, t_wall)
+    told = operator.wait(f"Push it straight ahead by {distance_m:g} m, at a slow walk, and stop there.")
     seen = await measure_push(motion.read, told, quality_min)
     finding = judge_push(seen)
     if finding.verdict is CheckVerdict.FAIL:
@@ -51,5 +51,5 @@ async def calibrate_flow(motion: MotionSensor, person: Person, quality_min: floa
             f"{motion.name}: a push of {distance_m:g} m was measured as {seen.forward_m:.2f} m; correct the "
             "lens height or the scale under [parts.motion] and push again"
         )
-    await person.say(f"A push of {distance_m:g} m was measured as {seen.forward_m:.2f} m: scale {scale:.3f}.")
+    await operator.say(f"A push of {distance_m:g} m was measured as {seen.forward_m:.2f} m: scale {scale:.3f}.")
     return FlowEntry(**stamp(motion.name, t_wall), scale=scale)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from wayfarer.angles import circular_mean, wrap180
 from wayfarer.commissioning.manual_drive import RATE_HZ, wheels_stopped_after
-from wayfarer.commissioning.operator import Person
+from wayfarer.commissioning.operator import Operator
 from wayfarer.config.calibration_file import MotorsEntry, stamp
 from wayfarer.control.rate import Rate
 from wayfarer.hal import Compass, DriveMotors, WheelCommand
@@ -23,7 +23,7 @@ ON_BLOCKS = (
 
 
 async def calibrate_motors(
-    motors: DriveMotors, compass: Compass, person: Person, t_wall: float, duty_max: float
+    motors: DriveMotors, compass: Compass, operator: Operator, t_wall: float, duty_max: float
 ) -> MotorsEntry | None:
     """Measure the shift of an open compass at half and full duty of open motors; None where the person declines.
 
@@ -32,7 +32,7 @@ async def calibrate_motors(
     Raises:
         DriverError: one of them stopped answering; the wheels were stopped.
     """
-    if not await person.ask(ON_BLOCKS):
+    if not await operator.ask(ON_BLOCKS):
         return None
     async with wheels_stopped_after(motors):
         still_deg, half_deg, full_deg = [
@@ -40,11 +40,11 @@ async def calibrate_motors(
         ]
     shift_half_deg, shift_full_deg = abs(wrap180(half_deg - still_deg)), abs(wrap180(full_deg - still_deg))
     passed = max(shift_half_deg, shift_full_deg) <= SHIFT_MAX_DEG
-    await person.say(
+    await operator.say(
         f"The motors turn the heading by {shift_half_deg:.1f}° at half, {shift_full_deg:.1f}° at full duty."
     )
     if not passed:
-        await person.say(
+        await operator.say(
             f"That is too much: {SHIFT_MAX_DEG:g}° are allowed. Raise the compass on a mast and twist the motor wires."
         )
     return MotorsEntry(

@@ -16,7 +16,7 @@ from wayfarer.commissioning.calibrate.free_ground import REST_S, FreeGround
 from wayfarer.commissioning.calibrate.response import TURNS_FROM_DEG_S, rate_deg_s, speed_gain, turn_response
 from wayfarer.commissioning.calibrate.turning_text import arc_duty_max, cruise_duty, table
 from wayfarer.commissioning.checks.standalone import StandaloneInspection
-from wayfarer.commissioning.operator import Person
+from wayfarer.commissioning.operator import Operator
 from wayfarer.config.calibration_file import GROUND_MAX, Calibration, SpeedGain, TurningEntry, TurnResponse, stamp
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import WayfarerError
@@ -36,14 +36,14 @@ ON_FREE_GROUND = (
 
 
 async def calibrate_turning(
-    known: Calibration, inspection: StandaloneInspection, person: Person
+    known: Calibration, inspection: StandaloneInspection, operator: Operator
 ) -> TurningEntry | None:
     """Measure an open rover's turn response and gain of speed; None where the person declines.
 
     Args:
         known: what was calibrated before, for the scale of the motion sensor.
         inspection: the rover, compass and motors open.
-        person: agrees before a wheel turns, and names the ground.
+        operator: agrees before a wheel turns, and names the ground.
 
     Raises:
         DriverError: a part stopped answering; the wheels were stopped.
@@ -56,9 +56,9 @@ async def calibrate_turning(
     await ground.refuse_unsafe()
     drives_s = 2 * STEPS * (SETTLES_S + WATCHED_S) + 2 * ARCS * (ARC_SETTLES_S + WATCHED_S + REST_S) + 2 * AHEAD_S
     room_m = ceil(2.0 * (config.escape.cruise_m_s * AHEAD_S + config.vehicle.length_m + SPARE_M)) / 2.0
-    if not await person.ask(ON_FREE_GROUND.format(minutes=drives_s / 60.0, room_m=room_m)):
+    if not await operator.ask(ON_FREE_GROUND.format(minutes=drives_s / 60.0, room_m=room_m)):
         return None
-    noted = (await person.note("What ground is it, in a few words?")).strip()[:GROUND_MAX]
+    noted = (await operator.note("What ground is it, in a few words?")).strip()[:GROUND_MAX]
     entry = TurningEntry(
         **stamp(inspection.rover.motors.name, inspection.host.t_wall),
         ground=noted,
@@ -69,7 +69,7 @@ async def calibrate_turning(
         speed=await _ahead(ground, config) if motion is not None else None,
     )
     for line in table(entry, config):
-        await person.say(line)
+        await operator.say(line)
     return entry
 
 

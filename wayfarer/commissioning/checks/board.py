@@ -6,9 +6,9 @@ Of a board that cannot be asked none of it is claimed.
 from __future__ import annotations
 
 from wayfarer.commissioning.checks.api import Finding, Inspection, fail, ok, skipped, warn
-from wayfarer.commissioning.checks.parts import heard, silent
+from wayfarer.commissioning.checks.parts import part_failed, require_reading
 from wayfarer.errors import DriverError
-from wayfarer.hal import can_be_asked
+from wayfarer.hal import has_readback
 
 
 async def motor_board(inspection: Inspection) -> Finding:
@@ -16,9 +16,9 @@ async def motor_board(inspection: Inspection) -> Finding:
     name, motors = "motor board", inspection.rover.motors
     try:
         await inspection.open("motors")
-        answers = await can_be_asked(motors)
+        answers = await has_readback(motors)
     except DriverError as error:
-        return silent(inspection, name, "motors", error)
+        return part_failed(inspection, name, "motors", error)
     if motors.deadman_s is not None and not answers:
         return ok(
             name,
@@ -35,7 +35,7 @@ async def motor_board(inspection: Inspection) -> Finding:
 async def battery(inspection: Inspection) -> Finding:
     """Check the battery against the rover's own limit."""
     try:
-        volts, _ = await heard(inspection.motor_health())
+        volts, _ = await require_reading(inspection.motor_health())
     except DriverError:
         return skipped("battery", "the motor board does not answer")
     if volts is None:
@@ -52,9 +52,9 @@ async def battery(inspection: Inspection) -> Finding:
 async def motor_faults(inspection: Inspection) -> Finding:
     """Check that the motor board reports no fault."""
     try:
-        if not await can_be_asked(inspection.rover.motors):
+        if not await has_readback(inspection.rover.motors):
             return skipped("motor faults", "the motor board cannot be asked")
-        _, faults = await heard(inspection.motor_health())
+        _, faults = await require_reading(inspection.motor_health())
     except DriverError:
         return skipped("motor faults", "the motor board does not answer")
     if faults:

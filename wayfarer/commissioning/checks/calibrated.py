@@ -6,7 +6,7 @@ from pathlib import Path
 
 from wayfarer.angles import circular_mean, wrap180
 from wayfarer.commissioning.checks.api import Finding, Inspection, fail, ok, skipped, warn
-from wayfarer.commissioning.checks.parts import heard
+from wayfarer.commissioning.checks.parts import require_reading
 from wayfarer.commissioning.manual_drive import sample_headings
 from wayfarer.config.calibration_file import STALE_S, CompassEntry, Entry, MotorsEntry, TurningEntry, load
 from wayfarer.errors import BadInput, DriverError
@@ -28,7 +28,7 @@ async def compass_level(inspection: Inspection) -> Finding:
     """Check how well the compass says that it is calibrated now."""
     name, least = "compass calibration", inspection.config.safety.calibration_min
     try:
-        level = (await heard(inspection.compass())).calibration
+        level = (await require_reading(inspection.compass())).calibration
     except DriverError:
         return skipped(name, "the compass does not answer")
     if level is None:
@@ -43,7 +43,7 @@ async def heading_at_rest(inspection: Inspection) -> Finding:
     """Check that the heading of the standing rover stays where it is."""
     name, settings = "heading at rest", inspection.config.safety
     try:
-        headings_deg = await sample_headings(lambda: heard(inspection.compass()), settings.settle_s)
+        headings_deg = await sample_headings(lambda: require_reading(inspection.compass()), settings.settle_s)
     except DriverError:
         return skipped(name, "the compass does not answer")
     mean_deg, _ = circular_mean(headings_deg)

@@ -17,7 +17,7 @@ from wayfarer.commissioning.checks.api import Finding, Inspection, fail, ok, ski
 from wayfarer.config.calibration_file import STALE_S, DeadmanEntry, load, save, stamp
 from wayfarer.config.rover_file import RoverConfig, part_settings
 from wayfarer.errors import BadInput, DriverError
-from wayfarer.hal import DriveMotors, can_be_asked
+from wayfarer.hal import DriveMotors, has_readback
 
 NAME = "deadman proved"
 PROVE = "stop the service, put the rover on blocks, wayfarer check at a terminal"
@@ -67,7 +67,7 @@ async def proved(inspection: Inspection) -> Finding:
 async def _only_seen(motors: DriveMotors) -> bool:
     """Return whether only a person can see that these motors have a deadman; one that answers badly can be asked."""
     with suppress(DriverError):
-        return motors.deadman_s is not None and not await can_be_asked(motors)
+        return motors.deadman_s is not None and not await has_readback(motors)
     return False
 
 

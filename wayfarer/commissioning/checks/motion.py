@@ -16,12 +16,12 @@ from functools import partial
 
 from wayfarer.commissioning.checks.api import Finding, Inspection, fail, ok, skipped
 from wayfarer.commissioning.checks.deadman import keep_proof
-from wayfarer.commissioning.checks.parts import heard, silent
+from wayfarer.commissioning.checks.parts import part_failed, require_reading
 from wayfarer.commissioning.manual_drive import RATE_HZ, Push, keep_driving, measure_push, wheels_stopped_after
 from wayfarer.control.rate import Rate
 from wayfarer.detector import StallMonitor
 from wayfarer.errors import DriverError, WayfarerError
-from wayfarer.hal import STOP, DriveMotors, WheelCommand, can_be_asked
+from wayfarer.hal import STOP, DriveMotors, WheelCommand, has_readback
 
 Ask = Callable[[str], Awaitable[bool]]
 """Asks a person a question of yes or no."""
@@ -71,7 +71,7 @@ async def _on_blocks(ask: Ask, inspection: Inspection) -> list[Finding]:
         try:
             findings.append(await wheel_check(ask, inspection))
         except DriverError as error:
-            findings.append(silent(inspection, name, "motors", error))
+            findings.append(part_failed(inspection, name, "motors", error))
             why = f"'{name}' broke off"
     return findings
 
@@ -91,7 +91,7 @@ async def _silence_s(motors: DriveMotors) -> float:
     """Return how long the deadman is given, 0 where there is none; longer for an eye that has to see it."""
     if motors.deadman_s is None:
         return 0.0
-    watch_s = 0.0 if await can_be_asked(motors) else WATCH_S
+    watch_s = 0.0 if await has_readback(motors) else WATCH_S
     return motors.deadman_s + DEADMAN_MARGIN_S + watch_s
 
 
@@ -111,7 +111,7 @@ async def deadman_trips(ask: Ask, inspection: Inspection) -> Finding:
     if silence_s > SILENCE_MAX_S:
         long = f"with a deadman of {motors.deadman_s:g} s, wheels without commands would turn for {silence_s:.1f} s"
         return skipped(name, f"{long}; set a shorter timeout under [parts.motors]")
-    if not await can_be_asked(motors):
+    if not await has_readback(motors):
         return await _deadman_seen(name, ask, inspection, motors.deadman_s, silence_s, duty)
     before, after = await _fall_silent(motors, silence_s, duty)
     if before == STOP:
@@ -223,11 +223,11 @@ async def _watch_stall(inspection: Inspection) -> tuple[bool, float]:
     commanded_m = duty * config.vehicle.max_speed_m_s / RATE_HZ
     ticks, rate = round(STALL_S * RATE_HZ), Rate(RATE_HZ)
     async with wheels_stopped_after(motors):
-        await heard(inspection.motion())  # what came before is not ours
+        await require_reading(inspection.motion())  # what came before is not ours
         for _ in range(ticks):
             await motors.drive(WheelCommand(duty, duty))
             await rate.wait()
-            reading = await heard(inspection.motion())
+            reading = await require_reading(inspection.motion())
             unknown += reading.quality < config.detector.quality_min
             stall.add(1.0 / RATE_HZ, commanded_m, reading.forward_m)
             found = found or stall.found
@@ -254,9 +254,11 @@ async def push(ask: Ask, inspection: Inspection) -> Finding:
 
     try:
         await inspection.open("motion")
-        seen = await measure_push(lambda: heard(inspection.motion()), pushed(), inspection.config.detector.quality_min)
+        seen = await measure_push(
+            lambda: require_reading(inspection.motion()), pushed(), inspection.config.detector.quality_min
+        )
     except DriverError as error:
-        return silent(inspection, "push", "motion", error)
+        return part_failed(inspection, "push", "motion", error)
     return judge_push(seen) if done else skipped("push", "it was not pushed")
 
 

@@ -19,7 +19,7 @@ LEVEL_DEG = 20.0
 R = TypeVar("R")
 
 
-async def heard(reading: Awaitable[R | None]) -> R:
+async def require_reading(reading: Awaitable[R | None]) -> R:
     """Return a reading.
 
     Raises:
@@ -30,7 +30,7 @@ async def heard(reading: Awaitable[R | None]) -> R:
     return there
 
 
-def silent(inspection: Inspection, name: str, part: str, error: DriverError) -> Finding:
+def part_failed(inspection: Inspection, name: str, part: str, error: DriverError) -> Finding:
     """Return that a part failed: if its device file is the reason, that; else what the kind of error tells."""
     where = inspection.rover.parts[part].name
     devices = (device for device in inspection.host.devices if device in where)
@@ -69,9 +69,9 @@ async def compass(inspection: Inspection) -> Finding:
     """Check that the compass answers, with a tilt that a rover on its wheels can have."""
     try:
         await inspection.open("compass")
-        reading = await heard(inspection.compass())
+        reading = await require_reading(inspection.compass())
     except DriverError as error:
-        return silent(inspection, "compass", "compass", error)
+        return part_failed(inspection, "compass", "compass", error)
     found = f"heading {reading.heading_deg:.0f}°, pitch {reading.pitch_deg:.0f}°, roll {reading.roll_deg:.0f}°"
     if max(abs(reading.pitch_deg), abs(reading.roll_deg)) > LEVEL_DEG:
         cause = "the rover does not stand level, or its compass is not mounted as the rover file says"
@@ -85,10 +85,10 @@ async def motion(inspection: Inspection) -> Finding:
         return _absent(inspection, "motion", "this rover has no motion sensor", instead="contact")
     try:
         await inspection.open("motion")
-        await heard(inspection.motion())  # the first after the opening says nothing
-        quality = (await heard(inspection.motion())).quality
+        await require_reading(inspection.motion())  # the first after the opening says nothing
+        quality = (await require_reading(inspection.motion())).quality
     except DriverError as error:
-        return silent(inspection, "motion", "motion", error)
+        return part_failed(inspection, "motion", "motion", error)
     found, least = f"quality {quality:.2f} of 1", inspection.config.detector.quality_min
     if quality < least:
         cause = "too dark, too plain a ground, a leaf on the lens, or the lens too near the ground"
@@ -106,7 +106,7 @@ async def contact(inspection: Inspection) -> Finding:
         await inspection.open("contact")
         reading = await inspection.contact()
     except DriverError as error:
-        return silent(inspection, "contact", "contact", error)
+        return part_failed(inspection, "contact", "contact", error)
     if reading is None:
         return skipped("contact", "this run does not use the bumper")
     if reading.sides:
@@ -124,6 +124,6 @@ async def helper(name: str, inspection: Inspection) -> Finding:
     try:
         await inspection.open(name)
     except DriverError as error:
-        failed = silent(inspection, name, name, error)
+        failed = part_failed(inspection, name, name, error)
         return warn(name, failed.found, failed.cause, failed.remedy)
     return ok(name, f"{part.name} answers")

@@ -16,7 +16,7 @@ from pathlib import Path
 from stat import S_IMODE, S_ISREG
 from typing import Any, NamedTuple
 
-from wayfarer.config.atomic_file import whole_file
+from wayfarer.config.atomic_file import atomic_file
 from wayfarer.daemon.socket import paths
 from wayfarer.errors import BadInput
 
@@ -49,7 +49,7 @@ def write_record(socket_path: Path, driven: DrivenBoard) -> None:
     """
     path = socket_path.with_name(NAME)
     try:
-        with whole_file(path) as draft:
+        with atomic_file(path) as draft:
             file = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
             with os.fdopen(file, "w", encoding="utf-8") as writer:
                 json.dump(driven._asdict(), writer)

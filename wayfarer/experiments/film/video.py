@@ -12,7 +12,7 @@ import av
 import numpy as np
 from PIL import Image
 
-from wayfarer.config.atomic_file import whole_file
+from wayfarer.config.atomic_file import atomic_file
 from wayfarer.errors import BadInput
 from wayfarer.experiments.film import screen
 from wayfarer.experiments.film.camera import views
@@ -113,7 +113,7 @@ def film(path: Path) -> Iterator[Film]:
     if kind is None:
         raise BadInput(f"--video {path}: expected a name that ends in {' or '.join(KINDS)}")
     try:
-        with whole_file(path) as draft, screen.opengl(*DRAWN):
+        with atomic_file(path) as draft, screen.opengl(*DRAWN):
             draft.touch()
             yield Film(draft, kind)
     except OSError as error:

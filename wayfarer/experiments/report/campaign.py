@@ -15,9 +15,9 @@ from wayfarer.experiments.entrapment_cause import entrapment
 from wayfarer.experiments.progress_bar import shown_progress
 from wayfarer.experiments.report import words
 from wayfarer.experiments.report.escape_figure import escape_figures
+from wayfarer.experiments.report.load_results import CampaignResults, read_results
 from wayfarer.experiments.report.paths_figure import failures_figure, paths_figure
 from wayfarer.experiments.report.ratio_figure import ratio_figure
-from wayfarer.experiments.report.reading import CampaignResults, read_results
 from wayfarer.experiments.report.table import causes_table, ratios_table, results_table
 from wayfarer.experiments.report.trials_map import DrawnTrial, trials_map
 from wayfarer.experiments.report.worst_trials import RerunTrial, choose, run_again
@@ -87,7 +87,7 @@ def _worst(results: CampaignResults, plots: Plots, count: int, jobs: int) -> Ite
         return
     with shown_progress(Console(stderr=True), 0, Counter(row.algorithm for row in rows), jobs) as progress:
         ran = run_again(campaign, rows, jobs, progress)
-    trials = [_drawn(campaign, again) for again in ran if again.trace is not None]
+    trials = [_drawn(campaign, again) for again in ran if again.trajectory is not None]
     yield html.section(heading, *_viewer(trials, plots), *_not_drawn(ran, results.settings.version))
     causes = [(trial.row.algorithm, trial.entrapped.why) for trial in trials if trial.entrapped]
     if causes:
@@ -95,10 +95,10 @@ def _worst(results: CampaignResults, plots: Plots, count: int, jobs: int) -> Ite
 
 
 def _drawn(campaign: Campaign, again: RerunTrial) -> DrawnTrial:
-    row, trace, forest = again.row, again.trace, campaign.make_forest(again.row.trial)
-    assert trace is not None
-    found = entrapment(forest, campaign.rover, trace) if row.outcome == "entrapped" else None
-    return DrawnTrial(row, forest, trace, found)
+    row, trajectory, forest = again.row, again.trajectory, campaign.make_forest(again.row.trial)
+    assert trajectory is not None
+    found = entrapment(forest, campaign.rover, trajectory) if row.outcome == "entrapped" else None
+    return DrawnTrial(row, forest, trajectory, found)
 
 
 def _viewer(trials: Sequence[DrawnTrial], plots: Plots) -> Iterator[str]:
@@ -115,7 +115,7 @@ def _viewer(trials: Sequence[DrawnTrial], plots: Plots) -> Iterator[str]:
     yield "<div>"
     yield "<p>" + " ".join(f'<button type="button">{text}</button>' for text in words.BUTTONS) + "</p>"
     for number, trial in enumerate(trials):
-        texts = [words.trial_text(trial.row, len(trial.trace.slips_m))]
+        texts = [words.trial_text(trial.row, len(trial.trajectory.slips_m))]
         texts += [words.entrapped_text(trial.entrapped)] if trial.entrapped else []
         yield f'<article id="trial-{number}">' + "".join(map(html.paragraph, texts)) + "</article>"
     yield html.figure(plots.place(trials_map(trials)), words.MAP_CAPTION)
@@ -125,7 +125,7 @@ def _viewer(trials: Sequence[DrawnTrial], plots: Plots) -> Iterator[str]:
 
 def _not_drawn(ran: Sequence[RerunTrial], version: str) -> Iterator[str]:
     """Yield which trials have no drawing: a picture of another run would be wrong."""
-    missing = [again for again in ran if again.trace is None]
+    missing = [again for again in ran if again.trajectory is None]
     if missing:
         yield html.paragraph(words.not_drawn(version))
         yield html.bullets(f"{again.row.algorithm}, trial {again.row.trial}: {again.why_not}" for again in missing)

@@ -11,7 +11,7 @@ from bokeh.plotting import ColumnDataSource
 
 from wayfarer.experiments.report.algorithm_rows import SVG
 from wayfarer.experiments.report.escape_figure import colour_of, curve_look
-from wayfarer.experiments.report.reading import SweepResults
+from wayfarer.experiments.report.load_results import SweepResults
 from wayfarer.experiments.statistics import Estimate
 from wayfarer.experiments.sweep.measures import MEASURES, Measure
 from wayfarer.views import palette

@@ -11,7 +11,7 @@ from bokeh.models.annotations import ColorBar
 from bokeh.palettes import Cividis256
 
 from wayfarer.experiments.report.algorithm_rows import SVG
-from wayfarer.experiments.report.reading import SweepResults, SweptAxis
+from wayfarer.experiments.report.load_results import SweepResults, SweptAxis
 from wayfarer.experiments.report.sweep_curves import known_measures
 from wayfarer.experiments.sweep.measures import Measure
 from wayfarer.views import palette

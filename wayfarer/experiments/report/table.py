@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 
 from wayfarer.experiments.entrapment_cause import Cause
 from wayfarer.experiments.report.groups import grouped
+from wayfarer.experiments.report.load_results import CampaignResults
 from wayfarer.experiments.report.ratio_figure import TIMES, WITHIN, quantile, ratios, times, within_percent
-from wayfarer.experiments.report.reading import CampaignResults
 from wayfarer.experiments.tables import (
     NAME_COLUMN,
     OUTCOME_COLUMNS,

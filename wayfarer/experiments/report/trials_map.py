@@ -12,7 +12,7 @@ from bokeh.models import CDSView, GroupFilter
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.entrapment_cause import Entrapment
 from wayfarer.experiments.rows import TrialRow
-from wayfarer.experiments.trajectory import Trace, TrajectoryPoint
+from wayfarer.experiments.trajectory import Trajectory, TrajectoryPoint
 from wayfarer.fieldlog.vocabulary import PHASE_TEXTS
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.views import palette
@@ -32,7 +32,7 @@ class DrawnTrial(NamedTuple):
 
     row: TrialRow
     forest: Forest
-    trace: Trace
+    trajectory: Trajectory
     entrapped: Entrapment | None
 
 
@@ -63,13 +63,13 @@ def _leave_room(made: Figure) -> None:
 
 def _ways(made: Figure, trials: Sequence[DrawnTrial], phase: Phase) -> None:
     """Draw the parts of all paths in a phase, and put points on them that tell what the rover did there."""
-    lines = [way_in(trial.trace.points, phase) for trial in trials]
+    lines = [way_in(trial.trajectory.points, phase) for trial in trials]
     ways = source(number=range(len(trials)))
     for name, at in (("xs", 0), ("ys", 1)):
         ways.data[name] = [source(way=line[at]).data["way"] for line in lines]
     colour = palette.PHASE_COLOURS[phase.value]
     line = made.multi_line("xs", "ys", source=ways, line_color=colour, line_width=2, line_join="round")
-    told = _columns(trials, lambda trial: _reached(trial.trace.points, phase), ("x", "y", "t_s"))
+    told = _columns(trials, lambda trial: _reached(trial.trajectory.points, phase), ("x", "y", "t_s"))
     points = made.scatter("x", "y", source=told, size=7, alpha=0.0, hover_alpha=0.8, color=colour)
     layer(phase.value, line, points)
     made.add_tools(hover([points], ("phase", PHASE_TEXTS[phase.value]), ("after", "@t_s{0} s"), *PLACE))
@@ -91,7 +91,7 @@ def _reached(points: Sequence[TrajectoryPoint], phase: Phase) -> list[tuple[floa
 def _marks(made: Figure, trials: Sequence[DrawnTrial]) -> None:
     """Mark slips, the start with the goal heading, the end, and the ground that an entrapped rover kept to."""
     slips = made.scatter(
-        "x", "y", source=_columns(trials, lambda trial: trial.trace.slips_m, ("x", "y")), size=6,
+        "x", "y", source=_columns(trials, lambda trial: trial.trajectory.slips_m, ("x", "y")), size=6,
         fill_color=palette.ANOMALY, **EDGE,
     )  # fmt: skip
     layer("slips", slips)
@@ -99,7 +99,7 @@ def _marks(made: Figure, trials: Sequence[DrawnTrial]) -> None:
     start = made.scatter(
         "x", "y", angle="angle", source=starts, marker="triangle", size=15, fill_color=palette.GOAL_LINE, **EDGE
     )
-    ends = _columns(trials, lambda t: [(p.x_m, p.y_m, p.t_s) for p in t.trace.points[-1:]], ("x", "y", "t_s"))
+    ends = _columns(trials, lambda t: [(p.x_m, p.y_m, p.t_s) for p in t.trajectory.points[-1:]], ("x", "y", "t_s"))
     end = made.scatter(
         "x", "y", source=ends, marker="x", name="end", size=13, line_width=4, line_color=palette.VERMILION
     )

@@ -9,8 +9,8 @@ from wayfarer import __version__
 from wayfarer.errors import BadInput
 from wayfarer.experiments.entrapment_cause import EXPLAINED, Entrapment
 from wayfarer.experiments.outcome import SUCCESSES
+from wayfarer.experiments.report.load_results import CampaignResults, CampaignSettings
 from wayfarer.experiments.report.ratio_figure import quantile, ratios
-from wayfarer.experiments.report.reading import CampaignResults, CampaignSettings
 from wayfarer.experiments.report.worst_trials import ending
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.fieldlog.vocabulary import PHASE_TEXTS

@@ -16,7 +16,7 @@ from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.executors import Done, TrialRunner, stream
 from wayfarer.experiments.outcome import SUCCESSES
 from wayfarer.experiments.rows import TrialRow
-from wayfarer.experiments.trajectory import Trace, run_traced
+from wayfarer.experiments.trajectory import Trajectory, run_with_trajectory
 from wayfarer.experiments.trial import TrialResult
 from wayfarer.experiments.trial_setup import TrialSpec
 
@@ -25,7 +25,7 @@ class RerunTrial(NamedTuple):
     """A trial that was run again: its path, or why the path that it took this time is not the one in the table."""
 
     row: TrialRow
-    trace: Trace | None
+    trajectory: Trajectory | None
     why_not: str = ""
 
 
@@ -57,8 +57,8 @@ def run_again(
     found: dict[tuple[str, int, int], RerunTrial] = {}
     try:
         with closing(stream(partial(_traced, campaign), rows, jobs, threading.Event())) as finished:
-            for row, done, trace in finished:
-                found[row.key] = _compare(row, done, trace)
+            for row, done, trajectory in finished:
+                found[row.key] = _compare(row, done, trajectory)
                 progress(done)
     except BrokenExecutor as error:
         raise WayfarerError(
@@ -67,27 +67,27 @@ def run_again(
     return [found[row.key] for row in rows]
 
 
-def _traced(campaign: Campaign, row: TrialRow) -> tuple[TrialRow, Done, Trace | None]:
+def _traced(campaign: Campaign, row: TrialRow) -> tuple[TrialRow, Done, Trajectory | None]:
     """Run a trial and return its way too, if it did not end in a fault."""
-    traces: list[Trace] = []
+    trajectories: list[Trajectory] = []
 
     def run_trial(spec: TrialSpec, _log_dir: Path | None = None) -> TrialResult:
-        result, trace = run_traced(spec)
-        traces.append(trace)
+        result, trajectory = run_with_trajectory(spec)
+        trajectories.append(trajectory)
         return result
 
     done = TrialRunner(campaign, run_trial).run(Task(*row.key))
-    return row, done, traces[0] if traces else None
+    return row, done, trajectories[0] if trajectories else None
 
 
-def _compare(row: TrialRow, done: Done, trace: Trace | None) -> RerunTrial:
+def _compare(row: TrialRow, done: Done, trajectory: Trajectory | None) -> RerunTrial:
     """Return the path only where the trial gave the result of the table, in every column."""
     if done.fault is not None:
         return RerunTrial(row, None, f"cannot be run again: {done.fault.text}")
     again = done.row._replace(ticks=None)
     if row.overturned is None:  # a table of an older version counts all kinds together
         again = again._replace(overturned=None, off_wheels=None)
-    return RerunTrial(row, trace) if again == row else RerunTrial(row, None, _difference(row, again))
+    return RerunTrial(row, trajectory) if again == row else RerunTrial(row, None, _difference(row, again))
 
 
 def _difference(row: TrialRow, again: TrialRow) -> str:

@@ -19,9 +19,9 @@ from wayfarer.config.rover_overlay import flat, laid_over
 from wayfarer.errors import BadInput, UnknownName
 from wayfarer.experiments.campaign import Campaign
 from wayfarer.experiments.sweep.axes import Value
+from wayfarer.setting_ranges import Metres
 from wayfarer.simhal.world.grounds import GroundName
 from wayfarer.simhal.world.physics import Physics
-from wayfarer.units import Metres
 
 FOOTPRINT = "footprint_m"
 BODY = ("vehicle.length_m", "vehicle.width_m")

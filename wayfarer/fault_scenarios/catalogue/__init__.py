@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from wayfarer.fault_scenarios.catalogue.held_by_tests import HELD_BY_TESTS, FaultTest
+from wayfarer.fault_scenarios.catalogue.covered_by_tests import COVERED_BY_TESTS, FaultTest
 from wayfarer.fault_scenarios.scenario import Scenario
 from wayfarer.fault_scenarios.scenario_file import read_scenarios
 
@@ -16,7 +16,7 @@ ROWS = 60  # of the fault catalogue
 @cache
 def catalogue() -> tuple[Scenario | FaultTest, ...]:
     """Return everything that tries a row of the fault catalogue, in the order of rows."""
-    return tuple(sorted([*_scenarios(), *HELD_BY_TESTS.values()], key=lambda each: each.row or 0))
+    return tuple(sorted([*_scenarios(), *COVERED_BY_TESTS.values()], key=lambda each: each.row or 0))
 
 
 def _scenarios() -> Iterator[Scenario]:

@@ -18,7 +18,7 @@ from wayfarer.simhal.chips.pmw3901 import BURST
 from wayfarer.simhal.faults.bus_hang import Hang
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.scoped import Effect, changed, listed
-from wayfarer.simhal.faults.wires import FaultyWire, TamperedBuses
+from wayfarer.simhal.faults.wires import FaultyBuses, FaultyWire
 from wayfarer.simhal.mounting import mounted
 
 _THUNDERBORG_FAILSAFE = 20
@@ -83,7 +83,7 @@ def _bus_of(part: str, table: Mapping[str, Any]) -> tuple[str, str, Any]:
     return CAMERA if name else "no bus", name, settings
 
 
-def place_of(fault: Fault, config: RoverConfig, buses: TamperedBuses) -> WiredPart:
+def place_of(fault: Fault, config: RoverConfig, buses: FaultyBuses) -> WiredPart:
     """Return where a fault is to happen that is not ``misplaced``."""
     table = config.parts[fault.target]
     kind, name, settings = _bus_of(fault.target, table)

@@ -16,8 +16,8 @@ from wayfarer.simhal.faults import bus, process, readings, world
 from wayfarer.simhal.faults.bus import misplaced, place_of
 from wayfarer.simhal.faults.kinds import KINDS, Fault, Layer
 from wayfarer.simhal.faults.process import TakePower
-from wayfarer.simhal.faults.readings import TamperedPart
-from wayfarer.simhal.faults.wires import TamperedBuses
+from wayfarer.simhal.faults.readings import FaultyPart
+from wayfarer.simhal.faults.wires import FaultyBuses
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
@@ -49,9 +49,9 @@ class Injector:
         self._faults = tuple(faults)
         self._config = config
         self._streams = RandomStreams(seed)
-        self._parts: dict[str, TamperedPart] = {}
+        self._parts: dict[str, FaultyPart] = {}
         self._lasting: dict[int, ExitStack] = {}
-        self.buses = TamperedBuses()
+        self.buses = FaultyBuses()
 
     @property
     def board(self) -> Any:
@@ -76,7 +76,7 @@ class Injector:
         for name in targets:
             if getattr(rover, name) is None:
                 raise BadInput(f"rover '{self._config.name}' has no {name} to inject a fault into")
-            self._parts[name] = TamperedPart(getattr(rover, name))
+            self._parts[name] = FaultyPart(getattr(rover, name))
         fitted: dict[str, Any] = dict(self._parts)
         return replace(rover, **fitted)
 

@@ -20,7 +20,7 @@ from typing import Annotated, Any, Literal
 
 from annotated_types import Interval
 
-from wayfarer.units import Fraction, SignedDegrees
+from wayfarer.setting_ranges import Fraction, SignedDegrees
 
 DriveGain = Annotated[float, Interval(ge=-1, le=2)]
 Delay = Annotated[float, Interval(gt=0, le=60)]
@@ -37,7 +37,7 @@ class Layer(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Nothing:
+class NoParameters:
     """A kind without parameters."""
 
 
@@ -53,7 +53,7 @@ class Fault:
     for_s: float
     target: str
     kind: str
-    params: Any = field(default_factory=Nothing)
+    params: Any = field(default_factory=NoParameters)
 
     def __str__(self) -> str:
         """Return the fault as a person would write it down."""
@@ -280,7 +280,7 @@ class FaultKind:
     layer: Layer
     about: str
     targets: tuple[str, ...]
-    params: type = Nothing
+    params: type = NoParameters
 
 
 _SENSES = ("compass", "motion", "contact", "position")

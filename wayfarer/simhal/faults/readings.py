@@ -23,7 +23,7 @@ class Bug(RuntimeError):
     """What a driver with a bug raises."""
 
 
-class TamperedPart:
+class FaultyPart:
     """A part with faults on it; everything that no fault changes goes through as it is.
 
     ``changes`` are applied to each reading in turn. ``silent`` parts raise ``NotResponding`` at any question or
@@ -103,7 +103,7 @@ def _with(reading: Any, name: str, value: float) -> Any:
     return reading._replace(**{name: value % 360.0 if name == "heading_deg" and isfinite(value) else value})
 
 
-def _frozen(part: TamperedPart) -> Change:
+def _frozen(part: FaultyPart) -> Change:
     """Repeat what was read last; a part that has not spoken yet has nothing to repeat."""
     return lambda reading: reading if part.last is None else part.last._replace(t_s=reading.t_s)
 
@@ -111,7 +111,7 @@ def _frozen(part: TamperedPart) -> Change:
 def _value(to: Callable[[float, Any, Random], float]) -> Effect:
     """Return what changes one value of each reading."""
 
-    def effect(part: TamperedPart, params: Any, rng: Random) -> AbstractContextManager[None]:
+    def effect(part: FaultyPart, params: Any, rng: Random) -> AbstractContextManager[None]:
         return listed(
             part.changes,
             lambda reading: _with(reading, params.of, to(getattr(reading, params.of), params, rng)),
@@ -177,7 +177,7 @@ def _delayed(params: Any, _: Random) -> Change:
 
 
 @contextmanager
-def _crash(part: TamperedPart, _: object, __: Random) -> Iterator[None]:
+def _crash(part: FaultyPart, _: object, __: Random) -> Iterator[None]:
     part.crash = Bug("a bug in a driver, injected")
     yield
     part.crash = None

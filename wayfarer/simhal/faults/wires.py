@@ -84,7 +84,7 @@ class FaultyWire:
                 self.chip.receive(bytes((byte,)))
 
 
-class TamperedI2C(FakeI2C):
+class FaultyI2C(FakeI2C):
     """An I2C bus that can hang, with a wire to each address."""
 
     def __init__(self, name: str) -> None:
@@ -110,7 +110,7 @@ class TamperedI2C(FakeI2C):
         self.hang.post(lambda: self.chip_at(address).write(data))
 
 
-class TamperedSPI(FakeSPI):
+class FaultySPI(FakeSPI):
     """An SPI bus that can hang."""
 
     def __init__(self, name: str) -> None:
@@ -129,7 +129,7 @@ class TamperedSPI(FakeSPI):
         return await self.hang.carry(exchange)
 
 
-class TamperedSerial(FakeSerial):
+class FaultySerial(FakeSerial):
     """A serial line that can hang."""
 
     def __init__(self, name: str) -> None:
@@ -151,7 +151,7 @@ class TamperedSerial(FakeSerial):
             self.wire.receive(data)
 
 
-class TamperedCamera:
+class FaultyCamera:
     """A camera that can hang, go, or show what is not there.
 
     ``shows`` change its pictures, one after another; ``last`` is the latest picture as it was handed on.
@@ -175,16 +175,16 @@ class TamperedCamera:
         return frame
 
 
-class TamperedBuses(FakeBuses):
+class FaultyBuses(FakeBuses):
     """Hands out buses that can be tampered with, by name; ``views`` are the cameras that were handed out."""
 
-    I2C, SPI, SERIAL = TamperedI2C, TamperedSPI, TamperedSerial
+    I2C, SPI, SERIAL = FaultyI2C, FaultySPI, FaultySerial
 
     def __init__(self) -> None:
         super().__init__()
-        self.views: dict[str, TamperedCamera] = {}
+        self.views: dict[str, FaultyCamera] = {}
 
-    def camera(self, name: str, *, width: int, height: int, rate_hz: float, exposure_us: int | None) -> TamperedCamera:
+    def camera(self, name: str, *, width: int, height: int, rate_hz: float, exposure_us: int | None) -> FaultyCamera:
         """Return the camera of that name."""
         camera = super().camera(name, width=width, height=height, rate_hz=rate_hz, exposure_us=exposure_us)
-        return self.views.setdefault(name, TamperedCamera(camera))
+        return self.views.setdefault(name, FaultyCamera(camera))

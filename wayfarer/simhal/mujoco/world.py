@@ -29,8 +29,8 @@ from wayfarer.simhal.world.simulated_world import (
     ROUNDING_S,
     SimulatedWorld,
     Touch,
-    nobody_watches,
-    nothing_acts,
+    no_chips,
+    no_observer,
     side_of,
 )
 from wayfarer.simhal.world.wheeled_body import WheeledBody
@@ -69,8 +69,8 @@ class MujocoWorld:
         self.field_deg = self.ground_pitch_deg = self.ground_roll_deg = 0.0
         self.battery_v = FULL_BATTERY_V
         self.deadman_at_s = inf
-        self.tick_chips: Callable[[], None] = nothing_acts
-        self.after_step: Callable[[SimulatedWorld], None] = nobody_watches
+        self.tick_chips: Callable[[], None] = no_chips
+        self.after_step: Callable[[SimulatedWorld], None] = no_observer
         self.body_faults = NO_BODY_FAULTS
         self.steps, self.t_s = 0, 0.0
         self._step_s = step_s

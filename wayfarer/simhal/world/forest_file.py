@@ -27,8 +27,8 @@ from pydantic import BaseModel, ConfigDict
 
 from wayfarer.config.messages import shown, validated, with_short_keys
 from wayfarer.errors import BadConfig, BadForest, one_line
+from wayfarer.setting_ranges import Metres
 from wayfarer.simhal.world.forest import Coordinate, Forest, Trunk, check_forest
-from wayfarer.units import Metres
 
 REFERENCE = "reference"
 REFERENCE_FILE = "reference_forests.jsonl.gz"

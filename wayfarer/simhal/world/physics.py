@@ -7,7 +7,7 @@ from typing import Annotated
 
 from annotated_types import Interval
 
-from wayfarer.units import (
+from wayfarer.setting_ranges import (
     Degrees,
     DegreesOrZero,
     DegreesPerSecond,

@@ -133,9 +133,9 @@ def side_of(obstacle: Obstacle, x_m: float, y_m: float, heading_rad: float) -> t
     return (Side.RIGHT,) if off_deg > 0.0 else (Side.LEFT,)
 
 
-def nobody_watches(_world: SimulatedWorld) -> None:
+def no_observer(_world: SimulatedWorld) -> None:
     """Stand in for the outcome monitor."""
 
 
-def nothing_acts() -> None:
+def no_chips() -> None:
     """Stand in for the chips."""

@@ -26,8 +26,8 @@ from wayfarer.simhal.world.simulated_world import (
     ROUNDING_S,
     SimulatedWorld,
     Touch,
-    nobody_watches,
-    nothing_acts,
+    no_chips,
+    no_observer,
     side_of,
 )
 from wayfarer.simhal.world.skid_steering import SkidSteering
@@ -89,14 +89,14 @@ class World:
         self.ground_pitch_deg = self.ground_roll_deg = 0.0
         self.battery_v = FULL_BATTERY_V
         self.deadman_at_s = inf
-        self.tick_chips: Callable[[], None] = nothing_acts
+        self.tick_chips: Callable[[], None] = no_chips
         self.body_faults = NO_BODY_FAULTS
         self.steps = 0
         self.t_s = self._starts_s = starts_s
         self._step_s = physics.step_s
         self._half_step_s = physics.step_s / 2
         self._next_step_s = starts_s + physics.step_s - ROUNDING_S
-        self.after_step: Callable[[SimulatedWorld], None] = nobody_watches
+        self.after_step: Callable[[SimulatedWorld], None] = no_observer
         self._body = BodyOutline(vehicle.length_m, vehicle.width_m)
         beyond_m, cell_m = (CLUTTER_BEYOND_BODY_M, CLUTTER_CELL_M) if chassis else (SEEN_BEYOND_BODY_M, CELL_M)
         self._seen_m = self._body.reach_m + beyond_m

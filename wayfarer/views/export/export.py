@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from wayfarer.config.atomic_file import whole_file, whole_folder
+from wayfarer.config.atomic_file import atomic_file, atomic_folder
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.reader import Damage
 from wayfarer.views.export.formats import ExportFormat, Output
@@ -23,7 +23,7 @@ def export(run: Path, form: ExportFormat, out: Path, *, overwrite: bool) -> Dama
             return _export_folder(run, form, out)
         if out.is_dir() or (out.exists() and not overwrite):
             raise BadInput(f"{out} exists already: name another file with --out, or replace it with --force")
-        with whole_file(out) as draft:
+        with atomic_file(out) as draft:
             if form.output is Output.BYTES:
                 with draft.open("wb") as messages:
                     return form.write(run, messages)
@@ -40,5 +40,5 @@ def _export_folder(run: Path, form: ExportFormat, out: Path) -> Damage:
         raise BadInput(
             f"{out} exists already, and a folder is never replaced: name another one with --out, or remove it"
         )
-    with whole_folder(out) as draft:
+    with atomic_folder(out) as draft:
         return form.write(run, draft)

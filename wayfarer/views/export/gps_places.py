@@ -18,7 +18,7 @@ from typing import NamedTuple
 from wayfarer.angles import bearing_deg, coordinates_deg, wrap180
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
-from wayfarer.fieldlog.fields import name, span
+from wayfarer.fieldlog.fields import duration_text, safe_text
 from wayfarer.fieldlog.folders import run_title
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.run_events import AnomalyBegan, Ended, Marked, Noted
@@ -56,7 +56,7 @@ class Waypoint(NamedTuple):
     def placed(self) -> str:
         """Say how the place was found."""
         error = "" if self.fix.error_m is None else f" (error {self.fix.error_m:.1f} m)"
-        fix = f"the fix at {span(self.fix.elapsed_s, 2)}{error}"
+        fix = f"the fix at {duration_text(self.fix.elapsed_s, 2)}{error}"
         distance_m = hypot(self.north_m, self.east_m)
         if distance_m < NEAR_M:
             return f"at {fix}"
@@ -118,7 +118,7 @@ def _happened(events: Sequence[RunEvent]) -> Iterator[PlacedEvent]:
             case Marked(record=record):
                 yield PlacedEvent("mark", event_text(record), event.t_s, event.elapsed_s)
             case Noted(name="health", record={"level": str(level), **told}) if level in HELD:
-                cause = name(told, "cause") or "unknown"
+                cause = safe_text(told, "cause") or "unknown"
                 yield PlacedEvent(level, f"{level}: {CAUSE_TEXTS.get(cause, cause)}", event.t_s, event.elapsed_s)
             case Ended():
                 yield PlacedEvent("end", outcome_text(event), event.t_s, event.elapsed_s)

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections import deque
 from typing import Any
 
-from wayfarer.fieldlog.fields import span
+from wayfarer.fieldlog.fields import duration_text
 from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.run_events import AnomalyBegan, Ended, PhaseChanged, RunBegan
 from wayfarer.fieldlog.run_fold import RunFold
@@ -56,7 +56,7 @@ class PageModel:
         for event in events:
             self._take(event)
         for line in self._narrator.tell(events):
-            self._tell("lines", self._lines, [span(line.elapsed_s, 1), line.text, line.tone.value])
+            self._tell("lines", self._lines, [duration_text(line.elapsed_s, 1), line.text, line.tone.value])
         return record["record"] in {"event", "outcome"}
 
     def snapshot(self) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from bokeh.resources import Resources
 
-from wayfarer.config.atomic_file import write_whole
+from wayfarer.config.atomic_file import write_atomically
 from wayfarer.errors import BadInput
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Plots
@@ -35,7 +35,7 @@ def write_page(out: Path, title: str, body: Iterable[str], plots: Plots | None =
     text = "\n".join(_document(title, "\n".join(body), plots, script))
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(out, text)
+        write_atomically(out, text)
     except OSError as error:
         raise BadInput(
             f"{out}: the report cannot be written there: {error.strerror or error}; name another file with --out"

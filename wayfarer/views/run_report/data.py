@@ -45,7 +45,7 @@ class MapFix(NamedTuple):
 class RunData:
     """Everything of one run that its report shows.
 
-    ``ticks`` has a column for each name in ``reading.TICK``: ``phase`` counts in ``PHASES``, ``level`` is
+    ``ticks`` has a column for each name in ``load_run.TICK``: ``phase`` counts in ``PHASES``, ``level`` is
     ``conditions.Level``, and ``period_s`` is NaN where records are missing since the tick before. ``further`` has the
     numbers that ticks have under keys that no view names. ``truth`` is where a simulated rover really was, in the
     metres of its forest. ``batteries`` are the voltages and the seconds since the motor board spoke before. These

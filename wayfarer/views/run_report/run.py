@@ -17,9 +17,9 @@ from wayfarer.views.page.plots import Plots
 from wayfarer.views.run_report import words
 from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.events import LAYERS
+from wayfarer.views.run_report.load_run import read_run
 from wayfarer.views.run_report.map import map_plot
 from wayfarer.views.run_report.panels import draw_panels
-from wayfarer.views.run_report.reading import read_run
 from wayfarer.views.run_report.tables import (
     anomalies_table,
     episodes_table,

@@ -8,7 +8,7 @@ from math import isnan
 
 from wayfarer.config.rover_overlay import flat
 from wayfarer.fieldlog.episodes import Episode
-from wayfarer.fieldlog.fields import span, table
+from wayfarer.fieldlog.fields import duration_text, table
 from wayfarer.fieldlog.sensor_status import SensorStatus
 from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS, because
 from wayfarer.views.page import html
@@ -46,7 +46,7 @@ def episodes_table(data: RunData) -> str:
 def _episode(number: int, episode: Episode) -> Sequence[str]:
     ended = because(episode.ended_by or "the end of the log", ()).replace("_", " ")
     lasted_s = episode.end_s - episode.start_s
-    began = span(episode.start_s, 1)
+    began = duration_text(episode.start_s, 1)
     return f"{number}", began, episode.side, f"{episode.turns}", f"{lasted_s:.1f}", f"{episode.metres:.1f}", ended
 
 
@@ -58,7 +58,7 @@ def events_list(data: RunData) -> str:
     for event in data.events[:ROWS]:
         text = escape(event_words(event))
         text = f"<strong>{text}</strong>" if is_trouble(event) else text
-        lines.append(f"<li>{span(event.elapsed_s, 1)} {text}</li>")
+        lines.append(f"<li>{duration_text(event.elapsed_s, 1)} {text}</li>")
     return "\n".join([*lines, "</ul>", _rest(data.events)])
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wayfarer.fieldlog.fields import span
+from wayfarer.fieldlog.fields import duration_text
 from wayfarer.fieldlog.folders import short_name
 from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.wording import whole_deg
@@ -50,7 +50,7 @@ def title(data: RunData) -> str:
     summary = data.summary
     rover, algorithm = summary.rover or "unknown rover", summary.algorithm or "unknown algorithm"
     how = "simulated run" if summary.simulated else "run"
-    return f"{rover}, {algorithm}: {span(summary.lasted_s)} {how}"
+    return f"{rover}, {algorithm}: {duration_text(summary.lasted_s)} {how}"
 
 
 def facts(data: RunData, folder: str) -> Iterator[tuple[str, str]]:

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from shlex import quote
 
-from wayfarer.fieldlog.fields import local_time, name
+from wayfarer.fieldlog.fields import local_time, safe_text
 from wayfarer.fieldlog.run_events import event_name
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
@@ -39,7 +39,7 @@ class Console:
         for line in self._narrator.tell(self._fold.take(record)):
             self._write(f"{at}  {painted(line.text, line.tone.value, sys.stderr)}")
         if kind == "run":
-            self._log = name(record, "log") or ""
+            self._log = safe_text(record, "log") or ""
         elif kind == "event" and event_name(record) == "opened":
             self._write(f"{at}  disarmed. {self._hint}")
         elif kind == "outcome" and self._then:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.disk_space import MB
-from wayfarer.fieldlog.fields import began_wall_s, local_time, name, number, span, whole
+from wayfarer.fieldlog.fields import began_wall_s, duration_text, local_time, number, safe_text, whole
 from wayfarer.fieldlog.folders import run_folders, run_number
 from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.last_run import end_of_log
@@ -56,7 +56,7 @@ def _began(row: RunRow) -> str:
 CELLS: Mapping[str, Callable[[RunRow], str]] = {
     "run": lambda row: row.run if row.number is None else str(row.number),
     "began": _began,
-    "lasted": lambda row: span(row.lasted_s),
+    "lasted": lambda row: duration_text(row.lasted_s),
     "rover": lambda row: "".join([row.rover or "", " (sim)" * bool(row.simulated), " (dry)" * bool(row.dry_run)]),
     "algorithm": lambda row: row.algorithm or "",
     "m": lambda row: "" if row.commanded_m is None else f"{row.commanded_m:.0f}",
@@ -139,7 +139,7 @@ def _header(run: Path, first: Record) -> Header:
 def _outcome(outcome: Record | None, *, alive: bool) -> str:
     if outcome is None:
         return "goes on" if alive else "cut off"
-    return name(outcome, "reason") or "unknown"
+    return safe_text(outcome, "reason") or "unknown"
 
 
 def _last(segments: Sequence[Path]) -> dict[str, Record]:

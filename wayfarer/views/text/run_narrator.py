@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from enum import Enum
 from typing import NamedTuple
 
-from wayfarer.fieldlog.fields import span
+from wayfarer.fieldlog.fields import duration_text
 from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.run_events import (
     AnomalyBegan,
@@ -57,7 +57,7 @@ class Line(NamedTuple):
     tone: Tone
 
     def __str__(self) -> str:
-        return f"{span(self.elapsed_s, 2)}  {self.text}"
+        return f"{duration_text(self.elapsed_s, 2)}  {self.text}"
 
 
 class RunNarrator:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 from wayfarer.escape.phases import PhaseEvent
-from wayfarer.fieldlog.fields import local_time, span
+from wayfarer.fieldlog.fields import duration_text, local_time
 from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS, CAUSE_TEXTS, because
 from wayfarer.fieldlog.wording import place_text, plural, whole_deg
@@ -78,9 +78,11 @@ def _offset(offset: RangeBearing) -> str:
 
 
 def _time(summary: RunSummary, *, utc: bool) -> Iterator[str]:
-    yield f"{span(summary.lasted_s)} in all{_began(summary, utc=utc)}; armed for {span(summary.armed_s)}"
+    lasted, armed = duration_text(summary.lasted_s), duration_text(summary.armed_s)
+    yield f"{lasted} in all{_began(summary, utc=utc)}; armed for {armed}"
     yield from (
-        f"held for {span(held_s, 1)}: {CAUSE_TEXTS.get(cause, cause)}" for cause, held_s in summary.held_s.items()
+        f"held for {duration_text(held_s, 1)}: {CAUSE_TEXTS.get(cause, cause)}"
+        for cause, held_s in summary.held_s.items()
     )
 
 
@@ -115,7 +117,7 @@ def _battery(summary: RunSummary) -> str:
     if lowest is None:
         return ""
     duty = "" if lowest.duty is None else f", with the wheels at {lowest.duty:.0%}"
-    return f"lowest {lowest.battery_v:.1f} V, at {span(lowest.at_s)}{duty}"
+    return f"lowest {lowest.battery_v:.1f} V, at {duration_text(lowest.at_s)}{duty}"
 
 
 def _sensors(summary: RunSummary) -> dict[str, int]:
@@ -125,7 +127,7 @@ def _sensors(summary: RunSummary) -> dict[str, int]:
 def _by_hand(summary: RunSummary) -> Iterator[str]:
     asked = {"marks": len(summary.marks), "holds": summary.holds, "new goals": summary.goals}
     yield counted(asked)
-    yield from (f"{span(mark.at_s)} {mark.text}" for mark in summary.marks)
+    yield from (f"{duration_text(mark.at_s)} {mark.text}" for mark in summary.marks)
 
 
 def _clock(summary: RunSummary) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from wayfarer.hal import STOP, WheelCommand
 
 
-class Interval:
+class TickInterval:
     """From the previous control tick to this one; the first part of the record of a tick.
 
     ``t_s`` is the time of this tick, ``commanded`` the wheel command before it, and ``dt_s`` the time since the
@@ -48,7 +48,7 @@ class IntervalTimer:
         self._half_speed_m_s = max_speed_m_s / 2
         self._last_t_s: float | None = None
 
-    def measure(self, tick: Interval) -> None:
+    def measure(self, tick: TickInterval) -> None:
         """Fill in the length of the interval that ends at this tick, and the distance commanded in it."""
         last_t_s, self._last_t_s = self._last_t_s, tick.t_s
         if last_t_s is None:

@@ -19,7 +19,7 @@ from wayfarer.detector.settings import DetectorSettings
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import WheelCommand
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.interval import Interval
+from wayfarer.safety.tick_interval import TickInterval
 
 # What a window shows: the side that lags behind, or wheels that turn the wrong way.
 LEFT: Final = -1
@@ -102,7 +102,7 @@ class DriveMonitor:
         self.condition = Condition.DRIVE_ASYMMETRY
         self.until_t_s = -inf
 
-    def update(self, interval: Interval, gained_deg: float, ahead_m: float, *, trusted: bool) -> None:
+    def update(self, interval: TickInterval, gained_deg: float, ahead_m: float, *, trusted: bool) -> None:
         """Take in a tick: the wheel commands since the last tick, and heading and distance gained since the start.
 
         A tick is ``trusted`` unless the compass is in doubt or there is an anomaly. A tick that is not trusted ends the

@@ -9,7 +9,7 @@ import pytest
 from tests.drivers.benches import stall
 from tests.simhal.clearing import steady_world
 from tests.virtual import virtual
-from wayfarer.control.fresh_wheels import FreshWheels
+from wayfarer.control.stale_command_guard import StaleCommandGuard
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.simhal.parts import SimMotors
 
@@ -21,7 +21,7 @@ AHEAD = WheelCommand(1.0, 1.0)
 async def test_command_is_applied_while_its_tick_is_young(suspended_s: float, applied: WheelCommand) -> None:
     motors = SimMotors(steady_world())
     await motors.open()
-    wheels, loop = FreshWheels(motors, late_s=0.2), asyncio.get_running_loop()
+    wheels, loop = StaleCommandGuard(motors, late_s=0.2), asyncio.get_running_loop()
     await asyncio.sleep(1.0)
     wheels.tick_t_s = loop.time()
     stall(suspended_s)

@@ -7,15 +7,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.safety.interval import Interval, IntervalTimer
+from wayfarer.safety.tick_interval import IntervalTimer, TickInterval
 
 LATE_S = 0.2
 AHEAD = WheelCommand(0.5, 1.0)
 
 
-def measured(timer: IntervalTimer, t_s: float, told: WheelCommand) -> Interval:
+def measured(timer: IntervalTimer, t_s: float, told: WheelCommand) -> TickInterval:
     """The interval that ends at this time."""
-    interval = Interval(t_s, told)
+    interval = TickInterval(t_s, told)
     timer.measure(interval)
     return interval
 

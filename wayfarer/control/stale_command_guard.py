@@ -13,7 +13,7 @@ from typing import Any
 from wayfarer.hal import STOP, DriveMotors, WheelCommand
 
 
-class FreshWheels:
+class StaleCommandGuard:
     """Wraps the motors for the controller: a command of a tick that began too long ago is sent as a stop.
 
     Implements ``control.controller.WheelMotors``.
