@@ -118,8 +118,7 @@ def test_export_takes_the_format_from_the_name_of_the_file(run: Run, tmp_path: P
         ("d", b"elapsed_s,"),
     ):
         assert run("export", 1, "--out", tmp_path / name)[0] == 0
-        content = (tmp_path / name).read_bytes()
-        assert content.startswith(begins) or (name == "b.TSV" and b"\t" in content)
+        assert (tmp_path / name).read_bytes().startswith(begins)
 
 
 @pytest.mark.parametrize(

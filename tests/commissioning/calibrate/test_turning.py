@@ -229,6 +229,7 @@ def test_motors_that_fail_in_the_middle_are_stopped_and_nothing_is_kept(rig: Rig
 @pytest.mark.parametrize("after_s", [0.5, 15.0, 40.0, 77.0])
 def test_cancelled_calibration_stops_the_motors(rig: Rig, after_s: float) -> None:
     rig.cancel(calibrate(rig.config, rig.rover, rig.host, Script(rig.world, {}), ["turning"]), after_s)
+    assert rig.world.most > 0.0
 
 
 # -- the lines -----------------------------------------------------------------------------------------------------
