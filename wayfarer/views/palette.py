@@ -23,8 +23,8 @@ PHASE_COLOURS: Mapping[str, str] = {
     Phase.STRIDE.value: GREEN,
     Phase.TURN_AWAY.value: PURPLE,
     Phase.BACK_OFF.value: VIOLET,
-}  # a rover that stands draws no way
-STANDS = RECKONED = GREY  # no phase that moves, and the way as dead reckoning has it
+}  # a rover that stands draws no path
+STANDS = RECKONED = GREY  # no phase that moves, and the path by dead reckoning
 
 # Told apart by shape: Bokeh's name, and by how many degrees it is turned to the left. The triangles point to where the
 # body tips.

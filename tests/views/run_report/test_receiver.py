@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from wayfarer.angles import coordinates_deg
 from wayfarer.views.run_report.data import MapFix, RunData
 from wayfarer.views.run_report.receiver import Places, believable, fit
-from wayfarer.views.run_report.track import Track, Way
+from wayfarer.views.run_report.track import TimedPath, Track
 
 ORIGIN = MapFix(0.0, 47.0, 8.0, 3.0, 0.0, 0.0)
 LOOP_M = 30.0 * np.exp(1j * np.linspace(0.0, 5.0, 200))  # a way of 150 m
@@ -80,7 +80,7 @@ def test_distance_from_the_true_way_is_small_only_where_all_fixes_count() -> Non
     told = fixes(LOOP_M, noisy(LOOP_M, 3.0))
     told[0] = told[0]._replace(latitude_deg=told[0].latitude_deg + 1e-4)  # 11 m
     times_s, unknown = np.array([fix.t_s for fix in told]), np.full(LOOP_M.size, nan)
-    true = Way(times_s, LOOP_M.real, LOOP_M.imag, unknown)
+    true = TimedPath(times_s, LOOP_M.real, LOOP_M.imag, unknown)
     track = Track(RunData(), true, origin=ORIGIN, fixes=told, fit=fit(told, ORIGIN))
     pinned_m, fitted_m = track.missed_m(true=True)
     assert pinned_m > 5.0
@@ -89,7 +89,7 @@ def test_distance_from_the_true_way_is_small_only_where_all_fixes_count() -> Non
 
 
 def test_way_is_moved_to_where_it_shall_begin() -> None:
-    way = Way(*(np.array(column) for column in ([1.0, 2.0], [5.0, 6.0], [7.0, 9.0], [0.0, 0.0]))).beginning_at(
+    way = TimedPath(*(np.array(column) for column in ([1.0, 2.0], [5.0, 6.0], [7.0, 9.0], [0.0, 0.0]))).beginning_at(
         1.0, -1.0
     )
     assert (way.east_m.tolist(), way.north_m.tolist()) == ([1.0, 2.0], [-1.0, 1.0])

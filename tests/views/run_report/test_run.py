@@ -269,7 +269,7 @@ def test_way_and_lines_are_broken_where_no_ticks_came(tmp_path: Path) -> None:
     ticks = [*drive(1.0), *(tick(6.0 + 0.05 * step) for step in range(20))]
     records = sorted([*ticks, *boards], key=lambda each: float(each["t_s"]))
     data = data_of(tmp_path, HEADER, *records, OUTCOME)
-    assert np.flatnonzero(np.isnan(track_of(data).way.east_m)).tolist() == [20]
+    assert np.flatnonzero(np.isnan(track_of(data).path.east_m)).tolist() == [20]
     assert [int(np.isnan(line[1]).sum()) for name in ("heading", "battery") if (line := line_of(name, data))] == [1, 1]
 
 
@@ -360,7 +360,7 @@ def test_two_runs_stand_beside_each_other_with_what_changed(tmp_path: Path) -> N
     assert "17 18 control_hz 20.0 10.0 gym.seed not there 3" in text
     assert "tilt_deg" not in text
     assert re.search(r'<tr class="differs"><th scope="row">anomalies</th><td data-column="17">[^<]*1[^<]*</td>', page)
-    assert '"way-1"' in drawn(page)
+    assert '"path-1"' in drawn(page)
 
 
 def test_folder_that_only_begins_with_a_number_is_not_called_by_it(tmp_path: Path) -> None:
@@ -375,9 +375,9 @@ def test_runs_whose_maps_nothing_joins_begin_at_one_place(tmp_path: Path) -> Non
     simulated.sort(key=lambda each: float(each["t_s"]))
     there = read_run(write_log(tmp_path / "1-run", [*simulated, OUTCOME]))
     outside = read_run(write_log(tmp_path / "2-run", [HEADER, *drive(4.0), OUTCOME]))
-    apart = [(track.way.north_m[0], track.forest) for track in tracks_of([there, outside])]
+    apart = [(track.path.north_m[0], track.forest) for track in tracks_of([there, outside])]
     assert apart == [(0.0, None), (0.0, None)]
-    assert [track.way.north_m[0] for track in tracks_of([there, there])] == [12.5, 12.5]
+    assert [track.path.north_m[0] for track in tracks_of([there, there])] == [12.5, 12.5]
 
 
 def test_same_rover_file_is_said_to_be_the_same(tmp_path: Path) -> None:

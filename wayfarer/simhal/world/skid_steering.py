@@ -81,7 +81,7 @@ class SkidSteering:
         self._turned_share = track_m / 2.0 * b_m / across_m2  # of half the difference of the rims' speeds
         self._drag_m_s, self._resistance_m_s = slow.drag_m_s * self._turned_share, slow.resistance_m_s
         self._sharpest_m2_s2 = grip_m_s2 * track_m / 2.0
-        # In a step: the share of the way that is made, and what a side gains at most: each has half the load.
+        # In a step: the share of the distance that is covered, and what a side gains at most: each has half the load.
         s_per_kg = slow.free_m_s / (body.motors_n_m / radius_m)
         self._ahead_lag = 1.0 - exp(-step_s / (s_per_kg * (body.weight_kg + body.rims_kg)))
         self._turn_lag = 1.0 - exp(-step_s / (s_per_kg * (body.yaw_inertia_kg_m2 / across_m2 + body.rims_kg)))

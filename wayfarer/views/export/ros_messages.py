@@ -7,7 +7,7 @@ north: 0 is magnetic east.
 
 * ``/imu/data``: each reading of the compass. Turn rate and acceleration are not measured, so that the first element of
   their covariance is -1. That of the orientation is all zero: not known. Both are as the message's definition says.
-* ``/odom``: dead reckoning at each tick, from where the log begins. Its twist is the way from one tick to the next.
+* ``/odom``: dead reckoning at each tick, from where the log begins. Its twist is the motion from one tick to the next.
 * ``/fix``: the receiver; ``error_m`` is taken as the standard deviation to the north and to the east.
 * ``/cmd_vel``: what the duties that the motors took mean on ideal ground.
 * ``/diagnostics``: the gate's level and its cause at each tick, with ``elapsed_s``.

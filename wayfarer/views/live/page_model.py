@@ -1,7 +1,7 @@
 """The model of the page, built from log records: a full copy for a new viewer, changes for the others. Pure.
 
-Three things come out. The *snapshot* is everything that a page shows. *News* must not be missed: a piece of the way, an
-anomaly, a line about the run, the end. The *state* is how things are now; a viewer that is slow gets only the newest.
+Three things come out. The *snapshot* is everything that a page shows. *News* must not be missed: a piece of the path,
+an anomaly, a line about the run, the end. The *state* is how things are now; a slow viewer gets only the newest.
 
 Metres are east and north: of the start where the rover only knows what it dead-reckons, of the forest where the run is
 simulated and so the truth is known.

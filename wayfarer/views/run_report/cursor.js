@@ -1,11 +1,11 @@
 "use strict";
-// One cursor for the map and all time panels: a line in each panel, a ring on each way, and the values at its time.
+// One cursor for the map and all time panels: a line in each panel, a ring on each path, and the values at its time.
 document.addEventListener("plotted", ({ detail: plotted }) => {
   const models = [...plotted._all_models.values()];
   const panels = models.filter((model) => model.tags?.includes("time"));
   const lines = models.filter((model) => model.tags?.includes("cursor"));
   const map = models.find((model) => model.name === "map");
-  const ways = models.filter((model) => /^way-/.test(model.name)).map((drawn) => drawn.data_source.data);
+  const paths = models.filter((model) => /^path-/.test(model.name)).map((drawn) => drawn.data_source.data);
   const rings = models.filter((model) => /^here-/.test(model.name)).map((drawn) => drawn.data_source);
   const slider = document.querySelector(".cursor input");
   const shown = document.querySelector(".cursor dl");
@@ -41,9 +41,9 @@ document.addEventListener("plotted", ({ detail: plotted }) => {
 
   function show(t) {
     for (const line of lines) line.location = t;
-    ways.forEach((way, run) => {
-      const at = before(way.t, t);
-      rings[run].data = at < 0 ? { x: [], y: [] } : { x: [way.x[at]], y: [way.y[at]] };
+    paths.forEach((path, run) => {
+      const at = before(path.t, t);
+      rings[run].data = at < 0 ? { x: [], y: [] } : { x: [path.x[at]], y: [path.y[at]] };
     });
     const names = [...new Set(readings.map((reading) => reading.name))];
     const rows = names.map((name) => [name, readings.filter((reading) => reading.name === name)
@@ -69,10 +69,10 @@ document.addEventListener("plotted", ({ detail: plotted }) => {
     for (const panel of panels) panel.on_event(name, ({ x }) => show(within(x)));
     map?.on_event(name, ({ x, y }) => {
       let nearest = Infinity, t = null;
-      for (const way of ways) {
-        for (let at = 0; at < way.t.length; at += 1) {
-          const distance = (way.x[at] - x) ** 2 + (way.y[at] - y) ** 2;
-          if (distance < nearest) [nearest, t] = [distance, way.t[at]];
+      for (const path of paths) {
+        for (let at = 0; at < path.t.length; at += 1) {
+          const distance = (path.x[at] - x) ** 2 + (path.y[at] - y) ** 2;
+          if (distance < nearest) [nearest, t] = [distance, path.t[at]];
         }
       }
       if (t !== null) show(t);

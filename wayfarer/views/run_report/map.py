@@ -15,9 +15,9 @@ from wayfarer.views.run_report.data import PHASES, Floats
 from wayfarer.views.run_report.events import EDGE, LOOK, columns, event_marks
 from wayfarer.views.run_report.forest import draw_forests
 from wayfarer.views.run_report.series import pieces
-from wayfarer.views.run_report.track import Track, Way
+from wayfarer.views.run_report.track import TimedPath, Track
 
-POINTS = 8000  # of a way: an hour at 0.2 m/s has one for each 9 cm
+POINTS = 8000  # of a path: an hour at 0.2 m/s has one for each 9 cm
 SMALLEST_M = 4.0
 GOAL: Mapping[str, Any] = {"line_color": palette.GOAL_LINE, "line_width": 2}  # Bokeh's stubs say "body_line_..."
 NUMBER: Mapping[str, Any] = {"text_align": "center", "text_baseline": "middle", "text_font_size": "9px"}
@@ -47,10 +47,10 @@ def map_plot(tracks: Sequence[Track]) -> Figure:
 
 def _leave_room(map_: Figure, tracks: Sequence[Track]) -> float:
     """Make the map so large that everything is on it, and return its side in metres."""
-    ways = [way for track in tracks for way in (track.way, track.reckoned) if way is not None]
+    paths = [path for track in tracks for path in (track.path, track.reckoned) if path is not None]
     fixes_m = np.concatenate([track.fixes_m for track in tracks])
-    x_m = np.concatenate([*(way.east_m for way in ways), fixes_m.real])
-    y_m = np.concatenate([*(way.north_m for way in ways), fixes_m.imag])
+    x_m = np.concatenate([*(path.east_m for path in paths), fixes_m.real])
+    y_m = np.concatenate([*(path.north_m for path in paths), fixes_m.imag])
     x_m, y_m = (each[~np.isnan(each)] if not np.isnan(each).all() else np.zeros(1) for each in (x_m, y_m))
     side_m = max(SMALLEST_M, float(np.ptp(x_m)), float(np.ptp(y_m)))
     corners_m = [(each.min() + each.max()) / 2.0 + np.array([-0.55, 0.55]) * side_m for each in (x_m, y_m)]
@@ -81,13 +81,13 @@ def _draw_fixes(map_: Figure, track: Track) -> None:
 def _draw_ways(map_: Figure, track: Track, colours: Mapping[str, str]) -> None:
     if track.reckoned is not None:
         _line(map_, _thinned(track.reckoned)[1:3], palette.RECKONED, "reckoned", line_dash=[6, 3])
-    way = _thinned(track.way)
+    path = _thinned(track.path)
     for phase, colour in colours.items():
-        inside = way.phase == PHASES.index(phase)
+        inside = path.phase == PHASES.index(phase)
         if inside.any():
-            _line(map_, pieces(inside, way.east_m, way.north_m), colour, phase, line_width=2.5)
-    if len(set(colours.values())) > 1 and np.isnan(way.phase).all():
-        _line(map_, (way.east_m, way.north_m), palette.GREY, "unknown")
+            _line(map_, pieces(inside, path.east_m, path.north_m), colour, phase, line_width=2.5)
+    if len(set(colours.values())) > 1 and np.isnan(path.phase).all():
+        _line(map_, (path.east_m, path.north_m), palette.GREY, "unknown")
 
 
 def _draw_goals(map_: Figure, track: Track, side_m: float) -> None:
@@ -102,7 +102,7 @@ def _draw_event_marks(map_: Figure, track: Track) -> None:
     """Draw anomalies and marks; Bokeh leaves out those whose place is not known."""
     for name, colour, size in (("anomaly", palette.ANOMALY, 9), ("mark", palette.PAPER, 16)):
         found = [each for each in event_marks(track.data) if each.layer == name]
-        x_m, y_m = np.array([track.way.at(each.t_s) for each in found]).reshape(-1, 2).T
+        x_m, y_m = np.array([track.path.at(each.t_s) for each in found]).reshape(-1, 2).T
         numbers = [f"{number}" for number, _ in enumerate(found, start=1)]
         marks = source(x=x_m, y=y_m, number=numbers, **columns(found))
         drawn = map_.scatter("x", "y", source=marks, size=size, fill_color=colour, **LOOK)
@@ -114,31 +114,31 @@ def _draw_event_marks(map_: Figure, track: Track) -> None:
 
 def _draw_ends(map_: Figure, track: Track, colour: str) -> None:
     """Mark where the path begins again after a gap, its start if the log has it, and its end."""
-    way = track.way
-    behind = np.flatnonzero(np.isnan(way.east_m)) + 1
-    map_.scatter(way.east_m[behind], way.north_m[behind], marker="diamond", size=9, fill_color=palette.PAPER, **EDGE)
-    if way.t_s.size:
+    path = track.path
+    behind = np.flatnonzero(np.isnan(path.east_m)) + 1
+    map_.scatter(path.east_m[behind], path.north_m[behind], marker="diamond", size=9, fill_color=palette.PAPER, **EDGE)
+    if path.t_s.size:
         ends = [(START, 0)] if track.data.summary.where.from_start else []
         for style, at in [*ends, (END, -1)]:
-            map_.scatter(way.east_m[[at]], way.north_m[[at]], color=colour, **style)
+            map_.scatter(path.east_m[[at]], path.north_m[[at]], color=colour, **style)
 
 
 def _draw_cursors(map_: Figure, tracks: Sequence[Track]) -> None:
     """Put in what the cursor needs: the paths over time, unseen, and a ring on each at the time of the cursor."""
     for at, track in enumerate(tracks):
-        way = _thinned(track.way)
-        over_time = source(t=way.t_s, x=way.east_m, y=way.north_m)
-        map_.line("x", "y", source=over_time, line_alpha=0.0, name=f"way-{at}")
+        path = _thinned(track.path)
+        over_time = source(t=path.t_s, x=path.east_m, y=path.north_m)
+        map_.line("x", "y", source=over_time, line_alpha=0.0, name=f"path-{at}")
         ring: Any = {"size": 16, "fill_color": None, "line_width": 3, "color": palette.RUNS[1 - at]}
         map_.scatter("x", "y", source=source(x=[], y=[]), name=f"here-{at}", **ring)
 
 
-def _thinned(way: Way) -> Way:
+def _thinned(path: TimedPath) -> TimedPath:
     """Return every so many points of a path, with its gaps and its end."""
-    every = max(1, -(-way.t_s.size // POINTS))
-    kept = np.arange(way.t_s.size) % every == 0
+    every = max(1, -(-path.t_s.size // POINTS))
+    kept = np.arange(path.t_s.size) % every == 0
     kept[-1:] = True
-    return Way(*(column[kept | np.isnan(way.east_m)] for column in way))
+    return TimedPath(*(column[kept | np.isnan(path.east_m)] for column in path))
 
 
 def _line(map_: Figure, places_m: Sequence[Floats], colour: str, name: str, **look: Any) -> None:

@@ -1,4 +1,4 @@
-"""The receiver's fixes and dead reckoning: which fixes to believe, and the best fit of the whole way to all of them.
+"""The receiver's fixes and dead reckoning: which fixes to believe, and the best fit of the whole path to all of them.
 
 Places are complex numbers, metres east + 1j * metres north.
 """

@@ -39,7 +39,7 @@ def episodes_table(data: RunData) -> str:
         return html.paragraph("There was no escape episode: the rover followed its goal all the time.")
     rows = [("", _episode(number, each)) for number, each in enumerate(data.episodes[:ROWS], start=1)]
     caption = "Episodes: from an anomaly until the goal was followed again."
-    head = ("no.", "began", "first turn", "turns", "lasted, s", "way, m", "how it ended")
+    head = ("no.", "began", "first turn", "turns", "lasted, s", "distance, m", "how it ended")
     return html.table(caption, head, rows) + _rest(data.episodes)
 
 

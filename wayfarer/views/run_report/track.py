@@ -21,7 +21,7 @@ from wayfarer.views.run_report.series import breaks
 Point = tuple[float, float]  # metres east and north
 
 
-class Way(NamedTuple):
+class TimedPath(NamedTuple):
     """A path over time, metres east and north; all but the time is NaN where records are missing."""
 
     t_s: Floats
@@ -35,12 +35,12 @@ class Way(NamedTuple):
             return nan, nan
         return float(np.interp(t_s, self.t_s, self.east_m)), float(np.interp(t_s, self.t_s, self.north_m))
 
-    def beginning_at(self, east_m: float, north_m: float) -> Way:
+    def beginning_at(self, east_m: float, north_m: float) -> TimedPath:
         """Return the path moved so that it begins there."""
         first_m = self.east_m[:1].sum(), self.north_m[:1].sum()
         return self._replace(east_m=self.east_m - first_m[0] + east_m, north_m=self.north_m - first_m[1] + north_m)
 
-    def mapped(self, onto: Fit) -> Way:
+    def mapped(self, onto: Fit) -> TimedPath:
         """Return the path laid onto the receiver's fixes."""
         places_m = onto(self.east_m + 1j * self.north_m)
         return self._replace(east_m=places_m.real, north_m=places_m.imag)
@@ -50,13 +50,13 @@ class Way(NamedTuple):
 class Track:
     """What the map shows of one run.
 
-    ``way`` is the best that is known, ``reckoned`` dead reckoning beside it where the run was simulated. ``fixes_m``
+    ``path`` is the best that is known, ``reckoned`` dead reckoning beside it where the run was simulated. ``fixes_m``
     are the places of ``fixes``, and ``origin`` is where the map's zero is; without fixes nobody knows that.
     """
 
     data: RunData
-    way: Way
-    reckoned: Way | None = None
+    path: TimedPath
+    reckoned: TimedPath | None = None
     forest: Forest | None = None
     origin: Coordinates | None = None
     fixes: Sequence[MapFix] = ()
@@ -69,18 +69,18 @@ class Track:
 
     @property
     def end_deg(self) -> tuple[float, float] | None:
-        """Return latitude and longitude of the end: of the whole way as fitted, else of the last fix."""
-        way = self.way if self.reckoned is None else self.reckoned
-        if self.origin and self.fit and way.t_s.size:
-            return coordinates_deg(self.origin, float(way.north_m[-1]), float(way.east_m[-1]))
+        """Return latitude and longitude of the end: of the whole path as fitted, else of the last fix."""
+        path = self.path if self.reckoned is None else self.reckoned
+        if self.origin and self.fit and path.t_s.size:
+            return coordinates_deg(self.origin, float(path.north_m[-1]), float(path.east_m[-1]))
         return (self.fixes[-1].latitude_deg, self.fixes[-1].longitude_deg) if self.fixes else None
 
     @property
     def drift_m(self) -> float:
         """Return how far dead reckoning is from the true path at the end; NaN where one of them is not known."""
-        if self.reckoned is None or not (self.reckoned.t_s.size and self.way.t_s.size):
+        if self.reckoned is None or not (self.reckoned.t_s.size and self.path.t_s.size):
             return nan
-        return hypot(self.reckoned.east_m[-1] - self.way.east_m[-1], self.reckoned.north_m[-1] - self.way.north_m[-1])
+        return hypot(self.reckoned.east_m[-1] - self.path.east_m[-1], self.reckoned.north_m[-1] - self.path.north_m[-1])
 
     def missed_m(self, *, true: bool = False) -> tuple[float, float]:
         """Return the median distance of dead reckoning from the fixes, unfitted (from the first fix) and fitted.
@@ -92,34 +92,34 @@ class Track:
         compared, reckoned_m = paired(self.fixes)
         fixed_m = places_of(compared, self.origin)
         pinned_m = reckoned_m - reckoned_m[0] + fixed_m[0]
-        there_m = np.array([complex(*self.way.at(fix.t_s)) for fix in compared]) if true else fixed_m
+        there_m = np.array([complex(*self.path.at(fix.t_s)) for fix in compared]) if true else fixed_m
         return float(np.median(np.abs(pinned_m - there_m))), float(np.median(np.abs(self.fit(reckoned_m) - there_m)))
 
     def from_start(self) -> Track:
         """Return the path alone, beginning at zero."""
-        return Track(self.data, self.way.beginning_at(0.0, 0.0))
+        return Track(self.data, self.path.beginning_at(0.0, 0.0))
 
     def goals(self) -> Iterator[tuple[Point, float]]:
         """Yield where the rover took a goal, and its heading in degrees on this map."""
         turned_deg = self.fit.turned_deg if self.fit and self.reckoned is None else 0.0
         for t_s, goal_deg in self.data.goals:
-            place_m = self.way.at(t_s)
+            place_m = self.path.at(t_s)
             if not isnan(sum(place_m)):
                 yield place_m, goal_deg + turned_deg
 
 
 def track_of(data: RunData, *, origin: Coordinates | None = None) -> Track:
     """Return what the map shows of a run; ``origin`` is where zero shall be, else the first fix."""
-    way, fixes, forest = _way(data.ticks, "east_m", "north_m"), believable(data.fixes), _forest_of(data)
+    path, fixes, forest = _path(data.ticks, "east_m", "north_m"), believable(data.fixes), _forest_of(data)
     if forest is not None and data.truth["x_m"].size:
         found = fit(fixes, ORIGIN)
-        true = _way(data.truth, "x_m", "y_m")
-        beside = way.mapped(found) if found else way.beginning_at(*true.at(way.t_s[:1].sum()))
+        true = _path(data.truth, "x_m", "y_m")
+        beside = path.mapped(found) if found else path.beginning_at(*true.at(path.t_s[:1].sum()))
         return Track(data, true, beside, forest, ORIGIN if fixes else None, fixes, found)
     if not fixes:
-        return Track(data, way)
+        return Track(data, path)
     found = fit(fixes, origin or fixes[0])
-    return Track(data, way.mapped(found) if found else way, None, None, origin or fixes[0], fixes, found)
+    return Track(data, path.mapped(found) if found else path, None, None, origin or fixes[0], fixes, found)
 
 
 def tracks_of(runs: Sequence[RunData]) -> list[Track]:
@@ -135,12 +135,12 @@ def tracks_of(runs: Sequence[RunData]) -> list[Track]:
     return [each.from_start() for each in tracks]
 
 
-def _way(columns: Columns, east: str, north: str) -> Way:
+def _path(columns: Columns, east: str, north: str) -> TimedPath:
     """Return the path of a table of ``RunData``, as far as it is known, with a gap where the log has one."""
     known = {name: columns[name][~np.isnan(columns[east])] for name in ("t_s", east, north, "phase", "stretch")}
     t_s, *others = (known[name] for name in ("t_s", east, north, "phase"))
     at = np.flatnonzero(breaks(known)) + 1
-    return Way(np.insert(t_s, at, t_s[at]), *(np.insert(each, at, nan) for each in others))
+    return TimedPath(np.insert(t_s, at, t_s[at]), *(np.insert(each, at, nan) for each in others))
 
 
 def _forest_of(data: RunData) -> Forest | None:

@@ -78,7 +78,7 @@ def panels_text(runs: Sequence[RunData]) -> str:
 
 def track_caption(tracks: Sequence[Track]) -> str:
     """Explain the map."""
-    gaps = any(np.isnan(track.way.east_m).any() for track in tracks)
+    gaps = any(np.isnan(track.path.east_m).any() for track in tracks)
     north = f"{'True' if tracks[0].origin else 'Magnetic'} north is up."
     told = [TRUE] if tracks[0].reckoned else [RECKONED, north]
     fixes = any(track.fixes for track in tracks)
