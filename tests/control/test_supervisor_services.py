@@ -27,11 +27,7 @@ from wayfarer.control.status_light import GREEN, OFF, RED, YELLOW
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import NotResponding
 from wayfarer.escape.api import Decision, Observation
-from wayfarer.hal import (
-    STOP,
-    Colour,
-    WheelCommand,
-)
+from wayfarer.hal import STOP, Colour, WheelCommand
 from wayfarer.safety.conditions import Condition
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 

@@ -20,14 +20,7 @@ from wayfarer.drivers.thunderborg import ThunderBorg
 from wayfarer.errors import BadConfig, NotResponding
 from wayfarer.experiments.trial import run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
-from wayfarer.hal import (
-    STOP,
-    ContactSensor,
-    MotionSensor,
-    PositionReceiver,
-    Rover,
-    WheelCommand,
-)
+from wayfarer.hal import STOP, ContactSensor, MotionSensor, PositionReceiver, Rover, WheelCommand
 from wayfarer.simhal.build_rover import Depth, build
 from wayfarer.simhal.parts import SimCompass, SimFlow, SimMotors
 from wayfarer.simhal.random_streams import RandomStreams
