@@ -28,13 +28,6 @@ FOREST = {
 }  # fmt: skip
 
 
-@pytest.fixture
-def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
-    """Run the command in this process, on a terminal of 140 columns."""
-    monkeypatch.setenv("COLUMNS", "140")
-    return run
-
-
 # --- what every command promises
 
 

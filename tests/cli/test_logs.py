@@ -34,13 +34,8 @@ def logs(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], logs: Path) -> Run:
-    def run(*arguments: object) -> tuple[int, str, str]:
-        code = cli.run(["logs", *map(str, arguments), "--logs", str(logs)])
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return run
+def run(run: Run, logs: Path) -> Run:
+    return lambda *arguments: run("logs", *arguments, "--logs", logs)
 
 
 def test_list_has_a_line_for_each_run_the_newest_last(run: Run) -> None:
