@@ -28,6 +28,7 @@ __all__ = [  # hooks
 
 Run = Callable[..., tuple[int, str, str]]
 
+
 # The same examples at every run, however busy the machine is. With 100 examples each, Hypothesis's tests had a fifth of
 # the unit tier's CPU time; .ci/full takes them all.
 settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=40)
@@ -71,3 +72,10 @@ def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> 
         return code, captured.out, captured.err
 
     return run
+
+
+def refusal(run: Run, *arguments: object) -> str:
+    """Run a command that must refuse, and return the one line that it prints instead of anything else."""
+    code, out, err = run(*arguments)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    return err
