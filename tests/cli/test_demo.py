@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import socket
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -149,10 +147,3 @@ def test_foxglove_takes_a_port_or_its_own(
     monkeypatch.setattr("wayfarer.views.foxglove.live.FoxgloveLive", Channels)
     assert cli.run(["run", "--sim", *arguments]) == 0
     assert asked == [port]
-
-
-@pytest.mark.process
-def test_command_line_loads_no_server_until_it_is_asked_for() -> None:
-    code = "import sys, wayfarer.cli; print(*sys.modules)"
-    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    assert {"aiohttp", "asyncio", "orjson", "wayfarer.views.live.server"} & set(loaded) == set()
