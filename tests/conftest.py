@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import socket
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -59,6 +60,13 @@ def reference_results_path() -> Path:
     if not path.is_file():
         pytest.skip(f"the released simulator's results are not at {path}")
     return path
+
+
+@pytest.fixture
+def taken_port() -> Iterator[int]:
+    """A port of this machine at which somebody listens, and never answers."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield server.getsockname()[1]
 
 
 @pytest.fixture

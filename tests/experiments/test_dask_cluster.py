@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import socket
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -119,12 +118,6 @@ def test_version_follows_the_source(dask_cluster: Any, tmp_path: Path, monkeypat
     assert said[0] == said[2] != said[1]
 
 
-@pytest.fixture
-def silent() -> Iterator[str]:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        yield f"127.0.0.1:{server.getsockname()[1]}"
-
-
 NOBODY = {
     "tcp://127.0.0.1:1": "Connection refused",
     "localhost:1": "Connection refused",
@@ -150,7 +143,7 @@ def test_scheduler_that_is_not_there_is_one_line_before_anything_is_made(
 
 
 def test_something_else_that_listens_is_no_scheduler(
-    run: Run, dask_cluster: Any, silent: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    run: Run, dask_cluster: Any, taken_port: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(dask_cluster, "ANSWER_S", 0.2)
-    assert "no answer" in refused(run, silent, tmp_path / "out")
+    assert "no answer" in refused(run, f"127.0.0.1:{taken_port}", tmp_path / "out")
