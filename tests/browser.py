@@ -11,6 +11,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import pytest
@@ -30,6 +31,7 @@ QUIET = (
 )
 PHONE = (390, 844)
 DESKTOP = (1280, 900)
+SIZES = pytest.mark.parametrize("viewport", [DESKTOP, PHONE], ids=["desktop", "phone"])
 
 
 @dataclass
@@ -54,6 +56,14 @@ class OpenPage(Protocol):
 
     def __call__(self, viewport: tuple[int, int] = DESKTOP, *, offline: bool = False) -> Opened:
         """Open a page."""
+
+
+def plotted(browser_page: OpenPage, page: Path, viewport: tuple[int, int] = DESKTOP) -> Opened:
+    """Open a file without a network, and wait until its plots are drawn."""
+    opened = browser_page(viewport, offline=True)
+    opened.page.goto(page.as_uri())
+    opened.page.wait_for_selector("html[data-plotted]", state="attached", timeout=30_000)
+    return opened
 
 
 @pytest.fixture(scope="module")

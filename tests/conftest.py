@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import socket
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -27,6 +28,7 @@ __all__ = [  # hooks
 ]
 
 Run = Callable[..., tuple[int, str, str]]
+
 
 # The same examples at every run, however busy the machine is. With 100 examples each, Hypothesis's tests had a fifth of
 # the unit tier's CPU time; .ci/full takes them all.
@@ -61,6 +63,13 @@ def reference_results_path() -> Path:
 
 
 @pytest.fixture
+def taken_port() -> Iterator[int]:
+    """A port of this machine at which somebody listens, and never answers."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield server.getsockname()[1]
+
+
+@pytest.fixture
 def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
     """Run the command in this process, on a terminal of 160 columns; returns exit code, output and errors."""
     monkeypatch.setenv("COLUMNS", "160")
@@ -71,3 +80,10 @@ def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> 
         return code, captured.out, captured.err
 
     return run
+
+
+def refusal(run: Run, *arguments: object) -> str:
+    """Run a command that must refuse, and return the one line that it prints instead of anything else."""
+    code, out, err = run(*arguments)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    return err

@@ -6,15 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wayfarer.angles import (
-    axis_offset_deg,
-    circular_mean,
-    coordinates_deg,
-    displacement_m,
-    offset_m,
-    wrap180,
-    wrap360,
-)
+from wayfarer.angles import axis_offset_deg, circular_mean, coordinates_deg, displacement_m, offset_m, wrap180, wrap360
 from wayfarer.hal import PositionFix
 
 ANGLES = st.floats(-1e6, 1e6)

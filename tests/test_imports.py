@@ -252,7 +252,10 @@ def test_only_the_demo_gives_a_page_buttons_for_the_clock() -> None:
     ("modules", "kept_out"),
     [
         (["wayfarer"], {"wayfarer.cli", "typer", "rich"}),  # where the console script's entry is
-        (["wayfarer.cli"], {"numpy", "scipy", "pydantic", "asyncio"}),
+        (
+            ["wayfarer.cli"],
+            {"numpy", "scipy", "pydantic", "asyncio", "aiohttp", "orjson", "wayfarer.views.live.server"},
+        ),
         (["wayfarer.experiments.sim_command"], {"numpy", "pyarrow"}),
         (["wayfarer.control.supervisor"], HEAVY),
         (["wayfarer.testing"], HEAVY),

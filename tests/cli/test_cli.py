@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import Run
+from tests.conftest import Run, refusal
 from tests.experiments import fake_trials
 from wayfarer.cli.version import version_text
 from wayfarer.errors import BadReading, MissingPart
@@ -26,13 +26,6 @@ FOREST = {
     "trunk_diameter_m": 0.3, "tree_radius_m": 0.25, "trunks_m": [],
     "trees_m": [[10.0, 10.0]], "shortest_path_m": 37.5,
 }  # fmt: skip
-
-
-@pytest.fixture
-def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
-    """Run the command in this process, on a terminal of 140 columns."""
-    monkeypatch.setenv("COLUMNS", "140")
-    return run
 
 
 # --- what every command promises
@@ -95,8 +88,7 @@ def test_missing_extra_says_how_to_get_it(
     run: Run, monkeypatch: pytest.MonkeyPatch, arguments: list[str], module: str, said: str
 ) -> None:
     monkeypatch.setattr("wayfarer.cli.extras.find_spec", lambda name: None if name == module else object())
-    code, out, err = run(*arguments)
-    assert (code, out, err.count("\n")) == (2, "", 1)
+    err = refusal(run, *arguments)
     assert said in err
     assert err.endswith(" in wayfarer's checkout\n")
 
@@ -159,10 +151,8 @@ def test_folder_that_cannot_be_used_is_found_out_before_any_trial(
     monkeypatch.setattr("wayfarer.experiments.trial.run_trial", lambda *_: pytest.fail("a trial was run"))
     (tmp_path / "file").touch()
     for folder in (tmp_path, tmp_path / "file", tmp_path / "file" / "below", Path("/proc/wayfarer")):
-        code, out, err = run("sim", "--trials", 2, "--jobs", 1, *option, folder)
-        assert (code, out) == (2, "")
-        assert err.startswith(f"wayfarer: {folder} ")
-        assert err.count("\n") == 1
+        said = refusal(run, "sim", "--trials", 2, "--jobs", 1, *option, folder)
+        assert said.startswith(f"wayfarer: {folder} ")
 
 
 # --- campaigns

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import socket
-import subprocess
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from tests.conftest import Run
+from tests.conftest import Run, refusal
 from wayfarer import cli
 from wayfarer.cli import demo
 from wayfarer.daemon.socket.paths import daemon_socket, single_daemon
@@ -31,12 +27,6 @@ def own_place(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER"):
         monkeypatch.delenv(name, raising=False)
-
-
-@pytest.fixture
-def taken() -> Iterator[str]:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        yield str(server.getsockname()[1])
 
 
 @pytest.fixture
@@ -110,10 +100,10 @@ def test_speed_that_cannot_be_is_refused(speed: str, run: Run) -> None:
 
 
 @pytest.mark.parametrize("command", [["demo", "--no-browser"], ["run", "--sim", "--live"]])
-def test_port_in_use_is_refused_before_there_is_a_log(command: list[str], taken: str, tmp_path: Path, run: Run) -> None:
-    code, _, err = run(*command, "--live-port", taken, "--logs", tmp_path / "logs")
-    assert code == 2
-    assert "--live-port" in err
+def test_port_in_use_is_refused_before_there_is_a_log(
+    command: list[str], taken_port: int, tmp_path: Path, run: Run
+) -> None:
+    assert "--live-port" in refusal(run, *command, "--live-port", taken_port, "--logs", tmp_path / "logs")
     assert not (tmp_path / "logs").exists()
 
 
@@ -149,10 +139,3 @@ def test_foxglove_takes_a_port_or_its_own(
     monkeypatch.setattr("wayfarer.views.foxglove.live.FoxgloveLive", Channels)
     assert cli.run(["run", "--sim", *arguments]) == 0
     assert asked == [port]
-
-
-@pytest.mark.process
-def test_command_line_loads_no_server_until_it_is_asked_for() -> None:
-    code = "import sys, wayfarer.cli; print(*sys.modules)"
-    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    assert {"aiohttp", "asyncio", "orjson", "wayfarer.views.live.server"} & set(loaded) == set()

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import Run
+from tests.conftest import Run, refusal
 from tests.fault_scenarios import kinds_page
 from tests.system.hil_setup import wait_for
 from wayfarer import cli
@@ -148,18 +148,11 @@ def test_without_a_package_its_scenarios_are_skipped_and_fail_nothing(tmp_path: 
     ids=lambda value: " ".join(value[:3]) if isinstance(value, list) else "",
 )
 def test_what_nothing_can_be_run_of_says_what_to_install(
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    options: list[str],
-    instead: str,
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: list[str], instead: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert cli.run(options) == 2
-    out, err = capsys.readouterr()
-    assert (out, err.count("\n")) == ("", 1)
     needs = "rover 'minirover' needs cv2 for [parts.motion], which is not installed: pip install '.[camera]'"
-    assert f"{needs} in wayfarer's checkout{instead}" in err
+    assert f"{needs} in wayfarer's checkout{instead}" in refusal(run, *options)
     assert not list(tmp_path.iterdir())
 
 

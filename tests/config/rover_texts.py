@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from wayfarer.config.rover_file import RoverConfig, load_rover
-from wayfarer.errors import BadConfig
+from wayfarer.errors import BadConfig, BadInput
 
 BODY = {"length_m": "0.4", "width_m": "0.4", "track_m": "0.5", "max_speed_m_s": "1.4"}
 
@@ -25,11 +26,19 @@ def load(folder: Path, text: str | bytes) -> RoverConfig:
     return load_rover(str(path))
 
 
-def complaint(folder: Path, text: str | bytes) -> str:
-    """Return what is said of a bad file, without the folder."""
-    with pytest.raises(BadConfig) as caught:
-        load(folder, text)
+def complaint(
+    folder: Path,
+    text: str | bytes,
+    *,
+    name: str = "rover.toml",
+    read: Callable[[Path, str | bytes], object] = load,
+    error: type[BadInput] = BadConfig,
+) -> str:
+    """Return what is said of a bad file, without its name; ``read`` writes the file and reads it."""
+    with pytest.raises(error) as caught:
+        read(folder, text)
     said = str(caught.value)
     assert "\n" not in said, "a complaint is one line"
-    assert said.startswith(f"{folder}/rover.toml: ")
-    return said.removeprefix(f"{folder}/rover.toml: ")
+    assert caught.value.exit_code == 2
+    assert said.startswith(f"{folder}/{name}: ")
+    return said.removeprefix(f"{folder}/{name}: ")

@@ -9,7 +9,7 @@ from typing import ClassVar
 import pytest
 
 from tests.config.rover_texts import complaint, load, rover_toml
-from wayfarer import cli
+from tests.conftest import Run, refusal
 from wayfarer.drivers.buses import Buses
 from wayfarer.drivers.thunderborg import ThunderBorg
 
@@ -118,12 +118,9 @@ def test_parts_that_can_share_a_wire_are_accepted(tmp_path: Path, tables: tuple[
 @pytest.mark.parametrize("command", [["run", "--config"], ["run", "--sim", "--config"], ["check", "--config"],
                                      ["sim", "--depth", "bus", "--rover"], ["faults", "--rover"]])  # fmt: skip
 def test_every_command_refuses_such_a_rover_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, command: list[str]
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: list[str]
 ) -> None:
     monkeypatch.setattr("wayfarer.daemon.daemon.serve", lambda _: pytest.fail("a daemon was started"))
     path = tmp_path / "rover.toml"
     path.write_text(text(COMPASS, SABERTOOTH.format("/dev/i2c-1")), encoding="utf-8")
-    assert cli.run([*command, str(path)]) == 2
-    out, err = capsys.readouterr()
-    assert (out, err.count("\n")) == ("", 1)
-    assert err.startswith(f"wayfarer: {path}: key 'parts.motors.port'")
+    assert refusal(run, *command, path).startswith(f"wayfarer: {path}: key 'parts.motors.port'")

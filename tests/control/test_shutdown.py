@@ -24,11 +24,7 @@ from tests.workshop import (
 from wayfarer.control.shutdown import run_uncancellable
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import NotResponding
-from wayfarer.hal import (
-    STOP,
-    CompassReading,
-    WheelCommand,
-)
+from wayfarer.hal import STOP, CompassReading, WheelCommand
 
 ENDS_WITHIN_S = 2.0  # after a request, a signal or a bug: what systemd and a person may rely on
 

@@ -27,9 +27,7 @@ from wayfarer.control.controller import Mode
 from wayfarer.control.sensors import RETRY_PAUSE_MAX_S, RETRY_PAUSE_S
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import MissingPart, NotArmed, NotResponding, WayfarerError
-from wayfarer.hal import (
-    STOP,
-)
+from wayfarer.hal import STOP
 from wayfarer.safety.mission_limits import RunEnd
 
 # -- a run as it should be ---------------------------------------------------------------------------------------

@@ -27,29 +27,11 @@ from wayfarer.control.status_light import GREEN, OFF, RED, YELLOW
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import NotResponding
 from wayfarer.escape.api import Decision, Observation
-from wayfarer.hal import (
-    STOP,
-    Colour,
-    WheelCommand,
-)
+from wayfarer.hal import STOP, Colour, WheelCommand
 from wayfarer.safety.conditions import Condition
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 # -- the motor board ---------------------------------------------------------------------------------------------
-
-
-def test_board_that_falls_silent_is_told_once_and_the_rover_drives_on(shop: Workshop) -> None:
-    gone = NotResponding("board: no answer")
-    script: Script = {
-        1.1: breaking(shop, "motors.health", gone),
-        4.1: mending(shop),
-        6.1: breaking(shop, "motors.health", gone),
-    }
-    assert drive(shop, script, for_s=8.0).reason == "requested"
-    assert shop.named("board_silent") == [{"error": "board: no answer"}] * 2, "once for each time"
-    causes = [details["cause"] for details in shop.named("health")]
-    assert causes[-3:] == ["board_silent", None, "board_silent"]
-    assert len(shop.times("handler.decide")) == pytest.approx(8.0 * 20, abs=5)
 
 
 def test_board_fault_stops_the_wheels_within_half_a_second(shop: Workshop) -> None:
@@ -134,6 +116,22 @@ def test_troubles_of_a_part_are_noted_when_they_grow_at_most_once_a_second(shop:
     ]
 
 
+@pytest.mark.parametrize(
+    ("call", "event", "causes"),
+    [("motors.health", "board_silent", ["board_silent", None, "board_silent"]), ("light.show", "light_failed", [])],
+)
+def test_board_or_light_that_fails_is_told_once_and_the_rover_drives_on(
+    shop: Workshop, call: str, event: str, causes: list[str | None]
+) -> None:
+    fails = breaking(shop, call, NotResponding("no answer"))
+    script: Script = {1.1: fails, 4.1: mending(shop), 6.1: fails}
+    assert drive(shop, script, for_s=8.0, light=Light(shop, "light")).reason == "requested"
+    assert shop.named(event) == [{"error": "no answer"}] * 2, "once for each time"
+    assert [details["cause"] for details in shop.named("health")] == causes
+    assert len(shop.times("handler.decide")) == pytest.approx(8.0 * 20, abs=5)
+    assert shown(shop, 4.3, 6.0) == {GREEN}, "it is tried again"
+
+
 def test_board_that_hangs_stops_neither_the_ticks_nor_the_end(shop: Workshop) -> None:
     shop.silent.add("motors.health")
     assert drive(shop, for_s=2.0).reason == "requested"
@@ -154,19 +152,6 @@ def test_light_shows_arming_driving_and_fault(shop: Workshop) -> None:
     assert shown(shop, 0.1, 1.9) == {YELLOW, OFF}
     assert shown(shop, 2.2, 4.0) == {GREEN}
     assert shown(shop, 4.3, 6.0) == {RED, OFF}
-
-
-def test_light_that_fails_stops_nothing_and_is_told_once(shop: Workshop) -> None:
-    gone = NotResponding("light: no answer")
-    script: Script = {
-        1.1: breaking(shop, "light.show", gone),
-        3.1: mending(shop),
-        5.1: breaking(shop, "light.show", gone),
-    }
-    assert drive(shop, script, for_s=6.0, light=Light(shop, "light")).reason == "requested"
-    assert shop.named("light_failed") == [{"error": "light: no answer"}] * 2, "once for each time"
-    assert len(shop.times("handler.decide")) == pytest.approx(6.0 * 20, abs=5)
-    assert shown(shop, 3.3, 5.0) == {GREEN}, "it is tried again"
 
 
 def test_light_that_hangs_stops_nothing(shop: Workshop) -> None:
@@ -204,17 +189,15 @@ def test_run_is_not_fresh_while_a_tick_hangs(shop: Workshop) -> None:
 
 
 @pytest.mark.parametrize("sensor", ["compass", "motion", "contact"])
-def test_run_is_not_fresh_while_a_sensor_that_it_needs_is_silent(shop: Workshop, sensor: str) -> None:
-    script = {1.01: lambda _: shop.silent.add(f"{sensor}.read")}
+def test_run_is_fresh_only_while_a_sensor_that_it_needs_neither_fails_nor_hangs(shop: Workshop, sensor: str) -> None:
+    read = f"{sensor}.read"
+    script = {
+        1.01: breaking(shop, read, NotResponding("gone")),
+        3.01: mending(shop),
+        6.01: lambda _: shop.silent.add(read),
+    }
     rover = {"algorithm": "cv-pledge", "contact": Contact(shop, "contact")}
-    assert freshness(shop, script, (0.9, 2.0, 5.0), **rover) == [True, False, False]
-
-
-@pytest.mark.parametrize("sensor", ["compass", "motion", "contact"])
-def test_run_is_fresh_again_when_the_sensor_is_back(shop: Workshop, sensor: str) -> None:
-    script = {1.01: breaking(shop, f"{sensor}.read", NotResponding("gone")), 3.01: mending(shop)}
-    rover = {"algorithm": "cv-pledge", "contact": Contact(shop, "contact")}
-    assert freshness(shop, script, (0.9, 2.0, 5.5), **rover) == [True, False, True]
+    assert freshness(shop, script, (0.9, 2.0, 5.5, 7.0, 10.0), **rover) == [True, False, True, False, False]
 
 
 def test_run_is_fresh_without_a_position_a_light_or_a_battery(shop: Workshop) -> None:

@@ -7,15 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.daemon.left_turning import (
-    BUSES,
-    SABERTOOTH,
-    STILL,
-    THUNDERBORG,
-    StuckThunderBorg,
-    bench,
-    stop,
-)
+from tests.daemon.left_turning import BUSES, SABERTOOTH, STILL, THUNDERBORG, StuckThunderBorg, bench, stop
 from wayfarer.config.rover_path import SHIPPED
 from wayfarer.daemon.stop_motors import stop_motors
 from wayfarer.drivers.gpio import GpioPart

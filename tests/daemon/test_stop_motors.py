@@ -12,14 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.daemon.left_turning import (
-    BUSES,
-    SABERTOOTH,
-    STILL,
-    THUNDERBORG,
-    bench,
-    stop,
-)
+from tests.daemon.left_turning import BUSES, SABERTOOTH, STILL, THUNDERBORG, bench, stop
 from tests.daemon.socket.fake_daemon import FakeDaemon, serve
 from wayfarer import cli
 from wayfarer.config.registry import find_driver

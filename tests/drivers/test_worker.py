@@ -42,6 +42,17 @@ class Bus:
     async def is_hanging(self) -> None:
         assert await asyncio.to_thread(self.hangs.wait, LONG_S)
 
+    async def hanging_call(self, deadline_s: float | None = None) -> asyncio.Task[None]:
+        """A call that hangs by now."""
+        call = asyncio.create_task(self.worker.call(self.hang, deadline_s))
+        await self.is_hanging()
+        return call
+
+    async def hang_too_long(self) -> None:
+        """Hang past the deadline of the call."""
+        with pytest.raises(NotResponding):
+            await self.worker.call(self.hang)
+
     async def is_back(self) -> None:
         """Free what hangs, and wait until the thread takes calls again."""
         self.freed.set()
@@ -109,8 +120,7 @@ async def test_job_that_hangs_raises_at_its_deadline(bus: Bus) -> None:
 
 async def test_loop_ticks_on_while_a_job_hangs(bus: Bus) -> None:
     ticks = 0
-    hanging = asyncio.create_task(bus.worker.call(bus.hang, LONG_S))
-    await bus.is_hanging()
+    hanging = await bus.hanging_call(LONG_S)
     for _ in range(20):
         await asyncio.sleep(0.001)
         ticks += not hanging.done()
@@ -120,8 +130,7 @@ async def test_loop_ticks_on_while_a_job_hangs(bus: Bus) -> None:
 
 
 async def test_what_was_queued_behind_a_job_that_hangs_fails_and_is_never_done(bus: Bus) -> None:
-    hanging = asyncio.create_task(bus.worker.call(bus.hang))
-    await bus.is_hanging()
+    hanging = await bus.hanging_call()
     queued = [asyncio.create_task(bus.worker.call(bus.job("old"), LONG_S)) for _ in range(3)]
     with pytest.raises(NotResponding):
         await hanging
@@ -133,8 +142,7 @@ async def test_what_was_queued_behind_a_job_that_hangs_fails_and_is_never_done(b
 
 
 async def test_call_during_a_hang_is_refused_at_once(bus: Bus) -> None:
-    with pytest.raises(NotResponding):
-        await bus.worker.call(bus.hang)
+    await bus.hang_too_long()
     assert await refused_at_once(bus)
     await bus.is_back()
     assert await bus.worker.call(bus.job("after")) == "after"
@@ -145,11 +153,11 @@ async def test_call_during_a_hang_is_refused_at_once(bus: Bus) -> None:
 async def test_call_behind_a_stop_or_an_abandoned_call_that_hangs_waits_once_and_then_is_refused_at_once(
     bus: Bus, posted: bool
 ) -> None:
-    abandoned = None if posted else asyncio.create_task(bus.worker.call(bus.hang, LONG_S))
-    if abandoned is None:
+    if posted:
         bus.worker.post(bus.hang)
-    await bus.is_hanging()
-    if abandoned is not None:
+        await bus.is_hanging()
+    else:
+        abandoned = await bus.hanging_call(LONG_S)
         abandoned.cancel()
         with pytest.raises(asyncio.CancelledError):
             await abandoned
@@ -161,8 +169,7 @@ async def test_call_behind_a_stop_or_an_abandoned_call_that_hangs_waits_once_and
 
 
 async def test_call_that_is_cancelled_before_it_began_is_never_done(bus: Bus) -> None:
-    hanging = asyncio.create_task(bus.worker.call(bus.hang, LONG_S))
-    await bus.is_hanging()
+    hanging = await bus.hanging_call(LONG_S)
     queued = asyncio.create_task(bus.worker.call(bus.job("cancelled"), LONG_S))
     await asyncio.sleep(0)
     queued.cancel()
@@ -175,8 +182,7 @@ async def test_call_that_is_cancelled_before_it_began_is_never_done(bus: Bus) ->
 
 
 async def test_posted_stops_survive_a_hang_and_go_first(bus: Bus) -> None:
-    hanging = asyncio.create_task(bus.worker.call(bus.hang, LONG_S))
-    await bus.is_hanging()
+    hanging = await bus.hanging_call(LONG_S)
     queued = asyncio.create_task(bus.worker.call(bus.job("drive"), LONG_S))
     await asyncio.sleep(0)
     bus.worker.post(bus.job("stop"))
@@ -187,8 +193,7 @@ async def test_posted_stops_survive_a_hang_and_go_first(bus: Bus) -> None:
 
 
 async def test_stop_posted_while_calls_are_refused_is_done_when_the_bus_is_back(bus: Bus) -> None:
-    with pytest.raises(NotResponding):
-        await bus.worker.call(bus.hang)
+    await bus.hang_too_long()
     bus.worker.post(bus.job("stop"))
     assert await refused_at_once(bus)
     await bus.is_back()
@@ -222,8 +227,7 @@ async def test_close_does_what_was_posted_and_then_the_last_thing(bus: Bus) -> N
 
 
 async def test_close_does_not_wait_for_a_job_that_hangs(bus: Bus) -> None:
-    with pytest.raises(NotResponding):
-        await bus.worker.call(bus.hang)
+    await bus.hang_too_long()
     bus.worker.post(bus.job("stop"))
     async with asyncio.timeout(LONG_S / 2):
         await bus.worker.close(bus.job("release"))
@@ -234,8 +238,7 @@ async def test_close_does_not_wait_for_a_job_that_hangs(bus: Bus) -> None:
 
 
 async def test_close_waits_as_long_as_it_is_told_for_a_posted_stop(bus: Bus) -> None:
-    with pytest.raises(NotResponding):
-        await bus.worker.call(bus.hang)
+    await bus.hang_too_long()
     bus.worker.post(bus.job("stop"))
     asyncio.get_running_loop().call_later(2 * CLOSE_WAIT_S, bus.freed.set)
     await bus.worker.close(bus.job("release"), LONG_S)

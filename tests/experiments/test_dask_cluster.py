@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import socket
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,10 +10,10 @@ from typing import Any
 
 import pytest
 
+from tests.conftest import Run, refusal
 from tests.experiments.dask_processes import STRANGER, UP_S, DaskProcesses, eventually, kill
 from tests.experiments.fake_trials import MANY, campaign_of, started
 from tests.experiments.test_run_campaign import lines_in, run_into
-from wayfarer import cli
 from wayfarer.errors import BadInput
 from wayfarer.experiments.results_folder import PARTIAL, TRIALS
 
@@ -119,12 +118,6 @@ def test_version_follows_the_source(dask_cluster: Any, tmp_path: Path, monkeypat
     assert said[0] == said[2] != said[1]
 
 
-@pytest.fixture
-def silent() -> Iterator[str]:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        yield f"127.0.0.1:{server.getsockname()[1]}"
-
-
 NOBODY = {
     "tcp://127.0.0.1:1": "Connection refused",
     "localhost:1": "Connection refused",
@@ -135,10 +128,8 @@ NOBODY = {
 }
 
 
-def refused(address: str, out: Path, capsys: pytest.CaptureFixture[str]) -> str:
-    code = cli.run(["sim", "--trials", "1", "--out", str(out), "--cluster", address])
-    said, err = capsys.readouterr()
-    assert (code, said, err.count("\n")) == (2, "", 1)
+def refused(run: Run, address: str, out: Path) -> str:
+    err = refusal(run, "sim", "--trials", 1, "--out", out, "--cluster", address)
     assert err.startswith(f"wayfarer: no Dask scheduler at '{address}': ")
     assert not out.exists()
     return err
@@ -146,17 +137,13 @@ def refused(address: str, out: Path, capsys: pytest.CaptureFixture[str]) -> str:
 
 @pytest.mark.parametrize(("address", "why"), NOBODY.items())
 def test_scheduler_that_is_not_there_is_one_line_before_anything_is_made(
-    address: str, why: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    run: Run, address: str, why: str, tmp_path: Path
 ) -> None:
-    assert why in refused(address, tmp_path / "out", capsys)
+    assert why in refused(run, address, tmp_path / "out")
 
 
 def test_something_else_that_listens_is_no_scheduler(
-    dask_cluster: Any,
-    silent: str,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    run: Run, dask_cluster: Any, taken_port: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(dask_cluster, "ANSWER_S", 0.2)
-    assert "no answer" in refused(silent, tmp_path / "out", capsys)
+    assert "no answer" in refused(run, f"127.0.0.1:{taken_port}", tmp_path / "out")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from math import inf
 from pathlib import Path
 
 import pytest
 
+from tests.config import rover_texts
 from wayfarer.errors import BadInput
 from wayfarer.fault_scenarios.scenario import Command, Expectation, ResponseLevel, Scenario
 from wayfarer.fault_scenarios.scenario_file import FILE_BYTES, read_scenarios
@@ -57,15 +59,7 @@ def read(folder: Path, text: str | bytes) -> tuple[Scenario, ...]:
     return read_scenarios(path)
 
 
-def complaint(folder: Path, text: str | bytes) -> str:
-    """What is said of a bad file, without its name."""
-    with pytest.raises(BadInput) as caught:
-        read(folder, text)
-    said = str(caught.value)
-    assert "\n" not in said
-    assert caught.value.exit_code == 2
-    assert said.startswith(f"{folder}/faults.toml: ")
-    return said.removeprefix(f"{folder}/faults.toml: ")
+complaint = partial(rover_texts.complaint, name="faults.toml", read=read, error=BadInput)
 
 
 def test_scenario_is_read_with_all_that_it_says(tmp_path: Path) -> None:

@@ -9,14 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, numbered, outcome, tick, write
+from tests.views.text.records import BEGAN_WALL_S, HEADER, RUN, drive, event, numbered, outcome, tick, write
 from wayfarer.fieldlog import last_run
 from wayfarer.fieldlog.folders import FILE_NAME, new_run_folder
 from wayfarer.fieldlog.last_run import TAIL_BYTES, UnfinishedRun, unfinished_run
 from wayfarer.fieldlog.reader import parse
 from wayfarer.fieldlog.schema import Record
 
-RUN = "00017-20261121T061405Z"
 STANDING: dict[str, Any] = {"phase": "halt", "why": "halt"}
 
 

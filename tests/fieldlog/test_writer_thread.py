@@ -17,7 +17,7 @@ from wayfarer.fieldlog import writer_thread
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.fieldlog.reader import read_header
 from wayfarer.fieldlog.writer import RunFiles
-from wayfarer.fieldlog.writer_thread import URGENT_BYTES, WriterThread
+from wayfarer.fieldlog.writer_thread import QUEUE_BYTES, URGENT_BYTES, WriterThread
 
 PATIENCE_S = 20.0
 
@@ -67,6 +67,15 @@ def stalled(tmp_path: Path, told: list[str]) -> Iterator[StallingFiles]:
     files = StallingFiles(tmp_path / "run", told.append)
     yield files
     files.wakes()
+
+
+def begun(stalled: StallingFiles, queue_bytes: int = QUEUE_BYTES) -> WriterThread:
+    """A log whose thread waits for the disk with its first line."""
+    log = WriterThread(stalled, queue_bytes)
+    log.open(header)
+    log.urgent(event(1))
+    assert stalled.asked.acquire(timeout=PATIENCE_S)
+    return log
 
 
 def test_lines_arrive_in_order_from_any_thread_and_closing_waits_for_them(tmp_path: Path) -> None:
@@ -133,10 +142,7 @@ def test_log_that_cannot_begin_is_bad_input_at_once(tmp_path: Path) -> None:
 
 
 def test_disk_that_stalls_holds_up_no_caller_and_costs_no_line(stalled: StallingFiles, told: list[str]) -> None:
-    log = WriterThread(stalled)
-    log.open(header)
-    log.urgent(event(1))
-    assert stalled.asked.acquire(timeout=PATIENCE_S)
+    log = begun(stalled)
     write(log, range(2, 3001))  # would never return if it waited
     log.urgent(event(3001))
     assert numbers(stalled.folder) == []
@@ -149,10 +155,7 @@ def test_disk_that_stalls_holds_up_no_caller_and_costs_no_line(stalled: Stalling
 def test_full_queue_keeps_urgent_lines_and_the_log_says_what_is_missing_and_where(
     stalled: StallingFiles, told: list[str]
 ) -> None:
-    log = WriterThread(stalled, queue_bytes=20 * len(tick(10)))
-    log.open(header)
-    log.urgent(event(1))
-    assert stalled.asked.acquire(timeout=PATIENCE_S)
+    log = begun(stalled, 20 * len(tick(10)))
     write(log, range(2, 101))
     for number in (101, 102):
         log.urgent(event(number))
@@ -169,10 +172,7 @@ def test_full_queue_keeps_urgent_lines_and_the_log_says_what_is_missing_and_wher
 def test_queue_that_stays_full_is_told_once_though_the_disk_answers_now_and_then(
     stalled: StallingFiles, told: list[str]
 ) -> None:
-    log = WriterThread(stalled, queue_bytes=20 * len(tick(10)))
-    log.open(header)
-    log.urgent(event(1))
-    assert stalled.asked.acquire(timeout=PATIENCE_S)
+    log = begun(stalled, 20 * len(tick(10)))
     write(log, range(2, 101))
     log.urgent(event(101))
     stalled.answers.release(2)  # for the first line, and for the end of its batch

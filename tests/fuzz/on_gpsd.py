@@ -85,9 +85,4 @@ def _checked(fix: PositionFix | None) -> PositionFix | None:
     return fix
 
 
-GPSD = Target(
-    "gpsd",
-    ["wayfarer.drivers.gpsd"],
-    _conversations,
-    _called,
-)
+GPSD = Target("gpsd", ["wayfarer.drivers.gpsd"], _conversations, _called)

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from tests.fuzz.damage import as_json, bytes_of, json_of
 from tests.fuzz.on_files import MEMORY, check_finite
 from tests.fuzz.target import Case, Target, Try, reading
-from tests.views.text.records import SAMPLE_LOGS, event, narrated, numbered, record
+from tests.views.text.records import RUN, SAMPLE_LOGS, event, narrated, numbered, record
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.replay import replay
@@ -31,7 +31,6 @@ from wayfarer.views.text.summary_text import summary_text
 from wayfarer.views.text.tail import RunTail
 from wayfarer.views.text.verdict import check_log
 
-RUN = "00017-20261121T061405Z"
 (SAMPLE,) = SAMPLE_LOGS.glob("00001-*")
 WHOLE = [orjson.loads(line) for line in (SAMPLE / "run.jsonl").read_bytes().splitlines()]
 DRIVEN = next(count for count, each in enumerate(WHOLE) if each.get("phase") == "back_off")

@@ -72,15 +72,9 @@ def test_anomaly_that_never_clears_ends_within_the_bound(grip: float | None) -> 
     assert drive.go(AHEAD, SETTINGS.anomalies_max * SETTINGS.anomaly_every_s + TICK_S, anomalous=True)
 
 
-def test_body_that_never_moves_is_given_up_though_its_anomaly_clears_each_time() -> None:
-    drive = Drive(grip=0.0)
-    assert drive.caught(100)
-    assert drive.t_s <= SETTINGS.give_up_s + 2.0
-
-
-@pytest.mark.parametrize("garbage_m", [0.03, 0.1, float("nan"), float("inf"), None])
-def test_body_that_never_moves_is_given_up_under_garbage_twice_a_second(garbage_m: float | None) -> None:
-    """Numbers of any size, or a reading that was rejected (None): each push of 0.4 s has one at most."""
+@pytest.mark.parametrize("garbage_m", [0.0, 0.03, 0.1, float("nan"), float("inf"), None])
+def test_body_that_never_moves_is_given_up_though_its_anomaly_clears_each_time(garbage_m: float | None) -> None:
+    """Garbage twice a second, so each push of 0.4 s has one at most: none (0.0), of any size, or rejected (None)."""
     drive = Drive(grip=0.0)
     drive.garbage = MotionReading(0.0, garbage_m or 0.0, 0.0, 0.0 if garbage_m is None else 0.8)
     assert drive.caught(100)

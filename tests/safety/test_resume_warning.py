@@ -66,14 +66,6 @@ def test_hold_of_the_rover_during_that_of_a_person_warns_once_the_person_lets_it
     assert rover.warns_for_s() == pytest.approx(WARNING_S, abs=TICK_S)
 
 
-def test_hold_that_comes_again_while_it_warns_begins_the_warning_again() -> None:
-    rover = Rover()
-    rover.ticks(2.0, SILENT)
-    rover.ticks(WARNING_S / 2)
-    rover.ticks(2.0, SILENT)
-    assert rover.warns_for_s() == pytest.approx(WARNING_S, abs=TICK_S)
-
-
 def test_plug_that_makes_contact_now_and_then_is_one_long_hold() -> None:
     rover = Rover()
     warned = False
@@ -82,7 +74,7 @@ def test_plug_that_makes_contact_now_and_then_is_one_long_hold() -> None:
         warned = any(rover.ticks(0.125)) or warned
     assert warned
     rover.ticks(0.9, SILENT)
-    assert rover.warns_for_s() == pytest.approx(WARNING_S, abs=TICK_S)
+    assert rover.warns_for_s() == pytest.approx(WARNING_S, abs=TICK_S), "it begins again"
 
 
 def test_short_holds_of_a_rover_that_drives_between_them_are_no_long_one() -> None:

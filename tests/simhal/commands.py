@@ -1,4 +1,4 @@
-"""A command that must succeed, or must refuse in one line, and what a report says of a campaign."""
+"""A command that must succeed, and what a report says of a campaign."""
 
 from __future__ import annotations
 
@@ -11,13 +11,6 @@ def succeed(run: Run, *arguments: object) -> str:
     code, out, err = run(*arguments)
     assert code == 0, err
     return out
-
-
-def refusal(run: Run, *arguments: object) -> str:
-    """Return the one line that it prints instead of anything else."""
-    code, out, err = run(*arguments)
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    return err
 
 
 def facts_of(results: CampaignResults) -> dict[str, str]:

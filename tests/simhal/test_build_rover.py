@@ -20,23 +20,15 @@ from wayfarer.drivers.thunderborg import ThunderBorg
 from wayfarer.errors import BadConfig, NotResponding
 from wayfarer.experiments.trial import run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
-from wayfarer.hal import (
-    STOP,
-    ContactSensor,
-    MotionSensor,
-    PositionReceiver,
-    Rover,
-    WheelCommand,
-)
+from wayfarer.hal import STOP, ContactSensor, MotionSensor, PositionReceiver, Rover, WheelCommand
 from wayfarer.simhal.build_rover import Depth, build
 from wayfarer.simhal.parts import SimCompass, SimFlow, SimMotors
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.forest import CLEARING, Forest, Trunk
+from wayfarer.simhal.world.forest import CLEARING, Forest
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
 
-FENCED = replace(CLEARING, trunks=(Trunk(20.0, 15.0, 30.0, 16.0, "across"),))
 AHEAD = WheelCommand(0.5, 0.5)
 
 

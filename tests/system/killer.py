@@ -17,13 +17,7 @@ from pathlib import Path
 from random import Random
 
 from tests.system.hil_setup import Site, wait_for
-from tests.system.log_recovery import (
-    ReadBack,
-    all_folders,
-    cut_off,
-    numbered_twice,
-    read_back,
-)
+from tests.system.log_recovery import ReadBack, all_folders, cut_off, numbered_twice, read_back
 from tests.system.wheel_history import Commands, told_to_turn
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.writer_thread import WRITE_S, WRITES_A_SYNC

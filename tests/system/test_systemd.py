@@ -67,26 +67,21 @@ def test_arms_by_command(report: Report) -> None:
     assert step(report, "arm")["mode"] == "armed"
 
 
-def test_killed_daemon_comes_back_disarmed(report: Report) -> None:
-    seen = step(report, "kill")
-    assert seen["down"]["Result"] == "signal"
+@pytest.mark.parametrize(
+    ("name", "result", "restarts"),
+    [("kill", "signal", "1"), ("suspend", "watchdog", "2"), ("exception", "exit-code", "1")],
+)
+def test_daemon_that_is_killed_suspended_or_fails_comes_back_disarmed(
+    report: Report, name: str, result: str, restarts: str
+) -> None:
+    seen = step(report, name)
+    assert seen["down"]["Result"] == result
     assert seen["stops_sent"] == 1, "by ExecStopPost=, before the restart"
-    assert (seen["up"]["NRestarts"], seen["mode"]) == ("1", "disarmed")
+    assert (seen["up"]["NRestarts"], seen["mode"]) == (restarts, "disarmed")
 
 
-def test_suspended_daemon_is_noticed_by_the_watchdog_and_comes_back_disarmed(report: Report) -> None:
-    seen = step(report, "suspend")
-    assert seen["down"]["Result"] == "watchdog"
-    assert seen["stops_sent"] == 1, "by ExecStopPost=, before the restart"
-    assert (seen["up"]["NRestarts"], seen["mode"]) == ("2", "disarmed")
-    assert seen["took_s"] < 20  # 10 s watchdog, 2 s to abort, 2 s pause, and the start
-
-
-def test_daemon_that_fails_comes_back_disarmed(report: Report) -> None:
-    seen = step(report, "exception")
-    assert seen["down"]["Result"] == "exit-code"
-    assert seen["stops_sent"] == 1, "by ExecStopPost=, before the restart"
-    assert (seen["up"]["NRestarts"], seen["mode"]) == ("1", "disarmed")
+def test_suspended_daemon_is_noticed_by_the_watchdog(report: Report) -> None:
+    assert step(report, "suspend")["took_s"] < 20  # 10 s watchdog, 2 s to abort, 2 s pause, and the start
 
 
 def test_stop_stops_the_wheels_at_once_and_ends_the_log(report: Report) -> None:

@@ -14,7 +14,7 @@ import orjson
 import pytest
 
 from tests.views.foxglove.readers import read
-from tests.views.text.records import SAMPLE_LOGS, numbered
+from tests.views.text.records import RUN, SAMPLE_LOGS, numbered
 from wayfarer import cli
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.schema import Record
@@ -23,7 +23,6 @@ from wayfarer.views.live.page_model import PageModel
 from wayfarer.views.run_report.load_run import read_run
 from wayfarer.views.text.run_summariser import summarise
 
-RUN = "00017-20261121T061405Z"
 (SAMPLE,) = SAMPLE_LOGS.glob("00001-*")
 HEADER, *DRIVEN = [record for record in RunReader(SAMPLE) if record["record"] != "truth"]
 END_S = DRIVEN[220]["t_s"]  # after two episodes

@@ -10,28 +10,20 @@ from typing import Any
 
 import pytest
 
-from tests.browser import DESKTOP, PHONE, Opened, OpenPage
+from tests.browser import PHONE, SIZES, Opened, OpenPage, plotted
 from tests.experiments.report.campaigns import ALGORITHMS
 from wayfarer.experiments.report.campaign import write_report
 from wayfarer.experiments.results_folder import TRIALS
 
 GALLERY = 3
-SIZES = pytest.mark.parametrize("viewport", [DESKTOP, PHONE], ids=["desktop", "phone"])
 MODEL = "[...Bokeh.documents[0]._all_models.values()].find((model) => model.name === {name!r})"
 
 
 @pytest.fixture(scope="module")
-def report(finished: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
+def report(finished: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Where the page is; written before the browser comes, because no trial can be run beside its event loop."""
     out = tmp_path_factory.mktemp("browsed") / "page.html"
-    return write_report(finished, out, gallery=GALLERY, jobs=1).as_uri()
-
-
-def shown(browser_page: OpenPage, report: str, viewport: tuple[int, int] = DESKTOP) -> Opened:
-    opened = browser_page(viewport, offline=True)
-    opened.page.goto(report)
-    opened.page.wait_for_selector("html[data-plotted]", state="attached", timeout=30_000)
-    return opened
+    return write_report(finished, out, gallery=GALLERY, jobs=1)
 
 
 def asked(opened: Opened, name: str, what: str) -> Any:
@@ -65,9 +57,9 @@ def told(opened: Opened, plot: str, x: float, y: float) -> str:
 
 @SIZES
 def test_page_shows_table_and_figures_and_does_not_overflow(
-    report: str, browser_page: OpenPage, viewport: tuple[int, int]
+    report: Path, browser_page: OpenPage, viewport: tuple[int, int]
 ) -> None:
-    opened = shown(browser_page, report, viewport)
+    opened = plotted(browser_page, report, viewport)
     assert opened.page.title() == "3 algorithms in 3 simulated forest trials each"
     assert opened.page.locator("tbody tr.ours").count() == 3
     plots = opened.page.locator("figure .plot")
@@ -84,8 +76,8 @@ def test_page_shows_table_and_figures_and_does_not_overflow(
     assert opened.trouble == []
 
 
-def test_tables_fit_a_phone_and_every_value_has_its_title(report: str, browser_page: OpenPage) -> None:
-    page = shown(browser_page, report, PHONE).page
+def test_tables_fit_a_phone_and_every_value_has_its_title(report: Path, browser_page: OpenPage) -> None:
+    page = plotted(browser_page, report, PHONE).page
     too_wide = "[...document.querySelectorAll('div.table')].filter((each) => each.scrollWidth > each.clientWidth)"
     assert page.evaluate(f"{too_wide}.length") == 0
     cell = page.locator("tr.ours td[data-column^='success %']").first
@@ -93,13 +85,13 @@ def test_tables_fit_a_phone_and_every_value_has_its_title(report: str, browser_p
 
 
 def test_pointer_curves_table_and_csv_tell_the_same_numbers(
-    report: str, finished: Path, browser_page: OpenPage
+    report: Path, finished: Path, browser_page: OpenPage
 ) -> None:
     with (finished / TRIALS).open(encoding="utf-8") as lines:
         rows = [row for row in csv.DictReader(lines) if row["algorithm"] == "forest-pledge"]
     paths_m = [float(row["path_m"]) for row in rows if row["outcome"] in ("escaped", "left_bounds")]
     assert len(paths_m) > 1
-    opened = shown(browser_page, report)
+    opened = plotted(browser_page, report)
     mean = f"{statistics.fmean(paths_m):.1f} ± {statistics.stdev(paths_m):.1f}"
     line = opened.page.locator("tbody tr.ours", has_text="forest-pledge").inner_text()
     assert mean in line
@@ -116,8 +108,8 @@ def test_pointer_curves_table_and_csv_tell_the_same_numbers(
     assert f"{percent:.1f} %" in said
 
 
-def test_drag_zooms_and_the_escapes_are_zoomed_together(report: str, browser_page: OpenPage) -> None:
-    opened = shown(browser_page, report)
+def test_drag_zooms_and_the_escapes_are_zoomed_together(report: Path, browser_page: OpenPage) -> None:
+    opened = plotted(browser_page, report)
     first, other = "escape, Pledge-inspired", "escape, Stochastic"
     low, high = (asked(opened, first, f"x_range.{end}") for end in ("start", "end"))
     middle = (low * high) ** 0.5
@@ -131,8 +123,8 @@ def test_drag_zooms_and_the_escapes_are_zoomed_together(report: str, browser_pag
     assert asked(opened, other, "y_range.end") == pytest.approx(80, abs=3)
 
 
-def test_click_on_a_name_hides_its_curve(report: str, browser_page: OpenPage) -> None:
-    opened = shown(browser_page, report)
+def test_click_on_a_name_hides_its_curve(report: Path, browser_page: OpenPage) -> None:
+    opened = plotted(browser_page, report)
     assert asked(opened, "levy-walk", "visible") is True
     pixel(opened, "escape, Stochastic", 50, 50)
     opened.page.locator(".bk-Legend .bk-item", has_text="levy-walk").first.click()
@@ -140,8 +132,8 @@ def test_click_on_a_name_hides_its_curve(report: str, browser_page: OpenPage) ->
 
 
 @SIZES
-def test_worst_trials_are_clicked_through(report: str, browser_page: OpenPage, viewport: tuple[int, int]) -> None:
-    opened = shown(browser_page, report, viewport)
+def test_worst_trials_are_clicked_through(report: Path, browser_page: OpenPage, viewport: tuple[int, int]) -> None:
+    opened = plotted(browser_page, report, viewport)
     page = opened.page
     links, texts = page.locator(".trials nav a"), page.locator(".trials article")
     assert links.count() == texts.count() == GALLERY
@@ -163,8 +155,8 @@ def test_worst_trials_are_clicked_through(report: str, browser_page: OpenPage, v
     assert opened.overflow_px() == 0
 
 
-def test_close_up_shows_the_ground_that_the_rover_kept_to(report: str, browser_page: OpenPage) -> None:
-    opened = shown(browser_page, report)
+def test_close_up_shows_the_ground_that_the_rover_kept_to(report: Path, browser_page: OpenPage) -> None:
+    opened = plotted(browser_page, report)
     close = opened.page.get_by_role("button", name="where it was entrapped")
     assert close.is_enabled(), "the first one is entrapped"
     before = asked(opened, "trials", "x_range.end") - asked(opened, "trials", "x_range.start")
@@ -177,8 +169,8 @@ def test_close_up_shows_the_ground_that_the_rover_kept_to(report: str, browser_p
     assert asked(opened, "trials", "x_range.end") - asked(opened, "trials", "x_range.start") == pytest.approx(before)
 
 
-def test_figure_is_saved_as_svg(report: str, browser_page: OpenPage) -> None:
-    opened = shown(browser_page, report)
+def test_figure_is_saved_as_svg(report: Path, browser_page: OpenPage) -> None:
+    opened = plotted(browser_page, report)
     pixel(opened, "paths", 50, 1)
     with opened.page.expect_download() as download:
         opened.page.locator(".plot").first.locator(".bk-tool-icon-save").click()

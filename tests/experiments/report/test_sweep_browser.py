@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.browser import DESKTOP, PHONE, OpenPage
+from tests.browser import SIZES, OpenPage, plotted
 from tests.experiments import fake_trials
 from wayfarer.experiments.report.sweep import write_sweep_report
 from wayfarer.experiments.sweep.axes import Axis
@@ -17,7 +17,7 @@ ANGLES, SLIPS = Axis("escape.turn_angle_deg", (10, 30, 50)), Axis("slip_mean_m",
 
 
 @pytest.fixture(scope="module")
-def reports(tmp_path_factory: pytest.TempPathFactory) -> dict[int, str]:
+def reports(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
     """Where the pages of a sweep over one key and over two are."""
     written = {}
     for axes in ((ANGLES,), (ANGLES, SLIPS)):
@@ -25,19 +25,17 @@ def reports(tmp_path_factory: pytest.TempPathFactory) -> dict[int, str]:
         run_all(
             make_sweep(fake_trials.campaign_of(6, "pledge", "levy-walk"), axes), folder, run_trial=fake_trials.quick
         )
-        written[len(axes)] = write_sweep_report(folder).as_uri()
+        written[len(axes)] = write_sweep_report(folder)
     return written
 
 
 @pytest.mark.parametrize("keys", [1, 2])
-@pytest.mark.parametrize("viewport", [DESKTOP, PHONE], ids=["desktop", "phone"])
+@SIZES
 def test_page_draws_its_figures_and_tells_their_values(
-    reports: dict[int, str], browser_page: OpenPage, viewport: tuple[int, int], keys: int
+    reports: dict[int, Path], browser_page: OpenPage, viewport: tuple[int, int], keys: int
 ) -> None:
-    opened = browser_page(viewport, offline=True)
+    opened = plotted(browser_page, reports[keys], viewport)
     page = opened.page
-    page.goto(reports[keys])
-    page.wait_for_selector("html[data-plotted]", state="attached", timeout=30_000)
     assert page.locator("figure .plot").count() == 3 * keys  # no SPL without shortest paths; two algorithms
     assert opened.overflow_px() == 0
     assert opened.trouble == []

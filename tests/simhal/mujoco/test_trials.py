@@ -14,9 +14,9 @@ from statistics import fmean
 import pytest
 from pyarrow import parquet
 
-from tests.conftest import Run
+from tests.conftest import Run, refusal
 from tests.experiments import fake_trials
-from tests.simhal.commands import facts_of, refusal, succeed
+from tests.simhal.commands import facts_of, succeed
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Campaign, Task

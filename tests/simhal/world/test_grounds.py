@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import Run
-from tests.simhal.commands import facts_of, refusal, succeed
+from tests.conftest import Run, refusal
+from tests.simhal.commands import facts_of, succeed
 from wayfarer.experiments.report.load_results import read_results
 from wayfarer.simhal.world.grounds import GroundName
 

@@ -203,13 +203,12 @@ async def test_server_ends_with_the_run() -> None:
             await session.ws_connect(live.url, protocols=[PROTOCOL])
 
 
-def test_port_in_use_is_one_line_before_anything_runs() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as other:
-        port = other.getsockname()[1]
-        with pytest.raises(BadInput) as refused:
-            FoxgloveLive(port=port)
+def test_port_in_use_is_one_line_before_anything_runs(taken_port: int) -> None:
+    with pytest.raises(BadInput) as refused:
+        FoxgloveLive(port=taken_port)
     assert str(refused.value) == (
-        f"port {port} on 127.0.0.1 is in use; see what has it with ss -ltnp, or choose another with --foxglove-port"
+        f"port {taken_port} on 127.0.0.1 is in use; "
+        "see what has it with ss -ltnp, or choose another with --foxglove-port"
     )
 
 

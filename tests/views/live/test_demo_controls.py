@@ -7,13 +7,10 @@ import contextlib
 from collections.abc import AsyncIterator
 from typing import Any
 
-import aiohttp
-
 from tests.views.live.records import run_log
-from tests.views.live.test_server import TOKEN, Rover, Site, first, serving
+from tests.views.live.test_server import Site, first, serving
 from wayfarer.views.live.broadcaster import LIMITS
 from wayfarer.views.live.demo_controls import VERBS, DemoState
-from wayfarer.views.live.server import LivePage
 
 REQUESTS = [{"do": verb} for verb in VERBS if verb != "speed"] + [{"do": "speed", "times": 20}]
 
@@ -47,11 +44,9 @@ class Demo:
 
 @contextlib.asynccontextmanager
 async def demonstrated() -> AsyncIterator[tuple[Site, Demo]]:
-    demo, rover = Demo(), Rover()
-    page = LivePage("127.0.0.1", 0, TOKEN, demo=demo)
-    log = run_log(page.show)
-    async with aiohttp.ClientSession() as client, page.serving(rover):  # type: ignore[arg-type]
-        yield Site(page, rover, log, client), demo
+    demo = Demo()
+    async with serving(demo=demo) as site:
+        yield site, demo
 
 
 async def replies_to(site: Site, *requests: dict[str, Any]) -> list[dict[str, Any]]:

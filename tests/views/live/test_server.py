@@ -6,8 +6,7 @@ import asyncio
 import contextlib
 import json
 import re
-import socket
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator
 from typing import Any
 
 import aiohttp
@@ -19,6 +18,7 @@ from wayfarer.daemon.socket.protocol import Details, Refused
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.views.live.broadcaster import LIMITS, ViewerLimits
+from wayfarer.views.live.demo_controls import DemoControls
 from wayfarer.views.live.server import LivePage
 
 TOKEN = "s3cret"
@@ -84,8 +84,10 @@ class Site:
 
 
 @contextlib.asynccontextmanager
-async def serving(host: str = "127.0.0.1", limits: ViewerLimits = LIMITS) -> AsyncIterator[Site]:
-    page, rover = LivePage(host, 0, TOKEN, limits=limits), Rover()
+async def serving(
+    host: str = "127.0.0.1", limits: ViewerLimits = LIMITS, demo: DemoControls | None = None
+) -> AsyncIterator[Site]:
+    page, rover = LivePage(host, 0, TOKEN, limits, demo), Rover()
     log = run_log(page.show)
     async with aiohttp.ClientSession() as client, page.serving(rover):  # type: ignore[arg-type]
         yield Site(page, rover, log, client)
@@ -369,15 +371,9 @@ async def test_page_that_is_opened_before_the_run_begins_is_answered_then() -> N
             assert (await asking).status == 200
 
 
-@pytest.fixture
-def taken() -> Iterator[int]:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        yield server.getsockname()[1]
-
-
-def test_port_in_use_is_one_line_that_says_what_to_do(taken: int) -> None:
-    with pytest.raises(BadInput, match=rf"^port {taken} on 127\.0\.0\.1 is in use.*--live-port$"):
-        LivePage("127.0.0.1", taken, TOKEN)
+def test_port_in_use_is_one_line_that_says_what_to_do(taken_port: int) -> None:
+    with pytest.raises(BadInput, match=rf"^port {taken_port} on 127\.0\.0\.1 is in use.*--live-port$"):
+        LivePage("127.0.0.1", taken_port, TOKEN)
 
 
 @pytest.mark.parametrize("host", ["192.0.2.77", "no-such-host.invalid", "a..b", ""])

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from bokeh.plotting import ColumnDataSource
 
-from tests.browser import DESKTOP, PHONE, Opened, OpenPage
+from tests.browser import PHONE, SIZES, Opened, OpenPage, plotted
 from wayfarer.errors import BadInput
 from wayfarer.views.page import html
 from wayfarer.views.page.frame import write_page
@@ -29,18 +29,11 @@ def write(out: Path) -> Path:
     return write_page(out, HOSTILE, body, plots)
 
 
-def opened(browser_page: OpenPage, page: Path, viewport: tuple[int, int] = DESKTOP) -> Opened:
-    opened = browser_page(viewport, offline=True)
-    opened.page.goto(page.as_uri())
-    opened.page.wait_for_selector("html[data-plotted]", state="attached", timeout=10_000)
-    return opened
-
-
-@pytest.mark.parametrize("viewport", [DESKTOP, PHONE], ids=["desktop", "phone"])
+@SIZES
 def test_page_draws_its_plots_without_a_network(
     tmp_path: Path, browser_page: OpenPage, viewport: tuple[int, int]
 ) -> None:
-    shown = opened(browser_page, write(tmp_path / "page.html"), viewport)
+    shown = plotted(browser_page, write(tmp_path / "page.html"), viewport)
     canvas = shown.page.locator(".plot canvas").first.bounding_box()
     assert canvas is not None
     assert 0.8 * viewport[0] < canvas["width"] <= viewport[0]
@@ -50,7 +43,7 @@ def test_page_draws_its_plots_without_a_network(
 
 
 def test_pointer_is_told_what_is_under_it_as_text(tmp_path: Path, browser_page: OpenPage) -> None:
-    shown = opened(browser_page, write(tmp_path / "page.html"))
+    shown = plotted(browser_page, write(tmp_path / "page.html"))
     for y in (85, 90):  # the first movement brings the pointer in, the next one moves it
         shown.page.locator(".plot .bk-events").hover(position={"x": 300, "y": y})
     tip = shown.page.locator(".bk-tooltip-content")
@@ -59,7 +52,7 @@ def test_pointer_is_told_what_is_under_it_as_text(tmp_path: Path, browser_page: 
 
 
 def test_box_hides_its_layer(tmp_path: Path, browser_page: OpenPage) -> None:
-    shown = opened(browser_page, write(tmp_path / "page.html"))
+    shown = plotted(browser_page, write(tmp_path / "page.html"))
     visible = f"{SPEED}.renderers[0].visible"
     assert shown.page.evaluate(visible) is True
     shown.page.get_by_label("speed").uncheck()
@@ -67,7 +60,7 @@ def test_box_hides_its_layer(tmp_path: Path, browser_page: OpenPage) -> None:
 
 
 def test_drag_moves_a_map(tmp_path: Path, browser_page: OpenPage) -> None:
-    shown = opened(browser_page, write(tmp_path / "page.html"))
+    shown = plotted(browser_page, write(tmp_path / "page.html"))
     x, y = middle(shown)
     shown.page.mouse.move(x, y)
     shown.page.mouse.down()
@@ -77,7 +70,7 @@ def test_drag_moves_a_map(tmp_path: Path, browser_page: OpenPage) -> None:
 
 
 def test_finger_over_a_plot_scrolls_the_page(tmp_path: Path, browser_page: OpenPage) -> None:
-    shown = opened(browser_page, write(tmp_path / "page.html"), (PHONE[0], 300))
+    shown = plotted(browser_page, write(tmp_path / "page.html"), (PHONE[0], 300))
     x, y = middle(shown)
     hand = shown.page.context.new_cdp_session(shown.page)
     hand.send("Emulation.setTouchEmulationEnabled", {"enabled": True})

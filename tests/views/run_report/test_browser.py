@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page
 
-from tests.browser import DESKTOP, PHONE, Opened, OpenPage
+from tests.browser import SIZES, OpenPage, plotted
 from tests.views.run_report.logs import ARMED, HEADER, OUTCOME, episode, fix, tick, write_log
 from tests.views.text.records import event
 from wayfarer.views.run_report.run import write_comparison, write_run_report
@@ -16,7 +16,6 @@ MODELS = "[...Bokeh.documents[0]._all_models.values()]"
 SEEN = f"(({{x_range}}) => [x_range.start, x_range.end])({MODELS}.find((model) => model.name === 'duty'))"
 RING = f"[...{MODELS}.find((model) => model.name === 'here-0').data_source.data.y]"
 TEXT = "<b>a mark</b> without an end" + "d" * 120
-SIZES = pytest.mark.parametrize("viewport", [DESKTOP, PHONE], ids=["desktop", "phone"])
 
 
 @pytest.fixture(scope="module")
@@ -27,13 +26,6 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     first.sort(key=lambda each: float(each["t_s"]))
     second = [HEADER, ARMED, *(tick(0.05 * at, heading_deg=90.0) for at in range(60)), OUTCOME]
     return [write_log(folder / f"0001{each}-20261121T061405Z", records) for each, records in ((7, first), (8, second))]
-
-
-def opened(browser_page: OpenPage, path: Path, viewport: tuple[int, int] = DESKTOP) -> Opened:
-    opened = browser_page(viewport, offline=True)
-    opened.page.goto(path.as_uri())
-    opened.page.wait_for_selector("html[data-plotted]", state="attached", timeout=20_000)
-    return opened
 
 
 def read(page: Page, name: str) -> str:
@@ -61,7 +53,7 @@ def panel(page: Page, title: str) -> str:
 def test_page_shows_plots_and_tables_and_does_not_overflow(
     runs: list[Path], browser_page: OpenPage, viewport: tuple[int, int]
 ) -> None:
-    shown = opened(browser_page, write_run_report(runs[0]), viewport)
+    shown = plotted(browser_page, write_run_report(runs[0]), viewport)
     assert shown.page.locator(".map .plot canvas").count() > 0
     assert shown.page.locator(".panels .key b").all_inner_texts() == [
         "events", "heading, °", "counter C, °", "tilt, °", "speed, m/s", "duty",
@@ -78,7 +70,7 @@ def test_page_shows_plots_and_tables_and_does_not_overflow(
 def test_slider_moves_the_cursor_through_map_panels_and_values(
     runs: list[Path], browser_page: OpenPage, viewport: tuple[int, int]
 ) -> None:
-    shown = opened(browser_page, write_run_report(runs[0]), viewport)
+    shown = plotted(browser_page, write_run_report(runs[0]), viewport)
     shown.page.locator(".cursor input").fill("2.2")
     assert read(shown.page, "time") == "0:00:02.2"
     assert read(shown.page, "phase") == "Backs off"
@@ -91,7 +83,7 @@ def test_slider_moves_the_cursor_through_map_panels_and_values(
 
 
 def test_pointer_over_a_panel_moves_the_cursor(runs: list[Path], browser_page: OpenPage) -> None:
-    shown = opened(browser_page, write_run_report(runs[0]))
+    shown = plotted(browser_page, write_run_report(runs[0]))
     times = []
     for right in (0.3, 0.6, 0.9):
         point_at(shown.page, panel(shown.page, "duty"), right, 0.4)
@@ -102,7 +94,7 @@ def test_pointer_over_a_panel_moves_the_cursor(runs: list[Path], browser_page: O
 
 
 def test_pointer_over_the_map_finds_the_time(runs: list[Path], browser_page: OpenPage) -> None:
-    shown = opened(browser_page, write_run_report(runs[0]))
+    shown = plotted(browser_page, write_run_report(runs[0]))
     point_at(shown.page, ".map .bk-events", 0.5, 0.1)
     shown.page.wait_for_timeout(100)
     late = read(shown.page, "time")
@@ -112,7 +104,7 @@ def test_pointer_over_the_map_finds_the_time(runs: list[Path], browser_page: Ope
 
 
 def test_drag_zooms_all_panels_and_the_button_shows_all_again(runs: list[Path], browser_page: OpenPage) -> None:
-    shown = opened(browser_page, write_run_report(runs[0]))
+    shown = plotted(browser_page, write_run_report(runs[0]))
     whole = shown.page.evaluate(SEEN)
     point_at(shown.page, panel(shown.page, "heading"), 0.4, 0.4)
     shown.page.mouse.down()
@@ -131,7 +123,7 @@ def test_drag_zooms_all_panels_and_the_button_shows_all_again(runs: list[Path], 
 
 
 def test_anomalies_can_be_switched_off_on_map_and_panels(runs: list[Path], browser_page: OpenPage) -> None:
-    shown = opened(browser_page, write_run_report(runs[0]))
+    shown = plotted(browser_page, write_run_report(runs[0]))
     visible = f"{MODELS}.filter((model) => model.tags.includes('layer:anomaly')).map((drawn) => drawn.visible)"
     assert shown.page.evaluate(visible) == [True, True]
     shown.page.get_by_label("anomalies").uncheck()
@@ -140,7 +132,7 @@ def test_anomalies_can_be_switched_off_on_map_and_panels(runs: list[Path], brows
 
 @SIZES
 def test_two_runs_share_the_cursor(runs: list[Path], browser_page: OpenPage, viewport: tuple[int, int]) -> None:
-    shown = opened(browser_page, write_comparison(*runs), viewport)
+    shown = plotted(browser_page, write_comparison(*runs), viewport)
     shown.page.locator(".cursor input").fill("1.0")
     assert read(shown.page, "heading") == "17: 0 °, 18: 90 °"
     shown.page.locator(".cursor input").fill("2.9")

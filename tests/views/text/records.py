@@ -13,6 +13,7 @@ from wayfarer.fieldlog.schema import Record
 from wayfarer.views.text.run_narrator import Line, RunNarrator, Verbosity
 
 SAMPLE_LOGS = Path(__file__).resolve().parents[3] / "field_logs"
+RUN = "00017-20261121T061405Z"  # a folder's name
 BEGAN_WALL_S = 1_800_000_000.0
 HEADER: Record = {
     "record": "run", "t_s": 100.0, "t_wall": BEGAN_WALL_S, "schema": 2, "part": 1, "version": "9.9",

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from tests.fuzz.on_logs import EXPORT, STORY
-from tests.views.text.records import HEADER, SAMPLE_LOGS, drive, event, numbered, outcome, tick, write
+from tests.views.text.records import HEADER, RUN, SAMPLE_LOGS, drive, event, numbered, outcome, tick, write
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import find_run
 from wayfarer.fieldlog.reader import Damage, RunReader, read_header
@@ -21,7 +21,6 @@ from wayfarer.views.text.summary_text import summary_text
 from wayfarer.views.text.tail import RunTail
 from wayfarer.views.text.verdict import NO_OUTCOME, LogIntegrity, check_log
 
-RUN = "00017-20261121T061405Z"
 WHOLE = numbered([HEADER, event("armed", 0.0), *drive(0.0, 1.0), outcome(1.0)])
 
 

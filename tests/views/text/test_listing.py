@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, numbered, outcome, tick, write
+from tests.views.text.records import BEGAN_WALL_S, HEADER, RUN, drive, numbered, outcome, tick, write
 from wayfarer.views.text.listing import CELLS, RunRow, lines, rows
 
-RUN = "00017-20261121T061405Z"
 LONG_AGO_S = BEGAN_WALL_S - 1e6
 
 
