@@ -14,7 +14,7 @@ from wayfarer.drivers.buses import CLOSE_WAIT_S
 from wayfarer.drivers.worker import Worker
 from wayfarer.errors import NotResponding
 
-DEADLINE_S = 0.05
+DEADLINE_S = 0.2  # a thread of a busy computer begins a job within it
 LONG_S = 5.0  # a test that needs as long has failed
 
 
@@ -50,7 +50,7 @@ class Bus:
 
     async def hang_too_long(self) -> None:
         """Hang past the deadline of the call."""
-        with pytest.raises(NotResponding):
+        with pytest.raises(NotResponding, match="did not end"):
             await self.worker.call(self.hang)
 
     async def is_back(self) -> None:
@@ -112,7 +112,7 @@ async def test_jobs_are_done_in_the_order_of_their_calls(bus: Bus) -> None:
 
 async def test_job_that_hangs_raises_at_its_deadline(bus: Bus) -> None:
     began_s = asyncio.get_running_loop().time()
-    with pytest.raises(NotResponding, match=r"bus: a transfer did not end within 0\.05 s"):
+    with pytest.raises(NotResponding, match=r"bus: a transfer did not end within 0\.2 s"):
         await bus.worker.call(bus.hang)
     assert asyncio.get_running_loop().time() - began_s >= DEADLINE_S
     assert not bus.freed.is_set()

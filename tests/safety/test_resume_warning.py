@@ -84,6 +84,15 @@ def test_short_holds_of_a_rover_that_drives_between_them_are_no_long_one() -> No
         assert not any(rover.ticks(FREE_S + 2 * TICK_S))
 
 
+def test_short_drives_between_holds_do_not_add_up() -> None:
+    rover = Rover()
+    rover.ticks(2.0, SILENT)
+    for _ in range(10):
+        assert all(rover.ticks(WARNING_S))
+        assert not any(rover.ticks(FREE_S - TICK_S))
+        rover.ticks(2 * TICK_S, SILENT)
+
+
 def test_new_mission_forgets_and_no_time_to_warn_is_none() -> None:
     rover = Rover()
     rover.ticks(2.0, SILENT)

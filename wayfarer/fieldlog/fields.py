@@ -12,9 +12,7 @@ from typing import Any
 
 from wayfarer.fieldlog.printable import clean
 
-ABSURD = (
-    1e10  # no time, distance, angle or voltage of a run comes near it: bytes of a number beyond it were changed
-)
+ABSURD = 1e10  # no time, distance, angle or voltage of a run comes near it: bytes of a number beyond it were changed
 ELAPSED_DECIMALS = 6  # microseconds: a clock that has run for 31 years (``schema.SINCE_BOOT``) still counts them
 # 2024-01-01: a clock that was never set stands before, at 1970 or at the day its system image was made.
 CLOCK_SET_S = 1_704_067_200.0

@@ -43,6 +43,15 @@ def point_at(page: Page, selector: str, right: float, down: float) -> None:
         page.mouse.move(box["x"] + right * box["width"] + step, box["y"] + down * box["height"])
 
 
+def time_at(page: Page, selector: str, right: float, down: float) -> str:
+    """Point there, and return the time that the cursor's bar then shows instead of the one before."""
+    before = read(page, "time")
+    point_at(page, selector, right, down)
+    shown = "document.querySelector('.cursor [data-name=time] dd').innerText"
+    page.wait_for_function(f"before => {shown} !== before", arg=before)
+    return read(page, "time")
+
+
 def panel(page: Page, title: str) -> str:
     """The selector of the plot under a title."""
     assert page.locator(".key", has_text=title).count() == 1
@@ -84,23 +93,15 @@ def test_slider_moves_the_cursor_through_map_panels_and_values(
 
 def test_pointer_over_a_panel_moves_the_cursor(runs: list[Path], browser_page: OpenPage) -> None:
     shown = plotted(browser_page, write_run_report(runs[0]))
-    times = []
-    for right in (0.3, 0.6, 0.9):
-        point_at(shown.page, panel(shown.page, "duty"), right, 0.4)
-        shown.page.wait_for_timeout(100)
-        times.append(read(shown.page, "time"))
+    times = [time_at(shown.page, panel(shown.page, "duty"), right, 0.4) for right in (0.3, 0.6, 0.9)]
     assert times == sorted(times)
     assert len(set(times)) == 3
 
 
 def test_pointer_over_the_map_finds_the_time(runs: list[Path], browser_page: OpenPage) -> None:
     shown = plotted(browser_page, write_run_report(runs[0]))
-    point_at(shown.page, ".map .bk-events", 0.5, 0.1)
-    shown.page.wait_for_timeout(100)
-    late = read(shown.page, "time")
-    point_at(shown.page, ".map .bk-events", 0.5, 0.8)
-    shown.page.wait_for_timeout(100)
-    assert read(shown.page, "time") < late  # the rover drove north: what is above comes later
+    early, late = (time_at(shown.page, ".map .bk-events", 0.5, down) for down in (0.8, 0.1))
+    assert early < late  # the rover drove north: what is above comes later
 
 
 def test_drag_zooms_all_panels_and_the_button_shows_all_again(runs: list[Path], browser_page: OpenPage) -> None:
@@ -112,7 +113,7 @@ def test_drag_zooms_all_panels_and_the_button_shows_all_again(runs: list[Path], 
     assert box is not None
     shown.page.mouse.move(box["x"] + 0.9 * box["width"], box["y"] + 0.5 * box["height"], steps=5)
     shown.page.mouse.up()
-    shown.page.wait_for_timeout(200)
+    shown.page.wait_for_function(f"{SEEN}[0] > {whole[0]}")
     start, end = shown.page.evaluate(SEEN)
     assert whole[0] < start < end < whole[1] + 1e-6
     shown.page.get_by_role("button", name="the whole time").click()
