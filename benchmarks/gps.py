@@ -1,4 +1,4 @@
-"""How near dead reckoning is to the true way, before and after it is laid onto the receiver's fixes, as in a report."""
+"""Distance of dead reckoning from the true path, before and after the fit to the receiver's fixes as in reports."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from wayfarer.experiments.executors import TrialRunner, field_trial
 from wayfarer.views.run_report.load_run import read_run
 from wayfarer.views.run_report.track import track_of
 
-HEADER = ("trial", "way, m", "fixes", "turned, degrees", "stretched", "from the first fix, m", "fitted, m")
+HEADER = ("trial", "path, m", "fixes", "turned, degrees", "stretched", "from the first fix, m", "fitted, m")
 ALGORITHM = "forest-pledge"
 
 

@@ -51,7 +51,7 @@ class MotionReading(NamedTuple):
     """Displacement over ground since the previous read, in the body's own frame.
 
     ``quality`` is from 0 (nothing is known) to 1. **Low quality means unknown, never still**: a leaf on the lens also
-    gives zero. A sensor that measures how much has moved but not in which direction (successive images of a
+    gives zero. A sensor that measures how much the picture changed but not in which direction (successive images of a
     forward-looking camera) is not ``signed``: its ``forward_m`` is a magnitude.
     """
 
@@ -260,9 +260,10 @@ def error_counts_of(part: Driver) -> Mapping[str, int]:
 
 
 async def has_readback(motors: DriveMotors) -> bool:
-    """Return whether an open motor board can report its state; if so, opening it has proved that its deadman is on.
+    """Return whether an open motor board can report its state.
 
-    If it cannot, only a person who watches the wheels can confirm the deadman.
+    If it can, opening it has proved that its deadman is on, if it has one (``deadman_s``). If it cannot, only a person
+    who watches the wheels can confirm the deadman.
 
     Raises:
         DriverError: it can be asked, and did not answer correctly.

@@ -52,6 +52,20 @@ def test_content_is_on_the_disk_before_the_name_is(tmp_path: Path, monkeypatch: 
     assert synced == [(len("new"), False), ("folder", True)], "the folder holds the name"
 
 
+def test_folder_that_cannot_be_synced_does_not_undo_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One without permission to read it, or on a file system that cannot do it."""
+    sync = os.fsync
+
+    def refuse_folders(file: int) -> None:
+        if stat.S_ISDIR(os.fstat(file).st_mode):
+            raise PermissionError
+        sync(file)
+
+    monkeypatch.setattr(os, "fsync", refuse_folders)
+    write(tmp_path / "file")
+    assert (tmp_path / "file").read_text(encoding="utf-8") == "new"
+
+
 def test_symlink_stays_and_its_target_is_replaced(tmp_path: Path) -> None:
     (tmp_path / "elsewhere").mkdir()
     link, target = tmp_path / "link", tmp_path / "elsewhere" / "file"

@@ -1,4 +1,4 @@
-"""The supervisor in virtual time: sensors and arming, each with its troubles."""
+"""The supervisor in virtual time: sensors and arming, and their failures."""
 
 from __future__ import annotations
 

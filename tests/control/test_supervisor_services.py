@@ -100,7 +100,7 @@ class CountingContact(Contact):
         self.error_counts = {"reads retried": 0, "garbage": 0}
 
 
-def test_troubles_of_a_part_are_noted_when_they_grow_at_most_once_a_second(shop: Workshop) -> None:
+def test_error_counts_of_a_part_are_noted_when_they_grow_at_most_once_a_second(shop: Workshop) -> None:
     contact = CountingContact(shop, "contact")
 
     def fail_often(it: Supervisor) -> None:

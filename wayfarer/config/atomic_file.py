@@ -27,9 +27,9 @@ def atomic_file(path: Path) -> Iterator[Path]:
     draft = target.with_name(f".{target.name}.{os.getpid()}.new")
     try:
         yield draft
-        sync(draft)
+        _sync(draft)
         draft.replace(target)
-        sync(target.parent)  # the new name is in the folder
+        sync_folder(target.parent)
     except BaseException:
         with suppress(OSError):
             draft.unlink(missing_ok=True)
@@ -52,9 +52,9 @@ def atomic_folder(path: Path) -> Iterator[Path]:
         made = draft / target.name
         yield made
         for each in made.iterdir():
-            sync(each)
+            _sync(each)
         made.replace(target)
-        sync(target.parent)
+        sync_folder(target.parent)
     finally:
         shutil.rmtree(draft, ignore_errors=True)
 
@@ -67,10 +67,16 @@ def write_atomically(path: Path, content: str | bytes, mode: int | None = None) 
             draft.chmod(mode)
 
 
-def sync(path: Path) -> None:
-    """Put a file or a folder on the disk."""
+def _sync(path: Path) -> None:
+    """Have the disk keep what a file or a folder contains."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def sync_folder(folder: Path) -> None:
+    """Have the disk keep the names of the files in a folder, if it may be read and its file system can do that."""
+    with suppress(OSError):
+        _sync(folder)

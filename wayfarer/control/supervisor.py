@@ -2,9 +2,9 @@
 
 The sensor tasks are a table (``Supervisor.tasks``): a row for each sensor that the run needs, with the sensor's own
 rate. The control tick runs beside them. A sensor that fails is closed and opened again, with growing pauses, while the
-others continue; the safety gate holds the wheels because of its age. Any other error ends the run. When a run ends, for
-any reason (a limit, a request, an error, a cancellation), the wheels are stopped by code that cancellation cannot
-interrupt.
+others continue; the safety gate holds the wheels because its last reading is too old. Any other error ends the run.
+When a run ends, for any reason (a limit, a request, an error, a cancellation), the wheels are stopped by code that
+cancellation cannot interrupt.
 """
 
 from __future__ import annotations

@@ -90,7 +90,10 @@ def _sources(name_or_path: str) -> Iterator[BoardToStop | StopResult]:
 
 
 def _add(boards: list[BoardToStop], new: BoardToStop) -> None:
-    """Add a board; one from two sources is kept once, with both names, and as the caller's own if either source is."""
+    """Add a board. One that two sources name is kept once, with both names.
+
+    The caller's own rights are used if either source is the caller's own.
+    """
     for index, board in enumerate(boards):
         if board.driven == new.driven:
             owner = new.owner if board.owner != os.geteuid() else board.owner

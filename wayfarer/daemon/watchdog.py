@@ -103,7 +103,7 @@ class StallGuard:
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Begin to watch the running loop, if it does not yet; the next beat is due within the limit."""
+        """Begin to watch the running loop, unless it already does; the next beat is due within the limit."""
         if self._thread is not None:
             return
         self._loop = asyncio.get_running_loop()

@@ -34,8 +34,8 @@ class DrivingInterval:
     """An interval of driving; distances and speeds are positive in the direction that is commanded.
 
     ``moved_m`` is None where nothing was seen; ``slid_m`` is to the right; ``gained_m_s`` is the speed that grip can
-    add in this time; ``possible_m`` is the distance possible in it, given when driving this way began; ``before_m_s``
-    is the speed of the body before it.
+    add in this time; ``possible_m`` is the distance possible in it, calculated from the start of driving this way;
+    ``before_m_s`` is the speed of the body before it.
     """
 
     def __init__(

@@ -157,7 +157,11 @@ class CMPS14:
         self._argument_awaited = False
 
     async def store_profile(self) -> None:
-        """Store the present calibration in the part, also without power; raises ``NotResponding`` as ``configure``."""
+        """Store the present calibration, so that the part keeps it without power.
+
+        Raises:
+            NotResponding: the compass did not acknowledge.
+        """
         await self._command(_STORE)
 
     async def erase_profile(self) -> None:

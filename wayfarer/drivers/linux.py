@@ -54,7 +54,7 @@ class LinuxBuses:
         return self._once(f"camera {name}", lambda: ThreadedCamera(f"camera {name}", opener, *deadlines_s))
 
     async def close(self, wait_s: float = CLOSE_WAIT_S) -> None:
-        """Release all buses at the same time; a thread that has not ended after ``wait_s`` ends later by itself."""
+        """Release all buses at once; a thread that has not ended after ``wait_s`` ends later, or with the process."""
         await asyncio.gather(*(bus.close(wait_s) for bus in self._open.values()))
         self._open.clear()
 

@@ -119,7 +119,7 @@ class PMW3901:
         self._is_first = True
 
     async def close(self) -> None:
-        """Nothing to release: the bus belongs to the buses."""
+        """Nothing to release: the bus belongs to ``Buses``."""
 
     async def read(self) -> MotionReading:
         """Return the displacement since the previous read; the first one after ``open`` has quality 0.

@@ -19,7 +19,7 @@ from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.shortest_path import is_closed
 
 PLACE_M = 1.0  # the side of the squares that count as places: a lap beside the last one is a return
-IN_ONE_PLACE_LENGTHS = 2.0  # a way that stays within so many body lengths leads nowhere
+IN_ONE_PLACE_LENGTHS = 2.0  # a path that stays within so many body lengths leads nowhere
 TURNS_BELOW_SHARE = 0.2  # of the turn that was asked for; lag and blocked turns leave 0.6 to 0.8 in physics-light
 ASKED_AT_LEAST_DEG = 180.0  # in all; less asked for says nothing
 AGAINST_FROM_SHARE = 0.1  # of the time: a rover that backs off and tries again touches nothing most of it
@@ -67,7 +67,7 @@ class Entrapment(NamedTuple):
 
 
 def entrapment(forest: Forest, rover: RoverConfig, trajectory: Trajectory) -> Entrapment:
-    """Return why the rover of this way was entrapped."""
+    """Return why the rover of this trajectory was entrapped."""
     vehicle, points = rover.vehicle, _driven(trajectory.points)
     halfway_s = (points[0].t_s + points[-1].t_s) / 2.0
     late = [point for point in points if point.t_s >= halfway_s]

@@ -35,7 +35,7 @@ class TrajectoryPoint(NamedTuple):
 
 
 class Trajectory(NamedTuple):
-    """The way of one trial: its points in the order of time, and where the ground gave way."""
+    """The path of one trial: its points in the order of time, and where the ground gave way."""
 
     points: list[TrajectoryPoint]
     slips_m: list[tuple[float, float]]

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from wayfarer.config.atomic_file import sync
+from wayfarer.config.atomic_file import sync_folder
 
 # Appending: whatever else happens to the file, a line never lands in the middle of it.
 FLAGS = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC
@@ -82,9 +82,3 @@ class Segment:
     def _count(self, data: bytes) -> None:
         self.size += len(data)
         self.lines += data.count(b"\n")
-
-
-def sync_folder(folder: Path) -> None:
-    """Have the disk keep the names of the files in a folder, on file systems that can be asked for it."""
-    with suppress(OSError):
-        sync(folder)

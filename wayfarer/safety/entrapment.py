@@ -77,7 +77,7 @@ class EntrapmentMonitor:
         self._anomalies += 1
 
     def _take_ground(self, motion: MotionReading) -> None:
-        """Note what was seen; a reading of low quality counts as driven, because unknown is never still."""
+        """Note what was seen. Of low quality it is half of the commanded distance, because unknown is never still."""
         self._sees_ground = True
         most_m, self._unseen_m = MOST_SHARE * self._unseen_m, 0.0
         if most_m > 0.0:

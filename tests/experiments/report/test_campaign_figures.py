@@ -19,7 +19,7 @@ from wayfarer.experiments.report.escape_figure import escape_figures
 from wayfarer.experiments.report.groups import grouped
 from wayfarer.experiments.report.paths_figure import failures_figure, paths_figure
 from wayfarer.experiments.report.ratio_figure import TIMES, quantile, ratio_figure, ratios
-from wayfarer.experiments.report.trials_map import DrawnTrial, trials_map, way_in
+from wayfarer.experiments.report.trials_map import DrawnTrial, path_in, trials_map
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import AlgorithmSummary, summarise
 from wayfarer.experiments.trajectory import Trajectory, TrajectoryPoint
@@ -135,7 +135,7 @@ def trial_of(trajectory: Trajectory, number: int = 0) -> DrawnTrial:
 
 def test_way_is_drawn_whole_each_piece_in_its_phase() -> None:
     points = [TrajectoryPoint(25.0, 12.5 + n, phase) for n, phase in enumerate([*Phase, *Phase])]
-    drawn = {phase: way_in(points, phase)[1] for phase in Phase}
+    drawn = {phase: path_in(points, phase)[1] for phase in Phase}
     pieces = [each for ys in drawn.values() for each in pairwise(ys) if not math.isnan(sum(each))]
     assert sorted(pieces) == [(12.5 + n, 13.5 + n) for n in range(len(points) - 1)]
 

@@ -1,6 +1,6 @@
 """The film's camera: it follows behind and beside the rover, above the trunks, with smoothed motion.
 
-The whole way is known before the first picture, so the camera looks ahead as far as it looks back, and lags nowhere.
+The whole path is known before the first picture, so the camera looks ahead as far as it looks back, and lags nowhere.
 All its paces are those of the film, however much faster than the trial that runs.
 """
 

@@ -1,4 +1,4 @@
-"""The map of the worst trials, which shows one of them at a time: its forest, its way by phases, and its end."""
+"""The map of the worst trials, which shows one of them at a time: its forest, its path by phases, and its end."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from wayfarer.views.run_report.forest import draw_forests
 from wayfarer.views.run_report.series import pieces
 
 MARGIN_M = 1.5  # around the map: a rover may leave it
-TOLD_EVERY = 5  # points of a way, which are 0.2 m apart: the hover box tells of the nearest one
+TOLD_EVERY = 5  # points of a path, which are 0.2 m apart: the hover box tells of the nearest one
 SHOWN = "shown"  # the name of the filter; its group is the number of the trial
 
 
@@ -44,7 +44,7 @@ def trials_map(trials: Sequence[DrawnTrial]) -> Figure:
     draw_forests(made, [trial.forest for trial in trials])
     for phase in Phase:
         if phase.value in palette.PHASE_COLOURS:
-            _ways(made, trials, phase)
+            _paths(made, trials, phase)
     _marks(made, trials)
     shown = GroupFilter(column_name="number", group=0, name=SHOWN)
     renderers: Any = made.renderers
@@ -61,14 +61,14 @@ def _leave_room(made: Figure) -> None:
     made.x_range.renderers = made.y_range.renderers = [corners]  # type: ignore[attr-defined]  # both are DataRange1d
 
 
-def _ways(made: Figure, trials: Sequence[DrawnTrial], phase: Phase) -> None:
+def _paths(made: Figure, trials: Sequence[DrawnTrial], phase: Phase) -> None:
     """Draw the parts of all paths in a phase, and put points on them that tell what the rover did there."""
-    lines = [way_in(trial.trajectory.points, phase) for trial in trials]
-    ways = source(number=range(len(trials)))
+    lines = [path_in(trial.trajectory.points, phase) for trial in trials]
+    paths = source(number=range(len(trials)))
     for name, at in (("xs", 0), ("ys", 1)):
-        ways.data[name] = [source(way=line[at]).data["way"] for line in lines]
+        paths.data[name] = [source(path=line[at]).data["path"] for line in lines]
     colour = palette.PHASE_COLOURS[phase.value]
-    line = made.multi_line("xs", "ys", source=ways, line_color=colour, line_width=2, line_join="round")
+    line = made.multi_line("xs", "ys", source=paths, line_color=colour, line_width=2, line_join="round")
     told = _columns(trials, lambda trial: _reached(trial.trajectory.points, phase), ("x", "y", "t_s"))
     points = made.scatter("x", "y", source=told, size=7, alpha=0.0, hover_alpha=0.8, color=colour)
     layer(phase.value, line, points)
@@ -78,7 +78,7 @@ def _ways(made: Figure, trials: Sequence[DrawnTrial], phase: Phase) -> None:
 PLACE = (("east", "@x{0.0} m"), ("north", "@y{0.0} m"))
 
 
-def way_in(points: Sequence[TrajectoryPoint], phase: Phase) -> list[Floats]:
+def path_in(points: Sequence[TrajectoryPoint], phase: Phase) -> list[Floats]:
     """Return the parts of a path in a phase as one line with gaps; a part ends where the next phase begins."""
     columns = ([getattr(point, name) for point in points] for name in ("x_m", "y_m"))
     return pieces(np.array([point.phase is phase for point in points]), *map(np.array, columns))

@@ -47,7 +47,7 @@ def _worst(row: TrialRow) -> tuple[bool, float, int]:
 def run_again(
     campaign: Campaign, rows: Sequence[TrialRow], jobs: int, progress: Callable[[Done], object]
 ) -> list[RerunTrial]:
-    """Run these trials of a campaign again, and return them with their ways, in the same order.
+    """Run these trials of a campaign again, and return them with their trajectories, in the same order.
 
     ``progress`` is told each trial when it is done.
 
@@ -56,7 +56,7 @@ def run_again(
     """
     found: dict[tuple[str, int, int], RerunTrial] = {}
     try:
-        with closing(stream(partial(_traced, campaign), rows, jobs, threading.Event())) as finished:
+        with closing(stream(partial(_rerun, campaign), rows, jobs, threading.Event())) as finished:
             for row, done, trajectory in finished:
                 found[row.key] = _compare(row, done, trajectory)
                 progress(done)
@@ -67,8 +67,8 @@ def run_again(
     return [found[row.key] for row in rows]
 
 
-def _traced(campaign: Campaign, row: TrialRow) -> tuple[TrialRow, Done, Trajectory | None]:
-    """Run a trial and return its way too, if it did not end in a fault."""
+def _rerun(campaign: Campaign, row: TrialRow) -> tuple[TrialRow, Done, Trajectory | None]:
+    """Run a trial and return its trajectory too, if it did not end in a fault."""
     trajectories: list[Trajectory] = []
 
     def run_trial(spec: TrialSpec, _log_dir: Path | None = None) -> TrialResult:

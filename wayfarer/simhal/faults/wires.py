@@ -176,7 +176,7 @@ class FaultyCamera:
 
 
 class FaultyBuses(FakeBuses):
-    """Hands out buses that can be tampered with, by name; ``views`` are the cameras that were handed out."""
+    """Hands out buses that can be made faulty, by name; ``views`` are the cameras that were handed out."""
 
     I2C, SPI, SERIAL = FaultyI2C, FaultySPI, FaultySerial
 

@@ -37,7 +37,7 @@ def map_plot(tracks: Sequence[Track]) -> Figure:
     for at, track in enumerate(tracks):
         colours = palette.PHASE_COLOURS if len(tracks) == 1 else dict.fromkeys(PHASES, palette.RUNS[at])
         _draw_fixes(map_, track)
-        _draw_ways(map_, track, colours)
+        _draw_path(map_, track, colours)
         _draw_goals(map_, track, side_m)
         _draw_event_marks(map_, track)
         _draw_ends(map_, track, palette.RUNS[at])
@@ -78,7 +78,7 @@ def _draw_fixes(map_: Figure, track: Track) -> None:
     map_.add_tools(hover([dots], *rows))
 
 
-def _draw_ways(map_: Figure, track: Track, colours: Mapping[str, str]) -> None:
+def _draw_path(map_: Figure, track: Track, colours: Mapping[str, str]) -> None:
     if track.reckoned is not None:
         _line(map_, _thinned(track.reckoned)[1:3], palette.RECKONED, "reckoned", line_dash=[6, 3])
     path = _thinned(track.path)

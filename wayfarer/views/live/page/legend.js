@@ -16,8 +16,8 @@ function writeLegend({ track, phases: strip, forest, state }) {
   const list = element("legend"), shown = [phases, Boolean(forest), Boolean(state.place)].join();
   if (list.dataset.shown === shown) return;
   list.dataset.shown = shown;
-  const ways = phases.map((phase) => [phase, "M0 6 H24", line(false), PHASES[phase]]);
-  list.replaceChildren(...[...(state.place ? [ROVER] : []), ...ways, MARK, ...(forest ? FOREST : [])].map(key));
+  const paths = phases.map((phase) => [phase, "M0 6 H24", line(false), PHASES[phase]]);
+  list.replaceChildren(...[...(state.place ? [ROVER] : []), ...paths, MARK, ...(forest ? FOREST : [])].map(key));
 }
 
 function key([name, shape, style, text]) {
