@@ -18,6 +18,7 @@ from typing import Any
 import pytest
 
 from tests.simhal.chips.bench import Clock
+from tests.system.hil_setup import BUSY, STARTS
 from tests.system.subprocesses import starting
 from wayfarer.config.factory import assemble
 from wayfarer.config.rover_file import RoverConfig, load_rover
@@ -155,9 +156,17 @@ async def use(rover: Rover) -> None:
 
 @pytest.mark.parametrize("config", [load_rover("forestrover"), minirover()], ids=["forestrover", "minirover"])
 async def test_real_drivers_of_a_shipped_rover_work_over_the_socket(config: RoverConfig) -> None:
-    async with served(config) as (over, ask):
-        await use(assemble(config, over))
-        look = await ask("look")
+    for _ in range(STARTS):
+        async with served(config) as (over, ask):
+            try:
+                await use(assemble(config, over))
+            except NotResponding as late:  # bench and drivers share a process, which had no time for them
+                assert BUSY.search(str(late))
+                continue
+            look = await ask("look")
+        break
+    else:
+        pytest.fail(f"no time for a transfer in {STARTS} attempts")
     told = [(left, right) for _, left, right in look["commands"]]
     assert max(left for left, _ in told) == pytest.approx(0.5, abs=0.01)
     assert look["commanded"] == [0.0, 0.0]
