@@ -22,7 +22,7 @@ from wayfarer.errors import NotResponding
 
 T = TypeVar("T")
 
-POSTED_KEPT = 8  # while a bus hangs, stops accumulate; they are all the same
+POSTED_MAX = 8  # stops that wait while a bus hangs; all stops are the same, so the newest ones are enough
 TRANSFER_DEADLINE_S = 0.1  # a block read takes 3 ms at 100 kHz; the rover's boards stop the wheels after 0.25 s
 
 
@@ -34,7 +34,7 @@ class Worker(WaitingThread):
         self.name = name
         self._deadline_s = deadline_s
         self._jobs: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
-        self._posted: deque[Callable[[], Any]] = deque(maxlen=POSTED_KEPT)
+        self._posted: deque[Callable[[], Any]] = deque(maxlen=POSTED_MAX)
         self._busy = False
         self._overdue = False
         self._ended: Future[None] = Future()

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, TypeVar
 
-from wayfarer.drivers.worker import POSTED_KEPT, TRANSFER_DEADLINE_S
+from wayfarer.drivers.worker import POSTED_MAX, TRANSFER_DEADLINE_S
 from wayfarer.errors import NotResponding
 
 T = TypeVar("T")
@@ -26,7 +26,7 @@ class Hang:
         self._deadline_s = deadline_s
         self._hangs = False
         self._under_way: Callable[[], Any] | None = None
-        self._posted: deque[Callable[[], Any]] = deque(maxlen=POSTED_KEPT)
+        self._posted: deque[Callable[[], Any]] = deque(maxlen=POSTED_MAX)
         self._back = asyncio.Event()
 
     def begin(self) -> None:
