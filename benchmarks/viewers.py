@@ -73,7 +73,8 @@ async def _alternate(url: str, for_s: float) -> list[Spell]:
 async def _viewers(url: str, count: int) -> AsyncIterator[None]:
     """Watch as so many pages."""
     async with ClientSession() as session:
-        sockets = [await session.ws_connect(f"{url}ws", headers={"Origin": url.rstrip("/")}) for _ in range(count)]
+        origin = url.partition("/?")[0]
+        sockets = [await session.ws_connect(f"{origin}/ws", headers={"Origin": origin}) for _ in range(count)]
         looking = [asyncio.create_task(_look(socket)) for socket in sockets]
         yield
         for each in looking:

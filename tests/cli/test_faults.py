@@ -72,15 +72,14 @@ def test_several_processes_give_what_one_gives(tmp_path: Path) -> None:
         assert one.read_bytes() == other.read_bytes()
 
 
-def test_results_and_logs_are_kept_and_logs_replay(
-    tmp_path: Path, loose: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "out"
-    assert cli.run(["faults", "--scenario", loose, "--out", str(out)]) == 0
+def test_results_and_logs_are_kept_and_logs_replay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, path = tmp_path / "out", scenario_file(tmp_path, LOOSE.replace("clearing", "about = '=1+1'\nclearing", 1))
+    assert cli.run(["faults", "--scenario", path, "--out", str(out)]) == 0
     (row,) = csv.DictReader((out / "results.csv").read_text(encoding="utf-8").splitlines())
     (same,) = json.loads((out / "results.json").read_text(encoding="utf-8"))
     assert (row["name"], row["reached"], row["passed"]) == ("loose-plug", "S2", "True")
     assert (same["name"], same["reached"], same["passed"]) == ("loose-plug", "S2", True)
+    assert (row["about"], same["about"]) == ("'=1+1", "=1+1"), "no formula to a spreadsheet"
     run = out / "loose-plug"
     faults = [record for record in RunReader(run) if record["record"] == "fault"]
     assert [(each["t_s"], each["target"], each["kind"], each["begins"]) for each in faults] == [

@@ -55,6 +55,17 @@ def test_show_tells_a_run_from_its_beginning_without_colours_in_a_file(run: Run)
     assert "\x1b" not in out
 
 
+@pytest.mark.parametrize("command", ["logs list", "logs show", "logs summary", "logs check", "logs export", "report"])
+def test_name_of_a_folder_cannot_control_the_terminal(
+    logs: Path, command: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (logs / SECOND).rename(logs / f"{SECOND}\x1b[31m\r{os.fsdecode(bytes([255]))}")
+    monkeypatch.chdir(logs)
+    assert cli.run([*command.split(), "--logs", str(logs)]) in {0, 3}
+    said = "".join(capsys.readouterr())
+    assert said.replace("\n", "").isprintable()
+
+
 def test_show_takes_the_newest_and_says_what_is_missing(run: Run, logs: Path) -> None:
     with (logs / SECOND / "run.jsonl").open("ab") as file:
         file.write(b'{"record":"ti')

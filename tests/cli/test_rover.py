@@ -101,6 +101,18 @@ def test_arming_tells_of_warnings_and_of_the_time_to_step_away(monkeypatch: pyte
     assert (code, out) == (0, "warning: clock: it is 1970\narming: the wheels may turn in 10 s\n")
 
 
+@pytest.mark.parametrize("verb", ["stop", "arm", "status"])
+def test_what_a_terminal_obeys_is_written_out(monkeypatch: pytest.MonkeyPatch, run: Run, verb: str) -> None:
+    """A false daemon, or a folder's name, could otherwise write whatever it likes onto the screen."""
+    hostile = "logs/\x1b[2J\x9b1m\rstopped"
+    status = {"rover": hostile, "mode": hostile, "held": False, "conditions": [hostile], "motor_faults": [hostile]}
+    Daemon(monkeypatch, {"warnings": [hostile], "start_delay_s": 10.0, "log": hostile, **status})
+    code, out, err = run(verb)
+    assert code == 0
+    assert "\\x1b[2J" in out
+    assert all(each.isprintable() for each in (out + err).splitlines())
+
+
 def test_refusal_is_one_line_and_exit_code_1(monkeypatch: pytest.MonkeyPatch, run: Run) -> None:
     Daemon(monkeypatch, Refused("not armed: battery: 9.1 V"))
     code, _, err = run("arm")
@@ -320,3 +332,11 @@ def test_every_step_of_calibrating_can_be_named() -> None:
 def test_calibrating_wants_a_person(rover_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(terminal, "is_there", lambda: False)
     assert cli.run(["calibrate", "--config", str(rover_file)]) == 2
+
+
+def test_status_shows_where_the_run_can_be_watched() -> None:
+    addresses = {"live_page": "http://127.0.0.1:8088/?token=s3cret", "foxglove": "ws://127.0.0.1:8765"}
+    assert status_text({**STATUS, **addresses}).splitlines()[-2:] == [
+        "live page http://127.0.0.1:8088/?token=s3cret",
+        "Foxglove  ws://127.0.0.1:8765",
+    ]

@@ -19,7 +19,7 @@ def results(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
     def far_apart(*arguments: object) -> object:
         result = out_at_once(*arguments)  # type: ignore[arg-type]
-        return result._replace(path_m=100.0 + result.path_m * (7.0 if result.algorithm == "retrying-pledge" else -1.0))
+        return result._replace(path_m=200.0 + result.path_m * (7.0 if result.algorithm == "retrying-pledge" else -1.0))
 
     monkeypatch.setattr("wayfarer.experiments.trial.run_trial", far_apart)
     asked = ("--algorithm", "forest-pledge,retrying-pledge", "--trials", 6, "--jobs", 1, "--out", tmp_path / "results")

@@ -5,6 +5,7 @@ Any other file is tried in ``tests/fuzz/on_files.py``.
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from tests.config.rover_texts import complaint, load, rover_toml
 from wayfarer.config.rover_file import RoverConfig, load_rover, part_settings, rover_names
 from wayfarer.daemon.salvage import motors_of
 from wayfarer.daemon.socket.driven import DrivenBoard
-from wayfarer.errors import BadConfig, UnknownName
+from wayfarer.errors import BadConfig, BadInput, UnknownName
 
 
 @pytest.mark.parametrize("name", rover_names())
@@ -125,6 +126,21 @@ def test_file_that_is_not_there_names_the_shipped_rovers(tmp_path: Path) -> None
         load_rover(str(tmp_path / "mine.toml"))
 
 
+@pytest.mark.parametrize("special", ["pipe", "/dev/zero", "sparse"])
+def test_special_or_endless_file_is_refused_at_once(tmp_path: Path, special: str) -> None:
+    path = tmp_path / "rover.toml"
+    if special == "pipe":
+        os.mkfifo(path)
+    elif special == "sparse":
+        with path.open("wb") as file:
+            file.truncate(10**12)
+    else:
+        path.symlink_to(special)
+    for read in (load_rover, lambda name: motors_of(Path(name))):
+        with pytest.raises(BadInput, match=r"cannot be read: it |not valid TOML"):
+            read(str(path))
+
+
 @pytest.mark.parametrize("name", ["{}/", "a\0.toml"])
 def test_folder_or_path_that_no_file_can_have_is_refused(tmp_path: Path, name: str) -> None:
     with pytest.raises(BadConfig, match="cannot be read"):
@@ -234,4 +250,4 @@ def test_stopping_the_motors_reads_past_a_byte_order_mark(tmp_path: Path) -> Non
     """With its first key unread, the file's ``buses`` would be taken for the Raspberry Pi's own."""
     path = tmp_path / "rover.toml"
     path.write_bytes(BOM + b'buses = "my.usb:adapter"\n[parts.motors]\ndriver = "sabertooth"\n')
-    assert motors_of(path) == DrivenBoard({"driver": "sabertooth"}, "my.usb:adapter")
+    assert motors_of(path).driven == DrivenBoard({"driver": "sabertooth"}, "my.usb:adapter")

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from itertools import pairwise
 from typing import Any
 
 import pytest
 
+from tests.virtual import virtual
 from tests.workshop import (
     PARTS,
     Contact,
@@ -24,7 +26,9 @@ from tests.workshop import (
     supervisor,
 )
 from wayfarer.control.controller import Mode
-from wayfarer.control.sensors import RETRY_PAUSE_MAX_S, RETRY_PAUSE_S
+from wayfarer.control.latest import SensorBuffers
+from wayfarer.control.run_log import PartialLog
+from wayfarer.control.sensors import RETRY_PAUSE_MAX_S, RETRY_PAUSE_S, SensorTask, keep_sampling
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import MissingPart, NotArmed, NotResponding, WayfarerError
 from wayfarer.hal import STOP
@@ -136,6 +140,23 @@ def test_sensor_that_keeps_failing_is_reopened_with_growing_pauses_while_the_oth
     # The first failure is only asked again; from the second on the part is closed and opened.
     assert shop.done.count("compass.open") - 1 == len(pauses_s) - 2
     assert len(shop.times("motion.read")) == pytest.approx(240, abs=1)
+
+
+@virtual
+async def test_sensor_that_is_silent_for_an_hour_is_still_asked(shop: Workshop) -> None:
+    """The pause was once a power of two of the failures, too large for a number after half an hour: the run ended."""
+    asked_s: list[float] = []
+
+    async def read() -> None:
+        asked_s.append(asyncio.get_running_loop().time())
+        raise NotResponding("gone")
+
+    row = SensorTask("compass", Part(shop, "compass"), 20.0, read, lambda _: None)
+    with suppress(TimeoutError):
+        async with asyncio.timeout(3600.0):
+            await keep_sampling(row, SensorBuffers(), PartialLog())
+    assert len(asked_s) > 1100
+    assert asked_s[-1] - asked_s[-2] == pytest.approx(RETRY_PAUSE_MAX_S)
 
 
 def test_sensor_that_does_not_open_again_is_tried_again(shop: Workshop) -> None:

@@ -172,6 +172,14 @@ async def test_log_is_named_so_that_it_is_found_from_any_folder(site: Site, monk
     assert stopped["log"] == site.log()[0]["log"] == told
 
 
+async def test_log_in_a_folder_whose_name_is_no_text_is_written(site: Site) -> None:
+    site.logs = Path(os.fsdecode(bytes(site.logs) + b"\xff"))
+    site.service = replace(site.service, logs=site.logs)
+    async with Running(site) as daemon:
+        assert "\ufffd" in (await site.ask("status"))["log"]
+        await daemon.stop()
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGUSR1])
 async def test_signal_stops_the_wheels_at_once_and_ends_the_run_in_order(site: Site, number: signal.Signals) -> None:
     signal.signal(number, signal.SIG_DFL)  # it may be ignored where these tests run
@@ -242,10 +250,12 @@ async def test_run_that_was_cut_off_is_told_by_the_next_which_stands_disarmed(
 
 
 async def test_log_of_the_run_before_that_cannot_be_read_stops_no_daemon(site: Site) -> None:
-    (site.logs / "00016-20261121T061405Z" / "run.jsonl").mkdir(parents=True)
+    before = site.logs / "00016-20261121T061405Z"
+    before.mkdir(parents=True)
+    os.mkfifo(before / "run.jsonl")
     async with Running(site) as daemon:
         await daemon.stop()
-    assert "directory" in site.events("unclean_shutdown")[0]["error"]
+    assert site.events("unclean_shutdown")[0]["error"] == "it is a pipe, no ordinary file"
 
 
 # -- disk and power ----------------------------------------------------------------------------------------------------

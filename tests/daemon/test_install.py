@@ -10,7 +10,7 @@ from subprocess import CompletedProcess
 
 import pytest
 
-from wayfarer.config.rover_file import load_rover
+from wayfarer.config.rover_file import load_rover, rover_text
 from wayfarer.daemon import install
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 
@@ -314,3 +314,17 @@ def test_environment_behind_a_closed_folder_is_refused(tmp_path: Path, monkeypat
     home.chmod(0o700)
     with pytest.raises(BadInput, match=f"because {home} is closed to others"):
         install.check_reachable(interpreter.with_name("wayfarer"), interpreter)
+
+
+def test_rover_file_is_read_once(root: Path, python: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The file that is installed is the one that was checked, even if its owner changes it meanwhile."""
+    path, read = tmp_path / "mine.toml", []
+
+    def text(name: str) -> str:
+        read.append(name)
+        return rover_text("sim")
+
+    monkeypatch.setattr(install, "rover_text", text)
+    installed(root, python, str(path))
+    assert read == [str(path)]
+    assert (root / ROVER_FILE).read_text(encoding="utf-8") == rover_text("sim")

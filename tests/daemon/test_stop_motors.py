@@ -17,11 +17,12 @@ from tests.daemon.socket.fake_daemon import FakeDaemon, serve
 from wayfarer import cli
 from wayfarer.config.registry import find_driver
 from wayfarer.daemon.motors_lock import motors_lock
+from wayfarer.daemon.salvage import NamedBoard
 from wayfarer.daemon.socket.client import NoDaemon
-from wayfarer.daemon.socket.driven import DrivenBoard, write_record
+from wayfarer.daemon.socket.driven import DrivenBoard, FoundRecord, write_record
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.daemon.stop_motors import stop_motors
-from wayfarer.errors import WayfarerError
+from wayfarer.errors import BadInput, WayfarerError
 
 NOBODY = 65534
 
@@ -122,7 +123,7 @@ def test_root_stops_what_another_user_recorded_with_that_user_s_rights(
     account = pwd.getpwuid(NOBODY)
     groups = " ".join(map(str, sorted(os.getgrouplist(account.pw_name, account.pw_gid))))
     assert f"{record}: I am {NOBODY} of {groups}, and was given " in said
-    assert said.startswith(str(rover_file)), "what needs nobody else's process is stopped first"
+    assert said.startswith(f"the daemon's {record}"), "code that a rover file names comes last"
     assert '{"motors": {"driver": "thunderborg"}, "buses": "tests.daemon.left_turning:buses"}' in said
     assert "by -P -m wayfarer.daemon.stop_board (stopped as user" in said
     monkeypatch.setattr("sys.executable", str(tmp_path / "none"))
@@ -274,3 +275,78 @@ def test_file_of_the_system_is_stopped_without_being_named(monkeypatch: pytest.M
     monkeypatch.setattr("wayfarer.cli.rover.ROVER_FILE", rover_file)
     assert cli.run(["stop-motors"]) == 0
     assert bench.by_serial.commanded == STILL
+
+
+# -- code that a rover file names ------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def ran(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What is stopped, in order; nothing is imported."""
+    names: list[str] = []
+
+    def stopped(driven: DrivenBoard) -> str:
+        names.append(driven.buses)
+        return "stopped"
+
+    monkeypatch.setattr("wayfarer.daemon.stop_motors.stop_board", stopped)
+    monkeypatch.setattr("wayfarer.daemon.stop_motors._stop_as", lambda owner, driven: f"{stopped(driven)} as {owner}")
+    return names
+
+
+@pytest.mark.parametrize("named", ['buses = "os:abort"\n' + THUNDERBORG, '[parts.motors]\ndriver = "os:abort"\n'])
+@pytest.mark.parametrize("mode", [0o664, 0o646])
+def test_root_runs_no_code_of_a_rover_file_that_others_may_write(
+    rover_file: Path, record: Path, ran: list[str], monkeypatch: pytest.MonkeyPatch, mode: int, named: str
+) -> None:
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    rover_file.write_text(named, encoding="utf-8")
+    rover_file.chmod(mode)
+    said = stop_motors(str(rover_file))
+    assert ran == ["tests.daemon.left_turning:buses"], "what the daemon drove is stopped"
+    assert f"{rover_file}: rejected: others may write to it (mode {mode:04o})" in said
+    record.unlink()
+    with pytest.raises(BadInput, match="chmod go-w"):
+        stop_motors(str(rover_file))
+
+
+def test_root_stops_wayfarer_s_own_driver_whoever_may_write_the_file(
+    rover_file: Path, ran: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It names no code, and a stop is harmless."""
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    rover_file.write_text(THUNDERBORG, encoding="utf-8")
+    rover_file.chmod(0o666)
+    assert stop_motors(str(rover_file)).endswith("rover.toml: stopped")
+    assert ran == ["linux"]
+
+
+def test_root_runs_the_code_of_a_user_s_rover_file_with_that_user_s_rights(
+    rover_file: Path, ran: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rover_file.touch()
+    there = rover_file.stat()
+    named = NamedBoard(
+        DrivenBoard({"driver": "thunderborg"}, "signal:pause"), os.stat_result((*there[:4], NOBODY, *there[5:]))
+    )
+    monkeypatch.setattr("wayfarer.daemon.stop_motors.motors_of", lambda _: named)
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    assert stop_motors(str(rover_file)).endswith(f"stopped as {NOBODY}")
+
+
+def test_code_of_a_rover_file_comes_after_everything_else(
+    rover_file: Path, record: Path, path: Path, ran: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It may hang, or end the process; a file names one board, so the order is seen between the two sources."""
+    monkeypatch.setattr("wayfarer.daemon.stop_motors._is_trusted", lambda owner: owner != NOBODY)
+    monkeypatch.setattr(
+        "wayfarer.daemon.stop_motors.read_record",
+        lambda _: FoundRecord(DrivenBoard({"driver": "sabertooth"}, "recorded:buses"), NOBODY),
+    )
+    rover_file.write_text('buses = "os:abort"\n' + THUNDERBORG, encoding="utf-8")
+    stop_motors(str(rover_file))
+    assert ran == ["recorded:buses", "os:abort"]
+    ran.clear()
+    rover_file.write_text(THUNDERBORG, encoding="utf-8")
+    stop_motors(str(rover_file))
+    assert ran == ["linux", "recorded:buses"], "another user's process may take long"

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.detector.rover import ALL_WELL, PIVOT, SETTINGS, TICK_S, Rover, started
+from tests.detector.rover import ALL_WELL, PIVOT, SETTINGS, TICK_S, VEHICLE, Rover, started
 from wayfarer.angles import wrap180
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import Condition
@@ -141,6 +141,14 @@ def test_heading_that_need_not_change_or_of_which_the_part_shows_life_is_not_fro
     for n in range(100):
         shaken: dict[str, Any] = {jitters: n % 2 / 10} if jitters else {}
         assert rover.tick(wheels, max(wheels.right, 0.0) * TICK_S, **shaken).conditions == ()
+
+
+@pytest.mark.parametrize(("max_speed_m_s", "frozen"), [(0.5, False), (2.0, True)])
+def test_how_fast_a_turn_was_commanded_depends_on_the_speed_of_the_wheels(max_speed_m_s: float, frozen: bool) -> None:
+    """Frozen counts from 20 degrees a second: the same duties turn the one by 11, the other by 46."""
+    rover = Rover(vehicle=replace(VEHICLE, max_speed_m_s=max_speed_m_s))
+    found = [rover.tick(WheelCommand(0.1, -0.1), heading_deg=7.7).conditions for _ in range(20)]
+    assert (found[-1] == (Condition.COMPASS_FROZEN,)) is frozen
 
 
 def test_heading_that_stays_through_a_turn_on_the_move_is_frozen_whatever_the_other_angles_do() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from math import degrees, exp, hypot
 from random import Random
 
@@ -30,6 +31,7 @@ class Chassis:
         self.gains = gains
         self._keeps = exp(-PERIOD_S / lag_s)
         self._noise_deg, self._chance = noise_deg, Random(seed)
+        self.blind = False  # its motion sensor is silent
         self._left = self._right = self.heading_deg = 0.0
 
     def tick(self, wheels: WheelCommand, *, blocked: bool = False) -> tuple[Condition, ...]:
@@ -41,7 +43,8 @@ class Chassis:
             self.heading_deg += (self._left - self._right) * DEG_S * PERIOD_S
             moved_m = (self._left + self._right) / 2 * PERIOD_S
         read_deg = wrap360(self.heading_deg + self._chance.gauss(0.0, self._noise_deg))
-        return self.rover.tick(wheels, moved_m, dt_s=PERIOD_S, heading_deg=read_deg).conditions
+        seen_m = None if self.blind else moved_m
+        return self.rover.tick(wheels, seen_m, dt_s=PERIOD_S, heading_deg=read_deg).conditions
 
     def drive(self, for_s: float, wheels: WheelCommand, *, blocked: bool = False) -> list[Condition | None]:
         """Return for each tick what is said of the drive."""
@@ -80,14 +83,12 @@ def test_asymmetry_is_told_for_about_a_second_once_no_anomaly_has_followed() -> 
     assert set(found[told_from + 22 :]) == {None}
 
 
-def test_side_that_lags_just_before_an_anomaly_is_a_trunk_and_no_fault() -> None:
-    """A trunk turns the rover that runs into it, and then holds it."""
+@pytest.mark.parametrize(("wheels", "told"), [(FULL, False), (WheelCommand(1.0, 0.1), True)])
+def test_side_that_lags_just_before_an_anomaly_is_a_trunk_and_no_fault(wheels: WheelCommand, told: bool) -> None:
+    """A trunk turns the rover that runs into it, and then holds it; or the side that lags is then driven alone."""
     chassis = Chassis(DEAD_LEFT)
-    found = chassis.drive(0.3, FULL)
-    chassis.gains = HEALTHY
-    for _ in range(10):
-        found.append(drive_of(chassis.rover.tick(FULL, 0.0, dt_s=PERIOD_S).conditions))
-    assert set(found + chassis.drive(3.0, STOP)) == {None}
+    found = chassis.drive(0.4, FULL) + chassis.drive(1.0, wheels, blocked=True) + chassis.drive(3.0, STOP)
+    assert set(found) == {None} | ({Condition.DRIVE_ASYMMETRY} if told else set())
 
 
 def test_drive_that_turns_as_told_is_cleared_of_what_was_found_before() -> None:
@@ -99,13 +100,55 @@ def test_drive_that_turns_as_told_is_cleared_of_what_was_found_before() -> None:
         chassis.drive(1.5, FULL)
 
 
+@pytest.mark.parametrize(
+    ("gains", "slow"), [(DEAD_LEFT, WheelCommand(0.2, 0.12)), (DEAD_RIGHT, WheelCommand(0.12, 0.2))]
+)
+def test_drive_that_is_too_slow_to_show_a_dead_side_clears_none(gains: tuple[float, float], slow: WheelCommand) -> None:
+    chassis, found = Chassis(gains), set()
+    for _ in range(SETTINGS.drive_uneven_windows):
+        found.update(chassis.drive(1.5, slow) + jolt(chassis, gains))
+    assert Condition.DRIVE_FAILED in found
+
+
+@pytest.mark.parametrize("late", ["turn", "move"])
+def test_dead_side_of_a_body_that_the_ground_holds_for_a_moment_is_a_fault(late: str) -> None:
+    """Half a second without the turn of a dead side shows nothing yet. One in which it turns but hardly moves does."""
+    rover, heading_deg, found = started(), 0.0, set()
+    for _ in range(SETTINGS.drive_uneven_windows):
+        for tick in range(20):
+            if tick >= 10 or late != "turn":
+                heading_deg -= DEG_S * PERIOD_S
+            moved_m = 0.0125 if tick >= 10 or late != "move" else 0.001 * tick
+            said = rover.tick(FULL, 2 * moved_m, dt_s=PERIOD_S, heading_deg=wrap360(heading_deg))
+            found.add(drive_of(said.conditions))
+        for _ in range(40):
+            found.add(drive_of(rover.tick(STOP, dt_s=PERIOD_S, heading_deg=wrap360(heading_deg)).conditions))
+    assert Condition.DRIVE_FAILED in found
+
+
+@pytest.mark.parametrize(("loss_m_s2", "fails"), [(0.0, True), (1.0, False)], ids=["driven", "it coasts"])
+def test_body_that_drives_straight_on_in_a_turn_has_a_reversed_side_unless_it_gets_slower(
+    loss_m_s2: float, fails: bool
+) -> None:
+    chassis = Chassis(REVERSED_LEFT)
+    jolt(chassis, REVERSED_LEFT)
+    found = set()
+    for tick in range(20):
+        moved_m, heading_deg = (1.0 - loss_m_s2 * tick * PERIOD_S) * PERIOD_S, wrap360(chassis.heading_deg)
+        found.add(drive_of(chassis.rover.tick(PIVOT, moved_m, dt_s=PERIOD_S, heading_deg=heading_deg).conditions))
+    assert (Condition.DRIVE_FAILED in found) is fails
+
+
 @pytest.mark.parametrize("turn", [PIVOT, WheelCommand(-1.0, 1.0)])
-@pytest.mark.parametrize(("gains", "fails"), [((1.0, 0.95), False), (DEAD_LEFT, True)])
+@pytest.mark.parametrize(
+    ("gains", "blind", "fails"), [((1.0, 0.95), False, False), (DEAD_LEFT, False, True), ((1.0, 0.95), True, True)]
+)
 def test_turn_on_the_spot_about_the_middle_clears_a_side_and_one_about_the_side_itself_does_not(
-    turn: WheelCommand, gains: tuple[float, float], fails: bool
+    turn: WheelCommand, gains: tuple[float, float], blind: bool, fails: bool
 ) -> None:
     """In a pocket among trunks there is no room for the straight drive that clears a side."""
     chassis = Chassis(HEALTHY)
+    chassis.blind = blind
     found: set[Condition | None] = set()
     for _ in range(3):
         found.update(jolt(chassis, DEAD_LEFT))
@@ -114,20 +157,44 @@ def test_turn_on_the_spot_about_the_middle_clears_a_side_and_one_about_the_side_
     assert (Condition.DRIVE_FAILED in found) is fails
 
 
-@pytest.mark.parametrize("friction", [0.1, 0.3, 0.8])
+@pytest.mark.parametrize(("friction", "max_speed_m_s"), [(0.1, 1.0), (0.3, 1.0), (0.8, 1.0), (0.051, 2.0)])
 @pytest.mark.parametrize("wheels", [FULL, BACK, WheelCommand(-1.0, 1.0)])
-def test_rover_that_turns_on_for_a_while_on_slippery_ground_is_well(friction: float, wheels: WheelCommand) -> None:
+def test_rover_that_turns_on_for_a_while_on_slippery_ground_is_well(
+    friction: float, max_speed_m_s: float, wheels: WheelCommand
+) -> None:
     """It spun at full duty and is told to drive straight, or to spin the other way: friction stops the turn."""
-    rover, heading_deg, rate_deg_s = started(), 0.0, 2 * DEG_S
+    rover = Rover(vehicle=replace(VEHICLE, max_speed_m_s=max_speed_m_s))
+    heading_deg, rate_deg_s = 0.0, 2 * max_speed_m_s * DEG_S
     loss_deg_s = degrees(0.75 * 12 / 2 * friction * 9.81 / hypot(VEHICLE.length_m, VEHICLE.width_m)) * PERIOD_S
     found: set[Condition | None] = set()
     for tick in range(60):
         if tick > 20:
             rate_deg_s = max(0.0, rate_deg_s - loss_deg_s)
         heading_deg += rate_deg_s * PERIOD_S
-        told, moved_m = (wheels, (wheels.left + wheels.right) / 2 * PERIOD_S) if tick > 20 else (PIVOT, 0.0)
+        told = wheels if tick > 20 else PIVOT
+        moved_m = (told.left + told.right) / 2 * max_speed_m_s * PERIOD_S
         found.add(drive_of(rover.tick(told, moved_m, dt_s=PERIOD_S, heading_deg=wrap360(heading_deg)).conditions))
     assert found == {None}
+
+
+@pytest.mark.parametrize(
+    ("speeds_m_s", "rates_deg_s"),
+    [
+        ([0.4] * 20, [140.0 * (1.0 - tick / 20) for tick in range(20)]),
+        ([tick * PERIOD_S for tick in range(20)], [70.0] * 20),
+    ],
+    ids=["it slides", "it gains speed, which takes all of the grip"],
+)
+def test_turn_that_goes_on_longer_because_the_body_also_moves_is_no_dead_side(
+    speeds_m_s: list[float], rates_deg_s: list[float]
+) -> None:
+    rover, heading_deg = started(), 0.0
+    legs = [(PIVOT, 0.0, rates_deg_s[0])] * 20
+    legs += [(FULL, *each) for each in zip(speeds_m_s, rates_deg_s, strict=True)]
+    for told, speed_m_s, rate_deg_s in legs + [(STOP, 0.0, 0.0)] * 40:
+        heading_deg += rate_deg_s * PERIOD_S
+        said = rover.tick(told, speed_m_s * PERIOD_S, dt_s=PERIOD_S, heading_deg=wrap360(heading_deg))
+        assert drive_of(said.conditions) is None
 
 
 def test_ground_that_holds_a_turn_while_chance_turns_the_body_is_no_dead_side() -> None:
@@ -170,6 +237,15 @@ def test_third_window_to_the_same_side_is_a_fault_whichever_way_the_rover_drives
     found = [set(jolt(chassis, DEAD_LEFT, each)) - {None} for each in wheels]
     assert found == [{Condition.DRIVE_ASYMMETRY}, {Condition.DRIVE_ASYMMETRY}, {Condition.DRIVE_FAILED}]
     assert set(jolt(chassis, DEAD_LEFT)) == {Condition.DRIVE_ASYMMETRY, None}, "it is counted again from 0"
+
+
+def test_dead_side_is_not_reversed_though_the_turn_before_it_adds_to_its_own() -> None:
+    chassis = Chassis(HEALTHY)
+    for _ in range(SETTINGS.reversed_turns):
+        chassis.gains = HEALTHY
+        chassis.drive(1.0, WheelCommand(-0.3, 0.3))
+        chassis.gains = DEAD_LEFT
+        assert set(chassis.drive(0.6, FULL) + chassis.drive(2.5, STOP)) == {Condition.DRIVE_ASYMMETRY, None}
 
 
 @pytest.mark.parametrize("then", [BACK, PIVOT])

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.detector.rover import ALL_WELL, BACK, FULL, PIVOT, SETTINGS, STEP_M, Rover, started
+from tests.detector.rover import ALL_WELL, BACK, FULL, PIVOT, SETTINGS, STEP_M, TICK_S, Rover, started
 from wayfarer.config.rover_file import load_rover
 from wayfarer.detector import StallMonitor
 from wayfarer.escape.api import Anomaly
@@ -51,6 +51,17 @@ def test_rover_that_still_rolls_the_other_way_is_a_stall_when_it_leads_nowhere(
     assert found[-1]
 
 
+@pytest.mark.parametrize(("wheels", "way"), [(FULL, 1.0), (BACK, -1.0)])
+def test_body_that_something_threw_back_a_moment_ago_is_not_stalled(wheels: WheelCommand, way: float) -> None:
+    """It gains speed as slowly as the most slippery ground lets it, from the speed of its last reading."""
+    rover = started()
+    rover.drive(3, WheelCommand(-wheels.left, -wheels.right))
+    rover.drive(1, WheelCommand(-wheels.left, -wheels.right), moved_m=-way * 0.6 * TICK_S)
+    for tick in range(40):
+        speed_m_s = SETTINGS.gain_m_s2 * (tick + 0.5) * TICK_S - 0.6
+        assert rover.tick(wheels, way * speed_m_s * TICK_S).anomalies == ()
+
+
 @given(
     gain_m_s2=st.floats(0.5, 8.0),
     from_m_s=st.floats(-1.0, 1.0),
@@ -78,12 +89,26 @@ def test_body_that_gains_no_speed_from_a_stand_is_stalled() -> None:
     assert started().drive(6, WheelCommand(0.15, 0.15), moved_m=0.0)[-1]
 
 
-def test_body_that_spins_with_its_wheels_against_each_other_is_not_judged_by_its_speed() -> None:
-    """It turns at 160 degrees a second: what it had of speed ahead becomes sideways."""
+@pytest.mark.parametrize(
+    ("rate_deg_s", "stalled"), [(160.0, False), (60.0, True)], ids=["it spins", "a trunk turns it"]
+)
+def test_body_that_spins_with_its_wheels_against_each_other_is_not_judged_by_its_speed(
+    rate_deg_s: float, stalled: bool
+) -> None:
+    """What it had of speed ahead becomes sideways. A trunk turns a body that it holds, but not that fast."""
     rover = started()
     rover.drive(10, moved_m=STEP_M)
-    for n in range(20):
-        assert rover.tick(WheelCommand(1.0, 0.0), 0.0, heading_deg=n * 10.0).anomalies == ()
+    found = [rover.tick(WheelCommand(1.0, 0.0), 0.0, heading_deg=n * rate_deg_s * TICK_S).anomalies for n in range(20)]
+    assert ((Anomaly.IMMOBILISED,) in found) is stalled
+
+
+@pytest.mark.parametrize(("straight", "stalled"), [(1.0, True), (0.4, False)])
+def test_body_that_could_hardly_have_moved_yet_does_not_stand(straight: float, stalled: bool) -> None:
+    """From a stand it gains 0.5 m/s2 with all of its grip: 16 mm in the window. While it turns it has less: 6 mm."""
+    stall = StallMonitor(SETTINGS)
+    for _ in range(5):
+        stall.add(0.05, 0.05, 0.0, straight=straight)
+    assert stall.found is stalled
 
 
 def test_noise_that_sums_to_zero_does_not_hide_a_stall() -> None:

@@ -72,14 +72,30 @@ def test_turn_that_gets_on_forgets_the_tries(side: float) -> None:
     assert turns.tries(2) == ()
 
 
-def test_turn_the_other_way_is_none() -> None:
-    assert Turns().tries(3, rate_deg_s=-30.0) == (Condition.CANNOT_TURN,)
+@pytest.mark.parametrize(("rate_deg_s", "turns"), [(-30.0, False), (8.0, False), (10.0, True)])
+def test_turn_the_other_way_or_by_less_than_9_degrees_is_none(rate_deg_s: float, turns: bool) -> None:
+    assert Turns().tries(3, rate_deg_s=rate_deg_s) == (() if turns else (Condition.CANNOT_TURN,))
 
 
-@pytest.mark.parametrize("wheels", [WheelCommand(0.4, -0.4), WheelCommand(1.0, 0.2), WheelCommand(1.0, 1.0), STOP])
+def test_turn_that_is_stopped_half_way_is_a_failed_try() -> None:
+    turns = Turns()
+    turns.go(1.0, FULL, rate_deg_s=60.0)
+    assert turns.go(1.0, FULL) == ()
+    assert turns.tries(2) == (Condition.CANNOT_TURN,)
+
+
+@pytest.mark.parametrize(
+    "wheels", [WheelCommand(0.6, -0.6), WheelCommand(1.0, -0.5), WheelCommand(1.0, 0.2), WheelCommand(1.0, 1.0), STOP]
+)
 def test_less_than_full_duty_and_curves_are_no_try(wheels: WheelCommand) -> None:
     assert Turns().tries(20, wheels) == ()
 
 
-def test_full_is_what_the_gate_lets_through() -> None:
-    assert Turns(duty_max=0.5).tries(3, WheelCommand(0.5, -0.5)) == (Condition.CANNOT_TURN,)
+@pytest.mark.parametrize(
+    ("duty_max", "wheels"),
+    [(0.5, (0.5, -0.5)), (0.5, (0.35, -0.35)), (1.0, (0.7, -0.7)), (1.0, (1.0, -0.7)), (1.0, (0.7, -1.0))],
+)
+def test_full_is_what_gate_and_battery_let_through_also_if_the_rover_moves_a_little(
+    duty_max: float, wheels: tuple[float, float]
+) -> None:
+    assert Turns(duty_max).tries(3, WheelCommand(*wheels)) == (Condition.CANNOT_TURN,)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tests.escape.walk import observation
 from wayfarer.escape.api import EscapeSettings
-from wayfarer.escape.policies import levy, levy_stride, uniform_angle
+from wayfarer.escape.policies import levy, levy_angle, levy_stride, uniform_angle
 
 
 def quantile(share: float, scale: float) -> float:
@@ -39,6 +39,14 @@ def test_each_share_of_the_draws_is_below_its_quantile(share: float, scale: floa
 @pytest.mark.parametrize("drawn", [0.0, 2.0**-53, 2.0**-52, 0.5, 1.0 - 2.0**-53], ids=str)
 def test_no_draw_of_the_generator_raises(drawn: float) -> None:
     assert levy(Drawing(drawn), 1.0) > 0.0
+
+
+@pytest.mark.parametrize(("share", "angle_deg", "stride_m"), [(0.7, 10.0, 0.6), (0.8, 15.6, 0.78), (0.95, 50.0, 10.0)])
+def test_draws_are_the_paper_s(share: float, angle_deg: float, stride_m: float) -> None:
+    """Lévy(0, 1) in degrees, and in the pixels of 0.05 m of the released simulator; both clipped."""
+    drawing, settings = Drawing(1.0 - share), EscapeSettings()
+    assert levy_angle(observation(), settings, drawing) == pytest.approx(angle_deg, rel=0.01)
+    assert levy_stride(settings, drawing) == pytest.approx(stride_m, rel=0.01)
 
 
 @given(st.integers(0, 2**32))

@@ -29,6 +29,11 @@ def test_clockwise_and_either_do_not_look(contact: ContactReading | None) -> Non
     assert drawn_sides(policies.either, contact) == {CW, CCW}
 
 
+def test_either_side_is_as_likely() -> None:
+    chance = rng()
+    assert abs(sum(policies.either(observation(), SETTINGS, chance) for _ in range(2000))) < 150
+
+
 NEITHER = [
     pytest.param(None, id="no sensor"),
     pytest.param(touch(), id="no touch"),
@@ -78,7 +83,9 @@ def test_obstacle_is_unknown_without_a_contact_sensor() -> None:
     assert policies.compatible_axis_deg(observation(), SETTINGS) is None
 
 
-@pytest.mark.parametrize(("bearing_deg", "expected"), [(10.0, CW), (170.0, CCW), (90.0, CW), (135.0, CW), (None, CW)])
+@pytest.mark.parametrize(
+    ("bearing_deg", "expected"), [(10.0, CW), (0.0, CW), (170.0, CCW), (90.0, CW), (135.0, CW), (None, CW)]
+)
 def test_oo_pledge_turns_to_where_a_compatible_obstacle_leans(bearing_deg: float | None, expected: int) -> None:
     assert drawn_sides(policies.along_else_clockwise, touch(Side.LEFT, bearing_deg=bearing_deg)) == {expected}
 

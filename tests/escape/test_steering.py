@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import cos, pi, radians
+from math import cos, degrees, pi, radians
 
 import pytest
 from hypothesis import given
@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from tests.escape.walk import SETTINGS, VEHICLE
 from wayfarer.escape.steering import HeadingHold
 from wayfarer.escape.turn_control import TurnController
+from wayfarer.hal import WheelCommand
 
 
 @given(st.floats(-10.0, 10.0), st.floats(-20.0, 20.0))
@@ -77,8 +78,27 @@ def test_turn_rate_is_limited() -> None:
     assert (left - right) * VEHICLE.max_speed_m_s / VEHICLE.track_m == pytest.approx(pi / 4)
 
 
-def test_derivative_damps_a_closing_error() -> None:
-    damped = HeadingHold(replace(SETTINGS, heading_i=0.0, heading_d=0.5), TurnController(VEHICLE))
-    damped.wheels(0.0, 20.0)
-    plain = HeadingHold(replace(SETTINGS, heading_i=0.0), TurnController(VEHICLE))
-    assert turn(damped.wheels(0.05, 19.0)) < turn(plain.wheels(0.05, 19.0))
+def turn_deg_s(wheels: WheelCommand) -> float:
+    return degrees(turn(wheels) * VEHICLE.max_speed_m_s / VEHICLE.track_m)
+
+
+@pytest.mark.parametrize(
+    ("after_s", "error_deg", "rate_deg_s"),
+    [(0.05, 19.0, -20.0), (0.1, 18.0, -20.0), (0.05, 20.0, 0.0), (0.1, 24.0, 40.0), (0.0, 19.0, 0.0)],
+    ids=["closing", "closing, slow ticks", "steady", "growing", "no time between"],
+)
+def test_derivative_acts_on_the_rate_of_the_error(after_s: float, error_deg: float, rate_deg_s: float) -> None:
+    turns_deg_s = []
+    for gain in (0.5, 0.0):
+        hold = HeadingHold(replace(SETTINGS, heading_i=0.0, heading_d=gain), TurnController(VEHICLE))
+        hold.wheels(0.0, 20.0)
+        turns_deg_s.append(turn_deg_s(hold.wheels(after_s, error_deg)))
+    assert turns_deg_s[0] - turns_deg_s[1] == pytest.approx(0.5 * rate_deg_s, abs=1e-6)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_rover_that_was_held_off_its_heading_turns_on_by_17_degrees_a_second_at_most(side: int) -> None:
+    hold = HeadingHold(SETTINGS, TurnController(VEHICLE))
+    for tick in range(1200):
+        hold.wheels(tick * 0.05, side * 50.0)
+    assert side * turn_deg_s(hold.wheels(60.0, 0.0)) == pytest.approx(17.0, abs=0.5)

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from wayfarer.experiments.campaign import Campaign
 from wayfarer.experiments.outcome import OUTCOMES
 from wayfarer.experiments.results_folder import PARQUET, PARTIAL, SETTINGS, SUMMARY, TRIALS, ResultsFolder
 from wayfarer.experiments.rows import COLUMNS, TERRAIN, TrialRow, columns_of, csv_line, parse_row, row_of, without_kinds
-from wayfarer.experiments.store import read_rows
+from wayfarer.experiments.store import CHECKSUM, MOST_LINE_BYTES, line_of, read_rows
 from wayfarer.experiments.trial import TrialResult
 from wayfarer.simhal.mujoco.terrain import Terrains
 from wayfarer.simhal.world.grounds import GroundName
@@ -28,8 +29,8 @@ SETTINGS_HERE: dict[str, Any] = {
     "rover": {"name": "sim", "rates": {"compass_hz": 20.0}},
 }
 ROWS = [TrialRow(n, "pledge", n // 2, n % 2, 77 + n, "escaped", 80.125, 1.5, 90.0, 3, 2, ticks=9) for n in range(3)]
-KEPT = (*COLUMNS, "ticks")
-numbers = st.floats(-1e6, 1e6)
+KEPT = (*COLUMNS, "ticks", CHECKSUM)
+numbers = st.floats(0, 1e6)
 maybe = st.none() | numbers
 
 
@@ -78,7 +79,7 @@ def fill(path: Path, *rows: TrialRow, finished: bool = False) -> None:
             assert folder.complete
 
 
-WHOLE = csv_line(KEPT, ROWS[0])
+WHOLE = csv_line(COLUMNS, ROWS[0])
 
 
 @pytest.mark.parametrize(
@@ -90,12 +91,18 @@ WHOLE = csv_line(KEPT, ROWS[0])
         WHOLE.replace("escaped", "vanished"),
         WHOLE.replace("80.125", "nan"),
         WHOLE.replace("80.125", "1e999"),
+        WHOLE.replace("80.125", "-80.125"),
+        WHOLE.replace("80.125", str(2**63)),
+        WHOLE.replace(",77,", f",{2**63},"),
+        WHOLE.replace(",77,", f",{'7' * 5000},"),
         WHOLE.removeprefix("0"),
+        f"-1{WHOLE.removeprefix('0')}",
     ],
 )
 def test_line_that_is_no_row_is_refused_with_its_place(line: str) -> None:
-    with pytest.raises(BadInput, match=r"^trials.csv, line 9 is not a row"):
-        parse_row(line, KEPT, "trials.csv, line 9")
+    with pytest.raises(BadInput, match=r"^trials.csv, line 9 is not a row") as refused:
+        parse_row(line, COLUMNS, "trials.csv, line 9")
+    assert len(str(refused.value)) < 200
 
 
 def test_finished_folder_holds_whole_files_only(tmp_path: Path) -> None:
@@ -108,7 +115,7 @@ def test_finished_folder_holds_whole_files_only(tmp_path: Path) -> None:
 def test_row_is_on_disk_as_soon_as_it_is_kept_and_the_folder_in_use_until_it_is_left(tmp_path: Path) -> None:
     with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
         folder.append(ROWS[1])
-        assert (tmp_path / PARTIAL).read_text() == csv_line(KEPT) + csv_line(KEPT, ROWS[1])
+        assert (tmp_path / PARTIAL).read_bytes() == csv_line(KEPT).encode() + line_of(KEPT, ROWS[1])
         with pytest.raises(BadInput, match="in use"):
             ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
     ResultsFolder(tmp_path, SETTINGS_HERE, resume=True).close()
@@ -133,6 +140,89 @@ def test_complete_folder_resumes_to_what_it_holds(tmp_path: Path) -> None:
         assert list(folder.kept) == [row._replace(ticks=None) for row in ROWS]
 
 
+FIRST_TWO = [line_of(KEPT, row) for row in ROWS[:2]]
+NAMES = csv_line(KEPT).encode()
+OLDER = (*COLUMNS, "ticks")
+
+
+@pytest.mark.parametrize(
+    ("lines", "said"),
+    [
+        ([NAMES, FIRST_TWO[0].replace(b"80.125", b"80.126"), FIRST_TWO[1]], ", line 2 is damaged: its checksum"),
+        ([NAMES, FIRST_TWO[0], csv_line(OLDER, ROWS[1]).encode()], ", line 3 is damaged: its checksum"),
+        ([NAMES, *FIRST_TWO, line_of(KEPT, ROWS[0]._replace(path_m=1.0))], ", line 4 is a second row of trial 0"),
+        ([csv_line(OLDER).encode(), csv_line(OLDER, ROWS[0]).encode()], ".* written by another version"),
+    ],
+)
+def test_partial_file_that_was_changed_is_refused_and_left_alone(tmp_path: Path, lines: list[bytes], said: str) -> None:
+    fill(tmp_path)
+    (tmp_path / PARTIAL).write_bytes(b"".join(lines) + b"2,pled")
+    with pytest.raises(BadInput, match=rf"{PARTIAL}{said}"):
+        ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
+    assert (tmp_path / PARTIAL).read_bytes() == b"".join(lines) + b"2,pled"
+
+
+def test_nothing_of_a_torn_line_stays_behind_the_next_one(tmp_path: Path) -> None:
+    fill(tmp_path)
+    (tmp_path / PARTIAL).write_bytes(NAMES + b"0" * 500)
+    with ResultsFolder(tmp_path, SETTINGS_HERE, resume=True) as folder:
+        folder.append(ROWS[0])
+    assert (tmp_path / PARTIAL).read_bytes() == NAMES + FIRST_TWO[0]
+
+
+def test_line_that_is_there_twice_counts_once(tmp_path: Path) -> None:
+    fill(tmp_path)
+    (tmp_path / PARTIAL).write_bytes(b"".join([NAMES, *FIRST_TWO, *FIRST_TWO]))
+    with ResultsFolder(tmp_path, SETTINGS_HERE, resume=True) as folder:
+        assert list(folder.kept) == ROWS[:2]
+        assert [task.trial for task in folder.kept.missing()] == [2]
+
+
+@pytest.mark.parametrize("kind", ["symlink", "dangling symlink", "pipe", "device"])
+def test_partial_file_is_neither_followed_nor_waited_for(tmp_path: Path, kind: str) -> None:
+    fill(folder := tmp_path / "run")
+    partial, other = folder / PARTIAL, tmp_path / "other"
+    partial.unlink()
+    match kind:
+        case "pipe":
+            os.mkfifo(partial)
+        case "device":
+            partial.symlink_to("/dev/zero")
+        case _:
+            partial.symlink_to(other)
+    if kind == "symlink":
+        other.write_bytes(NAMES)
+    with pytest.raises(BadInput, match=rf"{PARTIAL} cannot be used .* no ordinary file"):
+        ResultsFolder(folder, SETTINGS_HERE, resume=True)
+    assert other.exists() == (kind == "symlink")
+
+
+@pytest.mark.parametrize("settings", ["[" * 100_000, "[]", "null", "1" * 5000, "\0", '{"trials": 1e999}'])
+def test_settings_that_are_none_are_refused(tmp_path: Path, settings: str) -> None:
+    fill(tmp_path)
+    (tmp_path / SETTINGS).write_text(settings)
+    with pytest.raises(BadInput, match=r"holds no campaign|another campaign") as refused:
+        ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
+    assert len(str(refused.value)) < 400
+
+
+@pytest.mark.parametrize(("opening", "end"), [('{"a":', "}"), ("[", "]")])
+def test_settings_within_settings_are_refused_at_every_depth(tmp_path: Path, opening: str, end: str) -> None:
+    fill(tmp_path)
+    for depth in range(sys.getrecursionlimit() - 200, sys.getrecursionlimit()):
+        (tmp_path / SETTINGS).write_text(f'{{"version": {opening * depth}1{end * depth}}}')
+        with pytest.raises(BadInput, match=r"holds no campaign|another campaign"):
+            ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
+
+
+def test_settings_are_not_waited_for(tmp_path: Path) -> None:
+    fill(tmp_path)
+    (tmp_path / SETTINGS).unlink()
+    os.mkfifo(tmp_path / SETTINGS)
+    with pytest.raises(BadInput, match="holds no campaign"):
+        ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
+
+
 HEADER = csv_line(COLUMNS).encode()
 
 
@@ -140,10 +230,16 @@ HEADER = csv_line(COLUMNS).encode()
     ("content", "said"),
     [
         (HEADER + b"\0\0\0\n", ", line 2 is not a row"),
-        (HEADER + b"\x80\n", r" is damaged: byte \d+ is no text"),
-        (b"\xff\xfe\n", " is damaged: byte 0 is no text"),
-        (b"", " is damaged: its first line does not name its columns"),
-        (b"trial,algorithm\n", " is damaged: its first line does not name its columns"),
+        (HEADER + b"\x80\n", ", line 2 is damaged: its byte 0 is no text"),
+        (b"\xff\xfe\n", ", line 1 is damaged: its byte 0 is no text"),
+        (b"", " is damaged.*: its first line does not name its columns"),
+        (b"trial,algorithm\n", " is damaged.*: its first line does not name its columns"),
+        (HEADER + b"0" * MOST_LINE_BYTES, ", line 2 .* too long"),
+        (HEADER + WHOLE.encode(), " is damaged: it has 1 of 3 trials"),
+        (
+            HEADER + 2 * WHOLE.encode() + WHOLE.replace("80.125", "80.126").encode(),
+            ", line 4 is a second row of trial 0",
+        ),
     ],
 )
 def test_damaged_table_is_named(tmp_path: Path, content: bytes, said: str) -> None:
@@ -253,16 +349,4 @@ def test_table_of_an_older_version_is_read(tmp_path: Path, settings: dict[str, A
     path = tmp_path / TRIALS
     path.write_text(csv_line(older) + "".join(csv_line(older, row) for row in HELPED))
     assert "overturned" not in path.read_text()
-    assert read_rows(path, columns) == [row._replace(ticks=None, overturned=None, off_wheels=None) for row in HELPED]
-
-
-@SETTINGS_OF_EACH
-def test_campaign_of_an_older_version_is_gone_on_with(tmp_path: Path, settings: dict[str, Any]) -> None:
-    older = without_kinds(columns := (*columns_of(settings), "ticks"))
-    ResultsFolder(tmp_path, settings).close()
-    partial = tmp_path / PARTIAL
-    partial.write_text(csv_line(older) + csv_line(older, HELPED[0]))
-    with ResultsFolder(tmp_path, settings, resume=True) as folder:
-        folder.append(HELPED[1])
-        assert [*folder.kept] == HELPED[:2]
-    assert partial.read_text() == csv_line(columns) + "".join(csv_line(columns, row) for row in HELPED[:2])
+    assert [*read_rows(path, columns)] == [row._replace(ticks=None, overturned=None, off_wheels=None) for row in HELPED]

@@ -163,7 +163,7 @@ WHOLE = {
     "another key": ("a = 1", "unknown key 'a'; all of a file stands in [[scenario]] tables"),
     "no UTF-8": (b"\xff", "cannot be read: 'utf-8' codec"),
     "no TOML": ("[[scenario", "not valid TOML"),
-    "huge": ("#" * (FILE_BYTES + 1), "more than 1 MB: not a scenario file"),
+    "huge": ("#" * (FILE_BYTES + 1), "it has more than 1,000,000 bytes"),
     "no name": ("[[scenario]]", "key 'name' is missing (line 1)"),
     "no fault": (LEAST.replace('{ at_s = 1.0, target = "world", kind = "slip" }', ""), "key 'fault' = []"),
     "fault that is a text": (

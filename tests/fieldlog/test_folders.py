@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -9,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.folders import find_run, new_run_folder, run_folders
+from wayfarer.fieldlog import folders
+from wayfarer.fieldlog.folders import find_run, new_run_folder, run_folders, run_number
 
 TIME = "20261121T061405Z"
 
@@ -45,6 +47,40 @@ def test_foreign_names_are_runs_without_a_number_and_come_first(tmp_path: Path) 
     assert new_run_folder(tmp_path).name.startswith("00004-")
 
 
+@pytest.mark.parametrize("number", ["999999999", "9" * 238])
+def test_number_that_nobody_counted_to_keeps_no_daemon_from_starting(tmp_path: Path, number: str) -> None:
+    """A name has 255 bytes at most."""
+    make(tmp_path, f"{number}-{TIME}")
+    runs = {new_run_folder(tmp_path) for _ in range(3)}
+    assert len(runs) == 3
+    assert {run_number(run) for run in runs} in ({999_999_999}, {1, 2, 3})
+
+
+def test_lock_that_another_user_holds_keeps_no_daemon_from_starting(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(folders, "LOCK_TRIES", 2)
+    held = os.open(tmp_path, os.O_RDONLY)
+    try:
+        fcntl.flock(held, fcntl.LOCK_SH)
+        assert run_number(new_run_folder(tmp_path)) == 1
+    finally:
+        os.close(held)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may look everywhere")
+def test_symlink_to_where_nobody_may_look_is_no_run(tmp_path: Path) -> None:
+    private = tmp_path / "private"
+    run = make(tmp_path / "logs", f"00001-{TIME}")
+    (tmp_path / "logs" / f"00002-{TIME}").symlink_to(make(private, "run"))
+    private.chmod(0)
+    try:
+        assert run_folders(tmp_path / "logs") == [run]
+        assert find_run("last", tmp_path / "logs") == run
+    finally:
+        private.chmod(0o700)
+
+
 def test_folder_without_a_log_keeps_its_number_but_is_no_run(tmp_path: Path) -> None:
     run = make(tmp_path, f"00001-{TIME}")
     new_run_folder(tmp_path)
@@ -54,8 +90,8 @@ def test_folder_without_a_log_keeps_its_number_but_is_no_run(tmp_path: Path) -> 
 
 def test_daemons_that_start_at_once_get_numbers_of_their_own(tmp_path: Path) -> None:
     with ThreadPoolExecutor(8) as pool:
-        folders = list(pool.map(lambda _: new_run_folder(tmp_path), range(40)))
-    assert sorted(int(folder.name.partition("-")[0]) for folder in folders) == list(range(1, 41))
+        runs = list(pool.map(lambda _: new_run_folder(tmp_path), range(40)))
+    assert sorted(int(run.name.partition("-")[0]) for run in runs) == list(range(1, 41))
 
 
 def test_run_is_found_by_number_name_or_path(tmp_path: Path) -> None:

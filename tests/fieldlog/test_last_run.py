@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
+from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from hypothesis import given
@@ -83,11 +85,37 @@ def test_end_that_cannot_be_read_is_told_and_stops_nothing(tmp_path: Path, garba
     assert unfinished_run(tmp_path) == UnfinishedRun(RUN, error="nothing at the end of its log can be read")
 
 
-def test_log_that_is_no_file_is_told_and_stops_nothing(tmp_path: Path) -> None:
-    (tmp_path / RUN / FILE_NAME).mkdir(parents=True)
+@pytest.mark.parametrize("kind", ["folder", "pipe", "device"])
+def test_log_that_is_no_file_is_told_and_stops_nothing(tmp_path: Path, kind: str) -> None:
+    file = tmp_path / RUN / FILE_NAME
+    file.parent.mkdir()
+    match kind:
+        case "folder":
+            file.mkdir()
+        case "pipe":
+            os.mkfifo(file)
+        case "device":
+            file.symlink_to("/dev/zero")
     found = unfinished_run(tmp_path)
     assert found is not None
-    assert "directory" in (found.error or "")
+    assert f"it is a {kind}" in (found.error or "")
+
+
+def test_file_of_the_kernel_that_has_nothing_yet_stops_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a symlink to /proc/kmsg, which root may read."""
+
+    class Waiting(BytesIO):
+        def read(self, _size: int | None = -1) -> bytes:
+            return cast(bytes, None)
+
+    write(tmp_path / RUN, [HEADER])
+    monkeypatch.setattr(last_run, "open_regular", lambda _: Waiting())
+    assert unfinished_run(tmp_path) == UnfinishedRun(RUN, error="nothing at the end of its log can be read")
+
+
+def test_folder_whose_name_is_no_text_can_be_told_in_json(tmp_path: Path) -> None:
+    write(tmp_path / os.fsdecode(os.fsencode(RUN) + b"\x1b\xff"), [HEADER])
+    assert unfinished_run(tmp_path) == UnfinishedRun(f"{RUN}\\x1b\\udcff", 100.0, BEGAN_WALL_S)
 
 
 def test_torn_last_line_leaves_the_one_before_it(tmp_path: Path) -> None:

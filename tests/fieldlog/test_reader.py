@@ -11,12 +11,13 @@ from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
+import orjson
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.fieldlog.lines import event, header, read, tick
-from wayfarer.errors import BadInput
+from wayfarer.errors import BadInput, NothingReadable
 from wayfarer.fieldlog import reader
 from wayfarer.fieldlog.reader import Damage, RunReader, log_segments, parse, read_header
 from wayfarer.fieldlog.schema import Record
@@ -162,7 +163,7 @@ def test_part_that_cannot_be_read_costs_only_itself(tmp_path: Path) -> None:
 
 def test_log_of_which_nothing_can_be_read_is_bad_input(tmp_path: Path) -> None:
     (tmp_path / "run.jsonl").mkdir()
-    with pytest.raises(BadInput, match=r"run\.jsonl: cannot be read: Is a directory"):
+    with pytest.raises(BadInput, match=r"run\.jsonl: cannot be read: it is a folder"):
         read(tmp_path)
     with pytest.raises(BadInput, match="is no run"):
         RunReader(tmp_path / "run.jsonl")
@@ -173,7 +174,7 @@ def test_log_of_which_nothing_can_be_read_is_bad_input(tmp_path: Path) -> None:
 def test_part_that_breaks_off_in_an_error_gives_what_came_before(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def failing(file: BinaryIO) -> Iterator[bytes]:
+    def failing(file: BinaryIO, _most_bytes: int) -> Iterator[bytes]:
         yield from (file.readline() for _ in range(4))
         raise OSError(errno.EIO, os.strerror(errno.EIO))
 
@@ -181,6 +182,47 @@ def test_part_that_breaks_off_in_an_error_gives_what_came_before(
     (tmp_path / "run.jsonl").write_bytes(LOG)
     found, its = read(tmp_path)
     assert (found, its.damage) == (WHOLE[:4], Damage(unreadable=1))
+
+
+def test_part_that_is_longer_than_any_gives_its_beginning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reader, "PART_BYTES", 100_000)
+    monkeypatch.setattr(reader, "LINE_BYTES", 1000)
+    (tmp_path / "run.jsonl").write_bytes(LOG)
+    with (tmp_path / "run.jsonl").open("r+b") as file:
+        file.truncate(10**12)
+    found, its = read(tmp_path)
+    assert (found, its.damage) == (WHOLE, Damage(unreadable=1))
+    (tmp_path / "run.jsonl").write_bytes(b"\n" * 100_001)
+    with pytest.raises(NothingReadable, match="cannot be read: it has more than 100,000 bytes"):
+        read(tmp_path)
+
+
+def test_file_of_garbage_is_not_read_for_ever(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reader, "BROKEN_LINES", 100)
+    (tmp_path / "run.jsonl").write_bytes(LOG + b"\n" * 1000)
+    found, its = read(tmp_path)
+    assert (found, its.damage) == (WHOLE, Damage(garbled=101, unreadable=1))
+
+
+@pytest.mark.parametrize("key", ["version", "boot_id", "seed", "rover", "config_hash"])
+@pytest.mark.parametrize("begins_a_part", [False, True])
+def test_header_of_another_run_is_named_and_left_out(key: str, begins_a_part: bool) -> None:
+    another = orjson.dumps(orjson.loads(header(2)) | {key: "another"}) + b"\n"
+    rest = another + event(6) + b"\n"
+    found, damage = read_bytes(*([HEAD, rest] if begins_a_part else [HEAD + rest]))
+    assert (found, damage) == (WHOLE, Damage(foreign=1, headless=int(begins_a_part)))
+    assert "1 header is of another run" in str(damage)
+
+
+def test_ticks_whose_time_stands_still_are_out_of_order() -> None:
+    """Two may have the same time: ``tests/fieldlog/test_order.py`` shows when."""
+
+    def standing(ticks: int) -> Damage:
+        still = [orjson.dumps({"record": "tick", "n": n, "t_s": 0.3, "t_wall": 1e9}) for n in range(6, 6 + ticks)]
+        return read_bytes(HEAD + b"".join(line + b"\n" for line in still))[1]
+
+    assert standing(2) == Damage()
+    assert standing(100) == Damage(disordered=98)
 
 
 def test_header_is_found_in_a_later_part_where_the_first_is_damaged(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import sys
 from collections.abc import Callable
 from dataclasses import replace as with_fields
 from math import nan
@@ -225,6 +226,21 @@ def test_log_that_says_too_little_of_what_ran_is_refused_in_a_line(
     with pytest.raises(BadInput, match=said) as refused:
         replay(run)
     assert "\n" not in str(refused.value)
+
+
+def test_code_that_a_log_names_is_imported_only_if_a_person_allows_it(run: Path) -> None:
+    """``antigravity`` opens a browser when it is imported; a log of somebody else may name any module."""
+    rewrite(run, lambda record: record | {"algorithm": "antigravity:x"} if record["record"] == "run" else record)
+    with pytest.raises(BadInput, match=r"names code to run, .antigravity:x.: .* add --allow-code"):
+        replay(run)
+    assert "antigravity" not in sys.modules
+
+
+def test_algorithm_of_a_module_is_replayed_if_a_person_allows_it(run: Path) -> None:
+    named = {"algorithm": "wayfarer.escape.catalogue:BUILT_IN"}
+    rewrite(run, lambda record: record | named if record["record"] == "run" else record)
+    with pytest.raises(BadInput, match="BUILT_IN is not a"):
+        replay(run, allow_code=True)
 
 
 # -- a run in which things happen -----------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
+from zlib import crc32
 
 from hypothesis import strategies as st
 
@@ -25,6 +26,7 @@ from wayfarer.errors import BadConfig, WayfarerError
 from wayfarer.experiments.report.load_results import read_results
 from wayfarer.experiments.results_folder import FORESTS, PARTIAL, SETTINGS, TRIALS, ResultsFolder
 from wayfarer.experiments.rows import COLUMNS, TrialRow, csv_line
+from wayfarer.experiments.store import CHECKSUM
 from wayfarer.fault_scenarios.scenario_file import read_scenarios
 from wayfarer.simhal.buses import FakeBuses, FakeSerial
 from wayfarer.simhal.world.forest_file import as_row, content_of, forests_in
@@ -243,15 +245,22 @@ ROWS = [
     for trial in range(2)
 ]
 KEPT = (*COLUMNS, "ticks")
+NAMES = csv_line((*KEPT, CHECKSUM)).encode()
 TABLE = (csv_line(COLUMNS) + "".join(csv_line(COLUMNS, row) for row in ROWS)).encode()
-UNFINISHED = (csv_line(KEPT) + "".join(csv_line(KEPT, row) for row in ROWS)).encode()
+FINISHED = "".join(csv_line(KEPT, row) for row in ROWS).encode()
 WITH_FORESTS = {**CAMPAIGN, "forests": {"file": "mine.jsonl", "blake2b": "00"}}
 CELLS = (b",", b"escaped", b"vanished", b"pledge", b"\n", b"-1", b"1e5")
 
 
+def _partial(rows: bytes) -> bytes:
+    """Return rows as a partial file with checksums that are right, so that more than those is tried."""
+    return NAMES + b"".join(b"%b,%08x\n" % (row, crc32(row)) for row in rows.splitlines())
+
+
 def _campaigns(kept: Sequence[Case]) -> st.SearchStrategy[Case]:
     settings = bytes_of([json.dumps(CAMPAIGN).encode()], most=2) | json_of([CAMPAIGN, WITH_FORESTS], 2).map(as_json)
-    tables = {TRIALS: bytes_of([TABLE], CELLS, 3), PARTIAL: bytes_of([UNFINISHED], CELLS, 3)}
+    partial = bytes_of([_partial(FINISHED)], CELLS, 3) | bytes_of([FINISHED], CELLS, 3).map(_partial)
+    tables = {TRIALS: bytes_of([TABLE], CELLS, 3), PARTIAL: partial}
     return st.fixed_dictionaries(
         {},
         optional={SETTINGS: settings | st.just(json.dumps(CAMPAIGN).encode()), **tables, FORESTS: st.just(FOREST_FILE)},
@@ -285,9 +294,9 @@ def _read_folder(files: dict[str, bytes]) -> str:
 
 RESULTS = Target(
     "results",
-    ["wayfarer.experiments.results_folder:ResultsFolder._claim", "wayfarer.experiments.store:rows_in",
+    ["wayfarer.experiments.results_folder:ResultsFolder._claim", "wayfarer.experiments.store",
      "wayfarer.experiments.folder_settings:refuse_another", "wayfarer.config.rover_overlay:flat",
-     "wayfarer.experiments.results_folder:_drop_torn_line", "wayfarer.experiments.rows:parse_row",
+     "wayfarer.experiments.results_folder:ResultsFolder._partial_trials", "wayfarer.experiments.rows:parse_row",
      "wayfarer.experiments.rows:_value", "wayfarer.experiments.report.load_results"],
     _campaigns,
     lambda: nullcontext(_read_folder),

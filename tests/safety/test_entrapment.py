@@ -27,22 +27,29 @@ SPEEDS_M_S = {AHEAD: 1.0, TURN: 0.0, BACK: -0.6, STOP: 0.0}
 class Drive:
     """A rover that drives; ``grip`` is the share of what is commanded that the ground moves, None without a sensor.
 
-    Each tenth reading is ``garbage``, where there is any.
+    The sensor speaks each ``ticks_a_reading``. Each ``garbage_every`` ticks it says ``garbage``, where there is any.
     """
 
-    def __init__(self, grip: float | None = 1.0, quality: float = 0.8) -> None:
+    def __init__(
+        self, grip: float | None = 1.0, quality: float = 0.8, *, speed: float = 1.0, ticks_a_reading: int = 1
+    ) -> None:
         self.progress = EntrapmentMonitor(SETTINGS, quality_min=0.2)
-        self.grip, self.quality = grip, quality
+        self.grip, self.quality, self.speed, self.ticks_a_reading = grip, quality, speed, ticks_a_reading
         self.garbage: MotionReading | None = None
-        self.t_s = 0.0
+        self.garbage_every = 10
+        self.t_s = self.unread_m = 0.0
         self.ticks = 0
 
     def tick(self, wheels: WheelCommand, *, anomalous: bool = False) -> bool:
         self.t_s += TICK_S
         self.ticks += 1
-        forward_m = SPEEDS_M_S[wheels] * TICK_S
-        motion = None if self.grip is None else MotionReading(self.t_s, forward_m * self.grip, 0.0, self.quality)
-        if self.garbage is not None and self.ticks % 10 == 0:
+        forward_m = self.speed * SPEEDS_M_S[wheels] * TICK_S
+        self.unread_m += forward_m
+        motion = None
+        if self.grip is not None and self.ticks % self.ticks_a_reading == 0:
+            motion = MotionReading(self.t_s, self.unread_m * self.grip, 0.0, self.quality)
+            self.unread_m = 0.0
+        if self.garbage is not None and self.ticks % self.garbage_every == 0:
             motion = self.garbage
         return self.progress.ends(TickInterval(self.t_s, wheels, TICK_S, TICK_S, forward_m), anomalous, motion)
 
@@ -50,10 +57,10 @@ class Drive:
         """Drive so until it is over, or for so long; return whether the rover gave up."""
         return any(self.tick(wheels, anomalous=anomalous) for _ in range(round(for_s / TICK_S)))
 
-    def caught(self, rounds: int) -> bool:
-        """Push for 0.4 s into what holds, back off, turn, again and again; return whether the rover gave up."""
+    def caught(self, rounds: int, push_s: float = 0.4) -> bool:
+        """Push into what holds, back off, turn, again and again; return whether the rover gave up."""
         return any(
-            self.go(AHEAD, 0.4) or self.tick(AHEAD, anomalous=True) or self.go(BACK, 0.3) or self.go(TURN, 1.0)
+            self.go(AHEAD, push_s) or self.tick(AHEAD, anomalous=True) or self.go(BACK, 0.3) or self.go(TURN, 1.0)
             for _ in range(rounds)
         )
 
@@ -73,22 +80,37 @@ def test_anomaly_that_never_clears_ends_within_the_bound(grip: float | None) -> 
 
 
 @pytest.mark.parametrize("garbage_m", [0.0, 0.03, 0.1, float("nan"), float("inf"), None])
-def test_body_that_never_moves_is_given_up_though_its_anomaly_clears_each_time(garbage_m: float | None) -> None:
-    """Garbage twice a second, so each push of 0.4 s has one at most: none (0.0), of any size, or rejected (None)."""
-    drive = Drive(grip=0.0)
-    drive.garbage = MotionReading(0.0, garbage_m or 0.0, 0.0, 0.0 if garbage_m is None else 0.8)
+@pytest.mark.parametrize(
+    ("speed", "ticks_a_reading", "push_s", "garbage_every"),
+    [(1.0, 1, 0.4, 10), (1.0, 2, 0.4, 10), (1.0, 2, 1.0, 10), (0.42, 1, 0.7, 10), (0.3, 2, 0.9, 10), (0.3, 2, 0.9, 8)],
+    ids=["fast", "sim", "sim, long pushes", "forestrover", "minirover", "minirover, one in four"],
+)
+def test_body_that_never_moves_is_given_up_though_its_anomaly_clears_each_time(
+    speed: float, ticks_a_reading: int, push_s: float, garbage_every: int, garbage_m: float | None
+) -> None:
+    """Garbage about twice a second, whenever it began: none (0.0), of any size, or rejected (None)."""
+    for ticks in range(garbage_every):
+        drive = Drive(grip=0.0, speed=speed, ticks_a_reading=ticks_a_reading)
+        drive.ticks, drive.garbage_every = ticks, garbage_every
+        drive.garbage = MotionReading(0.0, garbage_m or 0.0, 0.0, 0.0 if garbage_m is None else 0.8)
+        assert drive.caught(100, push_s)
+        assert drive.t_s <= SETTINGS.give_up_s + 2.0
+
+
+def test_body_that_rocks_in_place_is_given_up() -> None:
+    drive = Drive(grip=-0.5)
+    drive.garbage, drive.garbage_every = MotionReading(0.0, 0.025, 0.0, 0.8), 2
     assert drive.caught(100)
-    assert drive.t_s <= SETTINGS.give_up_s + 2.0
 
 
-@pytest.mark.parametrize("grip", [0.1, 1.0, None])
+@pytest.mark.parametrize("grip", [0.07, 1.0, None])
 def test_pocket_with_some_room_is_never_given_up(grip: float | None) -> None:
     assert not Drive(grip).caught(1000)
 
 
-@pytest.mark.parametrize("quality", [0.0, float("nan")])
-def test_ground_that_cannot_be_seen_is_unknown_and_not_still(quality: float) -> None:
-    assert not Drive(grip=0.0, quality=quality).caught(1000)
+@pytest.mark.parametrize(("quality", "seen"), [(0.0, False), (0.19, False), (float("nan"), False), (0.2, True)])
+def test_ground_that_cannot_be_seen_is_unknown_and_not_still(quality: float, seen: bool) -> None:
+    assert Drive(grip=0.0, quality=quality).caught(1000) is seen
 
 
 def test_turning_for_ever_is_given_up_and_standing_for_ever_is_not() -> None:

@@ -103,6 +103,7 @@ class Site:
             "HOME": str(folder),
             "XDG_STATE_HOME": str(folder),
         }
+        self.uid = os.getuid()  # whose the daemon is
         self.processes: list[subprocess.Popen[bytes]] = []
         server = (sys.executable, "-m", "wayfarer.simhal.hil_server")
         bench = self.start(*server, "--rover", self.config, "--socket", folder / "bench")
@@ -230,8 +231,12 @@ class Site:
         return process
 
     def ask(self, do: str, **details: object) -> dict[str, Any]:
-        """Ask the daemon; raises as ``socket.client.ask``."""
-        return ask({"do": do, **details}, self.socket)
+        """Ask the daemon, as the user whose daemon it is; raises as ``socket.client.ask``."""
+        os.seteuid(self.uid)
+        try:
+            return ask({"do": do, **details}, self.socket)
+        finally:
+            os.seteuid(os.getuid())
 
     def status(self) -> dict[str, Any]:
         """Return what the daemon says of itself; raises as ``socket.client.ask``."""

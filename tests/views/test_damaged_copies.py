@@ -84,6 +84,8 @@ COPIES: dict[str, Callable[[], list[bytes]]] = {
     "a number that cannot be": lambda: tick_with(travelled_m=1e308),
     "a time far too late": lambda: later(1e6),
     "a time too early": lambda: later(-30.0),
+    "a time that stands still": lambda: [orjson.dumps(orjson.loads(line) | {"t_s": END_S}) + b"\n" for line in LINES],
+    "header of another run": lambda: put(orjson.dumps(REAL | {"part": 2, "rover": "another"}) + b"\n"),
     "header lost": lambda: LINES[1:],
     "header lost, and there again in the next part": lambda: [
         *LINES[1:MIDDLE], orjson.dumps(REAL | {"part": 2}) + b"\n", *LINES[MIDDLE:],

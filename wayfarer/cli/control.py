@@ -11,6 +11,7 @@ import typer
 from wayfarer.angles import wrap360
 from wayfarer.cli.options import AsJson
 from wayfarer.errors import WayfarerError
+from wayfarer.fieldlog.printable import clean_document
 from wayfarer.views.text.scripting import print_json, say_next
 
 ANSWER_S = 5.0
@@ -27,12 +28,12 @@ North = Annotated[
 
 def status(*, as_json: AsJson = False) -> None:
     """Show rover status."""
-    found = _ask("status")
     if as_json:
-        print_json(found)
+        print_json(_answer("status"))
         return
     from wayfarer.cli.status_text import status_text
 
+    found = _ask("status")
     with _as_this_version():
         print(status_text(found))
 
@@ -115,6 +116,12 @@ def _as_this_version() -> Iterator[None]:
 
 
 def _ask(do: str, **keys: object) -> dict[str, Any]:
+    """Return the daemon's answer, fit for a terminal."""
+    cleaned: dict[str, Any] = clean_document(_answer(do, **keys))
+    return cleaned
+
+
+def _answer(do: str, **keys: object) -> dict[str, Any]:
     from wayfarer.daemon.socket.client import ask
 
     return ask({"do": do, **keys}, timeout_s=ARM_S if do == "arm" else ANSWER_S)

@@ -139,9 +139,9 @@ def open_page(url: str) -> None:
 
 
 def _last_words(end: RunEnd, logs: Path) -> str:
-    from wayfarer.fieldlog.folders import run_folders
+    from wayfarer.fieldlog.folders import newest_run
 
-    run = run_folders(logs)[-1]
+    run = newest_run(logs)
     stays = "" if end.reason == "signal" else "\nthe page and its buttons stay until you close the page or press Ctrl-C"
     return f"""
 {end.text}{stays}

@@ -20,7 +20,7 @@ from wayfarer.cli.help_texts import HelpCommand, HelpGroup
 from wayfarer.cli.log_folder import log_folder
 from wayfarer.cli.options import AsJson, Logs, examples
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.folders import find_run, run_folders, run_title
+from wayfarer.fieldlog.folders import find_run, newest_run, run_title
 from wayfarer.views.export.formats import ExportFormat, Output
 from wayfarer.views.text.colour import painted
 
@@ -94,7 +94,7 @@ def follow(run: Run = None, *, logs: Logs = None) -> None:
 
     folder = log_folder(logs)
     chosen = None if run in (None, "last") else find_run(run, folder)
-    if chosen is None and not run_folders(folder):
+    if chosen is None and newest_run(folder) is None:
         print(f"waiting for a run in {folder}", file=sys.stderr)
     told: Path | None = None
     waits_for = "" if chosen is None else f"{NO_OUTCOME}; waiting for more (Ctrl-C ends)"
@@ -229,7 +229,7 @@ def export(
         _tell_damage(form.write(found, sys.stdout))
         return
     file = out or Path(f"{run_title(found)}.{form}")
-    damage = export_run(found, form, file, overwrite=force)
+    damage = export_run(found, form, file, overwrite=force, follow_symlink=out is not None)
     print(f"the export is in {file}")
     _tell_damage(damage)
     say_next(*form.opened_by, file)

@@ -30,6 +30,13 @@ Config = Annotated[
 AlgorithmOption = Annotated[
     str, typer.Option(metavar="NAME", autocompletion=completion.algorithm, help="Escape algorithm; see wayfarer list.")
 ]
+AllowCode = Annotated[
+    bool,
+    typer.Option(
+        "--allow-code",
+        help="Import what a log or results name as 'module:attribute': only if you trust the writer.",
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for scripts; docs/json.md describes it.")]
 
 

@@ -10,9 +10,10 @@ import typer
 
 from wayfarer.cli import completion
 from wayfarer.cli.log_folder import log_folder
-from wayfarer.cli.options import AsJson, Logs, examples
+from wayfarer.cli.options import AllowCode, AsJson, Logs, examples
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import find_run, run_title
+from wayfarer.fieldlog.printable import clean
 
 if TYPE_CHECKING:
     from wayfarer.fieldlog.replay import Replay
@@ -42,6 +43,7 @@ def replay(
             help="Use the settings of this rover file instead of those in the log.",
         ),
     ] = None,
+    allow_code: AllowCode = False,
     logs: Logs = None,
     as_json: AsJson = False,
 ) -> None:
@@ -59,10 +61,10 @@ def replay(
     codes, replays = set(), []
     for folder in folders:
         try:
-            result = replay_run(folder, settings)
+            result = replay_run(folder, settings, allow_code=allow_code)
         except BadInput as error:
             codes.add(BAD_INPUT)
-            print("wayfarer:", error, file=sys.stderr)
+            print("wayfarer:", clean(str(error)), file=sys.stderr)
             continue
         replays.append({"run": run_title(folder), **result._asdict()})
         if not as_json:

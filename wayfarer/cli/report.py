@@ -10,7 +10,7 @@ import typer
 from wayfarer.cli import completion
 from wayfarer.cli.extras import require
 from wayfarer.cli.log_folder import log_folder
-from wayfarer.cli.options import Logs, examples
+from wayfarer.cli.options import AllowCode, Logs, examples
 from wayfarer.cli.trial_options import Jobs
 from wayfarer.errors import BadInput
 from wayfarer.views.text.scripting import say_next
@@ -50,11 +50,13 @@ def report(
             help="File name of the page. (default: report.html in the run's folder; of two runs, in the second one's)",
         ),
     ] = None,
+    allow_code: AllowCode = False,
     logs: Logs = None,
 ) -> None:
     """Write report.html for a run (default: the newest one), for two runs beside each other, a campaign or a sweep."""
     require("a report")
     from wayfarer.fieldlog.folders import find_run
+    from wayfarer.fieldlog.printable import clean
     from wayfarer.views.run_report.run import write_comparison, write_run_report
 
     folder = log_folder(logs)
@@ -63,12 +65,12 @@ def report(
     elif run := _run(what, folder):
         page = write_run_report(run, out)
     else:
-        page = _of_trials(Path(what), out, gallery, jobs)
-    print(f"the report is {page}")
+        page = _of_trials(Path(what), out, gallery, jobs, allow_code=allow_code)
+    print(f"the report is {clean(str(page))}")
     say_next("xdg-open", page)
 
 
-def _of_trials(folder: Path, out: Path | None, gallery: int, jobs: int | None) -> Path:
+def _of_trials(folder: Path, out: Path | None, gallery: int, jobs: int | None, *, allow_code: bool) -> Path:
     """Write the report of a sweep or a campaign, and return the page's path."""
     from wayfarer.experiments.commands import cores
     from wayfarer.experiments.report.campaign import write_report
@@ -77,7 +79,7 @@ def _of_trials(folder: Path, out: Path | None, gallery: int, jobs: int | None) -
 
     if is_sweep(folder):
         return write_sweep_report(folder, out)
-    return write_report(folder, out, gallery=gallery, jobs=jobs or cores())
+    return write_report(folder, out, gallery=gallery, jobs=jobs or cores(), allow_code=allow_code)
 
 
 def _run(what: str, logs: Path) -> Path | None:

@@ -74,6 +74,7 @@ def run(
         make_rover = simulated(loaded, name, depth or "device", seed)
     else:
         loaded, make_rover = _real(loaded, name, folder)
+    shown = viewers(live, live_host, live_port, foxglove, foxglove_port)
     service = Service(
         config=loaded,
         algorithm=find_algorithm(algorithm),
@@ -84,7 +85,8 @@ def run(
         simulated=sim,
         dry_run=dry_run,
         console=lambda write: Console(HINT, write, then="wayfarer logs summary").show,
-        viewers=viewers(live, live_host, live_port, foxglove, foxglove_port),
+        viewers=shown.viewers,
+        addresses=shown.addresses,
     )
     serve(service)
 

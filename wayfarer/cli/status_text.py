@@ -25,6 +25,8 @@ def _lines(status: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("mission", _mission(status)),
         ("battery", "" if status.get("battery_v") is None else f"{status['battery_v']:.1f} V"),
         ("log", _log(status)),
+        ("live page", status.get("live_page", "")),
+        ("Foxglove", status.get("foxglove", "")),
     ]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -48,9 +48,16 @@ FoxglovePort = Annotated[
 ]
 
 
+class Viewers(NamedTuple):
+    """The viewers of a run, and their addresses by the keys of ``wayfarer status``."""
+
+    viewers: list[Viewer]
+    addresses: dict[str, str]
+
+
 def viewers(
     live: bool, live_host: str | None, live_port: int | None, foxglove: bool, foxglove_port: int | None
-) -> list[Viewer]:
+) -> Viewers:
     """Return the viewers of a run, and print their addresses; their ports are bound from now on.
 
     Raises:
@@ -68,18 +75,20 @@ def viewers(
             "--foxglove-port says where Foxglove is served: add --foxglove, or leave it out",
         ),
     )
-    found: list[Viewer] = []
+    found = Viewers([], {})
     if live:
         page = live_page(live_host, live_port)
         print(f"live page: {page.url}", flush=True)
-        found.append(page)
+        found.viewers.append(page)
+        found.addresses["live_page"] = page.url
     if foxglove:
         require("Foxglove")
         from wayfarer.views.foxglove.live import FoxgloveLive
 
         channels = FoxgloveLive(FOXGLOVE_PORT if foxglove_port is None else foxglove_port)
         print(f"for Foxglove: {channels.url}", flush=True)
-        found.append(channels)
+        found.viewers.append(channels)
+        found.addresses["foxglove"] = channels.url
     return found
 
 

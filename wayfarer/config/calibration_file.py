@@ -22,13 +22,15 @@ import orjson
 from annotated_types import Interval, MaxLen
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
-from wayfarer.config.atomic_file import write_atomically
 from wayfarer.config.messages import key_and_problem
 from wayfarer.config.rover_path import STATE_FOLDER
 from wayfarer.errors import BadInput, WayfarerError
+from wayfarer.files.atomic_file import write_atomically
+from wayfarer.files.regular_file import read_regular
 from wayfarer.setting_ranges import DegreesOrZero
 
 FILE_NAME = "calibration.json"
+CALIBRATION_BYTES = 65_536  # of no source: a hundred times what there is to say
 USER_FOLDER = Path(".local/state/wayfarer")
 
 # Half a year: field, screws and cables of a rover change within a season.
@@ -179,7 +181,7 @@ def load(path: Path) -> Calibration:
         BadInput: the file cannot be read or is not right; the text names it and the reason.
     """
     try:
-        return _adapter().validate_json(path.read_bytes())
+        return _adapter().validate_json(read_regular(path, CALIBRATION_BYTES))
     except FileNotFoundError:
         return Calibration()
     except ValidationError as error:

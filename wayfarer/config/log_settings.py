@@ -17,7 +17,7 @@ class LogSettings:
     that a file may have on FAT. A run of more than ``run_mb``, which is most of a day and should be several parts,
     loses its oldest parts but the first, which says how it began: a daemon that stands disarmed for weeks must not fill
     the card. With less than ``free_mb`` left on the disk only events are written: the computer needs that to boot and
-    to let a person log in.
+    to let a person log in. A rover is armed only where a part fits beside it.
     """
 
     part_mb: Annotated[float, Interval(ge=1, le=2000)] = 50.0

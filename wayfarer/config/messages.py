@@ -55,7 +55,7 @@ def most_telling(error: ValidationError) -> ErrorDetails:
 def key_and_problem(error: ValidationError) -> str:
     """Say in short what is wrong with a file that wayfarer itself has written."""
     problem = most_telling(error)
-    return f"{'.'.join(map(str, problem['loc'])) or 'the file'}: {problem['msg']}"
+    return f"{shortened('.'.join(map(str, problem['loc']))) or 'the file'}: {problem['msg']}"
 
 
 def explain(problem: ErrorDetails, model: Any, prefix: str = "") -> str:
@@ -87,7 +87,11 @@ def with_short_keys(said: str) -> str:
 
 def shown(value: object) -> str:
     """Return a value as it is quoted to a person: the middle of a long one is left out."""
-    text = repr(value)
+    return shortened(repr(value))
+
+
+def shortened(text: str) -> str:
+    """Return a text without the middle of a long one."""
     return text if len(text) <= _SHOWN else f"{text[: _SHOWN // 2]}...{text[-_SHOWN // 4 :]}"
 
 

@@ -60,6 +60,17 @@ def find_algorithm(name: str) -> Algorithm:
     return replace(found, origin=origin)
 
 
+def refuse_code(*names: str) -> None:
+    """Refuse names that stand for code to import, in what somebody else may have written: a log, or results.
+
+    Raises:
+        BadInput: one is a ``"module:attribute"``; importing it would run code of the sender's choice.
+    """
+    for name in names:
+        if ":" in name:
+            raise BadInput(f"it names code to run, {name[:80]!a}: if you trust who wrote it, add --allow-code")
+
+
 def driver_names() -> list[str]:
     """Return the names of all drivers, built in and installed."""
     return sorted({*BUILT_IN_DRIVERS, *installed_points(DRIVER_GROUP)})

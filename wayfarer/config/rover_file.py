@@ -17,11 +17,12 @@ from wayfarer.config.chassis import Chassis
 from wayfarer.config.log_settings import LogSettings
 from wayfarer.config.messages import at_line, line_of, shown, validated, with_short_keys
 from wayfarer.config.registry import check_buses, driver_names, find_driver
-from wayfarer.config.rover_path import SHIPPED, is_rover_file, rover_path
+from wayfarer.config.rover_path import ROVER_FILE_BYTES, SHIPPED, is_rover_file, rover_path
 from wayfarer.config.wiring import wiring_conflict
 from wayfarer.detector import DetectorSettings
 from wayfarer.errors import BadConfig, BadInput, UnknownName, one_line
 from wayfarer.escape.api import EscapeSettings, Vehicle
+from wayfarer.files.regular_file import read_regular
 from wayfarer.safety.gate import STALL_LIMIT_S
 from wayfarer.safety.settings import BoardSettings, EntrapmentSettings, SafetySettings
 from wayfarer.setting_ranges import Hertz
@@ -171,16 +172,26 @@ def load_rover(name_or_path: str) -> RoverConfig:
         UnknownName: no shipped rover of that name.
         BadConfig: the file cannot be read or is not right; the text names file, key and what is allowed.
     """
-    is_file = is_rover_file(name_or_path)
-    if not is_file and name_or_path not in rover_names():
+    return parse_rover(name_or_path, rover_text(name_or_path))
+
+
+def rover_text(name_or_path: str) -> str:
+    """Return the text of a rover file.
+
+    Raises:
+        UnknownName: no shipped rover of that name.
+        BadConfig: the file cannot be read; the text names it and says why.
+    """
+    if not is_rover_file(name_or_path) and name_or_path not in rover_names():
         raise UnknownName("rover", name_or_path, rover_names())
     try:
-        text = _text_of(name_or_path)
+        return _text_of(name_or_path)
     except FileNotFoundError:
         raise BadConfig(f"{name_or_path}: no such file; shipped rovers are {', '.join(rover_names())}") from None
-    except (OSError, ValueError) as error:  # ValueError: no UTF-8, or a name that no file can have
+    except OSError as error:
+        raise BadConfig(f"{name_or_path}: cannot be read: {error.strerror}") from None
+    except ValueError as error:  # no UTF-8, or a name that no file can have
         raise BadConfig(one_line(f"{name_or_path}: cannot be read: {error}")) from None
-    return _parse(name_or_path if is_file else f"{name_or_path}.toml", text)
 
 
 def line_in(name_or_path: str, key: str) -> int | None:
@@ -194,10 +205,16 @@ def with_place(name_or_path: str, said: str) -> str:
 
 
 def _text_of(name_or_path: str) -> str:
-    return rover_path(name_or_path).read_text(encoding=_TEXT)
+    return read_regular(rover_path(name_or_path), ROVER_FILE_BYTES).decode(_TEXT)
 
 
-def _parse(where: str, text: str) -> RoverConfig:
+def parse_rover(name_or_path: str, text: str) -> RoverConfig:
+    """Return the rover that a text describes; the name is for errors.
+
+    Raises:
+        BadConfig: the text is not right; the error names key and what is allowed.
+    """
+    where = name_or_path if is_rover_file(name_or_path) else f"{name_or_path}.toml"
     try:
         # The end of line lets the parser name the line of an error that is at the very end.
         return validated(RoverConfig, tomllib.loads(text + "\n"))

@@ -8,6 +8,7 @@ from pathlib import Path
 ROVER_FILE = Path("/etc/wayfarer/rover.toml")
 STATE_FOLDER = Path("/var/lib/wayfarer")  # logs and calibration
 SHIPPED = Path(__file__).parents[1] / "rovers"
+ROVER_FILE_BYTES = 1_000_000  # of no source: a hundred times the longest one
 
 
 def is_rover_file(name_or_path: str) -> bool:

@@ -55,7 +55,7 @@ def sensor_tasks(
 
 async def keep_sampling(row: SensorTask, buffers: SensorBuffers, log: RunLog) -> None:
     """Sample for ever; after an error read again soon, and reopen the part if that did not help."""
-    failures = 0
+    failures, pause_s = 0, RETRY_PAUSE_S
     while True:
         try:
             if failures > 1:
@@ -63,16 +63,16 @@ async def keep_sampling(row: SensorTask, buffers: SensorBuffers, log: RunLog) ->
                 await row.part.open()
             read, write, rate = row.read, row.write, Rate(row.rate_hz)
             write(await read())
-            failures = 0
+            failures, pause_s = 0, RETRY_PAUSE_S
             row.spoke.set()
             while True:
                 await rate.wait()
                 write(await read())
         except DriverError as error:
             failures += 1
-            pause_s = min(RETRY_PAUSE_S * 2.0 ** (failures - 1), RETRY_PAUSE_MAX_S)
             t_s = asyncio.get_running_loop().time()
             if row.name == "motion" and failures == 1:  # the motion that was missed is unknown, not zero
                 buffers.motion.write(MotionReading(t_s, 0.0, 0.0, 0.0))
             log.event("sensor_failed", t_s, sensor=row.name, error=str(error), retry_in_s=pause_s)
             await asyncio.sleep(pause_s)
+            pause_s = min(2.0 * pause_s, RETRY_PAUSE_MAX_S)

@@ -8,7 +8,7 @@ import os
 import signal
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import AsyncExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from random import Random
@@ -75,7 +75,8 @@ class Service:
 
     ``make_rover`` is called on the running loop with a function that ends the run (a simulated rover calls it when it
     has escaped). ``seed`` is for algorithms that use random numbers. ``console`` takes a function that writes a line to
-    stderr, and returns one that shows a record there; None shows nothing. ``viewers`` show the run. ``loop_factory``
+    stderr, and returns one that shows a record there; None shows nothing. ``viewers`` show the run. ``addresses`` are
+    theirs, for ``status`` only: that of the live page has a token, and every user may read the log. ``loop_factory``
     makes the event loop; None is asyncio's own. ``time_scale`` is how many times faster than real time such a loop runs
     at first; ``wall`` is the wall clock of the log.
     """
@@ -90,6 +91,7 @@ class Service:
     dry_run: bool
     console: Callable[[Callable[[str], None]], Callable[[Record], None]] | None = None
     viewers: Sequence[Viewer] = ()
+    addresses: Mapping[str, str] = field(default_factory=dict)
     loop_factory: Callable[[], asyncio.AbstractEventLoop] | None = None
     time_scale: float = 1.0
     wall: WallClock = wall_clock
@@ -149,7 +151,8 @@ class Daemon:
             "algorithm": service.algorithm.name,
             "simulated": service.simulated,
             "dry_run": service.dry_run,
-            "log": str(folder.absolute()),  # the client may be in another folder
+            # Whole, for the client may be in another folder; JSON has no bytes that are no text.
+            "log": os.fsencode(folder.absolute()).decode(errors="replace"),
             "start_delay_s": config.safety.start_delay_s,
         }
         self._lines = StderrWriter()
@@ -168,7 +171,8 @@ class Daemon:
         self._supervisor = Supervisor(self._rover, config, service.algorithm, handler, self._log)
         checks: list[Check] = [*rover_setup.checks, partial(system.log, lambda: self._writer.trouble)]
         self._commands = RoverCommands(
-            self._supervisor, self._rover.motors, self._inspect, self._log, about, checks,
+            self._supervisor, self._rover.motors, self._inspect, self._log,
+            {**about, **service.addresses}, checks,
             lambda: self._field_log.dropped,
         )  # fmt: skip
 

@@ -18,10 +18,10 @@ from importlib.resources import files
 from pathlib import Path
 
 import wayfarer
-from wayfarer.config.atomic_file import write_atomically
-from wayfarer.config.rover_file import load_rover
-from wayfarer.config.rover_path import ROVER_FILE, STATE_FOLDER, rover_path
+from wayfarer.config.rover_file import load_rover, parse_rover, rover_text
+from wayfarer.config.rover_path import ROVER_FILE, STATE_FOLDER
 from wayfarer.errors import BadInput, one_line
+from wayfarer.files.atomic_file import write_atomically
 
 HERE = Path("/")
 UNIT = Path("etc/systemd/system/wayfarer.service")
@@ -88,7 +88,7 @@ def install(
             say(_make_user(root))
             _make_state_folder(root / STATE_FOLDER.relative_to("/"))
         _make_folder((root / UNIT).parent)
-        write_atomically(root / UNIT, unit, READABLE)
+        write_atomically(root / UNIT, unit, mode=READABLE, follow_symlink=True)  # a masked unit stays masked
     except OSError as error:
         raise BadInput(f"{error.filename or root}: cannot be written: {error.strerror}") from None
     say(f"wrote {root / UNIT}")
@@ -172,10 +172,10 @@ def _place_rover_file(rover: str | None, path: Path) -> str:
         return f"kept {path}"
     if rover is None:
         raise BadInput(f"{path}: no such file yet; say which rover this is with --rover NAME|FILE")
-    load_rover(rover)
-    text = rover_path(rover).read_text(encoding="utf-8")
+    text = rover_text(rover)
+    parse_rover(rover, text)  # the text that is installed is the one that was checked
     _make_folder(path.parent)
-    write_atomically(path, text, READABLE)
+    write_atomically(path, text, mode=READABLE, follow_symlink=True)
     return f"wrote {path} (from {rover})"
 
 

@@ -5,44 +5,56 @@ Only the keys that say where the board is must be right, because no other mistak
 
 from __future__ import annotations
 
+import os
 import re
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+from wayfarer.config.rover_path import ROVER_FILE_BYTES
 from wayfarer.daemon.socket.driven import DrivenBoard
 from wayfarer.errors import BadConfig, BadInput, kind_and_text
+from wayfarer.files.regular_file import open_regular
 
 
-def motors_of(path: Path) -> DrivenBoard:
+class NamedBoard(NamedTuple):
+    """What a rover file says of its motors, and whose file it is."""
+
+    driven: DrivenBoard
+    file: os.stat_result
+
+
+def motors_of(path: Path) -> NamedBoard:
     """Return the motors of a rover file; the only check is that they name a driver.
 
     Raises:
         BadInput: the file cannot be read.
         BadConfig: there are no motors in it.
     """
-    rover = _read(path)
+    rover, about = _read(path)
     parts = rover.get("parts")
     table = parts.get("motors") if isinstance(parts, dict) else None
     if not isinstance(table, dict) or not isinstance(table.get("driver"), str):
         raise BadConfig("no [parts.motors] with a driver: this rover has no wheels to stop")
-    return DrivenBoard(table, str(rover.get("buses", "linux")))
+    return NamedBoard(DrivenBoard(table, str(rover.get("buses", "linux"))), about)
 
 
-def _read(path: Path) -> dict[str, Any]:
+def _read(path: Path) -> tuple[dict[str, Any], os.stat_result]:
     try:
-        text = path.read_text(encoding="utf-8-sig", errors="replace")
+        with open_regular(path) as file:  # of the file that is read: another one may be at its path a moment later
+            about, content = os.fstat(file.fileno()), file.read(ROVER_FILE_BYTES) or b""
     except OSError as error:
         raise BadInput(f"cannot be read: {error.strerror}; name one with --config") from None
     except ValueError:  # a zero byte in its name
         raise BadInput("cannot be read: no file can have this name; name one with --config") from None
+    text = content.decode("utf-8-sig", errors="replace")
     try:
-        return tomllib.loads(text)
+        return tomllib.loads(text), about
     except (ValueError, RecursionError) as error:
         found = _salvaged(text)
         if "driver" not in found["parts"]["motors"]:
             raise BadConfig(f"not valid TOML: {kind_and_text(error)}") from None
-        return found
+        return found, about
 
 
 def _salvaged(text: str) -> dict[str, Any]:

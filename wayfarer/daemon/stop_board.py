@@ -132,18 +132,17 @@ def _ask_daemons() -> dict[Path, bool]:
     from wayfarer.daemon.socket.paths import known_sockets
 
     agreed: dict[Path, bool] = {}
-    with suppress(BadInput):  # a folder that is not private is not used
-        for place in known_sockets():
-            if place in agreed or not os.access(place, os.W_OK):
-                continue  # another user's daemon cannot be asked; the lock of the motors shows whether it drives them
-            try:
-                ask({"do": "stop"}, place, ASK_S)
-            except (NoDaemon, BadInput):
-                continue
-            except WayfarerError:
-                agreed[place] = False
-            else:
-                agreed[place] = True
+    for place in known_sockets():
+        if place in agreed or not os.access(place, os.W_OK):
+            continue  # another user's daemon cannot be asked; the lock of the motors shows whether it drives them
+        try:
+            ask({"do": "stop"}, place, ASK_S)
+        except (NoDaemon, BadInput):
+            continue
+        except WayfarerError:
+            agreed[place] = False
+        else:
+            agreed[place] = True
     return agreed
 
 

@@ -2,6 +2,9 @@
 
 It stops the motors that a daemon drives or drove, as recorded beside its socket (``daemon/socket/driven.py``), and
 those of the rover file, which may be different ones by now. A stop is harmless for both.
+
+Both can name code to import. Root runs it with the rights of the user who wrote it, and only if nobody else can have
+written it. Code of a rover file comes last, because it may hang or end this process.
 """
 
 from __future__ import annotations
@@ -12,11 +15,13 @@ import pwd
 import subprocess
 import sys
 from collections.abc import Iterator
+from stat import S_IMODE
 from typing import NamedTuple
 
 from wayfarer.config.rover_path import rover_path
-from wayfarer.daemon.salvage import motors_of
+from wayfarer.daemon.salvage import NamedBoard, motors_of
 from wayfarer.daemon.socket.driven import DrivenBoard, known_records, read_record
+from wayfarer.daemon.socket.paths import OTHERS_WRITE
 from wayfarer.daemon.stop_board import stop_board
 from wayfarer.errors import BadInput, WayfarerError, kind_and_text, one_line
 
@@ -31,6 +36,11 @@ class BoardToStop(NamedTuple):
     driven: DrivenBoard
     owner: int
     recorded: bool
+
+    @property
+    def order(self) -> tuple[bool, bool]:
+        """When to stop it, the lowest first; a process of another user may take long."""
+        return not self.recorded and self.driven.names_code, not _is_trusted(self.owner)
 
 
 class StopResult(NamedTuple):
@@ -58,8 +68,7 @@ def stop_motors(name_or_path: str) -> str:
             unusable.append(found)
         else:
             _add(boards, found)
-    # First the boards that need no process of another user, because such a process may take long.
-    stopped = [_stopped(board) for board in sorted(boards, key=lambda board: not _is_trusted(board.owner))]
+    stopped = [_stopped(board) for board in sorted(boards, key=lambda board: board.order)]
     said = "; ".join(result.said for result in stopped + unusable)
     codes = {result.exit_code for result in stopped}
     if 1 in codes | {result.exit_code for result in unusable}:
@@ -84,9 +93,28 @@ def _sources(name_or_path: str) -> Iterator[BoardToStop | StopResult]:
                 yield BoardToStop(f"the daemon's {record}", *found, recorded=True)
     path = rover_path(name_or_path)
     try:
-        yield BoardToStop(str(path), motors_of(path), os.geteuid(), recorded=False)
+        named = motors_of(path)
+        yield BoardToStop(str(path), named.driven, _chosen_by(named), recorded=False)
     except BadInput as error:
         yield StopResult(f"{path}: {error}", error.exit_code)
+
+
+def _chosen_by(named: NamedBoard) -> int:
+    """Return with which user's rights to stop the board of a rover file.
+
+    A person answers for the file that they name, but root may have been given one that others wrote.
+
+    Raises:
+        BadInput: it names code that root must not run, because others can have written it.
+    """
+    if os.geteuid() != 0 or not named.driven.names_code:
+        return os.geteuid()
+    if named.file.st_mode & OTHERS_WRITE:
+        raise BadInput(
+            f"rejected: others may write to it (mode {S_IMODE(named.file.st_mode):04o}), and it names code for root to"
+            " run: see what it names and take that right away (chmod go-w), or switch the motors' power off"
+        )
+    return named.file.st_uid
 
 
 def _add(boards: list[BoardToStop], new: BoardToStop) -> None:

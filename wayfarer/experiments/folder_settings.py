@@ -10,12 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from wayfarer.config.chassis import AT_A_BRANCH, Chassis
-from wayfarer.config.messages import shown
+from wayfarer.config.messages import shortened, shown
 from wayfarer.config.rover_overlay import flat
 from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Tasks
+from wayfarer.files.regular_file import read_regular
 from wayfarer.simhal.world.grounds import GroundName
 
+MOST_BYTES = 10_000_000  # of a settings' file: a sweep of two keys with all the values that fit a command line has less
 CHASSIS = "rover.chassis"  # where its keys stand in the settings
 UNSAID = {"ground": GroundName.ideal.value}  # what settings that do not name it stand for
 
@@ -46,12 +48,12 @@ def refuse_another(path: Path, settings: Mapping[str, Any]) -> None:
     """
     kind = kind_of(settings)
     try:
-        there = _comparable(json.loads((path / f"{kind}.json").read_text(encoding="utf-8")), kind)
-    except (OSError, ValueError, KeyError, TypeError):
+        there = _comparable(json.loads(read_regular(path / f"{kind}.json", MOST_BYTES)), kind)
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         raise BadInput(f"{path} cannot be resumed: it holds no {kind} ({kind}.json is missing or damaged)") from None
     for name, value, other in _differences(_comparable(json.loads(json.dumps(settings)), kind), there):
         raise BadInput(
-            f"{path} belongs to another {kind}: {name} is {shown(other)} there and "
+            f"{path} belongs to another {kind}: {shortened(name)} is {shown(other)} there and "
             f"{shown(value)} here; repeat its settings, or give another folder"
         )
 
@@ -60,15 +62,16 @@ def _comparable(settings: Any, kind: str) -> dict[str, Any]:
     """Return settings by their dotted names; what a sweep sweeps has all its values."""
     if kind == "campaign":
         return UNSAID | flat(settings)
-    swept = {axis["key"]: axis["values"] for axis in settings["axes"]}
-    return UNSAID | flat(settings["campaign"]) | {"keys": list(swept)} | swept
+    keys = [str(axis["key"]) for axis in settings["axes"]]
+    swept = zip(keys, (axis["values"] for axis in settings["axes"]), strict=True)
+    return UNSAID | flat(settings["campaign"]) | {"keys": keys} | dict(swept)
 
 
 def _differences(here: Mapping[str, Any], there: Mapping[str, Any]) -> Iterator[tuple[str, Any, Any]]:
     """Yield the dotted name and both values of each setting that makes two campaigns differ.
 
     What a rover file says of its chassis decides only where this campaign reads it. Files of older versions say less,
-    and their campaigns can be gone on with.
+    and are still of the same campaign.
     """
     read = _chassis_keys_read(here)
     for name in dict.fromkeys((*here, *there)):

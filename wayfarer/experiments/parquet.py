@@ -6,8 +6,7 @@ pyarrow is imported here only, and only where a file is written.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import pyarrow as pa
 from pyarrow import csv, parquet
@@ -17,8 +16,8 @@ from wayfarer.experiments.rows import DECIMALS, TEXT_COLUMNS, TrialRow
 ARROW = {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), str: pa.string()}
 
 
-def copy_as_parquet(table: Path, copy: Path, swept: Sequence[Mapping[str, Any]]) -> None:
-    """Write what a ``trials.csv`` holds as Parquet; ``swept`` has the swept values at each point, for their types.
+def copy_as_parquet(table: BinaryIO, copy: BinaryIO, swept: Sequence[Mapping[str, Any]]) -> None:
+    """Write an open ``trials.csv`` as Parquet; ``swept`` has the swept values at each point, for their types.
 
     Raises:
         OSError: the file cannot be written.
@@ -26,7 +25,8 @@ def copy_as_parquet(table: Path, copy: Path, swept: Sequence[Mapping[str, Any]])
     own = {name: str if name in TEXT_COLUMNS else float if name in DECIMALS else int for name in TrialRow._fields}
     types = own | {key: _common_type({type(values[key]) for values in swept}) for key in swept[0]}
     options = csv.ConvertOptions(column_types={name: ARROW[kind] for name, kind in types.items()}, null_values=[""])
-    with csv.open_csv(table, convert_options=options) as rows, parquet.ParquetWriter(copy, rows.schema) as file:
+    path = f"/proc/self/fd/{table.fileno()}"  # Arrow reads it by name, and makes no Python object of each block
+    with csv.open_csv(path, convert_options=options) as rows, parquet.ParquetWriter(copy, rows.schema) as file:
         for batch in rows:
             file.write_batch(batch)
 

@@ -2,9 +2,12 @@
 
 ``campaign.json`` or ``sweep.json`` is written first and says whose folder this is; ``forests.jsonl`` beside it is a
 copy of a campaign's forest file, if it has one, so that its trials can be run again. While it runs, each finished trial
-is appended to ``trials.partial.csv`` in the order of completion. At the end ``trials.csv``, the same as
-``trials.parquet``, and the ``summary.json`` of a campaign appear whole, and the partial file goes. A line that a crash
-cut short has no newline; resuming drops it and runs that trial again.
+is appended to ``trials.partial.csv`` in the order of completion, with a checksum. At the end ``trials.csv``, the same
+as ``trials.parquet``, and the ``summary.json`` of a campaign appear whole, and the partial file goes. A line that a
+crash cut short has no newline; resuming drops it and runs that trial again. A line that was changed is refused: it
+would end in the tables without a sign.
+
+The folder may have come from somebody else: only ordinary files are read, and nothing is written through a symlink.
 """
 
 from __future__ import annotations
@@ -17,11 +20,12 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, Self
 
-from wayfarer.config.atomic_file import atomic_file, write_atomically
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.experiments.folder_settings import kind_of, refuse_another, swept_values, tasks_of
 from wayfarer.experiments.rows import TrialRow, columns_of, csv_line
-from wayfarer.experiments.store import TrialStore, columns_in, rows_in
+from wayfarer.experiments.store import CHECKSUM, MOST_LINE_BYTES, TrialStore
+from wayfarer.files.atomic_file import atomic_file, write_atomically
+from wayfarer.files.regular_file import open_regular, open_to_append
 
 SETTINGS = "campaign.json"
 SWEEP_SETTINGS = "sweep.json"
@@ -101,11 +105,11 @@ class ResultsFolder:
             atomic_file(self.path / TRIALS) as draft,
             atomic_file(self.path / PARQUET) as parquet_draft,
         ):
-            with draft.open("w", encoding="utf-8") as text:
-                text.write(csv_line(self._columns))
-                for row in rows:
-                    text.write(csv_line(self._columns, row, values[row.point]))
-                    yield row
+            draft.write(csv_line(self._columns).encode())
+            for row in rows:
+                draft.write(csv_line(self._columns, row, values[row.point]).encode())
+                yield row
+            draft.seek(0)
             copy_as_parquet(draft, parquet_draft, values)
 
     def finish(self, summary: Mapping[str, Any]) -> None:
@@ -127,12 +131,28 @@ class ResultsFolder:
             raise BadInput(f"{self.path} is not empty; give a new folder, or add --resume to continue what is in it")
         else:
             refuse_another(self.path, self._settings)
-        path, columns, mode = self.path / TRIALS, self._columns, "rb"
-        if not self.complete:
-            path, columns, mode = self.path / PARTIAL, partial_columns(self._settings), "r+b"
-            _drop_torn_line(path, columns)
-            _add_kinds(path, columns)
-        file: Any = self._open.enter_context(path.open(mode))
+        return self._tables_trials() if self.complete else self._partial_trials()
+
+    def _tables_trials(self) -> TrialStore:
+        """Return the trials of the final table."""
+        path = self.path / TRIALS
+        file = self._open.enter_context(open_regular(path))
+        kept = TrialStore(file, tasks_of(self._settings), str(path), self._columns)
+        if len(kept) < kept.total:
+            raise BadInput(
+                f"{path} is damaged: it has {len(kept)} of {kept.total} trials; run them into another folder"
+            )
+        return kept
+
+    def _partial_trials(self) -> TrialStore:
+        """Return the trials of a campaign that is not finished, in a file that takes more of them."""
+        path, columns = self.path / PARTIAL, partial_columns(self._settings)
+        file = self._open.enter_context(open_to_append(path))
+        first = file.readline(MOST_LINE_BYTES)
+        if len(first) < MOST_LINE_BYTES and not first.endswith(b"\n"):  # it is new, or a crash cut its first line short
+            file.seek(0)
+            file.truncate()
+            file.write(csv_line(columns).encode())
         return TrialStore(file, tasks_of(self._settings), str(path), columns)
 
     @contextmanager
@@ -152,7 +172,8 @@ def _one_line_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise BadInput(f"{path} cannot be used for the output: {error.strerror or error}") from error
+        where = error.filename or path
+        raise BadInput(f"{where} cannot be used for the output: {error.strerror or error}") from error
 
 
 @contextmanager
@@ -178,29 +199,8 @@ def _locked(path: Path, kind: str) -> int:
 
 
 def partial_columns(settings: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the columns of ``trials.partial.csv``: those that are fields of a row, and the ticks."""
-    return (*(name for name in columns_of(settings) if name in TrialRow._fields), "ticks")
-
-
-def _drop_torn_line(path: Path, columns: tuple[str, ...]) -> None:
-    """Leave whole lines only, under a header."""
-    with path.open("a+b") as file:
-        file.seek(0)
-        whole = sum(len(line) for line in file if line.endswith(b"\n"))
-        file.truncate(whole)
-        if not whole:
-            file.write(csv_line(columns).encode())
-
-
-def _add_kinds(path: Path, columns: tuple[str, ...]) -> None:
-    """Give a partial file of an older version those of its columns that it lacks, so that the trials to come fit it."""
-    with path.open("rb") as file:
-        there = columns_in(file, str(path), columns)
-        if there == columns:
-            return
-        with atomic_file(path) as draft, draft.open("w", encoding="utf-8") as text:
-            text.write(csv_line(columns))
-            text.writelines(csv_line(columns, row) for _, row in rows_in(file, str(path), there))
+    """Return the columns of ``trials.partial.csv``: those that are fields of a row, the ticks, and a checksum."""
+    return (*(name for name in columns_of(settings) if name in TrialRow._fields), "ticks", CHECKSUM)
 
 
 def _json(value: Mapping[str, Any]) -> bytes:

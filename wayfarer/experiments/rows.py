@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from wayfarer.config.messages import shown
 from wayfarer.errors import BadInput
 from wayfarer.experiments.outcome import OUTCOMES, SUCCESSES
 
@@ -17,12 +18,13 @@ if TYPE_CHECKING:
     from wayfarer.experiments.trial import TrialResult
 
 TEXT_COLUMNS = ("algorithm", "outcome")
-KINDS = ("overturned", "off_wheels")  # of interventions; files of older versions do not have these columns
+KINDS = ("overturned", "off_wheels")  # of interventions; tables of older versions do not have these columns
 DECIMALS: Mapping[str, int] = {
     "path_m": 3, "reverse_m": 3, "time_s": 3, "shortest_path_m": 3, "spl": 4,
     "friction": 4, "roughness_m": 5, "torque_scale": 4,
 }  # fmt: skip
 NOTHING: Mapping[str, Any] = {}
+BELOW = 2**63  # what no number reaches: a whole one fits a column of a table, and any can be added up
 
 
 class TrialRow(NamedTuple):
@@ -91,7 +93,7 @@ def columns_of(settings: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def without_kinds(columns: tuple[str, ...]) -> tuple[str, ...]:
-    """Return these columns as older versions had them, which counted interventions of all kinds together."""
+    """Return the columns of a table as older versions had them, which counted interventions of all kinds together."""
     return tuple(name for name in columns if name not in KINDS)
 
 
@@ -129,7 +131,7 @@ def parse_row(line: str, columns: tuple[str, ...], where: str) -> TrialRow:
         cells = zip(columns, texts, strict=True)
         row = TrialRow(**{name: _value(name, text) for name, text in cells if name in TrialRow._fields})
         if row.outcome not in OUTCOMES:
-            raise ValueError(f"unknown outcome '{row.outcome}'")
+            raise ValueError(f"unknown outcome {shown(row.outcome)}")
     except ValueError as error:
         raise BadInput(f"{where} is not a row of a campaign ({error}); remove the line or the folder") from error
     return row
@@ -152,9 +154,10 @@ def _value(name: str, text: str) -> Any:
         return text
     if not text and TrialRow._field_defaults.get(name, 0) is None:
         return None
-    if name not in DECIMALS:
-        return int(text)
-    value = float(text)
-    if not math.isfinite(value):
-        raise ValueError(f"{name} is {text}")
+    try:
+        value = float(text) if name in DECIMALS else int(text)
+    except ValueError:
+        value = math.nan
+    if not 0 <= value < BELOW:
+        raise ValueError(f"{name} is {shown(text)}")
     return value

@@ -1,5 +1,7 @@
 """Store of finished trials: a file written in the order of completion, read in the order of ``trials.csv``.
 
+Where the last column is ``crc32``, each line ends in the CRC-32 of what stands before it, as eight hexadecimal digits.
+
 In memory is only where in the file the line of each trial begins, 8 bytes a trial: a million trials need hardly more
 of it than a thousand.
 """
@@ -8,13 +10,19 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterable, Iterator
+from itertools import count
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
+from zlib import crc32
 
+from wayfarer.config.messages import shown
 from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Task, Tasks
 from wayfarer.experiments.rows import TrialRow, csv_line, parse_row, without_kinds
+from wayfarer.files.regular_file import open_regular
 
+CHECKSUM = "crc32"
+MOST_LINE_BYTES = 100_000  # far more than any row: a file without line ends must not fill the memory
 NOWHERE = 0  # no row begins where the names of the columns stand
 
 
@@ -24,7 +32,8 @@ class TrialStore(Iterable[TrialRow]):
     Iterating gives them in the order of ``trials.csv``. The file is its opener's to close.
 
     Raises:
-        BadInput: the file is no text or has other columns, or a line is no row of these trials; the text names it.
+        BadInput: the file is no text or has other columns, a line is no row of these trials, or two lines of one
+            trial differ; the text names it.
     """
 
     def __init__(self, file: BinaryIO, tasks: Tasks, name: str, columns: tuple[str, ...]) -> None:
@@ -34,9 +43,13 @@ class TrialStore(Iterable[TrialRow]):
         self._tasks = tasks
         self._starts = array("q", [NOWHERE]) * len(tasks)
         self._count = 0
-        for start, row in rows_in(file, name, self._columns):
-            self._place(row, start)
         self._end = file.tell()
+        for line in lines_in(file, name, self._columns):
+            self._refuse_contradiction(line)
+            self._place(line.row, line.start)
+            self._end = line.start + len(line.content)
+        if file.writable():
+            file.truncate(self._end)  # of what a crash has left of a line nothing may stay behind the next one
 
     @classmethod
     def begun(cls, file: BinaryIO, tasks: Tasks) -> TrialStore:
@@ -55,8 +68,7 @@ class TrialStore(Iterable[TrialRow]):
     def __iter__(self) -> Iterator[TrialRow]:
         for task in self._tasks.in_table_order():
             if (start := self._starts[self._number(task)]) != NOWHERE:
-                self._file.seek(start)
-                yield parse_row(self._file.readline().decode(), self._columns, self._name)
+                yield row_in(self._line_at(start), self._columns, self._name)
 
     def missing(self) -> Tasks:
         """Return the trials that are not here, in the order of running."""
@@ -70,7 +82,7 @@ class TrialStore(Iterable[TrialRow]):
         Raises:
             OSError: the file takes no more.
         """
-        line = csv_line(self._columns, row).encode()
+        line = line_of(self._columns, row)
         self._file.seek(self._end)
         self._file.write(line)
         self._file.flush()
@@ -78,59 +90,113 @@ class TrialStore(Iterable[TrialRow]):
         self._end += len(line)
 
     def _place(self, row: TrialRow, start: int) -> None:
-        """Note where a trial's line begins; of two lines of one trial the later one counts."""
+        """Note where a trial's line begins."""
         number = self._number(Task(*row.key))
         self._count += self._starts[number] == NOWHERE
         self._starts[number] = start
+
+    def _refuse_contradiction(self, line: Line) -> None:
+        start = self._starts[self._number(Task(*line.row.key))]
+        if start != NOWHERE and self._line_at(start) != line.content:
+            raise BadInput(
+                f"{line.where} is a second row of trial {line.row.trial} of {line.row.algorithm!r}, unlike the "
+                "first; remove both lines or the folder"
+            )
+
+    def _line_at(self, start: int) -> bytes:
+        self._file.seek(start)
+        return self._file.readline()
 
     def _number(self, task: Task) -> int:
         number = self._tasks.number(task)
         if number is None:
             at = f" at point {task.point}" if task.point else ""
-            raise BadInput(f"{self._name} is damaged: there is no trial {task.trial} of {task.algorithm!r}{at}")
+            raise BadInput(f"{self._name} is damaged: there is no trial {task.trial} of {shown(task.algorithm)}{at}")
         return number
 
 
+def line_of(columns: tuple[str, ...], row: TrialRow) -> bytes:
+    """Return a row as a line of a file with these columns."""
+    if columns[-1] != CHECKSUM:
+        return csv_line(columns, row).encode()
+    text = csv_line(columns[:-1], row).rstrip("\n").encode()
+    return b"%b,%08x\n" % (text, crc32(text))
+
+
+def row_in(line: bytes, columns: tuple[str, ...], where: str) -> TrialRow:
+    """Return the row that ``line_of`` made a line of.
+
+    Raises:
+        BadInput: the line is no such row, or is not as it was written; the text names ``where``.
+    """
+    if columns[-1] == CHECKSUM:
+        line, _, checksum = line.rstrip(b"\n").rpartition(b",")
+        if checksum != b"%08x" % crc32(line):
+            raise BadInput(f"{where} is damaged: its checksum is wrong; remove the line to run its trial again")
+        columns = columns[:-1]
+    return parse_row(_text(line, where), columns, where)
+
+
 def columns_in(file: BinaryIO, name: str, columns: tuple[str, ...]) -> tuple[str, ...]:
-    """Read the first line of a file of rows; return the columns that it has: these, or those that older versions had.
+    """Read the first line of a file of rows; return the columns that it has: these, or in a table those of old.
 
     Raises:
         BadInput: the file is no text or has other columns; the text names it.
     """
     file.seek(0)
-    header = _text(file.readline(), 0, name)
-    for known in (columns, without_kinds(columns)):
+    header = _text(file.readline(MOST_LINE_BYTES), f"{name}, line 1")
+    for known in [columns] if columns[-1] == CHECKSUM else [columns, without_kinds(columns)]:
         if header == csv_line(known):
             return known
-    raise BadInput(f"{name} is damaged: its first line does not name its columns; run the trials again")
+    raise BadInput(
+        f"{name} is damaged, or was written by another version: its first line does not name its columns; run the "
+        "trials again into another folder"
+    )
 
 
-def read_rows(path: Path, columns: tuple[str, ...]) -> list[TrialRow]:
-    """Read the rows of a file that has these columns.
+class Line(NamedTuple):
+    """A line of a file of rows: how errors call it, where it begins, its bytes, and its row."""
+
+    where: str
+    start: int
+    content: bytes
+    row: TrialRow
+
+
+def lines_in(file: BinaryIO, name: str, columns: tuple[str, ...]) -> Iterator[Line]:
+    """Read the rows of a file whose first line is read; what a crash has left of a last line is no row.
+
+    The file may be read elsewhere between two lines.
 
     Raises:
-        BadInput: as of ``rows_in``.
-        OSError: it cannot be read.
+        BadInput: a line is no text or no row; the text names it.
     """
-    with path.open("rb") as file:
-        return [row for _, row in rows_in(file, str(path), columns)]
-
-
-def rows_in(file: BinaryIO, name: str, columns: tuple[str, ...]) -> Iterator[tuple[int, TrialRow]]:
-    """Read a file of rows with these columns, or those of older versions; yield each with the offset of its line.
-
-    Raises:
-        BadInput: the file is no text or has other columns, or a line is no row; the text names it.
-    """
-    columns = columns_in(file, name, columns)
     start = file.tell()
-    for number, line in enumerate(file, 2):
-        yield start, parse_row(_text(line, start, name), columns, f"{name}, line {number}")
+    for number in count(2):
+        file.seek(start)
+        line, where = file.readline(MOST_LINE_BYTES), f"{name}, line {number}"
+        if not line.endswith(b"\n"):
+            if len(line) == MOST_LINE_BYTES:
+                raise BadInput(f"{where} is not a row of a campaign: it is too long; remove the line or the folder")
+            return
+        yield Line(where, start, line, row_in(line, columns, where))
         start += len(line)
 
 
-def _text(line: bytes, start: int, name: str) -> str:
+def read_rows(path: Path, columns: tuple[str, ...]) -> Iterator[TrialRow]:
+    """Read the rows of a file that has these columns, or in a table those of old.
+
+    Raises:
+        BadInput: as of ``columns_in`` and ``lines_in``.
+        OSError: it is no ordinary file, or cannot be read.
+    """
+    with open_regular(path) as file:
+        columns = columns_in(file, str(path), columns)
+        yield from (line.row for line in lines_in(file, str(path), columns))
+
+
+def _text(line: bytes, where: str) -> str:
     try:
         return line.decode()
     except UnicodeDecodeError as error:
-        raise BadInput(f"{name} is damaged: byte {start + error.start} is no text; run the trials again") from None
+        raise BadInput(f"{where} is damaged: its byte {error.start} is no text; run the trials again") from None

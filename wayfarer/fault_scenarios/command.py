@@ -11,7 +11,6 @@ from typing import Any
 
 from rich.console import Console
 
-from wayfarer.config.atomic_file import write_atomically
 from wayfarer.errors import WayfarerError, one_line
 from wayfarer.experiments.commands import INTERRUPTED, make_empty_folder
 from wayfarer.experiments.executors import Stopped
@@ -23,6 +22,8 @@ from wayfarer.fault_scenarios.result import Result, not_run
 from wayfarer.fault_scenarios.runner import RunResult, run_scenario, run_without_faults, without_faults
 from wayfarer.fault_scenarios.scenario import Scenario
 from wayfarer.fault_scenarios.table import print_results
+from wayfarer.files.atomic_file import write_atomically
+from wayfarer.views.export.spreadsheet import without_formulas
 from wayfarer.views.text.scripting import print_json, say_next
 
 CSV_FILE, JSON_FILE = "results.csv", "results.json"
@@ -108,9 +109,14 @@ def _store(out: Path, results: Sequence[Result]) -> None:
     table = io.StringIO()
     writer = csv.writer(table, lineterminator="\n")
     writer.writerow(COLUMNS)
-    writer.writerows(["; ".join(cell) if isinstance(cell, tuple) else cell for cell in row.values()] for row in rows)
+    writer.writerows(map(_spreadsheet_cell, row.values()) for row in rows)
     for name, text in ((CSV_FILE, table.getvalue()), (JSON_FILE, json.dumps(rows, indent=1) + "\n")):
         write_atomically(out / name, text)
+
+
+def _spreadsheet_cell(value: object) -> object:
+    text = "; ".join(value) if isinstance(value, tuple) else value
+    return without_formulas(text) if isinstance(text, str) else text
 
 
 def _as_row(result: Result) -> dict[str, Any]:

@@ -12,7 +12,6 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from wayfarer.config.atomic_file import write_atomically
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.escape.api import Anomaly
 from wayfarer.experiments.commands import INTERRUPTED, make_empty_folder
@@ -22,6 +21,7 @@ from wayfarer.experiments.statistics import wilson_interval
 from wayfarer.fault_scenarios.batch import run_batch
 from wayfarer.fault_scenarios.detector_score import NOTHING, Score
 from wayfarer.fault_scenarios.detector_trials import CELLS, DetectorCase, Scores, measure
+from wayfarer.files.atomic_file import write_atomically
 from wayfarer.views.text.scripting import print_json
 from wayfarer.views.text.terminal_table import Column
 from wayfarer.views.text.terminal_table import table as terminal_table

@@ -17,7 +17,6 @@ from typing import NamedTuple
 
 from rich.console import Console
 
-from wayfarer.config.atomic_file import write_atomically
 from wayfarer.experiments.commands import INTERRUPTED, make_empty_folder
 from wayfarer.experiments.executors import Stopped
 from wayfarer.experiments.progress_bar import say
@@ -27,6 +26,7 @@ from wayfarer.fault_scenarios.runner import RunResult, run_scenario
 from wayfarer.fault_scenarios.scenario import RESPONSE_LEVELS, Expectation, ResponseLevel, Scenario
 from wayfarer.fault_scenarios.scenario_writer import as_toml
 from wayfarer.fault_scenarios.shrink import shrink
+from wayfarer.files.atomic_file import write_atomically
 from wayfarer.safety.conditions import Level
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.views.text.scripting import print_json

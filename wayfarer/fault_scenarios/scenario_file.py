@@ -24,6 +24,7 @@ from wayfarer.config.rover_path import is_rover_file
 from wayfarer.errors import BadConfig, BadInput, UnknownName, one_line
 from wayfarer.fault_scenarios.scenario import Command, Duration, Expectation, Line, Moment, ResponseLevel, Scenario
 from wayfarer.fault_scenarios.scenario_rover import OVERLAY, misfit, rover_of
+from wayfarer.files.regular_file import read_regular
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, PositionFix
 from wayfarer.simhal.faults.kinds import KINDS, Fault
 
@@ -90,14 +91,12 @@ def read_scenarios(path: Path) -> tuple[Scenario, ...]:
 
 def _text_of(path: Path) -> str:
     try:
-        with path.open("rb") as file:
-            content = file.read(FILE_BYTES + 1)
-        if len(content) > FILE_BYTES:
-            raise BadConfig(f"{path}: more than {FILE_BYTES // 1_000_000} MB: not a scenario file")
-        return content.decode("utf-8-sig")
+        return read_regular(path, FILE_BYTES).decode("utf-8-sig")
     except FileNotFoundError:
         raise BadConfig(f"{path}: no such file; docs/faults.md shows how to write one") from None
-    except (OSError, ValueError) as error:  # ValueError: no UTF-8, or a name that no file can have
+    except OSError as error:
+        raise BadConfig(f"{path}: cannot be read: {error.strerror}") from None
+    except ValueError as error:  # no UTF-8, or a name that no file can have
         raise BadConfig(one_line(f"{path}: cannot be read: {error}")) from None
 
 

@@ -10,10 +10,12 @@ from __future__ import annotations
 import fcntl
 import os
 import re
+import secrets
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Event
 
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.clock import wall_clock
@@ -21,8 +23,10 @@ from wayfarer.fieldlog.disk_errors import error_advice
 from wayfarer.fieldlog.printable import clean
 
 FILE_NAME = "run.jsonl"  # the newest segment of a run's log; older ones are run.00001.jsonl and so on
-RUN_NAME = re.compile(r"(\d+)-\d{8}T\d{6}Z", re.ASCII)
+RUN_NAME = re.compile(r"(\d{1,9})-\d{8}T\d{6}Z", re.ASCII)
+LAST_NUMBER = 999_999_999  # a longer number is not taken for a run's
 LONGEST_NAME = 255  # of a file, in bytes
+LOCK_TRIES, LOCK_TRY_S = 500, 0.01  # a daemon holds the lock for some milliseconds
 SEGMENT_NAME = re.compile(r"run\.(\d+)\.jsonl\Z", re.ASCII)
 
 
@@ -36,7 +40,9 @@ def new_run_folder(logs: Path) -> Path:
         logs.mkdir(parents=True, exist_ok=True)
         with _only_one(logs):
             last = max((number for path in logs.iterdir() if (number := run_number(path)) is not None), default=0)
-            folder = logs / f"{last + 1:05d}-{time.strftime('%Y%m%dT%H%M%SZ', time.gmtime(wall_clock(0.0)))}"
+            # Where another user has made the last one, the number stays and the name has something more.
+            name = f"{min(last + 1, LAST_NUMBER):05d}-{time.strftime('%Y%m%dT%H%M%SZ', time.gmtime(wall_clock(0.0)))}"
+            folder = logs / (name if last < LAST_NUMBER else f"{name}-{secrets.token_hex(4)}")
             folder.mkdir()
     except OSError as error:
         raise BadInput(f"{logs}: no folder can be made for the field log: {error_advice(error)}") from None
@@ -51,13 +57,40 @@ def run_folders(logs: Path) -> list[Path]:
     Raises:
         BadInput: the logs' folder cannot be read.
     """
+    return [path for path in _folders(logs) if is_run(path)]
+
+
+def newest_run(logs: Path) -> Path | None:
+    """Return the folder of the newest run, None where there is none; quickly, however many there are.
+
+    Raises:
+        BadInput: the logs' folder cannot be read.
+    """
+    return next((path for path in reversed(_folders(logs)) if is_run(path)), None)
+
+
+def _folders(logs: Path) -> list[Path]:
+    """Return the folders in the logs' folder, in the order of ``run_folders``."""
     try:
-        entries = [(-1 if number is None else number, path) for path in logs.iterdir() for number in [run_number(path)]]
-        return [path for _, path in sorted(entries) if path.is_dir() and is_run(path)]
+        with os.scandir(logs) as entries:
+            names = [entry.name for entry in entries if _is_folder(entry)]
+        return [logs / name for name in sorted(names, key=_place)]
     except FileNotFoundError:
         return []
     except OSError as error:
         raise BadInput(f"{logs}: the logs' folder cannot be read: {error.strerror}") from None
+
+
+def _is_folder(entry: os.DirEntry[str]) -> bool:
+    try:
+        return entry.is_dir()
+    except OSError:  # a symlink to where nobody may look
+        return False
+
+
+def _place(name: str) -> tuple[int, str]:
+    number = _number(name, RUN_NAME)
+    return -1 if number is None else number, name
 
 
 def find_run(name: str | None, logs: Path) -> Path:
@@ -71,11 +104,12 @@ def find_run(name: str | None, logs: Path) -> Path:
     Raises:
         BadInput: there is no such run; the text says which there are.
     """
-    runs = run_folders(logs)
     if name is None or name == "last":
-        if not runs:
+        newest = newest_run(logs)
+        if newest is None:
             raise BadInput(f"{logs} holds no run; give the folder of the logs with --logs DIR, or give a run's folder")
-        return runs[-1]
+        return newest
+    runs = run_folders(logs)
     number = int(name) if name.isdecimal() and len(name) <= LONGEST_NAME else None
     found = [run for run in runs if run.name == name or (number is not None and run_number(run) == number)]
     if len(found) > 1:
@@ -141,16 +175,31 @@ def is_run(path: Path) -> bool:
     """Return whether there is a log in a folder; a run that ended before it began may have left an empty folder."""
     try:
         return (path / FILE_NAME).exists() or (path.is_dir() and bool(older_segments(path)))
-    except PermissionError:
+    except OSError:
         return True  # opening it reports the error
+
+
+def _lock(opened: int) -> bool:
+    """Return whether this process has the lock of a file now."""
+    try:
+        fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
 
 
 @contextmanager
 def _only_one(folder: Path) -> Iterator[None]:
-    """Keep other processes out of the same lines for one folder."""
-    opened = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+    """Keep other processes out of the same lines for one folder, for as long as a daemon can be in them.
+
+    Any user who may read the folder can hold its lock for ever, and that must not keep a daemon from starting.
+    """
+    opened = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
-        fcntl.flock(opened, fcntl.LOCK_EX)
+        for _ in range(LOCK_TRIES):
+            if _lock(opened):
+                break
+            Event().wait(LOCK_TRY_S)
         yield
     finally:
         os.close(opened)

@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.folders import run_folders
+from wayfarer.fieldlog.folders import newest_run
 from wayfarer.fieldlog.order import Order
+from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.reader import log_segments, parse
 from wayfarer.fieldlog.schema import Record
+from wayfarer.files.regular_file import open_regular
 
 TAIL_BYTES = 65_536  # about a hundred ticks: the last one, the outcome and what stood between them
 MODES = ("arming", "armed", "disarmed")  # each begins with the event of its name
@@ -33,21 +35,26 @@ class UnfinishedRun(NamedTuple):
 def unfinished_run(logs: Path) -> UnfinishedRun | None:
     """Return the newest run in a folder of logs if it has no outcome, or cannot be read; never raises."""
     try:
-        runs = run_folders(logs)
+        newest = newest_run(logs)
     except BadInput:  # starting the next run there reports the error
         return None
-    if not runs:
-        return None
+    return None if newest is None else _unfinished(newest)
+
+
+def _unfinished(run: Path) -> UnfinishedRun | None:
+    name = clean(run.name)
     try:
-        tail = end_of_log(log_segments(runs[-1]))
-    except (BadInput, OSError) as error:
-        return UnfinishedRun(runs[-1].name, error=str(error))
+        tail = end_of_log(log_segments(run))
+    except BadInput as error:
+        return UnfinishedRun(name, error=clean(str(error)))
+    except OSError as error:
+        return UnfinishedRun(name, error=error.strerror)
     if not tail:
-        return UnfinishedRun(runs[-1].name, error="nothing at the end of its log can be read")
+        return UnfinishedRun(name, error="nothing at the end of its log can be read")
     if any(record["record"] == "outcome" for record in tail):
         return None
     t_s, t_wall = tail[-1]["t_s"], tail[-1].get("t_wall")
-    return UnfinishedRun(runs[-1].name, t_s, t_wall if isinstance(t_wall, int | float) else None, _mode(tail))
+    return UnfinishedRun(name, t_s, t_wall if isinstance(t_wall, int | float) else None, _mode(tail))
 
 
 def end_of_log(segments: Sequence[Path]) -> list[Record]:
@@ -65,10 +72,10 @@ def end_of_log(segments: Sequence[Path]) -> list[Record]:
 
 
 def _tail(segment: Path) -> list[Record]:
-    with segment.open("rb") as file:
+    with open_regular(segment) as file:
         size_b = file.seek(0, 2)
         file.seek(max(0, size_b - TAIL_BYTES))
-        tail = file.read(TAIL_BYTES)
+        tail = file.read(TAIL_BYTES) or b""  # None for a file of the kernel that would have to be waited for
     return [record for line in tail.splitlines(keepends=True) if isinstance(record := parse(line), dict)]
 
 

@@ -135,12 +135,15 @@ class FieldLog:
 
     def _show(self, record: Record) -> None:
         """Show a record; a failing viewer must not end the log."""
+        failed: list[Exception] = []
         for viewer in list(self._viewers):
             try:
                 viewer(record)
             except Exception as error:
                 self._viewers.remove(viewer)
-                self.event("viewer_failed", self._t_s, error=repr(error))
+                failed.append(error)
+        for failure in failed:  # further records, which the other viewers are shown after this one
+            self.event("viewer_failed", self._t_s, error=repr(failure))
 
 
 def tick_fields(record: TickRecord) -> dict[str, Any]:

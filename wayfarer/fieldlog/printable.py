@@ -1,6 +1,9 @@
-"""Makes texts from a log safe to print on a terminal."""
+"""Makes texts that somebody else wrote safe to print on a terminal."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
 
 
 def clean(text: str) -> str:
@@ -8,3 +11,12 @@ def clean(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(each if each.isprintable() else each.encode("unicode_escape").decode() for each in text)
+
+
+def clean_document(document: Any) -> Any:
+    """Return what came as JSON with all its texts cleaned, at any depth; names of keys stay as they are."""
+    if isinstance(document, str):
+        return clean(document)
+    if isinstance(document, Mapping):
+        return {key: clean_document(each) for key, each in document.items()}
+    return [clean_document(each) for each in document] if isinstance(document, list) else document

@@ -9,9 +9,11 @@ Memory does not grow with the log, nor with what is broken in it.
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
+from itertools import islice
 from pathlib import Path
 from typing import BinaryIO
 
@@ -22,9 +24,16 @@ from wayfarer.errors import BadInput, NothingReadable
 from wayfarer.fieldlog.folders import FILE_NAME, older_segments
 from wayfarer.fieldlog.order import Order
 from wayfarer.fieldlog.schema import SCHEMA, Record, is_newer, is_record, wrong_key
+from wayfarer.files.regular_file import open_regular
 
 LINE_BYTES = 1_000_000  # far more than any record: the header of a simulated forest has 20,000
 READ_BYTES = 262_144  # read from the disk at once
+# What is read of a part of a log, at most: twice what ``part_mb`` may be, and more than a simulated trial writes.
+PART_BYTES = 4_000_000_000
+BROKEN_LINES = 200_000  # of a run are skipped, at most: a file of garbage is not read for hours
+FIRST_LINES = 16  # of a part are its beginning: they show whether the first one is in order
+TICKS_AT_ONCE = 2  # that may have the same time: in virtual time one that is late and the next one
+OF_A_PART = ("t_s", "t_wall", "part")  # what the headers of a run differ in
 
 
 @dataclass
@@ -32,11 +41,11 @@ class Damage:
     """What could not be read; its text says it to a person.
 
     Lines: ``torn`` has no end, ``nul`` holds NUL bytes where the disk had nothing yet, ``oversized`` has more than
-    ``LINE_BYTES``, ``garbled`` is no JSON object with a known ``record``, ``wrong`` holds a value that cannot be, and
-    ``disordered`` breaks the order of numbers and times, as a line that is there twice does. ``unreadable`` segments
-    could not be read to their end. ``headless`` segments do not begin with what ran. ``missing`` counts the
-    records that are not there, by their numbers: those in skipped lines, those that the disk could not take, and those
-    in segments that were deleted.
+    ``LINE_BYTES``, ``garbled`` is no JSON object with a known ``record``, ``wrong`` holds a value that cannot be,
+    ``foreign`` is a header that says that something else ran than the first one says, and ``disordered`` breaks the
+    order of numbers and times, as a line that is there twice does. ``unreadable`` segments could not be read to their
+    end. ``headless`` segments do not begin with what ran. ``missing`` counts the records that are not there, by their
+    numbers: those in skipped lines, those that the disk could not take, and those in segments that were deleted.
     """
 
     torn: int = 0
@@ -44,6 +53,7 @@ class Damage:
     oversized: int = 0
     garbled: int = 0
     wrong: int = 0
+    foreign: int = 0
     disordered: int = 0
     unreadable: int = 0
     headless: int = 0
@@ -52,7 +62,7 @@ class Damage:
     @property
     def lines(self) -> int:
         """How many lines were skipped."""
-        return self.torn + self.nul + self.oversized + self.garbled + self.wrong + self.disordered
+        return sum((self.torn, self.nul, self.oversized, self.garbled, self.wrong, self.foreign, self.disordered))
 
     def __bool__(self) -> bool:
         return self != Damage()
@@ -69,6 +79,7 @@ SAID = {
     "oversized": ("1 line is far too long", "lines are far too long"),
     "garbled": ("1 line is no record", "lines are no records"),
     "wrong": ("1 record holds an impossible value", "records hold impossible values"),
+    "foreign": ("1 header is of another run", "headers are of another run"),
     "disordered": ("1 record is out of order", "records are out of order"),
     "unreadable": ("1 part of the log cannot be read", "parts of the log cannot be read"),
     "headless": ("1 part of the log does not begin with its header", "parts of the log do not begin with their header"),
@@ -83,17 +94,20 @@ class RunReader:
 
     Args:
         run: a run's folder.
+        beginnings: read only the first lines of each segment, quickly whatever is in it.
 
     Raises:
         BadInput: the folder cannot be read, or there is no log in it; while iterating, a newer wayfarer has written it.
-        NothingReadable: at the end of iterating, there was no record that can be read.
+        NothingReadable: while iterating, there was no record that can be read.
     """
 
-    def __init__(self, run: Path) -> None:
+    def __init__(self, run: Path, *, beginnings: bool = False) -> None:
         self.run = run
+        self._part_bytes = LINE_BYTES if beginnings else PART_BYTES
+        self._part_lines = FIRST_LINES if beginnings else None
         self.damage = Damage()
         self.segments = log_segments(run)
-        self._knows_schema = False
+        self._ran: Record | None = None  # what the first header says
 
     def __iter__(self) -> Iterator[Record]:
         empty = True
@@ -107,15 +121,21 @@ class RunReader:
             raise NothingReadable(f"{self.run}: nothing in this log can be read ({lost})")
 
     def _ordered(self) -> Iterator[Record]:
-        """Give the records that are in order."""
+        """Give the records that are in order, and whose time does not stand still."""
         order = Order()
-        highest = 0
+        highest, tick_t_s, at_once = 0, -1.0, 0
         for record in order.all_of(self._whole()):
             if (number := record.get("n")) is not None:  # they begin at 1 and grow; headers have none
                 self.damage.missing += number - highest - 1
                 highest = number
+            if record["record"] == "tick":
+                at_once = at_once + 1 if record["t_s"] == tick_t_s else 1
+                tick_t_s = record["t_s"]
+                if at_once > TICKS_AT_ONCE:
+                    self.damage.disordered += 1
+                    continue
             yield record
-        self.damage.disordered = order.dropped
+        self.damage.disordered += order.dropped
 
     def _whole(self) -> Iterator[Record]:
         """Give the records of all segments that are whole, in any order."""
@@ -123,8 +143,8 @@ class RunReader:
         for segment in self.segments:
             begun = False
             try:
-                with segment.open("rb", buffering=READ_BYTES) as file:
-                    for line in _lines(file):
+                with open_regular(segment, READ_BYTES) as file:
+                    for line in islice(_lines(file, self._part_bytes), self._part_lines):
                         if (record := self._record(line, segment)) is not None:
                             if not begun:
                                 readable = begun = True
@@ -133,7 +153,7 @@ class RunReader:
             except OSError as error:
                 self.damage.unreadable += 1
                 if self.damage.unreadable == len(self.segments) and not readable:
-                    raise BadInput(f"{segment}: cannot be read: {error.strerror}") from None
+                    raise NothingReadable(f"{segment}: cannot be read: {error.strerror}") from None
 
     def _record(self, line: bytes, segment: Path) -> Record | None:
         """Return the record of a line, or count what is wrong with it; a hole of NULs may end where a line begins."""
@@ -145,17 +165,28 @@ class RunReader:
         return after if isinstance(after, dict) else None
 
     def _header(self, header: Record, segment: Path) -> Record | None:
-        """Return a header; where another one has a known schema, one of a newer schema is damage."""
-        if not is_newer(header):
-            self._knows_schema = True
-            return header
-        if not self._knows_schema:
-            refuse_newer(header, segment, self.segments)
-        self._skip("wrong")
-        return None
+        """Return a header of this run; where one has a known schema, one of a newer schema is damage."""
+        if is_newer(header):
+            if self._ran is None:
+                refuse_newer(header, segment, self.segments)
+            self._skip("wrong")
+            return None
+        ran = {key: value for key, value in header.items() if key not in OF_A_PART}
+        self._ran = self._ran or ran
+        if ran != self._ran:
+            self._skip("foreign")
+            return None
+        return header
 
     def _skip(self, kind: str) -> None:
+        """Count a line that is left out.
+
+        Raises:
+            OSError: there are too many for a log; the rest of this segment counts as ``unreadable``.
+        """
         setattr(self.damage, kind, getattr(self.damage, kind) + 1)
+        if self.damage.lines > BROKEN_LINES:
+            raise OSError(errno.EFBIG, f"more than {BROKEN_LINES:,} of its lines are no records")
 
 
 def parse(line: bytes) -> Record | str:
@@ -184,6 +215,16 @@ def refuse_newer(header: Record, segment: Path, segments: Sequence[Path]) -> Non
         raise BadInput(f"{segment}: this log has schema {header['schema']}, {known}: update wayfarer to read it")
 
 
+def first_record(run: Path) -> Record:
+    """Return the first record of a run; quickly, whatever is in its folder.
+
+    Raises:
+        BadInput: as of ``RunReader``.
+        NothingReadable: no part of the log has a record at its beginning that can be read.
+    """
+    return next(iter(RunReader(run, beginnings=True)))
+
+
 def read_header(run: Path) -> Record:
     """Return the first record of a run: what ran. Where it is damaged, a later segment of the log repeats it.
 
@@ -201,7 +242,7 @@ def read_header(run: Path) -> Record:
 def _headers(segments: Sequence[Path]) -> Iterator[tuple[Path, Record]]:
     """Give the headers with which segments of a log begin."""
     for segment in segments:
-        with suppress(OSError), segment.open("rb") as file:
+        with suppress(OSError), open_regular(segment) as file:
             first = parse(file.readline(LINE_BYTES))
             if isinstance(first, dict) and first["record"] == "run":
                 yield segment, first
@@ -223,10 +264,19 @@ def log_segments(run: Path) -> list[Path]:
     return [*older, *newest]
 
 
-def _lines(file: BinaryIO) -> Iterator[bytes]:
-    """Give the lines of a file; of one that is too long its first bytes, or its last where NUL bytes fill it."""
+def _lines(file: BinaryIO, most_bytes: int) -> Iterator[bytes]:
+    """Give the lines of a file; of one that is too long its first bytes, or its last where NUL bytes fill it.
+
+    Raises:
+        OSError: it cannot be read, or goes on after so many bytes.
+    """
+    left_bytes = most_bytes
     while line := file.readline(LINE_BYTES):
         first = line
-        while len(line) == LINE_BYTES and not line.endswith(b"\n"):
+        left_bytes -= len(line)
+        while len(line) == LINE_BYTES and not line.endswith(b"\n") and left_bytes > 0:
             line = file.readline(LINE_BYTES)
+            left_bytes -= len(line)
+        if left_bytes < 0:
+            raise OSError(errno.EFBIG, f"it has more than {most_bytes:,} bytes")
         yield line if b"\0" in line else first

@@ -18,7 +18,7 @@ import orjson
 from pydantic import ValidationError
 
 from wayfarer.config.messages import explain, most_telling
-from wayfarer.config.registry import find_algorithm
+from wayfarer.config.registry import find_algorithm, refuse_code
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.controller import Controller, Mode
 from wayfarer.control.latest import SensorBuffers
@@ -58,12 +58,13 @@ class Replay(NamedTuple):
     cut_elapsed_s: float | None = None
 
 
-def replay(run: Path, config: RoverConfig | None = None) -> Replay:
+def replay(run: Path, config: RoverConfig | None = None, *, allow_code: bool = False) -> Replay:
     """Replay a run and compare every tick, up to the first difference.
 
     Args:
         run: a run's folder.
         config: settings to try instead of those that the rover had.
+        allow_code: import the algorithm that the log names as ``"module:attribute"``, which may be any module.
 
     Raises:
         BadInput: no log, one whose beginning is gone, or one of an algorithm or settings that there are no more.
@@ -72,7 +73,7 @@ def replay(run: Path, config: RoverConfig | None = None) -> Replay:
     records = iter(reader)
     first = next(records)
     try:
-        rerun = Rerun(first, config)
+        rerun = Rerun(first, config, allow_code=allow_code)
     except BadInput as error:
         raise BadInput(f"{run} cannot be replayed: {error}") from None
     ticks = 0
@@ -91,7 +92,7 @@ def replay(run: Path, config: RoverConfig | None = None) -> Replay:
 class Rerun:
     """The controller of a run, made again as the log's first record says, and fed from the log."""
 
-    def __init__(self, header: Record, config: RoverConfig | None) -> None:
+    def __init__(self, header: Record, config: RoverConfig | None, *, allow_code: bool) -> None:
         if header["record"] != "run":
             raise BadInput("its log does not begin with a header")
         if header["schema"] != SCHEMA:
@@ -99,6 +100,8 @@ class Rerun:
         if header.get("part", 1) != 1:
             raise BadInput(f"its log begins with part {header['part']}, earlier parts are missing")
         try:
+            if not allow_code:
+                refuse_code(header["algorithm"])
             self._make(header, config or _config_of(header))
         except (KeyError, TypeError, AttributeError):
             raise BadInput("its first record is incomplete") from None

@@ -13,11 +13,11 @@ from typing import Any
 
 import orjson
 
-from wayfarer.config.atomic_file import sync_folder
 from wayfarer.config.log_settings import LogSettings
 from wayfarer.fieldlog.disk_space import MB
 from wayfarer.fieldlog.folders import FILE_NAME, older_segments, segment_path
 from wayfarer.fieldlog.segment import Segment
+from wayfarer.files.atomic_file import sync_folder
 
 
 class SegmentRotation:

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from wayfarer.config.atomic_file import sync_folder
+from wayfarer.files.atomic_file import sync_folder
 
 # Appending: whatever else happens to the file, a line never lands in the middle of it.
 FLAGS = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC

@@ -14,8 +14,8 @@ from wayfarer.hal import MotionReading
 from wayfarer.safety.settings import EntrapmentSettings
 from wayfarer.safety.tick_interval import TickInterval
 
-# A reading counts for at most half of the commanded distance. The largest fifth of the readings is ignored, because it
-# may be noise or coasting.
+# A reading counts for at most half of the commanded distance. The largest fifth of the readings, rounded up, is
+# ignored, because it may be noise or coasting: wild readings twice a second are a fifth of those of a sensor at 10 Hz.
 MOST_SHARE: Final = 0.5
 ONE_OF: Final = 5
 ROUNDING_S: Final = 1e-6  # sums of periods fall a rounding error short
@@ -86,5 +86,5 @@ class EntrapmentMonitor:
 
     def _covers_ground(self) -> bool:
         """Return whether the rover moved over the ground in this run, as far as the sensor can see."""
-        believed_m = sorted(self._seen_m)[: len(self._seen_m) - len(self._seen_m) // ONE_OF]
+        believed_m = sorted(self._seen_m)[: len(self._seen_m) * (ONE_OF - 1) // ONE_OF]
         return not self._sees_ground or sum(believed_m) >= self._settings.covered_m

@@ -14,6 +14,7 @@ import pytest
 
 from tests.commissioning.checks.rigs import Rig
 from wayfarer.commissioning.checks import CheckVerdict, Finding, system
+from wayfarer.config.log_settings import LogSettings
 from wayfarer.config.rover_file import load_rover
 
 
@@ -100,12 +101,21 @@ def test_a_writable_log_folder_with_room_is_well_and_is_not_made(rig: Rig) -> No
     assert not rig.host.log_folder.exists()
 
 
-@pytest.mark.parametrize(("free_bytes", "verdict"), [(149_999_999, CheckVerdict.FAIL), (150_000_000, CheckVerdict.OK)])
-def test_a_mission_must_fit_beside_what_the_log_leaves_free(
-    rig: Rig, monkeypatch: pytest.MonkeyPatch, free_bytes: int, verdict: CheckVerdict
+@pytest.mark.parametrize(
+    ("settings", "needed_mb"),
+    [(LogSettings(), 150), (LogSettings(part_mb=1, free_mb=1), 2), (LogSettings(part_mb=2, free_mb=0), 2)],
+)
+def test_a_part_of_a_log_must_fit_beside_what_the_log_leaves_free(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, settings: LogSettings, needed_mb: int
 ) -> None:
-    monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=free_bytes))
-    assert rig.look(system.disk).verdict is verdict
+    rig.config = rig.config.model_copy(update={"log": settings})
+    disk = SimpleNamespace(free=needed_mb * 1_000_000)
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: disk)
+    assert rig.look(system.disk).verdict is CheckVerdict.OK
+    disk.free -= 1
+    finding = rig.look(system.disk)
+    assert finding.verdict is CheckVerdict.FAIL
+    assert f"{needed_mb} MB are needed: free_mb ({settings.free_mb:g})" in finding.remedy
 
 
 def test_a_log_folder_that_cannot_be_written_fails_and_names_the_user(

@@ -136,8 +136,5 @@ def test_what_this_user_may_not_read_is_nobody_s(record: Path) -> None:
 
 
 def test_records_are_looked_for_beside_every_socket_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    def sockets() -> list[Path]:
-        return [Path("/run/wayfarer/control.sock"), Path("/run/wayfarer/control.sock"), Path("/x/control.sock")]
-
-    monkeypatch.setattr(paths, "known_sockets", sockets)
+    monkeypatch.setattr(paths, "known_folders", lambda: [Path("/run/wayfarer"), Path("/run/wayfarer"), Path("/x")])
     assert list(known_records()) == [Path("/run/wayfarer/motors.json"), Path("/x/motors.json")]

@@ -11,7 +11,14 @@ import pytest
 
 from tests.daemon.socket.fake_daemon import held_elsewhere, open_files
 from wayfarer.daemon.socket import paths
-from wayfarer.daemon.socket.paths import AlreadyRunning, daemon_socket, known_sockets, single_daemon
+from wayfarer.daemon.socket.paths import (
+    AlreadyRunning,
+    daemon_socket,
+    known_sockets,
+    may_listen,
+    single_daemon,
+    unsafe_folders,
+)
 from wayfarer.errors import BadInput
 
 
@@ -117,6 +124,85 @@ def test_folder_of_another_user_is_refused(places: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(os, "geteuid", lambda: own + 1)
     with pytest.raises(BadInput, match=f"only user {own + 1} can enter .* belongs to user {own} "):
         daemon_socket()
+
+
+@pytest.mark.parametrize("mode", [0o755, 0o777])
+def test_session_s_folder_that_others_can_enter_is_passed_over(
+    places: Path, monkeypatch: pytest.MonkeyPatch, mode: int
+) -> None:
+    """``XDG_RUNTIME_DIR`` may name a shared folder, in which another user made ``wayfarer`` first."""
+    folder = places / "shared/wayfarer"
+    folder.mkdir(parents=True)
+    folder.chmod(mode)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(places / "shared"))
+    assert daemon_socket().parent.parent == places / "tmp"
+    assert folder / "control.sock" not in known_sockets()
+    assert [why.split(": ")[0] for why in unsafe_folders()] == [str(folder)]
+
+
+def test_session_s_folder_of_another_user_is_passed_over(places: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (places / "shared/wayfarer").mkdir(parents=True, mode=0o700)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(places / "shared"))
+    other = os.geteuid() + 1
+    monkeypatch.setattr(os, "geteuid", lambda: other)
+    assert daemon_socket().parent == places / "tmp" / f"wayfarer-{other}"
+
+
+@pytest.mark.parametrize(("mode", "safe"), [(0o777, False), (0o1777, True)])
+def test_folder_that_others_can_rename_is_passed_over(
+    places: Path, monkeypatch: pytest.MonkeyPatch, mode: int, safe: bool
+) -> None:
+    (places / "shared/wayfarer").mkdir(parents=True)
+    (places / "shared/wayfarer").chmod(0o700)
+    (places / "shared").chmod(mode)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(places / "shared"))
+    assert (daemon_socket().parent.parent == places / "shared") == safe
+
+
+def test_folder_that_another_user_makes_in_the_last_moment_is_refused(places: Path) -> None:
+    socket_path = daemon_socket()
+    socket_path.parent.mkdir()
+    socket_path.parent.chmod(0o777)
+    files = open_files()
+    with pytest.raises(BadInput, match="somebody may be listening in"), single_daemon(socket_path):
+        pytest.fail("it was entered")
+    assert open_files() == files
+
+
+def test_any_user_s_folder_keeps_root_from_no_daemon_elsewhere(places: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    (places / "tmp/wayfarer-0").mkdir()
+    (places / "tmp/wayfarer-0").chmod(0o777)
+    session = places / "run/user/1001/wayfarer"
+    session.mkdir(parents=True)
+    assert list(known_sockets()) == [places / "run/wayfarer/control.sock", session / "control.sock"]
+    with pytest.raises(BadInput, match=r"no folder for the control socket: .*wayfarer-0"):
+        daemon_socket()  # root's daemon does not move into a user's session
+
+
+def test_session_of_who_gave_sudo_is_asked_first(places: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Any user who is logged in can put a false daemon into the session's folder."""
+    for user in ("1000", "1001"):
+        (places / "run/user" / user / "wayfarer").mkdir(parents=True)
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    monkeypatch.setenv("SUDO_UID", "1001")
+    assert [path.parent.parent.name for path in known_sockets()][-2:] == ["1001", "1000"]
+
+
+@pytest.mark.parametrize(
+    ("place", "believed"),
+    [("tmp/wayfarer-1000", {0, 1000}), ("run/wayfarer", {0, 1000, 7}), ("run/user/7/wayfarer", {0, 1000, 7})],
+)
+def test_only_root_this_user_and_who_owns_a_folder_of_root_s_may_listen(
+    places: Path, monkeypatch: pytest.MonkeyPatch, place: str, believed: set[int]
+) -> None:
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+    folder = places / place
+    folder.mkdir(parents=True)
+    there = folder.lstat()
+    owned = os.stat_result((*there[:4], 7, *there[5:]))
+    monkeypatch.setattr(Path, "lstat", lambda path: owned if path == folder else os.lstat(path))
+    assert {uid for uid in (0, 7, 8, 1000) if may_listen(uid, folder / "control.sock")} == believed
 
 
 def test_link_to_a_private_folder_is_refused(places: Path) -> None:

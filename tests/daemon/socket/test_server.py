@@ -12,6 +12,7 @@ import pytest
 
 from tests.daemon.socket.fake_daemon import STATUS, FakeDaemon, RawClient, answers, serve, until
 from wayfarer.daemon.socket import server
+from wayfarer.daemon.socket.peer import peer_uid
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import BadInput, NotResponding
 
@@ -137,7 +138,7 @@ async def test_the_owner_and_root_are_admitted(
 def test_peer_is_who_the_kernel_says() -> None:
     one, other = socket.socketpair(socket.AF_UNIX)
     with one, other:
-        assert server.peer_uid(one) == os.geteuid()
+        assert peer_uid(one) == os.geteuid()
 
 
 # -- begin and end -------------------------------------------------------------------------------------------------

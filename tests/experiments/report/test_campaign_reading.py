@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
+import os
 import shutil
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -67,6 +70,7 @@ def test_no_folder_no_campaign_and_an_unfinished_one_are_told_apart(tmp_path: Pa
         ("{}", "Field required"),
         ('{"version": 3}', "version: Input should be a valid string"),
         ("\xff", "the file"),
+        ("[" * 100_000, "the file: Invalid JSON: recursion limit exceeded"),
     ],
 )
 def test_damaged_settings_are_named(folder: Path, text: str, says: str) -> None:
@@ -75,6 +79,54 @@ def test_damaged_settings_are_named(folder: Path, text: str, says: str) -> None:
         read_results(folder)
     assert says in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("trials", 10**12),
+        ("trials", 10**30),
+        ("trials", True),
+        ("algorithms", ["pledge", "pledge"]),
+        ("algorithms", ["\x1b[31mpledge"]),
+        ("seed", -1),
+        ("budget_m", math.inf),
+        ("budget_m", 0),
+        ("slip_mean_m", math.nan),
+        ("mujoco", {"x" * 5000: [0.5, 0.5]}),
+    ],
+)
+def test_setting_that_no_campaign_has_is_named(folder: Path, key: str, value: Any) -> None:
+    edit_settings(folder, lambda settings: settings.update({key: value}))
+    with pytest.raises(BadInput, match=rf"campaign\.json is damaged: {key}: ") as caught:
+        read_results(folder)
+    assert len(str(caught.value)) < 400
+
+
+@pytest.mark.parametrize("name", [SETTINGS, TABLE, FORESTS])
+@pytest.mark.parametrize("kind", ["pipe", "endless"])
+def test_what_is_no_ordinary_file_is_not_read(folder: Path, name: str, kind: str) -> None:
+    (folder / name).unlink()
+    if kind == "pipe":
+        os.mkfifo(folder / name)
+    else:
+        (folder / name).symlink_to("/dev/zero")
+    with pytest.raises(BadInput, match="no ordinary file"):
+        read_results(folder).rebuild()
+
+
+def test_only_so_many_rows_are_read_as_the_campaign_has(folder: Path) -> None:
+    """The line at the end, which is no row, is not reached."""
+    table = folder / TABLE
+    table.write_text(table.read_text() + 2 * table.read_text().splitlines(keepends=True)[-1] + "?\n")
+    with pytest.raises(BadInput, match=r"it has not the 9 rows, one a trial"):
+        read_results(folder)
+
+
+def test_shortest_path_of_nothing_is_not_known(folder: Path) -> None:
+    table = (folder / TABLE).read_text()
+    (folder / TABLE).write_text(table.replace(",38.500,", ",0.000,").replace(",39.500,", ",0.000,"))
+    assert "shortest paths of these forests are not known" in write_report(folder, gallery=0, jobs=1).read_text()
 
 
 @pytest.mark.parametrize(
@@ -150,3 +202,30 @@ def test_rover_that_this_version_does_not_know_is_refused(folder: Path) -> None:
     edit_settings(folder, lambda settings: settings["rover"].update(wings=2))
     with pytest.raises(BadInput, match="does not understand the rover"):
         read_results(folder).rebuild()
+
+
+def _driver(settings: dict[str, Any]) -> None:
+    settings["rover"]["parts"] = {"motors": {"driver": "antigravity:x"}}
+
+
+def _buses(settings: dict[str, Any]) -> None:
+    settings["rover"]["buses"] = "antigravity:x"
+
+
+@pytest.mark.parametrize("change", [_driver, _buses])
+def test_code_that_a_folder_names_is_imported_only_if_a_person_allows_it(
+    folder: Path, change: Callable[[dict[str, Any]], object]
+) -> None:
+    """``antigravity`` opens a browser when it is imported; a folder of somebody else may name any module."""
+    edit_settings(folder, change)
+    with pytest.raises(BadInput, match="names code to run, 'antigravity:x'"):
+        read_results(folder).rebuild()
+    assert "antigravity" not in sys.modules
+
+
+def test_algorithm_of_a_module_is_run_again_only_if_a_person_allows_it(finished: Path) -> None:
+    results = read_results(finished)
+    results.settings.algorithms[0] = "tests.somewhere:ALGORITHM"
+    with pytest.raises(BadInput, match=r"names code to run, 'tests\.somewhere:ALGORITHM'"):
+        results.rebuild()
+    assert results.rebuild(allow_code=True).algorithms[0] == "tests.somewhere:ALGORITHM"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -144,4 +146,21 @@ def test_unfinished_and_damaged_sweeps_are_told(tmp_path: Path) -> None:
         read_sweep(tmp_path)
     (tmp_path / "sweep.json").write_text('{"axes": []}')
     with pytest.raises(BadInput, match=r"sweep\.json is damaged: axes"):
+        read_sweep(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("axes", "said"),
+    [
+        ([{"values": [*range(10_000)]}] * 2, r"100,000,000 trials, allowed are 1,000,000"),
+        ([{"values": [2, math.nan]}], r"axes\.0\.values\.1"),
+        ([{"values": [2, 10**400]}], r"axes\.0\.values\.1"),
+        ([{"now": -1e300}], r"axes\.0\.now"),
+    ],
+)
+def test_sweep_that_nobody_has_run_is_refused(tmp_path: Path, axes: list[dict[str, Any]], said: str) -> None:
+    settings = make_sweep(fake_trials.campaign_of(1), [SLIPS]).settings()
+    settings["axes"] = [settings["axes"][0] | axis for axis in axes]
+    (tmp_path / "sweep.json").write_text(json.dumps(settings))
+    with pytest.raises(BadInput, match=rf"sweep\.json is damaged: .*{said}"):
         read_sweep(tmp_path)

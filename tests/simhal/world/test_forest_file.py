@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from dataclasses import replace
 from math import cos, radians, sin
@@ -129,8 +130,14 @@ def test_brackets_within_brackets_are_refused_at_every_depth() -> None:
         assert "line 1: " in refusal(line_with().replace("2025", "[" * depth + "]" * depth))
 
 
-@pytest.mark.parametrize(("name", "why"), [("forests.jsonl", "No such file"), (".", "Is a directory")])
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [("forests.jsonl", "No such file"), (".", "it is a folder"), ("pipe", "it is a pipe"), ("sparse", "it has more")],
+)
 def test_what_cannot_be_opened_is_refused(tmp_path: Path, name: str, why: str) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "sparse").touch()
+    os.truncate(tmp_path / "sparse", 10**12)
     with pytest.raises(BadForest, match=rf"cannot be read .{why}"):
         content_of(tmp_path / name)
 

@@ -7,6 +7,8 @@ import io
 import time
 from pathlib import Path
 
+import pytest
+
 from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, outcome, record, tick, write
 from wayfarer.fieldlog.schema import Record
 from wayfarer.views.export.formats import ExportFormat
@@ -57,6 +59,23 @@ def test_what_others_say_stands_in_the_row_of_the_next_tick_and_only_there(tmp_p
     assert (first["board_battery_v"], first["truth_x_m"], first["truth_slipping"]) == ("12.1", "1.5", "1")
     assert first["event"] == r"Armed: drives towards 20 degrees; Mark: hit\nlog"
     assert (second["board_battery_v"], second["truth_x_m"], second["event"]) == ("", "", "")
+
+
+FORMULA = "=HYPERLINK(1)"
+
+
+@pytest.mark.parametrize("key", ["phase", "why", "level", "cause", "mood"])
+def test_text_of_a_log_is_no_formula(tmp_path: Path, key: str) -> None:
+    (row,) = rows(table(tmp_path, tick(1.0, **{key: FORMULA})))
+    assert row[key] == f"'{FORMULA}"
+
+
+def test_neither_titles_lists_nor_events_are_formulas_and_numbers_stay(tmp_path: Path) -> None:
+    felt = tick(1.0, anomalies=[FORMULA], wanted_left=-0.5, memory=[-1.5], **{FORMULA: -1.5, "+x": {"y": "-2"}})
+    (row,) = rows(table(tmp_path, event("mark", 0.5, text=f"x;{FORMULA}"), event(FORMULA, 0.6), felt))
+    assert (row["anomalies"], row["wanted_left"], row["memory"]) == (f"'{FORMULA}", "-0.5", "-1.5")
+    assert (row[f"'{FORMULA}"], row["'+x_y"]) == ("-1.5", "-2")
+    assert row["event"] == f"Mark: x;'{FORMULA};' {FORMULA}"
 
 
 def test_what_comes_after_the_last_tick_has_a_row_of_its_own(tmp_path: Path) -> None:

@@ -1,218 +1,144 @@
-"""The live server, met by a real WebSocket client."""
+"""The process that serves Foxglove: what its clients cannot do to the daemon."""
 
 from __future__ import annotations
 
 import asyncio
-import json
+import os
+import signal
 import socket
-import subprocess
-import sys
-from base64 import b64decode
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import AsyncExitStack
 from pathlib import Path
-from struct import unpack_from
-from typing import Any, cast
+from typing import cast
 
 import pytest
-from aiohttp import ClientConnectionError, ClientSession, ClientWebSocketResponse, ClientWSTimeout, WSMsgType
 
-from tests.views.foxglove.logs import HEADER, tick
-from tests.views.foxglove.protobuf import Descriptors
-from tests.views.foxglove.test_scene import WORLD
+from tests.views.foxglove.logs import tick
+from tests.views.foxglove.test_server import connected
+from tests.views.live.daemons import poll, running
 from wayfarer.cli.viewer_options import viewers
 from wayfarer.daemon.socket.protocol import Commands
-from wayfarer.errors import BadInput
-from wayfarer.views.foxglove.live import FoxgloveLive
+from wayfarer.errors import BadInput, WayfarerError
+from wayfarer.views.foxglove.live import UNSENT_BYTES, FoxgloveLive
+from wayfarer.views.foxglove.server import DESCRIPTORS
 
-PROTOCOL = "foxglove.sdk.v1"
-MESSAGE, TIME = 1, 2  # the first byte of what the server sends
-PATIENCE_S = 10.0
+pytestmark = pytest.mark.process
+
 COMMANDS = cast(Commands, None)  # a viewer that only shows has no use for them
-Message = tuple[str, int, dict[str, Any]]
+RUN_ENDS_S = 2.0  # README: after SIGTERM
+UPGRADE = (
+    b"GET / HTTP/1.1\r\nHost: rover\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+    b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Protocol: foxglove.sdk.v1\r\n\r\n"
+)
+SAID = (b"", UPGRADE[:40], UPGRADE)  # by clients that say nothing, half a request, and that read nothing
 
 
-class Client:
-    """A viewer: subscribes to every channel that it is told of, and decodes what it gets."""
-
-    def __init__(self, socket: ClientWebSocketResponse) -> None:
-        self._socket = socket
-        self.server: dict[str, Any] = {}
-        self.channels: dict[int, dict[str, Any]] = {}
-        self.time_ns = 0
-
-    async def subscribe(self) -> None:
-        self.server = await self._socket.receive_json(timeout=PATIENCE_S)
-        advertised = await self._socket.receive_json(timeout=PATIENCE_S)
-        assert advertised["op"] == "advertise"
-        self.channels = {channel["id"]: channel for channel in advertised["channels"]}
-        subscriptions = [{"id": number, "channelId": number} for number in self.channels]
-        await self._socket.send_json({"op": "subscribe", "subscriptions": subscriptions})
-
-    async def receive(self, timeout_s: float) -> Message:
-        message = await self._socket.receive(timeout=timeout_s)
-        assert message.type is WSMsgType.BINARY
-        if message.data[0] == TIME:
-            (self.time_ns,) = unpack_from("<xQ", message.data)
-            return await self.receive(timeout_s)
-        opcode, subscription, time_ns = unpack_from("<BIQ", message.data)
-        assert opcode == MESSAGE
-        channel, payload = self.channels[subscription], message.data[13:]
-        if channel["encoding"] == "json":
-            return channel["topic"], time_ns, json.loads(payload)
-        schema = Descriptors(b64decode(channel["schema"]))
-        return channel["topic"], time_ns, schema.decode(f".{channel['schemaName']}", payload)
-
-    async def see(self, live: FoxgloveLive, *topics: str) -> dict[str, Message]:
-        """The first message of each of these topics, while the rover stands and its ticks go on."""
-        found: dict[str, Message] = {}
-        async with asyncio.timeout(PATIENCE_S):
-            t_s = 1000.0
-            while not found.keys() >= set(topics):
-                live.show(tick(t_s := t_s + 0.05, motion=None))
-                try:
-                    while True:
-                        message = await self.receive(0.02)
-                        found.setdefault(message[0], message)
-                except TimeoutError:
-                    continue
-        return found
+@pytest.fixture
+async def live() -> AsyncIterator[FoxgloveLive]:
+    shown = viewers(live=False, live_host=None, live_port=None, foxglove=True, foxglove_port=0)
+    (made,) = shown.viewers
+    assert isinstance(made, FoxgloveLive)
+    assert shown.addresses == {"foxglove": made.url}
+    async with made.serving(COMMANDS):
+        yield made
 
 
-@asynccontextmanager
-async def connected(live: FoxgloveLive) -> AsyncIterator[Client]:
-    timeout = ClientWSTimeout(ws_close=0.1)  # one that reads nothing does not see the other's farewell
-    async with (
-        ClientSession() as session,
-        session.ws_connect(live.url, protocols=[PROTOCOL], timeout=timeout) as websocket,
-    ):
-        assert websocket.protocol == PROTOCOL
-        client = Client(websocket)
-        await client.subscribe()
-        yield client
+@pytest.mark.parametrize("end", ["stop", signal.SIGTERM, signal.SIGINT])
+def test_no_client_keeps_the_daemon_from_ending(end: str | signal.Signals) -> None:
+    with running("run", "--sim", "--foxglove", "--foxglove-port", "0") as daemon:
+        daemon.arm()
+        clients = [socket.create_connection(("127.0.0.1", daemon.port)) for _ in SAID]
+        for client, said in zip(clients, SAID, strict=True):
+            client.sendall(said)
+        assert clients[-1].recv(12) == b"HTTP/1.1 101"
+        if isinstance(end, str):
+            daemon.ask(end)
+        else:
+            daemon.process.send_signal(end)
+        assert daemon.process.wait(timeout=RUN_ENDS_S) == 0
+        assert daemon.log()[-1]["record"] == "outcome"
+        for client in clients:
+            client.close()
 
 
-def driven(live: FoxgloveLive, ticks: int = 10) -> None:
-    """A run that has been going on for a while, in a simulated forest."""
-    live.show({**HEADER, "world": WORLD})
-    for number in range(ticks):
-        live.show(tick(101.0 + number))
+def test_flood_of_connections_takes_no_descriptor_of_the_daemon_and_viewers_come_back() -> None:
+    with running("run", "--sim", "--foxglove", "--foxglove-port", "0") as daemon:
+        poll(daemon.sees)
+        descriptors = Path(f"/proc/{daemon.process.pid}/fd")
+        before = len(list(descriptors.iterdir()))
+        clients = []
+        for _ in range(2 * DESCRIPTORS):
+            try:
+                clients.append(socket.create_connection(("127.0.0.1", daemon.port), timeout=5.0))
+            except OSError:
+                break  # it cannot take more at once
+        assert len(clients) > DESCRIPTORS / 2
+        assert len(list(descriptors.iterdir())) <= before
+        assert daemon.ask("status")["mode"] == "disarmed"
+        poll(lambda: lets_in(daemon.port))
+        for client in clients:
+            client.close()
+        daemon.process.kill()
+        poll(lambda: not lets_in(daemon.port))  # the process ends with the daemon
 
 
-async def test_viewer_gets_what_is_shown_with_its_time() -> None:
-    live = FoxgloveLive(port=0)
-    async with live.serving(COMMANDS), connected(live) as client:
-        await client.see(live, "/heading")  # it has subscribed
-        live.show(tick(2000.0, heading_deg=123.0, pitch_deg=4.5))
-        while (found := await client.receive(PATIENCE_S))[:2] != ("/heading", 1_800_001_900_000_000_000):
-            pass
-        assert found[2] == {"heading_deg": 123.0, "goal_heading_deg": 90.0, "error_deg": -33.0}
-        assert (await client.receive(PATIENCE_S))[2] == {"pitch_deg": 4.5, "roll_deg": 0.0}
+def port_of(live: FoxgloveLive) -> int:
+    return int(live.url.rpartition(":")[2])
 
 
-async def test_every_channel_is_announced_with_its_schema_and_no_way_to_ask_anything_of_the_rover() -> None:
-    live = FoxgloveLive(port=0)
-    async with live.serving(COMMANDS), connected(live) as client:
-        topics = {channel["topic"]: channel for channel in client.channels.values()}
-        assert (client.server["name"], client.server["capabilities"]) == ("wayfarer", ["time"])
-    assert {"/pose", "/track", "/forest", "/phase", "/log", "/location", "/anomalies"} <= topics.keys()
-    assert topics["/pose"]["schemaName"] == "foxglove.FrameTransform"
-    assert "phase" in json.loads(topics["/phase"]["schema"])["properties"]
+def lets_in(port: int) -> bool:
+    """Whether a viewer is shaken hands with."""
+    try:
+        with socket.create_connection(("127.0.0.1", port), timeout=1.0) as viewer:
+            viewer.sendall(UPGRADE)
+            return viewer.recv(12) == b"HTTP/1.1 101"
+    except OSError:
+        return False
 
 
-async def test_each_viewer_who_comes_late_gets_forest_bodies_and_the_whole_path() -> None:
-    live = FoxgloveLive(port=0)
-    driven(live)
-    async with live.serving(COMMANDS), connected(live) as first:
-        await first.see(live, "/forest")
-        async with connected(live) as client:
-            found = await client.see(live, "/forest", "/rover", "/track", "/pose")
-    assert client.time_ns >= found["/pose"][1] > 1_800_000_900_000_000_000, "the viewer's clock is the rover's"
-    assert len(found["/forest"][2]["entities"][0]["cylinders"]) == 2
-    assert [entity["id"] for entity in found["/rover"][2]["entities"]] == ["rover", "truth"]
-    points = found["/track"][2]["entities"][0]["lines"][0]["points"]
-    assert [point["x"] for point in points[:10]] == [25.5 + 0.5 * number for number in range(10)]
+async def test_records_reach_a_viewer(live: FoxgloveLive) -> None:
+    async with connected(port_of(live)) as client:
+        assert "/pose" in await client.see(live, "/pose")
 
 
-async def test_it_listens_on_this_computer_only() -> None:
-    (live,) = viewers(live=False, live_host=None, live_port=None, foxglove=True, foxglove_port=0)
-    assert isinstance(live, FoxgloveLive)
-    async with live.serving(COMMANDS):
-        port = int(live.url.rpartition(":")[2])
-        socket.create_connection(("127.0.0.1", port)).close()
-        with pytest.raises(ConnectionRefusedError):  # as a server on all addresses would not
-            socket.create_connection(("127.0.0.2", port))
-
-
-async def test_web_page_from_elsewhere_is_let_in_as_the_docs_say() -> None:
-    """Should the SDK refuse it one day, the paragraph in docs/foxglove.md can go."""
-    live = FoxgloveLive(port=0)
-    foreign = {"Origin": "http://elsewhere.example", "Host": "rebound.elsewhere.example"}
-    async with (
-        live.serving(COMMANDS),
-        ClientSession() as session,
-        session.ws_connect(live.url, protocols=[PROTOCOL], headers=foreign) as websocket,
-    ):
-        assert (await websocket.receive_json(timeout=PATIENCE_S))["op"] == "serverInfo"
-    said = (Path(__file__).parents[3] / "docs" / "foxglove.md").read_text(encoding="utf-8")
-    assert "Any web page in a browser on that computer can read the track" in said
-
-
-async def test_viewer_that_ceases_to_read_holds_up_nobody() -> None:
-    live = FoxgloveLive(port=0)
-    async with live.serving(COMMANDS), connected(live) as mute:
+async def test_viewer_that_ceases_to_read_keeps_nothing_from_ending(
+    live: FoxgloveLive, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("wayfarer.views.foxglove.live.END_S", 30.0)  # a busy computer may need more than it has
+    async with AsyncExitStack() as stack:
+        mute = await stack.enter_async_context(connected(port_of(live)))
         await mute.see(live, "/pose")
-        for number in range(5000):  # far more than is kept for a viewer
+        for number in range(5000):  # far more than the kernel takes for it
             live.show(tick(2000.0 + number))
-            await asyncio.sleep(0.0)  # as the control loop does after each tick
-        async with connected(live) as client:
-            assert "/pose" in await client.see(live, "/pose")
+            await asyncio.sleep(0.0)
+        await asyncio.to_thread(live.close)
+    assert live._process.returncode == 0, "it ended by itself"
+    live.show(tick(1.0))  # after the end: nothing happens
 
 
-LOST_VIEWER = """
-import socket, struct, sys, threading
-from wayfarer.views.foxglove.live import FoxgloveLive
-
-live = FoxgloveLive(port=0)
-with socket.create_connection(("127.0.0.1", int(live.url.rpartition(":")[2]))) as viewer:
-    viewer.sendall(
-        b"GET / HTTP/1.1\\r\\nHost: rover\\r\\nUpgrade: websocket\\r\\nConnection: Upgrade\\r\\n"
-        b"Sec-WebSocket-Version: 13\\r\\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\\r\\n"
-        b"Sec-WebSocket-Protocol: foxglove.sdk.v1\\r\\n\\r\\n"
-    )
-    assert viewer.recv(12) == b"HTTP/1.1 101"
-    viewer.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # the wireless is gone
-threading.Event().wait(0.3)
-"""
+async def test_process_that_hangs_holds_up_neither_a_record_nor_the_end(live: FoxgloveLive) -> None:
+    os.kill(live._process.pid, signal.SIGSTOP)
+    record = tick(2000.0)
+    for _ in range(5000):
+        live.show(record)
+    assert UNSENT_BYTES <= len(live._unsent) < 2 * UNSENT_BYTES
+    await asyncio.to_thread(live.close)
+    assert live._process.returncode == -signal.SIGKILL
 
 
-@pytest.mark.process
-def test_viewer_that_is_lost_prints_nothing() -> None:
-    """In a process of its own: pytest's logging would keep the line from the terminal."""
-    ended = subprocess.run([sys.executable, "-c", LOST_VIEWER], capture_output=True, text=True, check=True)
-    assert (ended.stdout, ended.stderr) == ("", "")
-
-
-async def test_server_ends_with_the_run() -> None:
-    live = FoxgloveLive(port=0)
-    async with live.serving(COMMANDS):
-        pass
-    live.show(tick(1.0))
-    async with ClientSession() as session:
-        with pytest.raises(ClientConnectionError):
-            await session.ws_connect(live.url, protocols=[PROTOCOL])
+async def test_process_that_has_ended_is_reported(live: FoxgloveLive) -> None:
+    live._process.kill()
+    live._process.wait()
+    with pytest.raises(WayfarerError, match="has ended"):
+        live.show(tick(1.0))
 
 
 def test_port_in_use_is_one_line_before_anything_runs(taken_port: int) -> None:
-    with pytest.raises(BadInput) as refused:
+    with pytest.raises(BadInput, match=rf"^port {taken_port} on 127\.0\.0\.1 is in use.*--foxglove-port$"):
         FoxgloveLive(port=taken_port)
-    assert str(refused.value) == (
-        f"port {taken_port} on 127.0.0.1 is in use; "
-        "see what has it with ss -ltnp, or choose another with --foxglove-port"
-    )
 
 
-def test_address_of_another_computer_is_refused_with_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wayfarer.views.foxglove.live.HOST", "203.0.113.1")
-    with pytest.raises(BadInput, match=r"cannot be served at 203\.0\.113\.1 port 0: .*Cannot assign requested address"):
+def test_process_that_does_not_start_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("wayfarer.views.foxglove.live.SERVER", "wayfarer.no_such_module")
+    with pytest.raises(WayfarerError, match="did not start"):
         FoxgloveLive(port=0)

@@ -13,27 +13,35 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
+from urllib.parse import urlsplit
 
-from wayfarer.daemon.socket.client import ask
+from wayfarer.daemon.socket.client import NoDaemon, ask
 
 WAYFARER = str(Path(sys.executable).with_name("wayfarer"))
 
 
 class Daemon:
-    """A ``wayfarer`` that runs, and its page's address."""
+    """A ``wayfarer`` that runs, and the address at which it is shown."""
 
     def __init__(self, folder: Path, process: subprocess.Popen[str], said: IO[str]) -> None:
         self.folder = folder
         self.process = process
         for line in said:
-            if found := re.search(r"http://\S+", line):
+            if found := re.search(r"(http|ws)://\S+", line):
                 self.url = found.group()
                 return
         raise AssertionError(f"wayfarer ended with exit code {process.wait()}")
 
     @property
+    def origin(self) -> str:
+        """The address without the token."""
+        return self.url.partition("/?")[0].rstrip("/")
+
+    @property
     def port(self) -> int:
-        return int(self.url.rstrip("/").rpartition(":")[2])
+        port = urlsplit(self.url).port
+        assert port is not None
+        return port
 
     def ask(self, do: str, **keys: object) -> dict[str, Any]:
         return ask({"do": do, **keys}, self.folder / "control.sock", timeout_s=10.0)
@@ -43,9 +51,16 @@ class Daemon:
         return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
 
     def arm(self) -> None:
-        """Have it drive; its first heading may take a moment to come."""
-        poll(lambda: self.ask("status").get("heading_deg") is not None)
+        """Have it drive; its socket and its first heading may take a moment to come."""
+        poll(self.sees)
         self.ask("arm", heading_deg=0.0)
+
+    def sees(self) -> bool:
+        """Whether it is there and knows its heading."""
+        try:
+            return self.ask("status").get("heading_deg") is not None
+        except NoDaemon:
+            return False
 
 
 @contextmanager

@@ -1,13 +1,14 @@
-"""Who may look on, and stop a rover."""
+"""Who may look on and stop a rover, and who may start it."""
 
 from __future__ import annotations
 
 import pytest
 
 from wayfarer.daemon.socket.protocol import Refused
-from wayfarer.views.live.access import Access, host_name, is_local
+from wayfarer.views.live.access import Access, check_page, host_name, is_local
 
 TOKEN = "s3cret"
+WRONG = ("s3cre", "s3crets", "S3CRET", "sécret", "\udcff\udcfe")
 HOME = {"Host": "localhost:8088", "Origin": "http://localhost:8088"}
 ABROAD = {"Host": "10.0.0.5:8088", "Origin": "http://10.0.0.5:8088"}
 
@@ -20,9 +21,11 @@ def access() -> Access:
 @pytest.mark.parametrize(
     "host", ["localhost:8088", "127.0.0.1:8088", "[::1]:8088", "localhost", "LOCALHOST:9000", "127.0.0.2"]
 )
-def test_this_computer_needs_no_token_at_its_own_names(access: Access, host: str) -> None:
-    access.check_page("127.0.0.1", {"Host": host}, "")
-    access.check_socket("127.0.0.1", {"Host": host, "Origin": f"http://{host}"}, "")
+def test_this_computer_needs_the_token_for_the_wheels_only(access: Access, host: str) -> None:
+    check_page("127.0.0.1", {"Host": host})
+    tokens = (TOKEN, "", *WRONG)
+    may_start = [access.check_socket("127.0.0.1", {"Host": host, "Origin": f"http://{host}"}, each) for each in tokens]
+    assert may_start == [True] + [False] * (len(WRONG) + 1)
 
 
 @pytest.mark.parametrize(
@@ -30,15 +33,15 @@ def test_this_computer_needs_no_token_at_its_own_names(access: Access, host: str
 )
 def test_name_that_was_made_to_lead_here_is_refused(access: Access, host: str) -> None:
     with pytest.raises(Refused, match="at localhost"):
-        access.check_page("127.0.0.1", {"Host": host}, "")
+        check_page("127.0.0.1", {"Host": host})
+    with pytest.raises(Refused, match="at localhost"):
+        access.check_socket("127.0.0.1", {"Host": host, "Origin": f"http://{host}"}, TOKEN)
 
 
 @pytest.mark.parametrize("peer", ["10.0.0.9", "fe80::1%eth0", "::ffff:10.0.0.9", ""])
-def test_others_need_the_token(access: Access, peer: str) -> None:
-    access.check_page(peer, ABROAD, TOKEN)
-    for wrong in ("", "s3cre", "s3crets", "sécret", "\udcff\udcfe"):
-        with pytest.raises(Refused, match="with the token"):
-            access.check_page(peer, ABROAD, wrong)
+def test_others_need_the_token_for_everything(access: Access, peer: str) -> None:
+    assert access.check_socket(peer, ABROAD, TOKEN)
+    for wrong in ("", *WRONG):
         with pytest.raises(Refused, match="with the token"):
             access.check_socket(peer, ABROAD, wrong)
 
@@ -63,9 +66,9 @@ def test_connection_without_an_origin_is_no_page(access: Access) -> None:
 
 
 @pytest.mark.parametrize("header", ["Forwarded", "Via", "X-Forwarded-For", "X-Real-IP"])
-def test_proxy_that_would_make_everybody_local_is_refused(access: Access, header: str) -> None:
+def test_proxy_that_would_make_everybody_local_is_refused(header: str) -> None:
     with pytest.raises(Refused, match="not work through a proxy"):
-        access.check_page("127.0.0.1", {**HOME, header: "203.0.113.9"}, TOKEN)
+        check_page("127.0.0.1", {**HOME, header: "203.0.113.9"})
 
 
 def test_addresses_and_names_are_told_apart() -> None:

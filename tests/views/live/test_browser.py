@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.browser import DESKTOP, PHONE, Opened, OpenPage
+from tests.browser import DESKTOP, PHONE, SIZES, Opened, OpenPage
 from tests.views.live.contrast import texts, weak_texts
 from tests.views.live.daemons import Daemon, running
 
@@ -82,12 +82,63 @@ def test_hold_resume_and_mark_work_from_the_keyboard(browser_page: OpenPage, dae
     page.locator("#resume").press("Enter")
     page.locator("#mode", has_text=ARMED).wait_for()
     assert page.locator("#resume").is_hidden()
+    assert page.locator("#how-to-resume").is_hidden()
     page.locator("#mark").press_sequentially("<b>hit</b> log")
     page.locator("#mark").press("Enter")
     page.locator("#lines li", has_text="<b>hit</b> log").wait_for()
     assert page.locator("#mark").input_value() == ""
     assert daemon.ask("status")["mode"] == "armed"
     assert opened.trouble == []
+
+
+@SIZES
+def test_page_without_the_token_can_hold_but_not_resume(
+    browser_page: OpenPage, daemon: Daemon, viewport: tuple[int, int]
+) -> None:
+    opened = browser_page(viewport)
+    page = opened.page
+    page.goto(daemon.origin)
+    alive(opened)
+    daemon.arm()
+    page.locator("#hold").click()
+    page.locator("#how-to-resume", has_text="wayfarer status").wait_for()
+    assert page.locator("#resume").is_hidden()
+    assert (weak_texts(page), opened.overflow_px()) == ([], 0)
+    page.goto(daemon.ask("status")["live_page"])
+    page.locator("#resume").click()
+    page.locator("#mode", has_text=ARMED).wait_for()
+    assert opened.trouble == []
+
+
+def test_token_stays_in_the_tab_and_nowhere_else(browser_page: OpenPage, daemon: Daemon) -> None:
+    opened = look(browser_page, daemon)
+    page = opened.page
+    token = daemon.url.partition("?token=")[2]
+    for _ in range(2):
+        assert page.url == f"{daemon.origin}/"
+        assert token not in page.title() + page.content()
+        assert page.context.cookies() == []
+        assert page.evaluate("Object.values(localStorage)") == []
+        page.reload()
+        alive(opened)
+    daemon.arm()
+    page.locator("#hold").click()
+    page.locator("#resume").click()
+    page.locator("#mode", has_text=ARMED).wait_for()
+
+
+def test_page_from_another_computer_needs_the_token_for_everything(browser_page: OpenPage) -> None:
+    with running("run", "--sim", "--live", "--live-host", "0.0.0.0", "--live-port", "0") as daemon:
+        if daemon.origin.startswith("http://127."):
+            pytest.skip("this computer has no other address")
+        opened = look(browser_page, daemon)
+        opened.page.reload()
+        alive(opened)
+        bare = browser_page(PHONE)
+        bare.page.goto(daemon.origin)
+        bare.page.locator("#banner", has_text="open the address that it printed").wait_for()
+        assert [text(bare, each) for each in ("#rover", "#mode", "#age")] == ["wayfarer", "not connected", "connecting"]
+        assert bare.overflow_px() == 0
 
 
 def test_daemon_that_is_killed_is_noticed_at_once_and_the_page_comes_back_with_the_next_one(

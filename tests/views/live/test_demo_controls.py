@@ -66,6 +66,13 @@ async def test_run_that_is_no_demo_refuses_them_in_words() -> None:
         assert site.rover.asked == []
 
 
+async def test_demo_needs_no_token_on_this_computer() -> None:
+    async with demonstrated() as (site, _):
+        assert "token" not in site.page.url
+        async with site.connect(token="") as connection:
+            assert await first(connection, "may_start") is True
+
+
 async def test_demo_is_asked_for_each() -> None:
     async with demonstrated() as (site, demo):
         replies = await replies_to(site, *REQUESTS)

@@ -9,7 +9,7 @@ from typing import Any
 import aiohttp
 import pytest
 
-from tests.views.live.test_server import TOKEN, first, nobody_is_local, pieces, serving  # noqa: F401 - a fixture
+from tests.views.live.test_server import TOKEN, first, pieces, serving
 from wayfarer.views.live.address import RECEIVED_BYTES, address_to_open, bind
 from wayfarer.views.live.broadcaster import LIMITS
 
@@ -92,13 +92,6 @@ async def test_socket_that_is_asked_for_in_bytes_that_are_no_text_is_refused_in_
         host = site.origin.removeprefix("http://").encode()
         asked = b"GET /ws HTTP/1.1\r\nHost: %s\r\nOrigin: http://%s\r\n%s\r\n\r\n" % (host, host, header)
         assert (await site.answer(asked)).startswith(b"HTTP/1.1 400 ")
-
-
-@pytest.mark.usefixtures("nobody_is_local")
-async def test_cookie_that_is_no_text_is_a_wrong_token() -> None:
-    async with serving() as site:
-        asked = b"GET / HTTP/1.1\r\nHost: x\r\nCookie: wayfarer-%d=\xff\xfe\r\n\r\n" % site.port
-        assert (await site.answer(asked)).startswith(b"HTTP/1.1 403 ")
 
 
 async def test_every_address_of_this_computer_means_both_kinds() -> None:

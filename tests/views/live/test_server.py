@@ -60,8 +60,8 @@ class Site:
         self.url = page.url.partition("?")[0].replace("0.0.0.0", "127.0.0.1")
         self.origin = self.url.rstrip("/")
 
-    def connect(self, **headers: str) -> Any:
-        return self.client.ws_connect(f"{self.url}ws", headers={"Origin": self.origin, **headers})
+    def connect(self, token: str = TOKEN) -> Any:
+        return self.client.ws_connect(f"{self.url}ws?token={token}", headers={"Origin": self.origin})
 
     @property
     def port(self) -> int:
@@ -161,18 +161,32 @@ async def test_other_name_for_this_computer_is_refused_in_words(site: Site) -> N
 
 
 @pytest.mark.usefixtures("nobody_is_local")
-async def test_token_of_the_address_opens_the_page_and_a_cookie_its_connection(site: Site) -> None:
-    async with site.client.get(site.url) as refused:
-        assert refused.status == 403
-    assert await site.refusal() == 403
-    assert await site.refusal(f"ws?token={TOKEN}") == 403, "the connection's own address does not count"
-    async with site.client.get(f"{site.url}?token={TOKEN}") as response:
-        cookie = response.headers["Set-Cookie"]
-    assert f"wayfarer-{site.port}={TOKEN}" in cookie
-    assert "HttpOnly" in cookie
-    assert "SameSite=Strict" in cookie
-    async with site.connect(Cookie=f"wayfarer-{site.port}={TOKEN}") as connection:
+async def test_nobody_elsewhere_is_told_anything_without_the_token(site: Site) -> None:
+    for path in ("ws", "ws?token=", "ws?token=s3cre", "ws?token=%ff%fe"):
+        assert await site.refusal(path) == 403
+    assert await site.refusal(Cookie=f"wayfarer-{site.port}={TOKEN}") == 403, "other ports would be sent it"
+    async with site.connect() as connection:
         assert (await first(connection, "snapshot"))["about"]["rover"] == "sim"
+
+
+@pytest.mark.parametrize("query", ["", f"?token={TOKEN}"])
+async def test_page_is_the_same_for_everybody_and_leaves_no_cookie(site: Site, query: str) -> None:
+    async with site.client.get(site.url) as plain, site.client.get(site.url + query) as response:
+        assert await response.text() == await plain.text()
+        assert "Set-Cookie" not in response.headers
+
+
+async def test_who_has_no_token_may_do_everything_but_start_the_wheels(site: Site) -> None:
+    for token, why in ((TOKEN, "not held"), ("", "needs the token"), ("s3crets", "needs the token")):
+        site.rover.asked.clear()
+        async with site.connect(token) as connection:
+            assert await first(connection, "may_start") is (token == TOKEN)
+            state_t_s = asyncio.get_running_loop().time()
+            for request in ({"do": "resume", "state_t_s": state_t_s}, {"do": "mark", "text": "log"}, {"do": "hold"}):
+                await connection.send_json(request)
+                reply = await first(connection, "reply")
+                assert why in reply["why"] if request["do"] == "resume" else reply["ok"], (token, request)
+        assert site.rover.asked == [("mark", "log"), ("hold", None)]
 
 
 async def test_page_on_another_site_may_not_connect(site: Site) -> None:
@@ -272,6 +286,21 @@ async def test_viewers_are_limited_and_a_place_that_is_left_is_free_again() -> N
                     break
         assert await first(looking[-1], "snapshot")
         for each in looking:
+            await each.close()
+
+
+async def test_viewers_without_the_token_do_not_keep_the_operator_out() -> None:
+    """Any user of the computer may look on; sixteen who do must not take all places."""
+    async with serving(limits=LIMITS._replace(viewers=2)) as site:
+        looking = [await site.connect(token=""), await site.connect()]
+        operator = await site.connect()
+        assert await first(operator, "snapshot")
+        async with asyncio.timeout(5.0):
+            while (await looking[0].receive()).type is aiohttp.WSMsgType.TEXT:
+                pass  # what was under way
+        assert await first(looking[1], "snapshot"), "who has the token stays"
+        assert await site.refusal("ws?token=" + TOKEN) == 503, "and is replaced by nobody"
+        for each in (operator, *looking):
             await each.close()
 
 
@@ -382,11 +411,11 @@ def test_address_of_another_computer_is_refused(host: str) -> None:
         LivePage(host, 0, TOKEN)
 
 
-def test_address_to_open_has_the_token_only_where_others_may_come() -> None:
-    for host, pattern in (
-        ("127.0.0.1", r"http://127\.0\.0\.1:\d+/$"), ("localhost", r"http://127\.0\.0\.1:\d+/$"),
-        ("0.0.0.0", rf"http://(?!0\.0\.0\.0)[^/]+:\d+/\?token={TOKEN}$"),
-    ):  # fmt: skip
-        page = LivePage(host, 0, TOKEN)
-        assert re.match(pattern, page.url)
-        page.close()
+@pytest.mark.parametrize(
+    ("host", "pattern"),
+    [("127.0.0.1", r"127\.0\.0\.1"), ("localhost", r"127\.0\.0\.1"), ("0.0.0.0", r"(?!0\.0\.0\.0)[^/]+")],
+)
+def test_address_to_open_has_the_token(host: str, pattern: str) -> None:
+    page = LivePage(host, 0, TOKEN)
+    assert re.match(rf"http://{pattern}:\d+/\?token={TOKEN}$", page.url)
+    page.close()

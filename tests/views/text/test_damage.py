@@ -106,6 +106,7 @@ def changed(record: Record, **values: Any) -> list[Record]:
         (changed(LONG[MIDDLE], t_wall=None), Damage(wrong=1, missing=1)),
         ([*LONG[:MIDDLE], HEADER | {"part": 2, "schema": 0}, *LONG[MIDDLE:]], Damage(wrong=1)),
         ([*LONG[:MIDDLE], HEADER | {"part": 2, "schema": 99}, *LONG[MIDDLE:]], Damage(wrong=1)),
+        ([*LONG[:MIDDLE], HEADER | {"part": 2, "seed": 8}, *LONG[MIDDLE:]], Damage(foreign=1)),
     ],
 )
 def test_what_cannot_be_is_dropped_and_counted_once(

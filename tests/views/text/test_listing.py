@@ -67,6 +67,30 @@ def test_run_of_which_nothing_can_be_read_is_listed_all_the_same(tmp_path: Path,
     assert row(tmp_path) == RunRow(RUN, 17)
 
 
+@pytest.mark.parametrize("hostile", ["pipe", "device", "hole", "empty lines"])
+def test_run_in_which_anything_may_stand_is_listed_at_once(tmp_path: Path, hostile: str) -> None:
+    file = tmp_path / RUN / "run.jsonl"
+    file.parent.mkdir()
+    match hostile:
+        case "pipe":
+            os.mkfifo(file)
+        case "device":
+            file.symlink_to("/dev/zero")
+        case "hole":
+            file.touch()
+            os.truncate(file, 10**12)
+        case "empty lines":
+            file.write_bytes(b"\n" * 10**7)
+    assert row(tmp_path).outcome == "unreadable"
+
+
+def test_long_run_is_listed_from_its_ends(tmp_path: Path) -> None:
+    file = write(tmp_path / RUN, [HEADER, tick(1.0)]) / "run.jsonl"
+    os.truncate(file, 10**12)
+    write(tmp_path / RUN, [b"\n", tick(2.0, travelled_m=5.0), outcome(3.0)])
+    assert cells(tmp_path)[2:] == ("0:00:03", "minirover", "forest-pledge", "5", "0", "requested", "1000000.0")
+
+
 def test_run_whose_first_part_lost_its_header_is_told_by_a_later_one(tmp_path: Path) -> None:
     write(tmp_path / RUN, [tick(1.0)], "run.00001.jsonl")
     write(tmp_path / RUN, [HEADER | {"part": 2, "t_s": 105.0, "simulated": True, "trial": 5}, tick(6.0)])

@@ -170,8 +170,9 @@ def test_next_part_that_is_renamed_before_it_is_opened_is_found_again(
 
 
 def test_log_that_cannot_be_opened_is_told(tmp_path: Path) -> None:
-    (tmp_path / FIRST / "run.jsonl").mkdir(parents=True)
-    with pytest.raises(BadInput, match=r"run\.jsonl: cannot be read"):
+    (tmp_path / FIRST).mkdir()
+    os.mkfifo(tmp_path / FIRST / "run.jsonl")
+    with pytest.raises(BadInput, match=r"run\.jsonl: cannot be read: it is a pipe"):
         Following(tmp_path, None)
 
 

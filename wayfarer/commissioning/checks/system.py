@@ -12,12 +12,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.commissioning.checks.api import Finding, HostEnvironment, Inspection, fail, ok, skipped, warn
+from wayfarer.config.log_settings import LogSettings
 from wayfarer.fieldlog.disk_space import free_mb
 from wayfarer.fieldlog.fields import CLOCK_SET_S
 from wayfarer.safety.supply import SLOWED_NOW, UNDER_VOLTAGE_NOW, UNDER_VOLTAGE_SINCE_BOOT
 
-# At 50 MB an hour of field log (``LogSettings``) this is what a mission takes, beside what its log leaves alone.
-MISSION_MB = 50.0
 # The debug connector of a Raspberry Pi 5, which its /dev/serial0 leads to. Second hand, from the issue tracker of the
 # Raspberry Pi documentation (issue 3239, pull request 3294).
 PI5_DEBUG_PORT = "ttyAMA10"
@@ -140,11 +139,11 @@ async def power(inspection: Inspection) -> Finding:
 
 
 async def disk(inspection: Inspection) -> Finding:
-    """Check that the log folder can be written and has room."""
-    return await asyncio.to_thread(_disk, inspection.host.log_folder, inspection.config.log.free_mb + MISSION_MB)
+    """Check that the log folder can be written and has room for a part of a log beside what the log leaves free."""
+    return await asyncio.to_thread(_disk, inspection.host.log_folder, inspection.config.log)
 
 
-def _disk(folder: Path, needed_mb: float) -> Finding:
+def _disk(folder: Path, settings: LogSettings) -> Finding:
     there = folder.absolute()
     try:
         there = next(path for path in (there, *there.parents) if path.exists())
@@ -159,8 +158,10 @@ def _disk(folder: Path, needed_mb: float) -> Finding:
             f"sudo chown {_user()} {there}; if it is read-only, reboot and look at `dmesg`",
         )
     found = f"{left_mb:.0f} MB free in {there}"
+    needed_mb = settings.free_mb + settings.part_mb
     if left_mb < needed_mb:
-        remedy = f"copy old runs from {folder} and delete them; {needed_mb:.0f} MB are needed"
+        wanted = f"free_mb ({settings.free_mb:g}) and part_mb ({settings.part_mb:g}) under [log] in the rover file"
+        remedy = f"copy old runs from {folder} and delete them; {needed_mb:g} MB are needed: {wanted}"
         return fail("disk", found, "old runs fill it", remedy)
     return ok("disk", found)
 

@@ -14,7 +14,8 @@ from typing import Any
 
 import orjson
 
-from wayfarer.daemon.socket.paths import known_sockets
+from wayfarer.daemon.socket.paths import known_sockets, may_listen, unsafe_folders
+from wayfarer.daemon.socket.peer import peer_uid
 from wayfarer.daemon.socket.protocol import REPLY_BYTES, Refused, check, read_line
 from wayfarer.errors import BadInput, WayfarerError
 
@@ -35,7 +36,8 @@ def ask(request: Mapping[str, object], path: Path | None = None, timeout_s: floa
         BadInput: the request is wrong; nothing was sent.
         NoDaemon: no daemon is running.
         Refused: the daemon says no; the text says why.
-        WayfarerError: the socket belongs to another user, or no healthy daemon answers there.
+        WayfarerError: the socket belongs to another user, or no healthy daemon answers there. Nothing was sent to a
+            process that cannot be the daemon.
     """
     check(request)
     try:
@@ -80,12 +82,28 @@ def _connect(connection: socket.socket, places: Iterable[Path]) -> Path:
         except OSError as error:
             raise BadInput(f"{place}: cannot be the control socket: {error.strerror or error}") from None
         else:
+            _refuse_impostor(connection, place)
             return place
     if barred:
         raise WayfarerError(f"{barred}: belongs to another user: use sudo, or that user's account")
+    passed_over = "".join(f"; {unsafe}" for unsafe in unsafe_folders())
     raise NoDaemon(
         f"no wayfarer daemon is running (nobody listens at {' or '.join(tried)}): start it with 'wayfarer run'"
+        f"{passed_over}"
     )
+
+
+def _refuse_impostor(connection: socket.socket, place: Path) -> None:
+    """Refuse a false daemon: the kernel knows which user listens at a socket.
+
+    Raises:
+        WayfarerError: it is another user's process.
+    """
+    if not may_listen(uid := peer_uid(connection), place):
+        raise WayfarerError(
+            f"{place}: a process of user {uid} listens there in place of the daemon, and was asked nothing: if"
+            " the rover moves, use 'wayfarer stop-motors' or switch off its motors"
+        )
 
 
 def _exchange(connection: socket.socket, line: bytes) -> bytes:

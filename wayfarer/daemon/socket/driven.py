@@ -16,13 +16,12 @@ from pathlib import Path
 from stat import S_IMODE, S_ISREG
 from typing import Any, NamedTuple
 
-from wayfarer.config.atomic_file import atomic_file
 from wayfarer.daemon.socket import paths
 from wayfarer.errors import BadInput
+from wayfarer.files.atomic_file import write_atomically
 
 NAME = "motors.json"
 MOST_BYTES = 65_536
-_OTHERS_WRITE = 0o022
 
 
 class DrivenBoard(NamedTuple):
@@ -30,6 +29,11 @@ class DrivenBoard(NamedTuple):
 
     motors: dict[str, Any]
     buses: str
+
+    @property
+    def names_code(self) -> bool:
+        """Whether it names a function to import, and not only drivers and buses that are installed."""
+        return ":" in self.motors["driver"] or ":" in self.buses
 
 
 class FoundRecord(NamedTuple):
@@ -49,10 +53,7 @@ def write_record(socket_path: Path, driven: DrivenBoard) -> None:
     """
     path = socket_path.with_name(NAME)
     try:
-        with atomic_file(path) as draft:
-            file = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-            with os.fdopen(file, "w", encoding="utf-8") as writer:
-                json.dump(driven._asdict(), writer)
+        write_atomically(path, json.dumps(driven._asdict()), mode=0o600)
     except OSError as error:
         raise BadInput(f"{path}: the record of the motors cannot be written: {error.strerror}") from None
 
@@ -64,14 +65,8 @@ def remove_record(socket_path: Path) -> None:
 
 
 def known_records() -> Iterator[Path]:
-    """Give every path where a daemon may have left its record, each once."""
-    given: set[Path] = set()
-    with suppress(BadInput):  # a folder that is not private is not used
-        for socket_path in paths.known_sockets():
-            path = socket_path.with_name(NAME)
-            if path not in given:
-                given.add(path)
-                yield path
+    """Give every path where a daemon may have left its record, each once; ``read_record`` judges each."""
+    return (folder / NAME for folder in dict.fromkeys(paths.known_folders()))
 
 
 def read_record(path: Path) -> FoundRecord | None:
@@ -119,7 +114,7 @@ def _why_untrusted(file: os.stat_result, folder: os.stat_result) -> str | None:
     if not S_ISREG(file.st_mode):
         return "it is no ordinary file"
     for what, about in (("it", file), ("its folder", folder)):
-        if about.st_mode & _OTHERS_WRITE:
+        if about.st_mode & paths.OTHERS_WRITE:
             return f"others may write to {what} (mode {S_IMODE(about.st_mode):04o})"
     if user not in {0, file.st_uid} and file.st_uid != 0:
         return f"it belongs to user {file.st_uid}"

@@ -2,8 +2,11 @@
 
 The daemon uses the first of these folders that it can use; the client tries all of them in this order:
 ``$RUNTIME_DIRECTORY`` (systemd sets it for services), ``/run/wayfarer``, ``$XDG_RUNTIME_DIR/wayfarer``,
-``/tmp/wayfarer-<uid>``. Any user can make the last one, so it is used only if it is private. Root's client also tries
-the daemons of users who are logged in, in ``/run/user``, because sudo removes ``XDG_RUNTIME_DIR``.
+``/tmp/wayfarer-<uid>``. Root's client also tries the daemons of users who are logged in, in ``/run/user``, because sudo
+removes ``XDG_RUNTIME_DIR``.
+
+Another user who can write to such a folder could put a false daemon there, which answers that it has stopped. So both
+sides pass over a folder that is not safe, and the client asks the kernel who listens (``may_listen``).
 """
 
 from __future__ import annotations
@@ -11,9 +14,9 @@ from __future__ import annotations
 import fcntl
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from stat import S_IMODE, S_ISDIR
+from stat import S_IMODE, S_ISDIR, S_ISVTX
 
 from wayfarer.errors import BadInput, WayfarerError
 
@@ -22,6 +25,7 @@ SESSIONS_FOLDER = Path("/run/user")
 SHARED_FOLDER = Path("/tmp")
 SOCKET_NAME = "control.sock"
 _PRIVATE = 0o700
+OTHERS_WRITE = 0o022
 
 
 class AlreadyRunning(WayfarerError):
@@ -34,44 +38,83 @@ def daemon_socket() -> Path:
     """Return where a daemon makes its socket.
 
     Raises:
-        BadInput: the folder under ``/tmp`` is not private.
+        BadInput: no folder is safe; the text names those that are not.
     """
-    return next(socket for socket in known_sockets() if socket.parent != SYSTEM_FOLDER or _writable(SYSTEM_FOLDER))
+    for folder in _own_folders():
+        if _why_unsafe(folder) is None and (folder != SYSTEM_FOLDER or _writable(SYSTEM_FOLDER)):
+            return folder / SOCKET_NAME
+    raise BadInput("no folder for the control socket: " + "; ".join(unsafe_folders()))
 
 
 def known_sockets() -> Iterator[Path]:
-    """Give every place where a daemon's socket may be, in the order of preference.
+    """Give every place where a daemon's socket may be, in the order of preference; unsafe folders are left out."""
+    return (folder / SOCKET_NAME for folder in known_folders() if _why_unsafe(folder) is None)
 
-    Raises:
-        BadInput: the folder under ``/tmp`` is not private; only when it is reached.
+
+def unsafe_folders() -> list[str]:
+    """Return a sentence for each folder that is left out: which, why, and what to do."""
+    return [f"{folder}: {why}" for folder in known_folders() if (why := _why_unsafe(folder))]
+
+
+def may_listen(uid: int, socket_path: Path) -> bool:
+    """Return whether the process that listens at a socket may be this user's daemon, or one that this user may ask.
+
+    Folders in ``/run`` are made by root, so their owner is believed; elsewhere only root and this user are.
     """
+    owners = {0, os.geteuid()}
+    if _is_roots(folder := socket_path.parent):
+        with suppress(OSError):
+            owners.add(folder.lstat().st_uid)
+    return uid in owners
+
+
+def known_folders() -> Iterator[Path]:
+    """Give every folder where a daemon may be or have been, in the order of preference, also unsafe ones."""
+    yield from _own_folders()
+    if os.geteuid() == 0:
+        # The session of who gave sudo comes first: the daemon of another user is hardly the one that is meant.
+        sudo = os.environ.get("SUDO_UID", "")
+        yield from sorted(SESSIONS_FOLDER.glob("*/wayfarer"), key=lambda folder: (folder.parent.name != sudo, folder))
+
+
+def _own_folders() -> Iterator[Path]:
     if services := os.environ.get("RUNTIME_DIRECTORY"):
-        yield Path(services.split(":")[0]) / SOCKET_NAME
-    yield SYSTEM_FOLDER / SOCKET_NAME
+        yield Path(services.split(":")[0])
+    yield SYSTEM_FOLDER
     sessions = Path(os.environ.get("XDG_RUNTIME_DIR") or "nowhere")
     if sessions.is_absolute() and os.access(sessions, os.F_OK) and sessions.is_dir():  # is_dir() raises at long names
-        yield sessions / "wayfarer" / SOCKET_NAME
-    folder = SHARED_FOLDER / f"wayfarer-{os.geteuid()}"
-    _refuse_if_shared(folder)
-    yield folder / SOCKET_NAME
-    if os.geteuid() == 0:  # last, so that a daemon of root never uses one of these
-        yield from sorted(SESSIONS_FOLDER.glob(f"*/wayfarer/{SOCKET_NAME}"))
+        yield sessions / "wayfarer"
+    yield SHARED_FOLDER / f"wayfarer-{os.geteuid()}"
+
+
+def _is_roots(folder: Path) -> bool:
+    """Return whether only root can have put a folder, or the session's folder that it is in, at this path."""
+    return folder.parent == SYSTEM_FOLDER.parent or SESSIONS_FOLDER in folder.parents
 
 
 def _writable(folder: Path) -> bool:
     return folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)
 
 
-def _refuse_if_shared(folder: Path) -> None:
+def _why_unsafe(folder: Path) -> str | None:
+    """Return why a folder cannot have this user's socket; None for a safe one, and for one that is not there."""
     try:
-        found = folder.lstat()
-    except FileNotFoundError:
-        return
-    if not S_ISDIR(found.st_mode) or found.st_uid != os.geteuid() or S_IMODE(found.st_mode) != _PRIVATE:
-        raise BadInput(
-            f"{folder}: must be a folder that only user {os.geteuid()} can enter (mode 0700), but it belongs to user"
-            f" {found.st_uid} with mode {S_IMODE(found.st_mode):04o}: somebody may be listening in; remove it"
-        )
+        parent_mode, found = folder.parent.stat().st_mode, folder.lstat()
+    except OSError:
+        return None
+    mode = S_IMODE(found.st_mode)
+    if not S_ISDIR(found.st_mode):
+        return "is no folder; remove it"
+    if _is_roots(folder):
+        return f"others may write to it (mode {mode:04o})" if mode & OTHERS_WRITE else None
+    if parent_mode & OTHERS_WRITE and not parent_mode & S_ISVTX:
+        return f"others may put another folder in its place, because {folder.parent} is open to them and not sticky"
+    if found.st_uid == os.geteuid() and mode & 0o777 == _PRIVATE:  # one made in a set-group-ID folder has that bit too
+        return None
+    return (
+        f"must be a folder that only user {os.geteuid()} can enter (mode 0700), but it belongs to user"
+        f" {found.st_uid} with mode {mode:04o}: somebody may be listening in; remove it"
+    )
 
 
 @contextmanager
@@ -92,6 +135,9 @@ def single_daemon(socket_path: Path) -> Iterator[None]:
         lock = os.open(lock_path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
     except OSError as error:
         raise BadInput(f"{lock_path}: the daemon's lock cannot be made: {error.strerror}") from None
+    if why := _why_unsafe(socket_path.parent):  # asked again: somebody may have made it just before
+        os.close(lock)
+        raise BadInput(f"{socket_path.parent}: {why}")
     try:
         _take(lock, socket_path)
         _remove(socket_path)

@@ -15,14 +15,14 @@ from __future__ import annotations
 import asyncio
 import os
 import socket
-import struct
 from asyncio import IncompleteReadError, LimitOverrunError, StreamReader, StreamWriter
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
+from wayfarer.daemon.socket.peer import peer_uid
 from wayfarer.daemon.socket.protocol import (
     REQUEST_BYTES,
     Commands,
@@ -35,7 +35,6 @@ from wayfarer.daemon.socket.protocol import (
 )
 from wayfarer.errors import BadInput, WayfarerError
 
-_CREDENTIALS = struct.Struct("iII")  # struct ucred of unix(7): process, user and group
 _QUEUE = 128
 _NO_FILES_S = 0.1  # until accepting is tried again, where the process has no file descriptor left for it
 
@@ -233,12 +232,6 @@ def _reject(writer: StreamWriter, refusal: Refused) -> None:
     """Send a refusal and close; it fits into the kernel's buffer, so nothing has to be kept here."""
     writer.write(error_reply(str(refusal)))
     writer.close()
-
-
-def peer_uid(connection: Any) -> int:
-    """Return the user at the other end of a Unix socket, as the kernel noted it at connecting."""
-    _, user, _ = _CREDENTIALS.unpack(connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size))
-    return int(user)
 
 
 def _bind(path: Path) -> socket.socket:

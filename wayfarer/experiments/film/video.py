@@ -12,7 +12,6 @@ import av
 import numpy as np
 from PIL import Image
 
-from wayfarer.config.atomic_file import atomic_file
 from wayfarer.errors import BadInput
 from wayfarer.experiments.film import screen
 from wayfarer.experiments.film.camera import views
@@ -20,6 +19,7 @@ from wayfarer.experiments.film.caption import Caption, CaptionText
 from wayfarer.experiments.film.footage import Footage
 from wayfarer.experiments.film.scenery import Scenery
 from wayfarer.experiments.film.tyre_marks import add_bars, bars_of
+from wayfarer.files.atomic_file import atomic_file
 from wayfarer.simhal.world.collision import obstacles_of
 
 DRAWN = (960, 540)
@@ -113,8 +113,8 @@ def film(path: Path) -> Iterator[Film]:
     if kind is None:
         raise BadInput(f"--video {path}: expected a name that ends in {' or '.join(KINDS)}")
     try:
-        with atomic_file(path) as draft, screen.opengl(*DRAWN):
-            draft.touch()
-            yield Film(draft, kind)
+        with atomic_file(path, follow_symlink=True) as draft, screen.opengl(*DRAWN):
+            # FFmpeg opens its output by name, for MP4 twice; this name is that of the open draft (proc(5)).
+            yield Film(Path(f"/proc/self/fd/{draft.fileno()}"), kind)
     except OSError as error:
         raise BadInput(f"--video {path} cannot be written: {error.strerror or error}") from error

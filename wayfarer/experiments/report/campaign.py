@@ -26,20 +26,22 @@ from wayfarer.views.page.frame import PAGE, write_page
 from wayfarer.views.page.plots import Figure, Plots
 
 
-def write_report(folder: Path, out: Path | None = None, *, gallery: int = 12, jobs: int) -> Path:
+def write_report(
+    folder: Path, out: Path | None = None, *, gallery: int = 12, jobs: int, allow_code: bool = False
+) -> Path:
     """Write the report of the campaign in ``folder``, and return the page's path: ``out``, or ``report.html`` in it.
 
     ``gallery`` is how many trials are drawn; they are run again for that, in ``jobs`` processes. The same folder gives
-    the same bytes.
+    the same bytes. ``allow_code`` as of ``CampaignResults.rebuild``.
 
     Raises:
         BadInput: the folder holds no finished campaign, is damaged, or cannot be written.
         WayfarerError: a worker process died.
     """
     results, plots = read_results(folder), Plots()
-    body = [*_overview(results, plots), *_worst(results, plots, gallery, jobs)]
+    body = [*_overview(results, plots), *_worst(results, plots, gallery, jobs, allow_code=allow_code)]
     script = (files("wayfarer.experiments.report") / "trials.js").read_text(encoding="utf-8")
-    return write_page(out or folder / PAGE, words.title(results), body, plots, script)
+    return write_page(folder / PAGE, words.title(results), body, plots, script, out=out)
 
 
 def _overview(results: CampaignResults, plots: Plots) -> Iterator[str]:
@@ -73,7 +75,7 @@ def _overview(results: CampaignResults, plots: Plots) -> Iterator[str]:
         yield html.section(heading, html.paragraph(words.NO_SHORTEST_PATHS))
 
 
-def _worst(results: CampaignResults, plots: Plots, count: int, jobs: int) -> Iterator[str]:
+def _worst(results: CampaignResults, plots: Plots, count: int, jobs: int, *, allow_code: bool) -> Iterator[str]:
     """Yield the sections on the worst trials, which are run again for that."""
     heading = "The worst trials, seen from above"
     rows = choose(results.by_algorithm, count)
@@ -81,7 +83,7 @@ def _worst(results: CampaignResults, plots: Plots, count: int, jobs: int) -> Ite
         yield html.section(heading, html.paragraph(words.NOTHING_TO_DRAW))
         return
     try:
-        campaign = results.rebuild()
+        campaign = results.rebuild(allow_code=allow_code)
     except BadInput as reason:
         yield html.section(heading, html.paragraph(words.no_gallery(reason)))
         return

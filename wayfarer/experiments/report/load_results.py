@@ -3,28 +3,42 @@
 from __future__ import annotations
 
 import json
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import groupby, product
+from itertools import groupby, product, zip_longest
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from wayfarer.config.messages import key_and_problem
+from wayfarer.config.registry import refuse_code
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import BadInput
-from wayfarer.experiments.campaign import Campaign, ForestFile, read_forest_file
-from wayfarer.experiments.folder_settings import tasks_of
+from wayfarer.experiments.campaign import Campaign, ForestFile, Tasks, read_forest_file
+from wayfarer.experiments.folder_settings import MOST_BYTES, tasks_of
 from wayfarer.experiments.results_folder import FORESTS, PARTIAL, SETTINGS, SWEEP_SETTINGS, TRIALS
-from wayfarer.experiments.rows import TrialRow, columns_of, csv_line, without_kinds
+from wayfarer.experiments.rows import TrialRow, columns_of
 from wayfarer.experiments.statistics import AlgorithmSummary, summarise
 from wayfarer.experiments.store import read_rows
-from wayfarer.experiments.sweep.axes import MOST_AXES, Value
+from wayfarer.experiments.sweep.axes import MOST_AXES, MOST_DIGITS, Value
+from wayfarer.experiments.sweep.grid import MOST_TRIALS
+from wayfarer.files.regular_file import read_regular
 from wayfarer.simhal.mujoco.terrain import terrains_of
 from wayfarer.simhal.world.grounds import GroundName
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
+
+
+def _drawable(value: Value) -> Value:
+    if isinstance(value, int | float) and not abs(value) < 10 ** (MOST_DIGITS + 1):
+        raise ValueError(f"expected a number below 1e{MOST_DIGITS + 1}")
+    return value
+
+
+Drawable = Annotated[Value, AfterValidator(_drawable)]
 
 
 class ForestsSettings(BaseModel):
@@ -37,14 +51,14 @@ class ForestsSettings(BaseModel):
 class CampaignSettings(BaseModel):
     """``campaign.json``, as ``Campaign.settings`` wrote it; the rover is read where trials are to be run again."""
 
-    model_config = ConfigDict(strict=True)
+    model_config = ConfigDict(strict=True, allow_inf_nan=False)
 
     version: str
     algorithms: list[str] = Field(min_length=1)
-    trials: int = Field(ge=1)
-    seed: int
-    slip_mean_m: float
-    budget_m: float
+    trials: int = Field(ge=1, le=MOST_TRIALS)  # of each algorithm, as the option allows
+    seed: int = Field(ge=0)
+    slip_mean_m: float = Field(gt=0)
+    budget_m: float = Field(gt=0)
     spl: bool
     depth: Literal["device", "bus"] = "device"
     scenario: str | None = None
@@ -52,6 +66,22 @@ class CampaignSettings(BaseModel):
     rover: dict[str, Any]
     mujoco: dict[str, list[float]] | None = None
     ground: GroundName = GroundName.ideal
+
+    @field_validator("algorithms")
+    @classmethod
+    def _are_names(cls, names: list[str]) -> list[str]:
+        if len(set(names)) < len(names) or not all(map(str.isprintable, names)):
+            raise ValueError("a name is there twice, or has characters that a terminal obeys")
+        return names
+
+    @field_validator("scenario")
+    @classmethod
+    def _is_a_site(cls, name: str | None) -> str | None:
+        from wayfarer.simhal.world.sites import SITES
+
+        if name is not None and name not in SITES:
+            raise ValueError(f"no such site; there are {', '.join(SITES)}")
+        return name
 
     @field_validator("mujoco")
     @classmethod
@@ -85,15 +115,21 @@ class CampaignResults:
     @property
     def shortest_paths_m(self) -> list[float]:
         """The shortest path of each trial, metres, as far as they are known."""
-        return [row.shortest_path_m for row in self.rows if row.shortest_path_m is not None]
+        return [row.shortest_path_m for row in self.rows if row.shortest_path_m]
 
-    def rebuild(self) -> Campaign:
+    def rebuild(self, *, allow_code: bool = False) -> Campaign:
         """Return the campaign, so that its trials can be run again.
 
+        Args:
+            allow_code: import what the settings name as ``"module:attribute"``, which may be any module.
+
         Raises:
-            BadInput: this version does not understand the rover, or the forests are not in the folder.
+            BadInput: this version does not understand the rover, the forests are not in the folder, or the settings
+                name code that must not be imported.
         """
         settings = self.settings
+        if not allow_code:
+            refuse_code(*settings.algorithms, *_names(settings.rover))
         return Campaign(
             tuple(settings.algorithms),
             settings.trials,
@@ -130,14 +166,22 @@ class CampaignResults:
         return found
 
 
+def _names(rover: Mapping[str, Any]) -> Iterator[str]:
+    """Give what a rover's settings name: its buses, and the drivers of its parts."""
+    parts = rover.get("parts")
+    tables = list(parts.values()) if isinstance(parts, dict) else []
+    yield from (str(table.get("driver")) for table in tables if isinstance(table, dict))
+    yield str(rover.get("buses", ""))
+
+
 class SweptAxis(BaseModel):
     """A key, its values, and the value that the campaign had where it was not swept."""
 
     model_config = ConfigDict(strict=True)
 
     key: str
-    values: list[Value] = Field(min_length=1)
-    now: Value | None
+    values: list[Drawable] = Field(min_length=1)
+    now: Drawable | None
 
     @property
     def numeric(self) -> bool:
@@ -150,6 +194,14 @@ class SweepSettings(BaseModel):
 
     axes: list[SweptAxis] = Field(min_length=1, max_length=MOST_AXES)
     campaign: CampaignSettings
+
+    @model_validator(mode="after")
+    def _can_be_run(self) -> Self:
+        campaign = self.campaign
+        count = math.prod(len(axis.values) for axis in self.axes) * len(campaign.algorithms) * campaign.trials
+        if count > MOST_TRIALS:
+            raise ValueError(f"{count:,} trials, allowed are {MOST_TRIALS:,}")
+        return self
 
 
 @dataclass(frozen=True)
@@ -217,7 +269,7 @@ def read_sweep(folder: Path) -> SweepResults:
 
 def _read_settings(path: Path, model: type[ModelT], kind: str) -> ModelT:
     try:
-        return model.model_validate_json(path.read_bytes())
+        return model.model_validate_json(read_regular(path, MOST_BYTES))
     except OSError as error:
         raise BadInput(f"{path}: cannot be read: {error.strerror}") from None
     except ValidationError as error:
@@ -230,15 +282,24 @@ def _read_trials(folder: Path, model: BaseModel, kind: str, command: str) -> lis
         raise BadInput(
             f"{folder}: its {kind} is not finished; repeat its `wayfarer {command}` and add --resume to finish it first"
         )
-    columns, tasks = columns_of(settings), tasks_of(settings)
+    tasks = tasks_of(settings)
     try:
-        header = path.read_text(encoding="utf-8").partition("\n")[0] + "\n"
-        rows = read_rows(path, columns) if header in map(csv_line, (columns, without_kinds(columns))) else []
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"{path}: cannot be read: {error}") from None
-    if [row.key for row in rows] != list(tasks.in_table_order()):
+        rows = _complete(read_rows(path, columns_of(settings)), tasks)
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read: {error.strerror}") from None
+    if rows is None:
         raise BadInput(
-            f"{path} is damaged: it has not the columns and the {len(tasks)} rows, one a trial, that the {kind} "
-            f"wrote; run the {kind} again into another folder"
+            f"{path} is damaged: it has not the {len(tasks)} rows, one a trial, that the {kind} wrote; run the {kind} "
+            "again into another folder"
         )
     return rows
+
+
+def _complete(rows: Iterable[TrialRow], tasks: Tasks) -> list[TrialRow] | None:
+    """Return the rows of all these trials, None where a row is missing or too many; the rest is not read then."""
+    found = []
+    for row, task in zip_longest(rows, tasks.in_table_order()):
+        if row is None or row.key != task:
+            return None
+        found.append(row)
+    return found

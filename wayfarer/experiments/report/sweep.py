@@ -36,7 +36,7 @@ def write_sweep_report(folder: Path, out: Path | None = None) -> Path:
         BadInput: the folder holds no finished sweep, is damaged, or cannot be written.
     """
     results, plots = read_sweep(folder), Plots()
-    return write_page(out or folder / PAGE, _title(results), list(_body(results, plots)), plots)
+    return write_page(folder / PAGE, _title(results), list(_body(results, plots)), plots, out=out)
 
 
 def _body(results: SweepResults, plots: Plots) -> Iterator[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from wayfarer.config.messages import shortened, shown
 from wayfarer.errors import BadInput
 from wayfarer.simhal.random_streams import RandomStreams
 
@@ -58,11 +59,14 @@ def terrains_of(bounds: Mapping[str, Sequence[float]]) -> Terrains:
         ValueError: it did not give this; the text says which number is missing or out of bounds.
     """
     if set(bounds) != set(Terrains._fields):
-        raise ValueError(f"expected {', '.join(Terrains._fields)}, found {', '.join(bounds) or 'nothing'}")
+        found = shortened(", ".join(bounds)) or "nothing"
+        raise ValueError(f"expected {', '.join(Terrains._fields)}, found {found}")
     for name, ends in bounds.items():
         lowest, highest = getattr(BOUNDS, name)
         if not (len(ends) == 2 and lowest <= ends[0] <= ends[1] <= highest):
-            raise ValueError(f"{name} = {list(ends)}: expected two numbers from {lowest:g} to {highest:g} in order")
+            raise ValueError(
+                f"{name} = {shown(list(ends))}: expected two numbers from {lowest:g} to {highest:g} in order"
+            )
     return Terrains(**{name: Range(*ends) for name, ends in bounds.items()})
 
 

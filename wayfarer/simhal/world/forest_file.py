@@ -27,11 +27,13 @@ from pydantic import BaseModel, ConfigDict
 
 from wayfarer.config.messages import shown, validated, with_short_keys
 from wayfarer.errors import BadConfig, BadForest, one_line
+from wayfarer.files.regular_file import read_regular
 from wayfarer.setting_ranges import Metres
 from wayfarer.simhal.world.forest import Coordinate, Forest, Trunk, check_forest
 
 REFERENCE = "reference"
 REFERENCE_FILE = "reference_forests.jsonl.gz"
+MOST_BYTES = 50_000_000  # 40,000 forests such as those of the reference
 
 # A million passes through the file later it still fits a table of results.
 Number = Annotated[int, Interval(ge=0, lt=2**31)]
@@ -68,7 +70,7 @@ def content_of(source: str | Path) -> bytes:
         beside_this = files(__name__.rpartition(".")[0])
         return gzip.decompress((beside_this / REFERENCE_FILE).read_bytes())
     try:
-        return Path(source).read_bytes()
+        return read_regular(Path(source), MOST_BYTES)
     except OSError as error:
         raise BadForest(
             f"{source}: cannot be read ({error.strerror}), expected a file of forests, or the word {REFERENCE}"

@@ -3,7 +3,7 @@
 ``csv_rows`` has flat columns with units. ``elapsed_s`` is the time by which all tools name a moment. Columns of
 ``tick`` keep their names, readings are flattened (``compass_heading_deg``), and what other records say stands in the
 row of the first tick after it, under the record's name (``board_battery_v``, ``truth_x_m``); events are joined in
-``event``. Records after the last tick are in one more row.
+``event``. Records after the last tick are in one more row. No text is a formula to a spreadsheet.
 
 ``tsv_rows`` has the six columns of the log that the paper's released code writes, in its formats and without a
 header: time of day, left and right duty, heading, and two of the flow sensor. Those two are empty, because this log has
@@ -27,6 +27,7 @@ from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import KEYS, READINGS, Record, Values
 from wayfarer.fieldlog.typed import Tick
 from wayfarer.fieldlog.wording import event_text, fault_text, outcome_text
+from wayfarer.views.export.spreadsheet import without_formulas
 
 # What readings and other records say, under their names.
 PART_COLUMNS: Mapping[str, Values] = {
@@ -74,9 +75,9 @@ def write_tsv(run: Path, file: TextIO) -> Damage:
 def csv_rows(records: Iterable[Record], further: Iterable[str] = ()) -> Iterator[list[str]]:
     """Give the titles, then a row for each tick; ``further`` are columns beyond those that every table has."""
     columns = [*COLUMNS, *further]
-    yield columns
+    yield [without_formulas(column) for column in columns]
     for row in table_rows(records):
-        yield [cell(row.get(column)) for column in columns]
+        yield [_spreadsheet_cell(row.get(column)) for column in columns]
 
 
 def further_columns(records: Iterable[Record], known: Container[str] = frozenset(COLUMNS)) -> dict[str, set[type]]:
@@ -184,6 +185,11 @@ def cell(value: object) -> str:
     if isinstance(value, bool):
         return str(int(value))
     return clean("; ".join(map(str, value)) if isinstance(value, list) else str(value))
+
+
+def _spreadsheet_cell(value: object) -> str:
+    text = cell(value)
+    return without_formulas(text) if isinstance(value, str | list) else text
 
 
 def _rounded(value: float | None) -> str:

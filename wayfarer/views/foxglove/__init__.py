@@ -2,4 +2,5 @@
 
 from __future__ import annotations
 
+HOST = "127.0.0.1"  # anybody who can reach it can watch
 PORT = 8765  # where Foxglove looks first

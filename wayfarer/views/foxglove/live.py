@@ -1,86 +1,90 @@
-"""A read-only Foxglove WebSocket server for a running rover."""
+"""A read-only Foxglove WebSocket server for a running rover, in a process beside the daemon."""
 
 from __future__ import annotations
 
+import asyncio
+import os
+import subprocess
+import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from select import select
 
-from foxglove import Context, start_server
-from foxglove.websocket import Capability, ChannelView, Client, ServerListener
+import orjson
 
 from wayfarer.daemon.socket.protocol import Commands
-from wayfarer.errors import BadInput
+from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.fieldlog.schema import Record
-from wayfarer.views.export.wall_time import nanoseconds
-from wayfarer.views.foxglove.channels import Channels
+from wayfarer.views.foxglove import HOST
 
-HOST = "127.0.0.1"  # anybody who can reach it can watch
-LASTING_EVERY_S = 0.5  # so that viewers who come and go all the time cost no more than that
-IN_USE = "Address already in use"
+SERVER = "wayfarer.views.foxglove.server"
+UNSENT_BYTES = 1 << 20  # 20 s of a run that drives, for a process that gets no time on a busy computer
+START_S = 15.0  # of no source: half of the 30 s in which the service must be ready
+END_S = 0.5  # of the 2 s in which a run must end
 
 
 class FoxgloveLive:
     """Shows a run to Foxglove; implements ``daemon.viewer.Viewer``.
 
-    The server's threads send, so a slow viewer loses messages and delays nothing. Viewers cannot send anything to the
-    rover. They are sent the rover's time as well: its clock may be hours off in the field, and Foxglove would not draw
-    poses from its own future.
+    Whatever clients do, the daemon only writes lines into a pipe, and drops what does not fit; ``server`` says why.
 
     Args:
         port: 0 takes a free one.
 
     Raises:
         BadInput: it cannot listen there; the text says why.
+        WayfarerError: the process did not start.
     """
 
     def __init__(self, port: int) -> None:
-        self._context = context = Context()  # kept: the SDK takes the channels down with it
-        self._channels = Channels(context)
-        self._viewers = _Viewers()
-        self._lasting_s = float("-inf")
-        try:
-            self._server = start_server(
-                name="wayfarer",
-                host=HOST,
-                port=port,
-                context=context,
-                server_listener=self._viewers,
-                capabilities=[Capability.Time],
-            )
-        except RuntimeError as error:  # the SDK has no error class for it
-            raise BadInput(_refusal(port, str(error))) from None
-        self.url = f"ws://{HOST}:{self._server.port}"
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", SERVER, str(port)],  # -P: nothing is imported from the working folder
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            bufsize=0,
+            start_new_session=True,  # Ctrl-C is for the daemon
+        )
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._pipe = self._process.stdin
+        with self._process.stdout as said:
+            answered, _, _ = select([said], [], [], START_S)
+            answer = said.readline().decode().strip() if answered else ""
+        if not answer.isdecimal():
+            self.close()
+            raise BadInput(answer) if answer else WayfarerError("Foxglove's server did not start: see what it said")
+        os.set_blocking(self._pipe.fileno(), False)
+        self._unsent = bytearray()
+        self.url = f"ws://{HOST}:{answer}"
 
     def show(self, record: Record) -> None:
-        """Send a record to all viewers."""
-        t_s, time_s = record["t_s"], record["t_wall"]
-        self._server.broadcast_time(nanoseconds(time_s))
-        self._channels.take(record, time_s)
-        if self._viewers.changed and t_s >= self._lasting_s + LASTING_EVERY_S:
-            self._viewers.changed = False
-            self._lasting_s = t_s
-            self._channels.send_lasting(time_s)
+        """Send a record to the process, as far as the pipe takes it.
+
+        Raises:
+            WayfarerError: the process has ended.
+        """
+        if self._pipe.closed:
+            return  # a record after the end
+        if len(self._unsent) < UNSENT_BYTES:
+            self._unsent += orjson.dumps(record) + b"\n"
+        try:
+            del self._unsent[: self._pipe.write(self._unsent) or 0]
+        except BrokenPipeError:
+            raise WayfarerError("the process that serves Foxglove has ended") from None
 
     @asynccontextmanager
     async def serving(self, commands: Commands) -> AsyncIterator[None]:  # noqa: ARG002
-        """Stop listening in the end."""
+        """End the process in the end."""
         try:
             yield
         finally:
-            self._server.stop()
+            await asyncio.to_thread(self.close)
 
-
-class _Viewers(ServerListener):
-    """Notes that a viewer began to look at a channel; called by the server's threads."""
-
-    changed = False
-
-    def on_subscribe(self, client: Client, channel: ChannelView) -> None:  # noqa: ARG002
-        """Note it: what was sent long ago must be sent again."""
-        self.changed = True
-
-
-def _refusal(port: int, error: str) -> str:
-    if IN_USE in error:
-        return f"port {port} on {HOST} is in use; see what has it with ss -ltnp, or choose another with --foxglove-port"
-    return f"Foxglove cannot be served at {HOST} port {port}: {error.rpartition('FoxgloveError: ')[2]}"
+    def close(self) -> None:
+        """End the process: it ends by itself when its records do, and is killed if it does not. Safe twice."""
+        self._pipe.close()
+        try:
+            self._process.wait(END_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()

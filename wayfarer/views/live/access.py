@@ -1,6 +1,11 @@
-"""Access control: host, origin and token checks. Pure: a request comes in, a refusal or nothing out.
+"""Access control: host, origin and token checks. Pure: a request comes in, a refusal or what it may do out.
 
-A viewer on the rover's own computer needs no token; others need the token in the address that is printed at the start.
+The token is in the address that is printed at the start. On the rover's own computer every user may watch and stop
+the rover without it, but only those who have it may start the wheels; on other computers nothing works without it. The
+page itself, which says nothing of the rover, is for everybody: it brings the token when it connects. It keeps it where
+only a page from this very port can read it. A cookie would be sent to every port of this computer, also to a server
+of another user.
+
 Web pages of other sites, which could send requests from an allowed viewer's browser, are refused: a page on another
 site by its ``Origin``, a name that was made to point here (DNS rebinding) by its ``Host``. No proxy is supported,
 because behind one every viewer would look local.
@@ -19,35 +24,43 @@ OF_PROXIES = ("Forwarded", "Via", "X-Forwarded-For", "X-Real-IP")
 
 
 class Access:
-    """Checks requests. Viewers on other computers must give ``token``."""
+    """Checks the connections of viewers, who may give ``token``."""
 
     def __init__(self, token: str) -> None:
         self._token = _bytes(token)
 
-    def check_page(self, peer: str, headers: Mapping[str, str], token: str) -> None:
-        """Allow a request for the page; ``token`` is what it gave, perhaps empty.
+    def check_socket(self, peer: str, headers: Mapping[str, str], token: str) -> bool:
+        """Allow a WebSocket connection, and return whether it may start the wheels.
+
+        Args:
+            peer: the address that it comes from.
+            headers: of its request.
+            token: what it gave, perhaps empty.
 
         Raises:
-            Refused: the text says why.
+            Refused: as ``check_page``, or it does not come from this server's page, or lacks the token.
         """
-        if any(header in headers for header in OF_PROXIES):
-            raise Refused("this page does not work through a proxy: open it at the address that wayfarer printed")
-        if is_local(peer):
-            name = host_name(headers.get("Host", "")) or ""
-            if name != "localhost" and not is_local(name):
-                raise Refused("on this computer the page is at localhost or 127.0.0.1, and at no other name")
-        elif not compare_digest(_bytes(token), self._token):
-            raise Refused("open the page at the complete address that wayfarer printed at its start, with the token")
-
-    def check_socket(self, peer: str, headers: Mapping[str, str], token: str) -> None:
-        """Allow a WebSocket connection.
-
-        Raises:
-            Refused: as ``check_page``, or it does not come from this server's page.
-        """
-        self.check_page(peer, headers, token)
+        check_page(peer, headers)
         if headers.get("Origin") != f"http://{headers.get('Host')}":
             raise Refused("only wayfarer's own page may connect")
+        has_token = compare_digest(_bytes(token), self._token)
+        if not has_token and not is_local(peer):
+            raise Refused("open the page at the complete address that wayfarer printed at its start, with the token")
+        return has_token
+
+
+def check_page(peer: str, headers: Mapping[str, str]) -> None:
+    """Allow a request for the page.
+
+    Raises:
+        Refused: the text says why.
+    """
+    if any(header in headers for header in OF_PROXIES):
+        raise Refused("this page does not work through a proxy: open it at the address that wayfarer printed")
+    if is_local(peer):
+        name = host_name(headers.get("Host", "")) or ""
+        if name != "localhost" and not is_local(name):
+            raise Refused("on this computer the page is at localhost or 127.0.0.1, and at no other name")
 
 
 def is_local(peer: str) -> bool:
@@ -62,7 +75,7 @@ def is_local(peer: str) -> bool:
 
 
 def _bytes(token: str) -> bytes:
-    return token.encode(errors="surrogatepass")  # a header's bytes that are no UTF-8 become surrogates
+    return token.encode(errors="surrogatepass")  # bytes that are no UTF-8 become surrogates
 
 
 def host_name(host: str) -> str | None:

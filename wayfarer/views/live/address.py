@@ -8,7 +8,6 @@ import socket
 from ipaddress import ip_address
 
 from wayfarer.errors import BadInput
-from wayfarer.views.live.access import is_local
 
 # Of a connection, in bytes: as much is read in one turn of the loop, and two-byte frames take their time. The kernel
 # doubles it (socket(7)), so that the longest message fits.
@@ -51,13 +50,11 @@ def _why_not(host: str, port: int, error: OSError) -> str:
 
 
 def address_to_open(bound: socket.socket, token: str) -> str:
-    """Return the page's address, with the token where it is not only for this computer."""
+    """Return the page's address; ``token`` may be empty."""
     host, port = bound.getsockname()[:2]
-    if is_local(host):
-        return f"http://{_bracketed(host)}:{port}/"
     if ip_address(host).is_unspecified:
         host = _own_address()
-    return f"http://{_bracketed(host)}:{port}/?token={token}"
+    return f"http://{_bracketed(host)}:{port}/{token and f'?token={token}'}"
 
 
 def _own_address() -> str:

@@ -1,8 +1,9 @@
 """One viewer's connection: sends updates, and receives a few commands.
 
-Requests are handled as those of the control socket. A page cannot arm: wheels must not start from a web page. Nor can
-an old page resume: the request may have waited in a network, or for a blocked daemon, until the viewer has gone. Only
-the page of a demo can pause, change the speed or begin another run (``demo_controls``).
+Requests are handled as those of the control socket. A page cannot arm: wheels must not start from a web page. Only one
+with the token can resume, because every user of the rover's computer can open the page (``access``). Nor can an old
+page resume: the request may have waited in a network, or for a blocked daemon, until the viewer has gone. Only the page
+of a demo can pause, change the speed or begin another run (``demo_controls``).
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from wayfarer.views.live.broadcaster import PageViewer, TooSlow, ViewerLimits
 
 VERBS = ("hold", "resume", "stop", "mark")
 STOPPING = ("hold", "stop")  # never limited
+STARTING = ("resume",)  # what can make wheels turn: only with the token, and from a page that is not old
 SHOWN = "state_t_s"  # which state the page shows; to resume needs it
 
 _bugs = logging.getLogger("wayfarer.views.live")
@@ -38,11 +40,12 @@ class ClientSession:
             not the tick for the flood.
         limits: what a viewer may use up.
         demo: the demo that is shown, None for any other run.
+        may_start: whether it may start the wheels.
     """
 
     def __init__(
         self, socket: web.WebSocketResponse, viewer: PageViewer, commands: Commands, turn: asyncio.Lock,
-        limits: ViewerLimits, demo: demo_controls.DemoControls | None,
+        limits: ViewerLimits, demo: demo_controls.DemoControls | None, may_start: bool,
     ) -> None:  # fmt: skip
         self._socket = socket
         self._viewer = viewer
@@ -51,11 +54,13 @@ class ClientSession:
         self._old_s = limits.old_s
         self._rate_limiter = RateLimiter(limits.requests, limits.requests_hz)
         self._demo = demo
+        self.may_start = may_start
 
     async def run(self) -> None:
         """Serve until the viewer leaves or is disconnected."""
         following = asyncio.create_task(self._follow(), name="live viewer")
         try:
+            await self._send(may_start=self.may_start)
             async for message in self._socket:
                 async with self._turn:
                     await asyncio.sleep(0)
@@ -102,7 +107,11 @@ class ClientSession:
             reply = {"ok": False, "why": "an error inside wayfarer: look at its terminal before you go on"}
         do = fields.get("do")
         told = {"do": do if isinstance(do, str) else None, **reply}  # what is no verb may be too deep to be sent back
-        await self._socket.send_str(orjson.dumps([{"reply": told}]).decode())
+        await self._send(reply=told)
+
+    async def _send(self, **piece: object) -> None:
+        """Send it what is for this viewer only."""
+        await self._socket.send_str(orjson.dumps([piece]).decode())
 
     async def _do(self, fields: dict[str, object]) -> None:
         if fields.get("do") in demo_controls.VERBS:
@@ -114,9 +123,19 @@ class ClientSession:
         now_s = asyncio.get_running_loop().time()
         if request.do not in STOPPING and not self._rate_limiter.take(now_s):
             raise Refused("too many requests at once: wait a second and try again")
-        if request.do == "resume" and not self._is_new(fields.get(SHOWN), now_s):
-            raise Refused("the page showed an old state: look at the new one, and press again if it is still right")
+        if request.do in STARTING:
+            self._check_start(request.do, fields.get(SHOWN), now_s)
         await perform(request, self._commands, None)
+
+    def _check_start(self, do: str, state_t_s: object, now_s: float) -> None:
+        """Raise an error unless a request that can make wheels turn has the token and is of now."""
+        if not self.may_start:
+            raise Refused(
+                f"{do} needs the token: open the page at the address that wayfarer status shows, or use wayfarer {do}"
+                " in a terminal"
+            )
+        if not self._is_new(state_t_s, now_s):
+            raise Refused("the page showed an old state: look at the new one, and press again if it is still right")
 
     def _do_in_demo(self, fields: dict[str, object]) -> None:
         """Do what only a demo can; it writes nothing into the log, and so is not limited."""

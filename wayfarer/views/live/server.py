@@ -16,7 +16,7 @@ from aiohttp import web
 
 from wayfarer.daemon.socket.protocol import Commands, Refused
 from wayfarer.fieldlog.schema import Record
-from wayfarer.views.live.access import Access
+from wayfarer.views.live.access import Access, check_page
 from wayfarer.views.live.address import address_to_open, bind
 from wayfarer.views.live.broadcaster import LIMITS, Broadcaster, PageViewer, ViewerLimits
 from wayfarer.views.live.client_session import ClientSession
@@ -39,11 +39,12 @@ class LivePage:
     ``url`` is the address to open.
 
     Args:
-        host: the address to serve at; viewers on other computers need the token.
+        host: the address to serve at.
         port: 0 takes any that is free.
-        token: make a new one at each start.
+        token: who starts the wheels, or looks on from another computer, needs it; make a new one at each start.
         limits: bounds on what viewers use.
-        demo: the demo that is shown, whose clock the page may change; None for any other run.
+        demo: the demo that is shown, whose clock the page may change; None for any other run. On this computer it needs
+            no token, because no wheels turn; a program that opens a browser would show it in the list of processes.
 
     Raises:
         BadInput: the port cannot be had.
@@ -53,9 +54,7 @@ class LivePage:
         self, host: str, port: int, token: str, limits: ViewerLimits = LIMITS, demo: DemoControls | None = None
     ) -> None:
         self._socket = bind(host, port)
-        self.url = address_to_open(self._socket, token)
-        self._cookie = f"wayfarer-{self._socket.getsockname()[1]}"  # cookies do not tell ports apart
-        self._token = token
+        self.url = address_to_open(self._socket, "" if demo else token)
         self._access = Access(token)
         self._limits = limits
         self._demo = demo
@@ -181,25 +180,22 @@ class LivePage:
             return _plain(500, "an error inside wayfarer")
 
     async def _answer_page(self, request: web.BaseRequest) -> web.StreamResponse:
-        given = request.query.get("token") or request.cookies.get(self._cookie, "")
-        self._access.check_page(request.remote or "", request.headers, given)
+        check_page(request.remote or "", request.headers)
         response = web.Response(body=self._page.html, headers=self._page.headers)
-        if given:  # the page's own connection has no other place for it than a cookie
-            response.set_cookie(self._cookie, self._token, httponly=True, samesite="Strict")
         response.force_close()
         return response
 
     async def _answer_socket(self, request: web.BaseRequest) -> web.StreamResponse:
-        self._access.check_socket(request.remote or "", request.headers, request.cookies.get(self._cookie, ""))
+        has_token = self._access.check_socket(request.remote or "", request.headers, request.query.get("token", ""))
         limits = self._limits
-        if len(self._sessions) >= limits.viewers:
+        if len(self._sessions) >= limits.viewers and not (has_token and self._make_room()):
             return _plain(503, f"{limits.viewers} viewers are connected already, which is the limit")
         socket = web.WebSocketResponse(
             timeout=limits.end_s, compress=False, max_msg_size=limits.message_bytes, autoping=False
         )
         viewer = PageViewer(self._broadcaster, socket.send_str, limits.silent_s, limits.unseen)
         session = self._sessions[request.protocol] = ClientSession(
-            socket, viewer, self._commands, self._turn, limits, self._demo
+            socket, viewer, self._commands, self._turn, limits, self._demo, has_token or self._demo is not None
         )
         try:
             await _shake_hands(socket, request)
@@ -209,6 +205,17 @@ class LivePage:
             self._broadcaster.viewers.discard(viewer)
             del self._sessions[request.protocol]
         return socket
+
+    def _make_room(self) -> bool:
+        """Disconnect the oldest viewer without the token, so that no other user of the computer keeps the operator out.
+
+        Returns whether there was one.
+        """
+        for connection, session in self._sessions.items():
+            if not session.may_start and connection.transport and not connection.transport.is_closing():
+                _abort(connection)
+                return True
+        return False
 
 
 class _RejectedConnection(asyncio.Protocol):

@@ -10,37 +10,47 @@ from pathlib import Path
 
 from bokeh.resources import Resources
 
-from wayfarer.config.atomic_file import write_atomically
 from wayfarer.errors import BadInput
+from wayfarer.files.atomic_file import write_atomically
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Plots
 
 PAGE = "report.html"
 
 
-def write_page(out: Path, title: str, body: Iterable[str], plots: Plots | None = None, script: str = "") -> Path:
-    """Write a page, whole or not at all, and return ``out``.
+def write_page(
+    usual: Path,
+    title: str,
+    body: Iterable[str],
+    plots: Plots | None = None,
+    script: str = "",
+    *,
+    out: Path | None = None,
+) -> Path:
+    """Write a page, whole or not at all, and return its path.
 
     Args:
-        out: the file; its folder is made if it is not there.
+        usual: the file, where wayfarer chooses it. A symlink there is replaced: the folder may be another user's.
         title: plain text.
         body: HTML; it is asked for once, before the plots.
         plots: what Bokeh draws in it. Without, the page has no script.
         script: JavaScript that runs before the plots are drawn. When they are, ``document`` receives the event
             ``plotted``, whose ``detail`` is Bokeh's document.
+        out: the file that a person chose instead, which may be a symlink; its folder is made if it is not there.
 
     Raises:
         BadInput: it cannot be written there.
     """
     text = "\n".join(_document(title, "\n".join(body), plots, script))
+    path = out or usual
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(out, text)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, text, follow_symlink=out is not None)
     except OSError as error:
         raise BadInput(
-            f"{out}: the report cannot be written there: {error.strerror or error}; name another file with --out"
+            f"{path}: the report cannot be written there: {error.strerror or error}; name another file with --out"
         ) from error
-    return out
+    return path
 
 
 def _document(title: str, body: str, plots: Plots | None, script: str) -> Iterator[str]:

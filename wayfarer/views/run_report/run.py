@@ -52,7 +52,7 @@ def write_run_report(run: Path, out: Path | None = None) -> Path:
         html.section("Events", events_list(data)),
         html.section("Sensors", sensors_table(data)),
     ]
-    return write_page(run / PAGE if out is None else out, words.title(data), body, plots, _cursor_js())
+    return write_page(run / PAGE, words.title(data), body, plots, _cursor_js(), out=out)
 
 
 def write_comparison(first: Path, second: Path, out: Path | None = None) -> Path:
@@ -68,8 +68,8 @@ def write_comparison(first: Path, second: Path, out: Path | None = None) -> Path
         *_drawn(runs, names, plots),
         html.section("What changed in the rover file", settings_table(runs, names)),
     ]
-    out = out or second / f"report-{'-'.join(names)}.html"
-    return write_page(out, f"Runs {names[0]} and {names[1]}", body, plots, _cursor_js())
+    usual = second / f"report-{'-'.join(names)}.html"
+    return write_page(usual, f"Runs {names[0]} and {names[1]}", body, plots, _cursor_js(), out=out)
 
 
 def _drawn(runs: Sequence[RunData], names: Sequence[str], plots: Plots) -> Iterator[str]:

@@ -13,7 +13,7 @@ from wayfarer.fieldlog.folders import run_folders, run_number
 from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.last_run import end_of_log
 from wayfarer.fieldlog.printable import clean
-from wayfarer.fieldlog.reader import RunReader, log_segments, read_header
+from wayfarer.fieldlog.reader import first_record, log_segments, read_header
 from wayfarer.fieldlog.schema import Record
 
 UNREADABLE = "unreadable"
@@ -107,7 +107,7 @@ def _row(run: Path, now_wall_s: float) -> RunRow:
     try:
         segments = log_segments(run)
         size_bytes, written_s = sum(segment.stat().st_size for segment in segments), segments[-1].stat().st_mtime
-        first, last = next(iter(RunReader(run))), _last(segments)
+        first, last = first_record(run), _last(segments)
     except (BadInput, OSError):
         return RunRow(title, count)
     header, end, tick = _header(run, first), last.get("any", {}), last.get("tick", {})

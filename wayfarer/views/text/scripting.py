@@ -15,6 +15,8 @@ from enum import Enum
 from math import isfinite
 from typing import Any
 
+from wayfarer.fieldlog.printable import clean
+
 
 def print_json(document: object) -> None:
     """Print a document: named tuples and dataclasses are objects, a number that is none (NaN, infinite) is null."""
@@ -22,8 +24,8 @@ def print_json(document: object) -> None:
 
 
 def say_next(*words: object) -> None:
-    """Print the command that comes next, its words quoted for a shell."""
-    print("Next:", shlex.join(map(str, words)), file=sys.stderr)
+    """Print the command that comes next, its words quoted for a shell and fit for a terminal."""
+    print("Next:", shlex.join(clean(str(word)) for word in words), file=sys.stderr)
 
 
 def _plain(value: Any) -> Any:

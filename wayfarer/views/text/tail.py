@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import BinaryIO
 
 from wayfarer.errors import BadInput, NothingReadable
-from wayfarer.fieldlog.folders import run_folders
+from wayfarer.fieldlog.folders import newest_run
 from wayfarer.fieldlog.order import Order
-from wayfarer.fieldlog.reader import LINE_BYTES, RunReader, log_segments, parse, refuse_newer
+from wayfarer.fieldlog.reader import LINE_BYTES, first_record, log_segments, parse, refuse_newer
 from wayfarer.fieldlog.schema import Record, is_newer
+from wayfarer.files.regular_file import open_regular
 
 RECENT_BYTES = 65_536  # where following begins: some seconds back, however long the run is
 CHUNK_BYTES = 65_536
@@ -35,7 +36,7 @@ def follow(logs: Path, run: Path | None, wait: Callable[[], None]) -> Iterator[t
     tail = None if run is None else RunTail(run)
     try:
         while True:
-            newest = _newest(logs) if run is None else None
+            newest = newest_run(logs) if run is None else None
             if tail is not None:
                 for record in tail.take():
                     yield tail.run, record
@@ -104,7 +105,7 @@ class RunTail:
     def _first(self) -> Iterator[Record]:
         """Return the record that says what runs, at its place in the log."""
         with suppress(NothingReadable):  # not yet
-            yield next(iter(RunReader(self.run)))
+            yield first_record(self.run)
 
     def _read(self, file: BinaryIO) -> Iterator[Record]:
         """Give what has come, in order from the first call to the last."""
@@ -148,7 +149,7 @@ class RunTail:
     def _open(self, segment: Path) -> BinaryIO | None:
         """Open a segment in the place of the one before; None if the writer has renamed it since it was listed."""
         try:
-            file = segment.open("rb")
+            file = open_regular(segment)
         except FileNotFoundError:
             return None
         except OSError as error:
@@ -156,11 +157,6 @@ class RunTail:
         self.close()
         self._file, self._rest = file, b""
         return file
-
-
-def _newest(logs: Path) -> Path | None:
-    runs = run_folders(logs)
-    return runs[-1] if runs else None
 
 
 def _is_same(path: Path, file: BinaryIO) -> bool:

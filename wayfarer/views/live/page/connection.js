@@ -4,9 +4,10 @@ const PAUSES_S = [0.5, 1, 2, 4, 8];
 const HANGING_S = 10; // a connection that is silent for so long is opened again
 
 class Connection {
-  // `take` is given each piece of a message.
-  constructor(take) {
+  // `take` is given each piece of a message; `token` may be empty.
+  constructor(take, token) {
     this.take = take;
+    this.token = token;
     this.failures = 0;
     this.heardAt = null;
     this.ended = false;
@@ -28,7 +29,7 @@ class Connection {
 
   open() {
     this.drop();
-    const socket = new WebSocket(`ws://${location.host}/ws`);
+    const socket = new WebSocket(`ws://${location.host}/ws${this.token && `?token=${encodeURIComponent(this.token)}`}`);
     this.socket = socket;
     this.triedAt = performance.now();
     this.seen = 0;

@@ -5,17 +5,31 @@ const REPLY_S = 6; // long enough to read a refusal twice
 const ANSWER_S = 2; // an answer that takes longer is missed
 const KEPT = { track: 8000, marks: 400, phases: 400 }; // as the server keeps; it sends a thinner track in time
 
-const model = { about: {}, forest: null, track: [], marks: [], phases: [], outcome: null, state: null };
-const connection = new Connection(take);
+const model = { about: {}, forest: null, track: [], marks: [], phases: [], outcome: null, state: null, mayStart: false };
+const connection = new Connection(take, takeToken());
 let drawing = false;
 let unsaid; // the timer of what is said about the last request
 let looked = false; // for a new run, after the end of this one
+
+// Takes the token out of the address. It stays in this tab, for this port: a cookie would go to other ports as well, where
+// another user may listen.
+function takeToken() {
+  const given = new URLSearchParams(location.search).get("token") ?? "";
+  history.replaceState(null, "", location.pathname);
+  try {
+    if (given) sessionStorage.setItem("token", given);
+    return sessionStorage.getItem("token") ?? "";
+  } catch {
+    return given; // this browser keeps nothing
+  }
+}
 
 function take(piece) {
   if (piece.snapshot) takeSnapshot(piece.snapshot);
   if (piece.news) takeNews(piece.news);
   if (piece.state) model.state = piece.state;
   if (piece.reply) takeReply(piece.reply);
+  if ("may_start" in piece) model.mayStart = piece.may_start;
   connection.ended = model.outcome !== null;
   redraw();
 }
@@ -57,7 +71,7 @@ function redraw() {
   drawing = true;
   requestAnimationFrame(() => {
     drawing = false;
-    writeState(model.state);
+    writeState(model.state, model.mayStart);
     writeLegend(model);
     writeDemo(model.state.demo, model.outcome !== null);
     drawDial(model.state);
@@ -120,8 +134,9 @@ function lostText(silentS) {
   const old = silentS === null ? "" : ` What you see is ${ago(silentS)} old.`;
   if (connection.isOpen) return `No data from the rover.${old}`;
   const next = connection.pauseS > 0 ? ` Next try in ${Math.ceil(connection.pauseS)} s.` : " Trying.";
-  const restarted = connection.failures > 3 ? " If wayfarer was restarted, open the address that it printed." : "";
-  return `No connection to the rover.${old}${next}${restarted}`;
+  const mayLackToken = connection.failures > 3 || (!old && !connection.token); // on another computer it is refused
+  const address = mayLackToken ? " If wayfarer was restarted, or runs on another computer, open the address that it printed." : "";
+  return `No connection to the rover.${old}${next}${address}`;
 }
 
 function ask(request, said) {
@@ -154,7 +169,6 @@ addEventListener("online", () => connection.isOpen || connection.ended || connec
 document.addEventListener("visibilitychange", () => document.hidden || connection.isOpen || connection.ended || connection.open());
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 
-history.replaceState(null, "", location.pathname); // the token has done its work
 prepareDial();
 prepareDemo();
 setInterval(watchAge, 250);

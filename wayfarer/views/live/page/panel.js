@@ -9,7 +9,7 @@ function writeAbout(about) {
   document.title = `${about.rover ?? "no run yet"}: wayfarer`;
 }
 
-function writeState(state) {
+function writeState(state, mayStart) {
   const ended = state.mode === "ended"; // and nothing is measured any more
   write("mode", state.held && state.mode === "armed" ? "Held" : MODES[state.mode] || state.mode);
   write("why-disarmed", state.mode === "disarmed" ? state.why_disarmed : "");
@@ -28,7 +28,9 @@ function writeState(state) {
   const met = state.counts.map(([what, count]) => `${count}× ${what}`).join(", ");
   write("counts", [state.anomalies.length && `now: ${state.anomalies.join(", ")}`, met && `so far: ${met}`].filter(Boolean).join(". "));
   write("further", ended ? "" : state.further);
-  element("resume").hidden = !state.held || !["arming", "armed"].includes(state.mode);
+  const isHeld = state.held && ["arming", "armed"].includes(state.mode);
+  element("resume").hidden = !isHeld || !mayStart;
+  element("how-to-resume").hidden = !isHeld || mayStart;
   const battery = known(state.battery_v) ? `battery ${state.battery_v.toFixed(1)} V` : "";
   write("battery", [battery, ...state.faults].filter(Boolean).join(", "));
   element("battery").className = state.faults.length ? "bad" : "";

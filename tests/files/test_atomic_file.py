@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from wayfarer.config.atomic_file import atomic_file
 from wayfarer.errors import BadInput
+from wayfarer.files.atomic_file import atomic_file
 
 
-def write(path: Path, text: str = "new") -> None:
-    with atomic_file(path) as draft:
-        draft.write_text(text, encoding="utf-8")
+def write(path: Path, text: str = "new", *, follow_symlink: bool = False) -> None:
+    with atomic_file(path, follow_symlink=follow_symlink) as draft:
+        draft.write(text.encode())
 
 
 @pytest.mark.parametrize("before", [None, "old"])
@@ -23,7 +23,7 @@ def test_file_appears_once_it_is_whole(tmp_path: Path, before: str | None) -> No
     if before is not None:
         path.write_text(before, encoding="utf-8")
     with atomic_file(path) as draft:
-        draft.write_text("new", encoding="utf-8")
+        draft.write(b"new")
         assert (path.read_text(encoding="utf-8") if path.exists() else None) == before
     assert path.read_text(encoding="utf-8") == "new"
     assert list(tmp_path.iterdir()) == [path]
@@ -34,7 +34,7 @@ def test_failure_leaves_what_was_there_and_nothing_else(tmp_path: Path, failure:
     path = tmp_path / "file"
     path.write_text("old", encoding="utf-8")
     with pytest.raises(failure), atomic_file(path) as draft:
-        draft.write_text("half", encoding="utf-8")
+        draft.write(b"half")
         raise failure
     assert path.read_text(encoding="utf-8") == "old"
     assert list(tmp_path.iterdir()) == [path]
@@ -66,12 +66,12 @@ def test_folder_that_cannot_be_synced_does_not_undo_the_file(tmp_path: Path, mon
     assert (tmp_path / "file").read_text(encoding="utf-8") == "new"
 
 
-def test_symlink_stays_and_its_target_is_replaced(tmp_path: Path) -> None:
+def test_symlink_that_a_person_gave_stays_and_its_target_is_replaced(tmp_path: Path) -> None:
     (tmp_path / "elsewhere").mkdir()
     link, target = tmp_path / "link", tmp_path / "elsewhere" / "file"
     link.symlink_to(target)
     for text in ("first", "second"):
-        write(link, text)
+        write(link, text, follow_symlink=True)
         assert link.is_symlink()
         assert target.read_text(encoding="utf-8") == text
     assert list(target.parent.iterdir()) == [target]
@@ -84,7 +84,7 @@ def test_pipe_is_refused_and_stays(tmp_path: Path, through: str) -> None:
     link.symlink_to(pipe)
     path = pipe if through == "itself" else link
     with pytest.raises(BadInput, match="is no ordinary file"):
-        write(path)
+        write(path, follow_symlink=True)
     assert pipe.is_fifo()
     assert link.is_symlink()
     assert set(tmp_path.iterdir()) == {pipe, link}
@@ -95,7 +95,7 @@ def test_folder_and_circle_of_symlinks_are_refused(tmp_path: Path) -> None:
     circle.symlink_to(circle)
     for path in (tmp_path, circle):
         with pytest.raises(BadInput, match="is no ordinary file"):
-            write(path)
+            write(path, follow_symlink=True)
     assert list(tmp_path.iterdir()) == [circle]
     assert circle.is_symlink()
 
@@ -103,3 +103,34 @@ def test_folder_and_circle_of_symlinks_are_refused(tmp_path: Path) -> None:
 def test_folder_that_is_not_there_is_the_callers_to_tell(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         write(tmp_path / "nowhere" / "file")
+
+
+@pytest.mark.parametrize("target", ["a file", "a folder", "nothing", "itself"])
+def test_symlink_that_nobody_gave_is_replaced(tmp_path: Path, target: str) -> None:
+    """The sender of a folder, or its owner, may have put it there."""
+    (tmp_path / "a file").write_text("old", encoding="utf-8")
+    (tmp_path / "a folder").mkdir()
+    link = tmp_path / "report.html"
+    link.symlink_to(link if target == "itself" else tmp_path / target)
+    write(link)
+    assert not link.is_symlink()
+    assert link.read_text(encoding="utf-8") == "new"
+    assert (tmp_path / "a file").read_text(encoding="utf-8") == "old"
+    assert not (tmp_path / "nothing").exists()
+
+
+def test_draft_is_not_written_through_a_symlink_in_its_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    other = tmp_path / "other"
+    other.write_text("old", encoding="utf-8")
+    monkeypatch.setattr("secrets.token_hex", lambda _: "guessed")
+    (tmp_path / ".report.html.guessed.new").symlink_to(other)
+    with pytest.raises(FileExistsError):
+        write(tmp_path / "report.html")
+    assert other.read_text(encoding="utf-8") == "old"
+
+
+def test_file_for_its_owner_only_is_never_open_to_others(tmp_path: Path) -> None:
+    path = tmp_path / "secret"
+    with atomic_file(path, mode=0o600) as draft:
+        assert stat.S_IMODE(os.fstat(draft.fileno()).st_mode) == 0o600
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
