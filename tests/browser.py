@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -29,6 +30,7 @@ QUIET = (
     "--disable-component-update",
     "--disable-sync",
 )
+DRAGS = 5
 PHONE = (390, 844)
 DESKTOP = (1280, 900)
 SIZES = pytest.mark.parametrize("viewport", [DESKTOP, PHONE], ids=["desktop", "phone"])
@@ -64,6 +66,25 @@ def plotted(browser_page: OpenPage, page: Path, viewport: tuple[int, int] = DESK
     opened.page.goto(page.as_uri())
     opened.page.wait_for_selector("html[data-plotted]", state="attached", timeout=30_000)
     return opened
+
+
+def drag(page: Page, start: tuple[float, float], end: tuple[float, float], until: str) -> None:
+    """Drag with the mouse from one pixel to another until JavaScript says that the page has obeyed.
+
+    Bokeh takes a button that is held for 0.3 s without movement for a press, and no longer for a drag. On a busy
+    computer that time can pass between two movements, so the drag is then done again, as a person would.
+    """
+    from playwright.sync_api import TimeoutError as NotYet
+
+    for _ in range(DRAGS):
+        page.mouse.move(*start)
+        page.mouse.down()
+        page.mouse.move(*end, steps=5)
+        page.mouse.up()
+        with suppress(NotYet):
+            page.wait_for_function(until, timeout=6_000)
+            return
+    raise AssertionError(f"{DRAGS} drags were not obeyed: {until}")
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from tests.browser import PHONE, SIZES, Opened, OpenPage, plotted
+from tests.browser import PHONE, SIZES, Opened, OpenPage, drag, plotted
 from tests.experiments.report.campaigns import ALGORITHMS
 from wayfarer.experiments.report.campaign import write_report
 from wayfarer.experiments.results_folder import TRIALS
@@ -113,12 +113,8 @@ def test_drag_zooms_and_the_escapes_are_zoomed_together(report: Path, browser_pa
     first, other = "escape, Pledge-inspired", "escape, Stochastic"
     low, high = (asked(opened, first, f"x_range.{end}") for end in ("start", "end"))
     middle = (low * high) ** 0.5
-    mouse = opened.page.mouse
-    mouse.move(*pixel(opened, first, middle, 80))
-    mouse.down()
-    mouse.move(*pixel(opened, first, high / 1.02, 40), steps=5)
-    mouse.up()
-    opened.page.wait_for_function(f"{MODEL.format(name=first)}.x_range.start > {low * 1.02}")
+    start, end = pixel(opened, first, middle, 80), pixel(opened, first, high / 1.02, 40)
+    drag(opened.page, start, end, f"{MODEL.format(name=first)}.x_range.start > {low * 1.02}")
     assert asked(opened, other, "x_range.start") == pytest.approx(middle, rel=0.05)
     assert asked(opened, other, "y_range.end") == pytest.approx(80, abs=3)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from bokeh.plotting import ColumnDataSource
 
-from tests.browser import PHONE, SIZES, Opened, OpenPage, plotted
+from tests.browser import PHONE, SIZES, Opened, OpenPage, drag, plotted
 from wayfarer.errors import BadInput
 from wayfarer.views.page import html
 from wayfarer.views.page.frame import write_page
@@ -62,11 +62,7 @@ def test_box_hides_its_layer(tmp_path: Path, browser_page: OpenPage) -> None:
 def test_drag_moves_a_map(tmp_path: Path, browser_page: OpenPage) -> None:
     shown = plotted(browser_page, write(tmp_path / "page.html"))
     x, y = middle(shown)
-    shown.page.mouse.move(x, y)
-    shown.page.mouse.down()
-    shown.page.mouse.move(x - 100, y, steps=4)
-    shown.page.mouse.up()
-    shown.page.wait_for_function(f"{SPEED}.x_range.start > 0.1")
+    drag(shown.page, (x, y), (x - 100, y), f"{SPEED}.x_range.start > 0.1")
 
 
 def test_finger_over_a_plot_scrolls_the_page(tmp_path: Path, browser_page: OpenPage) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page
 
-from tests.browser import SIZES, OpenPage, plotted
+from tests.browser import SIZES, OpenPage, drag, plotted
 from tests.views.run_report.logs import ARMED, HEADER, OUTCOME, episode, fix, tick, write_log
 from tests.views.text.records import event
 from wayfarer.views.run_report.run import write_comparison, write_run_report
@@ -33,20 +33,21 @@ def read(page: Page, name: str) -> str:
     return page.locator(f".cursor [data-name='{name}'] dd").inner_text()
 
 
-def point_at(page: Page, selector: str, right: float, down: float) -> None:
-    """Move the pointer over a plot, to a part of its width and of its height."""
+def at(page: Page, selector: str, right: float, down: float) -> tuple[float, float]:
+    """Return the pixel at a part of a plot's width and of its height, after it was scrolled into sight."""
     plot = page.locator(selector).first
     plot.evaluate("plot => plot.scrollIntoView({ block: 'center' })")  # not behind the cursor's bar
     box = plot.bounding_box()
     assert box is not None
-    for step in (-4, 0):  # the first movement brings the pointer in, the next one moves it
-        page.mouse.move(box["x"] + right * box["width"] + step, box["y"] + down * box["height"])
+    return box["x"] + right * box["width"], box["y"] + down * box["height"]
 
 
 def time_at(page: Page, selector: str, right: float, down: float) -> str:
     """Point there, and return the time that the cursor's bar then shows instead of the one before."""
     before = read(page, "time")
-    point_at(page, selector, right, down)
+    x, y = at(page, selector, right, down)
+    for step in (-4, 0):  # the first movement brings the pointer in, the next one moves it
+        page.mouse.move(x + step, y)
     shown = "document.querySelector('.cursor [data-name=time] dd').innerText"
     page.wait_for_function(f"before => {shown} !== before", arg=before)
     return read(page, "time")
@@ -107,13 +108,8 @@ def test_pointer_over_the_map_finds_the_time(runs: list[Path], browser_page: Ope
 def test_drag_zooms_all_panels_and_the_button_shows_all_again(runs: list[Path], browser_page: OpenPage) -> None:
     shown = plotted(browser_page, write_run_report(runs[0]))
     whole = shown.page.evaluate(SEEN)
-    point_at(shown.page, panel(shown.page, "heading"), 0.4, 0.4)
-    shown.page.mouse.down()
-    box = shown.page.locator(panel(shown.page, "heading")).bounding_box()
-    assert box is not None
-    shown.page.mouse.move(box["x"] + 0.9 * box["width"], box["y"] + 0.5 * box["height"], steps=5)
-    shown.page.mouse.up()
-    shown.page.wait_for_function(f"{SEEN}[0] > {whole[0]}")
+    plot = panel(shown.page, "heading")
+    drag(shown.page, at(shown.page, plot, 0.4, 0.4), at(shown.page, plot, 0.9, 0.5), f"{SEEN}[0] > {whole[0]}")
     start, end = shown.page.evaluate(SEEN)
     assert whole[0] < start < end < whole[1] + 1e-6
     shown.page.get_by_role("button", name="the whole time").click()
