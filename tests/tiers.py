@@ -8,6 +8,9 @@ Plain ``pytest`` leaves out ``long``; ``pytest -m unit`` takes one tier. A unit 
 
 Each worker takes a file at a time. Tests of processes come first and mostly wait, so there are two workers more than
 cores. Those that judge how soon a process does something put it first (``tests/system/subprocesses.py``).
+
+A bound in real time also measures the computer. So a test of a process that fails is run again, twice at most, and
+pytest's summary shows it. A daemon that breaks its promise fails each time. Unit tests have no such excuse.
 """
 
 from __future__ import annotations
@@ -21,6 +24,7 @@ from pathlib import Path
 import pytest
 
 TIERS = ("unit", "process", "long")
+RERUNS = 2
 # Drawing takes most of the time of the tests of pages, and is the same on every Python: not a unit test's.
 PROCESS_FOLDERS = {
     Path(__file__).parent / folder for folder in ("system", "experiments/report", "views/page", "views/run_report")
@@ -49,6 +53,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         for node in item.listchain():
             node.own_markers[:] = [mark for mark in node.own_markers if mark.name not in TIERS]
         item.add_marker(tier)
+        if tier != "unit":
+            item.add_marker(pytest.mark.flaky(reruns=RERUNS))
     items.sort(key=lambda item: -TIERS.index(tiers[item]))
 
 
