@@ -215,10 +215,15 @@ class Handler:
 
 
 def supervisor(
-    shop: Workshop, algorithm: str = "pledge", source: str = "motion", start_delay_s: float = 0.0, **parts: Part | None
+    shop: Workshop,
+    algorithm: str = "pledge",
+    source: str = "motion",
+    safety: Mapping[str, Any] | None = None,
+    **parts: Part | None,
 ) -> Supervisor:
     config = RoverConfig.model_validate({"name": "bench", "vehicle": VEHICLE, "anomaly_source": source})
-    config = config.model_copy(update={"safety": SafetySettings(start_delay_s=start_delay_s, slew_per_s=1000.0)})
+    limits = {"start_delay_s": 0.0, "slew_per_s": 1000.0, **(safety or {})}
+    config = config.model_copy(update={"safety": SafetySettings(**limits)})
     bundle: dict[str, Any] = {"motion": Motion(shop, "motion")} | parts
     rover = Rover(Compass(shop, "compass"), Motors(shop, "motors"), **bundle)
     handler: EscapeHandler = Handler(shop)

@@ -169,10 +169,15 @@ def test_sensor_that_does_not_open_again_is_tried_again(shop: Workshop) -> None:
     assert shop.times("motion.read")[-1] > 7.9
 
 
-def test_wheels_are_held_all_the_time_while_the_motion_sensor_is_gone(shop: Workshop) -> None:
+@pytest.mark.parametrize("on_lost_sense", ["continue", "hold"])
+def test_rover_goes_on_without_its_motion_sensor_unless_it_is_told_to_hold(shop: Workshop, on_lost_sense: str) -> None:
     """Each attempt to reopen it fails again; that must not count as a sign of life."""
-    drive(shop, {1.01: breaking(shop, "motion.read", NotResponding("gone"))}, for_s=20.0)
-    assert 1.01 < max(shop.times("handler.decide")) < 1.7
+    gone = {1.01: breaking(shop, "motion.read", NotResponding("gone"))}
+    drive(shop, gone, for_s=20.0, safety={"on_lost_sense": on_lost_sense})
+    causes = [details["cause"] for details in shop.named("health")]
+    assert causes[-2:] == ["motion_stale", "motion_gone"]
+    last_s = 1.5 if on_lost_sense == "hold" else 20.0
+    assert max(shop.times("handler.decide")) == pytest.approx(last_s, abs=0.2)
 
 
 def test_sensor_that_hangs_stops_the_wheels_and_not_the_others(shop: Workshop) -> None:

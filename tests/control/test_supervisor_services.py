@@ -148,7 +148,13 @@ def shown(shop: Workshop, from_s: float, to_s: float) -> set[Colour]:
 
 def test_light_shows_arming_driving_and_fault(shop: Workshop) -> None:
     broken = breaking(shop, "motors.drive", NotResponding("gone"))
-    drive(shop, {0.01: lambda it: None, 4.01: broken}, for_s=6.0, light=Light(shop, "light"), start_delay_s=2.0)
+    drive(
+        shop,
+        {0.01: lambda it: None, 4.01: broken},
+        for_s=6.0,
+        light=Light(shop, "light"),
+        safety={"start_delay_s": 2.0},
+    )
     assert shown(shop, 0.1, 1.9) == {YELLOW, OFF}
     assert shown(shop, 2.2, 4.0) == {GREEN}
     assert shown(shop, 4.3, 6.0) == {RED, OFF}
@@ -196,8 +202,14 @@ def test_run_is_fresh_only_while_a_sensor_that_it_needs_neither_fails_nor_hangs(
         3.01: mending(shop),
         6.01: lambda _: shop.silent.add(read),
     }
-    rover = {"algorithm": "cv-pledge", "contact": Contact(shop, "contact")}
+    rover = {"algorithm": "cv-pledge", "contact": Contact(shop, "contact"), "safety": {"on_lost_sense": "hold"}}
     assert freshness(shop, script, (0.9, 2.0, 5.5, 7.0, 10.0), **rover) == [True, False, True, False, False]
+
+
+def test_armed_rover_that_goes_on_without_a_sensor_is_fresh_and_a_disarmed_one_is_not(shop: Workshop) -> None:
+    """systemd would start the daemon again, and the mission would be over; without one, a start may help the sensor."""
+    script = {1.01: breaking(shop, "motion.read", NotResponding("gone")), 4.0: lambda it: it.disarm("enough")}
+    assert freshness(shop, script, (3.0, 5.0)) == [True, False]
 
 
 def test_run_is_fresh_without_a_position_a_light_or_a_battery(shop: Workshop) -> None:

@@ -68,9 +68,9 @@ class Rover:
         self.detector.update(tick)
         return Detection(tick.anomalies, tick.conditions)
 
-    def drive(self, ticks: int, applied: WheelCommand = FULL, moved_m: float = 0.0) -> list[bool]:
+    def drive(self, ticks: int, applied: WheelCommand = FULL, moved_m: float | None = 0.0, **fields: Any) -> list[bool]:
         """Tick and tell for each whether the rover is called immobilised."""
-        return [Anomaly.IMMOBILISED in self.tick(applied, moved_m).anomalies for _ in range(ticks)]
+        return [Anomaly.IMMOBILISED in self.tick(applied, moved_m, **fields).anomalies for _ in range(ticks)]
 
     def headings(self, *headings_deg: float, **fields: Any) -> list[tuple[Condition, ...]]:
         """Stand, while the compass reads these; return the conditions of each tick."""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
-from tests.detector.rover import ALL_WELL, FULL, MAX_SPEED_M_S, SETTINGS, STEP_M, TICK_S, Rover, started
+from tests.detector.rover import ALL_WELL, BACK, FULL, MAX_SPEED_M_S, PIVOT, SETTINGS, STEP_M, TICK_S, Rover, started
 from wayfarer.escape.api import Anomaly
 from wayfarer.hal import STOP, CompassReading, MotionReading, Snapshot
 from wayfarer.safety.conditions import Condition
@@ -117,3 +119,76 @@ def test_rubbish_sideways_hides_a_stall_for_two_seconds_at_most(every: int) -> N
     found = [sideways(rover, 4.9 * TICK_S if n % every == 0 else 0.0) for n in range(48)]
     assert all(found[round(SETTINGS.nowhere_s / TICK_S) :])
     assert not all(found)
+
+
+# -- without sight ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("blind", [{"quality": 0.0}, {"moved_m": None}], ids=["poor", "silent"])
+def test_stride_without_sight_ends_after_its_length_as_if_the_rover_were_stuck(blind: dict[str, Any]) -> None:
+    rover = started()
+    stuck = rover.drive(200, **blind)
+    first, *later = (n for n, each in enumerate(stuck) if each)
+    stride = round(SETTINGS.blind_stride_m / STEP_M)
+    assert first == pytest.approx(stride, abs=10)  # it begins when the sensor counts as blind
+    assert later == list(range(first + stride, 200, stride))
+
+
+def test_stride_begins_again_when_the_ground_was_seen() -> None:
+    rover = started()
+    for _ in range(4):
+        assert rover.drive(50, quality=0.0) == [False] * 50
+        assert rover.tick(FULL, moved_m=STEP_M) == ALL_WELL
+
+
+def test_rover_without_motion_sensor_has_no_strides() -> None:
+    assert started(watches_motion=False).drive(400, moved_m=None) == [False] * 400
+
+
+# -- zeros that are not believed --------------------------------------------------------------------------------------
+
+
+def turned(rover: Rover, by_deg: float, ticks: int = 8) -> None:
+    """Turn on the spot while the sensor says zero."""
+    for n in range(ticks):
+        rover.tick(PIVOT, moved_m=0.0, heading_deg=by_deg * (n + 1) / ticks)
+
+
+def zeros_both_ways(rover: Rover) -> None:
+    """Ten ticks ahead and ten back, of which the sensor shows nothing."""
+    rover.drive(10)
+    rover.drive(10, BACK)
+
+
+def test_zeros_are_doubted_once_a_rover_that_they_call_stuck_both_ways_has_turned_on_the_spot() -> None:
+    rover = started()
+    zeros_both_ways(rover)
+    turned(rover, 30.0)
+    assert rover.drive(20, heading_deg=30.0) == [False] * 20
+    assert Condition.MOTION_UNKNOWN in rover.tick(FULL, heading_deg=30.0).conditions
+    assert rover.detector.motion is not None
+    assert rover.detector.motion.quality == 0.0
+
+
+def test_zeros_of_a_rover_that_cannot_turn_are_believed() -> None:
+    rover = started()
+    zeros_both_ways(rover)
+    turned(rover, 5.0)
+    assert rover.drive(20, heading_deg=5.0)[-1]
+
+
+def test_zeros_are_believed_where_the_rover_was_driven_one_way_only() -> None:
+    rover = started()
+    rover.drive(10)
+    turned(rover, 30.0)
+    assert rover.drive(20, heading_deg=30.0)[-1]
+
+
+def test_sight_that_comes_back_ends_the_doubt() -> None:
+    rover = started()
+    zeros_both_ways(rover)
+    turned(rover, 30.0)
+    rover.drive(20, heading_deg=30.0)
+    rover.drive(10, moved_m=STEP_M, heading_deg=30.0)
+    assert rover.tick(FULL, moved_m=STEP_M, heading_deg=30.0) == ALL_WELL
+    assert rover.drive(12, heading_deg=30.0)[-1]

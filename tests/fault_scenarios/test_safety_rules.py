@@ -99,7 +99,8 @@ def gate_drives_in_a_hold(monkeypatch: Patch) -> None:
 
 
 def condition_is_taken_for_another(monkeypatch: Patch) -> None:
-    monkeypatch.setattr("wayfarer.safety.gate.LEVELS", {**LEVELS, Condition.COMPASS_STALE: Level.NOTE})
+    wrong = {**LEVELS, Condition.COMPASS_STALE: Level.NOTE}
+    monkeypatch.setattr("wayfarer.safety.gate.levels_for", lambda _: wrong)
 
 
 def disarming_is_forgotten(monkeypatch: Patch) -> None:

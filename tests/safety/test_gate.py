@@ -19,7 +19,8 @@ AHEAD = WheelCommand(1.0, 1.0)
 LOW_VOLTAGE_SHARE = 0.7  # fault catalogue, fault 32
 BY_LEVEL = {level: [condition for condition in Condition if LEVELS[condition] is level] for level in Level}
 STOPPING = BY_LEVEL[Level.HOLD] + BY_LEVEL[Level.FAULT]
-HARMLESS = [each for each in (*BY_LEVEL[Level.NOTE], *BY_LEVEL[Level.DEGRADE]) if each is not Condition.UNDERVOLTAGE]
+SUPPLY = {Condition.UNDERVOLTAGE: LOW_VOLTAGE_SHARE, Condition.POWER_UNSTABLE: 0.5}
+HARMLESS = [each for each in (*BY_LEVEL[Level.NOTE], *BY_LEVEL[Level.DEGRADE]) if each not in SUPPLY]
 DUTIES = st.floats(-1.5, 1.5) | st.sampled_from([0.0, nan, inf, -inf])
 COMMANDS = st.builds(WheelCommand, DUTIES, DUTIES)
 CONDITIONS = st.lists(st.sampled_from(Condition), max_size=2).map(tuple)
@@ -43,6 +44,18 @@ def at_full_duty() -> Gate:
 
 def test_every_condition_has_a_level() -> None:
     assert set(LEVELS) == set(Condition)
+
+
+def test_rover_among_people_holds_for_a_sense_that_another_goes_on_without() -> None:
+    among_people, alone = gate(on_lost_sense="hold"), gate()
+    lost = [each for each in Condition if among_people.levels[each] > alone.levels[each]]
+    assert set(lost) == {
+        Condition.MOTION_STALE, Condition.MOTION_LOST, Condition.MOTION_GONE,
+        Condition.CONTACT_STALE, Condition.POWER_UNSTABLE,
+    }  # fmt: skip
+    for each in lost:
+        assert (among_people.judge((each,)), alone.judge((each,))) == (False, True)
+    assert not [each for each in Condition if among_people.levels[each] < alone.levels[each]]
 
 
 def test_most_severe_condition_wins_and_the_first_of_equals() -> None:
@@ -184,12 +197,13 @@ def test_duty_is_limited_on_each_side_and_both_ways(left: float, right: float) -
         assert list(update(gate_, WheelCommand(left, right), (), armed=True)) == limited
 
 
-def test_low_supply_takes_duty_away_at_once_and_gives_it_back_within_the_slew() -> None:
+@pytest.mark.parametrize("condition", SUPPLY)
+def test_low_supply_takes_duty_away_at_once_and_gives_it_back_within_the_slew(condition: Condition) -> None:
     gate_ = gate(duty_max=0.8, slew_per_s=2.0)
     for _ in range(20):
         update(gate_, AHEAD, (), armed=True)
-    capped = 0.8 * LOW_VOLTAGE_SHARE
-    assert update(gate_, AHEAD, (Condition.UNDERVOLTAGE,), armed=True) == pytest.approx((capped, capped))
+    capped = 0.8 * SUPPLY[condition]
+    assert update(gate_, AHEAD, (condition,), armed=True) == pytest.approx((capped, capped))
     assert update(gate_, AHEAD, (), armed=True) == pytest.approx((capped + 0.1, capped + 0.1))
 
 

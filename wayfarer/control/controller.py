@@ -26,7 +26,7 @@ from wayfarer.errors import BadReading, DriverError
 from wayfarer.escape.api import EscapeHandler, Observation
 from wayfarer.hal import STOP, PositionFix, WheelCommand
 from wayfarer.safety.arming import ArmingSequence
-from wayfarer.safety.conditions import LEVELS, Condition, Level
+from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.entrapment import EntrapmentMonitor
 from wayfarer.safety.gate import Gate
 from wayfarer.safety.mission_limits import Mission, RunEnd
@@ -64,6 +64,7 @@ class Controller:
 
     ``end`` is None until something ends the run; ``last`` is the record of the latest tick. ``power_reports`` takes the
     reports of the motor board and of the computer's supply; ``board`` is the monitor of the board's own reports.
+    ``levels`` are the severities of this rover's conditions.
     """
 
     def __init__(
@@ -84,7 +85,8 @@ class Controller:
         self._handler = handler
         self._log = log
         self._gate = Gate(config.safety, config.control_hz)
-        self._resume_warning = ResumeWarning(config.safety.resume_warning_s)
+        self.levels = self._gate.levels
+        self._resume_warning = ResumeWarning(config.safety.resume_warning_s, self.levels)
         self._odometer = Odometer(config.detector.quality_min)
         self._entrapment = EntrapmentMonitor(config.progress, config.detector.quality_min)
         self.power_reports = PowerReports(config.board, log)
@@ -162,8 +164,8 @@ class Controller:
         self._timer.measure(tick)
         self._buffers.read(tick)
         self._travelled_m += abs(tick.forward_m)
-        covered_m = self._odometer.update(tick, tick.motion)
         self._detector.update(tick)
+        covered_m = self._odometer.update(tick, self._detector.motion)
         self._add_conditions(tick)
         conditions = self.conditions = tick.conditions
         if conditions and not _WHEELS_ASTRAY.isdisjoint(conditions):
@@ -194,7 +196,7 @@ class Controller:
     def _add_conditions(self, tick: TickRecord) -> None:
         """Add the controller's own conditions to those of the detector."""
         armed, late = self.mode is _ARMED, tick.dt_s > self._late_s
-        if armed and self._entrapment.ends(tick, bool(tick.anomalies), tick.motion):
+        if armed and self._entrapment.ends(tick, bool(tick.anomalies), self._detector.motion):
             tick.conditions += (Condition.ENTRAPPED,)
         if tick.conditions and not armed and self._gate.cause is not _RUNAWAY:
             # A person may push a rover that is not armed; a rover that ran away is still stopped at each tick.
@@ -232,7 +234,7 @@ class Controller:
     def _continue_arming(self, t_s: float, arming: ArmingSequence, conditions: tuple[Condition, ...]) -> None:
         compass = self._detector.compass
         goal_heading_deg = arming.update(compass) if compass is not None else None
-        stops = [condition.value for condition in conditions if LEVELS[condition] >= Level.DEGRADE]
+        stops = [condition.value for condition in conditions if self.levels[condition] >= Level.DEGRADE]
         if goal_heading_deg is not None and not stops:
             self._begin_mission(t_s, goal_heading_deg)
         elif arming.too_late(t_s):

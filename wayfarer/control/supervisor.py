@@ -28,7 +28,7 @@ from wayfarer.errors import DriverError, MissingPart, NotArmed
 from wayfarer.escape.api import EscapeHandler
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.hal import Driver, Rover, StatusLight
-from wayfarer.safety.conditions import Condition
+from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.mission_limits import RunEnd
 
 FRESH_S = 1.0  # if the last control tick is older, systemd's watchdog is not fed
@@ -119,11 +119,16 @@ class Supervisor:
             self._opening.cancel()
 
     def is_fresh(self) -> bool:
-        """Return whether the control tick runs and every sensor that the run needs has answered recently."""
+        """Return whether the control tick runs and every sensor that the run needs has answered recently.
+
+        Where it is not, systemd starts the daemon again, disarmed. A mission that goes on without a sense must not end
+        this way.
+        """
         last = self.controller.last
         if last is None or asyncio.get_running_loop().time() - last.t_s > FRESH_S:
             return False
-        return STALE.isdisjoint(self.controller.conditions)
+        goes_on = self.mode is Mode.ARMED and last.level < Level.HOLD
+        return goes_on or STALE.isdisjoint(self.controller.conditions)
 
     async def run(self) -> RunEnd:
         """Open the parts and run until a limit or ``finish``; the wheels are stopped in any case.

@@ -13,7 +13,7 @@ from wayfarer.detector.tick import DetectorTick
 from wayfarer.detector.tilt import TiltMonitor
 from wayfarer.detector.turnable import TurnabilityMonitor
 from wayfarer.escape.api import Anomaly, Vehicle
-from wayfarer.hal import CompassReading, ContactReading
+from wayfarer.hal import CompassReading, ContactReading, MotionReading
 
 
 class Detector:
@@ -24,7 +24,8 @@ class Detector:
     ``needs_contact`` say whether silence of that sensor is a condition. ``watches_contact`` says whether a touch is an
     anomaly; then silence is a condition as well.
 
-    ``compass`` and ``contact`` are the newest plausible readings, None before the first. Decisions use no others.
+    ``compass`` and ``contact`` are the newest plausible readings, None before the first; ``motion`` is what may be
+    believed of this tick's reading, None where there is none. Decisions use no others.
     """
 
     def __init__(
@@ -48,6 +49,7 @@ class Detector:
         self._turns = TurnabilityMonitor(settings, duty_max)
         self._started = False
         self.compass: CompassReading | None = None
+        self.motion: MotionReading | None = None
         self.contact: ContactReading | None = None
 
     def update(self, tick: DetectorTick) -> None:
@@ -62,7 +64,8 @@ class Detector:
         gained_deg = self._compass.gained_deg
         doubtful = bool(conditions)
         self._motion.update(tick, gained_deg - before_deg, tick.motion, conditions)
-        anomalies = [Anomaly.IMMOBILISED] if self._motion.stall.found else []
+        self.motion = self._motion.reading
+        anomalies = [Anomaly.IMMOBILISED] if self._motion.stall.found or self._motion.stride_over else []
         self.compass = believed = self._compass.reading
         if believed is not None:
             self._tilt.update(t_s, believed, anomalies, conditions)

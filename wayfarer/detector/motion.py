@@ -7,6 +7,7 @@ from typing import Final
 
 from wayfarer.detector.runaway import RunawayMonitor
 from wayfarer.detector.settings import DetectorSettings
+from wayfarer.detector.sight import ZeroDoubt
 from wayfarer.detector.stall import StallMonitor
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import MotionReading
@@ -22,7 +23,10 @@ class MotionMonitor:
     """Passes plausible readings to ``stall`` and ``runaway``, and measures how long there was none.
 
     ``watched`` says whether silence is a condition; ``moves`` is whether the newest reading shows that the rover moves.
-    ``ahead_m`` is how far it was seen to move ahead since the start, minus how far it moved back.
+    ``ahead_m`` is how far it was seen to move ahead since the start, minus how far it moved back. ``reading`` is what
+    may be believed of this tick's reading: its quality is 0 where its zeros are doubted (``detector.sight``), and while
+    the sensor is silent, because motion that nobody saw is unknown, not zero. ``stride_over`` says that a rover that
+    sees nothing has driven ahead for ``blind_stride_m``: it may have been stuck for all of it.
     """
 
     def __init__(self, settings: DetectorSettings, vehicle: Vehicle, *, watched: bool) -> None:
@@ -36,7 +40,11 @@ class MotionMonitor:
         self._speed_max_m_s = settings.motion_speed_max_m_s
         self.stall = StallMonitor(settings)
         self.runaway = RunawayMonitor(settings)
-        self.moves = False
+        self._zeros = ZeroDoubt()
+        self._stride_m = settings.blind_stride_m
+        self._blind_m = 0.0
+        self.moves = self.stride_over = False
+        self.reading: MotionReading | None = None
         self.ahead_m = 0.0
         self._commanded_m = self._before_m = self._undriven_s = 0.0
         # Since the last reading: the mean distance commanded of the sides, ahead and back both positive; how much
@@ -67,12 +75,28 @@ class MotionMonitor:
         self._undriven_s += interval.dt_s - driven_s
         if left or right:
             self._driven_t_s = t_s
+        self._zeros.update(interval, turned_deg, reading)
         if reading is not None:
+            if self._zeros.doubts:
+                reading = reading._replace(quality=0.0)
             self._take(t_s, reading, conditions)
+        self.reading = reading
+        self.stride_over = False
         if t_s - self._moved_t_s > self._stale_s:
             self._check_ages(t_s, conditions)
+            self._stride(interval.forward_m)
+        else:
+            self._blind_m = 0.0
         if self.runaway.found:
             conditions.append(Condition.RUNAWAY)
+
+    def _stride(self, forward_m: float) -> None:
+        """Add what was commanded ahead without sight."""
+        if self._watched and forward_m > 0.0:
+            self._blind_m += forward_m
+            if self._blind_m >= self._stride_m:
+                self._blind_m = 0.0
+                self.stride_over = True
 
     def _take(self, t_s: float, reading: MotionReading, conditions: list[Condition]) -> None:
         read_t_s, forward_m, right_m, quality, signed = reading
@@ -123,6 +147,7 @@ class MotionMonitor:
             self.moves = False
             self.stall.clear()
             self.runaway.clear()
+            self.reading = MotionReading(t_s, 0.0, 0.0, 0.0)
             gone = silent_s > settings.motion_lost_s
             found = Condition.MOTION_GONE if gone else Condition.MOTION_STALE
         elif unknown_s > settings.motion_lost_s:

@@ -26,7 +26,9 @@ class DetectorSettings:
     *Ages.* PX4 gives a compass 0.3 s, ArduPilot gives flow 0.5 s and a failed link 1.5 s. ``compass_stale_s``,
     ``motion_stale_s`` and ``motion_unknown_s`` (for 1 s) are less by one reading and one tick, so that the wheels stand
     in time. A motion sensor that answers but sees nothing is unknown after ``motion_unknown_s`` and lost
-    after ``motion_lost_s``; one that is silent for ``motion_lost_s`` is gone (faults 15 and 22).
+    after ``motion_lost_s``; one that is silent for ``motion_lost_s`` is gone (faults 15 and 22). Without sight a rover
+    drives on, ``blind_stride_m`` ahead at a time: then it backs off and turns as if it were stuck, because it may be.
+    At 1 m/s it pushes against what it did not see for 3 s, which is the bound of faults 29 and 58 for a held motor.
 
     *Tilt.* A tilt beyond ``tilt_deg`` counts after ``tilt_s`` (PX4's attitude trigger: 0.3 s). The released field code
     stops beyond 15 degrees of pitch; this limit is for both axes and both signs, with a margin for rough ground. A body
@@ -91,6 +93,7 @@ class DetectorSettings:
     contact_stale_s: Seconds = 0.5
     motion_unknown_s: Seconds = 0.9
     motion_lost_s: Seconds = 10.0
+    blind_stride_m: Metres = 3.0
     heading_rate_max_deg_s: DegreesPerSecond = 360.0
     heading_jump_deg: Degrees = 45.0
     implausible_s: Seconds = 0.5

@@ -29,7 +29,7 @@ from wayfarer.escape.api import Anomaly, Observation, Phase
 from wayfarer.experiments.trial_setup import TrialSetup
 from wayfarer.fault_scenarios.recorder import after_each_step
 from wayfarer.hal import STOP, CompassReading, Side
-from wayfarer.safety.conditions import LEVELS, Level
+from wayfarer.safety.conditions import Level, levels_for
 from wayfarer.simhal.chip_wiring import MotorBoard
 from wayfarer.simhal.faults.kinds import KINDS, Fault, Layer
 
@@ -77,6 +77,7 @@ class Invariants(PartialLog):
     def follow(self, setup: TrialSetup) -> None:
         """Watch a trial's world and its controller."""
         self._controller, self._world = setup.supervisor.controller, setup.world
+        self._levels = levels_for(setup.config.safety.on_lost_sense)  # not the controller's: it is what is checked
         self._board: MotorBoard | None = None if setup.injector is None else setup.injector.board
         self._period_s = 1.0 / setup.config.control_hz
         self._deadman_s = setup.rover.motors.deadman_s or 0.0
@@ -119,7 +120,7 @@ class Invariants(PartialLog):
         """Check a control tick."""
         controller, t_s, moves = self._controller, record.t_s, record.applied != STOP
         self._check_told(t_s)
-        worst = max((LEVELS[condition] for condition in controller.conditions), default=Level.WELL)
+        worst = max((self._levels[condition] for condition in controller.conditions), default=Level.WELL)
         level = max(worst, record.level)
         not_armed_s = self._not_armed_since_s
         was_armed = not_armed_s is None or not_armed_s > t_s  # the board took its time, and somebody disarmed meanwhile

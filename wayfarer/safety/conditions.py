@@ -2,6 +2,9 @@
 
 These are not anomalies. An anomaly (``escape.api.Anomaly``) says that the forest is in the way, and the escape handler
 responds with a manoeuvre. A condition says that the rover itself is not well, and the safety gate responds.
+
+What is dangerous stops the wheels: wheels that turn unasked, that cannot be stopped, that nobody expects to turn.
+Ignorance is no danger. A rover that has lost a sense in a wood is lost if it stands, so it goes on with limits.
 """
 
 from __future__ import annotations
@@ -61,12 +64,12 @@ LEVELS: Final[Mapping[Condition, Level]] = {
     Condition.COMPASS_IMPLAUSIBLE: Level.HOLD,
     Condition.COMPASS_FROZEN: Level.HOLD,
     Condition.COMPASS_UNCALIBRATED: Level.DEGRADE,
-    Condition.MOTION_STALE: Level.HOLD,
+    Condition.MOTION_STALE: Level.DEGRADE,
     Condition.MOTION_UNKNOWN: Level.DEGRADE,
-    Condition.MOTION_LOST: Level.HOLD,
-    Condition.MOTION_GONE: Level.FAULT,
+    Condition.MOTION_LOST: Level.DEGRADE,
+    Condition.MOTION_GONE: Level.DEGRADE,
     Condition.MOTION_IMPLAUSIBLE: Level.NOTE,
-    Condition.CONTACT_STALE: Level.HOLD,
+    Condition.CONTACT_STALE: Level.DEGRADE,
     Condition.OVERTURNED: Level.FAULT,
     Condition.RUNAWAY: Level.FAULT,
     Condition.DRIVE_ASYMMETRY: Level.DEGRADE,
@@ -80,7 +83,7 @@ LEVELS: Final[Mapping[Condition, Level]] = {
     Condition.BATTERY_LOW: Level.DEGRADE,
     Condition.BATTERY_CRITICAL: Level.FAULT,
     Condition.UNDERVOLTAGE: Level.DEGRADE,
-    Condition.POWER_UNSTABLE: Level.HOLD,
+    Condition.POWER_UNSTABLE: Level.DEGRADE,
     Condition.OPERATOR_HOLD: Level.HOLD,
     Condition.RESUME_WARNING: Level.HOLD,
     Condition.TICK_LATE: Level.HOLD,
@@ -88,6 +91,22 @@ LEVELS: Final[Mapping[Condition, Level]] = {
 }
 
 
-def worst(conditions: Iterable[Condition]) -> Condition | None:
+# For a rover that drives among people (``SafetySettings.on_lost_sense``): what it cannot sense stops it.
+HOLDING_LEVELS: Final[Mapping[Condition, Level]] = {
+    **LEVELS,
+    Condition.MOTION_STALE: Level.HOLD,
+    Condition.MOTION_LOST: Level.HOLD,
+    Condition.MOTION_GONE: Level.FAULT,
+    Condition.CONTACT_STALE: Level.HOLD,
+    Condition.POWER_UNSTABLE: Level.HOLD,
+}
+
+
+def levels_for(on_lost_sense: str) -> Mapping[Condition, Level]:
+    """Return the severities for ``SafetySettings.on_lost_sense``: "continue" or "hold"."""
+    return HOLDING_LEVELS if on_lost_sense == "hold" else LEVELS
+
+
+def worst(conditions: Iterable[Condition], levels: Mapping[Condition, Level] = LEVELS) -> Condition | None:
     """Return the most severe condition, the first of equals, or None."""
-    return max(conditions, key=LEVELS.__getitem__, default=None)
+    return max(conditions, key=levels.__getitem__, default=None)

@@ -11,20 +11,23 @@ from math import isfinite
 from typing import Final
 
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.safety.conditions import LEVELS, Condition, Level, worst
+from wayfarer.safety.conditions import Condition, Level, levels_for, worst
 from wayfarer.safety.settings import SafetySettings
 
 STALL_LIMIT_S: Final = 0.2  # field.md, fault 37: ArduPilot's rover disarms after this time without its main loop
 LOW_VOLTAGE_SHARE: Final = 0.7  # of ``duty_max`` while the computer's supply sags: fault catalogue, fault 32
+UNSTABLE_SHARE: Final = 0.5  # and while it sags again and again: about 0.7 of what already was too much; no source
 
 
 class Gate:
     """Limits commands, holds the wheels, and latches faults.
 
-    Call ``judge``, then ``limit``, once a tick. ``cause`` is the worst condition, ``level`` its severity.
+    Call ``judge``, then ``limit``, once a tick. ``cause`` is the worst condition, ``level`` its severity. ``levels``
+    are the severities of this rover's conditions.
     """
 
     def __init__(self, settings: SafetySettings, control_hz: float) -> None:
+        self.levels = levels_for(settings.on_lost_sense)
         self._duty_max = self._most = settings.duty_max
         self._step = settings.slew_per_s / control_hz
         self._left = self._right = 0.0
@@ -64,9 +67,9 @@ class Gate:
 
     def _judge(self, conditions: Sequence[Condition]) -> None:
         """Find the worst condition; a fault stays."""
-        self.cause = self._fault or worst(conditions)
-        self.level = LEVELS[self.cause] if self.cause is not None else Level.WELL
-        self._most = self._duty_max * (LOW_VOLTAGE_SHARE if Condition.UNDERVOLTAGE in conditions else 1.0)
+        self.cause = self._fault or worst(conditions, self.levels)
+        self.level = self.levels[self.cause] if self.cause is not None else Level.WELL
+        self._most = self._duty_max * _supply_share(conditions)
         self._holds = self.level >= Level.HOLD
         if self.level is Level.FAULT:
             self._fault = self.cause
@@ -77,3 +80,10 @@ class Gate:
         if wanted > 0.0:
             return min(wanted, (last if last > 0.0 else 0.0) + step, most)
         return max(wanted, (last if last < 0.0 else 0.0) - step, -most)
+
+
+def _supply_share(conditions: Sequence[Condition]) -> float:
+    """Return the share of the highest duty that the computer's supply can bear."""
+    if Condition.POWER_UNSTABLE in conditions:
+        return UNSTABLE_SHARE
+    return LOW_VOLTAGE_SHARE if Condition.UNDERVOLTAGE in conditions else 1.0

@@ -7,7 +7,7 @@ before the start. A hold that a person requested is ended by a person, who looks
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import inf
 from typing import Final
 
@@ -19,10 +19,14 @@ FREE_S: Final = 0.5  # if the wheels turn for less than this between two holds, 
 
 
 class ResumeWarning:
-    """Says whether the wheels must still wait; ``warning_s`` is the length of the warning, 0 for none."""
+    """Says whether the wheels must still wait.
 
-    def __init__(self, warning_s: float) -> None:
+    ``warning_s`` is the length of the warning, 0 for none; ``levels`` are the severities of this rover's conditions.
+    """
+
+    def __init__(self, warning_s: float, levels: Mapping[Condition, Level] = LEVELS) -> None:
         self._warning_s = warning_s
+        self._levels = levels
         self.reset()
 
     def reset(self) -> None:
@@ -37,7 +41,7 @@ class ResumeWarning:
         if self._stands_since_s is None and not conditions:
             return False  # nearly every tick ends here
         t_s = interval.t_s
-        if _holds(conditions):
+        if self._holds(conditions):
             self._stand(interval)
             return False
         if self._stands_since_s is None or Condition.OPERATOR_HOLD in conditions:
@@ -58,7 +62,6 @@ class ResumeWarning:
         self._free_since_s = None
         self._due = interval.t_s - self._stands_since_s > LONG_HOLD_S
 
-
-def _holds(conditions: Sequence[Condition]) -> bool:
-    """Return whether the rover itself holds its wheels."""
-    return any(LEVELS[each] >= Level.HOLD and each is not Condition.OPERATOR_HOLD for each in conditions)
+    def _holds(self, conditions: Sequence[Condition]) -> bool:
+        """Return whether the rover itself holds its wheels."""
+        return any(self._levels[each] >= Level.HOLD and each is not Condition.OPERATOR_HOLD for each in conditions)

@@ -6,7 +6,7 @@ They stand apart from the logic that reads them, because the logic is compiled a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 from annotated_types import Interval, MaxLen
 
@@ -25,7 +25,9 @@ class SafetySettings:
     only with ``allow_no_deadman``. A board that has one but cannot report it needs a person who has seen it stop the
     wheels (``wayfarer check``), or a reason why nobody has in ``deadman_unproved_because``, which is shown at each
     arming. ``resume_warning_s`` is how long the status light warns before a rover that held its wheels by itself, for
-    more than a second, lets them turn again; 0 for no warning.
+    more than a second, lets them turn again; 0 for no warning. ``on_lost_sense`` says whether a rover that has lost its
+    motion or contact sensor, or whose supply sags again and again, continues with limits, or holds its wheels: "hold"
+    is for a rover that drives among people.
     """
 
     duty_max: Annotated[float, Interval(gt=0, le=1)] = 1.0
@@ -36,6 +38,7 @@ class SafetySettings:
     mission_radius_m: Annotated[float, Interval(gt=0, le=1_000_000)] = 300.0
     start_delay_s: Annotated[float, Interval(ge=0, le=600)] = 10.0
     resume_warning_s: Annotated[float, Interval(ge=0, le=60)] = 1.0
+    on_lost_sense: Literal["continue", "hold"] = "continue"
     settle_s: Seconds = 1.0
     settle_spread_deg: Annotated[float, Interval(gt=0, le=180)] = 3.0
     calibration_min: Annotated[int, Interval(ge=0, le=3)] = 2
