@@ -81,7 +81,9 @@ class Bench:
         self.config = RoverConfig(name="bench", vehicle=VEHICLE, safety=limits, board=BOARD)
         self.motors, self.buffers, self.log = Motors(), SensorBuffers(), EventLog()
         self.handler = Wanting()
-        detector = Detector(self.config.detector, VEHICLE, watches_motion=False)
+        detector = Detector(
+            self.config.detector, VEHICLE, watches_motion=False, may_reckon=limits.on_lost_sense == "continue"
+        )
         self.controller = Controller(
             wheels or self.motors, self.buffers, self.config, detector, handler or self.handler, self.log
         )

@@ -392,8 +392,21 @@ async def test_hold_of_the_mission_before_is_not_warned_of_in_the_next() -> None
     assert bench.wheels == AHEAD
 
 
-async def test_lost_compass_is_a_fault_that_disarms() -> None:
+async def test_rover_without_a_compass_stands_for_three_seconds_warns_and_goes_on_until_it_is_back() -> None:
     bench = await Bench().armed()
+    await bench.tick(300, compass=False)
+    causes = [each["cause"] for each in bench.log.named("health")]
+    assert causes[-3:] == ["compass_stale", "resume_warning", "heading_reckoned"]
+    stood = [tick for tick in bench.log.ticks if tick.applied == STOP and tick.cause is not None]
+    assert stood[-1].t_s - stood[0].t_s == pytest.approx(3.0 + 1.0, abs=0.1)  # and the warning
+    assert bench.wheels == AHEAD
+    await bench.tick(25)
+    assert bench.controller.conditions == ()
+    assert bench.wheels == AHEAD
+
+
+async def test_lost_compass_is_a_fault_that_disarms_a_rover_among_people() -> None:
+    bench = await Bench(on_lost_sense="hold").armed()
     await bench.tick(120, compass=False)
     assert bench.controller.mode is Mode.DISARMED
     assert bench.log.named("disarmed") == [{"reason": "fault: compass_lost"}]

@@ -41,6 +41,8 @@ class Rover:
         self.detector = Detector(settings, vehicle, **watches)
         self.timer = IntervalTimer(SafetySettings().tick_late_s, vehicle.max_speed_m_s)
         self.t_s = 0.0
+        self.armed = False
+        self.compass: CompassReading | None = None
         self.contact: ContactReading | None = None
 
     def tick(
@@ -56,16 +58,17 @@ class Rover:
     ) -> Detection:
         """One tick; ``moved_m`` None and ``compass`` False mean that the sensor is silent."""
         self.t_s += dt_s
-        reading = CompassReading(self.t_s, 0.0, 0.0, 0.0, None)._replace(**fields) if compass else self.detector.compass
+        if compass:
+            self.compass = CompassReading(self.t_s, 0.0, 0.0, 0.0, None)._replace(**fields)
         motion = MotionReading(self.t_s, moved_m, 0.0, quality, signed) if moved_m is not None else None
-        return self.sees(Snapshot(self.t_s, reading, motion, self.contact), applied)
+        return self.sees(Snapshot(self.t_s, self.compass, motion, self.contact), applied)
 
     def sees(self, snapshot: Snapshot, applied: WheelCommand = STOP) -> Detection:
         """One tick with any snapshot."""
         tick = DetectorTick(snapshot.t_s, applied)
         tick.compass, tick.motion, tick.contact = snapshot.compass, snapshot.motion, snapshot.contact
         self.timer.measure(tick)
-        self.detector.update(tick)
+        self.detector.update(tick, armed=self.armed)
         return Detection(tick.anomalies, tick.conditions)
 
     def drive(self, ticks: int, applied: WheelCommand = FULL, moved_m: float | None = 0.0, **fields: Any) -> list[bool]:

@@ -204,7 +204,7 @@ def handler_sees(**wrong: float) -> Break:
 def detector_is_blind_to_age(monkeypatch: Patch) -> None:
     update = Detector.update
 
-    def updated(self: Detector, tick: DetectorTick) -> None:
+    def updated(self: Detector, tick: DetectorTick, *, armed: bool = False) -> None:
         update(self, tick)
         tick.conditions = ()
 
@@ -239,6 +239,10 @@ NO_LINK = Fault(3.0, inf, "motors", "silent")
 UNPLUGGED = Fault(3.0, inf, "motors", "nack", Lost())
 LONG_NO_COMPASS = Fault(3.0, 6.0, "compass", "silent")
 ARMED = Command(0.0, "arm")
+AMONG_PEOPLE: dict[str, Any] = {
+    "for_s": 12.0,
+    "settings": {"safety": {"on_lost_sense": "hold"}},
+}  # a lost compass is a fault
 SLOW_START: dict[str, Any] = {"settings": {"safety": {"start_delay_s": 3.0}}}
 ON_A_WIRE: dict[str, Any] = {"rover": "forestrover", "depth": Depth.BUS, "settings": {"safety": {"start_delay_s": 0.0}}}
 WHEELS_TURN = "rule 2: wheels are commanded to"
@@ -258,8 +262,13 @@ BROKEN: list[tuple[Break, tuple[Fault, ...], dict[str, Any], str]] = [
     (end_stops_nothing, (), {}, WHEELS_TURN),
     (sabertooth_hears_no_stop_and_has_no_deadman, (BRIEFLY_NO_COMPASS,), ON_A_WIRE, WHEELS_TURN),
     (sabertooths_deadman_does_not_trip, (UNPLUGGED,), ON_A_WIRE, WHEELS_TURN),
-    (fault_clears_by_itself, (LONG_NO_COMPASS,), {"for_s": 12.0}, "rule 3: a fault cleared by itself"),
-    (fault_leaves_the_rover_armed, (NO_COMPASS,), {"for_s": 12.0}, "rule 3: a fault left the rover armed"),
+    (fault_clears_by_itself, (LONG_NO_COMPASS,), AMONG_PEOPLE, "rule 3: a fault cleared by itself"),
+    (
+        fault_leaves_the_rover_armed,
+        (NO_COMPASS,),
+        AMONG_PEOPLE,
+        "rule 3: a fault left the rover armed",
+    ),
     (handler_sees(heading_deg=nan), (), {}, "rule 4: a decision saw Observation"),
     (handler_sees(heading_deg=360.0), (), {}, "rule 4: a decision saw Observation"),
     (handler_sees(roll_deg=inf), (), {}, "rule 4: a decision saw Observation"),

@@ -164,7 +164,7 @@ class Controller:
         self._timer.measure(tick)
         self._buffers.read(tick)
         self._travelled_m += abs(tick.forward_m)
-        self._detector.update(tick)
+        self._detector.update(tick, armed=self.mode is _ARMED)
         covered_m = self._odometer.update(tick, self._detector.motion)
         self._add_conditions(tick)
         conditions = self.conditions = tick.conditions

@@ -289,6 +289,7 @@ def make_detector(config: RoverConfig, needs: frozenset[str], *, watches_motion:
         watches_motion=watches_motion,
         watches_contact=config.anomaly_source == "contact",
         needs_contact="contact" in needs,
+        may_reckon=config.safety.on_lost_sense == "continue",
     )
 
 

@@ -7,6 +7,7 @@ from math import radians
 from wayfarer.detector.compass import CompassMonitor
 from wayfarer.detector.contact import ContactMonitor
 from wayfarer.detector.drive_monitor import DriveMonitor
+from wayfarer.detector.heading import HeadingEstimator
 from wayfarer.detector.motion import MotionMonitor
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.detector.tick import DetectorTick
@@ -22,7 +23,8 @@ class Detector:
     ``vehicle`` gives the ground speed and the turn rate at full duty, ``calibration_min`` (0 to 3) the calibration that
     arming demands of the compass, ``duty_max`` the highest duty that the gate allows. ``watches_motion`` and
     ``needs_contact`` say whether silence of that sensor is a condition. ``watches_contact`` says whether a touch is an
-    anomaly; then silence is a condition as well.
+    anomaly; then silence is a condition as well. ``may_reckon`` says whether a mission goes on without a compass
+    (``detector.heading``).
 
     ``compass`` and ``contact`` are the newest plausible readings, None before the first; ``motion`` is what may be
     believed of this tick's reading, None where there is none. Decisions use no others.
@@ -38,9 +40,11 @@ class Detector:
         watches_motion: bool = True,
         watches_contact: bool = False,
         needs_contact: bool = False,
+        may_reckon: bool = True,
     ) -> None:
         self._turning_duty = radians(settings.frozen_turn_deg_s) * vehicle.track_m / vehicle.max_speed_m_s
         self._compass = CompassMonitor(settings, calibration_min)
+        self._heading = HeadingEstimator(vehicle, may_reckon=may_reckon)
         self._motion = MotionMonitor(settings, vehicle, watched=watches_motion)
         self._needs_contact = needs_contact or watches_contact
         self._contact = ContactMonitor(settings, touch_counts=watches_contact, needed=self._needs_contact)
@@ -52,21 +56,23 @@ class Detector:
         self.motion: MotionReading | None = None
         self.contact: ContactReading | None = None
 
-    def update(self, tick: DetectorTick) -> None:
-        """Judge one tick: fill in its anomalies and conditions."""
+    def update(self, tick: DetectorTick, *, armed: bool = False) -> None:
+        """Judge one tick, of a mission if ``armed``: fill in its anomalies and conditions."""
         t_s, contact = tick.t_s, tick.contact
         if not self._started:
             self._start(t_s)
         left, right = tick.commanded
         turning_s = tick.driven_s if abs(left - right) >= self._turning_duty else 0.0
-        before_deg = self._compass.gained_deg
+        before_deg, turned_deg = self._heading.gained_deg, self._compass.gained_deg
         conditions = self._compass.update(t_s, turning_s, tick.compass, moves=self._motion.moves)
-        gained_deg = self._compass.gained_deg
+        turned_deg = self._compass.gained_deg - turned_deg
+        self._heading.update(tick, self._compass.reading, turned_deg, conditions, armed=armed)
+        gained_deg = self._heading.gained_deg
         doubtful = bool(conditions)
         self._motion.update(tick, gained_deg - before_deg, tick.motion, conditions)
         self.motion = self._motion.reading
         anomalies = [Anomaly.IMMOBILISED] if self._motion.stall.found or self._motion.stride_over else []
-        self.compass = believed = self._compass.reading
+        self.compass = believed = self._heading.reading
         if believed is not None:
             self._tilt.update(t_s, believed, anomalies, conditions)
         if contact is not None or self._needs_contact:

@@ -17,6 +17,9 @@ from wayfarer.safety.tick_interval import TickInterval
 # A reading counts for at most this share of the commanded distance of this or the previous reading (a rover may roll
 # on). A tenth is for noise.
 MOST_SHARE: Final = 1.1
+# Of ``blind_stride_m``, for a rover that knows neither motion nor tilt: at least two body lengths, so that it gets
+# around a trunk. From no source.
+NO_COMPASS_SHARE: Final = 0.4
 
 
 class MotionMonitor:
@@ -84,17 +87,18 @@ class MotionMonitor:
         self.stride_over = False
         if t_s - self._moved_t_s > self._stale_s:
             self._check_ages(t_s, conditions)
-            self._stride(interval.forward_m)
+            self._stride(interval.forward_m, conditions)
         else:
             self._blind_m = 0.0
         if self.runaway.found:
             conditions.append(Condition.RUNAWAY)
 
-    def _stride(self, forward_m: float) -> None:
-        """Add what was commanded ahead without sight."""
+    def _stride(self, forward_m: float, conditions: list[Condition]) -> None:
+        """Add what was commanded ahead without sight. Without a compass tilt is unknown as well: strides are short."""
         if self._watched and forward_m > 0.0:
             self._blind_m += forward_m
-            if self._blind_m >= self._stride_m:
+            share = NO_COMPASS_SHARE if Condition.HEADING_RECKONED in conditions else 1.0
+            if self._blind_m >= share * self._stride_m:
                 self._blind_m = 0.0
                 self.stride_over = True
 

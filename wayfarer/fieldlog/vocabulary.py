@@ -85,6 +85,7 @@ CAUSE_TEXTS: Mapping[str, str] = {
     Condition.COMPASS_IMPLAUSIBLE.value: "compass readings are implausible",
     Condition.COMPASS_FROZEN.value: "the heading does not change while the rover turns",
     Condition.COMPASS_UNCALIBRATED.value: "the compass has lost its calibration",
+    Condition.HEADING_RECKONED.value: "the compass cannot be believed: the heading is reckoned from the wheels",
     Condition.MOTION_STALE.value: "the motion sensor is silent",
     Condition.MOTION_UNKNOWN.value: "the motion sensor's picture is too poor",
     Condition.MOTION_LOST.value: "the motion sensor's picture has been too poor for seconds",

@@ -32,6 +32,7 @@ class Condition(Enum):
     COMPASS_IMPLAUSIBLE = "compass_implausible"
     COMPASS_FROZEN = "compass_frozen"
     COMPASS_UNCALIBRATED = "compass_uncalibrated"
+    HEADING_RECKONED = "heading_reckoned"
     MOTION_STALE = "motion_stale"
     MOTION_UNKNOWN = "motion_unknown"
     MOTION_LOST = "motion_lost"
@@ -64,6 +65,7 @@ LEVELS: Final[Mapping[Condition, Level]] = {
     Condition.COMPASS_IMPLAUSIBLE: Level.HOLD,
     Condition.COMPASS_FROZEN: Level.HOLD,
     Condition.COMPASS_UNCALIBRATED: Level.DEGRADE,
+    Condition.HEADING_RECKONED: Level.DEGRADE,
     Condition.MOTION_STALE: Level.DEGRADE,
     Condition.MOTION_UNKNOWN: Level.DEGRADE,
     Condition.MOTION_LOST: Level.DEGRADE,
