@@ -239,10 +239,8 @@ NO_LINK = Fault(3.0, inf, "motors", "silent")
 UNPLUGGED = Fault(3.0, inf, "motors", "nack", Lost())
 LONG_NO_COMPASS = Fault(3.0, 6.0, "compass", "silent")
 ARMED = Command(0.0, "arm")
-AMONG_PEOPLE: dict[str, Any] = {
-    "for_s": 12.0,
-    "settings": {"safety": {"on_lost_sense": "hold"}},
-}  # a lost compass is a fault
+# For these rovers a lost compass is a fault.
+AMONG_PEOPLE: dict[str, Any] = {"for_s": 12.0, "settings": {"safety": {"on_lost_sense": "hold"}}}
 SLOW_START: dict[str, Any] = {"settings": {"safety": {"start_delay_s": 3.0}}}
 ON_A_WIRE: dict[str, Any] = {"rover": "forestrover", "depth": Depth.BUS, "settings": {"safety": {"start_delay_s": 0.0}}}
 WHEELS_TURN = "rule 2: wheels are commanded to"

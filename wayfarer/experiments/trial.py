@@ -22,6 +22,7 @@ from wayfarer.simhal.world.simulated_world import SimulatedWorld
 if TYPE_CHECKING:
     from wayfarer.experiments.ground_truth_log import GroundTruthLog
     from wayfarer.fieldlog.log import FieldLog
+    from wayfarer.simhal.faults.kinds import Fault
 
 
 class TrialResult(NamedTuple):
@@ -111,11 +112,21 @@ async def _run(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
     counters = TrialCounters()
     setup = TrialSetup(spec, lambda *seen: counters if make_log is None else Tee(counters, make_log(*seen)))
     await setup.supervisor.arm(spec.forest.heading_deg)
-    end = await setup.supervisor.run()
+    if setup.injector is not None:
+        setup.injector.start(setup.world, setup.supervisor.controller.power, _note_nothing)
+    try:
+        end = await setup.supervisor.run()
+    finally:
+        if setup.injector is not None:
+            setup.injector.end()
     result = _result(spec, outcome_of(setup.outcome_monitor, counters, end), setup, counters)
     if helped := setup.intervention_counter:
         result = result._replace(interventions=helped.interventions, overturned=helped.flips, off_wheels=helped.hangs)
     return result._replace(**setup.terrain._asdict()) if setup.terrain else result
+
+
+def _note_nothing(t_s: float, fault: Fault, *, begins: bool) -> None:
+    """Keep no account of the faults: their trial's result tells what became of it."""
 
 
 def outcome_of(outcome_monitor: OutcomeMonitor, counters: TrialCounters, end: RunEnd) -> Outcome:
