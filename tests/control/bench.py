@@ -15,7 +15,7 @@ from wayfarer.errors import DriverError
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase
 from wayfarer.hal import CompassReading, MotorHealth, PositionFix, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
-from wayfarer.safety.settings import BoardSettings, SafetySettings
+from wayfarer.safety.settings import BoardSettings, EntrapmentSettings, SafetySettings
 
 TICK_S = 0.05
 BOARD = BoardSettings(battery_low_v=11.0, battery_critical_v=10.0, battery_low_s=0.5, battery_critical_s=0.5)
@@ -76,9 +76,17 @@ class Wanting:
 class Bench:
     """A controller with parts whose other end the test has; the compass speaks each tick unless told otherwise."""
 
-    def __init__(self, handler: EscapeHandler | None = None, wheels: WheelMotors | None = None, **safety: Any) -> None:
+    def __init__(
+        self,
+        handler: EscapeHandler | None = None,
+        wheels: WheelMotors | None = None,
+        *,
+        give_up: bool = False,
+        **safety: Any,
+    ) -> None:
         limits = SafetySettings(**{"start_delay_s": 0.0, "settle_s": 0.2, "slew_per_s": 1000.0} | safety)
-        self.config = RoverConfig(name="bench", vehicle=VEHICLE, safety=limits, board=BOARD)
+        progress = EntrapmentSettings(give_up=give_up)
+        self.config = RoverConfig(name="bench", vehicle=VEHICLE, safety=limits, board=BOARD, progress=progress)
         self.motors, self.buffers, self.log = Motors(), SensorBuffers(), EventLog()
         self.handler = Wanting()
         detector = Detector(

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from tests.control.bench import Bench
 from wayfarer.control.controller import Mode
+from wayfarer.escape.ladder import REST_S, RUNGS
 from wayfarer.hal import STOP, CompassReading, MotionReading, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.entrapment import EntrapmentMonitor
@@ -141,16 +142,21 @@ def test_it_never_gives_up_before_enough_was_tried(ticks: list[tuple[WheelComman
             assert tried_s >= 3 * SETTINGS.anomaly_every_s - 1e-6
 
 
-async def nose_up_until_it_gives_up() -> Bench:
-    bench = await Bench().armed()
-    for _ in range(round(SETTINGS.give_up_s / TICK_S)):
+async def nose_up(bench: Bench, seconds: float) -> None:
+    """Stand with the nose up, held fast; the roll has noise, as that of a compass that is not frozen."""
+    for n in range(round(seconds / TICK_S)):
         bench.t_s += TICK_S
-        bench.buffers.compass.write(CompassReading(bench.t_s, 0.0, 30.0, 0.0, None))
+        bench.buffers.compass.write(CompassReading(bench.t_s, 0.0, 30.0, 0.1 * (n % 2), None))
         await bench.controller.tick(bench.t_s)
+
+
+async def nose_up_until_it_gives_up() -> Bench:
+    bench = await Bench(give_up=True).armed()
+    await nose_up(bench, SETTINGS.give_up_s)
     return bench
 
 
-async def test_controller_of_an_entrapped_rover_latches_a_fault_and_says_so() -> None:
+async def test_controller_of_an_entrapped_rover_that_is_to_give_up_latches_a_fault_and_says_so() -> None:
     bench = await nose_up_until_it_gives_up()
     assert (bench.controller.mode, bench.wheels) == (Mode.DISARMED, STOP)
     assert bench.health == (Level.FAULT, Condition.ENTRAPPED)
@@ -162,3 +168,39 @@ async def test_arming_again_forgets_the_place() -> None:
     bench.controller.arm(bench.t_s, 0.0)
     await bench.tick(100)
     assert bench.controller.mode is Mode.ARMED
+
+
+async def test_rover_without_progress_climbs_the_ladder_rests_warns_and_climbs_it_again() -> None:
+    bench = await Bench().armed()
+    await nose_up(bench, 150.0)
+    whys = [tick.decision.why for tick in bench.log.ticks if tick.decision.why.startswith("ladder.")]
+    assert list(dict.fromkeys(whys)) == [rung.name for rung in RUNGS]
+    causes = [each["cause"] for each in bench.log.named("health") if each["cause"] != "cannot_turn"]
+    assert causes[:4] == ["no_progress", "resting", "resume_warning", "no_progress"]
+    rested = [tick for tick in bench.log.ticks if Condition.RESTING in tick.conditions]
+    first_rest = [tick for tick in rested if tick.t_s < rested[0].t_s + 1.5 * REST_S]
+    assert first_rest[-1].t_s - rested[0].t_s == pytest.approx(REST_S, abs=2 * TICK_S)
+    assert {tick.applied for tick in rested} == {STOP}
+    assert bench.controller.mode is Mode.ARMED
+    assert bench.wheels != STOP
+
+
+async def test_free_run_ends_the_ladder() -> None:
+    bench = await Bench().armed()
+    await nose_up(bench, SETTINGS.give_up_s + 12.0)
+    assert Condition.NO_PROGRESS in bench.controller.conditions
+    await bench.tick(60)
+    assert Condition.NO_PROGRESS not in bench.controller.conditions
+
+
+async def test_hold_stops_the_wheels_on_the_ladder_too() -> None:
+    bench = await Bench().armed()
+    while bench.log.ticks[-1].decision.why != RUNGS[0].name:
+        await nose_up(bench, TICK_S)
+    bench.controller.hold(bench.t_s, held=True)
+    await nose_up(bench, 0.05)
+    assert bench.wheels == STOP
+    bench.controller.disarm(bench.t_s, "enough")
+    bench.controller.hold(bench.t_s, held=False)
+    await nose_up(bench, 5.0)
+    assert bench.wheels == STOP

@@ -24,6 +24,7 @@ from wayfarer.detector import Detector
 from wayfarer.detector.odometer import Odometer
 from wayfarer.errors import BadReading, DriverError
 from wayfarer.escape.api import EscapeHandler, Observation
+from wayfarer.escape.ladder import Ladder
 from wayfarer.hal import STOP, PositionFix, WheelCommand
 from wayfarer.safety.arming import ArmingSequence
 from wayfarer.safety.conditions import Condition, Level
@@ -88,6 +89,8 @@ class Controller:
         self.levels = self._gate.levels
         self._resume_warning = ResumeWarning(config.safety.resume_warning_s, self.levels)
         self._odometer = Odometer(config.detector.quality_min)
+        self._ladder = Ladder()
+        self._gives_up = config.progress.give_up
         self._entrapment = EntrapmentMonitor(config.progress, config.detector.quality_min)
         self.power_reports = PowerReports(config.board, log)
         self.board = self.power_reports.board
@@ -115,6 +118,7 @@ class Controller:
         """
         self._motors_failed = self.held = False
         self._entrapment.reset()
+        self._ladder.reset()
         self._detector.begin_mission()
         self.mission = None
         self._arming = ArmingSequence(self._safety, t_s, goal_heading_deg)
@@ -177,7 +181,7 @@ class Controller:
         if not gate.judge(conditions):
             self._held_s += tick.dt_s
         elif armed and observation is not None:
-            tick.decision = self._handler.decide(observation)
+            tick.decision = self._ladder.decide(observation) or self._handler.decide(observation)
         try:
             applied = _checked(await self._motors.drive(gate.limit(tick.decision.wheels, armed=armed)))
         except DriverError as error:
@@ -196,8 +200,8 @@ class Controller:
     def _add_conditions(self, tick: TickRecord) -> None:
         """Add the controller's own conditions to those of the detector."""
         armed, late = self.mode is _ARMED, tick.dt_s > self._late_s
-        if armed and self._entrapment.ends(tick, bool(tick.anomalies), self._detector.motion):
-            tick.conditions += (Condition.ENTRAPPED,)
+        if armed:
+            self._judge_progress(tick)
         if tick.conditions and not armed and self._gate.cause is not _RUNAWAY:
             # A person may push a rover that is not armed; a rover that ran away is still stopped at each tick.
             tick.conditions = tuple(condition for condition in tick.conditions if condition is not _RUNAWAY)
@@ -211,6 +215,26 @@ class Controller:
             tick.conditions += self.power_reports.conditions(tick.t_s)
         if armed and self._resume_warning.update(tick, tick.conditions):
             tick.conditions += (Condition.RESUME_WARNING,)
+
+    def _judge_progress(self, tick: TickRecord) -> None:
+        """Climb the ladder where the algorithm makes no progress; give up where a person chose that."""
+        ladder, monitor, t_s = self._ladder, self._entrapment, tick.t_s
+        entrapped = (
+            Condition.ENTRAPPED in tick.conditions
+        )  # the detector's word for full duty that never turns the body
+        if entrapped:
+            tick.conditions = tuple(each for each in tick.conditions if each is not Condition.ENTRAPPED)
+        if ladder.climbs or ladder.rests(t_s):
+            monitor.try_again()  # what a rung does is neither a free run nor a try of the algorithm
+        elif monitor.ends(tick, bool(tick.anomalies), self._detector.motion) or entrapped:
+            if self._gives_up:
+                tick.conditions += (Condition.ENTRAPPED,)
+            else:
+                ladder.climb(t_s)
+        elif monitor.progressed and ladder.begun:
+            ladder.progress()
+        if ladder.begun:
+            tick.conditions += (Condition.RESTING if ladder.rests(t_s) else Condition.NO_PROGRESS,)
 
     def _observe(self, tick: TickRecord) -> Observation | None:
         """Return what the handler may see, or None before the first plausible heading."""

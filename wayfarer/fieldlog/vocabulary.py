@@ -47,6 +47,14 @@ PHASE_EVENT_TEXTS: Mapping[str, str] = {
     PhaseEvent.OVERWOUND.value: "C exceeded three turns {during} and was reset",
 }
 
+LADDER_TEXTS: Mapping[str, str] = {
+    "ladder.other_side": "no progress: it tries the other side",
+    "ladder.full_duty": "no progress: it tries full duty",
+    "ladder.rock": "no progress: it rocks ahead and back",
+    "ladder.long_back": "no progress: it goes a long way back",
+    "ladder.random_turn": "no progress: it tries a random turn",
+}
+
 ANOMALY_TEXTS: Mapping[str, str] = {
     Anomaly.IMMOBILISED.value: "stalled",
     Anomaly.NOSE_UP.value: "nose up",
@@ -98,6 +106,8 @@ CAUSE_TEXTS: Mapping[str, str] = {
     Condition.DRIVE_FAILED.value: "repeatedly, the rover did not turn as its wheels were commanded",
     Condition.CANNOT_TURN.value: "the rover does not turn on the spot at full duty: the ground or an obstacle holds it",
     Condition.ENTRAPPED.value: "the rover makes no progress any more",
+    Condition.NO_PROGRESS.value: "the rover makes no progress: it tries other manoeuvres",
+    Condition.RESTING.value: "the rover makes no progress: it rests, so that its motors cool, and tries again",
     Condition.MOTORS_FAILED.value: "the motors did not answer",
     Condition.BOARD_FAULT.value: "the motor board reports a fault",
     Condition.BOARD_DISAGREES.value: "the motor board applies other duties than commanded",
@@ -140,6 +150,8 @@ def because(why: str, anomalies: Iterable[str]) -> str:
 
     A third party's algorithm may give any other text: it is returned as it is.
     """
+    if why in LADDER_TEXTS:
+        return LADDER_TEXTS[why]
     phase, _, event = why.partition(".")
     if phase not in _WHILE or event not in PHASE_EVENT_TEXTS:
         return why

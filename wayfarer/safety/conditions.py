@@ -45,6 +45,8 @@ class Condition(Enum):
     DRIVE_FAILED = "drive_failed"
     CANNOT_TURN = "cannot_turn"
     ENTRAPPED = "entrapped"
+    NO_PROGRESS = "no_progress"
+    RESTING = "resting"
     MOTORS_FAILED = "motors_failed"
     BOARD_FAULT = "board_fault"
     BOARD_DISAGREES = "board_disagrees"
@@ -78,6 +80,8 @@ LEVELS: Final[Mapping[Condition, Level]] = {
     Condition.DRIVE_FAILED: Level.FAULT,
     Condition.CANNOT_TURN: Level.NOTE,
     Condition.ENTRAPPED: Level.FAULT,
+    Condition.NO_PROGRESS: Level.DEGRADE,
+    Condition.RESTING: Level.HOLD,
     Condition.MOTORS_FAILED: Level.FAULT,
     Condition.BOARD_FAULT: Level.FAULT,
     Condition.BOARD_DISAGREES: Level.FAULT,

@@ -19,10 +19,15 @@ from wayfarer.safety.tick_interval import TickInterval
 MOST_SHARE: Final = 0.5
 ONE_OF: Final = 5
 ROUNDING_S: Final = 1e-6  # sums of periods fall a rounding error short
+# Once there was no progress, the algorithm gets this much driven time between two rungs of the ladder: five probes.
+RUNG_S: Final = 10.0
 
 
 class EntrapmentMonitor:
-    """Judges each tick of an armed rover and says when to give up; ``reset`` starts again."""
+    """Judges each tick of an armed rover and says when it makes no progress; ``reset`` starts again.
+
+    ``progressed`` is whether the latest tick completed a free run.
+    """
 
     def __init__(self, settings: EntrapmentSettings, quality_min: float) -> None:
         self._settings = settings
@@ -33,11 +38,16 @@ class EntrapmentMonitor:
 
     def reset(self) -> None:
         """Forget everything: a mission begins."""
-        self._sees_ground = False
+        self._sees_ground = self.progressed = False
         self._begin_place()
 
+    def try_again(self) -> None:
+        """Judge another try at the same place, for a shorter time."""
+        self._begin_place()
+        self._tried_s = max(0.0, self._settings.give_up_s - RUNG_S)
+
     def ends(self, interval: TickInterval, anomalous: bool, motion: MotionReading | None) -> bool:
-        """Judge one tick and return whether the rover is entrapped: it has made no progress for too long.
+        """Judge one tick and return whether the rover has made no progress for too long.
 
         Args:
             interval: the wheel commands since the last tick.
@@ -48,6 +58,7 @@ class EntrapmentMonitor:
         left, right = interval.commanded
         if left or right:
             self._tried_s += interval.driven_s
+        self.progressed = False
         self._unseen_m = self._unseen_m + forward_m if forward_m > 0.0 else 0.0
         if motion is not None:
             self._take_ground(motion)
@@ -56,6 +67,7 @@ class EntrapmentMonitor:
         elif forward_m > 0.0:
             self._run_m += forward_m
             if self._run_m >= settings.free_run_m and self._covers_ground():
+                self.progressed = True
                 self._begin_place()
         return self._tried_s >= settings.give_up_s or self._anomalies >= settings.anomalies_max
 

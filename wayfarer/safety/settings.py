@@ -71,12 +71,13 @@ class BoardSettings:
 
 @dataclass(frozen=True, slots=True)
 class EntrapmentSettings:
-    """When a rover without progress gives up: fault catalogue, fault 57.
+    """When a rover makes no progress: fault catalogue, fault 57.
 
     A free run is ``free_run_m`` commanded ahead without an anomaly, of which the motion sensor sees ``covered_m``. Its
-    largest readings are not counted, so that single wild readings are no progress. Without such a run the rover gives
-    up after ``anomalies_max`` anomalies, counted at most once in ``anomaly_every_s``, or after ``give_up_s`` in which
-    the wheels were commanded to turn.
+    largest readings are not counted, so that single wild readings are no progress. Without such a run, after
+    ``anomalies_max`` anomalies, counted at most once in ``anomaly_every_s``, or after ``give_up_s`` in which the wheels
+    were commanded to turn, the rover climbs the ladder of ``escape.ladder``. With ``give_up`` it ends its mission with
+    a fault instead.
 
     The catalogue asks for 12 anomalies or 60 s. Of 1,660 simulated trials with all ten algorithms, 1,571 got out: with
     Forest-Pledge after 8 anomalies without a free run and 13 s at most, in a Lévy walk after 17 and 48 s. So the 60 s
@@ -88,3 +89,4 @@ class EntrapmentSettings:
     anomaly_every_s: Seconds = 0.5
     free_run_m: Metres = 0.2
     covered_m: Metres = 0.02
+    give_up: bool = False

@@ -1,0 +1,117 @@
+"""What a rover tries that makes no progress."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wayfarer.escape.api import Anomaly, Decision, Observation
+from wayfarer.escape.ladder import REST_MAX_S, REST_S, RUNGS, Ladder
+from wayfarer.hal import WheelCommand
+
+TICK_S = 0.05
+NAMES = [rung.name for rung in RUNGS]
+
+
+def observation(t_s: float, *anomalies: Anomaly, applied: WheelCommand | None = None) -> Observation:
+    return Observation(t_s, 0.0, 0.0, 0.0, anomalies, None, 0.0, 0.0, None, applied)
+
+
+def rung(ladder: Ladder, t_s: float = 0.0, *anomalies: Anomaly) -> list[Decision]:
+    """Climb one rung to its end; return its decisions."""
+    ladder.climb(t_s)
+    made = []
+    while (decision := ladder.decide(observation(t_s, *anomalies))) is not None:
+        made.append(decision)
+        t_s += TICK_S
+    return made
+
+
+def rest_s(ladder: Ladder, t_s: float) -> float:
+    """Climb all rungs and rest; return how long the rest is."""
+    for _ in RUNGS:
+        rung(ladder, t_s)
+    ladder.climb(t_s)
+    assert not ladder.climbs
+    ends_s = t_s
+    while ladder.rests(ends_s):
+        ends_s += 1.0
+    return ends_s - t_s
+
+
+def test_rungs_come_in_their_order_and_then_a_rest() -> None:
+    ladder = Ladder()
+    assert [rung(ladder)[0].why for _ in RUNGS] == NAMES
+    assert not ladder.rests(0.0)
+    ladder.climb(5.0)
+    assert (ladder.rests(5.0 + REST_S - 0.1), ladder.rests(5.0 + REST_S)) == (True, False)
+    assert rung(ladder)[0].why == NAMES[0]
+
+
+def test_each_rest_is_twice_as_long_up_to_a_bound() -> None:
+    ladder, rests_s, t_s = Ladder(), [], 0.0
+    for _ in range(8):
+        rests_s.append(rest_s(ladder, t_s))
+        t_s += 10_000.0
+    assert rests_s[0] == REST_S
+    assert all(later == min(2 * earlier, REST_MAX_S) for earlier, later in pairwise(rests_s))
+
+
+def test_progress_begins_with_the_first_rung_and_the_shortest_rest() -> None:
+    ladder = Ladder()
+    rest_s(ladder, 0.0)
+    rung(ladder)
+    ladder.progress()
+    assert not ladder.begun
+    assert rung(ladder)[0].why == NAMES[0]
+    ladder.progress()
+    assert rest_s(ladder, 1000.0) == REST_S
+
+
+@given(st.lists(st.sampled_from([(), (Anomaly.NOSE_UP,), (Anomaly.IMMOBILISED,)]), max_size=40), st.integers(0, 40))
+def test_every_step_is_bounded_and_within_full_duty(anomalies: list[tuple[Anomaly, ...]], times: int) -> None:
+    ladder, t_s = Ladder(), 0.0
+    for n in range(times):
+        ladder.climb(t_s)
+        began_s, turned_s, last = t_s, 0.0, WheelCommand(0.0, 0.0)
+        while (
+            made := ladder.decide(observation(t_s, *(anomalies[n % len(anomalies)] if anomalies else ())))
+        ) is not None:
+            assert all(abs(duty) <= 1.0 for duty in made.wheels)
+            turned_s = turned_s + TICK_S if made.wheels == last else 0.0
+            assert turned_s <= 3.0, "motors that may be held"
+            last = made.wheels
+            t_s += TICK_S
+        assert t_s - began_s <= 8.0
+
+
+@pytest.mark.parametrize(("applied", "side"), [(WheelCommand(1.0, -1.0), -1.0), (WheelCommand(-1.0, 1.0), 1.0)])
+def test_first_rung_turns_to_the_side_that_the_algorithm_did_not_try(applied: WheelCommand, side: float) -> None:
+    ladder = Ladder()
+    assert ladder.decide(observation(0.0, applied=applied)) is None
+    turns = [wheels.left for wheels, _, _ in rung(ladder, 1.0) if wheels.left * wheels.right < 0.0]
+    assert turns
+    assert all(left * side > 0.0 for left in turns)
+
+
+def test_step_that_tilts_the_body_ends_and_one_that_only_pushes_does_not() -> None:
+    ladder = Ladder()
+    ladder.climb(0.0)
+    assert ladder.decide(observation(0.0, Anomaly.NOSE_UP)) == ladder.decide(observation(TICK_S, Anomaly.NOSE_UP))
+    pushes = ladder.decide(observation(2 * TICK_S, Anomaly.NOSE_UP, Anomaly.IMMOBILISED))
+    assert pushes is not None
+    assert pushes.wheels.left == pushes.wheels.right < 0.0
+    tilts = ladder.decide(observation(3 * TICK_S, Anomaly.NOSE_UP, Anomaly.LEFT_DOWN))
+    assert tilts is not None
+    assert tilts.wheels.left * tilts.wheels.right < 0.0, "the next step"
+
+
+def test_same_mission_draws_the_same_turns_again() -> None:
+    first, second = Ladder(), Ladder()
+    rest_s(first, 0.0)
+    first.reset()
+    for _ in RUNGS:
+        assert rung(first) == rung(second)

@@ -1,0 +1,126 @@
+"""The ladder: what a rover tries that makes no progress with its algorithm, instead of giving up.
+
+Each *rung* is a short series of wheel commands that the algorithms do not have: the other side, full duty, rocking, a
+long way back, a random turn (recovery behaviours: Nav2's default tree, Ardumower Sunray). After each rung the algorithm
+has its turn again. After the last one the rover rests, so that motors and board cool, and then begins again; each rest
+is longer than the one before. A rover that makes progress begins with the first rung the next time.
+
+Pure: time comes in as ``Observation.t_s``, chance from a generator of its own with a fixed seed, so that a log replays.
+"""
+
+from __future__ import annotations
+
+from random import Random
+from typing import Final, NamedTuple
+
+from wayfarer.escape.api import Anomaly, Decision, Observation, Phase
+from wayfarer.hal import WheelCommand
+
+
+class Step(NamedTuple):
+    """A wheel command for ``for_s`` seconds: duties of driving ahead and of turning, the latter to the rung's side."""
+
+    for_s: float
+    ahead: float
+    turn: float
+
+
+class Rung(NamedTuple):
+    """A named series of steps; one that is ``random`` draws its side, and how much of its turns it does."""
+
+    name: str
+    steps: tuple[Step, ...]
+    random: bool = False
+
+
+# No step is longer than 3 s, for which motors may be held (fault catalogue, faults 29 and 58). The duties are shares of
+# what the gate allows. The times are from no source: at 1 m/s and 180 degrees a second they are some body lengths, and
+# turns of a quarter to three quarters.
+RUNGS: Final = (
+    Rung("ladder.other_side", (Step(0.6, -0.6, 0.0), Step(1.0, 0.0, 0.8), Step(0.8, 0.6, 0.0))),
+    Rung("ladder.full_duty", (Step(1.5, -1.0, 0.0), Step(1.5, 0.0, 1.0), Step(1.0, 1.0, 0.0))),
+    Rung("ladder.rock", (*(Step(0.5, 1.0, 0.0), Step(0.5, -1.0, 0.0)) * 4, Step(1.0, 0.0, 1.0))),
+    Rung("ladder.long_back", (Step(3.0, -1.0, 0.0), Step(1.0, 0.0, 1.0))),
+    Rung("ladder.random_turn", (Step(1.0, -0.8, 0.0), Step(2.5, 0.0, 1.0), Step(1.5, 0.8, 0.0)), random=True),
+)
+REST_S: Final = 30.0  # the first; each further one is twice as long
+REST_MAX_S: Final = 600.0
+LEAST_TURN: Final = 0.3  # of a random rung's turn
+SEED: Final = 1
+
+_HARMLESS: Final = (Anomaly.IMMOBILISED, Anomaly.TOUCHED)  # to push against something is what a rung is for
+
+
+class Ladder:
+    """Climbs one rung after the other; ``begun`` is whether a rung was climbed since the last progress."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything: a new mission begins."""
+        self._rng = Random(SEED)
+        self._last_turn = 1.0
+        self._rest_until_s = 0.0
+        self.progress()
+
+    def progress(self) -> None:
+        """Begin with the first rung and the shortest rest the next time."""
+        self.begun = False
+        self._next = 0
+        self._rest_s = REST_S
+        self._rung: Rung | None = None
+
+    @property
+    def climbs(self) -> bool:
+        """Whether a rung is being climbed."""
+        return self._rung is not None
+
+    def rests(self, t_s: float) -> bool:
+        """Return whether the rover rests now."""
+        return t_s < self._rest_until_s
+
+    def climb(self, t_s: float) -> None:
+        """Begin the next rung; after the last one, rest from now on, and then begin the first."""
+        self.begun = True
+        if self._next == len(RUNGS):
+            self._next = 0
+            self._rest_until_s = t_s + self._rest_s
+            self._rest_s = min(2.0 * self._rest_s, REST_MAX_S)
+            return
+        self._rung = rung = RUNGS[self._next]
+        self._next += 1
+        self._step, self._ends_t_s = -1, 0.0
+        self._side, self._share = -self._last_turn, 1.0
+        if rung.random:
+            self._side, self._share = self._rng.choice((-1.0, 1.0)), self._rng.uniform(LEAST_TURN, 1.0)
+
+    def decide(self, observation: Observation) -> Decision | None:
+        """Return the decision for this tick, None where no rung is being climbed."""
+        rung = self._rung
+        if rung is None:
+            self._note_turn(observation.applied)
+            return None
+        if self._step < 0 or observation.t_s >= self._ends_t_s or self._tilts(observation):
+            self._step += 1
+            if self._step == len(rung.steps):
+                self._rung = None
+                return None
+            self._begin_step(observation, rung.steps[self._step])
+        step = rung.steps[self._step]
+        turn = self._side * step.turn
+        phase = Phase.TURN_AWAY if step.turn else Phase.BACK_OFF if step.ahead < 0.0 else Phase.STRIDE
+        return Decision(WheelCommand(step.ahead + turn, step.ahead - turn), phase, rung.name)
+
+    def _begin_step(self, observation: Observation, step: Step) -> None:
+        self._ends_t_s = observation.t_s + step.for_s * (self._share if step.turn else 1.0)
+        self._known = observation.anomalies
+
+    def _tilts(self, observation: Observation) -> bool:
+        """Return whether this step tilts the body: it must not be pushed over."""
+        return any(each not in _HARMLESS and each not in self._known for each in observation.anomalies)
+
+    def _note_turn(self, applied: WheelCommand | None) -> None:
+        """Remember the side of the algorithm's last turn on the spot."""
+        if applied is not None and applied.left * applied.right < 0.0:
+            self._last_turn = 1.0 if applied.left > applied.right else -1.0
