@@ -65,7 +65,10 @@ class RealSite(Site):
         self.dev = dev
         super().__init__(folder, rover)
         _, _, shipped = self.config.read_text(encoding="utf-8").partition("\n")  # without the bench's own buses
-        self.config.write_text(shipped, encoding="utf-8")
+        # Each sense that falls silent stops the wheels, so that a test can see when it was noticed.
+        holding = shipped.replace("start_delay_s", 'on_lost_sense = "hold"\nstart_delay_s', 1)
+        assert holding != shipped
+        self.config.write_text(holding, encoding="utf-8")
         self.environment |= {"LD_PRELOAD": str(shim), "PYTHONPATH": str(libraries)}
         for device in (I2C, SPI):
             dev.plug(device)
