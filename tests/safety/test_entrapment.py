@@ -185,6 +185,16 @@ async def test_rover_without_progress_climbs_the_ladder_rests_warns_and_climbs_i
     assert bench.wheels != STOP
 
 
+async def test_algorithm_begins_again_after_a_rung_that_it_did_not_see() -> None:
+    """A rung may turn the body by more than half a turn between two of its decisions: its counter would be wrong."""
+    bench = await Bench().armed()
+    bench.handler.seen.append(bench.handler.seen[-1])
+    await nose_up(bench, 13.0)
+    first = next(tick.t_s for tick in bench.log.ticks if tick.decision.why == RUNGS[0].name)
+    await nose_up(bench, 6.0)
+    assert bench.handler.seen[0].t_s > first
+
+
 async def test_free_run_ends_the_ladder() -> None:
     bench = await Bench().armed()
     await nose_up(bench, SETTINGS.give_up_s + 12.0)

@@ -231,6 +231,7 @@ class Controller:
                 tick.conditions += (Condition.ENTRAPPED,)
             else:
                 ladder.climb(t_s)
+                self._handler.reset()  # it does not see what a rung does, and its counter would miss whole turns
         elif monitor.progressed and ladder.begun:
             ladder.progress()
         if ladder.begun:

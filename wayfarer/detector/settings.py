@@ -70,8 +70,8 @@ class DetectorSettings:
     such reports are a fault (fault 28).
 
     *Turning.* Full duty on the spot that hardly turns the rover for ``cannot_turn_s`` is a failed try.
-    ``cannot_turn_tries`` in a row are reported. After ``cannot_turn_max`` the rover gives up, as after that number of
-    anomalies in the fault catalogue (fault 57).
+    ``cannot_turn_tries`` in a row are reported. After ``cannot_turn_max`` the rover makes no progress, as after that
+    number of anomalies in the fault catalogue (fault 57).
     """
 
     immobilised_s: Seconds = 0.3

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import weakref
+from dataclasses import replace
 from math import cos, radians, sin
 from typing import Any
 
@@ -84,8 +85,11 @@ class ForestEnv(gymnasium.Env[Array, Array]):
         self.render_mode = render_mode
         self.observation_space = Box(-1.0, 1.0, (SIZE,), np.float32)
         self.action_space = Box(-1.0, 1.0, (2,), np.float32)
+        config = load_rover(rover)
+        # The agent alone drives: a rover without progress ends the episode, and does not climb wayfarer's ladder.
+        config = config.model_copy(update={"progress": replace(config.progress, give_up=True)})
         self._campaign = Campaign(
-            (AGENT_NAME,), TRIALS, load_rover(rover), slip_mean_m=slip_mean_m, budget_m=budget_m, terrains=terrains
+            (AGENT_NAME,), TRIALS, config, slip_mean_m=slip_mean_m, budget_m=budget_m, terrains=terrains
         )
         check_body(self._campaign, rover)
         self._bridge: AgentBridge | None = None
