@@ -212,6 +212,13 @@ def test_armed_rover_that_goes_on_without_a_sensor_is_fresh_and_a_disarmed_one_i
     assert freshness(shop, script, (3.0, 5.0)) == [True, False]
 
 
+def test_armed_rover_that_rests_without_a_sensor_is_fresh(shop: Workshop) -> None:
+    """A rest is longer than systemd's patience."""
+    rests: Script = {2.0: lambda it: it.controller._ladder._rest_now(2.0)}
+    script = {1.01: breaking(shop, "motion.read", NotResponding("gone")), **rests}
+    assert freshness(shop, script, (3.0, 20.0)) == [True, True]
+
+
 def test_run_is_fresh_without_a_position_a_light_or_a_battery(shop: Workshop) -> None:
     shop.broken = {what: NotResponding("gone") for what in ("position.read", "light.show", "motors.health")}
     parts = {"position": Position(shop, "position"), "light": Light(shop, "light")}

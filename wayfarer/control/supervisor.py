@@ -41,6 +41,7 @@ STALE = frozenset(
         Condition.CONTACT_STALE,
     }
 )
+SOON = frozenset({Condition.RESTING, Condition.RESUME_WARNING})  # the rover holds its wheels, and continues by itself
 DOUBT_S = 0.1  # two ticks: one of them has judged the report. So two reports and a stop fit into 0.5 s (fault 30)
 
 
@@ -127,7 +128,7 @@ class Supervisor:
         last = self.controller.last
         if last is None or asyncio.get_running_loop().time() - last.t_s > FRESH_S:
             return False
-        goes_on = self.mode is Mode.ARMED and last.level < Level.HOLD
+        goes_on = self.mode is Mode.ARMED and (last.level < Level.HOLD or last.cause in SOON)
         return goes_on or STALE.isdisjoint(self.controller.conditions)
 
     async def run(self) -> RunEnd:

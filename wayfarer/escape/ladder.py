@@ -82,18 +82,22 @@ class Ladder:
 
     def climb(self, t_s: float) -> None:
         """Begin the next rung; after the last one, rest from now on, and then begin the first."""
-        self.begun = True
         if self._next == len(RUNGS):
-            self._next = 0
-            self._rest_until_s = t_s + self._rest_s
-            self._rest_s = min(2.0 * self._rest_s, REST_MAX_S)
+            self._rest_now(t_s)
             return
+        self.begun = True
         self._rung = rung = RUNGS[self._next]
         self._next += 1
         self._step, self._ends_t_s = -1, 0.0
         self._side, self._share = -self._last_turn, 1.0
         if rung.random:
             self._side, self._share = self._rng.choice((-1.0, 1.0)), self._rng.uniform(LEAST_TURN, 1.0)
+
+    def _rest_now(self, t_s: float) -> None:
+        self.begun = True
+        self._next = 0
+        self._rest_until_s = t_s + self._rest_s
+        self._rest_s = min(2.0 * self._rest_s, REST_MAX_S)
 
     def decide(self, observation: Observation) -> Decision | None:
         """Return the decision for this tick, None where no rung is being climbed."""
