@@ -18,17 +18,16 @@ from typing import Final, Protocol
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.latest import SensorBuffers
 from wayfarer.control.power_reports import PowerReports
+from wayfarer.control.recovery import Recovery
 from wayfarer.control.run_log import RunLog
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.detector import Detector
 from wayfarer.detector.odometer import Odometer
 from wayfarer.errors import BadReading, DriverError
-from wayfarer.escape.api import EscapeHandler, Observation
-from wayfarer.escape.ladder import Ladder
+from wayfarer.escape.api import Decision, EscapeHandler, Observation
 from wayfarer.hal import STOP, PositionFix, WheelCommand
 from wayfarer.safety.arming import ArmingSequence
 from wayfarer.safety.conditions import Condition, Level
-from wayfarer.safety.entrapment import EntrapmentMonitor
 from wayfarer.safety.gate import Gate
 from wayfarer.safety.mission_limits import Mission, RunEnd
 from wayfarer.safety.resume_warning import ResumeWarning
@@ -89,9 +88,7 @@ class Controller:
         self.levels = self._gate.levels
         self._resume_warning = ResumeWarning(config.safety.resume_warning_s, self.levels)
         self._odometer = Odometer(config.detector.quality_min)
-        self._ladder = Ladder()
-        self._gives_up = config.progress.give_up
-        self._entrapment = EntrapmentMonitor(config.progress, config.detector.quality_min)
+        self._recovery = Recovery(config.progress, config.detector.quality_min, detector.sides)
         self.power_reports = PowerReports(config.board, log)
         self.board = self.power_reports.board
         self.mode = Mode.DISARMED
@@ -104,7 +101,7 @@ class Controller:
         self.held = False
         self._arming: ArmingSequence | None = None
         self._travelled_m = 0.0
-        self._held_s = 0.0
+        self._held_s = self._away_s = 0.0  # in which the gate held the wheels, and the algorithm did not have them
         self._applied = STOP
         self._motors_failed = False
         self._last_cause: Condition | None = None
@@ -117,8 +114,7 @@ class Controller:
         The motors must have been opened just before, which proves that they answer and that their deadman is on.
         """
         self._motors_failed = self.held = False
-        self._entrapment.reset()
-        self._ladder.reset()
+        self._recovery.reset()
         self._detector.begin_mission()
         self.mission = None
         self._arming = ArmingSequence(self._safety, t_s, goal_heading_deg)
@@ -181,7 +177,7 @@ class Controller:
         if not gate.judge(conditions):
             self._held_s += tick.dt_s
         elif armed and observation is not None:
-            tick.decision = self._ladder.decide(observation) or self._handler.decide(observation)
+            tick.decision = self._decide(tick, observation)
         try:
             applied = _checked(await self._motors.drive(gate.limit(tick.decision.wheels, armed=armed)))
         except DriverError as error:
@@ -197,11 +193,20 @@ class Controller:
             if self.end is None:
                 self.end = mission.end(t_s)
 
+    def _decide(self, tick: TickRecord, observation: Observation) -> Decision:
+        """Return the decision of the algorithm, or of what has taken the wheels from it; its clock stands then."""
+        decision = self._recovery.decide(tick.t_s - self._held_s, observation)
+        if decision is not None:
+            self._away_s += tick.dt_s
+            return decision
+        decision, gains = self._handler.decide(observation), self._detector.sides.gains
+        return decision if gains is None else decision._replace(wheels=gains.compensate(decision.wheels))
+
     def _add_conditions(self, tick: TickRecord) -> None:
         """Add the controller's own conditions to those of the detector."""
         armed, late = self.mode is _ARMED, tick.dt_s > self._late_s
-        if armed:
-            self._judge_progress(tick)
+        if armed and self._recovery.judge(tick, self._detector.motion):
+            self._handler.reset()
         if tick.conditions and not armed and self._gate.cause is not _RUNAWAY:
             # A person may push a rover that is not armed; a rover that ran away is still stopped at each tick.
             tick.conditions = tuple(condition for condition in tick.conditions if condition is not _RUNAWAY)
@@ -216,27 +221,6 @@ class Controller:
         if armed and self._resume_warning.update(tick, tick.conditions):
             tick.conditions += (Condition.RESUME_WARNING,)
 
-    def _judge_progress(self, tick: TickRecord) -> None:
-        """Climb the ladder where the algorithm makes no progress; give up where a person chose that."""
-        ladder, monitor, t_s = self._ladder, self._entrapment, tick.t_s
-        entrapped = (
-            Condition.ENTRAPPED in tick.conditions
-        )  # the detector's word for full duty that never turns the body
-        if entrapped:
-            tick.conditions = tuple(each for each in tick.conditions if each is not Condition.ENTRAPPED)
-        if ladder.climbs or ladder.rests(t_s):
-            monitor.try_again()  # what a rung does is neither a free run nor a try of the algorithm
-        elif monitor.ends(tick, bool(tick.anomalies), self._detector.motion) or entrapped:
-            if self._gives_up:
-                tick.conditions += (Condition.ENTRAPPED,)
-            else:
-                ladder.climb(t_s)
-                self._handler.reset()  # it does not see what a rung does, and its counter would miss whole turns
-        elif monitor.progressed and ladder.begun:
-            ladder.progress()
-        if ladder.begun:
-            tick.conditions += (Condition.RESTING if ladder.rests(t_s) else Condition.NO_PROGRESS,)
-
     def _observe(self, tick: TickRecord) -> Observation | None:
         """Return what the handler may see, or None before the first plausible heading."""
         compass = self._detector.compass
@@ -244,7 +228,7 @@ class Controller:
             return None
         _, heading_deg, pitch_deg, roll_deg, _ = compass
         return Observation(
-            tick.t_s - self._held_s,
+            tick.t_s - self._held_s - self._away_s,
             heading_deg,
             pitch_deg,
             roll_deg,

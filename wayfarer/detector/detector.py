@@ -6,10 +6,10 @@ from math import radians
 
 from wayfarer.detector.compass import CompassMonitor
 from wayfarer.detector.contact import ContactMonitor
-from wayfarer.detector.drive_monitor import DriveMonitor
 from wayfarer.detector.heading import HeadingEstimator
 from wayfarer.detector.motion import MotionMonitor
 from wayfarer.detector.settings import DetectorSettings
+from wayfarer.detector.sides import SideMonitor
 from wayfarer.detector.tick import DetectorTick
 from wayfarer.detector.tilt import TiltMonitor
 from wayfarer.detector.turnable import TurnabilityMonitor
@@ -25,6 +25,8 @@ class Detector:
     ``needs_contact`` say whether silence of that sensor is a condition. ``watches_contact`` says whether a touch is an
     anomaly; then silence is a condition as well. ``may_reckon`` says whether a mission goes on without a compass
     (``detector.heading``).
+
+    ``sides`` is what is known of both sides of the wheels; the controller runs their self-tests.
 
     ``compass`` and ``contact`` are the newest plausible readings, None before the first; ``motion`` is what may be
     believed of this tick's reading, None where there is none. Decisions use no others.
@@ -49,7 +51,7 @@ class Detector:
         self._needs_contact = needs_contact or watches_contact
         self._contact = ContactMonitor(settings, touch_counts=watches_contact, needed=self._needs_contact)
         self._tilt = TiltMonitor(settings)
-        self._drive = DriveMonitor(settings, vehicle)
+        self.sides = SideMonitor(vehicle)
         self._turns = TurnabilityMonitor(settings, duty_max)
         self._started = False
         self.compass: CompassReading | None = None
@@ -63,7 +65,7 @@ class Detector:
             self._start(t_s)
         left, right = tick.commanded
         turning_s = tick.driven_s if abs(left - right) >= self._turning_duty else 0.0
-        before_deg, turned_deg = self._heading.gained_deg, self._compass.gained_deg
+        before_deg, before_m, turned_deg = self._heading.gained_deg, self._motion.ahead_m, self._compass.gained_deg
         conditions = self._compass.update(t_s, turning_s, tick.compass, moves=self._motion.moves)
         turned_deg = self._compass.gained_deg - turned_deg
         self._heading.update(tick, self._compass.reading, turned_deg, conditions, armed=armed)
@@ -78,16 +80,18 @@ class Detector:
         if contact is not None or self._needs_contact:
             self._contact.update(t_s, contact, anomalies, conditions)
             self.contact = self._contact.reading
-        trusted = not (anomalies or doubtful)
-        self._drive.update(tick, gained_deg, self._motion.ahead_m, trusted=trusted)
-        if t_s < self._drive.until_t_s:
-            conditions.append(self._drive.condition)
-        conditions += self._turns.update(tick, gained_deg)
+        turning = self._turns.update(tick, gained_deg)
+        if turning or self._motion.is_slow:
+            self.sides.suspect()
+        turned_deg, ahead_m = gained_deg - before_deg, self._motion.ahead_m - before_m
+        self.sides.update(tick, turned_deg, ahead_m, trusted=not (anomalies or doubtful), doubtful=doubtful)
+        conditions += self.sides.conditions + turning
         if anomalies or conditions:
             tick.anomalies, tick.conditions = tuple(anomalies), tuple(conditions)
 
     def begin_mission(self) -> None:
-        """Forget failed turns from before the rover was armed: a person has looked at it since."""
+        """Forget failed turns and sides from before the rover was armed: a person has looked at it since."""
+        self.sides.reset()
         self._turns.reset()
 
     def _start(self, t_s: float) -> None:

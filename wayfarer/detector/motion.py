@@ -22,6 +22,12 @@ MOST_SHARE: Final = 1.1
 NO_COMPASS_SHARE: Final = 0.4
 
 
+# A body that moves by less than this share of its commands is slow: with one dead side it is half as fast. Judged over
+# about so many metres commanded. From no source; a self-test decides.
+SLOW_SHARE: Final = 0.55
+SLOW_OVER_M: Final = 5.0
+
+
 class MotionMonitor:
     """Passes plausible readings to ``stall`` and ``runaway``, and measures how long there was none.
 
@@ -49,11 +55,17 @@ class MotionMonitor:
         self.moves = self.stride_over = False
         self.reading: MotionReading | None = None
         self.ahead_m = 0.0
+        self._mean_share = 1.0  # of the commanded distance that the body was seen to move
         self._commanded_m = self._before_m = self._undriven_s = 0.0
         # Since the last reading: the mean distance commanded of the sides, ahead and back both positive; how much
         # further the left side was commanded than the mean of both; how far the body turned.
         self._pushed_m = self._led_m = self._turned_deg = 0.0
         self._driven_t_s = self._spoke_t_s = self._moved_t_s = 0.0
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether the body has moved far less than commanded for some metres."""
+        return self._mean_share < SLOW_SHARE
 
     def start(self, t_s: float) -> None:
         """Begin all ages now."""
@@ -137,6 +149,7 @@ class MotionMonitor:
             self.runaway.clear()
             return
         self._moved_t_s = read_t_s
+        self._mean_share += (min(abs(forward_m), distance_m) - self._mean_share * distance_m) / SLOW_OVER_M
         if signed:
             self.ahead_m += forward_m
         self.moves = abs(forward_m) >= self._seen_from_m_s * dt_s

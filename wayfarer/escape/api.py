@@ -113,6 +113,28 @@ class Vehicle:
         return WheelCommand(left_m_s / full_m_s, right_m_s / full_m_s)
 
 
+class SideGains(NamedTuple):
+    """What each side of the wheels contributes, as a share of the better one: 0 (dead) to 1."""
+
+    left: float
+    right: float
+
+    def compensate(self, wheels: WheelCommand) -> WheelCommand:
+        """Return the duties that move the body as ``wheels`` would move one with two healthy sides, or slower.
+
+        A dead side is not driven. The other one then drags it along, with twice its own duty: straight on where the
+        ground takes up the turn, else in an arc. So it turns the body towards the dead side ahead, and away from it
+        backwards. The heading loop of the manoeuvres finds the duty at which the body goes straight.
+        """
+        left, right = wheels
+        if self.left <= 0.0 or self.right <= 0.0:
+            left, right = (0.0, 2.0 * right) if self.left <= 0.0 else (2.0 * left, 0.0)
+        else:
+            left, right = left / self.left, right / self.right
+        most = max(abs(left), abs(right), 1.0)
+        return WheelCommand(left / most, right / most)
+
+
 @dataclass(frozen=True, slots=True)
 class EscapeSettings:
     """The numbers of the manoeuvres.

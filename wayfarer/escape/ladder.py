@@ -1,8 +1,8 @@
 """The ladder: what a rover tries that makes no progress with its algorithm, instead of giving up.
 
-Each *rung* is a short series of wheel commands that the algorithms do not have: the other side, full duty, rocking, a
-long way back, a random turn (recovery behaviours: Nav2's default tree, Ardumower Sunray). After each rung the algorithm
-has its turn again. After the last one the rover rests, so that motors and board cool, and then begins again; each rest
+Each *rung* is a short series of wheel commands that the algorithms do not have: a self-test of both sides, the other
+side, full duty, rocking, a long way back, a random turn (recovery behaviours: Nav2's default tree, Ardumower Sunray).
+After each rung the algorithm has its turn again. After the last one the rover rests, so that motors and board cool, and then begins again; each rest
 is longer than the one before. A rover that makes progress begins with the first rung the next time.
 
 Pure: time comes in as ``Observation.t_s``, chance from a generator of its own with a fixed seed, so that a log replays.
@@ -33,10 +33,29 @@ class Rung(NamedTuple):
     random: bool = False
 
 
+# The self-test: each side alone, ahead and then back, so that the body ends where it began; ``detector.sides`` judges
+# it. The pauses let the body come to rest and a compass that lags catch up (0.4 s: issue of tilt-compensated parts
+# under vibration). If something holds the body at half the duty, all of it may move the body.
+PULSE_S: Final = 0.3
+PAUSE_S: Final = 0.4
+
+
+def self_test(duty: float) -> Rung:
+    """Return the self-test at this duty, above 0 to 1."""
+    half = duty / 2.0
+    pulses = ((half, half), (half, -half), (-half, -half), (-half, half))  # left and right ahead, left and right back
+    pause = Step(PAUSE_S, 0.0, 0.0)
+    return Rung("self_test", tuple(step for ahead, turn in pulses for step in (Step(PULSE_S, ahead, turn), pause)))
+
+
+SELF_TEST: Final = self_test(0.5)
+FULL_SELF_TEST: Final = self_test(1.0)
+
 # No step is longer than 3 s, for which motors may be held (fault catalogue, faults 29 and 58). The duties are shares of
 # what the gate allows. The times are from no source: at 1 m/s and 180 degrees a second they are some body lengths, and
 # turns of a quarter to three quarters.
 RUNGS: Final = (
+    SELF_TEST,
     Rung("ladder.other_side", (Step(0.6, -0.6, 0.0), Step(1.0, 0.0, 0.8), Step(0.8, 0.6, 0.0))),
     Rung("ladder.full_duty", (Step(1.5, -1.0, 0.0), Step(1.5, 0.0, 1.0), Step(1.0, 1.0, 0.0))),
     Rung("ladder.rock", (*(Step(0.5, 1.0, 0.0), Step(0.5, -1.0, 0.0)) * 4, Step(1.0, 0.0, 1.0))),
@@ -52,7 +71,10 @@ _HARMLESS: Final = (Anomaly.IMMOBILISED, Anomaly.TOUCHED)  # to push against som
 
 
 class Ladder:
-    """Climbs one rung after the other; ``begun`` is whether a rung was climbed since the last progress."""
+    """Climbs one rung after the other; ``begun`` is whether a rung was climbed since the last progress.
+
+    ``rung`` is the one that is being climbed, None where the algorithm drives.
+    """
 
     def __init__(self) -> None:
         self.reset()
@@ -69,12 +91,7 @@ class Ladder:
         self.begun = False
         self._next = 0
         self._rest_s = REST_S
-        self._rung: Rung | None = None
-
-    @property
-    def climbs(self) -> bool:
-        """Whether a rung is being climbed."""
-        return self._rung is not None
+        self.rung: Rung | None = None
 
     def rests(self, t_s: float) -> bool:
         """Return whether the rover rests now."""
@@ -86,10 +103,19 @@ class Ladder:
             self._rest_now(t_s)
             return
         self.begun = True
-        self._rung = rung = RUNGS[self._next]
+        self._begin(RUNGS[self._next])
         self._next += 1
+
+    def test(self, rung: Rung) -> None:
+        """Begin a self-test now; it is no step on the ladder."""
+        self._begin(rung)
+
+    def _begin(self, rung: Rung) -> None:
+        self.rung = rung
         self._step, self._ends_t_s = -1, 0.0
         self._side, self._share = -self._last_turn, 1.0
+        if rung.name == SELF_TEST.name:
+            self._side = 1.0
         if rung.random:
             self._side, self._share = self._rng.choice((-1.0, 1.0)), self._rng.uniform(LEAST_TURN, 1.0)
 
@@ -99,32 +125,46 @@ class Ladder:
         self._rest_until_s = t_s + self._rest_s
         self._rest_s = min(2.0 * self._rest_s, REST_MAX_S)
 
-    def decide(self, observation: Observation) -> Decision | None:
-        """Return the decision for this tick, None where no rung is being climbed."""
-        rung = self._rung
+    def decide(self, t_s: float, observation: Observation) -> Decision | None:
+        """Return the decision for this tick, None where no rung is being climbed.
+
+        ``t_s`` is the time without holds. The clock of ``observation`` also stands while a rung is being climbed.
+        """
+        rung = self.rung
         if rung is None:
             self._note_turn(observation.applied)
             return None
-        if self._step < 0 or observation.t_s >= self._ends_t_s or self._tilts(observation):
+        if self._step < 0 or t_s >= self._ends_t_s or self._tilts(observation, rung.steps[self._step]):
             self._step += 1
             if self._step == len(rung.steps):
-                self._rung = None
+                self.rung = None
                 return None
-            self._begin_step(observation, rung.steps[self._step])
+            step = rung.steps[self._step]
+            self._ends_t_s = t_s + step.for_s * (self._share if step.turn else 1.0)
+            self._known = observation.anomalies
         step = rung.steps[self._step]
         turn = self._side * step.turn
-        phase = Phase.TURN_AWAY if step.turn else Phase.BACK_OFF if step.ahead < 0.0 else Phase.STRIDE
-        return Decision(WheelCommand(step.ahead + turn, step.ahead - turn), phase, rung.name)
+        return Decision(WheelCommand(step.ahead + turn, step.ahead - turn), _phase_of(step), rung.name)
 
-    def _begin_step(self, observation: Observation, step: Step) -> None:
-        self._ends_t_s = observation.t_s + step.for_s * (self._share if step.turn else 1.0)
-        self._known = observation.anomalies
+    def _tilts(self, observation: Observation, step: Step) -> bool:
+        """Return whether this step tilts the body: it must not be pushed over.
 
-    def _tilts(self, observation: Observation) -> bool:
-        """Return whether this step tilts the body: it must not be pushed over."""
-        return any(each not in _HARMLESS and each not in self._known for each in observation.anomalies)
+        A body that was tilted before may go on, but not further up what it has climbed.
+        """
+        anomalies = observation.anomalies
+        if (step.ahead > 0.0 and Anomaly.NOSE_UP in anomalies) or (step.ahead < 0.0 and Anomaly.NOSE_DOWN in anomalies):
+            return True
+        return any(each not in _HARMLESS and each not in self._known for each in anomalies)
 
     def _note_turn(self, applied: WheelCommand | None) -> None:
         """Remember the side of the algorithm's last turn on the spot."""
         if applied is not None and applied.left * applied.right < 0.0:
             self._last_turn = 1.0 if applied.left > applied.right else -1.0
+
+
+def _phase_of(step: Step) -> Phase:
+    if step.turn:
+        return Phase.TURN_AWAY
+    if step.ahead:
+        return Phase.BACK_OFF if step.ahead < 0.0 else Phase.STRIDE
+    return Phase.HALT

@@ -41,8 +41,9 @@ class Condition(Enum):
     CONTACT_STALE = "contact_stale"
     OVERTURNED = "overturned"
     RUNAWAY = "runaway"
-    DRIVE_ASYMMETRY = "drive_asymmetry"
-    DRIVE_FAILED = "drive_failed"
+    DRIVE_SUSPECTED = "drive_suspected"
+    DRIVE_WEAK = "drive_weak"
+    DRIVE_REVERSED = "drive_reversed"
     CANNOT_TURN = "cannot_turn"
     ENTRAPPED = "entrapped"
     NO_PROGRESS = "no_progress"
@@ -76,8 +77,9 @@ LEVELS: Final[Mapping[Condition, Level]] = {
     Condition.CONTACT_STALE: Level.DEGRADE,
     Condition.OVERTURNED: Level.FAULT,
     Condition.RUNAWAY: Level.FAULT,
-    Condition.DRIVE_ASYMMETRY: Level.DEGRADE,
-    Condition.DRIVE_FAILED: Level.FAULT,
+    Condition.DRIVE_SUSPECTED: Level.DEGRADE,
+    Condition.DRIVE_WEAK: Level.DEGRADE,
+    Condition.DRIVE_REVERSED: Level.FAULT,
     Condition.CANNOT_TURN: Level.NOTE,
     Condition.ENTRAPPED: Level.FAULT,
     Condition.NO_PROGRESS: Level.DEGRADE,
@@ -104,6 +106,7 @@ HOLDING_LEVELS: Final[Mapping[Condition, Level]] = {
     Condition.MOTION_LOST: Level.HOLD,
     Condition.MOTION_GONE: Level.FAULT,
     Condition.CONTACT_STALE: Level.HOLD,
+    Condition.DRIVE_WEAK: Level.FAULT,
     Condition.POWER_UNSTABLE: Level.HOLD,
 }
 

@@ -1,0 +1,243 @@
+"""Watches what each side of the wheels contributes, and judges the self-test of a side that seems not to drive.
+
+*Watching* only raises a suspicion. Ground may hold a turn back by any amount, so a body that turns less than commanded
+shows nothing. No ground turns it further than commanded, or the other way; a dead, weak or reversed side does, and so
+does a trunk that the body slides along. *The self-test* decides (``escape.ladder``): each side alone, ahead and back,
+compared with the other one. Nothing is concluded without it.
+"""
+
+from __future__ import annotations
+
+from math import degrees, inf
+from typing import Final
+
+from wayfarer.escape.api import SideGains, Vehicle
+from wayfarer.safety.conditions import Condition
+from wayfarer.safety.tick_interval import TickInterval
+
+# -- watching ------------------------------------------------------------------------------------------------------
+# No source for these: in 0.8 s a dead side of the slowest shipped rover turns it by 40 degrees, while noise and unequal
+# sides turn it by some 4 (one standard deviation). A false suspicion costs a self-test of 3 s, once in a while.
+MEMORY_S: Final = 0.8
+LEAST_DEG: Final = 12.0
+LEAST_M: Final = 0.1
+LEAST_SHARE: Final = 0.35  # of what one side alone turns or moves the body
+# A trunk turns a body before it holds it. If an anomaly follows so soon, it was a trunk.
+CONFIRM_S: Final = 0.5
+# One side that obeys gives at most 1. Beyond this the other side adds to it, the wrong way.
+REVERSED_SHARE: Final = 1.3
+BODY_LAG_S: Final = 0.1  # as ``escape.turn_control.LAG_S``
+
+# -- judging the self-test: responses are shares of what ideal ground gives ----------------------------------------
+RESPONDS: Final = 0.2  # a side that moves the body by less than this shows nothing: something may hold the body
+OPPOSES: Final = -0.25  # in both directions: such a side does the opposite of what it is told; four times the noise
+WEAK_SHARE: Final = 0.4  # of the response of the other side; healthy sides differ by some 10 %
+DEAD_SHARE: Final = 0.25  # below it a side is not used at all
+PUSHES_FROM: Final = 0.1  # duty from which a side counts as commanded
+# Tested again after a minute, then after twice as long, up to 8 minutes: a blocked wheel may come free, and a healthy
+# rover must not spend its time on tests (senses.md, part B: a fault written off for good was wrong on Mars as well).
+AGAIN_S: Final = 60.0
+AGAIN_MAX_S: Final = 480.0
+UNDECIDED_AGAIN_S: Final = 10.0  # where the body was held: some metres further on
+
+
+class Excess:
+    """How far the body goes beyond its commands, in one direction of motion: leaky sums over ``MEMORY_S``."""
+
+    def __init__(self) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._positive = self._negative = self._observed = 0.0
+
+    def update(self, keep: float, commanded: float, observed: float) -> float:
+        """Take in a tick, in any unit; return how far what was observed lies outside of what was commanded.
+
+        Commands both ways are summed separately: a body may follow the one and not the other.
+        """
+        if commanded > 0.0:
+            self._positive += commanded
+        else:
+            self._negative -= commanded
+        self._positive *= keep
+        self._negative *= keep
+        self._observed = total = (self._observed + observed) * keep
+        return max(total - self._positive, -total - self._negative)
+
+
+class DriveWatch:
+    """Compares turn and motion of the body with the commands; ``suspects`` is whether a side seems not to obey."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._deg_s_per_duty = degrees(vehicle.max_speed_m_s / vehicle.track_m)  # of one side alone
+        self._m_s_per_duty = vehicle.max_speed_m_s / 2.0
+        self._left = self._right = 0.0
+        self._turn, self._motion = Excess(), Excess()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget: nothing is known of the time before now."""
+        self.suspects = False
+        self._confirm_at_s = inf
+        self._one_side = 0.0  # duty of the stronger side, summed in the same way
+        self._turn.clear()
+        self._motion.clear()
+
+    def update(self, interval: TickInterval, turned_deg: float, ahead_m: float, *, trusted: bool) -> None:
+        """Take in a tick: the commands before it, and what the body did since the last one.
+
+        A tick is ``trusted`` unless the heading is in doubt or there is an anomaly; others are forgotten.
+        """
+        driven_s, (left, right) = interval.driven_s, interval.commanded
+        share = driven_s / (driven_s + BODY_LAG_S)
+        left = self._left = self._left + (left - self._left) * share
+        right = self._right = self._right + (right - self._right) * share
+        if not trusted:
+            self.reset()
+            return
+        keep = MEMORY_S / (MEMORY_S + interval.dt_s)
+        turn_per, motion_per = self._deg_s_per_duty, self._m_s_per_duty
+        self._one_side = one_side = (self._one_side + max(abs(left), abs(right)) * driven_s) * keep
+        turn_deg = self._turn.update(keep, (left - right) * turn_per * driven_s, turned_deg)
+        motion_m = self._motion.update(keep, (left + right) * motion_per * driven_s, ahead_m)
+        beyond = max((turn_deg - LEAST_DEG) / turn_per, (motion_m - LEAST_M) / motion_per)
+        if beyond > 0.0:
+            self._suspect(interval.t_s, beyond, one_side)
+        if interval.t_s >= self._confirm_at_s:
+            self.suspects = True
+
+    def _suspect(self, t_s: float, beyond: float, one_side: float) -> None:
+        """Suspect a side that is beyond its commands by so much: at once, or if no anomaly follows."""
+        if beyond > REVERSED_SHARE * one_side:
+            self._confirm_at_s = t_s
+        elif beyond > LEAST_SHARE * one_side and self._confirm_at_s == inf:
+            self._confirm_at_s = t_s + CONFIRM_S - 1e-6  # sums of periods fall a rounding error short
+
+
+class SidePulses:
+    """What one side alone did to the body, ahead and back."""
+
+    def __init__(self) -> None:
+        self._commanded = [0.0, 0.0]  # duty seconds: ahead, back
+        self._turned_deg = [0.0, 0.0]  # positive as a side that obeys turns the body
+        self._moved_m = [0.0, 0.0]
+
+    def add(self, direction: int, duty_s: float, turned_deg: float, moved_m: float) -> None:
+        """Add a tick of a pulse: ``direction`` is 0 for ahead, 1 for back; ``duty_s`` is its duty times its length."""
+        self._commanded[direction] += duty_s
+        self._turned_deg[direction] += turned_deg
+        self._moved_m[direction] += moved_m
+
+    def responses(self, deg_s_per_duty: float, m_s_per_duty: float) -> tuple[float, float]:
+        """Return the response of each pulse as a share of ideal ground's; negative if the body turned the wrong way.
+
+        Ground that holds every turn still lets one side drag the other along, so motion ahead counts as well.
+        """
+        shares = []
+        for commanded, turned_deg, moved_m in zip(self._commanded, self._turned_deg, self._moved_m, strict=True):
+            if commanded <= 0.0:
+                shares.append(0.0)
+                continue
+            turned = turned_deg / (commanded * deg_s_per_duty)
+            moved = moved_m / (commanded * m_s_per_duty)
+            shares.append(min(turned, moved) if min(turned, moved) <= OPPOSES else max(turned, moved))
+        return shares[0], shares[1]
+
+
+class SideMonitor:
+    """Holds what is known of both sides.
+
+    ``gains`` is None while both sides count as healthy. ``conditions`` are those of this tick. The controller asks
+    ``wants_test``, calls ``begin_test``, drives the pulses of ``escape.ladder``, and calls ``end_test``.
+    """
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._watch = DriveWatch(vehicle)
+        self._deg_s_per_duty = degrees(vehicle.max_speed_m_s / vehicle.track_m)
+        self._m_s_per_duty = vehicle.max_speed_m_s / 2.0
+        self.reset()
+
+    def reset(self) -> None:
+        """Believe both sides: a person has armed the rover and has looked at it."""
+        self._watch.reset()
+        self._pulses: tuple[SidePulses, SidePulses] | None = None
+        self._side, self._direction = 0, 0
+        self._not_before_s = -inf
+        self._again_s = AGAIN_S
+        self._reversed = self._doubtful = False
+        self.gains: SideGains | None = None
+
+    @property
+    def conditions(self) -> tuple[Condition, ...]:
+        """What is wrong with the sides now."""
+        if self._reversed:
+            return (Condition.DRIVE_REVERSED,)
+        if self.gains is not None:
+            return (Condition.DRIVE_WEAK,)
+        return (Condition.DRIVE_SUSPECTED,) if self._watch.suspects else ()
+
+    def wants_test(self, t_s: float) -> bool:
+        """Return whether a self-test is due. Where the heading is in doubt it would show nothing."""
+        return (self._watch.suspects or self.gains is not None) and t_s >= self._not_before_s and not self._doubtful
+
+    def update(self, interval: TickInterval, turned_deg: float, ahead_m: float, *, trusted: bool, doubtful: bool) -> None:
+        """Take in a tick: the commands before it, how far the body turned and was seen to move ahead since then.
+
+        ``trusted`` is whether neither an anomaly nor a doubt about the heading is there, ``doubtful`` the latter alone.
+        """
+        self._doubtful = doubtful
+        if self._pulses is not None:
+            self._add(self._pulses, interval, turned_deg, ahead_m)
+        elif self.gains is None:
+            suspected = self._watch.suspects
+            self._watch.update(interval, turned_deg, ahead_m, trusted=trusted or suspected)
+            if self._watch.suspects and interval.t_s < self._not_before_s:
+                self._watch.reset()  # tested a moment ago, and found healthy
+
+    def suspect(self) -> None:
+        """Suspect a side for another reason: turns that fail, or a body that is far slower than commanded."""
+        if self._pulses is None:
+            self._watch.suspects = True
+
+    def _add(self, pulses: tuple[SidePulses, SidePulses], interval: TickInterval, turned_deg: float, ahead_m: float) -> None:
+        """Add a tick to the present pulse; a pause after it belongs to it, because a compass may lag."""
+        left, right = interval.commanded
+        duty = left + right
+        if abs(duty) >= PUSHES_FROM and (left == 0.0 or right == 0.0):
+            self._side, self._direction = (0 if right == 0.0 else 1), (0 if duty > 0.0 else 1)
+        ahead = 1.0 if self._direction == 0 else -1.0
+        way = ahead if self._side == 0 else -ahead  # the left side turns the body clockwise as it drives ahead
+        pulses[self._side].add(self._direction, abs(duty) * interval.driven_s, way * turned_deg, ahead * ahead_m)
+
+    def begin_test(self) -> None:
+        """Begin to judge the pulses that follow."""
+        self._pulses = (SidePulses(), SidePulses())
+        self._side = self._direction = 0
+
+    def end_test(self, t_s: float) -> bool:
+        """Judge the pulses; return whether they decided anything, or the body was held."""
+        assert self._pulses is not None
+        (ahead_l, back_l), (ahead_r, back_r) = (
+            pulses.responses(self._deg_s_per_duty, self._m_s_per_duty) for pulses in self._pulses
+        )
+        self._pulses = None
+        left, right = max(ahead_l, back_l), max(ahead_r, back_r)
+        self._watch.reset()
+        if left <= OPPOSES or right <= OPPOSES:
+            self._reversed = True
+            return True
+        best = max(left, right)
+        if best < RESPONDS:
+            self._not_before_s = t_s + UNDECIDED_AGAIN_S
+            return False
+        self._not_before_s = t_s + self._again_s
+        self._again_s = min(2.0 * self._again_s, AGAIN_MAX_S)
+        weak = min(left, right) < WEAK_SHARE * best
+        self.gains = SideGains(_gain(left / best), _gain(right / best)) if weak else None
+        return True
+
+
+def _gain(share: float) -> float:
+    """Return the gain of a side from its share of the response of the better one."""
+    return share if share >= DEAD_SHARE else 0.0
