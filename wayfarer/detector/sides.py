@@ -32,6 +32,7 @@ BODY_LAG_S: Final = 0.1  # as ``escape.turn_control.LAG_S``
 RESPONDS: Final = 0.2  # a side that moves the body by less than this shows nothing: something may hold the body
 OPPOSES: Final = -0.25  # in both directions: such a side does the opposite of what it is told; four times the noise
 WEAK_SHARE: Final = 0.4  # of the response of the other side; healthy sides differ by some 10 %
+CLEAR: Final = 0.4  # response of the other side from which this counts: noise is 0.06
 DEAD_SHARE: Final = 0.25  # below it a side is not used at all
 PUSHES_FROM: Final = 0.1  # duty from which a side counts as commanded
 # Tested again after a minute, then after twice as long, up to 8 minutes: a blocked wheel may come free, and a healthy
@@ -162,7 +163,7 @@ class SideMonitor:
         """Believe both sides: a person has armed the rover and has looked at it."""
         self._watch.reset()
         self._pulses: tuple[SidePulses, SidePulses] | None = None
-        self._side, self._direction = 0, 0
+        self._side, self._direction = -1, 0  # of the present pulse: -1 before the first, 0 left, 1 right
         self._not_before_s = -inf
         self._again_s = AGAIN_S
         self._reversed = self._doubtful = False
@@ -206,6 +207,8 @@ class SideMonitor:
         duty = left + right
         if abs(duty) >= PUSHES_FROM and (left == 0.0 or right == 0.0):
             self._side, self._direction = (0 if right == 0.0 else 1), (0 if duty > 0.0 else 1)
+        if self._side < 0:
+            return  # the body comes to rest
         ahead = 1.0 if self._direction == 0 else -1.0
         way = ahead if self._side == 0 else -ahead  # the left side turns the body clockwise as it drives ahead
         pulses[self._side].add(self._direction, abs(duty) * interval.driven_s, way * turned_deg, ahead * ahead_m)
@@ -213,7 +216,7 @@ class SideMonitor:
     def begin_test(self) -> None:
         """Begin to judge the pulses that follow."""
         self._pulses = (SidePulses(), SidePulses())
-        self._side = self._direction = 0
+        self._side = -1
 
     def end_test(self, t_s: float) -> bool:
         """Judge the pulses; return whether they decided anything, or the body was held."""
@@ -228,12 +231,12 @@ class SideMonitor:
             self._reversed = True
             return True
         best = max(left, right)
-        if best < RESPONDS:
+        weak = min(left, right) < WEAK_SHARE * best
+        if best < (CLEAR if weak else RESPONDS):
             self._not_before_s = t_s + UNDECIDED_AGAIN_S
             return False
         self._not_before_s = t_s + self._again_s
         self._again_s = min(2.0 * self._again_s, AGAIN_MAX_S)
-        weak = min(left, right) < WEAK_SHARE * best
         self.gains = SideGains(_gain(left / best), _gain(right / best)) if weak else None
         return True
 

@@ -34,8 +34,8 @@ class Rung(NamedTuple):
 
 
 # The self-test: each side alone, ahead and then back, so that the body ends where it began; ``detector.sides`` judges
-# it. The pauses let the body come to rest and a compass that lags catch up (0.4 s: issue of tilt-compensated parts
-# under vibration). If something holds the body at half the duty, all of it may move the body.
+# it. In the pauses the body comes to rest, and a compass that lags by as much catches up. Where half of the duty moves
+# nothing, all of it may. Times are from no source.
 PULSE_S: Final = 0.3
 PAUSE_S: Final = 0.4
 
@@ -45,7 +45,7 @@ def self_test(duty: float) -> Rung:
     half = duty / 2.0
     pulses = ((half, half), (half, -half), (-half, -half), (-half, half))  # left and right ahead, left and right back
     pause = Step(PAUSE_S, 0.0, 0.0)
-    return Rung("self_test", tuple(step for ahead, turn in pulses for step in (Step(PULSE_S, ahead, turn), pause)))
+    return Rung("self_test", (pause, *(step for ahead, turn in pulses for step in (Step(PULSE_S, ahead, turn), pause))))
 
 
 SELF_TEST: Final = self_test(0.5)
