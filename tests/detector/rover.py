@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from random import Random
 from typing import Any, NamedTuple
 
 from wayfarer.detector import Detector, DetectorSettings
@@ -22,6 +23,7 @@ FULL = WheelCommand(1.0, 1.0)
 BACK = WheelCommand(-1.0, -1.0)
 PIVOT = WheelCommand(1.0, -1.0)
 STEP_M = MAX_SPEED_M_S * TICK_S
+NOISE_M = 1e-4
 
 
 class Detection(NamedTuple):
@@ -42,6 +44,7 @@ class Rover:
         self.timer = IntervalTimer(SafetySettings().tick_late_s, vehicle.max_speed_m_s)
         self.t_s = 0.0
         self.armed = False
+        self._noise = Random(0)
         self.compass: CompassReading | None = None
         self.contact: ContactReading | None = None
 
@@ -60,8 +63,14 @@ class Rover:
         self.t_s += dt_s
         if compass:
             self.compass = CompassReading(self.t_s, 0.0, 0.0, 0.0, None)._replace(**fields)
-        motion = MotionReading(self.t_s, moved_m, 0.0, quality, signed) if moved_m is not None else None
+        motion = (
+            MotionReading(self.t_s, moved_m, self._noise_m(moved_m), quality, signed) if moved_m is not None else None
+        )
         return self.sees(Snapshot(self.t_s, self.compass, motion, self.contact), applied)
+
+    def _noise_m(self, moved_m: float) -> float:
+        """Return noise sideways: no sensor that sees ground that moves repeats a reading to the last digit."""
+        return self._noise.uniform(-NOISE_M, NOISE_M) if moved_m else 0.0
 
     def sees(self, snapshot: Snapshot, applied: WheelCommand = STOP) -> Detection:
         """One tick with any snapshot."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import cycle, repeat
+from math import inf
 from typing import Any
 
 import pytest
@@ -137,8 +140,62 @@ def test_stride_without_sight_ends_after_its_length_as_if_the_rover_were_stuck(b
 def test_stride_begins_again_when_the_ground_was_seen() -> None:
     rover = started()
     for _ in range(4):
-        assert rover.drive(50, quality=0.0) == [False] * 50
+        assert rover.drive(40, quality=0.0) == [False] * 40
         assert rover.tick(FULL, moved_m=STEP_M) == ALL_WELL
+
+
+def test_sure_zeros_now_and_then_do_not_begin_a_stride_again() -> None:
+    rover = started()
+    stuck = [rover.drive(1, quality=0.1 if n % 30 else 1.0)[0] for n in range(60)]
+    assert any(stuck)
+
+
+# -- readings that lie ------------------------------------------------------------------------------------------------
+
+
+def stuck_after(rover: Rover, readings_m: Iterator[tuple[float, float]]) -> float:
+    """Drive ahead with such readings, forward and right, until the rover counts as stuck; return after how long."""
+    for n, (forward_m, right_m) in zip(range(400), readings_m, strict=False):
+        t_s = rover.t_s = rover.t_s + TICK_S
+        motion = MotionReading(t_s, forward_m, right_m, 1.0)
+        compass = CompassReading(t_s, 0.0, 0.0, 0.0, None)
+        if Anomaly.IMMOBILISED in rover.sees(Snapshot(t_s, compass, motion, None), FULL).anomalies:
+            return (n + 1) * TICK_S
+    return inf
+
+
+@pytest.mark.parametrize(
+    "readings_m",
+    [
+        repeat((0.6 * STEP_M, 0.0003)),
+        cycle([(0.0, 0.0), (0.6 * STEP_M, 0.0)]),
+        cycle([(0.0, 0.0001), (0.0001, 0.0), (1.7 * STEP_M, 0.0)]),
+    ],
+    ids=["repeats to the last digit", "garbage in every second reading", "garbage in every third"],
+)
+def test_readings_that_no_driven_body_gives_are_doubted(readings_m: Iterator[tuple[float, float]]) -> None:
+    assert stuck_after(started(), readings_m) <= 5.0
+
+
+def test_body_that_stops_twice_at_something_is_believed() -> None:
+    rover = started()
+    for _ in range(2):
+        rover.drive(20, moved_m=STEP_M)
+        rover.drive(3)
+    rover.drive(3, moved_m=STEP_M)
+    assert rover.detector.motion is not None
+    assert rover.detector.motion.quality == 1.0
+
+
+def test_wheels_that_stand_begin_no_doubt_of_equal_readings() -> None:
+    """A rover that moves while it is commanded to stand is running away."""
+    rover = started()
+    found = set()
+    for _ in range(40):
+        t_s = rover.t_s = rover.t_s + TICK_S
+        compass = CompassReading(t_s, 0.0, 0.0, 0.0, None)
+        found.update(rover.sees(Snapshot(t_s, compass, MotionReading(t_s, 0.02, 0.0, 1.0), None)).conditions)
+    assert found == {Condition.RUNAWAY}
 
 
 def test_rover_without_motion_sensor_has_no_strides() -> None:

@@ -151,13 +151,28 @@ def test_low_quality_means_unknown_never_still(quality: float, claims: bool) -> 
     assert (True in found) is claims
 
 
-def test_doubtful_samples_count_as_driven() -> None:
-    """One in a window hides no stall, and two of four are too much doubt for one."""
+@pytest.mark.parametrize("unsure", [(1,), (2, 3), (1, 3)], ids=str)
+def test_readings_that_are_unsure_do_not_clear_what_the_sure_ones_said(unsure: tuple[int, ...]) -> None:
+    """Zeros, of which some of each four are unsure: the window grows until it has three that are sure."""
     rover = started()
-    rover.drive(3)
-    assert Anomaly.IMMOBILISED in rover.tick(FULL, quality=0.1).anomalies
-    assert rover.tick(FULL, quality=0.1).anomalies == ()
-    assert rover.drive(4) == [False, False, True, True]
+    found = [rover.tick(FULL, quality=0.1 if n % 4 in unsure else 1.0).anomalies for n in range(16)]
+    assert found[7] == (Anomaly.IMMOBILISED,)
+    assert all(found[7:])
+
+
+def test_readings_that_are_unsure_do_not_count_as_driven() -> None:
+    """One sure reading in ten, spread over a longer time than a motor may be held, is too little for a stall."""
+    rover = started()
+    for n in range(60):
+        assert rover.tick(FULL, quality=1.0 if n % 24 == 0 else 0.1).anomalies == () or n * STEP_M > 2.5
+
+
+@pytest.mark.parametrize("every", [2, 3, 5])
+def test_body_that_moves_is_not_stalled_by_unsure_zeros(every: int) -> None:
+    rover = started()
+    for n in range(80):
+        seen = {"moved_m": STEP_M, "quality": 1.0} if n % every == 0 else {"moved_m": 0.0, "quality": 0.1}
+        assert rover.tick(FULL, **seen).anomalies == ()
 
 
 GARBAGE_M = [0.03, 0.1, 0.24, 30.0]  # what a chip can see, what none can, what no rover goes, what nothing goes

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from math import inf
+from typing import Final
 
 from wayfarer.angles import wrap180
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.hal import CompassReading
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.debounce import Debounce
+
+# Headings that differ by no more count as equal: two steps of a CMPS14's 0.1 degrees.
+DITHER_DEG: Final = 0.2
 
 
 class CompassMonitor:
@@ -29,6 +33,7 @@ class CompassMonitor:
         self._read_t_s = -inf
         self._believed_t_s = 0.0
         self._heading_deg = self._pitch_deg = self._roll_deg = -1.0  # of the latest reading, also if it was rejected
+        self._values_deg = (-inf, -inf)  # the last two headings that were new
         self._equal_s = self._all_equal_s = 0.0  # turning while the rover moves; turning at all
         self._frozen = False
         self._low_since_s: float | None = None
@@ -70,11 +75,11 @@ class CompassMonitor:
             self._reject(t_s)  # impossible, however often it is repeated; the heading will soon be stale
             return
         since_s, self._read_t_s = read_t_s - self._read_t_s, read_t_s
-        if heading_deg != self._heading_deg:
+        if self._is_new(heading_deg):
             self._equal_s = self._all_equal_s = 0.0
             self._frozen = False
         else:
-            if pitch_deg != self._pitch_deg or roll_deg != self._roll_deg:
+            if heading_deg != self._heading_deg or pitch_deg != self._pitch_deg or roll_deg != self._roll_deg:
                 self._all_equal_s = 0.0
             self._frozen = max(self._equal_s, self._all_equal_s) >= self._settings.frozen_s
         self._heading_deg, self._pitch_deg, self._roll_deg = heading_deg, pitch_deg, roll_deg
@@ -83,6 +88,14 @@ class CompassMonitor:
         elif self._low_since_s is None:
             self._low_since_s = read_t_s
         self._weigh(t_s, since_s, reading)
+
+    def _is_new(self, heading_deg: float) -> bool:
+        """Return whether a heading is none of the last two values: a part that hangs may toggle between two."""
+        last_deg, other_deg = self._values_deg
+        if abs(wrap180(heading_deg - last_deg)) <= DITHER_DEG or abs(wrap180(heading_deg - other_deg)) <= DITHER_DEG:
+            return False
+        self._values_deg = (heading_deg, last_deg)
+        return True
 
     def _weigh(self, t_s: float, since_s: float, reading: CompassReading) -> None:
         """Accept a reading, unless the rover cannot have turned that far in the time since the previous reading."""

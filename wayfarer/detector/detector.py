@@ -82,7 +82,7 @@ class Detector:
             self.contact = self._contact.reading
         turning = self._turns.update(tick, gained_deg)
         if turning or self._motion.is_slow:
-            self.sides.suspect()
+            self.sides.suspect(t_s)
         turned_deg, ahead_m = gained_deg - before_deg, self._motion.ahead_m - before_m
         self.sides.update(tick, turned_deg, ahead_m, trusted=not (anomalies or doubtful), doubtful=doubtful)
         conditions += self.sides.conditions + turning

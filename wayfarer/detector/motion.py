@@ -7,7 +7,7 @@ from typing import Final
 
 from wayfarer.detector.runaway import RunawayMonitor
 from wayfarer.detector.settings import DetectorSettings
-from wayfarer.detector.sight import ZeroDoubt
+from wayfarer.detector.sight import ReadingDoubt, ZeroDoubt
 from wayfarer.detector.stall import StallMonitor
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import MotionReading
@@ -17,9 +17,9 @@ from wayfarer.safety.tick_interval import TickInterval
 # A reading counts for at most this share of the commanded distance of this or the previous reading (a rover may roll
 # on). A tenth is for noise.
 MOST_SHARE: Final = 1.1
-# Of ``blind_stride_m``, for a rover that knows neither motion nor tilt: at least two body lengths, so that it gets
-# around a trunk. From no source.
-NO_COMPASS_SHARE: Final = 0.4
+# Of ``blind_stride_m``, for a rover that knows neither motion nor tilt, and for one whose motion sensor lies: at least
+# two body lengths, so that it gets around a trunk. From no source.
+SHORT_SHARE: Final = 0.4
 
 
 # A body that moves by less than this share of its commands is slow: with one dead side it is half as fast. Judged over
@@ -49,10 +49,10 @@ class MotionMonitor:
         self._speed_max_m_s = settings.motion_speed_max_m_s
         self.stall = StallMonitor(settings)
         self.runaway = RunawayMonitor(settings)
-        self._zeros = ZeroDoubt()
+        self._zeros, self._readings = ZeroDoubt(), ReadingDoubt()
         self._stride_m = settings.blind_stride_m
         self._blind_m = 0.0
-        self.moves = self.stride_over = False
+        self.moves = self.stride_over = self._lies = False
         self.reading: MotionReading | None = None
         self.ahead_m = 0.0
         self._mean_share = 1.0  # of the commanded distance that the body was seen to move
@@ -92,24 +92,26 @@ class MotionMonitor:
             self._driven_t_s = t_s
         self._zeros.update(interval, turned_deg, reading)
         if reading is not None:
-            if self._zeros.doubts:
+            if reading.quality >= self._quality_min:
+                self._lies = self._readings.doubts(reading, abs(self._commanded_m))
+            if self._lies or self._zeros.doubts:
                 reading = reading._replace(quality=0.0)
             self._take(t_s, reading, conditions)
         self.reading = reading
-        self.stride_over = False
         if t_s - self._moved_t_s > self._stale_s:
             self._check_ages(t_s, conditions)
-            self._stride(interval.forward_m, conditions)
-        else:
-            self._blind_m = 0.0
+        self._stride(interval.forward_m, conditions)
         if self.runaway.found:
             conditions.append(Condition.RUNAWAY)
 
     def _stride(self, forward_m: float, conditions: list[Condition]) -> None:
-        """Add what was commanded ahead without sight. Without a compass tilt is unknown as well: strides are short."""
-        if self._watched and forward_m > 0.0:
+        """Add what was commanded ahead; only motion that is seen ends a stride, a few sure zeros do not."""
+        self.stride_over = False
+        if self.moves:
+            self._blind_m = 0.0
+        elif self._watched and forward_m > 0.0:
             self._blind_m += forward_m
-            share = NO_COMPASS_SHARE if Condition.HEADING_RECKONED in conditions else 1.0
+            share = SHORT_SHARE if self._lies or Condition.HEADING_RECKONED in conditions else 1.0
             if self._blind_m >= share * self._stride_m:
                 self._blind_m = 0.0
                 self.stride_over = True

@@ -94,12 +94,13 @@ class DriveWatch:
         share = driven_s / (driven_s + BODY_LAG_S)
         left = self._left = self._left + (left - self._left) * share
         right = self._right = self._right + (right - self._right) * share
-        if not trusted:
-            self.reset()
+        stronger = max(abs(left), abs(right))
+        if not trusted or stronger < PUSHES_FROM:
+            self.reset()  # a person may turn or push a rover that stands
             return
         keep = MEMORY_S / (MEMORY_S + interval.dt_s)
         turn_per, motion_per = self._deg_s_per_duty, self._m_s_per_duty
-        self._one_side = one_side = (self._one_side + max(abs(left), abs(right)) * driven_s) * keep
+        self._one_side = one_side = (self._one_side + stronger * driven_s) * keep
         turn_deg = self._turn.update(keep, (left - right) * turn_per * driven_s, turned_deg)
         motion_m = self._motion.update(keep, (left + right) * motion_per * driven_s, ahead_m)
         beyond = max((turn_deg - LEAST_DEG) / turn_per, (motion_m - LEAST_M) / motion_per)
@@ -182,7 +183,9 @@ class SideMonitor:
         """Return whether a self-test is due. Where the heading is in doubt it would show nothing."""
         return (self._watch.suspects or self.gains is not None) and t_s >= self._not_before_s and not self._doubtful
 
-    def update(self, interval: TickInterval, turned_deg: float, ahead_m: float, *, trusted: bool, doubtful: bool) -> None:
+    def update(
+        self, interval: TickInterval, turned_deg: float, ahead_m: float, *, trusted: bool, doubtful: bool
+    ) -> None:
         """Take in a tick: the commands before it, how far the body turned and was seen to move ahead since then.
 
         ``trusted`` is whether neither an anomaly nor a doubt about the heading is there, ``doubtful`` the latter alone.
@@ -190,18 +193,19 @@ class SideMonitor:
         self._doubtful = doubtful
         if self._pulses is not None:
             self._add(self._pulses, interval, turned_deg, ahead_m)
-        elif self.gains is None:
-            suspected = self._watch.suspects
-            self._watch.update(interval, turned_deg, ahead_m, trusted=trusted or suspected)
+        elif self.gains is None and not self._watch.suspects:
+            self._watch.update(interval, turned_deg, ahead_m, trusted=trusted)
             if self._watch.suspects and interval.t_s < self._not_before_s:
                 self._watch.reset()  # tested a moment ago, and found healthy
 
-    def suspect(self) -> None:
+    def suspect(self, t_s: float) -> None:
         """Suspect a side for another reason: turns that fail, or a body that is far slower than commanded."""
-        if self._pulses is None:
+        if self._pulses is None and t_s >= self._not_before_s:
             self._watch.suspects = True
 
-    def _add(self, pulses: tuple[SidePulses, SidePulses], interval: TickInterval, turned_deg: float, ahead_m: float) -> None:
+    def _add(
+        self, pulses: tuple[SidePulses, SidePulses], interval: TickInterval, turned_deg: float, ahead_m: float
+    ) -> None:
         """Add a tick to the present pulse; a pause after it belongs to it, because a compass may lag."""
         left, right = interval.commanded
         duty = left + right

@@ -1,13 +1,17 @@
-"""Doubts a motion sensor that reports zeros: an optical one that is blind looks like one on a body that stands.
+"""Doubts a motion sensor whose readings cannot be true: a doubted reading counts as unknown.
 
-Below a knee of brightness or texture the PMW3901 family reports exact zeros, often with a quality above every useful
-minimum (PX4 issues 28632 and 28648). Its readings alone cannot tell that from a body that a trunk holds. What the
-wheels do can: a body that is held ahead and behind cannot turn on the spot. One that did turn, and was driven ahead
-and back before, has moved, and its sensor has seen nothing of it.
+* **Zeros on a body that moves.** Below a knee of brightness or texture the PMW3901 family reports exact zeros, often
+  with a quality above every useful minimum (PX4 issues 28632 and 28648). Its readings alone cannot tell that from a
+  body that a trunk holds. What the wheels do can: a body that is held ahead and behind cannot turn on the spot. One
+  that did turn, and was driven ahead and back before, has moved, and its sensor has seen nothing of it.
+* **Readings that repeat to the last digit.** A sensor that sees ground that moves has noise on every reading.
+* **Readings that start and stop.** A body that is driven one way does not stand in every second reading. Fewer zeros
+  than that are frames that the sensor lost (585 of 1,331 in PX4 issue 28632), and the sum over a window is right.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from typing import Final
 
 from wayfarer.hal import MotionReading
@@ -17,6 +21,18 @@ from wayfarer.safety.tick_interval import TickInterval
 DRIVEN_M: Final = 0.1
 # Turned so far on the spot: as much as shows that a body can turn (``detector.turnable``).
 TURNED_DEG: Final = 9.0
+# So many equal readings in a row are no chance: at 5 mm a reading, a PMW3901's noise of 2 counts and more repeats one
+# reading in five.
+REPEATS: Final = 8
+REPEATS_FROM_M: Final = 0.005
+# A reading counts as standing below the one share of what was commanded, and as moving above the other. A body that
+# met something and came free again stopped once; three times within 2 s it did not. Half of the latest readings must be
+# zeros. From no source.
+STANDS_SHARE: Final = 0.1
+MOVES_SHARE: Final = 0.3
+STOPS: Final = 3
+STOPS_WITHIN_S: Final = 2.0
+LATEST: Final = 12
 
 
 class ZeroDoubt:
@@ -45,3 +61,38 @@ class ZeroDoubt:
         if self._ahead_m >= DRIVEN_M <= self._back_m:
             self._turned_deg += abs(turned_deg)
             self.doubts = self._turned_deg >= TURNED_DEG
+
+
+class ReadingDoubt:
+    """Says whether readings repeat, or start and stop, as no body does; other readings end the doubt."""
+
+    def __init__(self) -> None:
+        self._last_m = self._last_right_m = 0.0
+        self._repeats = 0
+        self._moved = False
+        self._stood = 0  # a bit for each of the latest readings, the newest lowest: 1 stood
+        self._stops_t_s: deque[float] = deque(maxlen=STOPS)
+
+    def doubts(self, reading: MotionReading, commanded_m: float) -> bool:
+        """Take in a reading, and the distance commanded for it, both ways positive; return whether it is doubted."""
+        t_s, forward_m, right_m, _, _ = reading
+        if forward_m != self._last_m or right_m != self._last_right_m or abs(forward_m) < REPEATS_FROM_M:
+            self._repeats = 0
+        elif commanded_m:
+            self._repeats += 1  # wheels that stand must not begin a doubt: motion is a runaway then
+        self._last_m, self._last_right_m = forward_m, right_m
+        if commanded_m:
+            self._count(t_s, abs(forward_m) / commanded_m)
+        stops_t_s = self._stops_t_s
+        stutters = len(stops_t_s) == STOPS and t_s - stops_t_s[0] <= STOPS_WITHIN_S
+        return self._repeats >= REPEATS or (stutters and 2 * self._stood.bit_count() >= LATEST)
+
+    def _count(self, t_s: float, share: float) -> None:
+        """Count a reading, as a share of what was commanded for it, as one of a body that stands, or moves."""
+        stands = share < STANDS_SHARE
+        self._stood = (self._stood << 1 | stands) & ((1 << LATEST) - 1)
+        if share >= MOVES_SHARE:
+            self._moved = True
+        elif self._moved and stands:
+            self._moved = False
+            self._stops_t_s.append(t_s)

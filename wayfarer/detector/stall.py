@@ -10,9 +10,9 @@ with what it *could* have moved, not with what was commanded:
   to drive this way. It slides along a trunk.
 
 Both are judged by sums over a window, not by single samples, so that one noise count cannot hide a stall and one zero
-cannot fake one. There is no result while the rover turns on the spot, just after the command has changed direction,
-while the body still moves in the other direction, or if too much of a window was not seen: **low quality means
-unknown, never still**.
+cannot fake one. There is no result while the rover turns on the spot, just after the command has changed direction, or
+while the body still moves in the other direction. **Low quality means unknown, never still**: what was not seen counts
+neither as standing nor as driven. The windows are then longer, until enough was seen.
 """
 
 from __future__ import annotations
@@ -25,6 +25,11 @@ from wayfarer.detector.settings import DetectorSettings
 # The possible distance must be well above what a sensor shows while the body stands: 4 to 5 standard deviations of a
 # PMW3901's counts over 0.3 s, at three times its noise.
 SEEN_FROM_M: Final = 0.01
+# Where a sensor is unsure now and then, the short window grows until it has so many readings that were seen, but not
+# beyond this. From no source: three zeros in a row of sure readings are no chance, and 3 s is how long a motor may be
+# held (fault catalogue, faults 29 and 58).
+LEAST_SEEN: Final = 3
+LONGEST_S: Final = 3.0
 # A body that turns faster than this in the short window does not stand: its speed ahead has become speed sideways. A
 # trunk turns a body by at most 67 degrees a second (measured in MuJoCo, friction 0.3).
 TURNS_FROM_DEG_S: Final = 70.0
@@ -33,7 +38,7 @@ TURNS_FROM_DEG_S: Final = 70.0
 class DrivingInterval:
     """An interval of driving; distances and speeds are positive in the direction that is commanded.
 
-    ``moved_m`` is None where nothing was seen; ``slid_m`` is to the right; ``gained_m_s`` is the speed that grip can
+    ``moved_m`` is None where nothing was sure; ``slid_m`` is to the right; ``gained_m_s`` is the speed that grip can
     add in this time; ``possible_m`` is the distance possible in it, calculated from the start of driving this way;
     ``before_m_s`` is the speed of the body before it.
     """
@@ -120,16 +125,20 @@ class StallMonitor:
             DrivingInterval(driven_s, commanded_m, moved_m, slid_m, turned_deg, gained_m_s, possible_m, before_m_s)
         )
         self._span_s += driven_s
-        self._moved_m += possible_m if moved_m is None else moved_m  # what was not seen counts as driven
-        self._could_m += possible_m
+        if moved_m is not None:
+            self._seen += 1
+            self._moved_m += moved_m
+            self._could_m += possible_m
         while self._span_s - self._intervals[0].driven_s >= self._nowhere_s:
             self._drop_oldest()
-        nowhere = self._span_s >= self._nowhere_s and self._too_little(self._moved_m, self._could_m)
+        enough = self._span_s >= self._nowhere_s and self._seen >= LEAST_SEEN
+        nowhere = enough and self._too_little(self._moved_m, self._could_m)
         self.found = nowhere or self._stands()
 
     def _begin(self) -> None:
         """Begin both windows again; the latest speeds are kept."""
         self._intervals.clear()
+        self._seen = 0
         self._span_s = self._moved_m = self._could_m = self._possible_m_s = 0.0
         self.found = False
 
@@ -137,37 +146,38 @@ class StallMonitor:
         """Take the oldest interval out of the long window."""
         oldest = self._intervals.popleft()
         self._span_s -= oldest.driven_s
-        self._moved_m -= oldest.possible_m if oldest.moved_m is None else oldest.moved_m
-        self._could_m -= oldest.possible_m
+        if oldest.moved_m is not None:
+            self._seen -= 1
+            self._moved_m -= oldest.moved_m
+            self._could_m -= oldest.possible_m
 
     def _stands(self) -> bool:
         """Return whether the body does not move: over the newest intervals that fill the short window."""
-        count, span_s, commanded_m, seen_m = 0, 0.0, 0.0, 0.0
+        count, seen, span_s, commanded_m, seen_m = 0, 0, 0.0, 0.0, 0.0
         for interval in reversed(self._intervals):
             count += 1
             span_s += interval.driven_s
-            commanded_m += interval.commanded_m
-            seen_m += interval.moved_m or 0.0
-            if span_s >= self._stands_s:
+            if interval.moved_m is not None:
+                seen += 1
+                commanded_m += interval.commanded_m
+                seen_m += interval.moved_m
+            if span_s >= self._stands_s and (seen >= LEAST_SEEN or seen == count):
                 break
         else:
             return False
-        if seen_m >= self._share * commanded_m:
+        if seen_m >= self._share * commanded_m or span_s > LONGEST_S:
             return False  # nearly every tick ends here: what was possible is at most what was commanded
         speed_m_s = self._intervals[-count].before_m_s
-        moved_m = could_m = slid_m = unseen_s = turned_deg = 0.0
+        moved_m = could_m = slid_m = turned_deg = 0.0
         for place in range(-count, 0):
             interval = self._intervals[place]
             possible_m, speed_m_s = _possible(speed_m_s, interval.driven_s, interval.commanded_m, interval.gained_m_s)
             could_m += possible_m
-            slid_m += interval.slid_m
             turned_deg += interval.turned_deg
-            if interval.moved_m is None:
-                unseen_s += interval.driven_s
-                moved_m += self._share * possible_m  # an interval not seen counts neither for nor against standing
-            else:
-                moved_m += interval.moved_m
-        if unseen_s >= self._share * span_s or abs(turned_deg) > TURNS_FROM_DEG_S * span_s:
+            slid_m += interval.slid_m
+            # An interval that was not seen counts neither for nor against standing.
+            moved_m += self._share * possible_m if interval.moved_m is None else interval.moved_m
+        if abs(turned_deg) > TURNS_FROM_DEG_S * span_s:
             return False
         return self._too_little(max(moved_m, abs(slid_m)), could_m)  # a body that slides sideways does not stand
 

@@ -2,8 +2,9 @@
 
 Each *rung* is a short series of wheel commands that the algorithms do not have: a self-test of both sides, the other
 side, full duty, rocking, a long way back, a random turn (recovery behaviours: Nav2's default tree, Ardumower Sunray).
-After each rung the algorithm has its turn again. After the last one the rover rests, so that motors and board cool, and then begins again; each rest
-is longer than the one before. A rover that makes progress begins with the first rung the next time.
+After each rung the algorithm has its turn again. After the last one the rover rests, so that motors and board cool, and
+then begins again; each rest is longer than the one before. A rover that makes progress begins with the first rung the
+next time.
 
 Pure: time comes in as ``Observation.t_s``, chance from a generator of its own with a fixed seed, so that a log replays.
 """

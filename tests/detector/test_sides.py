@@ -1,0 +1,278 @@
+"""A dead, weak or reversed side: what raises a suspicion, and what the self-test makes of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import degrees, exp
+from random import Random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.detector.rover import BACK, FULL, PIVOT, VEHICLE, Rover, started
+from wayfarer.angles import wrap360
+from wayfarer.detector.sides import AGAIN_S, UNDECIDED_AGAIN_S, SideMonitor
+from wayfarer.escape.api import SideGains
+from wayfarer.escape.ladder import FULL_SELF_TEST, SELF_TEST, Rung
+from wayfarer.hal import STOP, WheelCommand
+from wayfarer.safety.conditions import Condition
+from wayfarer.safety.tick_interval import TickInterval
+
+PERIOD_S = 0.05
+DEG_S = degrees(VEHICLE.max_speed_m_s / VEHICLE.track_m)  # of one side at full duty
+HEALTHY, DEAD_LEFT, DEAD_RIGHT, REVERSED_LEFT, MIXED_UP = (1.0, 1.0), (0.0, 1.0), (1.0, 0.0), (-1.0, 1.0), (-1.0, -1.0)
+CURVE = WheelCommand(1.0, 0.6)
+SUSPECTED = (Condition.DRIVE_SUSPECTED,)
+
+
+class Chassis:
+    """A rover whose sides turn ``gains`` times as fast as commanded.
+
+    ``grip`` is the turn duty that the ground takes up. The heading follows the wheels with ``lag_s``, and the compass
+    reads it ``late_ticks`` later.
+    """
+
+    def __init__(self, gains: tuple[float, float], lag_s: float = 0.1, noise_deg: float = 0.0, seed: int = 0) -> None:
+        self.rover = started()
+        self.gains = gains
+        self.grip = 0.0
+        self.late_ticks = 0
+        self.blind = False  # its motion sensor is silent
+        self._keeps = exp(-PERIOD_S / lag_s)
+        self._noise_deg, self._chance = noise_deg, Random(seed)
+        self._left = self._right = self.heading_deg = 0.0
+        self._headings_deg = [0.0]
+
+    @property
+    def sides(self) -> SideMonitor:
+        return self.rover.detector.sides
+
+    def tick(self, wheels: WheelCommand, *, blocked: bool = False) -> tuple[Condition, ...]:
+        """Drive for a period and return the conditions; a blocked rover moves nowhere."""
+        self._left = wheels.left * self.gains[0] + (self._left - wheels.left * self.gains[0]) * self._keeps
+        self._right = wheels.right * self.gains[1] + (self._right - wheels.right * self.gains[1]) * self._keeps
+        moved_m = 0.0
+        if not blocked:
+            half = (self._left - self._right) / 2
+            turn = max(abs(half) - self.grip, 0.0) * (1.0 if half > 0.0 else -1.0)
+            self.heading_deg += 2 * turn * DEG_S * PERIOD_S
+            moved_m = (self._left + self._right) / 2 * PERIOD_S
+        self._headings_deg.append(self.heading_deg)
+        late_deg = self._headings_deg[max(0, len(self._headings_deg) - 1 - self.late_ticks)]
+        read_deg = wrap360(late_deg + self._chance.gauss(0.0, self._noise_deg))
+        seen_m = None if self.blind else moved_m
+        return self.rover.tick(wheels, seen_m, dt_s=PERIOD_S, heading_deg=read_deg).conditions
+
+    def drive(self, for_s: float, wheels: WheelCommand, *, blocked: bool = False) -> float | None:
+        """Drive until a side is suspected; return after how long, None where none was."""
+        for tick in range(round(for_s / PERIOD_S)):
+            if Condition.DRIVE_SUSPECTED in self.tick(wheels, blocked=blocked):
+                return (tick + 1) * PERIOD_S
+        return None
+
+    def test(self, rung: Rung = SELF_TEST, *, blocked: bool = False) -> bool:
+        """Do the self-test; return whether it decided."""
+        self.sides.begin_test()
+        for step in rung.steps:
+            for _ in range(round(step.for_s / PERIOD_S)):
+                self.tick(WheelCommand(step.ahead + step.turn, step.ahead - step.turn), blocked=blocked)
+        return self.sides.end_test(self.rover.t_s)
+
+
+# -- watching ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("gains", [DEAD_LEFT, DEAD_RIGHT, REVERSED_LEFT])
+@pytest.mark.parametrize("wheels", [FULL, BACK, CURVE])
+def test_side_that_does_not_turn_is_suspected_within_two_and_a_half_seconds_of_driving(
+    gains: tuple[float, float], wheels: WheelCommand
+) -> None:
+    chassis = Chassis(HEALTHY)
+    assert chassis.drive(3.0, wheels) is None
+    chassis.gains = gains
+    assert (chassis.drive(3.0, wheels) or 9.0) <= 2.5
+
+
+@pytest.mark.parametrize("gains", [REVERSED_LEFT, MIXED_UP, DEAD_LEFT])
+def test_side_that_does_not_obey_is_suspected_in_a_turn_on_the_spot(gains: tuple[float, float]) -> None:
+    assert (Chassis(gains).drive(2.0, PIVOT) or 9.0) <= 1.2
+
+
+def test_dead_side_on_ground_that_holds_every_turn_is_suspected_because_the_body_is_slow() -> None:
+    chassis = Chassis(DEAD_LEFT)
+    chassis.grip = 0.6
+    assert chassis.drive(20.0, FULL) is not None
+
+
+def test_side_that_lags_just_before_an_anomaly_is_a_trunk() -> None:
+    """A trunk turns the rover that runs into it, and then holds it."""
+    chassis = Chassis(DEAD_LEFT)
+    assert chassis.drive(0.4, FULL) is None
+    assert chassis.drive(1.0, FULL, blocked=True) is None
+
+
+@pytest.mark.parametrize("wheels", [PIVOT, WheelCommand(-1.0, 1.0), FULL])
+def test_turn_that_something_holds_is_the_forest(wheels: WheelCommand) -> None:
+    assert Chassis(HEALTHY).drive(1.0, wheels, blocked=True) is None
+
+
+def test_three_turns_that_fail_raise_a_suspicion() -> None:
+    chassis = Chassis(HEALTHY, noise_deg=0.3)
+    for n in range(3):
+        assert chassis.drive(0.7, PIVOT if n % 2 else WheelCommand(-1.0, 1.0), blocked=True) is None or n == 2
+    assert chassis.tick(PIVOT, blocked=True) == (*SUSPECTED, Condition.CANNOT_TURN)
+
+
+def test_rover_that_is_turned_or_carried_while_it_stands_is_not_suspected() -> None:
+    rover = started()
+    for tick in range(200):
+        assert Condition.DRIVE_SUSPECTED not in rover.tick(heading_deg=tick * 5.0 % 360.0).conditions
+
+
+def test_heading_in_doubt_suspects_nobody_and_waits_with_the_test() -> None:
+    chassis = Chassis(DEAD_LEFT)
+    assert chassis.drive(3.0, FULL) is not None
+    assert chassis.sides.wants_test(chassis.rover.t_s)
+    for _ in range(20):
+        chassis.rover.tick(FULL, compass=False)
+    assert not chassis.sides.wants_test(chassis.rover.t_s)
+
+
+WHEELS = st.builds(WheelCommand, st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+
+
+@given(
+    legs=st.lists(st.tuples(WHEELS, st.integers(1, 30), st.booleans()), max_size=12),
+    lag_s=st.floats(0.02, 0.2),
+    gains=st.tuples(st.floats(0.95, 1.05), st.floats(0.95, 1.05)),
+    grip=st.floats(0.0, 0.4),
+    seed=st.integers(0, 1000),
+)
+def test_no_drive_and_no_test_of_a_healthy_rover_ends_in_a_verdict_against_a_side(
+    legs: list[tuple[WheelCommand, int, bool]], lag_s: float, gains: tuple[float, float], grip: float, seed: int
+) -> None:
+    """For all commands, with any likely lag of its motors, unequal sides, a noisy compass, and things in its way."""
+    chassis = Chassis(gains, lag_s, noise_deg=1.0, seed=seed)
+    chassis.grip = grip
+    for wheels, ticks, blocked in legs:
+        for _ in range(ticks):
+            chassis.tick(wheels, blocked=blocked)
+        chassis.test(blocked=blocked)
+        assert set(chassis.sides.conditions) <= {Condition.DRIVE_SUSPECTED}
+
+
+# -- the self-test ----------------------------------------------------------------------------------------------------
+
+VERDICTS = {
+    HEALTHY: None,
+    (0.8, 1.0): None,
+    DEAD_LEFT: SideGains(0.0, 1.0),
+    DEAD_RIGHT: SideGains(1.0, 0.0),
+    (0.3, 1.0): SideGains(0.3, 1.0),
+}
+
+
+@pytest.mark.parametrize(("gains", "verdict"), VERDICTS.items(), ids=str)
+@pytest.mark.parametrize("blind", [False, True], ids=["sees", "blind"])
+def test_self_test_finds_a_dead_or_weak_side(
+    gains: tuple[float, float], verdict: SideGains | None, blind: bool
+) -> None:
+    chassis = Chassis(gains, noise_deg=0.3)
+    chassis.blind = blind
+    assert chassis.test()
+    assert (chassis.sides.gains is None) is (verdict is None)
+    assert tuple(chassis.sides.gains or HEALTHY) == pytest.approx(tuple(verdict or HEALTHY), abs=0.08)
+    assert chassis.sides.conditions == ((Condition.DRIVE_WEAK,) if verdict else ())
+
+
+@pytest.mark.parametrize("gains", [HEALTHY, (0.8, 1.0), DEAD_LEFT, DEAD_RIGHT], ids=str)
+@pytest.mark.parametrize("blind", [False, True], ids=["sees", "blind"])
+def test_self_test_with_a_compass_that_lags_by_almost_half_a_second_finds_a_dead_side(
+    gains: tuple[float, float], blind: bool
+) -> None:
+    """Some of the turn of a pulse is seen in the next one."""
+    chassis = Chassis(gains, noise_deg=0.3)
+    chassis.blind, chassis.late_ticks = blind, 8
+    assert chassis.test()
+    assert tuple(chassis.sides.gains or HEALTHY) == pytest.approx((max(gains[0], 0.0), gains[1]), abs=0.3)
+    assert (chassis.sides.gains is None) is (0.0 not in gains)
+
+
+@pytest.mark.parametrize("late_ticks", [0, 8], ids=["prompt", "late"])
+@pytest.mark.parametrize("gains", [REVERSED_LEFT, MIXED_UP, (1.0, -0.5)])
+def test_self_test_finds_a_side_that_does_the_opposite(gains: tuple[float, float], late_ticks: int) -> None:
+    chassis = Chassis(gains)
+    chassis.late_ticks = late_ticks
+    assert chassis.test()
+    assert chassis.sides.conditions == (Condition.DRIVE_REVERSED,)
+
+
+def test_self_test_on_ground_that_holds_every_turn_is_judged_by_the_distance() -> None:
+    chassis = Chassis(DEAD_LEFT)
+    chassis.grip = 0.6
+    assert chassis.test()
+    assert chassis.sides.gains == SideGains(0.0, 1.0)
+
+
+@pytest.mark.parametrize("gains", [HEALTHY, DEAD_LEFT, REVERSED_LEFT])
+def test_self_test_of_a_body_that_is_held_decides_nothing_and_is_due_again_soon(gains: tuple[float, float]) -> None:
+    chassis = Chassis(gains, noise_deg=0.3)
+    assert not chassis.test(blocked=True)
+    assert chassis.sides.conditions == ()
+    chassis.sides.suspect(chassis.rover.t_s)
+    assert not chassis.sides.wants_test(chassis.rover.t_s)
+    chassis.sides.suspect(chassis.rover.t_s + UNDECIDED_AGAIN_S)
+    assert chassis.sides.wants_test(chassis.rover.t_s + UNDECIDED_AGAIN_S)
+
+
+def test_what_moves_at_full_duty_only_is_judged_at_full_duty() -> None:
+    chassis = Chassis(HEALTHY)
+    chassis.grip, chassis.blind = 0.26, True
+    assert not chassis.test()
+    assert chassis.test(FULL_SELF_TEST)
+    assert chassis.sides.conditions == ()
+
+
+def test_healthy_rover_is_tested_again_after_growing_pauses() -> None:
+    chassis, pauses_s = Chassis(HEALTHY), []
+    for _ in range(6):
+        chassis.test()
+        t_s, pause_s = chassis.rover.t_s, 0.0
+        while not chassis.sides.wants_test(t_s + pause_s):
+            pause_s += 10.0
+            chassis.sides.suspect(t_s + pause_s)
+        pauses_s.append(pause_s)
+    assert pauses_s == [AGAIN_S, 2 * AGAIN_S, 4 * AGAIN_S, 8 * AGAIN_S, 8 * AGAIN_S, 8 * AGAIN_S]
+
+
+def test_weak_side_is_tested_again_and_may_have_come_free() -> None:
+    chassis = Chassis(DEAD_LEFT)
+    chassis.test()
+    assert not chassis.sides.wants_test(chassis.rover.t_s)
+    assert chassis.sides.wants_test(chassis.rover.t_s + AGAIN_S)
+    chassis.gains = HEALTHY
+    chassis.test()
+    assert chassis.sides.gains is None
+
+
+def test_arming_forgets_what_was_found() -> None:
+    chassis = Chassis(MIXED_UP)
+    chassis.test()
+    chassis.rover.detector.begin_mission()
+    assert chassis.tick(STOP) == ()
+
+
+def test_wide_rover_is_judged_by_its_own_dimensions() -> None:
+    """It turns half as fast, and that is all that its wheels were told."""
+    chassis = Chassis(HEALTHY)
+    chassis.rover = Rover(vehicle=replace(VEHICLE, track_m=VEHICLE.track_m / 4))
+    assert chassis.drive(2.0, CURVE) is None
+    assert chassis.drive(2.0, FULL) is None
+
+
+def test_pulse_of_no_length_shows_nothing() -> None:
+    sides = SideMonitor(VEHICLE)
+    sides.begin_test()
+    sides.update(TickInterval(1.0, STOP), 0.0, 0.0, trusted=True, doubtful=False)
+    assert not sides.end_test(1.0)
