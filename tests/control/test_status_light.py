@@ -15,7 +15,8 @@ from wayfarer.control.controller import Controller, Mode
 from wayfarer.control.status_light import LIGHT_HZ, OFF, colour
 from wayfarer.escape.api import Phase
 from wayfarer.hal import Colour
-from wayfarer.safety.conditions import LEVELS, Condition, Level
+from wayfarer.safety.conditions import Condition, Level
+from wayfarer.safety.responses import LEVELS
 
 COLOURS = {name: getattr(status_light, name.upper()) for name in ("blue", "yellow", "green", "white", "magenta", "red")}
 BLINKS_HZ = {"steady": 0.0, "slow": 1.0, "fast": 4.0}

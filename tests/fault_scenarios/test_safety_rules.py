@@ -20,8 +20,9 @@ from wayfarer.escape.handler import PhasedHandler
 from wayfarer.fault_scenarios.runner import run_scenario
 from wayfarer.fault_scenarios.scenario import Command, Expectation, ResponseLevel, Scenario
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.safety.conditions import LEVELS, Condition, Level
+from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.gate import Gate
+from wayfarer.safety.responses import LEVELS
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
 from wayfarer.simhal.faults.injector import EFFECTS

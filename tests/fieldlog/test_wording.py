@@ -37,6 +37,12 @@ EVENTS: list[tuple[str, dict[str, Any], str]] = [
      "The CMPS14 carried on after 3 bus errors, 1 garbage"),
     ("board_silent", {"error": "timeout"}, "The motor board did not answer: timeout"),
     ("motors_failed", {"error": "timeout"}, "The motors did not answer: timeout"),
+    ("motors_opened", {}, "The motor board was opened again: it answers, and its deadman is on"),
+    (
+        "motors_not_opened",
+        {"error": "timeout", "retry_in_s": 2.0},
+        "The motor board could not be opened again: timeout (tried again in 2 s)",
+    ),
     ("light_failed", {"error": "no pin"}, "The status light did not answer: no pin"),
     ("power", {"flags": "0x1", "text": "undervoltage"}, "The computer's supply: undervoltage, flags 0x1"),
     ("clock_step", {"by_s": -3600.2}, "The computer's clock was set by -3600 s"),

@@ -58,6 +58,8 @@ _ARMED: Final = Mode.ARMED
 _FAULT: Final = Level.FAULT
 _RUNAWAY: Final = Condition.RUNAWAY
 _WHEELS_ASTRAY: Final = frozenset({Condition.BOARD_DISAGREES, Condition.RUNAWAY})
+_BOARD_FAULT: Final = Condition.BOARD_FAULT
+_BOARD_FAILED: Final = frozenset({Condition.MOTORS_FAILED, Condition.BOARD_FAULT})
 
 
 class Controller:
@@ -65,7 +67,8 @@ class Controller:
 
     ``end`` is None until something ends the run; ``last`` is the record of the latest tick. ``power_reports`` takes the
     reports of the motor board and of the computer's supply; ``board`` is the monitor of the board's own reports.
-    ``levels`` are the severities of this rover's conditions.
+    ``levels`` are the severities of this rover's conditions. ``motor_failures`` counts the ticks whose command the
+    motors did not acknowledge.
     """
 
     def __init__(
@@ -107,6 +110,7 @@ class Controller:
         self._held_s = 0.0
         self._applied = STOP
         self._motors_failed = False
+        self.motor_failures = 0
         self._last_cause: Condition | None = None
 
     # -- commands ------------------------------------------------------------------------------------------------
@@ -154,6 +158,17 @@ class Controller:
     def power(self, t_s: float, flags: int | None) -> None:
         """Take the power flags of the computer's firmware, None where there are none; see ``supply.SupplyMonitor``."""
         self.power_reports.power(t_s, flags)
+
+    @property
+    def waits_for_motors(self) -> bool:
+        """Whether a mission waits until the motor board has been opened again."""
+        return self._motors_failed and self.mode is _ARMED
+
+    def motors_opened(self, t_s: float) -> None:
+        """Go on with a mission that waits: the motor board was opened again, and reports no fault."""
+        if self.waits_for_motors:
+            self._motors_failed = False
+            self._log.event("motors_opened", t_s)
 
     def finish(self, reason: str, text: str) -> None:
         """End the run; the first reason counts."""
@@ -207,12 +222,14 @@ class Controller:
             tick.conditions = tuple(condition for condition in tick.conditions if condition is not _RUNAWAY)
         if late:
             tick.conditions += (Condition.TICK_LATE,)
+        if self.power_reports.judge(tick.commanded):
+            tick.conditions += self.power_reports.conditions(tick.t_s)
+            if armed and _BOARD_FAULT in tick.conditions:
+                self._motors_failed = True  # once the fault has gone, the board is opened again like a silent one
         if self._motors_failed:
             tick.conditions += (Condition.MOTORS_FAILED,)
         if self.held:
             tick.conditions += (Condition.OPERATOR_HOLD,)
-        if self.power_reports.judge(tick.commanded):
-            tick.conditions += self.power_reports.conditions(tick.t_s)
         if armed and self._resume_warning.update(tick, tick.conditions):
             tick.conditions += (Condition.RESUME_WARNING,)
 
@@ -262,6 +279,8 @@ class Controller:
         stops = [condition.value for condition in conditions if self.levels[condition] >= Level.DEGRADE]
         if goal_heading_deg is not None and not stops:
             self._begin_mission(t_s, goal_heading_deg)
+        elif failed := next((each.value for each in conditions if each in _BOARD_FAILED), None):
+            self.disarm(t_s, f"fault: {failed}")  # arming has opened the board, so that it must not fail now
         elif arming.too_late(t_s):
             self.disarm(t_s, f"not armed: {', '.join(stops) or 'the heading did not settle'}")
 
@@ -276,11 +295,13 @@ class Controller:
         self._log.event("armed", t_s, goal_heading_deg=goal_heading_deg)
 
     def _lose_motors(self, t_s: float, error: DriverError) -> WheelCommand:
-        """Latch a fault: without an acknowledgement the state of the wheels is unknown. The board's deadman stops them.
+        """Hold the wheels until the board was opened again: without an acknowledgement their state is unknown.
 
-        A command that waits on the bus may still reach the board, so a stop is sent directly after it.
+        The board's deadman stops them. A command that waits on the bus may still reach the board, so a stop is sent
+        directly after it.
         """
         self._motors.halt()
+        self.motor_failures += 1
         if not self._motors_failed:
             self._log.event("motors_failed", t_s, error=str(error))
         self._motors_failed = True

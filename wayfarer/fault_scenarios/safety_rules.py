@@ -29,7 +29,8 @@ from wayfarer.escape.api import Anomaly, Observation, Phase
 from wayfarer.experiments.trial_setup import TrialSetup
 from wayfarer.fault_scenarios.recorder import after_each_step
 from wayfarer.hal import STOP, CompassReading, Side
-from wayfarer.safety.conditions import Condition, Level, levels_for
+from wayfarer.safety.conditions import Condition, Level
+from wayfarer.safety.responses import levels_for
 from wayfarer.simhal.chip_wiring import MotorBoard
 from wayfarer.simhal.faults.kinds import KINDS, Fault, Layer
 

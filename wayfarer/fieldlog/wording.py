@@ -35,8 +35,8 @@ class Tone(Enum):
 
 PERSON = {"arming", "armed", "disarmed", "hold", "resume", "goal", "mark"}
 WARNINGS = {
-    "arming_refused", "sensor_failed", "board_silent", "light_failed", "part_failed", "clock_step", "log_gap",
-    "viewer_failed", "close_hangs", "unclean_shutdown", "power",
+    "arming_refused", "sensor_failed", "board_silent", "motors_not_opened", "light_failed", "part_failed", "clock_step",
+    "log_gap", "viewer_failed", "close_hangs", "unclean_shutdown", "power",
 }  # fmt: skip
 FAULTS = {"motors_failed", "loop_stalled", "stop_not_confirmed", "control_error"}
 LEVEL_TONES = {"degrade": Tone.WARNING, "hold": Tone.WARNING, "fault": Tone.FAULT}
@@ -170,6 +170,8 @@ SENTENCES: Mapping[str, str] = {
     "part_troubles": "The {part} carried on after {counts}",
     "board_silent": "The motor board did not answer: {error}",
     "motors_failed": "The motors did not answer: {error}",
+    "motors_opened": "The motor board was opened again: it answers, and its deadman is on",
+    "motors_not_opened": "The motor board could not be opened again: {error}[ (tried again in {retry_in_s:.0f} s)]",
     "light_failed": "The status light did not answer: {error}",
     "power": "The computer's supply: {text}",
     "clock_step": "The computer's clock was set[ by {by_s:+.0f} s]",

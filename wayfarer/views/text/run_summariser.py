@@ -19,8 +19,8 @@ from wayfarer.views.text.summary import Mark, PeriodPercentiles, RunSummary
 LATE_S = SafetySettings().tick_late_s  # where a header does not tell
 # The events that tell of something that failed; ``sensor_failed`` is counted by sensor.
 FAILURES = {
-    "board_silent", "light_failed", "part_failed", "motors_failed", "loop_stalled", "stop_not_confirmed", "close_hangs",
-    "control_error", "viewer_failed",
+    "board_silent", "light_failed", "part_failed", "motors_failed", "motors_not_opened", "loop_stalled",
+    "stop_not_confirmed", "close_hangs", "control_error", "viewer_failed",
 }  # fmt: skip
 
 
