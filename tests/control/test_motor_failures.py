@@ -8,7 +8,7 @@ from tests.control.bench import TICK_S, Bench
 from tests.workshop import AHEAD
 from wayfarer.control.controller import Mode
 from wayfarer.errors import NotResponding, PowerLost
-from wayfarer.hal import STOP
+from wayfarer.hal import STOP, MotionReading
 from wayfarer.safety.conditions import Condition, Level
 
 WARNING_TICKS = 20  # 1 s, and the light blinks
@@ -138,3 +138,32 @@ async def test_fault_of_a_disarmed_rovers_board_keeps_it_from_nothing_once_it_ha
     await bench.board_says(12.0)
     assert bench.health == (Level.WELL, None)
     await bench.armed()
+
+
+async def seen_at(bench: Bench, speed_m_s: float, ticks: int) -> None:
+    """Let the motion sensor see the rover move ahead."""
+    for _ in range(ticks):
+        bench.buffers.motion.write(MotionReading(bench.t_s + TICK_S, speed_m_s * TICK_S, 0.0, 1.0))
+        await bench.tick()
+
+
+async def test_wheels_that_turn_until_the_boards_deadman_acts_are_no_runaway() -> None:
+    """It was told to stop, but the stop has not reached it."""
+    bench = await Bench().armed()
+    await seen_at(bench, 1.0, 10)
+    bench.motors.error = NotResponding("bench motors: no answer")
+    await seen_at(bench, 1.0, 18)
+    assert (bench.controller.mode, bench.health) == (Mode.ARMED, FAILED)
+    bench.motors.error = None
+    await seen_at(bench, 0.0, 20)
+    bench.controller.motors_opened(bench.t_s)
+    await seen_at(bench, 0.0, WARNING_TICKS + 2)
+    assert bench.wheels == AHEAD
+
+
+async def test_wheels_that_no_deadman_stops_are_a_runaway_soon_after() -> None:
+    bench = await Bench().armed()
+    await seen_at(bench, 1.0, 10)
+    bench.motors.error = NotResponding("bench motors: no answer")
+    await seen_at(bench, 1.0, 23)
+    assert (bench.controller.mode, bench.health) == (Mode.DISARMED, (Level.FAULT, Condition.RUNAWAY))

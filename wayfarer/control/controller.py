@@ -59,6 +59,9 @@ _FAULT: Final = Level.FAULT
 _RUNAWAY: Final = Condition.RUNAWAY
 _WHEELS_ASTRAY: Final = frozenset({Condition.BOARD_DISAGREES, Condition.RUNAWAY})
 _BOARD_FAULT: Final = Condition.BOARD_FAULT
+# A stop that the board did not acknowledge may not have reached it. Its deadman stops the wheels after 0.3 s at most
+# (as shipped); 0.5 s later motion has been seen to be over (fault catalogue, fault 30), by a camera 0.2 s after that.
+_UNHEARD_S: Final = 1.0
 _BOARD_FAILED: Final = frozenset({Condition.MOTORS_FAILED, Condition.BOARD_FAULT})
 
 
@@ -111,6 +114,7 @@ class Controller:
         self._applied = STOP
         self._motors_failed = False
         self.motor_failures = 0
+        self._unheard_until_s = 0.0
         self._last_cause: Condition | None = None
 
     # -- commands ------------------------------------------------------------------------------------------------
@@ -217,7 +221,8 @@ class Controller:
         armed, late = self.mode is _ARMED, tick.dt_s > self._late_s
         if armed:
             self._judge_progress(tick)
-        if tick.conditions and not armed and self._gate.cause is not _RUNAWAY:
+        may_move = not armed or tick.t_s < self._unheard_until_s
+        if tick.conditions and may_move and self._gate.cause is not _RUNAWAY:
             # A person may push a rover that is not armed; a rover that ran away is still stopped at each tick.
             tick.conditions = tuple(condition for condition in tick.conditions if condition is not _RUNAWAY)
         if late:
@@ -303,6 +308,7 @@ class Controller:
         self._motors.halt()
         self.motor_failures += 1
         if not self._motors_failed:
+            self._unheard_until_s = t_s + _UNHEARD_S
             self._log.event("motors_failed", t_s, error=str(error))
         self._motors_failed = True
         return STOP
