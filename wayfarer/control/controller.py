@@ -71,7 +71,7 @@ class Controller:
     ``end`` is None until something ends the run; ``last`` is the record of the latest tick. ``power_reports`` takes the
     reports of the motor board and of the computer's supply; ``board`` is the monitor of the board's own reports.
     ``levels`` are the severities of this rover's conditions. ``motor_failures`` counts the ticks whose command the
-    motors did not acknowledge.
+    motors did not acknowledge. ``cause_since_s`` is when the gate's present cause began, or the last one ended.
     """
 
     def __init__(
@@ -116,6 +116,7 @@ class Controller:
         self.motor_failures = 0
         self._unheard_until_s = 0.0
         self._last_cause: Condition | None = None
+        self.cause_since_s = 0.0
 
     # -- commands ------------------------------------------------------------------------------------------------
 
@@ -314,7 +315,8 @@ class Controller:
         return STOP
 
     def _note_health(self, t_s: float, level: Level, cause: Condition | None) -> None:
-        self._last_cause = cause
+        if cause is not self._last_cause:
+            self._last_cause, self.cause_since_s = cause, t_s
         self._log.event("health", t_s, level=level.name.lower(), cause=cause.value if cause is not None else None)
         if level is Level.FAULT and self.mode is not Mode.DISARMED:
             self.disarm(t_s, f"fault: {cause.value if cause is not None else 'unknown'}")

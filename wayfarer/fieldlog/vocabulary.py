@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.escape.phases import PhaseEvent
 from wayfarer.safety.conditions import Condition, Level
-from wayfarer.safety.responses import RESPONSES
+from wayfarer.safety.responses import RESPONSES, Said, said_of
 
 PHASE_TEXTS: Mapping[str, str] = {
     Phase.FOLLOW.value: "Follows the goal heading",
@@ -100,6 +100,28 @@ def level_text(level: str, cause: str | None) -> str:
     if cause == Condition.OPERATOR_HOLD.value:
         return "Wheels held until Resume"
     return LEVEL_TEXTS.get(level, level)
+
+
+def response_text(level: object, cause: object) -> str:
+    """Return what an armed rover does because of a condition, and until when: "it stands, until a tick comes in time".
+
+    Empty where the names are unknown, as they may be in a log.
+    """
+    said = _said(level, cause)
+    return "" if said is None else f"it {said.does}, until {said.ends_when}"
+
+
+def ends_text(level: object, cause: object) -> str:
+    """Return what must happen for a condition to end, as a clause; empty where the names are unknown."""
+    said = _said(level, cause)
+    return "" if said is None else said.ends_when
+
+
+def _said(level: object, cause: object) -> Said | None:
+    try:
+        return said_of(Condition(cause), Level[str(level).upper()])
+    except (ValueError, KeyError):
+        return None
 
 
 def disarmed_text(reason: str) -> str:

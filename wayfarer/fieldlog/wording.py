@@ -18,7 +18,7 @@ from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.run_events import Ended, FaultInjected, Silence, event_name
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Fix
-from wayfarer.fieldlog.vocabulary import CAUSE_TEXTS, PART_TEXTS, disarmed_text, level_text
+from wayfarer.fieldlog.vocabulary import CAUSE_TEXTS, PART_TEXTS, disarmed_text, ends_text, level_text
 
 
 class Tone(Enum):
@@ -68,6 +68,8 @@ def event_text(event: Record) -> str:
     """
     what = event_name(event)
     details = {key: value for key, value in event.items() if key not in STAMP and value not in NOTHING}
+    if what == "health":
+        details["ends_when"] = ends_text(event.get("level"), event.get("cause"))
     if what in SENTENCES:
         template = UNREADABLE_RUN if what == "unclean_shutdown" and "error" in details else SENTENCES[what]
         return ", ".join([_filled(template, details), *starmap(detail_text, details.items())])
@@ -164,7 +166,7 @@ SENTENCES: Mapping[str, str] = {
     "resume": "Resumed by an operator",
     "goal": "A new goal: drives {goal_heading_deg}",
     "mark": "Mark: {text}",
-    "health": "{level}[: {cause}]",
+    "health": "{level}[: {cause}][. This ends when {ends_when}]",
     "sensor_failed": "The {sensor} failed: {error}[ (tried again in {retry_in_s:.1f} s)]",
     "part_failed": "The {part} did not open: {error}",
     "part_troubles": "The {part} carried on after {counts}",

@@ -63,7 +63,8 @@ _STANDS_FOR_COMPASS: Final = (
 )
 _COMPASS_IS_BACK: Final = "the compass is believed again, or the heading is reckoned"
 _BLIND: Final = "drives at most 3 m ahead at a time, then turns away as if it were stuck"
-_SEES: Final = "the motion sensor sees the ground move; it is opened again every 2 s if it is silent"
+_BLIND_AND_SILENT: Final = f"{_BLIND}; the sensor is opened again every 2 s"
+_SEES: Final = "the motion sensor sees the ground again"
 _DISARMS: Final = "stops and disarms"
 _ARMED_AGAIN: Final = "somebody arms the rover again"
 _OPENS_BOARD: Final = "stands, and opens the board again after 1, 2, 4 s and so on, up to 60 s"
@@ -91,20 +92,21 @@ RESPONSES: Final[Mapping[Condition, Response]] = {
         "drives on by its wheel commands and the turn response that it has learnt",
         "the compass has been believed for 1 s"),
     Condition.MOTION_STALE: Response(
-        Level.DEGRADE, Kind.IGNORANCE, "the motion sensor is silent", _BLIND, _SEES, Level.HOLD),
+        Level.DEGRADE, Kind.IGNORANCE, "the motion sensor is silent", _BLIND_AND_SILENT, _SEES, Level.HOLD),
     Condition.MOTION_UNKNOWN: Response(
         Level.DEGRADE, Kind.IGNORANCE, "the motion sensor's picture is too poor", _BLIND, _SEES),
     Condition.MOTION_LOST: Response(
         Level.DEGRADE, Kind.IGNORANCE, "the motion sensor's picture has been too poor for seconds",
         _BLIND, _SEES, Level.HOLD),
     Condition.MOTION_GONE: Response(
-        Level.DEGRADE, Kind.IGNORANCE, "the motion sensor has been silent for seconds", _BLIND, _SEES, Level.FAULT),
+        Level.DEGRADE, Kind.IGNORANCE, "the motion sensor has been silent for seconds",
+        _BLIND_AND_SILENT, _SEES, Level.FAULT),
     Condition.MOTION_IMPLAUSIBLE: Response(
         Level.NOTE, Kind.IGNORANCE, "motion readings are implausible",
         "drives on, and does not use such a reading", "the next reading is plausible"),
     Condition.CONTACT_STALE: Response(
-        Level.DEGRADE, Kind.IGNORANCE, "the bumper is silent", "drives on without it",
-        "the bumper answers; it is opened again every 2 s", Level.HOLD),
+        Level.DEGRADE, Kind.IGNORANCE, "the bumper is silent",
+        "drives on without it; the bumper is opened again every 2 s", "the bumper answers", Level.HOLD),
     Condition.OVERTURNED: Response(
         Level.FAULT, Kind.DANGER, "the rover lies on its side or roof", _DISARMS,
         f"it stands on its wheels and {_ARMED_AGAIN}"),
@@ -183,6 +185,21 @@ HOLDING_LEVELS: Final[Mapping[Condition, Level]] = {
 def levels_for(on_lost_sense: str) -> Mapping[Condition, Level]:
     """Return the severities for ``SafetySettings.on_lost_sense``: "continue" or "hold"."""
     return HOLDING_LEVELS if on_lost_sense == "hold" else LEVELS
+
+
+class Said(NamedTuple):
+    """What a rover does because of a condition, and what must happen for that to end; clauses as in ``Response``."""
+
+    does: str
+    ends_when: str
+
+
+def said_of(condition: Condition, level: Level) -> Said:
+    """Return the words for a condition of a rover for which it has this level."""
+    row = RESPONSES[condition]
+    if level is row.level:
+        return Said(row.does, row.ends_when)
+    return Said(_DISARMS, _ARMED_AGAIN) if level is Level.FAULT else Said("stands", row.ends_when)
 
 
 def worst(conditions: Iterable[Condition], levels: Mapping[Condition, Level] = LEVELS) -> Condition | None:

@@ -67,6 +67,7 @@ class RunSummariser:
             lasted_s=state.lasted_s,
             armed_s=state.armed_s,
             held_s=dict(state.held_s),
+            limited_s=dict(state.limited_s),
             commanded_m=state.commanded_m,
             reckoned_m=state.path_m,
             anomalies=dict(state.anomalies),
