@@ -49,7 +49,7 @@ class Adapter:
         return any(data for command, data in self.packets() if command != TIMEOUT_COMMAND)
 
 
-async def test_adapter_that_comes_back_gets_zeros_until_the_rover_is_armed_again() -> None:
+async def test_adapter_that_comes_back_gets_zeros_until_the_board_was_opened_again() -> None:
     adapter = Adapter()
     port = ThreadedSerial(BY_ID, adapter.open)
     buses: Any = SimpleNamespace(serial=lambda _name, baud: port)
@@ -63,7 +63,7 @@ async def test_adapter_that_comes_back_gets_zeros_until_the_rover_is_armed_again
 
     adapter.plugged = False
     await bench.tick(2)
-    assert bench.controller.mode is Mode.DISARMED
+    assert bench.controller.waits_for_motors
     (failed,) = bench.log.named("motors_failed")
     assert BY_ID in failed["error"]
     await bench.tick(20)
@@ -73,11 +73,11 @@ async def test_adapter_that_comes_back_gets_zeros_until_the_rover_is_armed_again
     assert adapter.opened == 2, "its name is the same, and so it is found again"
     assert adapter.writes
     assert not adapter.turns, "what waited for it is no motion"
-    assert bench.controller.mode is Mode.DISARMED
+    assert bench.controller.mode is Mode.ARMED
 
     await motors.open()
-    bench.controller.arm(bench.t_s, 0.0)
-    await bench.tick(5)
+    bench.controller.motors_opened(bench.t_s)
+    await bench.tick(25)  # the warning, and then it drives
     assert adapter.turns
     assert (TIMEOUT_COMMAND, 3) in adapter.packets(), "it has its deadman before it turns"
     motors.halt()

@@ -224,8 +224,8 @@ def supervisor(
     config = RoverConfig.model_validate({"name": "bench", "vehicle": VEHICLE, "anomaly_source": source})
     limits = {"start_delay_s": 0.0, "slew_per_s": 1000.0, **(safety or {})}
     config = config.model_copy(update={"safety": SafetySettings(**limits)})
-    bundle: dict[str, Any] = {"motion": Motion(shop, "motion")} | parts
-    rover = Rover(Compass(shop, "compass"), Motors(shop, "motors"), **bundle)
+    bundle: dict[str, Any] = {"motors": Motors(shop, "motors"), "motion": Motion(shop, "motion")} | parts
+    rover = Rover(Compass(shop, "compass"), **bundle)
     handler: EscapeHandler = Handler(shop)
     return Supervisor(rover, config, CATALOGUE[algorithm], handler, Log(shop))
 

@@ -93,7 +93,7 @@ class PowerLost(DriverError):
     """The part lost its power for a moment, and has forgotten its commands."""
 
     def __init__(self, where: str) -> None:
-        super().__init__(f"{where}: lost its power for a moment; check its plugs and its battery, then arm again")
+        super().__init__(f"{where}: lost its power for a moment; if that happens again, check its plugs and battery")
 
 
 class WrongPart(DriverError):

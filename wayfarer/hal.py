@@ -181,8 +181,9 @@ class DriveMotors(Driver, Protocol):
     """The left and right wheels of a skid-steered rover.
 
     ``deadman_s`` is how long after the last command the board itself stops the wheels; None where it cannot. ``open``
-    arms that deadman and verifies it if the board can report it; the controller opens the motors again at each arming,
-    because a board that lost its power for a moment has forgotten it.
+    arms that deadman and verifies it if the board can report it, and turns no wheel. The motors are opened again at
+    each arming, and after each failure during a mission, because a board that lost its power for a moment has forgotten
+    its deadman.
     """
 
     deadman_s: float | None

@@ -184,6 +184,11 @@ def test_list(says: Any) -> None:
     assert algorithms["oo-react"]["needs"] == ["contact"]
 
 
+def test_list_of_conditions(says: Any) -> None:
+    rows = {each["condition"]: each for each in says("list --conditions", "list", "--conditions")["conditions"]}
+    assert (rows["motors_failed"]["level"], rows["motors_failed"]["among_people"]) == ("hold", "fault")
+
+
 def test_check(says: Any, own_folders: Path, tmp_path: Path) -> None:
     rover = tmp_path / "rover.toml"
     shipped = (Path(cli.__file__).parents[1] / "rovers/forestrover.toml").read_text(encoding="utf-8")

@@ -173,6 +173,16 @@ def test_status_of_a_disarmed_rover_says_why() -> None:
     assert not any(line.startswith("doing") for line in lines)
 
 
+def test_status_of_a_limited_rover_says_since_when_what_it_does_and_until_when() -> None:
+    limited = {"conditions": ["motion_lost"], "cause_for_s": 75.0, "does": "drives 3 m", "ends_when": "it sees again"}
+    lines = status_text({**STATUS, **limited}).splitlines()
+    assert lines[1:4] == [
+        "health    the motion sensor's picture has been too poor for seconds (for 0:01:15)",
+        "so it     drives 3 m",
+        "until     it sees again",
+    ]
+
+
 def test_status_tells_of_records_that_the_log_has_lost() -> None:
     assert status_text({**STATUS, "log_dropped": 3}).splitlines()[-1].endswith(", 3 records lost")
 

@@ -41,6 +41,7 @@ def results(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("faults", "--list"),
         ("faults", "--trials", 1, "--jobs", 1),
         ("list",),
+        ("list", "--conditions"),
         ("logs", "summary", "--logs", FIELD_LOGS),
     ],
     ids=lambda arguments: " ".join(map(str, arguments[:2])),

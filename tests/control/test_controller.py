@@ -299,8 +299,8 @@ async def test_arming_is_refused_while_the_board_says_that_something_is_wrong(
     assert set(bench.motors.commands) == {STOP}
 
 
-async def test_board_fault_latches_and_disarms() -> None:
-    bench = await Bench().armed()
+async def test_board_fault_latches_and_disarms_a_rover_among_people() -> None:
+    bench = await Bench(on_lost_sense="hold").armed()
     await bench.board_says(12.0, "motor A: drive fault", for_s=2 * TICK_S)
     assert (bench.wheels, bench.controller.mode) == (STOP, Mode.DISARMED)
     await bench.board_says(12.0)
@@ -417,8 +417,8 @@ async def test_lost_compass_is_a_fault_that_disarms_a_rover_among_people() -> No
     assert bench.wheels == AHEAD
 
 
-async def test_motors_that_do_not_answer_latch_a_fault_and_disarm() -> None:
-    bench = await Bench().armed()
+async def test_motors_that_do_not_answer_latch_a_fault_and_disarm_a_rover_among_people() -> None:
+    bench = await Bench(on_lost_sense="hold").armed()
     bench.motors.error = NotResponding("bench motors: no answer")
     await bench.tick()
     assert bench.log.ticks[-1].applied == STOP

@@ -86,7 +86,7 @@ async def test_motors_that_say_what_cannot_be_are_lost_and_no_limit_is_lifted(
     with monkeypatch.context() as patched:
         patched.setattr(bench.motors, "drive", drive)
         await bench.tick(2)
-    assert bench.controller.mode is Mode.DISARMED
+    assert bench.health == (Level.HOLD, Condition.MOTORS_FAILED)
     assert bench.log.ticks[-1].applied == STOP
     assert "duties" in bench.log.named("motors_failed")[0]["error"]
     await bench.armed()

@@ -15,14 +15,20 @@ from wayfarer.control.controller import Controller, Mode
 from wayfarer.control.status_light import LIGHT_HZ, OFF, colour
 from wayfarer.escape.api import Phase
 from wayfarer.hal import Colour
-from wayfarer.safety.conditions import LEVELS, Condition, Level
+from wayfarer.safety.conditions import Condition, Level
+from wayfarer.safety.responses import LEVELS
 
-COLOURS = {name: getattr(status_light, name.upper()) for name in ("blue", "yellow", "green", "white", "magenta", "red")}
-BLINKS_HZ = {"steady": 0.0, "slow": 1.0, "fast": 4.0}
-TABLE = {
-    meaning: (COLOURS[shown], BLINKS_HZ[rhythm])
-    for shown, rhythm, meaning in re.findall(r"^(\w+) +(steady|slow|fast) +(\w+)", status_light.__doc__ or "", re.M)
+COLOURS = {
+    name: getattr(status_light, name.upper()) for name in ("blue", "yellow", "green", "white", "magenta", "cyan", "red")
 }
+RHYTHMS = {  # of two seconds, lit or not at each refresh of the light
+    "steady": [True] * 16,
+    "slow": [*[True] * 4, *[False] * 4] * 2,
+    "fast": [True, False] * 8,
+    "twice": [True, True, False, False, True, True, *[False] * 10],
+}
+ROW = re.compile(r"^(\w+) +(steady|slow|fast|twice) +(driving with limits|\w+)", re.MULTILINE)
+TABLE = {meaning: (COLOURS[shown], rhythm) for shown, rhythm, meaning in ROW.findall(status_light.__doc__ or "")}
 
 
 def controller(
@@ -43,7 +49,8 @@ STATES: list[tuple[str, Any]] = [
     ("arming", controller(Mode.ARMING, Level.HOLD, Phase.HALT, Condition.COMPASS_STALE)),
     ("arming", controller(Mode.ARMED, Level.HOLD, Phase.HALT, Condition.RESUME_WARNING)),
     ("driving", controller(Mode.ARMED)),
-    ("driving", controller(Mode.ARMED, Level.DEGRADE, Phase.FOLLOW, Condition.MOTION_UNKNOWN)),
+    ("driving with limits", controller(Mode.ARMED, Level.DEGRADE, Phase.FOLLOW, Condition.MOTION_UNKNOWN)),
+    ("driving with limits", controller(Mode.ARMED, Level.DEGRADE, Phase.PROBE, Condition.HEADING_RECKONED)),
     *(
         ("escaping", controller(Mode.ARMED, Level.WELL, phase))
         for phase in Phase
@@ -53,6 +60,8 @@ STATES: list[tuple[str, Any]] = [
     ("held", controller(Mode.ARMED, Level.HOLD, Phase.HALT, Condition.COMPASS_STALE)),
     ("battery", controller(Mode.ARMED, Level.DEGRADE, Phase.FOLLOW, Condition.BATTERY_LOW)),
     ("battery", controller(Mode.DISARMED, Level.DEGRADE, Phase.HALT, Condition.BATTERY_LOW)),
+    ("held", controller(Mode.ARMED, Level.HOLD, Phase.HALT, Condition.MOTORS_FAILED)),
+    ("fault", controller(Mode.DISARMED, Level.HOLD, Phase.HALT, Condition.MOTORS_FAILED)),
     ("fault", controller(Mode.DISARMED, Level.FAULT, Phase.HALT, Condition.COMPASS_LOST)),
     ("fault", controller(Mode.DISARMED, Level.FAULT, Phase.HALT, Condition.BATTERY_LOW, Condition.BATTERY_CRITICAL)),
 ]
@@ -65,21 +74,20 @@ def test_table_has_a_row_for_every_state() -> None:
 
 @pytest.mark.parametrize(("state", "seen"), STATES)
 def test_light_does_what_its_table_says(state: str, seen: Controller) -> None:
-    shown, blink_hz = TABLE[state]
-    times_s = [count / LIGHT_HZ for count in range(int(2 * LIGHT_HZ))]
-    lit = [colour(seen, t_s) for t_s in times_s]
-    if blink_hz == 0.0:
-        assert set(lit) == {shown}
-    else:
-        half = round(LIGHT_HZ / blink_hz / 2)
-        assert lit == ([shown] * half + [OFF] * half) * round(2 * blink_hz)
+    shown, rhythm = TABLE[state]
+    lit = [colour(seen, count / LIGHT_HZ) for count in range(int(2 * LIGHT_HZ))]
+    assert lit == [shown if is_lit else OFF for is_lit in RHYTHMS[rhythm]]
+
+
+def test_a_light_of_one_colour_tells_driving_escaping_and_limits_apart() -> None:
+    assert len({TABLE[state][1] for state in ("driving", "escaping", "driving with limits", "arming")}) == 4
 
 
 @given(st.integers(0, 10_000).map(lambda n: n / 1024), st.sampled_from([state for _, state in STATES]))
-def test_a_light_that_blinks_is_on_half_of_the_time_whenever_it_is_shown(start_s: float, seen: Controller) -> None:
+def test_no_flash_is_missed_whenever_the_light_is_shown(start_s: float, seen: Controller) -> None:
     """The light is refreshed twice a half period of the fastest rhythm, at times that are nobody's choice."""
-    lit = [colour(seen, start_s + count / LIGHT_HZ) != OFF for count in range(int(LIGHT_HZ))]
-    assert sum(lit) in {len(lit), len(lit) // 2}
+    lit = [colour(seen, start_s + count / LIGHT_HZ) != OFF for count in range(int(2 * LIGHT_HZ))]
+    assert sum(lit) in {sum(rhythm) for rhythm in RHYTHMS.values()}
 
 
 @given(
@@ -94,7 +102,7 @@ def test_no_state_is_without_a_light_and_none_that_may_move_looks_disarmed(
 ) -> None:
     level = max((LEVELS[condition] for condition in conditions), default=Level.WELL)
     shown: set[Colour] = {
-        colour(controller(mode, level, phase, *conditions, ticked=ticked), t_s + n / 16) for n in range(16)
+        colour(controller(mode, level, phase, *conditions, ticked=ticked), t_s + n / 16) for n in range(32)
     }
     assert shown - {OFF}
     if mode is not Mode.DISARMED and ticked:

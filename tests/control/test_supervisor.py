@@ -240,6 +240,7 @@ def test_motors_that_failed_are_opened_again_by_arming_and_drive_again(shop: Wor
     script: Script = {
         0.5: breaking(shop, "motors.drive", NotResponding("no acknowledgement")),
         0.9: mending(shop),
+        1.0: lambda it: it.disarm("a person goes there"),
         1.5: arm,
     }
     assert drive(shop, script, for_s=2.0).reason == "requested"

@@ -36,7 +36,7 @@ from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 def test_board_fault_stops_the_wheels_within_half_a_second(shop: Workshop) -> None:
     drive(shop, {1.01: lambda _: setattr(shop, "faults", ("motor A: drive fault",))}, for_s=3.0)
-    assert shop.named("disarmed") == [{"reason": "fault: board_fault"}]
+    assert {"level": "hold", "cause": "board_fault"} in shop.named("health")
     assert 1.01 < max(shop.times("handler.decide")) <= 1.51
 
 
@@ -153,7 +153,7 @@ def test_light_shows_arming_driving_and_fault(shop: Workshop) -> None:
         {0.01: lambda it: None, 4.01: broken},
         for_s=6.0,
         light=Light(shop, "light"),
-        safety={"start_delay_s": 2.0},
+        safety={"start_delay_s": 2.0, "on_lost_sense": "hold"},
     )
     assert shown(shop, 0.1, 1.9) == {YELLOW, OFF}
     assert shown(shop, 2.2, 4.0) == {GREEN}

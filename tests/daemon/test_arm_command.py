@@ -121,8 +121,9 @@ async def test_first_arming_after_the_board_lost_its_power_is_not_refused(
         rig.chip.power_cycle()
         if driving:
             await asyncio.sleep(0.1)
-            assert (run.mode, run.wheels) == ("disarmed", STOP)
+            assert (run.mode, run.wheels) == ("armed", STOP)
             assert "lost its power" in str(run.log.named("motors_failed"))
+            await run.commands.disarm()
         await asyncio.sleep(after_s)
         await run.arm()
         assert rig.chip.failsafe
@@ -220,7 +221,8 @@ async def test_motors_that_failed_keep_no_rover_from_arming_once_they_answer(run
     await run.arm()
     run.rig.motors.fails_at = 0
     await asyncio.sleep(0.5)
-    assert (run.mode, (await run.status())["why_disarmed"]) == ("disarmed", "fault: motors_failed")
+    assert (run.mode, (await run.status())["cause"]) == ("armed", "motors_failed")
+    await run.commands.disarm()
     run.rig.motors.fails_at = 10**9
     await run.arm()
 

@@ -172,6 +172,11 @@ async def test_status_says_what_is_wrong(run: Run) -> None:
     run.rig.motors.health_now = MotorHealth(12.0, ("motor A: drive fault",))
     await asyncio.sleep(2.5)  # sim.toml asks the board once a second, and a fault counts that is said twice
     told = await run.status()
-    assert told["mode"] == "disarmed"
-    assert told["why_disarmed"] == "fault: board_fault"
+    assert told["mode"] == "armed"
+    assert (told["level"], told["cause"]) == ("hold", "board_fault")
+    assert 0.0 <= told["cause_for_s"] <= 2.5
+    assert told["does"].startswith("stands, and opens the board again")
+    assert "its deadman is on" in told["ends_when"]
+    await run.commands.disarm()
+    assert "does" not in await run.status(), "a rover that is disarmed does nothing"
     assert told["motor_faults"] == ["motor A: drive fault"]

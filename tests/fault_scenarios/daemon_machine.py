@@ -47,7 +47,8 @@ from wayfarer.fault_scenarios.random_scenarios import (
 )
 from wayfarer.fault_scenarios.safety_rules import Invariants
 from wayfarer.fault_scenarios.scenario_rover import rover_of
-from wayfarer.safety.conditions import LEVELS, Condition, Level
+from wayfarer.safety.conditions import Condition, Level
+from wayfarer.safety.responses import LEVELS
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults.kinds import Fault
@@ -58,6 +59,8 @@ SOON_S = 0.05  # an answer may take longer, and other commands come meanwhile
 POWER_FLAGS = (None, 0, 0x1, 0x10001, 0x50005)
 SEEDS = st.integers(0, 2**31 - 1)
 PLACES = sorted({place for rover in ROVERS for depth in Depth for place in possible_faults(load_rover(rover), depth)})
+# What a motor board may recover from, each where the rover has it.
+HEALS = ("nack", "hang", "silent", "reset", "board_fault", "failsafe_off")
 FOLDER = Path(mkdtemp(prefix="wayfarer-machine-"))
 
 
@@ -119,18 +122,23 @@ class Daemon:
         self._in_loop(lambda: self._asked.add(asyncio.ensure_future(getattr(self.commands, verb)(*args))))
         self.pass_time(SOON_S)
 
-    def begin(self, fault: Fault) -> None:
-        """Begin a fault, unless it lasts already."""
-        if (fault.kind, fault.target) not in {(each.kind, each.target) for each in self.lasting.values()}:
-            self._number += 1
-            self.lasting[self._number] = fault
-            self._in_loop(lambda: self.injector.begin(self._number, fault))
+    def begin(self, fault: Fault) -> int:
+        """Begin a fault and return its number; 0: it lasts already."""
+        if (fault.kind, fault.target) in {(each.kind, each.target) for each in self.lasting.values()}:
+            return 0
+        self._number += 1
+        self.lasting[self._number] = fault
+        self._in_loop(lambda: self.injector.begin(self._number, fault))
+        return self._number
+
+    def end(self, number: int) -> None:
+        """End a fault that lasts."""
+        self._in_loop(lambda: self.injector.cease(number, self.lasting.pop(number)))
 
     def end_oldest(self) -> None:
         """End the fault that has lasted longest."""
         if self.lasting:
-            number = next(iter(self.lasting))
-            self._in_loop(lambda: self.injector.cease(number, self.lasting.pop(number)))
+            self.end(next(iter(self.lasting)))
 
     def _in_loop(self, act: Callable[[], object]) -> None:
         async def acted() -> None:
@@ -225,6 +233,16 @@ class DaemonMachine(RuleBasedStateMachine):
     def somebody_stops_the_run(self, sure: int) -> None:
         if sure == 0:
             self.daemon.ask("stop")
+
+    @precondition(lambda self: self.daemon.running)
+    @rule(kind=st.sampled_from(HEALS), seed=SEEDS, for_s=st.floats(0.05, 3.0), then_s=st.floats(0.0, 8.0))
+    def the_motor_board_fails_for_a_while(self, kind: str, seed: int, for_s: float, then_s: float) -> None:
+        """It is opened again while the mission waits, unless something else comes first."""
+        place = FaultTarget(kind, "motors")
+        if place in self.daemon.places and (number := self.daemon.begin(draw_fault(place, 0.0, Random(seed)))):
+            self.daemon.pass_time(for_s)
+            self.daemon.end(number)
+            self.daemon.pass_time(then_s)
 
     a_sense_goes_wrong = going_wrong(*SENSES, "process")
     the_motors_go_wrong = going_wrong("motors")

@@ -12,6 +12,7 @@ import pytest
 from tests.fault_scenarios.broken_product import breaks_the_product
 from wayfarer.control.controller import Controller, Mode
 from wayfarer.control.shutdown import Shutdown
+from wayfarer.control.tick_record import TickRecord
 from wayfarer.detector import Detector
 from wayfarer.detector.tick import DetectorTick
 from wayfarer.drivers.sabertooth import Sabertooth
@@ -20,8 +21,10 @@ from wayfarer.escape.handler import PhasedHandler
 from wayfarer.fault_scenarios.runner import run_scenario
 from wayfarer.fault_scenarios.scenario import Command, Expectation, ResponseLevel, Scenario
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.safety.conditions import LEVELS, Condition, Level
+from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.gate import Gate
+from wayfarer.safety.responses import LEVELS
+from wayfarer.safety.resume_warning import ResumeWarning
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
 from wayfarer.simhal.faults.injector import EFFECTS
@@ -60,6 +63,7 @@ def test_honest_field_code_breaks_no_rule(fault: Fault, depth: Depth) -> None:
     "fault",
     [
         Fault(3.0, inf, "motors", "silent"),  # is left to the board's deadman
+        Fault(3.0, 0.5, "motors", "silent"),  # and the board is opened again
         Fault(3.0, inf, "compass", "not_a_number", NotANumber("heading_deg", "nan")),  # reaches no decision
         Fault(3.0, 0.0, "process", "loop_stall", LoopStall(2.0)),
     ],
@@ -225,6 +229,20 @@ def hold_is_not_told(monkeypatch: Patch) -> None:
     monkeypatch.setattr(Controller, "_note_health", lambda *_: None)
 
 
+def board_is_not_opened_again(monkeypatch: Patch) -> None:
+    add_conditions = Controller._add_conditions
+
+    def forgetful(self: Controller, tick: TickRecord) -> None:
+        self._motors_failed = False
+        add_conditions(self, tick)
+
+    monkeypatch.setattr(Controller, "_add_conditions", forgetful)
+
+
+def rover_does_not_warn(monkeypatch: Patch) -> None:
+    monkeypatch.setattr(ResumeWarning, "update", lambda *_: False)
+
+
 def injection_fails(monkeypatch: Patch) -> None:
     def fails(*_: Any) -> None:
         raise ZeroDivisionError
@@ -237,6 +255,7 @@ def injection_fails(monkeypatch: Patch) -> None:
 LATE_BOARD = Fault(2.0, inf, "motors", "late_answer", LateAnswer(by_s=0.1))  # hides when the wheels may turn
 NO_LINK = Fault(3.0, inf, "motors", "silent")
 UNPLUGGED = Fault(3.0, inf, "motors", "nack", Lost())
+BRIEFLY_NO_LINK = Fault(3.0, 0.5, "motors", "silent")
 LONG_NO_COMPASS = Fault(3.0, 6.0, "compass", "silent")
 ARMED = Command(0.0, "arm")
 # For these rovers a lost compass is a fault.
@@ -245,6 +264,7 @@ SLOW_START: dict[str, Any] = {"settings": {"safety": {"start_delay_s": 3.0}}}
 ON_A_WIRE: dict[str, Any] = {"rover": "forestrover", "depth": Depth.BUS, "settings": {"safety": {"start_delay_s": 0.0}}}
 WHEELS_TURN = "rule 2: wheels are commanded to"
 DRIVES_IN_A_HOLD = "rule 2: motion commanded at level hold"
+UNOPENED = "rule 2: motion commanded for a motor board that failed"
 NOBODY_READ = "which no recent compass reading has"
 
 BROKEN: list[tuple[Break, tuple[Fault, ...], dict[str, Any], str]] = [
@@ -257,6 +277,8 @@ BROKEN: list[tuple[Break, tuple[Fault, ...], dict[str, Any], str]] = [
     (condition_is_taken_for_another, (BRIEFLY_NO_COMPASS,), {}, DRIVES_IN_A_HOLD),
     (driver_sends_no_stop, (BRIEFLY_NO_COMPASS,), {"ask": (Command(1.0, "arm"),)}, WHEELS_TURN),
     (deadman_trips_late, (NO_LINK,), {}, WHEELS_TURN),
+    (board_is_not_opened_again, (BRIEFLY_NO_LINK,), {}, UNOPENED),
+    (rover_does_not_warn, (BRIEFLY_NO_LINK,), {"for_s": 12.0}, UNOPENED),
     (end_stops_nothing, (), {}, WHEELS_TURN),
     (sabertooth_hears_no_stop_and_has_no_deadman, (BRIEFLY_NO_COMPASS,), ON_A_WIRE, WHEELS_TURN),
     (sabertooths_deadman_does_not_trip, (UNPLUGGED,), ON_A_WIRE, WHEELS_TURN),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from random import Random
+
 import pytest
 from hypothesis import Phase
 from hypothesis.stateful import run_state_machine_as_test
@@ -9,6 +11,7 @@ from hypothesis.stateful import run_state_machine_as_test
 from tests.fault_scenarios.broken_product import breaks_the_product
 from tests.fault_scenarios.daemon_machine import Daemon, DaemonMachine, machine_settings
 from wayfarer.daemon.commands import RoverCommands
+from wayfarer.fault_scenarios.random_scenarios import FaultTarget, draw_fault
 from wayfarer.hal import WheelCommand
 from wayfarer.safety.gate import Gate
 from wayfarer.simhal.build_rover import Depth
@@ -37,6 +40,23 @@ def test_machine_drives_the_rover_and_ends_it_with_its_wheels_still() -> None:
     daemon.close()
     assert daemon.rules.broken == ()
     assert daemon.setup.world.commanded == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("kind", ["nack", "hang"])
+def test_machine_lets_a_motor_board_heal_and_the_rover_drives_on(kind: str) -> None:
+    daemon = Daemon("forestrover", Depth.BUS, 0)
+    daemon.pass_time(1.0)
+    daemon.ask("arm", 0.0)
+    daemon.pass_time(3.0)
+    board_fails = daemon.begin(draw_fault(FaultTarget(kind, "motors"), 0.0, Random(3)))
+    daemon.pass_time(1.0)
+    assert daemon.status()["cause"] == "motors_failed"
+    daemon.end(board_fails)
+    daemon.pass_time(6.0)
+    assert (daemon.status()["mode"], daemon.status()["cause"]) == ("armed", None)
+    assert daemon.setup.world.commanded != (0.0, 0.0)
+    daemon.close()
+    assert daemon.rules.broken == ()
 
 
 @breaks_the_product

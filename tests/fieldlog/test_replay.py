@@ -329,7 +329,14 @@ async def eventful_run(folder: Path, config: RoverConfig) -> None:
     await supervisor.arm(350.0)
     await asyncio.sleep(config.safety.start_delay_s + 4.0)
     await fails("motors", 0.2)
-    assert controller.mode is Mode.DISARMED
+    await asyncio.sleep(5.0)  # it is opened again, warns, and drives on
+    assert not controller.waits_for_motors
+    trouble.health = MotorHealth(12.0, ("motor A: drive fault",))
+    await asyncio.sleep(4.0)
+    trouble.health = None
+    await asyncio.sleep(6.0)
+    assert not controller.waits_for_motors
+    supervisor.disarm("asked for again")
     await supervisor.arm(20.0)
     await asyncio.sleep(config.safety.start_delay_s + 2.0)
     trouble.duties = WheelCommand(0.9, -0.9)
@@ -359,9 +366,11 @@ def test_run_with_holds_failures_and_people_agrees(eventful: Path) -> None:
     assert replay(eventful) == Replay(len(ticks(eventful)), None)
     causes = {tick["cause"] for tick in ticks(eventful)}
     assert causes >= {None, "operator_hold", "compass_stale", "motion_stale", "board_silent", "motors_failed"}
+    assert "board_fault" in causes
     assert causes >= {"battery_low", "battery_critical", "board_disagrees", "undervoltage", "power_unstable"}
     named = [record["name"] for record in records(eventful) if record["record"] == "event"]
     assert (named.count("armed"), named.count("disarmed")) == (4, 4)
+    assert (named.count("motors_failed"), named.count("motors_opened")) == (1, 2)
 
 
 def test_drive_that_went_unheard_is_part_of_what_is_replayed(eventful: Path, tmp_path: Path) -> None:

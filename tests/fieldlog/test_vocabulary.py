@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.escape.phases import WHY
 from wayfarer.fieldlog.vocabulary import (
@@ -11,7 +13,9 @@ from wayfarer.fieldlog.vocabulary import (
     PHASE_TEXTS,
     because,
     disarmed_text,
+    ends_text,
     level_text,
+    response_text,
 )
 from wayfarer.safety.conditions import Condition, Level
 
@@ -45,6 +49,24 @@ def test_hold_that_a_person_asked_for_ends_with_resume_and_any_other_by_itself()
     assert level_text("hold", Condition.COMPASS_STALE.value) == "Wheels held until this clears"
     assert level_text("well", None) == "No faults"
     assert level_text("made up", None) == "made up"
+
+
+def test_response_says_what_the_rover_does_and_until_when() -> None:
+    assert response_text("hold", "tick_late") == (
+        "it stands, because an old decision must not act, until a tick comes in time"
+    )
+    assert ends_text("hold", "tick_late") == "a tick comes in time"
+
+
+def test_response_of_a_rover_among_people_is_another_one() -> None:
+    assert response_text("degrade", "motion_gone").startswith("it drives at most 3 m ahead")
+    assert response_text("fault", "motion_gone") == "it stops and disarms, until somebody arms the rover again"
+    assert response_text("hold", "motion_stale") == "it stands, until the motion sensor sees the ground again"
+
+
+@pytest.mark.parametrize(("level", "cause"), [("hold", "made up"), ("made up", "tick_late"), (None, None), (3, ["x"])])
+def test_names_of_another_version_have_no_response(level: object, cause: object) -> None:
+    assert response_text(level, cause) == ends_text(level, cause) == ""
 
 
 def test_reason_to_disarm_names_conditions_in_words() -> None:

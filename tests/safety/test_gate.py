@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.safety.conditions import LEVELS, Condition, Level, worst
+from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.gate import Gate
+from wayfarer.safety.responses import LEVELS, worst
 from wayfarer.safety.settings import SafetySettings
 
 HZ = 20.0
@@ -51,10 +52,11 @@ def test_rover_among_people_holds_for_a_sense_that_another_goes_on_without() -> 
     lost = [each for each in Condition if among_people.levels[each] > alone.levels[each]]
     assert set(lost) == {
         Condition.MOTION_STALE, Condition.MOTION_LOST, Condition.MOTION_GONE,
-        Condition.CONTACT_STALE, Condition.POWER_UNSTABLE,
+        Condition.CONTACT_STALE, Condition.POWER_UNSTABLE, Condition.MOTORS_FAILED, Condition.BOARD_FAULT,
     }  # fmt: skip
     for each in lost:
-        assert (among_people.judge((each,)), alone.judge((each,))) == (False, True)
+        assert not among_people.judge((each,))
+        assert alone.judge((each,)) is (each not in {Condition.MOTORS_FAILED, Condition.BOARD_FAULT})
     assert not [each for each in Condition if among_people.levels[each] < alone.levels[each]]
 
 

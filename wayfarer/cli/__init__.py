@@ -142,14 +142,24 @@ class Described(NamedTuple):
 
 
 @command("list")
-def list_names(*, as_json: AsJson = False) -> None:
+def list_names(
+    *,
+    conditions: Annotated[
+        bool, typer.Option("--conditions", help="List what can be wrong with a rover, and what it does about it.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
     """List all algorithms, rovers and drivers, also those of installed third-party packages."""
     from rich.console import Console
 
+    from wayfarer.cli.conditions import print_conditions
     from wayfarer.config.registry import algorithm_names, driver_names
     from wayfarer.config.rover_file import rover_names
     from wayfarer.views.text.scripting import print_json
 
+    if conditions:
+        print_conditions(as_json=as_json)
+        return
     algorithms = list(map(_described, algorithm_names()))
     if as_json:
         print_json({"algorithms": algorithms, "rovers": rover_names(), "drivers": driver_names()})

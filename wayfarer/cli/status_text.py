@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from wayfarer.fieldlog.fields import duration_text
 from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS, CAUSE_TEXTS, PHASE_TEXTS, disarmed_text
 from wayfarer.fieldlog.wording import marks, whole_deg
 from wayfarer.views.text.colour import painted
@@ -20,6 +21,8 @@ def _lines(status: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [
         (status["rover"], f"{_mode(status)}{_marks(status)}"),
         ("health", _health(status)),
+        ("so it", status.get("does", "")),
+        ("until", status.get("ends_when", "")),
         ("doing", _doing(status)),
         ("heading", "" if heading is None else _heading(status, heading)),
         ("mission", _mission(status)),
@@ -42,7 +45,8 @@ def _marks(status: Mapping[str, Any]) -> str:
 
 def _health(status: Mapping[str, Any]) -> str:
     conditions = [CAUSE_TEXTS.get(condition, condition) for condition in status["conditions"]]
-    wrong = ", ".join([*conditions, *status["motor_faults"]])
+    since = f" (for {duration_text(status['cause_for_s'])})" if "cause_for_s" in status else ""
+    wrong = f"{', '.join([*conditions, *status['motor_faults']])}{since}"
     return painted(wrong, "warning") if wrong else painted("well", "good")
 
 

@@ -57,6 +57,11 @@ _ARMED: Final = Mode.ARMED
 _FAULT: Final = Level.FAULT
 _RUNAWAY: Final = Condition.RUNAWAY
 _WHEELS_ASTRAY: Final = frozenset({Condition.BOARD_DISAGREES, Condition.RUNAWAY})
+_BOARD_FAULT: Final = Condition.BOARD_FAULT
+# A stop that the board did not acknowledge may not have reached it. Its deadman stops the wheels after 0.3 s at most
+# (as shipped); 0.5 s later motion has been seen to be over (fault catalogue, fault 30), by a camera 0.2 s after that.
+_UNHEARD_S: Final = 1.0
+_BOARD_FAILED: Final = frozenset({Condition.MOTORS_FAILED, Condition.BOARD_FAULT})
 
 
 class Controller:
@@ -64,7 +69,8 @@ class Controller:
 
     ``end`` is None until something ends the run; ``last`` is the record of the latest tick. ``power_reports`` takes the
     reports of the motor board and of the computer's supply; ``board`` is the monitor of the board's own reports.
-    ``levels`` are the severities of this rover's conditions.
+    ``levels`` are the severities of this rover's conditions. ``motor_failures`` counts the ticks whose command the
+    motors did not acknowledge. ``cause_since_s`` is when the gate's present cause began, or the last one ended.
     """
 
     def __init__(
@@ -104,7 +110,10 @@ class Controller:
         self._held_s = self._away_s = 0.0  # in which the gate held the wheels, and the algorithm did not have them
         self._applied = STOP
         self._motors_failed = False
+        self.motor_failures = 0
+        self._unheard_until_s = 0.0
         self._last_cause: Condition | None = None
+        self.cause_since_s = 0.0
 
     # -- commands ------------------------------------------------------------------------------------------------
 
@@ -150,6 +159,17 @@ class Controller:
     def power(self, t_s: float, flags: int | None) -> None:
         """Take the power flags of the computer's firmware, None where there are none; see ``supply.SupplyMonitor``."""
         self.power_reports.power(t_s, flags)
+
+    @property
+    def waits_for_motors(self) -> bool:
+        """Whether a mission waits until the motor board has been opened again."""
+        return self._motors_failed and self.mode is _ARMED
+
+    def motors_opened(self, t_s: float) -> None:
+        """Go on with a mission that waits: the motor board was opened again, and reports no fault."""
+        if self.waits_for_motors:
+            self._motors_failed = False
+            self._log.event("motors_opened", t_s)
 
     def finish(self, reason: str, text: str) -> None:
         """End the run; the first reason counts."""
@@ -207,17 +227,20 @@ class Controller:
         armed, late = self.mode is _ARMED, tick.dt_s > self._late_s
         if armed and self._recovery.judge(tick, self._detector.motion):
             self._handler.reset()
-        if tick.conditions and not armed and self._gate.cause is not _RUNAWAY:
+        may_move = not armed or tick.t_s < self._unheard_until_s
+        if tick.conditions and may_move and self._gate.cause is not _RUNAWAY:
             # A person may push a rover that is not armed; a rover that ran away is still stopped at each tick.
             tick.conditions = tuple(condition for condition in tick.conditions if condition is not _RUNAWAY)
         if late:
             tick.conditions += (Condition.TICK_LATE,)
+        if self.power_reports.judge(tick.commanded):
+            tick.conditions += self.power_reports.conditions(tick.t_s)
+            if armed and _BOARD_FAULT in tick.conditions:
+                self._motors_failed = True  # once the fault has gone, the board is opened again like a silent one
         if self._motors_failed:
             tick.conditions += (Condition.MOTORS_FAILED,)
         if self.held:
             tick.conditions += (Condition.OPERATOR_HOLD,)
-        if self.power_reports.judge(tick.commanded):
-            tick.conditions += self.power_reports.conditions(tick.t_s)
         if armed and self._resume_warning.update(tick, tick.conditions):
             tick.conditions += (Condition.RESUME_WARNING,)
 
@@ -246,6 +269,8 @@ class Controller:
         stops = [condition.value for condition in conditions if self.levels[condition] >= Level.DEGRADE]
         if goal_heading_deg is not None and not stops:
             self._begin_mission(t_s, goal_heading_deg)
+        elif failed := next((each.value for each in conditions if each in _BOARD_FAILED), None):
+            self.disarm(t_s, f"fault: {failed}")  # arming has opened the board, so that it must not fail now
         elif arming.too_late(t_s):
             self.disarm(t_s, f"not armed: {', '.join(stops) or 'the heading did not settle'}")
 
@@ -260,18 +285,22 @@ class Controller:
         self._log.event("armed", t_s, goal_heading_deg=goal_heading_deg)
 
     def _lose_motors(self, t_s: float, error: DriverError) -> WheelCommand:
-        """Latch a fault: without an acknowledgement the state of the wheels is unknown. The board's deadman stops them.
+        """Hold the wheels until the board was opened again: without an acknowledgement their state is unknown.
 
-        A command that waits on the bus may still reach the board, so a stop is sent directly after it.
+        The board's deadman stops them. A command that waits on the bus may still reach the board, so a stop is sent
+        directly after it.
         """
         self._motors.halt()
+        self.motor_failures += 1
         if not self._motors_failed:
+            self._unheard_until_s = t_s + _UNHEARD_S
             self._log.event("motors_failed", t_s, error=str(error))
         self._motors_failed = True
         return STOP
 
     def _note_health(self, t_s: float, level: Level, cause: Condition | None) -> None:
-        self._last_cause = cause
+        if cause is not self._last_cause:
+            self._last_cause, self.cause_since_s = cause, t_s
         self._log.event("health", t_s, level=level.name.lower(), cause=cause.value if cause is not None else None)
         if level is Level.FAULT and self.mode is not Mode.DISARMED:
             self.disarm(t_s, f"fault: {cause.value if cause is not None else 'unknown'}")

@@ -7,15 +7,19 @@ blue       steady   disarmed
 yellow     fast     arming, or a long hold has ended: step away, it drives off soon
 green      steady   driving
 white      slow     escaping: feeling its way around something
+cyan       twice    driving with limits: a sense is lost, a side is weak, there is no progress
 yellow     steady   held, goes on by itself or by ``wayfarer resume``
 magenta    slow     battery low
-red        fast     fault: only a person can re-arm it
+red        fast     fault, or a motor board that failed while disarmed: only a person can arm it
 =========  =======  ========================================
+
+*Slow* is on and off for half a second each, *fast* for an eighth. *Twice* is two short flashes every two seconds, so
+that a light of one colour can be read as well.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from wayfarer.escape.api import Phase
 from wayfarer.hal import Colour
@@ -25,30 +29,52 @@ if TYPE_CHECKING:
     from wayfarer.control.controller import Controller
 
 LIGHT_HZ = 8.0
-STEADY, SLOW_HZ, FAST_HZ = 0.0, 1.0, 4.0
+
+
+class Rhythm(NamedTuple):
+    """So many flashes of ``flash_s``, as far apart, every ``period_s``; a steady light has one for the whole period."""
+
+    period_s: float
+    flashes: int
+    flash_s: float
+
+    def lit(self, t_s: float) -> bool:
+        """Return whether the light is on."""
+        flash, into_s = divmod(t_s % self.period_s, 2.0 * self.flash_s)
+        return flash < self.flashes and into_s < self.flash_s
+
+
+STEADY, SLOW, FAST, TWICE = Rhythm(1.0, 1, 1.0), Rhythm(1.0, 1, 0.5), Rhythm(0.25, 1, 0.125), Rhythm(2.0, 2, 0.25)
 
 OFF = Colour(0.0, 0.0, 0.0)
 BLUE, GREEN, RED = Colour(0.0, 0.0, 1.0), Colour(0.0, 1.0, 0.0), Colour(1.0, 0.0, 0.0)
 YELLOW, MAGENTA, WHITE = Colour(1.0, 0.6, 0.0), Colour(1.0, 0.0, 1.0), Colour(1.0, 1.0, 1.0)
+CYAN = Colour(0.0, 1.0, 1.0)
 
 
 def colour(controller: Controller, t_s: float) -> Colour:
     """Return what the light shows now."""
-    shown, blink_hz = _signal(controller)
-    return shown if blink_hz == STEADY or (t_s * blink_hz) % 1.0 < 0.5 else OFF
+    shown, rhythm = _signal(controller)
+    return shown if rhythm.lit(t_s) else OFF
 
 
-def _signal(controller: Controller) -> tuple[Colour, float]:
-    last = controller.last
+def _signal(controller: Controller) -> tuple[Colour, Rhythm]:
+    last, mode = controller.last, controller.mode.value
     level = Level.WELL if last is None else last.level
-    if level is Level.FAULT:
-        return RED, FAST_HZ
-    if controller.mode.value == "arming" or Condition.RESUME_WARNING in controller.conditions:
-        return YELLOW, FAST_HZ
+    if level is Level.FAULT or (mode == "disarmed" and Condition.MOTORS_FAILED in controller.conditions):
+        return RED, FAST
+    if mode == "arming" or Condition.RESUME_WARNING in controller.conditions:
+        return YELLOW, FAST
     if Condition.BATTERY_LOW in controller.conditions:
-        return MAGENTA, SLOW_HZ
-    if controller.mode.value == "disarmed" or last is None:
+        return MAGENTA, SLOW
+    if mode == "disarmed" or last is None:
         return BLUE, STEADY
     if level is Level.HOLD:
         return YELLOW, STEADY
-    return (GREEN, STEADY) if last.decision.phase is Phase.FOLLOW else (WHITE, SLOW_HZ)
+    return _driving(level, last.decision.phase)
+
+
+def _driving(level: Level, phase: Phase) -> tuple[Colour, Rhythm]:
+    if level is Level.DEGRADE:
+        return CYAN, TWICE
+    return (GREEN, STEADY) if phase is Phase.FOLLOW else (WHITE, SLOW)

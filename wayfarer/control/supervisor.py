@@ -2,7 +2,8 @@
 
 The sensor tasks are a table (``Supervisor.tasks``): a row for each sensor that the run needs, with the sensor's own
 rate. The control tick runs beside them. A sensor that fails is closed and opened again, with growing pauses, while the
-others continue; the safety gate holds the wheels because its last reading is too old. Any other error ends the run.
+others continue; what the rover does without it is in ``safety.responses``. So is a motor board that fails during a
+mission (``board_watch``). Any other error ends the run.
 When a run ends, for any reason (a limit, a request, an error, a cancellation), the wheels are stopped by code that
 cancellation cannot interrupt.
 """
@@ -14,6 +15,7 @@ from collections.abc import Awaitable, Callable
 from contextlib import suppress
 
 from wayfarer.config.rover_file import RoverConfig
+from wayfarer.control.board_watch import BoardWatch
 from wayfarer.control.controller import Controller, Mode
 from wayfarer.control.driver_counters import NOTE_HZ, DriverCounters
 from wayfarer.control.latest import SensorBuffers
@@ -41,8 +43,9 @@ STALE = frozenset(
         Condition.CONTACT_STALE,
     }
 )
-SOON = frozenset({Condition.RESTING, Condition.RESUME_WARNING})  # the rover holds its wheels, and continues by itself
-DOUBT_S = 0.1  # two ticks: one of them has judged the report. So two reports and a stop fit into 0.5 s (fault 30)
+SOON = frozenset(  # the rover holds its wheels, and continues by itself
+    {Condition.RESTING, Condition.RESUME_WARNING, Condition.MOTORS_FAILED, Condition.BOARD_FAULT}
+)
 
 
 class Supervisor:
@@ -63,7 +66,7 @@ class Supervisor:
         detector = make_detector(config, needs, watches_motion=rover.motion is not None)
         self._wheels = StaleCommandGuard(rover.motors, config.safety.tick_late_s)
         self.controller = Controller(self._wheels, self.buffers, config, detector, handler, log)
-        self._health_hz = config.board.health_hz
+        self._board = BoardWatch(rover.motors, self.controller, log, config.board.health_hz)
         self._patience_s = config.detector.compass_stale_s  # after this a silent compass is a condition
         self._disarms = 0
         self.ticked = asyncio.Event()  # set by the first control tick; the parts are open then
@@ -180,7 +183,7 @@ class Supervisor:
                 group.create_task(keep_sampling(row, self.buffers, self._log), name=f"sensor:{row.name}")
                 for row in self.tasks
             ]
-            beside.append(group.create_task(self._watch_board(), name="board"))
+            beside.append(group.create_task(self._board.run(), name="board"))
             beside.append(group.create_task(self._log_driver_counters(), name="driver counters"))
             if self._rover.light is not None:
                 beside.append(group.create_task(self._show_state(self._rover.light), name="light"))
@@ -218,25 +221,6 @@ class Supervisor:
             if controller.end is None:
                 await rate.wait()
         return controller.end
-
-    async def _watch_board(self) -> None:
-        """Ask the motor board for its status, sooner again if the answer is doubtful; the controller acts on it."""
-        rate = Rate(self._health_hz)
-        while True:
-            await self._ask_board()
-            await asyncio.sleep(DOUBT_S)
-            if self.controller.board.doubtful:
-                await self._ask_board()
-            await rate.wait()
-
-    async def _ask_board(self) -> None:
-        motors, time = self._rover.motors, asyncio.get_running_loop().time
-        try:
-            health, duties = await motors.health(), await motors.read_back()
-        except DriverError as error:
-            self.controller.power_reports.board_silent(time(), str(error))
-        else:
-            self.controller.power_reports.board_said(time(), health, duties)
 
     async def _log_driver_counters(self) -> None:
         """Log errors that parts recovered from."""

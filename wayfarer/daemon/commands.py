@@ -18,6 +18,7 @@ from wayfarer.daemon.socket.protocol import Details, Refused
 from wayfarer.errors import DriverError
 from wayfarer.hal import DriveMotors
 from wayfarer.safety.conditions import Condition
+from wayfarer.safety.responses import said_of
 
 # Faults that re-arming cannot clear while they last. It clears the others; those that still exist are detected again.
 REMEDIES: Mapping[Condition, tuple[str, str]] = {
@@ -84,6 +85,7 @@ class RoverCommands:
             "battery_v": controller.board.health and controller.board.health.battery_v,
             "motor_faults": list(controller.board.health.faults) if controller.board.health else [],
             **self._seen(controller.last),
+            **self._response(controller.last),
             **self._mission(),
         }
 
@@ -188,6 +190,15 @@ class RoverCommands:
             "anomalies": [anomaly.value for anomaly in seen.anomalies] if seen else [],
             **last.memory(),
         }
+
+    def _response(self, last: TickRecord | None) -> dict[str, Any]:
+        """Return for how long the worst condition has been there, what the rover does about it, and until when."""
+        if last is None or last.cause is None:
+            return {}
+        for_s = round(_now_s() - self._controller.cause_since_s, 1)
+        if self._controller.mode is not Mode.ARMED:
+            return {"cause_for_s": for_s}
+        return {"cause_for_s": for_s, **said_of(last.cause, last.level)._asdict()}
 
     def _mission(self) -> dict[str, Any]:
         mission = self._controller.mission

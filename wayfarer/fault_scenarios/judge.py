@@ -11,7 +11,8 @@ from wayfarer.fault_scenarios.first_difference import FaultEffect, first_differe
 from wayfarer.fault_scenarios.result import Result, not_run
 from wayfarer.fault_scenarios.runner import RunResult
 from wayfarer.fault_scenarios.scenario import RESPONSE_LEVELS, Expectation, ResponseLevel, Scenario
-from wayfarer.safety.conditions import LEVELS, Condition
+from wayfarer.safety.conditions import Condition
+from wayfarer.safety.responses import LEVELS
 from wayfarer.simhal.faults.kinds import Fault, LoopStall, Lost
 
 ROUNDING_S = 1e-6

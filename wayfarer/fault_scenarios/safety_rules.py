@@ -2,7 +2,8 @@
 
 1. Nothing commands motion while the rover is not armed, and nothing arms it but a person.
 2. From the tick on at which a hold or a fault is concluded, or somebody disarms, nothing commands motion, and the
-   wheels are stopped within the bound.
+   wheels are stopped within the bound. After a command that the motor board did not acknowledge, nothing commands
+   motion before the board was opened again and the warning is over.
 3. A fault stays until the rover is re-armed.
 4. No decision sees a value that cannot be, or one that no valid reading of late gave.
 5. Every stop that the algorithm did not ask for has a reason in the log.
@@ -29,7 +30,8 @@ from wayfarer.escape.api import Anomaly, Observation, Phase
 from wayfarer.experiments.trial_setup import TrialSetup
 from wayfarer.fault_scenarios.recorder import after_each_step
 from wayfarer.hal import STOP, CompassReading, Side
-from wayfarer.safety.conditions import Condition, Level, levels_for
+from wayfarer.safety.conditions import Condition, Level
+from wayfarer.safety.responses import levels_for
 from wayfarer.simhal.chip_wiring import MotorBoard
 from wayfarer.simhal.faults.kinds import KINDS, Fault, Layer
 
@@ -57,6 +59,7 @@ class Invariants(PartialLog):
         self._must_stand_since_s: float | None = 0.0
         self._not_armed_since_s: float | None = 0.0
         self._asked_to_arm = self._fault = self._moved = False
+        self._no_motion_before_s = -inf
         self._why_stopped: str | None = None
         self._stopped_by: str | None = None
         self._told_cause: str | None = None
@@ -82,6 +85,7 @@ class Invariants(PartialLog):
         self._period_s = 1.0 / setup.config.control_hz
         self._deadman_s = setup.rover.motors.deadman_s or 0.0
         self._stale_s = setup.config.detector.compass_stale_s
+        self._warning_s = setup.config.safety.resume_warning_s
         after_each_step(setup.world, self._check_wheels)
 
     def note(self, t_s: float, fault: Fault, *, begins: bool) -> None:
@@ -104,6 +108,7 @@ class Invariants(PartialLog):
                     self._break(t_s, "rule 1: the rover armed itself")
                 self._asked_to_arm = self._fault = False
                 self._not_armed_since_s = None
+                self._no_motion_before_s = -inf
             case "disarmed" | "wheels_stopped":
                 self._asked_to_arm = False
                 self._not_armed_since_s = t_s
@@ -115,6 +120,9 @@ class Invariants(PartialLog):
                 self._told_cause = None if details["cause"] is None else str(details["cause"])
             case "motors_failed":
                 self._why_stopped = str(details["error"]) or None
+                self._no_motion_before_s = inf
+            case "motors_opened":
+                self._no_motion_before_s = t_s + self._warning_s
 
     def tick(self, record: TickRecord) -> None:
         """Check a control tick."""
@@ -128,6 +136,10 @@ class Invariants(PartialLog):
             self._break(t_s, f"rule 1: motion commanded while {controller.mode.value}")
         if moves and level >= Level.HOLD:
             self._break(t_s, f"rule 2: motion commanded at level {level.name.lower()}")
+        if moves and t_s < self._no_motion_before_s - ROUNDING_S:
+            self._break(
+                t_s, "rule 2: motion commanded for a motor board that failed, too soon"
+            )
         self._check_fault(record, controller.mode)
         self._check_seen(record)
         self._check_reason(record, moves=moves)

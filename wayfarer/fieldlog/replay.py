@@ -161,6 +161,8 @@ class Rerun:
             controller.power(t_s, int(record["flags"], 16))
         elif name == "motors_failed":
             self._motors.fails = True
+        elif name == "motors_opened":
+            controller.motors_opened(t_s)
 
     def _compass_of(self, fields: Mapping[str, Any] | None) -> CompassReading | None:
         """Return the reading; the same one as before where the sensor had not spoken again, as in its cell."""

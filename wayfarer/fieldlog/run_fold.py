@@ -37,10 +37,12 @@ from wayfarer.fieldlog.run_state import LowBattery, RunState
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.sensor_status import SensorStatus
 from wayfarer.fieldlog.typed import Board, Computer, Fix, RunEvent, Tick, Truth, motion_reading
+from wayfarer.safety.conditions import Level
 
 # Nobody reads a bumper that no decision uses: it has a status when it first speaks.
 SENSORS = ("compass", "motion", "position")
 HELD = {"hold", "fault"}  # the levels at which the gate lets no wheel turn
+LIMITED = Level.DEGRADE.name.lower()
 BACK_OFF = Phase.BACK_OFF.value
 BATTERY_FALL_V = 0.1  # below the lowest told so far; a battery sags under load and comes back
 BATTERY_RISE_V = 1.0  # another battery
@@ -125,6 +127,8 @@ class RunFold:
         self._count_time(tick, before)
         self._missions.take(tick)
         told: Events = [*self._silence(tick, before), tick]
+        if tick.cause != before.cause:
+            state.cause_since_s = elapsed_s
         if tick.phase != before.phase:
             state.recoveries += tick.phase == BACK_OFF
             told.append(PhaseChanged(elapsed_s, tick.t_s, tick.phase))
@@ -166,6 +170,8 @@ class RunFold:
             state.armed_s += passed_s
             if tick.level in HELD:
                 state.held_s[tick.cause or "unknown"] += passed_s
+            elif tick.level == LIMITED:
+                state.limited_s[tick.cause or "unknown"] += passed_s
 
     # -- events --------------------------------------------------------------------------------------------------
 

@@ -36,7 +36,8 @@ class RunState:
     was not armed yet). ``path_m`` is the way by dead reckoning, ``commanded_m`` the one commanded, both forwards and
     backwards added up. ``mission_s`` and ``mission_m`` are those of the last mission.
 
-    ``armed_s`` is the time armed, ``held_s`` the part of it with the wheels held, by cause. ``anomalies`` counts
+    ``armed_s`` is the time armed, ``held_s`` the part of it with the wheels held, by cause, ``limited_s`` that of
+    driving with limits (level ``degrade``). ``cause_since_s`` is when the present cause began. ``anomalies`` counts
     beginnings by kind, ``recoveries`` how often the rover backed off, ``exhausted`` the phases that reached their
     bound, ``events`` the events by name. ``episodes`` counts those of all missions, by the phases (``episodes.py``).
     ``stretch`` grows wherever the log breaks off: where records are missing, and where there is no tick for a while.
@@ -66,6 +67,8 @@ class RunState:
     mission_m: float = 0.0
     armed_s: float = 0.0
     held_s: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
+    limited_s: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
+    cause_since_s: float = 0.0
     ticks: int = 0
     anomalies: Counter[str] = field(default_factory=Counter)
     episodes: int = 0

@@ -1,6 +1,7 @@
 """What the names of phases, anomalies, levels and conditions in a log mean, in words for people. Pure.
 
-The one place for these words: terminal, journal, live page, Foxglove and reports take them from here.
+The one place for these words, with ``safety.responses``, which has those of the conditions: terminal, journal, live
+page, Foxglove and reports take them from here.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from collections.abc import Iterable, Mapping
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.escape.phases import PhaseEvent
 from wayfarer.safety.conditions import Condition, Level
+from wayfarer.safety.responses import RESPONSES, Said, said_of
 
 PHASE_TEXTS: Mapping[str, str] = {
     Phase.FOLLOW.value: "Follows the goal heading",
@@ -87,40 +89,7 @@ LEVEL_TEXTS: Mapping[str, str] = {
     Level.FAULT.name.lower(): "Fault: stopped until re-armed",
 }
 
-CAUSE_TEXTS: Mapping[str, str] = {
-    Condition.COMPASS_STALE.value: "the compass is silent",
-    Condition.COMPASS_LOST.value: "the compass has been silent for seconds",
-    Condition.COMPASS_IMPLAUSIBLE.value: "compass readings are implausible",
-    Condition.COMPASS_FROZEN.value: "the heading does not change while the rover turns",
-    Condition.COMPASS_UNCALIBRATED.value: "the compass has lost its calibration",
-    Condition.HEADING_RECKONED.value: "the compass cannot be believed: the heading is reckoned from the wheels",
-    Condition.MOTION_STALE.value: "the motion sensor is silent",
-    Condition.MOTION_UNKNOWN.value: "the motion sensor's picture is too poor",
-    Condition.MOTION_LOST.value: "the motion sensor's picture has been too poor for seconds",
-    Condition.MOTION_GONE.value: "the motion sensor has been silent for seconds",
-    Condition.MOTION_IMPLAUSIBLE.value: "motion readings are implausible",
-    Condition.CONTACT_STALE.value: "the bumper is silent",
-    Condition.OVERTURNED.value: "the rover lies on its side or roof",
-    Condition.RUNAWAY.value: "the rover moves although its wheels are commanded to stop",
-    Condition.DRIVE_ASYMMETRY.value: "the rover does not turn as its wheels are commanded",
-    Condition.DRIVE_FAILED.value: "repeatedly, the rover did not turn as its wheels were commanded",
-    Condition.CANNOT_TURN.value: "the rover does not turn on the spot at full duty: the ground or an obstacle holds it",
-    Condition.ENTRAPPED.value: "the rover makes no progress any more",
-    Condition.NO_PROGRESS.value: "the rover makes no progress: it tries other manoeuvres",
-    Condition.RESTING.value: "the rover makes no progress: it rests, so that its motors cool, and tries again",
-    Condition.MOTORS_FAILED.value: "the motors did not answer",
-    Condition.BOARD_FAULT.value: "the motor board reports a fault",
-    Condition.BOARD_DISAGREES.value: "the motor board applies other duties than commanded",
-    Condition.BOARD_SILENT.value: "the motor board does not report its status",
-    Condition.BATTERY_LOW.value: "the battery is low",
-    Condition.BATTERY_CRITICAL.value: "the battery is almost empty",
-    Condition.UNDERVOLTAGE.value: "the computer's voltage is too low: duty is limited",
-    Condition.POWER_UNSTABLE.value: "the computer's voltage dips repeatedly",
-    Condition.OPERATOR_HOLD.value: "an operator asked to hold",
-    Condition.RESUME_WARNING.value: "the rover drives on in a moment: step away",
-    Condition.TICK_LATE.value: "the control tick came late",
-    Condition.DECISION_INVALID.value: "the algorithm gave an invalid command",
-}
+CAUSE_TEXTS: Mapping[str, str] = {condition.value: row.what for condition, row in RESPONSES.items()}
 
 
 def level_text(level: str, cause: str | None) -> str:
@@ -131,6 +100,28 @@ def level_text(level: str, cause: str | None) -> str:
     if cause == Condition.OPERATOR_HOLD.value:
         return "Wheels held until Resume"
     return LEVEL_TEXTS.get(level, level)
+
+
+def response_text(level: object, cause: object) -> str:
+    """Return what an armed rover does because of a condition, and until when: "it stands, until a tick comes in time".
+
+    Empty where the names are unknown, as they may be in a log.
+    """
+    said = _said(level, cause)
+    return "" if said is None else f"it {said.does}, until {said.ends_when}"
+
+
+def ends_text(level: object, cause: object) -> str:
+    """Return what must happen for a condition to end, as a clause; empty where the names are unknown."""
+    said = _said(level, cause)
+    return "" if said is None else said.ends_when
+
+
+def _said(level: object, cause: object) -> Said | None:
+    try:
+        return said_of(Condition(cause), Level[str(level).upper()])
+    except (ValueError, KeyError):
+        return None
 
 
 def disarmed_text(reason: str) -> str:

@@ -18,7 +18,7 @@ from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.run_events import Ended, FaultInjected, Silence, event_name
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Fix
-from wayfarer.fieldlog.vocabulary import CAUSE_TEXTS, PART_TEXTS, disarmed_text, level_text
+from wayfarer.fieldlog.vocabulary import CAUSE_TEXTS, PART_TEXTS, disarmed_text, ends_text, level_text
 
 
 class Tone(Enum):
@@ -35,8 +35,8 @@ class Tone(Enum):
 
 PERSON = {"arming", "armed", "disarmed", "hold", "resume", "goal", "mark"}
 WARNINGS = {
-    "arming_refused", "sensor_failed", "board_silent", "light_failed", "part_failed", "clock_step", "log_gap",
-    "viewer_failed", "close_hangs", "unclean_shutdown", "power",
+    "arming_refused", "sensor_failed", "board_silent", "motors_not_opened", "light_failed", "part_failed", "clock_step",
+    "log_gap", "viewer_failed", "close_hangs", "unclean_shutdown", "power",
 }  # fmt: skip
 FAULTS = {"motors_failed", "loop_stalled", "stop_not_confirmed", "control_error"}
 LEVEL_TONES = {"degrade": Tone.WARNING, "hold": Tone.WARNING, "fault": Tone.FAULT}
@@ -68,6 +68,8 @@ def event_text(event: Record) -> str:
     """
     what = event_name(event)
     details = {key: value for key, value in event.items() if key not in STAMP and value not in NOTHING}
+    if what == "health":
+        details["ends_when"] = ends_text(event.get("level"), event.get("cause"))
     if what in SENTENCES:
         template = UNREADABLE_RUN if what == "unclean_shutdown" and "error" in details else SENTENCES[what]
         return ", ".join([_filled(template, details), *starmap(detail_text, details.items())])
@@ -164,12 +166,14 @@ SENTENCES: Mapping[str, str] = {
     "resume": "Resumed by an operator",
     "goal": "A new goal: drives {goal_heading_deg}",
     "mark": "Mark: {text}",
-    "health": "{level}[: {cause}]",
+    "health": "{level}[: {cause}][. This ends when {ends_when}]",
     "sensor_failed": "The {sensor} failed: {error}[ (tried again in {retry_in_s:.1f} s)]",
     "part_failed": "The {part} did not open: {error}",
     "part_troubles": "The {part} carried on after {counts}",
     "board_silent": "The motor board did not answer: {error}",
     "motors_failed": "The motors did not answer: {error}",
+    "motors_opened": "The motor board was opened again: it answers, and its deadman is on",
+    "motors_not_opened": "The motor board could not be opened again: {error}[ (tried again in {retry_in_s:.0f} s)]",
     "light_failed": "The status light did not answer: {error}",
     "power": "The computer's supply: {text}",
     "clock_step": "The computer's clock was set[ by {by_s:+.0f} s]",

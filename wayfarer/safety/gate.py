@@ -11,7 +11,8 @@ from math import isfinite
 from typing import Final
 
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.safety.conditions import Condition, Level, levels_for, worst
+from wayfarer.safety.conditions import Condition, Level
+from wayfarer.safety.responses import levels_for, worst
 from wayfarer.safety.settings import SafetySettings
 
 STALL_LIMIT_S: Final = 0.2  # field.md, fault 37: ArduPilot's rover disarms after this time without its main loop

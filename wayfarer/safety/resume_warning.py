@@ -2,7 +2,8 @@
 
 A person may have walked up to a rover that has stopped. A hold that the rover began by itself (a silent sensor, a late
 tick) can end at any moment. So after a long one the wheels stand for a second more, while the status light blinks as
-before the start. A hold that a person requested is ended by a person, who looks first, so it needs no warning.
+before the start. A hold that a person requested is ended by a person, who looks first, so it needs no warning. A hold
+for a motor board that failed is always followed by the warning, however short it was.
 """
 
 from __future__ import annotations
@@ -11,10 +12,12 @@ from collections.abc import Mapping, Sequence
 from math import inf
 from typing import Final
 
-from wayfarer.safety.conditions import LEVELS, Condition, Level
+from wayfarer.safety.conditions import Condition, Level
+from wayfarer.safety.responses import LEVELS
 from wayfarer.safety.tick_interval import TickInterval
 
 LONG_HOLD_S: Final = 1.0  # nobody walks up to a rover that stops for less
+BOARD_FAILED: Final = frozenset({Condition.MOTORS_FAILED, Condition.BOARD_FAULT})
 FREE_S: Final = 0.5  # if the wheels turn for less than this between two holds, the rover still counts as standing
 
 
@@ -42,7 +45,7 @@ class ResumeWarning:
             return False  # nearly every tick ends here
         t_s = interval.t_s
         if self._holds(conditions):
-            self._stand(interval)
+            self._stand(interval, conditions)
             return False
         if self._stands_since_s is None or Condition.OPERATOR_HOLD in conditions:
             return False  # a warning that is due waits for the person
@@ -55,12 +58,13 @@ class ResumeWarning:
             self._stands_since_s = None
         return False
 
-    def _stand(self, interval: TickInterval) -> None:
+    def _stand(self, interval: TickInterval, conditions: Sequence[Condition]) -> None:
         """Note that the rover holds its wheels; in an interval that was late the board's deadman had stopped them."""
         if self._stands_since_s is None:
             self._stands_since_s = interval.t_s - interval.dt_s
         self._free_since_s = None
-        self._due = interval.t_s - self._stands_since_s > LONG_HOLD_S
+        if interval.t_s - self._stands_since_s > LONG_HOLD_S or not BOARD_FAILED.isdisjoint(conditions):
+            self._due = True
 
     def _holds(self, conditions: Sequence[Condition]) -> bool:
         """Return whether the rover itself holds its wheels."""

@@ -23,6 +23,8 @@ from wayfarer.fieldlog.typed import Tick
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.views.foxglove.mcap_file import write_mcap
 
+COMPASS_IS_BACK = "the compass is believed again, or the heading is reckoned"
+
 JSON_TYPES: dict[str, Any] = {"number": (int, float), "boolean": bool, "string": str}
 
 
@@ -197,7 +199,7 @@ def test_log_panel_tells_events_by_their_severity(tmp_path: Path) -> None:
         (info, "Mark: hit log"),
         (warning, "It stalled on its way to the goal"),
         (warning, "Its nose was up while backing off"),
-        (warning, "Wheels held until this clears: the compass is silent"),
+        (warning, f"Wheels held until this clears: the compass is silent. This ends when {COMPASS_IS_BACK}"),
         (error, "The motors did not answer: no answer"),
         (info, "made up tomorrow"),
         (warning, "a fault begins: compass silence"),

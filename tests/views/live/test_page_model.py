@@ -115,6 +115,22 @@ def test_health_is_told_in_words(model: PageModel) -> None:
     assert (state["battery_v"], state["faults"]) == (11.4, ["motor A: drive fault"])
 
 
+def test_page_says_since_when_what_the_rover_does_and_until_when(model: PageModel) -> None:
+    log = shown(model)
+    log.event("armed", 100.0, goal_heading_deg=0.0)
+    for t_s in (100.0, 101.0, 105.0, 112.0):
+        level, cause = (Level.DEGRADE, Condition.MOTION_LOST) if t_s > 100.0 else (Level.WELL, None)
+        log.tick(tick(t_s, level=level, cause=cause))
+    state = model.state()
+    assert state["cause_for_s"] == 11.0
+    assert state["response_text"].startswith("it drives at most 3 m ahead at a time")
+    assert state["response_text"].endswith(", until the motion sensor sees the ground again")
+    log.event("disarmed", 112.0, reason="asked")
+    assert model.state()["response_text"] == "", "a rover that is disarmed does nothing"
+    log.tick(tick(113.0))
+    assert model.state()["cause_for_s"] is None
+
+
 def test_sensors_have_age_rate_and_what_they_say_of_themselves(model: PageModel) -> None:
     log = shown(model)
     for step in range(41):

@@ -44,7 +44,14 @@ from wayfarer.views.run_report.map import map_plot
 from wayfarer.views.run_report.quantities import PANELS, panels_of
 from wayfarer.views.run_report.run import write_comparison, write_run_report
 from wayfarer.views.run_report.series import Line
-from wayfarer.views.run_report.tables import anomalies_table, episodes_table, events_list, sensors_table, settings_table
+from wayfarer.views.run_report.tables import (
+    anomalies_table,
+    conditions_table,
+    episodes_table,
+    events_list,
+    sensors_table,
+    settings_table,
+)
 from wayfarer.views.run_report.track import track_of, tracks_of
 from wayfarer.views.text.run_summariser import summarise
 from wayfarer.views.text.summary_text import summary_facts
@@ -98,7 +105,7 @@ def test_page_is_whole_needs_nothing_else_and_has_all_tables(eventful: tuple[Run
     data, page = eventful
     check_page(page)
     assert HOSTILE not in page
-    for table in (anomalies_table, episodes_table, events_list, sensors_table):
+    for table in (anomalies_table, episodes_table, conditions_table, events_list, sensors_table):
         assert table(data) in page
 
 
@@ -110,7 +117,8 @@ def test_marks_are_numbered_in_list_map_and_time_lines(eventful: tuple[RunData, 
 
 def test_trouble_stands_out_and_an_operators_hold_does_not(eventful: tuple[RunData, str]) -> None:
     _, page = eventful
-    assert re.findall(r"<strong>(.*?)</strong>", page) == ["Wheels held until this clears: the compass is silent"]
+    (trouble,) = re.findall(r"<strong>(.*?)</strong>", page)
+    assert trouble.startswith("Wheels held until this clears: the compass is silent. This ends when ")
 
 
 def test_held_wheels_the_battery_and_a_new_key_are_in_the_time_lines(eventful: tuple[RunData, str]) -> None:
@@ -154,6 +162,15 @@ def test_anomalies_and_episodes_are_counted_by_cause(tmp_path: Path) -> None:
     assert "stalled 1 50%" in text_of(anomalies_table(data))
     assert "nose up 1 50%" in text_of(anomalies_table(data))
     assert "1 0:00:02.0 right 1 1.6 1.6 the heading is the goal heading again" in text_of(episodes_table(data))
+
+
+def test_conditions_are_told_with_their_time_and_response_while_the_rover_was_armed(tmp_path: Path) -> None:
+    blind = {"level": "degrade", "cause": "motion_lost"}
+    ticks = [tick(0.05 * at, **(blind if at >= 20 else {})) for at in range(61)]
+    told = text_of(conditions_table(data_of(tmp_path / "armed", HEADER, ARMED, *ticks)))
+    assert "The motion sensor's picture has been too poor for seconds 0:00:02.0 it drives at most 3 m" in told
+    told = text_of(conditions_table(data_of(tmp_path / "disarmed", HEADER, *ticks)))
+    assert told == "While it was armed, nothing was wrong with the rover itself."
 
 
 def test_a_hold_interrupts_an_episode_and_arming_ends_it(tmp_path: Path) -> None:

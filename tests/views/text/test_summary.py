@@ -50,6 +50,7 @@ def test_time_is_total_armed_and_held_by_cause() -> None:
     assert found.lasted_s == pytest.approx(9.95)
     assert found.armed_s == pytest.approx(5.0)
     assert found.held_s == {"operator_hold": pytest.approx(1.0)}
+    assert found.limited_s == {"battery_low": pytest.approx(1.0)}
 
 
 def test_run_with_a_faster_clock_began_when_its_first_record_says() -> None:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from wayfarer.angles import wrap180
 from wayfarer.fieldlog.schema import ANY_NUMBER, KEYS
 from wayfarer.fieldlog.typed import Board, Computer, RunEvent, Tick, Truth
-from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS
+from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS, response_text
 
 NOTHING = "none"  # a separate state: in a strip of states, a missing value would look like the previous one
 
@@ -54,7 +54,7 @@ def _kind(record: str, name: str) -> str:
     types = KEYS[record].get(name, ANY_NUMBER).types
     if bool in types or name in ANOMALY_TEXTS:
         return "boolean"
-    return "string" if str in types or list in types else "number"
+    return "string" if str in types or list in types or name == "response" else "number"
 
 
 def _is_known(value: object) -> bool:
@@ -77,6 +77,7 @@ def _felt(kind: str) -> Callable[[Any], object]:
 _DERIVED: Mapping[str, Callable[[Any], object]] = {
     "error_deg": _error_deg,
     "cause": lambda tick: tick.cause or NOTHING,
+    "response": lambda tick: response_text(tick.level, tick.cause) or NOTHING,
     "faults": lambda board: ", ".join(board.faults) or NOTHING,
     **{name: _moved(name) for name in ("forward_m", "right_m", "quality")},
     **{kind: _felt(kind) for kind in ANOMALY_TEXTS},
@@ -105,6 +106,7 @@ PLOTS: Mapping[str, Plot] = {
             "why": "the phase, or in its first tick the event that began it",
             "level": "the worst condition of the rover itself: well, note, degrade, hold or fault",
             "cause": "which condition that is",
+            "response": "what an armed rover does because of it, and until when",
         },
     ),
     "/counter": Plot(

@@ -20,7 +20,15 @@ from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.sensor_status import SensorStatus
 from wayfarer.fieldlog.tick_wording import further_texts, why_text
 from wayfarer.fieldlog.typed import RunEvent, Tick, Truth
-from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS, CAUSE_TEXTS, PHASE_TEXTS, because, disarmed_text, level_text
+from wayfarer.fieldlog.vocabulary import (
+    ANOMALY_TEXTS,
+    CAUSE_TEXTS,
+    PHASE_TEXTS,
+    because,
+    disarmed_text,
+    level_text,
+    response_text,
+)
 from wayfarer.views.text.run_narrator import RunNarrator, Verbosity
 from wayfarer.views.trail import Trail
 
@@ -95,6 +103,8 @@ class PageModel:
             "level": level,
             "level_text": level_text(level, tick.cause),
             "cause_text": CAUSE_TEXTS.get(tick.cause, tick.cause) if tick.cause else "",
+            "cause_for_s": round(run.elapsed_s - run.cause_since_s, 1) if tick.cause else None,
+            "response_text": response_text(tick.level, tick.cause) if run.mode == "armed" else "",
             "heading_deg": tick.heading_deg,
             "pitch_deg": tick.pitch_deg,
             "roll_deg": tick.roll_deg,

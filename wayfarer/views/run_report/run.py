@@ -22,6 +22,7 @@ from wayfarer.views.run_report.map import map_plot
 from wayfarer.views.run_report.panels import draw_panels
 from wayfarer.views.run_report.tables import (
     anomalies_table,
+    conditions_table,
     episodes_table,
     events_list,
     facts_table,
@@ -49,6 +50,7 @@ def write_run_report(run: Path, out: Path | None = None) -> Path:
         html.facts(words.facts(data, run_title(run))),
         *_drawn([data], [words.number_of(run)], plots),
         html.section("Anomalies and episodes", anomalies_table(data), episodes_table(data)),
+        html.section("Conditions", conditions_table(data)),
         html.section("Events", events_list(data)),
         html.section("Sensors", sensors_table(data)),
     ]

@@ -10,7 +10,8 @@ from wayfarer.config.rover_overlay import flat
 from wayfarer.fieldlog.episodes import Episode
 from wayfarer.fieldlog.fields import duration_text, table
 from wayfarer.fieldlog.sensor_status import SensorStatus
-from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS, because
+from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS, CAUSE_TEXTS, because, response_text
+from wayfarer.fieldlog.wording import sentence
 from wayfarer.views.page import html
 from wayfarer.views.run_report import words
 from wayfarer.views.run_report.data import RunData
@@ -48,6 +49,20 @@ def _episode(number: int, episode: Episode) -> Sequence[str]:
     lasted_s = episode.end_s - episode.start_s
     began = duration_text(episode.start_s, 1)
     return f"{number}", began, episode.side, f"{episode.turns}", f"{lasted_s:.1f}", f"{episode.metres:.1f}", ended
+
+
+def conditions_table(data: RunData) -> str:
+    """Return for how long which condition limited or stopped an armed rover, and what it did about that."""
+    times_s = [("hold", data.summary.held_s), ("degrade", data.summary.limited_s)]
+    rows = [
+        ("", (sentence(CAUSE_TEXTS.get(cause, cause)), duration_text(for_s, 1), response_text(level, cause)))
+        for level, by_cause in times_s
+        for cause, for_s in by_cause.items()
+    ]
+    if not rows:
+        return html.paragraph("While it was armed, nothing was wrong with the rover itself.")
+    caption = "What was wrong with the rover itself while it was armed, for how long in all, and what it did about it."
+    return html.table(caption, ("condition", "for", "response"), rows)
 
 
 def events_list(data: RunData) -> str:

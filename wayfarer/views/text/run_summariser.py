@@ -19,8 +19,8 @@ from wayfarer.views.text.summary import Mark, PeriodPercentiles, RunSummary
 LATE_S = SafetySettings().tick_late_s  # where a header does not tell
 # The events that tell of something that failed; ``sensor_failed`` is counted by sensor.
 FAILURES = {
-    "board_silent", "light_failed", "part_failed", "motors_failed", "loop_stalled", "stop_not_confirmed", "close_hangs",
-    "control_error", "viewer_failed",
+    "board_silent", "light_failed", "part_failed", "motors_failed", "motors_not_opened", "loop_stalled",
+    "stop_not_confirmed", "close_hangs", "control_error", "viewer_failed",
 }  # fmt: skip
 
 
@@ -67,6 +67,7 @@ class RunSummariser:
             lasted_s=state.lasted_s,
             armed_s=state.armed_s,
             held_s=dict(state.held_s),
+            limited_s=dict(state.limited_s),
             commanded_m=state.commanded_m,
             reckoned_m=state.path_m,
             anomalies=dict(state.anomalies),

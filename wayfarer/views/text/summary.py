@@ -32,8 +32,8 @@ class RunSummary:
 
     ``trial`` is the number of a simulated trial, which has virtual time and no ``began_wall_s``. ``lasted_s`` is from
     the first record to the last, ``armed_s`` the part of it while armed, ``held_s`` the part of that with the wheels
-    held, by cause. ``commanded_m`` is the commanded distance and ``reckoned_m`` that of dead reckoning, both forwards
-    and backwards added up.
+    held, by cause, ``limited_s`` that of driving with limits. ``commanded_m`` is the commanded distance and
+    ``reckoned_m`` that of dead reckoning, both forwards and backwards added up.
 
     ``anomalies`` counts beginnings by kind, ``episodes`` those of all missions, ``recoveries`` how often the rover
     backed off, ``exhausted`` the phases that reached their bound. ``late_ticks`` came more than ``tick_late_s`` of the
@@ -52,6 +52,7 @@ class RunSummary:
     lasted_s: float
     armed_s: float
     held_s: Mapping[str, float]
+    limited_s: Mapping[str, float]
     commanded_m: float | None
     reckoned_m: float
     anomalies: Mapping[str, int]

@@ -80,10 +80,10 @@ def _offset(offset: RangeBearing) -> str:
 def _time(summary: RunSummary, *, utc: bool) -> Iterator[str]:
     lasted, armed = duration_text(summary.lasted_s), duration_text(summary.armed_s)
     yield f"{lasted} in all{_began(summary, utc=utc)}; armed for {armed}"
-    yield from (
-        f"held for {duration_text(held_s, 1)}: {CAUSE_TEXTS.get(cause, cause)}"
-        for cause, held_s in summary.held_s.items()
-    )
+    for how, times_s in (("held", summary.held_s), ("drove with limits", summary.limited_s)):
+        yield from (
+            f"{how} for {duration_text(for_s, 1)}: {CAUSE_TEXTS.get(cause, cause)}" for cause, for_s in times_s.items()
+        )
 
 
 def _began(summary: RunSummary, *, utc: bool) -> str:

@@ -13,7 +13,9 @@ function writeState(state, mayStart) {
   const ended = state.mode === "ended"; // and nothing is measured any more
   write("mode", state.held && state.mode === "armed" ? "Held" : MODES[state.mode] || state.mode);
   write("why-disarmed", state.mode === "disarmed" ? state.why_disarmed : "");
-  write("health", ended ? "" : [state.level_text, state.cause_text].filter(Boolean).join(": "));
+  const since = known(state.cause_for_s) ? ` (for ${clock(state.cause_for_s)})` : "";
+  write("health", ended ? "" : `${[state.level_text, state.cause_text].filter(Boolean).join(": ")}${since}`);
+  write("response", ended ? "" : state.response_text);
   element("health").className = ["hold", "fault", "degrade"].includes(state.level) ? "bad" : "";
   write("phase", ended ? "" : state.phase_text);
   write("why", ended ? "" : state.why_text);
