@@ -205,9 +205,9 @@ def test_hillside_where_a_mission_begins_is_no_tilt_from_its_first_tick_on() -> 
     rover = Hillside(16.0)
     assert rover.tilts() == {Anomaly.NOSE_UP}
     tick = DetectorTick(rover.t_s)
-    tick.anomalies = (Anomaly.IMMOBILISED, Anomaly.NOSE_UP)
+    tick.anomalies = (Anomaly.NOSE_UP, Anomaly.TOUCHED)
     rover.detector.begin_mission(tick)
-    assert tick.anomalies == (Anomaly.IMMOBILISED,)
+    assert list(tick.anomalies) == [Anomaly.TOUCHED]
     assert rover.tilts() == set()
 
 

@@ -18,8 +18,7 @@ LEARN_M: Final = 2.0
 # A difference counts as at most this much, so that the estimate changes by at most 5 degrees per metre: 1 degree while
 # a nose rises at a trunk. From no source.
 DIFFERENCE_MAX_DEG: Final = 10.0
-# Forests are rarely steeper, and wheels climb 27 degrees of moist loam, the best ground of the sources, and no more
-# (friction of Noon 1994 minus rolling resistance).
+# Wheels climb at most 27 degrees of moist loam (its friction, Noon 1994, less rolling resistance); other ground less.
 SLOPE_MAX_DEG: Final = 25.0
 # A flatter ground counts as level: then noise and trunks on level ground change no limit.
 LEVEL_DEG: Final = 5.0
@@ -54,7 +53,13 @@ class GroundSlope:
         self._set(*_turned(believed.pitch_deg, believed.roll_deg, believed.heading_deg))
 
     def update(
-        self, believed: CompassReading, motion: MotionReading | None, driven_m: float, *, moves: bool, heading_known: bool
+        self,
+        believed: CompassReading,
+        motion: MotionReading | None,
+        driven_m: float,
+        *,
+        moves: bool,
+        heading_known: bool,
     ) -> None:
         """Take in a tick.
 
