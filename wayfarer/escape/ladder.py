@@ -105,7 +105,7 @@ class Ladder:
         if rung is None:
             self._note_turn(observation.applied)
             return None
-        if self._step < 0 or observation.t_s >= self._ends_t_s or self._tilts(observation):
+        while self._step < 0 or observation.t_s >= self._ends_t_s or self._tilts(observation, rung.steps[self._step]):
             self._step += 1
             if self._step == len(rung.steps):
                 self._rung = None
@@ -120,9 +120,12 @@ class Ladder:
         self._ends_t_s = observation.t_s + step.for_s * (self._share if step.turn else 1.0)
         self._known = observation.anomalies
 
-    def _tilts(self, observation: Observation) -> bool:
-        """Return whether this step tilts the body: it must not be pushed over."""
-        return any(each not in _HARMLESS and each not in self._known for each in observation.anomalies)
+    def _tilts(self, observation: Observation, step: Step) -> bool:
+        """Return whether this step tilts the body, or tilts it further than it was: it must not be pushed over."""
+        further = Anomaly.NOSE_UP if step.ahead > 0.0 else Anomaly.NOSE_DOWN if step.ahead < 0.0 else None
+        return any(
+            each is further or (each not in _HARMLESS and each not in self._known) for each in observation.anomalies
+        )
 
     def _note_turn(self, applied: WheelCommand | None) -> None:
         """Remember the side of the algorithm's last turn on the spot."""
