@@ -98,12 +98,18 @@ class Bench:
         self.t_s = 100.0
 
     async def tick(
-        self, ticks: int = 1, *, heading_deg: float = 0.0, compass: bool = True, dt_s: float = TICK_S
+        self,
+        ticks: int = 1,
+        *,
+        heading_deg: float = 0.0,
+        pitch_deg: float = 0.0,
+        compass: bool = True,
+        dt_s: float = TICK_S,
     ) -> None:
         for _ in range(ticks):
             self.t_s += dt_s
             if compass:
-                self.buffers.compass.write(CompassReading(self.t_s, heading_deg, 0.0, 0.0, None))
+                self.buffers.compass.write(CompassReading(self.t_s, heading_deg, pitch_deg, 0.0, None))
             await self.controller.tick(self.t_s)
 
     async def armed(self, goal_heading_deg: float | None = 0.0) -> Bench:

@@ -13,7 +13,7 @@ from tests.workshop import AHEAD, VEHICLE
 from wayfarer.control.controller import Mode
 from wayfarer.control.status_light import YELLOW, colour
 from wayfarer.errors import NotResponding
-from wayfarer.escape.api import EscapeHandler
+from wayfarer.escape.api import Anomaly, EscapeHandler
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP, MotionReading, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
@@ -79,6 +79,18 @@ async def test_fault_that_lasts_into_arming_refuses_it_or_is_forgotten_never_bot
     await bench.tick(3, compass=False)
     await bench.tick(40)
     assert (bench.controller.mode, bench.wheels) in [(Mode.ARMED, AHEAD), (Mode.DISARMED, STOP)]
+
+
+async def test_mission_that_begins_on_a_hillside_begins_without_a_tilt() -> None:
+    """The ground is as the body stands on it at the end of the delay, not before."""
+    bench = Bench(start_delay_s=2.0)
+    await bench.tick(20, pitch_deg=-24.0)
+    assert bench.log.ticks[-1].anomalies == (Anomaly.NOSE_DOWN,)
+    bench.controller.arm(bench.t_s, 0.0)
+    await bench.tick(20, pitch_deg=-24.0)
+    await bench.tick(40, pitch_deg=24.0)
+    assert bench.controller.mode is Mode.ARMED
+    assert {seen.anomalies for seen in bench.handler.seen} == {()}
 
 
 async def test_disarm_stops_at_the_next_tick_until_armed_again() -> None:

@@ -109,6 +109,15 @@ def test_step_that_tilts_the_body_ends_and_one_that_only_pushes_does_not() -> No
     assert tilts.wheels.left * tilts.wheels.right < 0.0, "the next step"
 
 
+@pytest.mark.parametrize(("tilt", "sign"), [(Anomaly.NOSE_UP, 1.0), (Anomaly.NOSE_DOWN, -1.0)])
+def test_no_step_pushes_a_nose_further_up_or_a_tail(tilt: Anomaly, sign: float) -> None:
+    """A rover rocked ahead with its nose at 30 degrees, until it lay on its back (MuJoCo, hillside of 16 degrees)."""
+    ladder = Ladder()
+    made = [decision for _ in RUNGS for decision in rung(ladder, 0.0, tilt)]
+    assert {decision.why for decision in made} == set(NAMES)
+    assert max(sign * (decision.wheels.left + decision.wheels.right) for decision in made) == 0.0
+
+
 def test_same_mission_draws_the_same_turns_again() -> None:
     first, second = Ladder(), Ladder()
     rest_s(first, 0.0)

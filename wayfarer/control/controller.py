@@ -124,7 +124,7 @@ class Controller:
         """
         self._motors_failed = self.held = False
         self._recovery.reset()
-        self._detector.begin_mission()
+        self._detector.begin_arming()
         self.mission = None
         self._arming = ArmingSequence(self._safety, t_s, goal_heading_deg)
         self.mode = Mode.ARMING
@@ -191,7 +191,7 @@ class Controller:
         if conditions and not _WHEELS_ASTRAY.isdisjoint(conditions):
             self._motors.halt()  # at each tick: a board that does not obey may obey one of many stops
         if self._arming is not None:
-            self._continue_arming(t_s, self._arming, conditions)
+            self._continue_arming(tick, self._arming)
         observation = tick.observation = self._observe(tick)
         armed = self.mode is _ARMED
         if not gate.judge(conditions):
@@ -263,13 +263,14 @@ class Controller:
             tick.commanded,
         )
 
-    def _continue_arming(self, t_s: float, arming: ArmingSequence, conditions: tuple[Condition, ...]) -> None:
-        compass = self._detector.compass
+    def _continue_arming(self, tick: TickRecord, arming: ArmingSequence) -> None:
+        t_s, compass = tick.t_s, self._detector.compass
         goal_heading_deg = arming.update(compass) if compass is not None else None
-        stops = [condition.value for condition in conditions if self.levels[condition] >= Level.DEGRADE]
+        stops = [condition.value for condition in tick.conditions if self.levels[condition] >= Level.DEGRADE]
         if goal_heading_deg is not None and not stops:
+            self._detector.begin_mission(tick)
             self._begin_mission(t_s, goal_heading_deg)
-        elif failed := next((each.value for each in conditions if each in _BOARD_FAILED), None):
+        elif failed := next((each.value for each in tick.conditions if each in _BOARD_FAILED), None):
             self.disarm(t_s, f"fault: {failed}")  # arming has opened the board, so that it must not fail now
         elif arming.too_late(t_s):
             self.disarm(t_s, f"not armed: {', '.join(stops) or 'the heading did not settle'}")

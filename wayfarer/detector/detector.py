@@ -6,12 +6,13 @@ from math import radians
 
 from wayfarer.detector.compass import CompassMonitor
 from wayfarer.detector.contact import ContactMonitor
+from wayfarer.detector.ground_slope import GroundSlope
 from wayfarer.detector.heading import HeadingEstimator
 from wayfarer.detector.motion import MotionMonitor
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.detector.sides import SideMonitor
 from wayfarer.detector.tick import DetectorTick
-from wayfarer.detector.tilt import TiltMonitor
+from wayfarer.detector.tilt import TILTS, TiltMonitor
 from wayfarer.detector.turnable import TurnabilityMonitor
 from wayfarer.escape.api import Anomaly, Vehicle
 from wayfarer.hal import CompassReading, ContactReading, MotionReading
@@ -50,7 +51,8 @@ class Detector:
         self._motion = MotionMonitor(settings, vehicle, watched=watches_motion)
         self._needs_contact = needs_contact or watches_contact
         self._contact = ContactMonitor(settings, touch_counts=watches_contact, needed=self._needs_contact)
-        self._tilt = TiltMonitor(settings)
+        self._ground = GroundSlope(settings.quality_min)
+        self._tilt = TiltMonitor(settings, self._ground)
         self.sides = SideMonitor(vehicle)
         self._turns = TurnabilityMonitor(settings, duty_max)
         self._started = False
@@ -77,6 +79,8 @@ class Detector:
         self.compass = believed = self._heading.reading
         if believed is not None:
             self._tilt.update(t_s, believed, anomalies, conditions)
+            moves = self._motion.moves
+            self._ground.update(believed, self.motion, tick.forward_m, moves=moves, heading_known=not doubtful)
         if contact is not None or self._needs_contact:
             self._contact.update(t_s, contact, anomalies, conditions)
             self.contact = self._contact.reading
@@ -89,10 +93,16 @@ class Detector:
         if anomalies or conditions:
             tick.anomalies, tick.conditions = tuple(anomalies), tuple(conditions)
 
-    def begin_mission(self) -> None:
+    def begin_arming(self) -> None:
         """Forget failed turns and sides from before the rover was armed: a person has looked at it since."""
         self.sides.reset()
         self._turns.reset()
+
+    def begin_mission(self, tick: DetectorTick) -> None:
+        """Take the ground to be as the body stands on it now, where a person has put it: that is no anomaly."""
+        if self.compass is not None:
+            self._ground.begin(self.compass)
+        tick.anomalies = tuple(each for each in tick.anomalies if each not in TILTS)
 
     def _start(self, t_s: float) -> None:
         """Begin all ages now: the age of a sensor that has not answered yet is that of the run."""

@@ -31,9 +31,10 @@ class DetectorSettings:
     At 1 m/s it pushes against what it did not see for 3 s, which is the bound of faults 29 and 58 for a held motor.
 
     *Tilt.* A tilt beyond ``tilt_deg`` counts after ``tilt_s`` (PX4's attitude trigger: 0.3 s). The released field code
-    stops beyond 15 degrees of pitch; this limit is for both axes and both signs, with a margin for rough ground. A body
-    that climbs fast tips over within those 0.2 s. So a body that will reach ``tipping_deg`` within ``tipping_s`` at its
-    present rate counts as tilted at once. The shipped bodies tip at 51 degrees (closed form, docs/physics.md).
+    stops beyond 15 degrees of pitch; this limit is for both axes and both signs, with a margin for rough ground. It is
+    counted from the ground (``detector.ground_slope``); half of it below ``tipping_deg``, a tilt counts on any ground.
+    A body that climbs fast tips over within those 0.2 s. So a body that will reach ``tipping_deg`` within ``tipping_s``
+    at its present rate counts as tilted at once. The shipped bodies tip at 51 degrees (closed form, docs/physics.md).
     ``tipping_s`` is a reading, a tick and the motors' lag (``simhal.world.physics.Physics``) together. A body that is
     tilted beyond ``overturned_deg`` for ``overturned_s`` has overturned; one reading with a flipped bit is shorter.
 

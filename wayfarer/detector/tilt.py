@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from typing import Final
 
+from wayfarer.detector.ground_slope import GroundSlope
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.escape.api import Anomaly
 from wayfarer.hal import CompassReading
@@ -17,15 +18,21 @@ TILTS: Final = (Anomaly.NOSE_UP, Anomaly.NOSE_DOWN, Anomaly.RIGHT_DOWN, Anomaly.
 class TiltMonitor:
     """Judges pitch and roll.
 
-    A tilt to one of the four sides counts once it has lasted, separately for each side. A body that is tipping over to
-    a side counts as tilted at once: its tilt grows so fast that it would soon be too much. The rate is that of the
-    slower of the last two steps between readings, so that one wrong reading or one bump does not count as tipping. A
-    tilt below half of the limit never counts.
+    A tilt to one of the four sides counts once it has lasted, separately for each side. It is counted from the ground.
+    Counted from the horizontal, a tilt counts on any ground once a bump of half of the limit would bring the body to
+    ``tipping_deg``.
+
+    A body that is tipping over to a side counts as tilted at once: its tilt grows so fast that it would soon be too
+    much. The rate is that of the slower of the last two steps between readings, so that one wrong reading or one bump
+    does not count as tipping; nor does a tilt below half of the limit. Tipping and overturned are counted from the
+    horizontal.
     """
 
-    def __init__(self, settings: DetectorSettings) -> None:
+    def __init__(self, settings: DetectorSettings, ground: GroundSlope) -> None:
+        self._ground = ground
         self._limit_deg = settings.tilt_deg
         self._floor_deg = settings.tilt_deg / 2.0
+        self._most_deg = max(settings.tilt_deg, settings.tipping_deg - self._floor_deg)
         self._tipping_deg, self._tipping_s = settings.tipping_deg, settings.tipping_s
         self._readings: deque[CompassReading] = deque(maxlen=3)
         self._overturned_deg = settings.overturned_deg
@@ -37,16 +44,17 @@ class TiltMonitor:
         self, t_s: float, believed: CompassReading, anomalies: list[Anomaly], conditions: list[Condition]
     ) -> None:
         """Judge a tick, and add what is found to ``anomalies`` and ``conditions``."""
-        read_t_s, _, pitch_deg, roll_deg, _ = believed
+        read_t_s, heading_deg, pitch_deg, roll_deg, _ = believed
         readings = self._readings
         if not readings or readings[-1].t_s < read_t_s:
             readings.append(believed)
-        limit_deg, floor_deg = self._limit_deg, self._floor_deg
-        if abs(pitch_deg) < floor_deg > abs(roll_deg) and not self._tilted:
+        ground, limit_deg, floor_deg = self._ground, self._limit_deg, self._floor_deg
+        if ground.level and abs(pitch_deg) < floor_deg > abs(roll_deg) and not self._tilted:
             return
         self._tilted = False
-        for tilt, angle_deg in zip(TILTS, _towards_deg(believed), strict=True):
-            beyond = angle_deg >= limit_deg
+        slopes_deg = ground.towards_deg(heading_deg)
+        for tilt, angle_deg, slope_deg in zip(TILTS, _towards_deg(believed), slopes_deg, strict=True):
+            beyond = angle_deg - slope_deg >= limit_deg or angle_deg >= self._most_deg
             self._tilted |= beyond
             lasts = self._tilts[tilt].update(t_s, beyond)
             if lasts or (angle_deg >= floor_deg and self._tips(tilt)):

@@ -135,7 +135,7 @@ class Ladder:
         if rung is None:
             self._note_turn(observation.applied)
             return None
-        if self._step < 0 or t_s >= self._ends_t_s or self._tilts(observation, rung.steps[self._step]):
+        while self._step < 0 or t_s >= self._ends_t_s or self._tilts(observation, rung.steps[self._step]):
             self._step += 1
             if self._step == len(rung.steps):
                 self.rung = None
@@ -152,10 +152,10 @@ class Ladder:
 
         A body that was tilted before may go on, but not further up what it has climbed.
         """
-        anomalies = observation.anomalies
-        if (step.ahead > 0.0 and Anomaly.NOSE_UP in anomalies) or (step.ahead < 0.0 and Anomaly.NOSE_DOWN in anomalies):
-            return True
-        return any(each not in _HARMLESS and each not in self._known for each in anomalies)
+        further = Anomaly.NOSE_UP if step.ahead > 0.0 else Anomaly.NOSE_DOWN if step.ahead < 0.0 else None
+        return any(
+            each is further or (each not in _HARMLESS and each not in self._known) for each in observation.anomalies
+        )
 
     def _note_turn(self, applied: WheelCommand | None) -> None:
         """Remember the side of the algorithm's last turn on the spot."""
