@@ -23,6 +23,7 @@ EXAMPLES = examples(
     "wayfarer sim --trials 100 --rover minirover --depth bus",
     "wayfarer sim --scenario extended-maze --rover forestrover --algorithm forest-pledge,levy-walk --trials 200",
     "wayfarer sim --ground mud --trials 200",
+    "wayfarer sim --senses field --trials 200",
     "wayfarer sim --physics mujoco --friction 0.3:0.8 --rover forestrover --trials 20",
     "wayfarer sim --physics mujoco --friction 0.15 --rover forestrover --trial 9 --video trial.mp4",
     "wayfarer sim --trials 1000000 --out results --cluster tcp://10.0.0.7:8786",
@@ -140,6 +141,7 @@ def sim(
     friction: Friction = None,
     roughness_m: RoughnessM = None,
     torque_scale: TorqueScale = None,
+    senses: options.SensesOption = "ideal",
     spl: options.Spl = False,
     out: Out = None,
     resume: options.Resume = False,
@@ -167,8 +169,8 @@ def sim(
     from wayfarer.simhal.world import grounds
 
     campaign = options.campaign_of(
-        algorithm=algorithm, rover=rover, anomaly_source=anomaly_source, forests=forests, trials=trials, seed=seed,
-        slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth,
+        algorithm=algorithm, rover=rover, anomaly_source=anomaly_source, forests=forests, senses=senses,
+        trials=trials, seed=seed, slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth,
         terrains=commands.terrains(terrain) if in_mujoco else None, ground=grounds.GroundName(ground),
     )  # fmt: skip
     if scenario:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 from wayfarer import __version__
 from wayfarer.simhal.world.forest import TREES_PER_HA, Forest
 from wayfarer.simhal.world.grounds import GroundName
-from wayfarer.simhal.world.physics import PHYSICS, Physics
+from wayfarer.simhal.world.physics import PHYSICS, Physics, changed
 
 if TYPE_CHECKING:  # a trial needs the whole simulator: only the workers pay for importing it
     from wayfarer.config.rover_file import RoverConfig
@@ -102,7 +102,7 @@ class Campaign:
     counts as entrapped. Without ``forests`` the layouts are generated; with ``spl`` missing shortest paths
     are computed. ``depth`` is how far down the simulation goes: ``device`` or ``bus`` (``build_rover``). ``physics``,
     but for its ``slip_mean_m``, and the ``trees_per_ha`` of generated layouts are what a sweep may change beside the
-    rover.
+    rover; ``--senses`` too changes ``physics``.
     ``scenario`` names the site (``world.sites``) that layouts are drawn of in place of the abstract forests, one a
     trial. With ``terrains`` the body moves in MuJoCo and not in physics-light; ``ground`` is what physics-light has
     under the wheels.
@@ -183,7 +183,8 @@ class Campaign:
     def settings(self) -> dict[str, Any]:
         """Return the settings as JSON can hold them: what makes two campaigns the same one.
 
-        A campaign without a ground is on ideal ground, as all were before there were others.
+        A campaign without a ground is on ideal ground, as all were before there were others; numbers of the simulated
+        world that it does not name under ``sim`` are as by default.
         """
         settings = {
             "version": __version__,
@@ -202,6 +203,8 @@ class Campaign:
             settings["mujoco"] = self.terrains.as_json()
         if self.ground is not GroundName.ideal:
             settings["ground"] = self.ground.value
+        if of_world := changed(self.physics):
+            settings["sim"] = of_world
         return settings
 
     def _with_shortest_path(self, forest: Forest) -> Forest:

@@ -17,6 +17,7 @@ from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.grounds import GroundName
+from wayfarer.simhal.world.physics import changed
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 if TYPE_CHECKING:
@@ -166,6 +167,8 @@ def field_log(spec: TrialSpec, folder: Path, world: SimulatedWorld, rover: Rover
         details["mujoco"] = spec.terrains.draw(RandomStreams(spec.seed))._asdict()
     if spec.ground is not GroundName.ideal:
         details["ground"] = spec.ground.value
+    if of_world := changed(spec.physics):
+        details["sim"] = of_world
     log = FieldLog(RunFiles(folder), details, wall=lambda t_s: t_s)
     return log, GroundTruthLog(log, world)
 

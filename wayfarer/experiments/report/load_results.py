@@ -28,6 +28,7 @@ from wayfarer.experiments.sweep.grid import MOST_TRIALS
 from wayfarer.files.regular_file import read_regular
 from wayfarer.simhal.mujoco.terrain import terrains_of
 from wayfarer.simhal.world.grounds import GroundName
+from wayfarer.simhal.world.physics import PHYSICS, Physics
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 
@@ -66,6 +67,7 @@ class CampaignSettings(BaseModel):
     rover: dict[str, Any]
     mujoco: dict[str, list[float]] | None = None
     ground: GroundName = GroundName.ideal
+    sim: Physics = PHYSICS
 
     @field_validator("algorithms")
     @classmethod
@@ -143,6 +145,7 @@ class CampaignResults:
             forests=self._forests(settings.forests) if settings.forests else None,
             terrains=terrains_of(settings.mujoco) if settings.mujoco else None,
             ground=settings.ground,
+            physics=settings.sim,
         )
 
     def _rover(self) -> RoverConfig:

@@ -15,6 +15,7 @@ from wayfarer.experiments.report.worst_trials import ending
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.fieldlog.vocabulary import PHASE_TEXTS
 from wayfarer.fieldlog.wording import plural
+from wayfarer.simhal.world.physics import changed
 from wayfarer.views import palette
 from wayfarer.views.page import html
 
@@ -78,6 +79,8 @@ def facts(settings: CampaignSettings) -> Iterator[tuple[str, str]]:
         yield "ground", settings.ground.value
     for name, (low, high) in (settings.mujoco or {}).items():
         yield f"MuJoCo, {name}", f"{low:g}" if low == high else f"{low:g} to {high:g}, drawn for each trial"
+    for name, value in changed(settings.sim).items():
+        yield f"sim.{name}", f"{value:g}"
     yield "forests", f"{forests.file}, BLAKE2b {forests.blake2b}" if forests else "generated"
     yield "algorithms", ", ".join(settings.algorithms)
 
