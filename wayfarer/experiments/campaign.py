@@ -24,6 +24,7 @@ if TYPE_CHECKING:  # a trial needs the whole simulator: only the workers pay for
     from wayfarer.experiments.trial_setup import TrialSpec
     from wayfarer.simhal.mujoco.terrain import Terrains
     from wayfarer.simhal.world.sites.field_site import FieldSite
+    from wayfarer.simhal.world.slope import Slopes
 
 NOISES_PER_LAYOUT = 2  # the paper's 1,000 trials are 500 layouts x 2 noise seeds
 
@@ -105,7 +106,7 @@ class Campaign:
     rover; ``--senses`` too changes ``physics``.
     ``scenario`` names the site (``world.sites``) that layouts are drawn of in place of the abstract forests, one a
     trial. With ``terrains`` the body moves in MuJoCo and not in physics-light; ``ground`` is what physics-light has
-    under the wheels.
+    under the wheels. With ``slopes`` a slope is drawn for each trial.
     """
 
     algorithms: tuple[str, ...]
@@ -122,6 +123,7 @@ class Campaign:
     scenario: str | None = None
     terrains: Terrains | None = None
     ground: GroundName = GroundName.ideal
+    slopes: Slopes | None = None
 
     @property
     def site(self) -> FieldSite | None:
@@ -178,6 +180,7 @@ class Campaign:
         return TrialSpec(
             task.trial, task.algorithm, forest, seed, self.rover, self.slip_mean_m, self.budget_m, depth,
             physics=self.physics, site=self.site, terrains=self.terrains, ground=self.ground,
+            slopes=self.slopes,
         )  # fmt: skip
 
     def settings(self) -> dict[str, Any]:
@@ -203,6 +206,8 @@ class Campaign:
             settings["mujoco"] = self.terrains.as_json()
         if self.ground is not GroundName.ideal:
             settings["ground"] = self.ground.value
+        if self.slopes is not None:
+            settings["slope"] = self.slopes.as_json()
         if of_world := changed(self.physics):
             settings["sim"] = of_world
         return settings

@@ -1,4 +1,4 @@
-"""What commands check and prepare before the first trial: algorithms, terrain, senses, rover, site, folder."""
+"""What commands check and prepare before the first trial: algorithms, terrain, slope, senses, rover, site, folder."""
 
 from __future__ import annotations
 
@@ -15,12 +15,14 @@ from wayfarer.config.rover_file import RoverConfig, with_place
 from wayfarer.errors import BadConfig, BadInput, MissingPackage, UnknownName, one_line
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.campaign import Campaign
+from wayfarer.simhal.drawn_ranges import Range, parse_range
 from wayfarer.simhal.world.grounds import GroundName
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.senses import FIELD, Senses
 
 if TYPE_CHECKING:
     from wayfarer.simhal.mujoco.terrain import Terrains
+    from wayfarer.simhal.world.slope import Slopes
     from wayfarer.simhal.world.wheeled_body import WheeledBody
 
 ALL_TEN = "paper"  # stands for the ten of the paper, which are the catalogue
@@ -48,14 +50,31 @@ def terrains(asked: Mapping[str, str | None]) -> Terrains:
     Raises:
         BadInput: an option is no number or range, or out of bounds.
     """
-    from wayfarer.simhal.mujoco.terrain import BOUNDS, Terrains, parse_range
+    from wayfarer.simhal.mujoco.terrain import BOUNDS, Terrains
 
-    ranges = {
-        name: parse_range(f"--{name.replace('_', '-')}", text, getattr(BOUNDS, name))
+    return Terrains(**_ranges(asked, BOUNDS._asdict()))
+
+
+def slopes(asked: Mapping[str, str | None]) -> Slopes | None:
+    """Return the slopes that options ask for, by the names of their fields; None where none asks for any.
+
+    Raises:
+        BadInput: an option is no number or range, or out of bounds; or a direction without a slope.
+    """
+    from wayfarer.simhal.world.slope import BOUNDS, Slopes
+
+    ranges = _ranges(asked, BOUNDS._asdict())
+    if ranges and "slope_deg" not in ranges:
+        raise BadInput("--slope-direction-deg has an effect only with --slope-deg; add that, or leave it out")
+    return Slopes(**ranges) if ranges else None
+
+
+def _ranges(asked: Mapping[str, str | None], allowed: Mapping[str, Range]) -> dict[str, Range]:
+    return {
+        name: parse_range(f"--{name.replace('_', '-')}", text, allowed[name])
         for name, text in asked.items()
         if text is not None
     }
-    return Terrains(**ranges)
 
 
 def senses(asked: str) -> Physics:

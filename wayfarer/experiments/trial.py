@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 class TrialResult(NamedTuple):
     """The outcome monitor's result of one trial.
 
-    ``interventions``, and of which kind they were, at a field site, where a person helps the rover; ``friction`` and
-    what follows where it was in MuJoCo.
+    ``interventions``, and of which kind they were, at a field site, where a person helps the rover; ``friction`` to
+    ``torque_scale`` where it was in MuJoCo; a slope where one was drawn.
     """
 
     trial: int
@@ -53,6 +53,8 @@ class TrialResult(NamedTuple):
     friction: float | None = None
     roughness_m: float | None = None
     torque_scale: float | None = None
+    slope_deg: float | None = None
+    slope_direction_deg: float | None = None
 
 
 GAVE_UP = f"fault: {Condition.ENTRAPPED.value}"  # the controller's reason for disarming
@@ -123,7 +125,10 @@ async def _run(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
     result = _result(spec, outcome_of(setup.outcome_monitor, counters, end), setup, counters)
     if helped := setup.intervention_counter:
         result = result._replace(interventions=helped.interventions, overturned=helped.flips, off_wheels=helped.hangs)
-    return result._replace(**setup.terrain._asdict()) if setup.terrain else result
+    for drawn in (setup.terrain, setup.slope):
+        if drawn:
+            result = result._replace(**drawn._asdict())
+    return result
 
 
 def _note_nothing(t_s: float, fault: Fault, *, begins: bool) -> None:
@@ -165,6 +170,8 @@ def field_log(spec: TrialSpec, folder: Path, world: SimulatedWorld, rover: Rover
     }
     if spec.terrains is not None:
         details["mujoco"] = spec.terrains.draw(RandomStreams(spec.seed))._asdict()
+    if spec.slopes is not None:
+        details["slope"] = spec.slopes.draw(RandomStreams(spec.seed))._asdict()
     if spec.ground is not GroundName.ideal:
         details["ground"] = spec.ground.value
     if of_world := changed(spec.physics):

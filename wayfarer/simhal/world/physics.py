@@ -22,7 +22,12 @@ class Physics(Senses):
 
     From no source, chosen to be plain: first-order motor lag (on ideal ground; others follow from the body); gain of
     each side and effective track off by a few per cent from one rover to the next; a rover that pushes onto a trunk
-    rears up at ``climb_deg_s`` for full duty, falls back with ``settle_s``, and tips over beyond ``tip_deg``.
+    rears up at ``climb_deg_s`` for full duty, falls back with ``settle_s``, and tips over beyond ``tip_deg`` from the
+    ground.
+
+    All of the ground slopes by ``slope_deg``. It rises towards ``slope_direction_deg``, clockwise from the forest's
+    heading: 0 is a goal straight uphill, 90 ground that rises to the right of the way to the goal, 180 a goal straight
+    downhill, 270 ground that rises to the left.
     """
 
     step_s: Annotated[float, Interval(gt=0, le=0.1)] = 0.05
@@ -37,6 +42,8 @@ class Physics(Senses):
     climb_deg_s: DegreesPerSecond = 40.0
     settle_s: Seconds = 0.2
     tip_deg: Degrees = 60.0
+    slope_deg: Annotated[float, Interval(ge=0, le=45)] = 0.0
+    slope_direction_deg: Annotated[float, Interval(ge=0, le=360)] = 0.0
 
 
 PHYSICS = Physics()
