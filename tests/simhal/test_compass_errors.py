@@ -15,7 +15,7 @@ from wayfarer.angles import wrap180
 from wayfarer.config.rover_file import load_rover
 from wayfarer.hal import CompassReading, WheelCommand
 from wayfarer.simhal.build_rover import Depth, build
-from wayfarer.simhal.compass_errors import errs
+from wayfarer.simhal.compass_errors import compass_errs
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import HeadingSensorModel
 from wayfarer.simhal.world.forest import CLEARING
@@ -47,7 +47,7 @@ class Bench:
 
 
 def test_senses_without_errors_are_those_of_the_world() -> None:
-    assert not errs(STEADY)
+    assert not compass_errs(STEADY)
     bench = Bench(EXACT)
     assert set(bench.errors_round()) == {0.0}
 
@@ -132,7 +132,7 @@ def test_vibration_shakes_pitch_and_roll_with_the_duty_and_not_the_heading() -> 
 def test_field_has_a_value_for_every_error_that_is_neutral_by_default() -> None:
     neutral = {name for name, value in asdict(Senses()).items() if value == 0.0}
     assert set(FIELD) == neutral - {"compass_bias_deg"} | {"blind_cell_m"}
-    assert errs(replace(STEADY, **FIELD))
+    assert compass_errs(replace(STEADY, **FIELD))
 
 
 def test_both_depths_read_the_same_with_all_errors() -> None:

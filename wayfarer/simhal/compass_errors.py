@@ -12,7 +12,7 @@ from wayfarer.simhal.world.simulated_world import ROUNDING_S, SimulatedWorld
 Attitude = tuple[float, float, float]  # heading in radians, pitch and roll in degrees
 
 
-def errs(senses: Senses) -> bool:
+def compass_errs(senses: Senses) -> bool:
     """Return whether a compass has any of these errors."""
     return bool(
         senses.hard_iron_deg
@@ -42,8 +42,8 @@ class CompassErrors:
         self._shaken_deg = streams.normal("compass.vibration", senses.tilt_vibration_deg)
         self._lag_s = senses.compass_lag_s
         self._earlier: deque[tuple[float, Attitude]] = deque()
-        self._looked_s, self._heading_rad, _, _ = world.t_s, *world.attitude()
-        self._bent_rad = self._fused_rad = self._bent(self._heading_rad)
+        self._looked_s, self._heading_rad = world.t_s, world.heading_rad
+        self._bent_rad = self._fused_rad = self._bent(world.heading_rad)
 
     def attitude(self) -> Attitude:
         """Return what the compass feels now: heading in radians, pitch and roll in degrees."""

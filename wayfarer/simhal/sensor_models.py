@@ -10,7 +10,7 @@ from typing import Final
 
 from mypy_extensions import mypyc_attr
 
-from wayfarer.simhal.compass_errors import CompassErrors, errs
+from wayfarer.simhal.compass_errors import CompassErrors, compass_errs
 from wayfarer.simhal.flow_errors import SQUAL_SEEN, blind_ground, flow_scale
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
@@ -26,7 +26,7 @@ class HeadingSensorModel:
 
     def __init__(self, world: SimulatedWorld, streams: RandomStreams) -> None:
         self._world = world
-        self._attitude = CompassErrors(world, streams).attitude if errs(world.physics) else world.attitude
+        self._attitude = CompassErrors(world, streams).attitude if compass_errs(world.physics) else world.attitude
         self._bias_deg = world.physics.compass_bias_deg
         self._noise_tenths = streams.normal("compass.heading", world.physics.compass_noise_deg * 10.0)
         self._tilt_noise_tenths = streams.normal("compass.tilt", world.physics.tilt_noise_deg * 10.0)
