@@ -77,6 +77,12 @@ def test_slope_and_the_fault_slope_add_and_the_slope_remains() -> None:
     assert world.model.opt.gravity.tolist() == pytest.approx(before, abs=1e-3)
 
 
+def test_body_slides_down_across_a_slope_that_is_steeper_than_its_grip() -> None:
+    world = rover_on(0.2, physics=sloping(20.0, 90.0))
+    world.advance_to(1.0)
+    assert world.right_m < -0.1, "the ground rises to the right"
+
+
 def on_ground(friction: float, slope_deg: float, direction_deg: float = 0.0) -> World:
     physics = sloping(slope_deg, direction_deg)
     skid = SkidSteering(BODY, friction, CONFIG.vehicle.track_m, physics.step_s)

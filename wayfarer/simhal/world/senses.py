@@ -34,7 +34,7 @@ class Senses:
     ``motor_field_deg``: the same as hard iron by the current of one side at full duty, and the other way round if the
     side turns backwards. Each side has its own phase, so turning on the spot differs from driving straight. The current
     is taken as in proportion to the duty, as in a motor that is held; one that spins draws less.
-    ``compass_lag_s``: a reading is the attitude of that long ago, to the next reading, with a new time stamp.
+    ``compass_lag_s``: a reading is the attitude of that long ago, with a new time stamp; in whole readings, rounded up.
     ``compass_freezes_below_deg_s``: the heading does not move while the body turns more slowly than this, and goes on
     from there when it turns faster; what was missed stays missed.
     ``tilt_vibration_deg``: standard deviation of what shakes pitch and roll at full duty, in proportion to the duty.
