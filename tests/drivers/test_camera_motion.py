@@ -98,6 +98,7 @@ async def test_keeps_the_promises_of_a_motion_sensor(method: CameraMotionSetting
 async def test_ground_on_which_nothing_is_seen_is_quality_0(method: CameraMotionSettings) -> None:
     world = World(CLEARING, VEHICLE, replace(STEADY, blind_share=1.0, blind_quality=0.4), RandomStreams(0))
     sensor = watching(method, GroundCamera(world, RandomStreams(0), M_PER_PIXEL).render)
+    world.y_m += 5.0  # off the place of the start
     await sensor.open()
     world.command(0.4, 0.4)
     for _ in range(10):

@@ -56,7 +56,8 @@ def test_blind_ground_has_its_share_in_whole_cells_and_another_place_in_each_tri
 def test_larger_share_adds_blind_cells_to_those_of_a_smaller_one() -> None:
     few, many, all_of_it = (blind_places(replace(BLIND, blind_share=share)) for share in (0.1, 0.3, 1.0))
     assert few < many < all_of_it
-    assert len(all_of_it) == (WORLD_SIZE_M / 0.5) ** 2
+    assert len(all_of_it) == (WORLD_SIZE_M / 0.5) ** 2 - 16, "a rover that sees nothing at its start is not armed"
+    assert CLEARING.start_m not in {(x_m - 0.25, y_m - 0.25) for x_m, y_m in all_of_it}
 
 
 def test_place_beyond_the_edge_is_blind_or_not_as_one_within() -> None:

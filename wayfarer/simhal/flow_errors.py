@@ -17,7 +17,8 @@ SQUAL_SEEN: Final = 76  # of ordinary ground
 class BlindGround:
     """Where a flow sensor sees nothing: square cells that depend on the trial alone, so that a place stays blind.
 
-    A larger share adds cells to those of a smaller one. Beyond the edges of the world the pattern repeats.
+    A larger share adds cells to those of a smaller one. Beyond the edges of the world the pattern repeats. The cell of
+    the start is never blind: a rover that sees nothing is not armed.
     """
 
     def __init__(self, world: SimulatedWorld, streams: RandomStreams) -> None:
@@ -26,13 +27,17 @@ class BlindGround:
         self._cell_m = senses.blind_cell_m
         self._side = side = ceil(WORLD_SIZE_M / senses.blind_cell_m)
         drawn = streams.generator("flow.blind").random(side * side) < senses.blind_share
-        self._cells: bytes = drawn.tobytes()
+        self._cells = bytearray(drawn.tobytes())
+        self._cells[self._cell_under()] = False
         self.squal = round(senses.blind_quality * SQUAL_FULL)  # as the sensor reports it there
 
     def is_under(self) -> bool:
         """Return whether the body stands on such a cell."""
+        return bool(self._cells[self._cell_under()])
+
+    def _cell_under(self) -> int:
         column, row = int(self._world.x_m // self._cell_m), int(self._world.y_m // self._cell_m)
-        return bool(self._cells[row % self._side * self._side + column % self._side])
+        return row % self._side * self._side + column % self._side
 
 
 def blind_ground(world: SimulatedWorld, streams: RandomStreams) -> BlindGround | None:

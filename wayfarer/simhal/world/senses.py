@@ -44,7 +44,8 @@ class Senses:
     ``flow_scale_sd``: standard deviation of the logarithm of a factor on each displacement, one a trial: the sensor is
     at another height above the ground than its driver believes.
     ``blind_share``: the share of the ground on which it sees nothing, in squares of ``blind_cell_m`` whose places
-    depend on the trial. It reports exact zeros there, with the quality ``blind_quality``. A camera shows black there.
+    depend on the trial, and not where the rover starts. It reports exact zeros there, with the quality
+    ``blind_quality``. A camera shows black there.
     """
 
     compass_noise_deg: DegreesOrZero = 1.0
