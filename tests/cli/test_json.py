@@ -154,7 +154,8 @@ def test_sim_and_compare(says: Any, tmp_path: Path) -> None:
     assert compared[0]["spl_gain"] is None
     sim("--trials", 2, "--ground", "mud", "--rover", "forestrover", "--forests", "reference")
     sim("--trials", 2, "--physics", "mujoco", "--rover", "forestrover")
-    says("sim --trial", "sim", "--trial", 3, "--physics", "mujoco", "--rover", "forestrover")
+    sim("--trials", 2, "--slope-deg", 5, "--senses", "field")
+    says("sim --trial", "sim", "--trial", 3, "--slope-deg", 5, "--physics", "mujoco", "--rover", "forestrover")
     assert says("sim --trial", "sim", "--trial", 3, "--trials", 4)["trial"] == 3
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import chain, repeat
 from math import pi
 from typing import Any
@@ -16,7 +17,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
-from tests.simhal.clearing import steady_world
+from tests.simhal.clearing import STEADY, VEHICLE, steady_world
 from tests.virtual import run_virtually, virtual
 from wayfarer.detector import DetectorSettings
 from wayfarer.drivers.buses import Frame
@@ -25,6 +26,7 @@ from wayfarer.errors import BadReading, NotResponding
 from wayfarer.hal import MotionReading, MotionSensor
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.world.forest import CLEARING
 from wayfarer.simhal.world.ground_camera import TILE_PX, GroundCamera, texture
 from wayfarer.simhal.world.world import World
 from wayfarer.testing import check_motion_sensor
@@ -89,6 +91,19 @@ async def test_keeps_the_promises_of_a_motion_sensor(method: CameraMotionSetting
     render = GroundCamera(steady_world(), RandomStreams(0), M_PER_PIXEL).render
     assert isinstance(watching(method, render), MotionSensor)
     await check_motion_sensor(lambda: watching(method, render), lambda: CameraMotion(method, FakeBuses()))
+
+
+@pytest.mark.parametrize("method", [DOWN, AHEAD])
+@virtual
+async def test_ground_on_which_nothing_is_seen_is_quality_0(method: CameraMotionSettings) -> None:
+    world = World(CLEARING, VEHICLE, replace(STEADY, blind_share=1.0, blind_quality=0.4), RandomStreams(0))
+    sensor = watching(method, GroundCamera(world, RandomStreams(0), M_PER_PIXEL).render)
+    world.y_m += 5.0  # off the place of the start
+    await sensor.open()
+    world.command(0.4, 0.4)
+    for _ in range(10):
+        await asyncio.sleep(PERIOD_S)
+        assert (await sensor.read()).quality == 0.0
 
 
 # -- displacement ----------------------------------------------------------------------------------------------------

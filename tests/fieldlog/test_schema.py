@@ -29,12 +29,14 @@ from wayfarer.fieldlog.schema import KEYS, KINDS, READINGS, SCHEMA, Record
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import PositionFix
 from wayfarer.simhal.build_rover import device_depth
+from wayfarer.simhal.drawn_ranges import Range
 from wayfarer.simhal.faults.kinds import Fault, Slope
 from wayfarer.simhal.mujoco.terrain import Terrains
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.grounds import GroundName
 from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.slope import Slopes
 from wayfarer.simhal.world.world import World
 from wayfarer.views.text import run_summariser
 
@@ -94,7 +96,8 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Record]]:
         device_depth(world, RandomStreams(0), trial.rover),
     )
     rigid.close("requested", "enough")
-    run_trial(replace(trial, budget_m=1.0, ground=GroundName.mud), folder / "mud")
+    on_mud = replace(trial, budget_m=1.0, ground=GroundName.mud)
+    run_trial(replace(on_mud, slopes=Slopes(Range(5.0, 5.0)), physics=Physics(blind_share=0.1)), folder / "mud")
     files = RunFiles(folder / "full disk")
     files.open(lines.header)
     files.lose(3)

@@ -23,6 +23,8 @@ EXAMPLES = examples(
     "wayfarer sim --trials 100 --rover minirover --depth bus",
     "wayfarer sim --scenario extended-maze --rover forestrover --algorithm forest-pledge,levy-walk --trials 200",
     "wayfarer sim --ground mud --trials 200",
+    "wayfarer sim --senses field --trials 200",
+    "wayfarer sim --slope-deg 0:15 --slope-direction-deg 0:360 --trials 200",
     "wayfarer sim --physics mujoco --friction 0.3:0.8 --rover forestrover --trials 20",
     "wayfarer sim --physics mujoco --friction 0.15 --rover forestrover --trial 9 --video trial.mp4",
     "wayfarer sim --trials 1000000 --out results --cluster tcp://10.0.0.7:8786",
@@ -86,6 +88,18 @@ TorqueScale = Annotated[
         rich_help_panel=MUJOCO,
     ),
 ]
+SlopeDeg = Annotated[
+    str | None,
+    typer.Option(metavar="DEG|MIN:MAX", help="Slope of all the ground, fixed or drawn for each trial. (default: 0)"),
+]
+SlopeDirectionDeg = Annotated[
+    str | None,
+    typer.Option(
+        metavar="DEG|MIN:MAX",
+        help="Where the ground rises to, clockwise from the way to the goal: 0 is a goal straight uphill, 180 straight "
+        "downhill. (default: 0)",
+    ),
+]
 Out = Annotated[
     Path | None,
     typer.Option(
@@ -137,9 +151,12 @@ def sim(
     depth: options.DepthOption = "device",
     physics: PhysicsOption = "light",
     ground: GroundOption = "ideal",
+    slope_deg: SlopeDeg = None,
+    slope_direction_deg: SlopeDirectionDeg = None,
     friction: Friction = None,
     roughness_m: RoughnessM = None,
     torque_scale: TorqueScale = None,
+    senses: options.SensesOption = "ideal",
     spl: options.Spl = False,
     out: Out = None,
     resume: options.Resume = False,
@@ -167,9 +184,10 @@ def sim(
     from wayfarer.simhal.world import grounds
 
     campaign = options.campaign_of(
-        algorithm=algorithm, rover=rover, anomaly_source=anomaly_source, forests=forests, trials=trials, seed=seed,
-        slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth,
+        algorithm=algorithm, rover=rover, anomaly_source=anomaly_source, forests=forests, senses=senses,
+        trials=trials, seed=seed, slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth,
         terrains=commands.terrains(terrain) if in_mujoco else None, ground=grounds.GroundName(ground),
+        slopes=commands.slopes({"slope_deg": slope_deg, "slope_direction_deg": slope_direction_deg}),
     )  # fmt: skip
     if scenario:
         campaign = commands.at_site(campaign, scenario)

@@ -46,6 +46,7 @@ def sweep(
     budget_m: options.BudgetM = 1000.0,
     anomaly_source: options.AnomalySource = None,
     depth: options.DepthOption = "device",
+    senses: options.SensesOption = "ideal",
     spl: options.Spl = False,
     jobs: options.Jobs = None,
     resume: options.Resume = False,
@@ -59,8 +60,8 @@ def sweep(
     from wayfarer.experiments.sweep.grid import make_sweep
 
     campaign = options.campaign_of(
-        algorithm=algorithm, rover=rover, anomaly_source=anomaly_source, forests=forests, trials=trials, seed=seed,
-        slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth,
+        algorithm=algorithm, rover=rover, anomaly_source=anomaly_source, forests=forests, senses=senses,
+        trials=trials, seed=seed, slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth,
     )  # fmt: skip
     plan = make_sweep(campaign, [parse_axis(text) for text in keys])
     for point in plan.points:

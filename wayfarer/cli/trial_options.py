@@ -59,6 +59,14 @@ AnomalySource = Annotated[
 DepthOption = Annotated[
     DepthName, typer.Option(help="device: simulated parts; bus: the real drivers over simulated chips (slower).")
 ]
+SensesOption = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME|KEY=VALUE",
+        help="How compass and flow sensor err: 'ideal', 'field' (as in a wood), or errors by name, such as "
+        "blind_share=0.3; several with commas between them.",
+    ),
+]
 Spl = Annotated[
     bool,
     typer.Option("--spl", help="Compute unknown shortest paths, for SPL (success weighted by path length); slower."),
@@ -78,21 +86,23 @@ def campaign_of(
     rover: str,
     anomaly_source: Literal["motion", "contact"] | None,
     forests: str | None,
+    senses: str,
     **settings: Any,
 ) -> Campaign:
     """Return the campaign that options ask for; ``settings`` are its other fields.
 
     Raises:
-        BadInput: no such algorithm, rover or forest file, or one that cannot be used.
+        BadInput: no such algorithm, rover, forest file or senses, or one that cannot be used.
     """
     from wayfarer.config.rover_file import load_rover
+    from wayfarer.experiments import commands
     from wayfarer.experiments.campaign import Campaign, read_forest_file
-    from wayfarer.experiments.commands import algorithms
 
     config = load_rover(rover)
     return Campaign(
-        algorithms(algorithm),
+        commands.algorithms(algorithm),
         rover=config.with_anomaly_source(anomaly_source) if anomaly_source else config,
         forests=read_forest_file(forests) if forests else None,
+        physics=commands.senses(senses),
         **settings,
     )

@@ -17,13 +17,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 from wayfarer import __version__
 from wayfarer.simhal.world.forest import TREES_PER_HA, Forest
 from wayfarer.simhal.world.grounds import GroundName
-from wayfarer.simhal.world.physics import PHYSICS, Physics
+from wayfarer.simhal.world.physics import PHYSICS, Physics, changed
 
 if TYPE_CHECKING:  # a trial needs the whole simulator: only the workers pay for importing it
     from wayfarer.config.rover_file import RoverConfig
     from wayfarer.experiments.trial_setup import TrialSpec
     from wayfarer.simhal.mujoco.terrain import Terrains
     from wayfarer.simhal.world.sites.field_site import FieldSite
+    from wayfarer.simhal.world.slope import Slopes
 
 NOISES_PER_LAYOUT = 2  # the paper's 1,000 trials are 500 layouts x 2 noise seeds
 
@@ -102,10 +103,10 @@ class Campaign:
     counts as entrapped. Without ``forests`` the layouts are generated; with ``spl`` missing shortest paths
     are computed. ``depth`` is how far down the simulation goes: ``device`` or ``bus`` (``build_rover``). ``physics``,
     but for its ``slip_mean_m``, and the ``trees_per_ha`` of generated layouts are what a sweep may change beside the
-    rover.
+    rover; ``--senses`` too changes ``physics``.
     ``scenario`` names the site (``world.sites``) that layouts are drawn of in place of the abstract forests, one a
     trial. With ``terrains`` the body moves in MuJoCo and not in physics-light; ``ground`` is what physics-light has
-    under the wheels.
+    under the wheels. With ``slopes`` a slope is drawn for each trial.
     """
 
     algorithms: tuple[str, ...]
@@ -122,6 +123,7 @@ class Campaign:
     scenario: str | None = None
     terrains: Terrains | None = None
     ground: GroundName = GroundName.ideal
+    slopes: Slopes | None = None
 
     @property
     def site(self) -> FieldSite | None:
@@ -178,12 +180,14 @@ class Campaign:
         return TrialSpec(
             task.trial, task.algorithm, forest, seed, self.rover, self.slip_mean_m, self.budget_m, depth,
             physics=self.physics, site=self.site, terrains=self.terrains, ground=self.ground,
+            slopes=self.slopes,
         )  # fmt: skip
 
     def settings(self) -> dict[str, Any]:
         """Return the settings as JSON can hold them: what makes two campaigns the same one.
 
-        A campaign without a ground is on ideal ground, as all were before there were others.
+        A campaign without a ground is on ideal ground, as all were before there were others; numbers of the simulated
+        world that it does not name under ``sim`` are as by default.
         """
         settings = {
             "version": __version__,
@@ -202,6 +206,10 @@ class Campaign:
             settings["mujoco"] = self.terrains.as_json()
         if self.ground is not GroundName.ideal:
             settings["ground"] = self.ground.value
+        if self.slopes is not None:
+            settings["slope"] = self.slopes.as_json()
+        if of_world := changed(self.physics):
+            settings["sim"] = of_world
         return settings
 
     def _with_shortest_path(self, forest: Forest) -> Forest:

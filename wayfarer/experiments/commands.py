@@ -1,26 +1,32 @@
-"""What commands check and prepare before the first trial: algorithms, terrain, rover, site, folder."""
+"""What commands check and prepare before the first trial: algorithms, terrain, slope, senses, rover, site, folder."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wayfarer.config.chassis import AT_A_BRANCH
+from wayfarer.config.messages import validated
 from wayfarer.config.registry import find_algorithm
 from wayfarer.config.rover_file import RoverConfig, with_place
-from wayfarer.errors import BadConfig, BadInput, MissingPackage, one_line
+from wayfarer.errors import BadConfig, BadInput, MissingPackage, UnknownName, one_line
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.campaign import Campaign
+from wayfarer.simhal.drawn_ranges import Range, parse_range
 from wayfarer.simhal.world.grounds import GroundName
+from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.senses import FIELD, Senses
 
 if TYPE_CHECKING:
     from wayfarer.simhal.mujoco.terrain import Terrains
+    from wayfarer.simhal.world.slope import Slopes
     from wayfarer.simhal.world.wheeled_body import WheeledBody
 
 ALL_TEN = "paper"  # stands for the ten of the paper, which are the catalogue
+NAMED_SENSES: Mapping[str, Mapping[str, float]] = {"ideal": {}, "field": FIELD}
 INTERRUPTED = 130  # as a shell reports a command that SIGINT ended
 
 
@@ -44,14 +50,63 @@ def terrains(asked: Mapping[str, str | None]) -> Terrains:
     Raises:
         BadInput: an option is no number or range, or out of bounds.
     """
-    from wayfarer.simhal.mujoco.terrain import BOUNDS, Terrains, parse_range
+    from wayfarer.simhal.mujoco.terrain import BOUNDS, Terrains
 
-    ranges = {
-        name: parse_range(f"--{name.replace('_', '-')}", text, getattr(BOUNDS, name))
+    return Terrains(**_ranges(asked, BOUNDS._asdict()))
+
+
+def slopes(asked: Mapping[str, str | None]) -> Slopes | None:
+    """Return the slopes that options ask for, by the names of their fields; None where none asks for any.
+
+    Raises:
+        BadInput: an option is no number or range, or out of bounds; or a direction without a slope.
+    """
+    from wayfarer.simhal.world.slope import BOUNDS, Slopes
+
+    ranges = _ranges(asked, BOUNDS._asdict())
+    if ranges and "slope_deg" not in ranges:
+        raise BadInput("--slope-direction-deg has an effect only with --slope-deg; add that, or leave it out")
+    return Slopes(**ranges) if ranges else None
+
+
+def _ranges(asked: Mapping[str, str | None], allowed: Mapping[str, Range]) -> dict[str, Range]:
+    return {
+        name: parse_range(f"--{name.replace('_', '-')}", text, allowed[name])
         for name, text in asked.items()
         if text is not None
     }
-    return Terrains(**ranges)
+
+
+def senses(asked: str) -> Physics:
+    """Return the simulated world with the senses that an option asks for; of two that set the same the later counts.
+
+    ``asked`` is a comma-separated list of ``ideal``, ``field``, and of fields of ``Senses`` as ``KEY=VALUE``.
+
+    Raises:
+        UnknownName: there is no such name or key; the text offers the nearest ones.
+        BadInput: a value is no number, or out of its range.
+    """
+    keys = [field.name for field in fields(Senses)]
+    values = dict[str, float]()
+    for item in asked.split(","):
+        key, equals, text = (part.strip() for part in item.partition("="))
+        if not equals and key in NAMED_SENSES:
+            values |= NAMED_SENSES[key]
+        elif key not in keys or not equals:
+            raise UnknownName("name or KEY=VALUE of --senses", item.strip(), [*NAMED_SENSES, *map("{}=".format, keys)])
+        else:
+            values[key] = _number(asked, text)
+    try:
+        return validated(Physics, values)
+    except BadConfig as error:
+        raise BadInput(f"--senses {asked}: {error}") from None
+
+
+def _number(asked: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise BadInput(f"--senses {asked}: '{text}' is not a number") from None
 
 
 def check_body(campaign: Campaign, where: str) -> None:
@@ -111,7 +166,6 @@ def check_rover(config: RoverConfig, depth: str, where: str) -> None:
     from wayfarer.simhal.buses import ChipMisuse, FakeBuses
     from wayfarer.simhal.random_streams import RandomStreams
     from wayfarer.simhal.world.forest import CLEARING
-    from wayfarer.simhal.world.physics import Physics
     from wayfarer.simhal.world.world import World
 
     if missing := [part for part in NEEDED if part not in config.parts]:

@@ -112,11 +112,15 @@ class TrialRunner:
         campaign = self._points[point]
         forest, noise = campaign.forest_and_noise(trial)
         row = TrialRow(trial, name, forest, noise, campaign.trial_seed(trial), "fault", point=point)
-        if campaign.terrains is None:
+        drawn = [each for each in (campaign.terrains, campaign.slopes) if each]
+        if not drawn:
             return row
         from wayfarer.simhal.random_streams import RandomStreams  # wants numpy, as what follows a campaign need not
 
-        return rounded_row(**{**row._asdict(), **campaign.terrains.draw(RandomStreams(row.seed))._asdict()})
+        values = row._asdict()
+        for each in drawn:
+            values |= each.draw(RandomStreams(row.seed))._asdict()
+        return rounded_row(**values)
 
 
 class MakeExecutor(Protocol):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import fields
+from dataclasses import asdict, fields
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -16,10 +16,12 @@ from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Tasks
 from wayfarer.files.regular_file import read_regular
 from wayfarer.simhal.world.grounds import GroundName
+from wayfarer.simhal.world.physics import PHYSICS
 
 MOST_BYTES = 10_000_000  # of a settings' file: a sweep of two keys with all the values that fit a command line has less
 CHASSIS = "rover.chassis"  # where its keys stand in the settings
-UNSAID = {"ground": GroundName.ideal.value}  # what settings that do not name it stand for
+# What settings that do not name it stand for.
+UNSAID = {"ground": GroundName.ideal.value} | {f"sim.{name}": value for name, value in asdict(PHYSICS).items()}
 
 
 def kind_of(settings: Mapping[str, Any]) -> str:

@@ -21,7 +21,7 @@ TEXT_COLUMNS = ("algorithm", "outcome")
 KINDS = ("overturned", "off_wheels")  # of interventions; tables of older versions do not have these columns
 DECIMALS: Mapping[str, int] = {
     "path_m": 3, "reverse_m": 3, "time_s": 3, "shortest_path_m": 3, "spl": 4,
-    "friction": 4, "roughness_m": 5, "torque_scale": 4,
+    "friction": 4, "roughness_m": 5, "torque_scale": 4, "slope_deg": 3, "slope_direction_deg": 2,
 }  # fmt: skip
 NOTHING: Mapping[str, Any] = {}
 BELOW = 2**63  # what no number reaches: a whole one fits a column of a table, and any can be added up
@@ -31,8 +31,9 @@ class TrialRow(NamedTuple):
     """What is kept of one trial; None where a value is not known, as in a trial that ended in a fault.
 
     ``interventions`` are counted in scenarios only: of a rover that has ``overturned``, and of one that is
-    ``off_wheels``. ``friction`` and what follows was drawn for a trial in MuJoCo. ``ticks``, the control ticks, has no
-    column in ``trials.csv``; ``point`` has one in that of a sweep.
+    ``off_wheels``. ``friction``, ``roughness_m`` and ``torque_scale`` were drawn for a trial in MuJoCo, a slope for one
+    with ``--slope-deg``. ``ticks``, the control ticks, has no column in ``trials.csv``; ``point`` has one in that of a
+    sweep.
     """
 
     trial: int
@@ -54,6 +55,8 @@ class TrialRow(NamedTuple):
     friction: float | None = None
     roughness_m: float | None = None
     torque_scale: float | None = None
+    slope_deg: float | None = None
+    slope_direction_deg: float | None = None
     ticks: int | None = None
     point: int = 0
 
@@ -79,17 +82,19 @@ class TrialRow(NamedTuple):
 
 
 TERRAIN = ("friction", "roughness_m", "torque_scale")
-COLUMNS = tuple(name for name in TrialRow._fields if name not in (*TERRAIN, "ticks", "point"))
+SLOPE = ("slope_deg", "slope_direction_deg")
+COLUMNS = tuple(name for name in TrialRow._fields if name not in (*TERRAIN, *SLOPE, "ticks", "point"))
 
 
 def columns_of(settings: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the columns of ``trials.csv`` in a campaign or sweep with these settings.
 
-    In MuJoCo it has the terrain as well, in a sweep the point and the swept keys before all else.
+    In MuJoCo it has the terrain as well, with ``--slope-deg`` the slope, in a sweep the point and the swept keys before
+    all else.
     """
     if axes := settings.get("axes"):
         return ("point", *(axis["key"] for axis in axes), *COLUMNS)
-    return (*COLUMNS, *TERRAIN) if settings.get("mujoco") else COLUMNS
+    return (*COLUMNS, *(TERRAIN if settings.get("mujoco") else ()), *(SLOPE if settings.get("slope") else ()))
 
 
 def without_kinds(columns: tuple[str, ...]) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.grounds import GroundName
+from wayfarer.simhal.world.physics import changed
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 if TYPE_CHECKING:
@@ -28,8 +29,8 @@ if TYPE_CHECKING:
 class TrialResult(NamedTuple):
     """The outcome monitor's result of one trial.
 
-    ``interventions``, and of which kind they were, at a field site, where a person helps the rover; ``friction`` and
-    what follows where it was in MuJoCo.
+    ``interventions``, and of which kind they were, at a field site, where a person helps the rover; ``friction`` to
+    ``torque_scale`` where it was in MuJoCo; a slope where one was drawn.
     """
 
     trial: int
@@ -52,6 +53,8 @@ class TrialResult(NamedTuple):
     friction: float | None = None
     roughness_m: float | None = None
     torque_scale: float | None = None
+    slope_deg: float | None = None
+    slope_direction_deg: float | None = None
 
 
 GAVE_UP = f"fault: {Condition.ENTRAPPED.value}"  # the controller's reason for disarming
@@ -122,7 +125,10 @@ async def _run(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
     result = _result(spec, outcome_of(setup.outcome_monitor, counters, end), setup, counters)
     if helped := setup.intervention_counter:
         result = result._replace(interventions=helped.interventions, overturned=helped.flips, off_wheels=helped.hangs)
-    return result._replace(**setup.terrain._asdict()) if setup.terrain else result
+    for drawn in (setup.terrain, setup.slope):
+        if drawn:
+            result = result._replace(**drawn._asdict())
+    return result
 
 
 def _note_nothing(t_s: float, fault: Fault, *, begins: bool) -> None:
@@ -164,8 +170,12 @@ def field_log(spec: TrialSpec, folder: Path, world: SimulatedWorld, rover: Rover
     }
     if spec.terrains is not None:
         details["mujoco"] = spec.terrains.draw(RandomStreams(spec.seed))._asdict()
+    if spec.slopes is not None:
+        details["slope"] = spec.slopes.draw(RandomStreams(spec.seed))._asdict()
     if spec.ground is not GroundName.ideal:
         details["ground"] = spec.ground.value
+    if of_world := changed(spec.physics):
+        details["sim"] = of_world
     log = FieldLog(RunFiles(folder), details, wall=lambda t_s: t_s)
     return log, GroundTruthLog(log, world)
 

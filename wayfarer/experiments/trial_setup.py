@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from wayfarer.simhal.faults.kinds import Fault
     from wayfarer.simhal.mujoco.terrain import Terrain, Terrains
     from wayfarer.simhal.world.sites.field_site import FieldSite
+    from wayfarer.simhal.world.slope import Slopes
 
 MakeLog = Callable[[SimulatedWorld, Rover], RunLog]
 
@@ -40,7 +41,8 @@ class TrialSpec:
     ``sensor_noise`` multiplies the noise of compass, tilt and flow; ``slip_mean_m`` counts, not that of ``physics``. At
     a ``site`` somebody walks beside the rover, and its time is limited. With ``terrains`` the body moves in MuJoCo and
     not in physics-light; of ``physics`` then count the noise of the senses, unequal sides, slips (as mud) and tipping.
-    ``ground`` is what physics-light has under the wheels.
+    ``ground`` is what physics-light has under the wheels. With ``slopes`` a slope is drawn in place of that of
+    ``physics``.
     """
 
     trial: int
@@ -57,6 +59,7 @@ class TrialSpec:
     site: FieldSite | None = None
     terrains: Terrains | None = None
     ground: GroundName = GroundName.ideal
+    slopes: Slopes | None = None
 
 
 class TrialSetup:
@@ -72,7 +75,9 @@ class TrialSetup:
         loop, streams = asyncio.get_running_loop(), RandomStreams(spec.seed, spec.sensor_noise)
         algorithm = find_algorithm(spec.algorithm)
         handler = algorithm.make(spec.rover.escape, spec.rover.vehicle, streams.random("algorithm"))
-        physics = replace(spec.physics, slip_mean_m=spec.slip_mean_m)
+        self.slope = spec.slopes.draw(streams) if spec.slopes else None
+        slope = self.slope._asdict() if self.slope else {}
+        physics = replace(spec.physics, slip_mean_m=spec.slip_mean_m, **slope)
         self.terrain = spec.terrains.draw(streams) if spec.terrains else None
         self.world = _world(spec, physics, self.terrain, streams)
         if spec.faults:

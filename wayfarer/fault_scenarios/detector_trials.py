@@ -68,7 +68,8 @@ def measure(rover: RoverConfig, cell: DetectorCase, trial: int) -> Scores:
 def _terrains(cell: DetectorCase) -> Terrains | None:
     if cell.friction is None:
         return None
-    from wayfarer.simhal.mujoco.terrain import Range, Terrains  # physics-light needs no engine
+    from wayfarer.simhal.drawn_ranges import Range
+    from wayfarer.simhal.mujoco.terrain import Terrains  # physics-light needs no engine
 
     return Terrains(Range(cell.friction, cell.friction), torque_scale=Range(cell.torque_scale, cell.torque_scale))
 

@@ -42,7 +42,7 @@ KEYS: Mapping[str, Mapping[str, Values]] = {
         "config": TABLE, "config_hash": TEXT, "parts": TABLE, "simulated": FLAG, "dry_run": FLAG, "log": TEXT,
         "start_delay_s": LASTING, "time_scale": Values(NUMBER, 1e-3, 1e6), "boot_id": TEXT,
         "trial": COUNT, "forest": COUNT, "noise": COUNT, "slip_mean_m": METRES, "budget_m": METRES, "mujoco": TABLE,
-        "ground": TEXT,
+        "ground": TEXT, "slope": TABLE, "sim": TABLE,
     },
     "tick": {
         "compass": TABLE, "motion": TABLE, "contact": TABLE, "decision_t_s": SINCE_BOOT, "heading_deg": ANGLE,

@@ -13,11 +13,11 @@ from mypy_extensions import mypyc_attr
 
 from wayfarer.angles import coordinates_deg
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, MotorHealth, PositionFix, WheelCommand
+from wayfarer.simhal.flow_errors import SQUAL_FULL
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSensorModel, HeadingSensorModel
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
-FLOW_QUALITY: Final = 0.8
 DEADMAN_S: Final = 0.3  # as forestrover.toml sets its Sabertooth's
 FIX_ERROR_M: Final = 3.0  # standard deviation of each axis under trees; from no source
 ORIGIN: Final = PositionFix(0.0, 51.0, 0.0, FIX_ERROR_M)  # the forest's corner; nothing depends on where it is
@@ -84,14 +84,15 @@ class SimFlow(SimPart):
     async def open(self) -> None:
         """Take the clock, and the time that starting up takes."""
         await super().open()
-        self._quality = 0.0  # of the first reading: a displacement since nobody knows when
+        self._is_first = True
         await sleep(self._opens_s)
 
     async def read(self) -> MotionReading:
-        """Return the displacement since the previous read."""
+        """Return the displacement since the previous read; the first one, since nobody knows when, has quality 0."""
         t_s = self._time()
         forward, right = self._sensor.sample(t_s)
-        quality, self._quality = self._quality, FLOW_QUALITY
+        quality = 0.0 if self._is_first else self._sensor.squal / SQUAL_FULL
+        self._is_first = False
         return MotionReading(t_s, forward * self._m_per_count, right * self._m_per_count, quality)
 
 

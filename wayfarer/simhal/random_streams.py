@@ -17,7 +17,7 @@ from numpy.random import PCG64, Generator, SeedSequence
 BLOCK: Final = 256
 
 
-SENSES: Final = frozenset({"compass.heading", "compass.tilt", "flow"})
+SENSES: Final = frozenset({"compass.heading", "compass.tilt", "compass.vibration", "flow"})
 
 
 class RandomStreams:

@@ -10,6 +10,8 @@ from typing import Final
 
 from mypy_extensions import mypyc_attr
 
+from wayfarer.simhal.compass_errors import CompassErrors, compass_errs
+from wayfarer.simhal.flow_errors import SQUAL_SEEN, blind_ground, flow_scale
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
@@ -24,6 +26,7 @@ class HeadingSensorModel:
 
     def __init__(self, world: SimulatedWorld, streams: RandomStreams) -> None:
         self._world = world
+        self._attitude = CompassErrors(world, streams).attitude if compass_errs(world.physics) else world.attitude
         self._bias_deg = world.physics.compass_bias_deg
         self._noise_tenths = streams.normal("compass.heading", world.physics.compass_noise_deg * 10.0)
         self._tilt_noise_tenths = streams.normal("compass.tilt", world.physics.tilt_noise_deg * 10.0)
@@ -32,7 +35,7 @@ class HeadingSensorModel:
         """Return heading in 0..3599, pitch (nose up) and roll (right side down), all in tenths of a degree."""
         world, tilt_noise_tenths = self._world, self._tilt_noise_tenths
         world.advance_to(t_s)
-        heading_rad, pitch_deg, roll_deg = world.attitude()
+        heading_rad, pitch_deg, roll_deg = self._attitude()
         off_deg = world.field_deg + self._bias_deg
         return (
             round(heading_rad * TENTHS_PER_RAD + off_deg * 10.0 + self._noise_tenths()) % 3600,
@@ -43,11 +46,17 @@ class HeadingSensorModel:
 
 @mypyc_attr(allow_interpreted_subclasses=True)
 class FlowSensorModel:
-    """Displacement over ground since the previous sample, in counts of a PMW3901."""
+    """Displacement over ground since the previous sample, in counts of a PMW3901.
+
+    ``squal`` is what the picture of the latest sample is worth, as that chip reports it.
+    """
+
+    squal: int = SQUAL_SEEN
 
     def __init__(self, world: SimulatedWorld, streams: RandomStreams, m_per_count: float = FLOW_M_PER_COUNT) -> None:
         self._world = world
-        self._m_per_count = m_per_count
+        self._m_per_count = m_per_count / flow_scale(world.physics, streams)
+        self._blind = blind_ground(world, streams)
         self._noise_counts = world.physics.flow_noise_counts
         self._noise_share = world.physics.flow_noise_share
         self._noise = streams.normal("flow", 1.0)
@@ -62,4 +71,10 @@ class FlowSensorModel:
         forward = round(counts + (self._noise_counts + self._noise_share * abs(counts)) * noise())
         right_m = world.right_m
         right, self._last_right_m = (right_m - self._last_right_m) / self._m_per_count, right_m
-        return forward, round(right + self._noise_counts * noise())
+        right_counts = round(right + self._noise_counts * noise())
+        if self._blind is not None:
+            if self._blind.is_under():
+                self.squal = self._blind.squal
+                return 0, 0
+            self.squal = SQUAL_SEEN
+        return forward, right_counts

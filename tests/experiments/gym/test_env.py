@@ -28,7 +28,8 @@ from wayfarer.experiments.gym.env import HELD_BACK, ForestEnv
 from wayfarer.experiments.trial import TrialCounters, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.simhal.mujoco.terrain import Range, Terrains
+from wayfarer.simhal.drawn_ranges import Range
+from wayfarer.simhal.mujoco.terrain import Terrains
 from wayfarer.simhal.random_streams import RandomStreams
 
 pytest.importorskip("mujoco", reason="mujoco is not installed")  # now: its first import starts a process

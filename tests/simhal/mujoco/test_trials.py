@@ -25,7 +25,8 @@ from wayfarer.experiments.report.load_results import read_results
 from wayfarer.experiments.rows import KINDS, TERRAIN
 from wayfarer.experiments.trial import TrialResult, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
-from wayfarer.simhal.mujoco.terrain import BOUNDS, Range, Terrain, Terrains, parse_range
+from wayfarer.simhal.drawn_ranges import Range, parse_range
+from wayfarer.simhal.mujoco.terrain import BOUNDS, Terrain, Terrains
 from wayfarer.simhal.mujoco.world import MujocoWorld
 from wayfarer.simhal.random_streams import RandomStreams
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from math import radians
 
@@ -9,9 +10,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.simhal.clearing import steady_world
+from tests.simhal.clearing import STEADY, VEHICLE, steady_world
 from wayfarer.drivers.buses import Frame
+from wayfarer.simhal.flow_errors import flow_scale
 from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.world.forest import CLEARING
 from wayfarer.simhal.world.ground_camera import GREY_MEAN, GREY_SD, NOISE_SD, TILE_PX, GroundCamera, texture
 from wayfarer.simhal.world.world import World
 
@@ -58,6 +61,17 @@ def test_driving_ahead_moves_the_picture_down(heading_deg: float) -> None:
     after = grey(camera.render(0.0, 160, 120))
     assert np.abs(after[steps_px:] - before[:-steps_px]).mean() < 3 * NOISE_SD
     assert np.abs(after - before).mean() > 10 * NOISE_SD
+
+
+def test_camera_that_is_lower_than_believed_sees_the_ground_pass_faster() -> None:
+    physics = replace(STEADY, flow_scale_sd=0.3)
+    world = World(CLEARING, VEHICLE, physics, RandomStreams(2))
+    camera, scale = GroundCamera(world, RandomStreams(2), M_PER_PIXEL), flow_scale(physics, RandomStreams(2))
+    assert scale > 1.3
+    before = grey(camera.render(0.0, 160, 120))
+    world.y_m += 20 * M_PER_PIXEL / scale
+    after = grey(camera.render(0.0, 160, 120))
+    assert np.abs(after[20:] - before[:-20]).mean() < 3 * NOISE_SD
 
 
 def test_turning_right_turns_the_picture_left_about_its_middle() -> None:

@@ -28,6 +28,8 @@ from wayfarer.experiments.sweep.grid import MOST_TRIALS
 from wayfarer.files.regular_file import read_regular
 from wayfarer.simhal.mujoco.terrain import terrains_of
 from wayfarer.simhal.world.grounds import GroundName
+from wayfarer.simhal.world.physics import PHYSICS, Physics
+from wayfarer.simhal.world.slope import slopes_of
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 
@@ -66,6 +68,8 @@ class CampaignSettings(BaseModel):
     rover: dict[str, Any]
     mujoco: dict[str, list[float]] | None = None
     ground: GroundName = GroundName.ideal
+    slope: dict[str, list[float]] | None = None
+    sim: Physics = PHYSICS
 
     @field_validator("algorithms")
     @classmethod
@@ -88,6 +92,13 @@ class CampaignSettings(BaseModel):
     def _are_terrains(cls, bounds: dict[str, list[float]] | None) -> dict[str, list[float]] | None:
         if bounds is not None:
             terrains_of(bounds)
+        return bounds
+
+    @field_validator("slope")
+    @classmethod
+    def _are_slopes(cls, bounds: dict[str, list[float]] | None) -> dict[str, list[float]] | None:
+        if bounds is not None:
+            slopes_of(bounds)
         return bounds
 
 
@@ -143,6 +154,8 @@ class CampaignResults:
             forests=self._forests(settings.forests) if settings.forests else None,
             terrains=terrains_of(settings.mujoco) if settings.mujoco else None,
             ground=settings.ground,
+            physics=settings.sim,
+            slopes=slopes_of(settings.slope) if settings.slope else None,
         )
 
     def _rover(self) -> RoverConfig:

@@ -15,6 +15,7 @@ from wayfarer.experiments.report.worst_trials import ending
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.fieldlog.vocabulary import PHASE_TEXTS
 from wayfarer.fieldlog.wording import plural
+from wayfarer.simhal.world.physics import changed
 from wayfarer.views import palette
 from wayfarer.views.page import html
 
@@ -77,7 +78,11 @@ def facts(settings: CampaignSettings) -> Iterator[tuple[str, str]]:
     if settings.mujoco is None:
         yield "ground", settings.ground.value
     for name, (low, high) in (settings.mujoco or {}).items():
-        yield f"MuJoCo, {name}", f"{low:g}" if low == high else f"{low:g} to {high:g}, drawn for each trial"
+        yield f"MuJoCo, {name}", _drawn(low, high)
+    for name, (low, high) in (settings.slope or {}).items():
+        yield name, _drawn(low, high)
+    for name, value in changed(settings.sim).items():
+        yield f"sim.{name}", f"{value:g}"
     yield "forests", f"{forests.file}, BLAKE2b {forests.blake2b}" if forests else "generated"
     yield "algorithms", ", ".join(settings.algorithms)
 
@@ -174,6 +179,10 @@ def not_drawn(version: str) -> str:
         f"Not drawn, because their results were different when wayfarer {__version__} ran them again (the table is of "
         f"wayfarer {version}): the code or an algorithm has changed since, and a drawing would show another run."
     )
+
+
+def _drawn(low: float, high: float) -> str:
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}, drawn for each trial"
 
 
 def _metres(value: float | None) -> str:

@@ -91,7 +91,8 @@ class PMW3901Chip:
 
     Attributes:
         writes: the latest writes as (register, value), in order.
-        squal: what the picture is worth. Below 19 hex nothing is seen to move; 76 is an indoor floor.
+        squal: what the picture is worth, where the sense does not say less. Below 19 hex nothing is seen to move; 76 is
+            an indoor floor.
         shutter: exposure in 0..8191; 1F00 hex and more is the longest, in the dark.
     """
 
@@ -175,7 +176,7 @@ class PMW3901Chip:
                 return self._observation(now_s)
             case 0x00, at if at in PICTURE:
                 upper, lower = divmod(self.shutter, 256)
-                return (self.squal, RAW_SUM, RAW_MAX, RAW_MIN, lower, upper)[at - PICTURE.start]
+                return (self._worth(), RAW_SUM, RAW_MAX, RAW_MIN, lower, upper)[at - PICTURE.start]
             case 0x0E, 0x47:
                 return 0x08 if self._probes >= self._probes_needed else 0x00
         if self._bank == 0x00:
@@ -186,8 +187,11 @@ class PMW3901Chip:
         x, y = self._counts(now_s)
         upper, lower = divmod(self.shutter, 256)
         return _BURST.pack(
-            _motion(x, y), self._observation(now_s), x, y, self.squal, RAW_SUM, RAW_MAX, RAW_MIN, upper, lower
+            _motion(x, y), self._observation(now_s), x, y, self._worth(), RAW_SUM, RAW_MAX, RAW_MIN, upper, lower
         )
+
+    def _worth(self) -> int:
+        return min(self.squal, self._sense.squal)
 
     def _observation(self, now_s: float) -> int:
         return 0xBF if self._running and now_s >= self._observed_s else 0x00

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from wayfarer.config.messages import shortened, shown
-from wayfarer.errors import BadInput
+from wayfarer.simhal.drawn_ranges import Range, ranges_of
 from wayfarer.simhal.random_streams import RandomStreams
 
 
@@ -22,13 +21,6 @@ class Terrain(NamedTuple):
     friction: float
     roughness_m: float
     torque_scale: float
-
-
-class Range(NamedTuple):
-    """A number, or where both ends differ the bounds that it is drawn between for each trial."""
-
-    low: float
-    high: float
 
 
 class Terrains(NamedTuple):
@@ -58,31 +50,4 @@ def terrains_of(bounds: Mapping[str, Sequence[float]]) -> Terrains:
     Raises:
         ValueError: it did not give this; the text says which number is missing or out of bounds.
     """
-    if set(bounds) != set(Terrains._fields):
-        found = shortened(", ".join(bounds)) or "nothing"
-        raise ValueError(f"expected {', '.join(Terrains._fields)}, found {found}")
-    for name, ends in bounds.items():
-        lowest, highest = getattr(BOUNDS, name)
-        if not (len(ends) == 2 and lowest <= ends[0] <= ends[1] <= highest):
-            raise ValueError(
-                f"{name} = {shown(list(ends))}: expected two numbers from {lowest:g} to {highest:g} in order"
-            )
-    return Terrains(**{name: Range(*ends) for name, ends in bounds.items()})
-
-
-def parse_range(option: str, text: str, bounds: Range) -> Range:
-    """Read ``0.5`` or ``0.3:0.8``.
-
-    Raises:
-        BadInput: not one number or two, not within the bounds, or the wrong way round; the text names the option.
-    """
-    try:
-        ends = [float(end) for end in text.split(":")]
-    except ValueError:
-        ends = []
-    if not (1 <= len(ends) <= 2 and bounds.low <= ends[0] <= ends[-1] <= bounds.high):
-        raise BadInput(
-            f"{option} {text}: expected a number, or MIN:MAX (the smaller first) to draw one for each trial, "
-            f"from {bounds.low:g} to {bounds.high:g}"
-        )
-    return Range(ends[0], ends[-1])
+    return Terrains(**ranges_of(bounds, BOUNDS._asdict()))

@@ -33,6 +33,7 @@ from wayfarer.simhal.world.simulated_world import (
     no_observer,
     side_of,
 )
+from wayfarer.simhal.world.slope import hillside_of
 from wayfarer.simhal.world.wheeled_body import WheeledBody
 
 LOOK_EVERY = 5  # steps: 20 ms, well within a control tick
@@ -89,6 +90,7 @@ class MujocoWorld:
         )
         self._placement = Placement(self.model, self.data, body, field, self._contacts)
         self._slips = self._tilts = False
+        self._hillside = hillside_of(physics, forest)
         self._hanging_s = 0.0
         self._displacement = Displacement()
         self._sides = streams.generator("world.rover").normal(1.0, physics.side_gain_sd, 2).tolist()
@@ -99,7 +101,15 @@ class MujocoWorld:
 
     def attitude(self) -> tuple[float, float, float]:
         """Return heading (radians), pitch and roll (degrees): of the body relative to gravity."""
-        return self.heading_rad, self.pitch_deg + self.ground_pitch_deg, self.roll_deg + self.ground_roll_deg
+        ground_pitch_deg, ground_roll_deg = self._ground_deg()
+        return self.heading_rad, self.pitch_deg + ground_pitch_deg, self.roll_deg + ground_roll_deg
+
+    def _ground_deg(self) -> tuple[float, float]:
+        """Return pitch and roll of the ground under the body: of the hillside, and of a fault."""
+        if self._hillside is None:
+            return self.ground_pitch_deg, self.ground_roll_deg
+        pitch_deg, roll_deg = self._hillside.attitude_deg(self.heading_rad)
+        return pitch_deg + self.ground_pitch_deg, roll_deg + self.ground_roll_deg
 
     @property
     def forward_m(self) -> float:
@@ -226,7 +236,7 @@ class MujocoWorld:
 
     def _tilt_ground(self) -> None:
         """Let gravity pull as it does on ground that slopes so under the body; the senses add the angles."""
-        self.model.opt.gravity[:] = gravity_m_s2(self.ground_pitch_deg, self.ground_roll_deg, self.heading_rad)
+        self.model.opt.gravity[:] = gravity_m_s2(*self._ground_deg(), self.heading_rad)
         self._tilts = bool(self.ground_pitch_deg or self.ground_roll_deg)
 
     def _hold(self, snagged: bool) -> None:
@@ -255,10 +265,12 @@ class MujocoWorld:
         self._placement.lift_to(x_m, y_m, heading_rad)
         self.data.ctrl[:] = 0.0
         self.data.xfrc_applied[self._rover] = 0.0
-        self.model.opt.gravity[:] = gravity_m_s2(0.0, 0.0, heading_rad)  # a slope pulls again from the next look on
+        self.model.opt.gravity[:] = gravity_m_s2(0.0, 0.0, heading_rad)  # it settles level, and does not creep away
         mujoco.mj_step(self.model, self.data, round(SETTLES_S / self._step_s))
         self.data.qvel[:] = 0.0
         self._hold(self.body_faults.snagged)
         self.touch, self.hangs, self._hanging_s = None, False, 0.0
         self._read_pose()
+        if self._hillside is not None:
+            self._tilt_ground()
         self._displacement.start_at(self._pose)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.drivers.buses import Frame
+from wayfarer.simhal.flow_errors import blind_ground, flow_scale
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
@@ -27,12 +28,14 @@ class GroundCamera:
     """A camera above the middle of the rover, the picture's top ahead.
 
     ``render`` is what ``buses.FakeBuses.cameras`` wants. ``m_per_pixel`` is the ground that one pixel shows, in
-    metres, and also the finest detail of the ground: finer detail would be nothing but noise.
+    metres, and also the finest detail of the ground: finer detail would be nothing but noise. Where ``Senses`` have
+    blind ground, the picture is black.
     """
 
     def __init__(self, world: SimulatedWorld, streams: RandomStreams, m_per_pixel: float) -> None:
         self._world = world
-        self._px_per_m = 1.0 / m_per_pixel
+        self._px_per_m = flow_scale(world.physics, streams) / m_per_pixel
+        self._blind = blind_ground(world, streams)
         self._noise = streams.generator("camera.noise")
         self._ground = texture(streams.generator("camera.ground"))
 
@@ -40,7 +43,9 @@ class GroundCamera:
         """Return what the camera sees at a time: luma of shape (height, width)."""
         self._world.tick_chips()  # a deadman may have tripped since
         self._world.advance_to(t_s)
-        grey = self._look(width, height) + NOISE_SD * self._noise.standard_normal((height, width), dtype=np.float32)
+        is_dark = self._blind is not None and self._blind.is_under()
+        seen = 0.0 if is_dark else self._look(width, height)
+        grey = seen + NOISE_SD * self._noise.standard_normal((height, width), dtype=np.float32)
         return Frame(t_s, np.clip(np.rint(grey), 0, 255).astype(np.uint8))
 
     def _look(self, width: int, height: int) -> NDArray[np.float32]:

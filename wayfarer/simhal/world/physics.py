@@ -2,38 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated
+from dataclasses import asdict, dataclass
+from typing import Annotated, Any
 
 from annotated_types import Interval
 
-from wayfarer.setting_ranges import (
-    Degrees,
-    DegreesOrZero,
-    DegreesPerSecond,
-    Fraction,
-    Gain,
-    Metres,
-    MetresOrZero,
-    Seconds,
-    SignedDegrees,
-)
+from wayfarer.setting_ranges import Degrees, DegreesOrZero, DegreesPerSecond, Fraction, Metres, MetresOrZero, Seconds
+from wayfarer.simhal.world.senses import Senses
 
 
 @dataclass(frozen=True, slots=True)
-class Physics:
-    """Parameters of physics-light: slip, noise, lag, contact.
+class Physics(Senses):
+    """Parameters of physics-light: slip, noise, lag, contact; and those of the senses.
 
     From the paper and its released simulator (section IV-A; units as measured from the released code): the rover goes
     off its heading by ``steer_noise_rad`` in each step (0.05 m at cruise), its heading wanders by
     ``heading_noise_deg`` in each 0.05 m, and it slips 0.5 m plus an exponentially distributed distance
-    (``slip_mean_m``) after the last slip. ``compass_noise_deg`` is the same noise on each reading.
+    (``slip_mean_m``) after the last slip.
 
     From no source, chosen to be plain: first-order motor lag (on ideal ground; others follow from the body); gain of
     each side and effective track off by a few per cent from one rover to the next; a rover that pushes onto a trunk
-    rears up at ``climb_deg_s`` for full duty, falls back with ``settle_s``, and tips over beyond ``tip_deg``. Tilt
-    reads off by ``tilt_noise_deg``, as on rough ground; flow by a few counts and a share of the distance.
-    ``compass_bias_deg``, clockwise, is how far the compass reads off through a whole trial.
+    rears up at ``climb_deg_s`` for full duty, falls back with ``settle_s``, and tips over beyond ``tip_deg`` from the
+    ground.
+
+    All of the ground slopes by ``slope_deg``. It rises towards ``slope_direction_deg``, clockwise from the forest's
+    heading: 0 is a goal straight uphill, 90 ground that rises to the right of the way to the goal, 180 a goal straight
+    downhill, 270 ground that rises to the left.
     """
 
     step_s: Annotated[float, Interval(gt=0, le=0.1)] = 0.05
@@ -48,11 +42,13 @@ class Physics:
     climb_deg_s: DegreesPerSecond = 40.0
     settle_s: Seconds = 0.2
     tip_deg: Degrees = 60.0
-    compass_noise_deg: DegreesOrZero = 1.0
-    compass_bias_deg: SignedDegrees = 0.0
-    tilt_noise_deg: DegreesOrZero = 1.0
-    flow_noise_counts: Gain = 2.0
-    flow_noise_share: Fraction = 0.03
+    slope_deg: Annotated[float, Interval(ge=0, le=45)] = 0.0
+    slope_direction_deg: Annotated[float, Interval(ge=0, le=360)] = 0.0
 
 
 PHYSICS = Physics()
+
+
+def changed(physics: Physics) -> dict[str, Any]:
+    """Return the parameters that are not as by default."""
+    return {name: value for name, value in asdict(physics).items() if value != getattr(PHYSICS, name)}

@@ -7,6 +7,9 @@ as in an arc: the weaker side is dragged along. Beyond it rims turn at what is l
 rate. What fast curves change is worked out once (``skid_balance``) and kept as a table of factors.
 
 *Gaining speed* takes the time constant of motors and masses, and no side pushes with more than its wheels' friction.
+
+*On a slope* gravity along the body takes of each side what that share of the weight takes, or drives it. The grip is
+that of level ground (cos 15 degrees is 0.97), and the body does not slide sideways.
 """
 
 from __future__ import annotations
@@ -32,9 +35,13 @@ Factors = tuple[tuple[Cell, ...], ...]
 
 
 class SlowCurves(NamedTuple):
-    """The closed form, as speeds of rims: without load, and what friction sideways and rolling resistance take."""
+    """The closed form, as speeds of rims: without load, and what the weight, drag and rolling resistance take.
+
+    ``weight_m_s`` is taken by a force of the weight along the body, ``drag_m_s`` by friction sideways.
+    """
 
     free_m_s: float
+    weight_m_s: float
     drag_m_s: float
     resistance_m_s: float
 
@@ -44,22 +51,24 @@ class SlowCurves(NamedTuple):
         a_m, b_m, radius_m = body.wheels
         stall_n = body.motors_n_m / radius_m
         taken_m_s = body.free_speed_m_s * body.weight_kg * STANDARD_GRAVITY_M_S2 / stall_n  # by a force of the weight
-        return cls(body.free_speed_m_s, friction * a_m / hypot(a_m, b_m) * taken_m_s, ROLLING_RESISTANCE * taken_m_s)
+        drag_m_s = friction * a_m / hypot(a_m, b_m) * taken_m_s
+        return cls(body.free_speed_m_s, taken_m_s, drag_m_s, ROLLING_RESISTANCE * taken_m_s)
 
     def steady(self, mean_m_s: float, half_m_s: float) -> tuple[float, float]:
         """Return mean and half difference of the sides' rims under load, from those without; neither is negative."""
-        faster_m_s = self._loaded(mean_m_s + half_m_s - self.drag_m_s)
-        slower_m_s = self._loaded(mean_m_s - half_m_s + self.drag_m_s)
+        faster_m_s = self.loaded(mean_m_s + half_m_s - self.drag_m_s)
+        slower_m_s = self.loaded(mean_m_s - half_m_s + self.drag_m_s)
         if half_m_s <= self.drag_m_s or faster_m_s <= slower_m_s:
-            return self._loaded(mean_m_s), 0.0
+            return self.loaded(mean_m_s), 0.0
         return (faster_m_s + slower_m_s) / 2.0, (faster_m_s - slower_m_s) / 2.0
 
-    def _loaded(self, rim_m_s: float) -> float:
+    def loaded(self, rim_m_s: float) -> float:
+        """Return what rolling resistance leaves of the speed of a rim."""
         return copysign(max(abs(rim_m_s) - self.resistance_m_s, 0.0), rim_m_s)
 
 
 class SkidSteering:
-    """The motion of a body on level ground.
+    """The motion of a body on even ground.
 
     Speeds of a side are those that would move a body of this effective track so if its wheels did not slip: half their
     sum is the speed, their difference over ``track_m`` the turn rate clockwise.
@@ -86,8 +95,10 @@ class SkidSteering:
         self._ahead_lag = 1.0 - exp(-step_s / (s_per_kg * (body.weight_kg + body.rims_kg)))
         self._turn_lag = 1.0 - exp(-step_s / (s_per_kg * (body.yaw_inertia_kg_m2 / across_m2 + body.rims_kg)))
         self._most_m_s = grip_m_s2 * step_s
+        self._falls_m_s = STANDARD_GRAVITY_M_S2 * step_s  # what free fall gains in a step
         # Forces of the sides that differ by so much turn the body as fast as the same forces together move it ahead.
         self._ahead_per_turn = body.yaw_inertia_kg_m2 / (body.weight_kg * b_m * track_m / 2.0)
+        self._rise = 0.0
         self._rims_m_s: tuple[float, float] | None = None
         self.drive(0.0, 0.0)
 
@@ -117,20 +128,38 @@ class SkidSteering:
         a, b, c, d, e, f, g, h = self._factors[row][column]
         return a + b * x + (c + d * x) * y, e + f * x + (g + h * x) * y
 
+    def lean(self, rise: float) -> None:
+        """Let gravity pull backwards with this share of the weight, negative ahead, from the next step on."""
+        self._rise = rise
+
+    def _aims_on_a_slope(self) -> tuple[float, float]:
+        """Return what half the sum of the sides comes to, and would without friction.
+
+        A side that turns against the other slides already, so rolling resistance has the same direction as on level
+        ground.
+        """
+        pulled_m_s = self._rise * self._slow.weight_m_s
+        coasts_m_s = self._coasts_ahead_m_s - pulled_m_s
+        aim_m_s = self._ahead_m_s - pulled_m_s if self._turn_m_s else self._slow.loaded(coasts_m_s)
+        return aim_m_s, coasts_m_s
+
     def step(self, left_m_s: float, right_m_s: float) -> tuple[float, float]:
         """Return the speeds of the sides a step later; friction helps to end a motion, but begins none."""
         most_m_s = self._most_m_s
         ahead_m_s = now_m_s = (left_m_s + right_m_s) / 2.0
-        aim_m_s = self._ahead_m_s
+        aim_m_s, coasts_m_s, fallen_m_s = self._ahead_m_s, self._coasts_ahead_m_s, 0.0
+        if self._rise:
+            aim_m_s, coasts_m_s = self._aims_on_a_slope()
+            fallen_m_s = self._rise * self._falls_m_s
         if now_m_s * aim_m_s <= 0.0 and now_m_s:
-            aim_m_s = self._coasts_ahead_m_s - copysign(self._resistance_m_s, now_m_s)
-        gain_m_s = (aim_m_s - now_m_s) * self._ahead_lag
+            aim_m_s = coasts_m_s - copysign(self._resistance_m_s, now_m_s)
+        gain_m_s = (aim_m_s - now_m_s) * self._ahead_lag + fallen_m_s  # by the wheels' push: that of gravity comes off
         turn_m_s, aim_m_s = (left_m_s - right_m_s) / 2.0, self._turn_m_s
         if turn_m_s or aim_m_s:
             gain_m_s, turn_m_s = self._turned(gain_m_s, turn_m_s, aim_m_s)
         elif abs(gain_m_s) > most_m_s:
             gain_m_s = copysign(most_m_s, gain_m_s)
-        ahead_m_s += gain_m_s
+        ahead_m_s += gain_m_s - fallen_m_s
         if ahead_m_s * now_m_s < 0.0:
             ahead_m_s = 0.0
         return ahead_m_s + turn_m_s, ahead_m_s - turn_m_s

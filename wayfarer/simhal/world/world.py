@@ -31,6 +31,7 @@ from wayfarer.simhal.world.simulated_world import (
     side_of,
 )
 from wayfarer.simhal.world.skid_steering import SkidSteering
+from wayfarer.simhal.world.slope import hillside_of
 
 # No move is tested in pieces longer than this, so that nothing is jumped over: half a trunk, half a right angle.
 PIECE_M: Final = 0.1
@@ -104,6 +105,7 @@ class World:
         clearance_m = self._climbing.clearance_m if self._climbing else 0.0
         self._grid = ObstacleGrid(obstacles_of(forest, clearance_m), self._seen_m, cell_m)
         self._ground_pitch = GroundPitch(forest, clearance_m, self._body) if clearance_m else None
+        self._hillside = hillside_of(physics, forest)
         self._free_m = 0.0
         self._lag = 1.0 - exp(-physics.step_s / physics.motor_lag_s)
         self._settling = exp(-physics.step_s / physics.settle_s)
@@ -163,9 +165,13 @@ class World:
     def attitude(self) -> tuple[float, float, float]:
         """Return heading (radians), pitch and roll (degrees): of the body, the ground and the low branches under it."""
         heading_rad, pitch_deg = self.heading_rad, self.pitch_deg + self.ground_pitch_deg
+        roll_deg = self.roll_deg + self.ground_roll_deg
         if self._ground_pitch is not None:
             pitch_deg += self._ground_pitch.pitch_deg(self.x_m, self.y_m, sin(heading_rad), cos(heading_rad))
-        return heading_rad, pitch_deg, self.roll_deg + self.ground_roll_deg
+        if self._hillside is not None:
+            slope_pitch_deg, slope_roll_deg = self._hillside.attitude_deg(heading_rad)
+            pitch_deg, roll_deg = pitch_deg + slope_pitch_deg, roll_deg + slope_roll_deg
+        return heading_rad, pitch_deg, roll_deg
 
     def set_faults(self, **body_faults: float | bool) -> None:
         """Change what is wrong with the body, from the next step on."""
@@ -188,6 +194,8 @@ class World:
 
     def _step(self) -> None:
         if self._skid:
+            if self._hillside is not None:
+                self._skid.lean(self._hillside.rise(self.heading_rad))
             left_m_s, right_m_s = self._skid.step(self._left_m_s, self._right_m_s)
         else:
             left_m_s = self._left_m_s + (self._left_target_m_s - self._left_m_s) * self._lag

@@ -1,0 +1,86 @@
+"""Errors of a compass in the field: iron, the motors' field, a gyro with a dead band, vibration, lag."""
+
+from __future__ import annotations
+
+from collections import deque
+from math import radians, remainder, sin, tau
+
+from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.world.senses import Senses
+from wayfarer.simhal.world.simulated_world import ROUNDING_S, SimulatedWorld
+
+Attitude = tuple[float, float, float]  # heading in radians, pitch and roll in degrees
+
+
+def compass_errs(senses: Senses) -> bool:
+    """Return whether a compass has any of these errors."""
+    return bool(
+        senses.hard_iron_deg
+        or senses.soft_iron_deg
+        or senses.motor_field_deg
+        or senses.compass_freezes_below_deg_s
+        or senses.tilt_vibration_deg
+        or senses.compass_lag_s
+    )
+
+
+class CompassErrors:
+    """What a compass makes of a world's attitude, each time that it is asked.
+
+    The errors come in the order in which a reading does: the field at the sensor is bent, the heading is fused with the
+    gyro, the tilt is shaken, and all of it is late.
+    """
+
+    def __init__(self, world: SimulatedWorld, streams: RandomStreams) -> None:
+        senses = world.physics
+        self._world = world
+        self._hard_rad, self._soft_rad = radians(senses.hard_iron_deg), radians(senses.soft_iron_deg)
+        self._motor_rad = radians(senses.motor_field_deg)
+        phases = streams.generator("compass.field").uniform(0.0, tau, 4).tolist()
+        self._hard_phase, self._soft_phase, self._left_phase, self._right_phase = phases
+        self._freezes_below_rad_s = radians(senses.compass_freezes_below_deg_s)
+        self._shaken_deg = streams.normal("compass.vibration", senses.tilt_vibration_deg)
+        self._lag_s = senses.compass_lag_s
+        self._earlier: deque[tuple[float, Attitude]] = deque()
+        self._looked_s, self._heading_rad = world.t_s, world.heading_rad
+        self._bent_rad = self._fused_rad = self._bent(world.heading_rad)
+
+    def attitude(self) -> Attitude:
+        """Return what the compass feels now: heading in radians, pitch and roll in degrees."""
+        world = self._world
+        heading_rad, pitch_deg, roll_deg = world.attitude()
+        left, right = world.commanded
+        duty = (abs(left) + abs(right)) / 2.0
+        fused_rad = self._fuse(heading_rad)
+        felt = fused_rad, pitch_deg + duty * self._shaken_deg(), roll_deg + duty * self._shaken_deg()
+        return self._late(felt) if self._lag_s else felt
+
+    def _bent(self, heading_rad: float) -> float:
+        """Return the magnetic heading of a body with this heading."""
+        left, right = self._world.commanded
+        return (
+            heading_rad
+            + self._hard_rad * sin(heading_rad + self._hard_phase)
+            + self._soft_rad * sin(2.0 * heading_rad + self._soft_phase)
+            + self._motor_rad * left * sin(heading_rad + self._left_phase)
+            + self._motor_rad * right * sin(heading_rad + self._right_phase)
+        )
+
+    def _fuse(self, heading_rad: float) -> float:
+        """Return the heading with what it has changed since the last look, unless the gyro noticed no turn."""
+        bent_rad, t_s = self._bent(heading_rad), self._world.t_s
+        if not self._freezes_below_rad_s:
+            return bent_rad
+        turned_rad = remainder(heading_rad - self._heading_rad, tau)
+        if abs(turned_rad) >= self._freezes_below_rad_s * (t_s - self._looked_s):
+            self._fused_rad += remainder(bent_rad - self._bent_rad, tau)
+        self._looked_s, self._heading_rad, self._bent_rad = t_s, heading_rad, bent_rad
+        return self._fused_rad
+
+    def _late(self, felt: Attitude) -> Attitude:
+        """Return what was felt that long ago; at the beginning, what was felt first."""
+        earlier, t_s = self._earlier, self._world.t_s
+        earlier.append((t_s, felt))
+        while len(earlier) > 1 and earlier[1][0] <= t_s - self._lag_s + ROUNDING_S:
+            earlier.popleft()
+        return earlier[0][1]
