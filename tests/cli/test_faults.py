@@ -222,6 +222,23 @@ def test_ctrl_c_ends_it_with_130(tmp_path: Path) -> None:
     assert told.read_text().splitlines()[-1] == "interrupted: no results"
 
 
+def test_missions_are_counted_and_kept_as_the_trials_of_a_seed(tmp_path: Path, run: Run) -> None:
+    asked = ("faults", "--missions", 1, "--only", "motion-silent,flipped", "--rover", "sim", "--jobs", 1)
+    code, said, _ = run(*asked, "--seed", 3, "--out", tmp_path / "out")
+    assert code == 0
+    assert re.search(r"^ +13 +flipped +1 +0 .* fault: overturned 1$", said, re.MULTILINE)
+    assert re.search(r"^ +22 +motion-silent +10 +1 +1 +[0-9.]+ +[0-9.]+ +motion_stale", said, re.MULTILINE)
+    assert "1 of 2 faults that last end a mission" in said
+    kept = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))
+    rows = list(csv.DictReader((tmp_path / "out" / "results.csv").read_text(encoding="utf-8").splitlines()))
+    assert [row["fault"] for row in kept] == ["flipped", "flipped", "motion-silent", "motion-silent"]
+    assert [(row["lasts_s"], row["ended"]) for row in rows[:2]] == [
+        ("", "fault: overturned 1"),
+        ("10.0", "fault: overturned 1"),
+    ]
+    assert run(*asked, "--seed", 4)[1] != said
+
+
 # -- docs/faults.md ----------------------------------------------------------------------------------------------------
 
 

@@ -40,7 +40,10 @@ SMALL_PICTURES: Mapping[str, Any] = {"parts": {"motion": {"width": 64, "height":
 MOST_WELL = 16  # missions without a fault in memory at a time: more than there are rovers at either depth
 NEEDS_A_PERSON = "its subject is a rover that is not under way: it begins before arming, or after a person's hold"
 BY_A_TEST = "covered by a test, as it needs a real process or a person beside the rover"
-ENDS = {"entrapped": "path", "mission_distance": "path", "mission_time": "time", "disarmed": "fault"}
+ENDS = {
+    "entrapped": "path", "mission_distance": "path", "mission_time": "time", "mission_radius": "radius",
+    "disarmed": "fault",
+}  # fmt: skip
 
 
 class Striking(NamedTuple):

@@ -44,7 +44,7 @@ REASONS: Mapping[str, str] = {
     "error": "a bug ended the run: what a program with a bug does next is not known",
     "tipped": "it fell over",
 }
-NO_REASON = "no reason is known why it must: the limit of its time or path was reached on the way"
+NO_REASON = "no reason is known why it must: a limit of its time, path or radius was reached on the way"
 
 
 class MissionLine(NamedTuple):
@@ -74,6 +74,11 @@ class MissionLine(NamedTuple):
     reason: str
 
 
+def modes(line: MissionLine) -> str:
+    """Return the conditions that were there longest while the fault lasted."""
+    return ", ".join(list(line.mode_s)[:SHOWN_MODES])
+
+
 COLUMNS: tuple[tuple[int, Column[MissionLine]], ...] = (
     (0, Column("row", lambda each: ", ".join(map(str, each.rows)))),
     (0, Column("fault", lambda each: each.fault, left=True)),
@@ -82,14 +87,9 @@ COLUMNS: tuple[tuple[int, Column[MissionLine]], ...] = (
     (0, Column("out\nwith", lambda each: str(each.out))),
     (90, Column("path m\nwithout", lambda each: number_text(each.path_without_m))),
     (0, Column("path m\nwith", lambda each: number_text(each.path_m))),
-    (120, Column("conditions meanwhile", lambda each: modes(each), left=True, wraps=True)),
+    (120, Column("conditions meanwhile", modes, left=True, wraps=True)),
     (0, Column("failures", lambda each: counted(each.ended), left=True, wraps=True)),
 )  # fmt: skip
-
-
-def modes(line: MissionLine) -> str:
-    """Return the conditions that were there longest while the fault lasted."""
-    return ", ".join(list(line.mode_s)[:SHOWN_MODES])
 
 
 def run_missions(
