@@ -14,25 +14,37 @@ from pathlib import Path
 from wayfarer.fault_scenarios.survival import MissionLine, headline, modes
 
 PAGE = Path(__file__).parents[2] / "docs" / "faults.md"
-BEGIN, END = "<!-- missions -->\n", "<!-- /missions -->\n"
+HEADLINE, TABLE = "missions", "missions-table"  # the names of both parts in their marks
 HEAD = (
     "| row | fault | rover | out without | out | path m | conditions | failures | 10 s: out | path m |\n"
     "|---|---|---|---|---|---|---|---|---|---|"
 )
 
 
-def section(lines: Sequence[MissionLine]) -> Iterator[str]:
-    """The headline with its reasons as a list, and a table with a line for each fault."""
+def told(lines: Sequence[MissionLine]) -> Iterator[str]:
+    """The headline, and a list of the reasons."""
     ending, rows, brief, *reasons = headline(lines)
     yield f"**{ending}** ({lines[0].missions} missions of each)."
     yield f"{rows}. {brief}. Why the missions must end:\n"
     for each in reasons:
         names, _, reason = each.partition(": ")
         yield f"* {_names(names)}: {reason}"
-    yield f"\n{HEAD}"
+
+
+def table(lines: Sequence[MissionLine]) -> Iterator[str]:
+    """A line for each fault."""
+    yield HEAD
     for_good = [each for each in lines if each.lasts_s is None]
     for_a_while = [each for each in lines if each.lasts_s is not None]
     yield from (_row(*pair) for pair in zip(for_good, for_a_while, strict=True))
+
+
+def part(page: str, name: str) -> tuple[str, str, str]:
+    """What stands before a part, the part, and what stands after it."""
+    before, begin, rest = page.partition(f"<!-- {name} -->\n")
+    within, end, after = rest.partition(f"<!-- /{name} -->\n")
+    assert begin and end, f"docs/faults.md has no marks of {name}"
+    return before + begin, within, end + after
 
 
 def _row(good: MissionLine, brief: MissionLine) -> str:
@@ -53,7 +65,9 @@ def _path(line: MissionLine) -> str:
 
 
 if __name__ == "__main__":
-    results = json.loads((Path(sys.argv[1]) / "results.json").read_text(encoding="utf-8"))
-    told = "\n".join(section([MissionLine(**row) for row in results]))
-    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-    PAGE.write_text(f"{before}{BEGIN}{told}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+    kept = json.loads((Path(sys.argv[1]) / "results.json").read_text(encoding="utf-8"))
+    results, text = [MissionLine(**row) for row in kept], PAGE.read_text(encoding="utf-8")
+    for name, made in ((HEADLINE, told(results)), (TABLE, table(results))):
+        before, _, after = part(text, name)
+        text = before + "".join(f"{line}\n" for line in made) + after
+    PAGE.write_text(text, encoding="utf-8")
