@@ -72,6 +72,15 @@ def test_several_processes_give_what_one_gives(tmp_path: Path) -> None:
         assert one.read_bytes() == other.read_bytes()
 
 
+@pytest.mark.process
+def test_several_processes_give_the_missions_that_one_gives(tmp_path: Path) -> None:
+    asked = ["faults", "--missions", "3", "--only", "motion-silent,flipped", "--rover", "sim"]
+    for jobs in ("1", "2"):
+        assert cli.run([*asked, "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
+    for name in ("results.csv", "results.json"):
+        assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
+
+
 def test_results_and_logs_are_kept_and_logs_replay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, path = tmp_path / "out", scenario_file(tmp_path, LOOSE.replace("clearing", "about = '=1+1'\nclearing", 1))
     assert cli.run(["faults", "--scenario", path, "--out", str(out)]) == 0

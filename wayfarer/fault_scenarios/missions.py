@@ -32,8 +32,8 @@ from wayfarer.simhal.faults.kinds import KINDS, Fault, Layer
 from wayfarer.simhal.random_streams import RandomStreams
 
 DURATIONS_S = (inf, 10.0)
-# Long enough for a rover that rests and tries again: its rests, from 30 s on and each twice as long, are ten by then.
-# The hour is the default of ``SafetySettings``. The path is the budget of trials in the paper, section IV-A.
+# Long enough for a rover that rests and tries again: its rests, of 30 s to 10 minutes, are eight by then. The hour is
+# the default of ``SafetySettings``, the path that of ``wayfarer sim``.
 BUDGET_M = 1000.0
 LIMITS: Mapping[str, Any] = {"safety": {"mission_time_s": 3600.0, "mission_distance_m": BUDGET_M}}
 SMALL_PICTURES: Mapping[str, Any] = {"parts": {"motion": {"width": 64, "height": 48}}}  # large ones: 2.5 times as long

@@ -178,7 +178,8 @@ def headline(lines: Sequence[MissionLine]) -> Iterator[str]:
         f"{len(ending)} of {len(for_good)} faults that last end a mission: fewer than half of the missions that get"
         " out without the fault get out with it"
     )
-    yield f"They are in {len(_rows(ending))} of the {len(_rows(for_good))} rows of the fault catalogue that can strike"
+    if rows := _rows(for_good):
+        yield f"They are in {len(_rows(ending))} of the {len(rows)} rows of the fault catalogue that can strike"
     brief = sum(each.ends_missions for each in for_a_while)
     yield f"Of the same faults for {DURATIONS_S[1]:g} s {brief} of {len(for_a_while)} end a mission"
     names: dict[str, list[str]] = {}
