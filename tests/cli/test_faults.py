@@ -72,6 +72,15 @@ def test_several_processes_give_what_one_gives(tmp_path: Path) -> None:
         assert one.read_bytes() == other.read_bytes()
 
 
+@pytest.mark.process
+def test_several_processes_give_the_missions_that_one_gives(tmp_path: Path) -> None:
+    asked = ["faults", "--missions", "3", "--only", "motion-silent,flipped", "--rover", "sim"]
+    for jobs in ("1", "2"):
+        assert cli.run([*asked, "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
+    for name in ("results.csv", "results.json"):
+        assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
+
+
 def test_results_and_logs_are_kept_and_logs_replay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, path = tmp_path / "out", scenario_file(tmp_path, LOOSE.replace("clearing", "about = '=1+1'\nclearing", 1))
     assert cli.run(["faults", "--scenario", path, "--out", str(out)]) == 0
@@ -220,6 +229,23 @@ def test_ctrl_c_ends_it_with_130(tmp_path: Path) -> None:
         out, _ = running.communicate(timeout=30.0)
     assert (running.returncode, out) == (130, b"")
     assert told.read_text().splitlines()[-1] == "interrupted: no results"
+
+
+def test_missions_are_counted_and_kept_as_the_trials_of_a_seed(tmp_path: Path, run: Run) -> None:
+    asked = ("faults", "--missions", 1, "--only", "motion-silent,flipped", "--rover", "sim", "--jobs", 1)
+    code, said, _ = run(*asked, "--seed", 3, "--out", tmp_path / "out")
+    assert code == 0
+    assert re.search(r"^ +13 +flipped +1 +0 .* fault: overturned 1$", said, re.MULTILINE)
+    assert re.search(r"^ +22 +motion-silent +10 +1 +1 +[0-9.]+ +[0-9.]+ +motion_stale", said, re.MULTILINE)
+    assert "1 of 2 faults that last end a mission" in said
+    kept = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))
+    rows = list(csv.DictReader((tmp_path / "out" / "results.csv").read_text(encoding="utf-8").splitlines()))
+    assert [row["fault"] for row in kept] == ["flipped", "flipped", "motion-silent", "motion-silent"]
+    assert [(row["lasts_s"], row["ended"]) for row in rows[:2]] == [
+        ("", "fault: overturned 1"),
+        ("10.0", "fault: overturned 1"),
+    ]
+    assert run(*asked, "--seed", 4)[1] != said
 
 
 # -- docs/faults.md ----------------------------------------------------------------------------------------------------

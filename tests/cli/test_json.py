@@ -27,6 +27,7 @@ from wayfarer.fault_scenarios.detector_score import Score
 from wayfarer.fault_scenarios.detector_trials import DetectorCase
 from wayfarer.fault_scenarios.random_runs import RandomTrial
 from wayfarer.fault_scenarios.result import Result
+from wayfarer.fault_scenarios.survival import MissionLine
 from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.replay import DecisionDifference, Replay
 from wayfarer.fieldlog.run_state import LowBattery
@@ -44,7 +45,7 @@ CLASSES: dict[type, set[str]] = {
     RunRow: set(), RunSummary: set(), LowBattery: set(), PeriodPercentiles: set(), Mark: set(), LastPosition: set(),
     RangeBearing: set(), Fix: set(), Damage: set(), Replay: {"run"}, DecisionDifference: set(),
     AlgorithmSummary: set(), ComputeCost: {"cpu_us_per_tick"}, Comparison: set(), Difference: set(), Estimate: set(),
-    TrialRow: set(), Result: {"passed"}, RandomTrial: set(), Finding: set(), Described: set(),
+    TrialRow: set(), Result: {"passed"}, RandomTrial: set(), MissionLine: set(), Finding: set(), Described: set(),
 }  # fmt: skip
 
 
@@ -172,6 +173,8 @@ def test_faults(says: Any) -> None:
     results = says("faults", "faults", "--only", "compass-one-nack,loop-blocked", "--jobs", 1)["results"]
     assert {each["name"] for each in results} <= {each["name"] for each in listed}
     assert [each["passed"] for each in results] == [True, False], "the second is skipped"
+    struck = says("faults --missions", "faults", "--missions", 1, "--only", "flipped,sigkill", "--rover", "sim")
+    assert [each["lasts_s"] for each in struck["missions"]] == [None, 10.0]
     assert [each["seed"] for each in says("faults --trials", "faults", "--trials", 1, "--jobs", 1)["trials"]] == [0]
 
 

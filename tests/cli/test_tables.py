@@ -40,6 +40,7 @@ def results(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("faults", "--only", "compass-answers-45-ms-late,loop-blocked", "--jobs", 1),
         ("faults", "--list"),
         ("faults", "--trials", 1, "--jobs", 1),
+        ("faults", "--missions", 1, "--only", "flipped,motion-silent,runaway", "--rover", "sim", "--jobs", 1),
         ("list",),
         ("list", "--conditions"),
         ("logs", "summary", "--logs", FIELD_LOGS),

@@ -15,7 +15,7 @@ from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.outcome import OUTCOMES, SUCCESSES
 from wayfarer.experiments.trial import TrialResult, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
-from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.faults.kinds import Fault, Slope
 from wayfarer.simhal.world.forest import CLEARING, Trunk
 from wayfarer.simhal.world.generate import generate_forest
 
@@ -112,6 +112,13 @@ def test_rover_that_loses_senses_on_its_way_gets_out(lost: tuple[str, ...]) -> N
         lame = run_trial(replace(spec, faults=faults))
         assert lame.outcome in SUCCESSES
         assert lame.path_m != run_trial(spec).path_m, "the fault never began"
+
+
+def test_trial_is_over_once_the_rover_has_disarmed_itself() -> None:
+    on_its_roof = Fault(20.0, inf, "world", "slope", Slope(roll_deg=180.0))
+    result = run_trial(replace(spec_of(), faults=(on_its_roof,)))
+    assert result.outcome == "fault"
+    assert result.time_s == pytest.approx(20.0, abs=1.0), "nobody is there to arm it again"
 
 
 def test_contact_as_the_source_of_anomalies_is_noticed_at_once() -> None:

@@ -22,10 +22,12 @@ EXAMPLES = examples(
     "wayfarer faults --only 37",
     "wayfarer faults --only compass-nack,board-fault --out results",
     "wayfarer faults --scenario my-fault.toml",
+    "wayfarer faults --missions 100 --out survival",
     "wayfarer faults --trials 1000 --rover forestrover",
     "wayfarer faults --detector --trials 100",
     "wayfarer faults --detector --physics mujoco --friction 0.3 --trials 10",
 )
+MISSIONS = "Missions"
 BY_CHANCE = "Random faults"
 DETECTOR = "The detector"
 
@@ -53,6 +55,16 @@ Out = Annotated[
     typer.Option(metavar="DIR", help="New or empty folder for results.csv, results.json and each run's field log."),
 ]
 Show = Annotated[bool, typer.Option("--list", help="List the scenarios, and run nothing.")]
+Missions = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        max=1_000_000,
+        metavar="N",
+        help="Have each fault strike N trials at a random time, and count how many get out.",
+        rich_help_panel=MISSIONS,
+    ),
+]
 Trials = Annotated[
     int | None,
     typer.Option(
@@ -68,8 +80,7 @@ Seed = Annotated[
     typer.Option(
         min=0,
         metavar="N",
-        help="Random seed of the first trial; each further trial uses the next number.",
-        rich_help_panel=BY_CHANCE,
+        help="Random seed: of the first of --trials, each further one uses the next number; or of all --missions.",
     ),
 ]
 RandomDepthOption = Annotated[
@@ -119,6 +130,7 @@ def faults(
     out: Out = None,
     show: Show = False,
     jobs: Jobs = None,
+    missions: Missions = None,
     trials: Trials = None,
     seed: Seed = None,
     depth: RandomDepthOption = None,
@@ -132,7 +144,10 @@ def faults(
     of_catalogue: dict[str, object] = {"--only": only, "--scenario": scenario, "--list": show or None}
     of_chance: dict[str, object] = {"--seed": seed, "--depth": depth}
     in_mujoco: dict[str, object] = {"--friction": friction, "--torque-scale": torque_scale}
-    if detector:
+    if missions is not None:
+        of_others = {"--trials": trials, "--detector": detector or None, "--list": show or None, "--depth": depth}
+        _refuse(of_others, "--missions has its own trials; leave out {}")
+    elif detector:
         _refuse(of_catalogue | of_chance, "--detector uses its own trials; leave out {}")
     elif trials is not None:
         _refuse(of_catalogue, "--trials draws its own faults; leave out {}")
@@ -154,6 +169,8 @@ def faults(
 
         at = None if depth is None else Depth(depth)
         raise typer.Exit(run_random(trials, rover, at, seed or 0, jobs, out, as_json=as_json))
+    if missions is not None:
+        raise typer.Exit(_missions(missions, only, rover, scenario, out, jobs, seed or 0, as_json=as_json))
     raise typer.Exit(_run(only, rover, scenario, out, jobs, show=show, as_json=as_json))
 
 
@@ -227,3 +244,25 @@ def _run(
         say(Console(stderr=True), line)
     skipped = [*elsewhere, *misfits, *unequipped]
     return run_scenarios(scenarios, jobs=jobs, out=out, skipped=skipped, untried=untried, as_json=as_json)
+
+
+def _missions(
+    missions: int, only: str | None, rover: str | None, scenario: Path | None, out: Path | None, jobs: int | None,
+    seed: int, *, as_json: bool,
+) -> int:  # fmt: skip
+    """Have the faults that were asked for strike missions, and return the exit code.
+
+    Raises:
+        BadInput: there is no such row, scenario, file or rover, or none of them can strike a mission.
+    """
+    from wayfarer.fault_scenarios.catalogue import catalogue
+    from wayfarer.fault_scenarios.missions import faults_of
+    from wayfarer.fault_scenarios.scenario_file import read_scenarios
+    from wayfarer.fault_scenarios.selection import chosen
+    from wayfarer.fault_scenarios.survival import run_missions
+
+    rows = list(read_scenarios(scenario) if scenario else catalogue())
+    faults, left_out = faults_of(chosen(rows, only) if only is not None else rows, rover)
+    if not faults:
+        raise BadInput("; ".join(left_out))
+    return run_missions(faults, missions, seed, jobs, out, left_out, as_json=as_json)

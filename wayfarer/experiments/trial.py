@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -61,9 +62,13 @@ GAVE_UP = f"fault: {Condition.ENTRAPPED.value}"  # the controller's reason for d
 
 
 class TrialCounters(PartialLog):
-    """A run log that counts and keeps nothing."""
+    """A run log that counts and keeps nothing.
+
+    ``finish`` is called when the rover has disarmed itself: nobody is there to arm it again, so the trial is over.
+    """
 
     def __init__(self) -> None:
+        self.finish: Callable[[str, str], None] = lambda _reason, _text: None
         self.ticks = 0
         self.anomalies = 0
         self.episodes = 0
@@ -84,9 +89,10 @@ class TrialCounters(PartialLog):
         self._phase = phase
 
     def event(self, name: str, t_s: float, **details: object) -> None:  # noqa: ARG002
-        """Note a rover that gave up by itself."""
+        """End the trial of a rover that gave up by itself."""
         if name == "disarmed":
             self.why_disarmed = details["reason"]
+            self.finish(name, str(self.why_disarmed))
 
 
 def run_trial(spec: TrialSpec, log_dir: Path | None = None) -> TrialResult:
@@ -114,6 +120,7 @@ def run_watched(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
 async def _run(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
     counters = TrialCounters()
     setup = TrialSetup(spec, lambda *seen: counters if make_log is None else Tee(counters, make_log(*seen)))
+    counters.finish = setup.supervisor.finish
     await setup.supervisor.arm(spec.forest.heading_deg)
     if setup.injector is not None:
         setup.injector.start(setup.world, setup.supervisor.controller.power, _note_nothing)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -97,25 +97,27 @@ def run_scenarios(
     else:
         print_results(Console(), results, untried)
     if out is not None:
-        _store(out, results)
+        store_rows(out, COLUMNS, [_as_row(result) for result in results])
         say(aside, f"the results are in {out}")
         if scenarios and not as_json:
             say_next("wayfarer", "logs", "show", out / scenarios[0].name)
     return 1 if any(each.problems for each in results) else 0
 
 
-def _store(out: Path, results: Sequence[Result]) -> None:
-    rows = [_as_row(result) for result in results]
+def store_rows(out: Path, columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
+    """Store a table as CSV, its columns in this order, and as JSON."""
     table = io.StringIO()
     writer = csv.writer(table, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    writer.writerows(map(_spreadsheet_cell, row.values()) for row in rows)
+    writer.writerow(columns)
+    writer.writerows([_spreadsheet_cell(row[name]) for name in columns] for row in rows)
     for name, text in ((CSV_FILE, table.getvalue()), (JSON_FILE, json.dumps(rows, indent=1) + "\n")):
         write_atomically(out / name, text)
 
 
 def _spreadsheet_cell(value: object) -> object:
-    text = "; ".join(value) if isinstance(value, tuple) else value
+    if isinstance(value, Mapping):
+        value = tuple(f"{name} {number}" for name, number in value.items())
+    text = "; ".join(map(str, value)) if isinstance(value, tuple) else value
     return without_formulas(text) if isinstance(text, str) else text
 
 

@@ -59,11 +59,11 @@ def print_results(console: Console, results: Sequence[Result], untried: Sequence
     console.print(table(shown, results))
     for line in LEGEND:
         say(console, line)
-    _section(console, "Not as expected", [f"{each.name}: {problem}" for each in results for problem in each.problems])
-    _section(console, "Remarks", _with_names((each.remark, each.name) for each in results))
-    _section(console, "Skipped", _with_names((each.skipped, each.name) for each in results))
+    section(console, "Not as expected", [f"{each.name}: {problem}" for each in results for problem in each.problems])
+    section(console, "Remarks", with_names((each.remark, each.name) for each in results))
+    section(console, "Skipped", with_names((each.skipped, each.name) for each in results))
     if untried:
-        _section(console, "Untried", [f"no scenario for row {', '.join(map(str, untried))} of the fault catalogue"])
+        section(console, "Untried", [f"no scenario for row {', '.join(map(str, untried))} of the fault catalogue"])
     console.print()
     for line in summed_up(results, untried):
         say(console, line)
@@ -94,7 +94,7 @@ def summed_up(results: Sequence[Result], untried: Sequence[int] = ()) -> Iterato
         yield f"{len(rows - failed - in_part)} of {len(rows) + len(untried)} rows of the catalogue as expected{skipped}"
 
 
-def _with_names(remarks: Iterable[tuple[str, str]]) -> Iterator[str]:
+def with_names(remarks: Iterable[tuple[str, str]]) -> Iterator[str]:
     """Give remarks, each once, with the names of what it is about."""
     about: dict[str, list[str]] = {}
     for remark, name in remarks:
@@ -104,7 +104,7 @@ def _with_names(remarks: Iterable[tuple[str, str]]) -> Iterator[str]:
         yield f"{', '.join(names)}: {remark}"
 
 
-def _section(console: Console, title: str, lines: Iterable[str]) -> None:
+def section(console: Console, title: str, lines: Iterable[str]) -> None:
     """Print lines under a title, each broken at words and indented; nothing without any."""
     lines = list(lines)
     if lines:

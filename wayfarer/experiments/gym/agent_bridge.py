@@ -104,7 +104,7 @@ class AgentBridge:
             self._turns.put(error)
 
     async def _trial(self) -> Ending:
-        log = _EndingCounters()
+        log = TrialCounters()
         setup = TrialSetup(self._spec, lambda _world, _rover: log)
         self.world = setup.world
         self._finish = log.finish = setup.supervisor.finish
@@ -114,17 +114,6 @@ class AgentBridge:
         outcome = outcome_of(monitor, log, end)
         in_time = log.why_disarmed is not None or outcome != "entrapped"
         return Ending(outcome, in_time, monitor.path_m(setup.world), setup.world.t_s, log.ticks)
-
-
-class _EndingCounters(TrialCounters):
-    """Also ends a trial as soon as the rover has disarmed itself: nothing that the agent does can matter then."""
-
-    finish: Callable[[str, str], None]
-
-    def event(self, name: str, t_s: float, **details: object) -> None:
-        super().event(name, t_s, **details)
-        if name == "disarmed":
-            self.finish(name, str(details["reason"]))
 
 
 _BRIDGE: ContextVar[AgentBridge] = ContextVar("bridge")
