@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping
+from random import Random
 from typing import Any
 
 from tests.virtual import run_virtually
@@ -96,8 +97,18 @@ class Compass(Part):
 
 
 class Motion(Part):
+    """Sees the rover move as its wheels are commanded, with noise."""
+
+    def __init__(self, shop: Workshop, name: str) -> None:
+        super().__init__(shop, name)
+        self._t_s: float | None = None
+        self._noise = Random(0)
+
     async def read(self) -> MotionReading:
-        return MotionReading(await self.now_s(), 0.0, 0.0, 1.0)
+        t_s = await self.now_s()
+        dt_s, self._t_s = 0.0 if self._t_s is None else min(t_s - self._t_s, 0.1), t_s  # the deadman's part
+        speed_m_s = (self.shop.wheels.left + self.shop.wheels.right) / 2 * VEHICLE.max_speed_m_s
+        return MotionReading(t_s, speed_m_s * dt_s + self._noise.uniform(-1e-4, 1e-4), 0.0, 1.0)
 
 
 class Contact(Part):

@@ -180,7 +180,7 @@ async def test_rover_that_goes_to_and_fro_does_not_reach_its_radius() -> None:
 async def test_wheels_that_spin_take_the_rover_no_nearer_to_its_radius() -> None:
     """Commanded distance still counts for the limit on distance."""
     bench = await Bench(mission_radius_m=1.0, mission_distance_m=4.0).armed()
-    for _ in range(200):
+    for _ in range(400):
         if bench.end is not None:
             break
         bench.buffers.motion.write(MotionReading(bench.t_s, 0.001, 0.0, 0.9))

@@ -16,8 +16,9 @@ class Rolling(Bench):
     """A rover of which the ground goes by, whatever it is told."""
 
     async def roll(self, ticks: int, speed_m_s: float = 0.5) -> None:
-        for _ in range(ticks):
-            self.buffers.motion.write(MotionReading(self.t_s + TICK_S, speed_m_s * TICK_S, 0.0, 1.0))
+        for n in range(ticks):
+            noise_m = n % 3 * 1e-4 if speed_m_s else 0.0  # no sensor repeats a reading to the last digit
+            self.buffers.motion.write(MotionReading(self.t_s + TICK_S, speed_m_s * TICK_S, noise_m, 1.0))
             await self.tick()
 
 

@@ -142,17 +142,18 @@ async def test_fault_of_a_disarmed_rovers_board_keeps_it_from_nothing_once_it_ha
 
 async def seen_at(bench: Bench, speed_m_s: float, ticks: int) -> None:
     """Let the motion sensor see the rover move ahead."""
-    for _ in range(ticks):
-        bench.buffers.motion.write(MotionReading(bench.t_s + TICK_S, speed_m_s * TICK_S, 0.0, 1.0))
+    for n in range(ticks):
+        noise_m = n % 3 * 1e-4 if speed_m_s else 0.0  # no sensor repeats a reading to the last digit
+        bench.buffers.motion.write(MotionReading(bench.t_s + TICK_S, speed_m_s * TICK_S, noise_m, 1.0))
         await bench.tick()
 
 
 async def test_wheels_that_turn_until_the_boards_deadman_acts_are_no_runaway() -> None:
     """It was told to stop, but the stop has not reached it."""
     bench = await Bench().armed()
-    await seen_at(bench, 1.0, 10)
+    await seen_at(bench, 0.5, 10)
     bench.motors.error = NotResponding("bench motors: no answer")
-    await seen_at(bench, 1.0, 18)
+    await seen_at(bench, 0.5, 18)
     assert (bench.controller.mode, bench.health) == (Mode.ARMED, FAILED)
     bench.motors.error = None
     await seen_at(bench, 0.0, 20)
@@ -163,7 +164,7 @@ async def test_wheels_that_turn_until_the_boards_deadman_acts_are_no_runaway() -
 
 async def test_wheels_that_no_deadman_stops_are_a_runaway_soon_after() -> None:
     bench = await Bench().armed()
-    await seen_at(bench, 1.0, 10)
+    await seen_at(bench, 0.5, 10)
     bench.motors.error = NotResponding("bench motors: no answer")
-    await seen_at(bench, 1.0, 23)
+    await seen_at(bench, 0.5, 23)
     assert (bench.controller.mode, bench.health) == (Mode.DISARMED, (Level.FAULT, Condition.RUNAWAY))

@@ -259,7 +259,7 @@ def test_weak_side_is_tested_again_and_may_have_come_free() -> None:
 def test_arming_forgets_what_was_found() -> None:
     chassis = Chassis(MIXED_UP)
     chassis.test()
-    chassis.rover.detector.begin_mission()
+    chassis.rover.detector.begin_arming()
     assert chassis.tick(STOP) == ()
 
 

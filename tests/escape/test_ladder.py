@@ -24,7 +24,7 @@ def rung(ladder: Ladder, t_s: float = 0.0, *anomalies: Anomaly) -> list[Decision
     """Climb one rung to its end; return its decisions."""
     ladder.climb(t_s)
     made = []
-    while (decision := ladder.decide(observation(t_s, *anomalies))) is not None:
+    while (decision := ladder.decide(t_s, observation(t_s, *anomalies))) is not None:
         made.append(decision)
         t_s += TICK_S
     return made
@@ -35,7 +35,7 @@ def rest_s(ladder: Ladder, t_s: float) -> float:
     for _ in RUNGS:
         rung(ladder, t_s)
     ladder.climb(t_s)
-    assert not ladder.climbs
+    assert not ladder.rung
     ends_s = t_s
     while ladder.rests(ends_s):
         ends_s += 1.0
@@ -78,7 +78,7 @@ def test_every_step_is_bounded_and_within_full_duty(anomalies: list[tuple[Anomal
         ladder.climb(t_s)
         began_s, turned_s, last = t_s, 0.0, WheelCommand(0.0, 0.0)
         while (
-            made := ladder.decide(observation(t_s, *(anomalies[n % len(anomalies)] if anomalies else ())))
+            made := ladder.decide(t_s, observation(t_s, *(anomalies[n % len(anomalies)] if anomalies else ())))
         ) is not None:
             assert all(abs(duty) <= 1.0 for duty in made.wheels)
             turned_s = turned_s + TICK_S if made.wheels == last else 0.0
@@ -91,7 +91,8 @@ def test_every_step_is_bounded_and_within_full_duty(anomalies: list[tuple[Anomal
 @pytest.mark.parametrize(("applied", "side"), [(WheelCommand(1.0, -1.0), -1.0), (WheelCommand(-1.0, 1.0), 1.0)])
 def test_first_rung_turns_to_the_side_that_the_algorithm_did_not_try(applied: WheelCommand, side: float) -> None:
     ladder = Ladder()
-    assert ladder.decide(observation(0.0, applied=applied)) is None
+    assert ladder.decide(0.0, observation(0.0, applied=applied)) is None
+    rung(ladder, 0.5)  # the self-test
     turns = [wheels.left for wheels, _, _ in rung(ladder, 1.0) if wheels.left * wheels.right < 0.0]
     assert turns
     assert all(left * side > 0.0 for left in turns)
@@ -99,12 +100,14 @@ def test_first_rung_turns_to_the_side_that_the_algorithm_did_not_try(applied: Wh
 
 def test_step_that_tilts_the_body_ends_and_one_that_only_pushes_does_not() -> None:
     ladder = Ladder()
+    rung(ladder)  # the self-test
     ladder.climb(0.0)
-    assert ladder.decide(observation(0.0, Anomaly.NOSE_UP)) == ladder.decide(observation(TICK_S, Anomaly.NOSE_UP))
-    pushes = ladder.decide(observation(2 * TICK_S, Anomaly.NOSE_UP, Anomaly.IMMOBILISED))
+    first = ladder.decide(0.0, observation(0.0, Anomaly.NOSE_UP))
+    assert first == ladder.decide(TICK_S, observation(TICK_S, Anomaly.NOSE_UP))
+    pushes = ladder.decide(2 * TICK_S, observation(2 * TICK_S, Anomaly.NOSE_UP, Anomaly.IMMOBILISED))
     assert pushes is not None
     assert pushes.wheels.left == pushes.wheels.right < 0.0
-    tilts = ladder.decide(observation(3 * TICK_S, Anomaly.NOSE_UP, Anomaly.LEFT_DOWN))
+    tilts = ladder.decide(3 * TICK_S, observation(3 * TICK_S, Anomaly.NOSE_UP, Anomaly.LEFT_DOWN))
     assert tilts is not None
     assert tilts.wheels.left * tilts.wheels.right < 0.0, "the next step"
 

@@ -30,7 +30,7 @@ def test_nothing_is_said_of_a_healthy_rover_on_slippery_ground() -> None:
 def test_dead_side_is_found_where_the_ground_lets_the_rover_turn() -> None:
     dead = Fault(3.0, inf, "world", "drive", Drive(left_gain=0.0))
     said = drive_freely(load_rover("sim"), ground(0.15, 1.0), 60.0, seed=0, faults=[dead])
-    assert "drive_asymmetry" in {name for _, name in said}
+    assert "drive_suspected" in {name for _, name in said}
 
 
 def test_nothing_is_said_in_ten_minutes_on_mud_in_physics_light() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import groupby
+
 from dataclasses import replace
 
 import pytest
@@ -173,9 +175,10 @@ async def test_arming_again_forgets_the_place() -> None:
 async def test_rover_without_progress_climbs_the_ladder_rests_warns_and_climbs_it_again() -> None:
     bench = await Bench().armed()
     await nose_up(bench, 150.0)
-    whys = [tick.decision.why for tick in bench.log.ticks if tick.decision.why.startswith("ladder.")]
+    whys = [tick.decision.why for tick in bench.log.ticks if tick.decision.why.startswith(("ladder.", "self_test"))]
     assert list(dict.fromkeys(whys)) == [rung.name for rung in RUNGS]
-    causes = [each["cause"] for each in bench.log.named("health") if each["cause"] != "cannot_turn"]
+    found = [each["cause"] for each in bench.log.named("health")]
+    causes = [cause for cause, _ in groupby(each for each in found if each not in ("cannot_turn", "drive_suspected"))]
     assert causes[:4] == ["no_progress", "resting", "resume_warning", "no_progress"]
     rested = [tick for tick in bench.log.ticks if Condition.RESTING in tick.conditions]
     first_rest = [tick for tick in rested if tick.t_s < rested[0].t_s + 1.5 * REST_S]
@@ -188,18 +191,19 @@ async def test_rover_without_progress_climbs_the_ladder_rests_warns_and_climbs_i
 async def test_algorithm_begins_again_after_a_rung_that_it_did_not_see() -> None:
     """A rung may turn the body by more than half a turn between two of its decisions: its counter would be wrong."""
     bench = await Bench().armed()
-    bench.handler.seen.append(bench.handler.seen[-1])
+    before = bench.handler.seen[-1]
     await nose_up(bench, 13.0)
     first = next(tick.t_s for tick in bench.log.ticks if tick.decision.why == RUNGS[0].name)
     await nose_up(bench, 6.0)
-    assert bench.handler.seen[0].t_s > first
+    assert first < bench.t_s - 6.0
+    assert bench.handler.seen[0].t_s > before.t_s, "its clock stands while it does not drive"
 
 
 async def test_free_run_ends_the_ladder() -> None:
     bench = await Bench().armed()
     await nose_up(bench, SETTINGS.give_up_s + 12.0)
     assert Condition.NO_PROGRESS in bench.controller.conditions
-    await bench.tick(60)
+    await bench.tick(200)
     assert Condition.NO_PROGRESS not in bench.controller.conditions
 
 

@@ -58,6 +58,11 @@ _FAULT: Final = Level.FAULT
 _RUNAWAY: Final = Condition.RUNAWAY
 _WHEELS_ASTRAY: Final = frozenset({Condition.BOARD_DISAGREES, Condition.RUNAWAY})
 _BOARD_FAULT: Final = Condition.BOARD_FAULT
+_BLIND: Final = frozenset(
+    {Condition.MOTION_STALE, Condition.MOTION_UNKNOWN, Condition.MOTION_LOST, Condition.MOTION_GONE}
+)
+# Of what is driven without sight, for the distance from the start: it was driven, or pushed at a trunk.
+UNSEEN_SHARE: Final = 0.5
 # A stop that the board did not acknowledge may not have reached it. Its deadman stops the wheels after 0.3 s at most
 # (as shipped); 0.5 s later motion has been seen to be over (fault catalogue, fault 30), by a camera 0.2 s after that.
 _UNHEARD_S: Final = 1.0
@@ -209,6 +214,8 @@ class Controller:
         if tick.cause is not self._last_cause or (armed and tick.level is _FAULT):
             self._note_health(t_s, tick.level, tick.cause)
         if mission is not None and observation is not None:
+            if not _BLIND.isdisjoint(conditions):
+                covered_m *= UNSEEN_SHARE
             mission.advance(tick.forward_m, covered_m, observation.heading_deg)
             if self.end is None:
                 self.end = mission.end(t_s)
@@ -225,7 +232,8 @@ class Controller:
     def _add_conditions(self, tick: TickRecord) -> None:
         """Add the controller's own conditions to those of the detector."""
         armed, late = self.mode is _ARMED, tick.dt_s > self._late_s
-        if armed and self._recovery.judge(tick, self._detector.motion):
+        mission = self.mission
+        if mission is not None and armed and self._recovery.judge(tick, self._detector.motion, mission):
             self._handler.reset()
         may_move = not armed or tick.t_s < self._unheard_until_s
         if tick.conditions and may_move and self._gate.cause is not _RUNAWAY:

@@ -8,7 +8,8 @@ from wayfarer.escape.api import Decision, Observation
 from wayfarer.escape.ladder import FULL_SELF_TEST, SELF_TEST, Ladder, Rung
 from wayfarer.hal import MotionReading
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.entrapment import EntrapmentMonitor
+from wayfarer.safety.entrapment import EntrapmentMonitor, PlaceMonitor
+from wayfarer.safety.mission_limits import Mission
 from wayfarer.safety.settings import EntrapmentSettings
 
 
@@ -26,6 +27,7 @@ class Recovery:
     def __init__(self, settings: EntrapmentSettings, quality_min: float, sides: SideMonitor) -> None:
         self._gives_up = settings.give_up
         self._entrapment = EntrapmentMonitor(settings, quality_min)
+        self._place = PlaceMonitor()
         self._ladder = Ladder()
         self._sides = sides
         self._test: Rung | None = None  # the self-test under way
@@ -33,17 +35,21 @@ class Recovery:
     def reset(self) -> None:
         """Begin a mission."""
         self._entrapment.reset()
+        self._place.reset()
         self._ladder.reset()
         self._test = None
 
-    def judge(self, tick: TickRecord, motion: MotionReading | None) -> bool:
-        """Judge a tick, and add what it finds to its conditions; return whether the algorithm must begin again.
+    def judge(self, tick: TickRecord, motion: MotionReading | None, mission: Mission) -> bool:
+        """Judge a tick of a mission, and add what it finds to its conditions.
+
+        Returns whether the algorithm must begin again.
 
         An algorithm does not see what a rung does, and its counter would miss whole turns. A self-test turns the body
         to and fro by less than that.
         """
         ladder, t_s = self._ladder, tick.t_s
         self._test_sides(t_s)
+        self._place.update(tick, mission.north_m, mission.east_m)
         # The detector's word for full duty that never turns the body:
         entrapped = Condition.ENTRAPPED in tick.conditions
         if entrapped:
@@ -59,19 +65,20 @@ class Recovery:
 
     def _climb(self, tick: TickRecord, motion: MotionReading | None, *, entrapped: bool) -> bool:
         """Climb the ladder where the algorithm makes no progress; give up where a person chose that."""
-        ladder, monitor, t_s = self._ladder, self._entrapment, tick.t_s
+        ladder, monitor, place, t_s = self._ladder, self._entrapment, self._place, tick.t_s
         if self._test is not None and not ladder.begun:
             return False  # a self-test is neither a free run nor a try, and takes no time from the algorithm
         if ladder.rung is not None or ladder.rests(t_s):
             monitor.try_again()
-        elif monitor.ends(tick, bool(tick.anomalies), motion) or entrapped:
+            place.try_again()
+        elif monitor.ends(tick, bool(tick.anomalies), motion) or entrapped or place.stays:
             if not self._gives_up:
                 ladder.climb(t_s)
                 if ladder.rung is SELF_TEST:
                     self._begin_test(SELF_TEST)
                 return True
             tick.conditions += (Condition.ENTRAPPED,)
-        elif monitor.progressed and ladder.begun:
+        elif monitor.progressed and place.left and ladder.begun:
             ladder.progress()
         return False
 

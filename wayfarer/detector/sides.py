@@ -12,6 +12,7 @@ from math import degrees, inf
 from typing import Final
 
 from wayfarer.escape.api import SideGains, Vehicle
+from wayfarer.hal import STOP
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.tick_interval import TickInterval
 
@@ -26,6 +27,8 @@ LEAST_SHARE: Final = 0.35  # of what one side alone turns or moves the body
 CONFIRM_S: Final = 0.5
 # One side that obeys gives at most 1. Beyond this the other side adds to it, the wrong way.
 REVERSED_SHARE: Final = 1.3
+# No wheels turn a body further in a tick than full duty of both sides, plus this for noise (``escape.turn_control``).
+STRANGE_DEG: Final = 10.0
 BODY_LAG_S: Final = 0.1  # as ``escape.turn_control.LAG_S``
 
 # -- judging the self-test: responses are shares of what ideal ground gives ----------------------------------------
@@ -94,8 +97,9 @@ class DriveWatch:
         share = driven_s / (driven_s + BODY_LAG_S)
         left = self._left = self._left + (left - self._left) * share
         right = self._right = self._right + (right - self._right) * share
-        stronger = max(abs(left), abs(right))
-        if not trusted or stronger < PUSHES_FROM:
+        stronger, most_deg = max(abs(left), abs(right)), 2.0 * self._deg_s_per_duty * interval.dt_s + STRANGE_DEG
+        stands = interval.commanded == STOP or stronger < PUSHES_FROM
+        if not trusted or stands or abs(turned_deg) > most_deg:
             self.reset()  # a person may turn or push a rover that stands
             return
         keep = MEMORY_S / (MEMORY_S + interval.dt_s)

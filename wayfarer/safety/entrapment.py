@@ -19,8 +19,50 @@ from wayfarer.safety.tick_interval import TickInterval
 MOST_SHARE: Final = 0.5
 ONE_OF: Final = 5
 ROUNDING_S: Final = 1e-6  # sums of periods fall a rounding error short
+# A rover may also go round in a circle, with a free run in each round: on a hillside it climbed to a trunk and slid back
+# for 700 s. So it must leave a place as well, by dead reckoning. From no source: three lengths of the largest shipped
+# rover, and twice ``give_up_s``.
+PLACE_M: Final = 1.5
+PLACE_S: Final = 120.0
 # Once there was no progress, the algorithm gets this much driven time between two rungs of the ladder: five probes.
 RUNG_S: Final = 10.0
+
+
+class PlaceMonitor:
+    """Measures for how long the wheels have been driven at one place; ``stays`` is whether that is too long."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin here: a mission begins at north 0, east 0."""
+        self._north_m = self._east_m = self._driven_s = 0.0
+
+    @property
+    def stays(self) -> bool:
+        """Whether the rover has not left the place for too long."""
+        return self._driven_s >= PLACE_S
+
+    @property
+    def left(self) -> bool:
+        """Whether the rover is not known to stay: a free run counts as progress."""
+        return self._driven_s < PLACE_S - RUNG_S
+
+    def update(self, interval: TickInterval, north_m: float, east_m: float) -> None:
+        """Take in a tick, and where the rover is by dead reckoning."""
+        left, right = interval.commanded
+        if left or right:
+            self._driven_s += interval.driven_s
+        north_m -= self._north_m
+        east_m -= self._east_m
+        if north_m * north_m + east_m * east_m > PLACE_M * PLACE_M:
+            self._north_m += north_m
+            self._east_m += east_m
+            self._driven_s = 0.0
+
+    def try_again(self) -> None:
+        """Judge another try at the same place, for a shorter time."""
+        self._driven_s = min(self._driven_s, PLACE_S - RUNG_S)
 
 
 class EntrapmentMonitor:
