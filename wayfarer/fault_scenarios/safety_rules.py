@@ -137,9 +137,7 @@ class Invariants(PartialLog):
         if moves and level >= Level.HOLD:
             self._break(t_s, f"rule 2: motion commanded at level {level.name.lower()}")
         if moves and t_s < self._no_motion_before_s - ROUNDING_S:
-            self._break(
-                t_s, "rule 2: motion commanded for a motor board that failed, too soon"
-            )
+            self._break(t_s, "rule 2: motion commanded for a motor board that failed, too soon")
         self._check_fault(record, controller.mode)
         self._check_seen(record)
         self._check_reason(record, moves=moves)

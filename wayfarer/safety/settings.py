@@ -27,7 +27,8 @@ class SafetySettings:
     arming. ``resume_warning_s`` is how long the status light warns before a rover that held its wheels by itself, for
     more than a second, lets them turn again; 0 for no warning. ``on_lost_sense`` says whether a rover that has lost its
     compass, motion or contact sensor, or whose supply sags again and again, continues with limits, or holds its
-    wheels: "hold" is for a rover that drives among people.
+    wheels, and whether one whose motor board failed opens it again or waits for a person: "hold" is for a rover that
+    drives among people.
     """
 
     duty_max: Annotated[float, Interval(gt=0, le=1)] = 1.0
