@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from itertools import groupby
-
 from dataclasses import replace
+from itertools import groupby
 
 import pytest
 from hypothesis import given

@@ -19,7 +19,7 @@ from wayfarer.safety.tick_interval import TickInterval
 MOST_SHARE: Final = 1.1
 # Of ``blind_stride_m``, for a rover that knows neither motion nor tilt, and for one whose motion sensor lies: at least
 # two body lengths, so that it gets around a trunk. From no source.
-SHORT_SHARE: Final = 0.4
+SHORT_SHARE: Final = 0.3
 
 
 # A body that moves by less than this share of its commands is slow: with one dead side it is half as fast. Judged over
@@ -93,7 +93,7 @@ class MotionMonitor:
         self._zeros.update(interval, turned_deg, reading)
         if reading is not None:
             if reading.quality >= self._quality_min:
-                self._lies = self._readings.doubts(reading, abs(self._commanded_m))
+                self._lies = self._readings.doubts(reading, self._commanded_m)
             if self._lies or self._zeros.doubts:
                 reading = reading._replace(quality=0.0)
             self._take(t_s, reading, conditions)

@@ -11,6 +11,7 @@ from __future__ import annotations
 from math import degrees, inf
 from typing import Final
 
+from wayfarer.detector.self_test import OPPOSES, PUSHES_FROM, SelfTest
 from wayfarer.escape.api import SideGains, Vehicle
 from wayfarer.hal import STOP
 from wayfarer.safety.conditions import Condition
@@ -33,11 +34,9 @@ BODY_LAG_S: Final = 0.1  # as ``escape.turn_control.LAG_S``
 
 # -- judging the self-test: responses are shares of what ideal ground gives ----------------------------------------
 RESPONDS: Final = 0.2  # a side that moves the body by less than this shows nothing: something may hold the body
-OPPOSES: Final = -0.25  # in both directions: such a side does the opposite of what it is told; four times the noise
 WEAK_SHARE: Final = 0.4  # of the response of the other side; healthy sides differ by some 10 %
 CLEAR: Final = 0.4  # response of the other side from which this counts: noise is 0.06
 DEAD_SHARE: Final = 0.25  # below it a side is not used at all
-PUSHES_FROM: Final = 0.1  # duty from which a side counts as commanded
 # Tested again after a minute, then after twice as long, up to 8 minutes: a blocked wheel may come free, and a healthy
 # rover must not spend its time on tests (senses.md, part B: a fault written off for good was wrong on Mars as well).
 AGAIN_S: Final = 60.0
@@ -104,51 +103,22 @@ class DriveWatch:
             return
         keep = MEMORY_S / (MEMORY_S + interval.dt_s)
         turn_per, motion_per = self._deg_s_per_duty, self._m_s_per_duty
-        self._one_side = one_side = (self._one_side + stronger * driven_s) * keep
+        self._one_side = (self._one_side + stronger * driven_s) * keep
         turn_deg = self._turn.update(keep, (left - right) * turn_per * driven_s, turned_deg)
         motion_m = self._motion.update(keep, (left + right) * motion_per * driven_s, ahead_m)
-        beyond = max((turn_deg - LEAST_DEG) / turn_per, (motion_m - LEAST_M) / motion_per)
-        if beyond > 0.0:
-            self._suspect(interval.t_s, beyond, one_side)
+        if turn_deg > LEAST_DEG:
+            self._suspect(interval.t_s, turn_deg / turn_per, LEAST_DEG / turn_per)
+        if motion_m > LEAST_M:
+            self._suspect(interval.t_s, motion_m / motion_per, LEAST_M / motion_per)
         if interval.t_s >= self._confirm_at_s:
             self.suspects = True
 
-    def _suspect(self, t_s: float, beyond: float, one_side: float) -> None:
-        """Suspect a side that is beyond its commands by so much: at once, or if no anomaly follows."""
-        if beyond > REVERSED_SHARE * one_side:
+    def _suspect(self, t_s: float, excess: float, noise: float) -> None:
+        """Suspect a side for this excess, in seconds of its full duty: at once, or if no anomaly follows."""
+        if excess > REVERSED_SHARE * self._one_side + noise:
             self._confirm_at_s = t_s
-        elif beyond > LEAST_SHARE * one_side and self._confirm_at_s == inf:
+        elif excess > LEAST_SHARE * self._one_side and self._confirm_at_s == inf:
             self._confirm_at_s = t_s + CONFIRM_S - 1e-6  # sums of periods fall a rounding error short
-
-
-class SidePulses:
-    """What one side alone did to the body, ahead and back."""
-
-    def __init__(self) -> None:
-        self._commanded = [0.0, 0.0]  # duty seconds: ahead, back
-        self._turned_deg = [0.0, 0.0]  # positive as a side that obeys turns the body
-        self._moved_m = [0.0, 0.0]
-
-    def add(self, direction: int, duty_s: float, turned_deg: float, moved_m: float) -> None:
-        """Add a tick of a pulse: ``direction`` is 0 for ahead, 1 for back; ``duty_s`` is its duty times its length."""
-        self._commanded[direction] += duty_s
-        self._turned_deg[direction] += turned_deg
-        self._moved_m[direction] += moved_m
-
-    def responses(self, deg_s_per_duty: float, m_s_per_duty: float) -> tuple[float, float]:
-        """Return the response of each pulse as a share of ideal ground's; negative if the body turned the wrong way.
-
-        Ground that holds every turn still lets one side drag the other along, so motion ahead counts as well.
-        """
-        shares = []
-        for commanded, turned_deg, moved_m in zip(self._commanded, self._turned_deg, self._moved_m, strict=True):
-            if commanded <= 0.0:
-                shares.append(0.0)
-                continue
-            turned = turned_deg / (commanded * deg_s_per_duty)
-            moved = moved_m / (commanded * m_s_per_duty)
-            shares.append(min(turned, moved) if min(turned, moved) <= OPPOSES else max(turned, moved))
-        return shares[0], shares[1]
 
 
 class SideMonitor:
@@ -167,8 +137,7 @@ class SideMonitor:
     def reset(self) -> None:
         """Believe both sides: a person has armed the rover and has looked at it."""
         self._watch.reset()
-        self._pulses: tuple[SidePulses, SidePulses] | None = None
-        self._side, self._direction = -1, 0  # of the present pulse: -1 before the first, 0 left, 1 right
+        self._test: SelfTest | None = None
         self._not_before_s = -inf
         self._again_s = AGAIN_S
         self._reversed = self._doubtful = False
@@ -195,8 +164,8 @@ class SideMonitor:
         ``trusted`` is whether neither an anomaly nor a doubt about the heading is there, ``doubtful`` the latter alone.
         """
         self._doubtful = doubtful
-        if self._pulses is not None:
-            self._add(self._pulses, interval, turned_deg, ahead_m)
+        if self._test is not None:
+            self._test.add(interval, turned_deg, ahead_m)
         elif self.gains is None and not self._watch.suspects:
             self._watch.update(interval, turned_deg, ahead_m, trusted=trusted)
             if self._watch.suspects and interval.t_s < self._not_before_s:
@@ -204,36 +173,18 @@ class SideMonitor:
 
     def suspect(self, t_s: float) -> None:
         """Suspect a side for another reason: turns that fail, or a body that is far slower than commanded."""
-        if self._pulses is None and t_s >= self._not_before_s:
+        if self._test is None and t_s >= self._not_before_s:
             self._watch.suspects = True
-
-    def _add(
-        self, pulses: tuple[SidePulses, SidePulses], interval: TickInterval, turned_deg: float, ahead_m: float
-    ) -> None:
-        """Add a tick to the present pulse; a pause after it belongs to it, because a compass may lag."""
-        left, right = interval.commanded
-        duty = left + right
-        if abs(duty) >= PUSHES_FROM and (left == 0.0 or right == 0.0):
-            self._side, self._direction = (0 if right == 0.0 else 1), (0 if duty > 0.0 else 1)
-        if self._side < 0:
-            return  # the body comes to rest
-        ahead = 1.0 if self._direction == 0 else -1.0
-        way = ahead if self._side == 0 else -ahead  # the left side turns the body clockwise as it drives ahead
-        pulses[self._side].add(self._direction, abs(duty) * interval.driven_s, way * turned_deg, ahead * ahead_m)
 
     def begin_test(self) -> None:
         """Begin to judge the pulses that follow."""
-        self._pulses = (SidePulses(), SidePulses())
-        self._side = -1
+        self._test = SelfTest()
 
     def end_test(self, t_s: float) -> bool:
         """Judge the pulses; return whether they decided anything, or the body was held."""
-        assert self._pulses is not None
-        (ahead_l, back_l), (ahead_r, back_r) = (
-            pulses.responses(self._deg_s_per_duty, self._m_s_per_duty) for pulses in self._pulses
-        )
-        self._pulses = None
-        left, right = max(ahead_l, back_l), max(ahead_r, back_r)
+        assert self._test is not None
+        left, right = self._test.responses(self._deg_s_per_duty, self._m_s_per_duty)
+        self._test = None
         self._watch.reset()
         if left <= OPPOSES or right <= OPPOSES:
             self._reversed = True

@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+from math import inf
 from typing import Final
 
 from wayfarer.hal import MotionReading
@@ -24,14 +24,14 @@ TURNED_DEG: Final = 9.0
 # So many equal readings in a row are no chance: at 5 mm a reading, a PMW3901's noise of 2 counts and more repeats one
 # reading in five.
 REPEATS: Final = 8
-REPEATS_FROM_M: Final = 0.005
+COUNTS_FROM_M: Final = 0.005
 # A reading counts as standing below the one share of what was commanded, and as moving above the other. A body that
-# met something and came free again stopped once; three times within 2 s it did not. Half of the latest readings must be
-# zeros. From no source.
+# met something and came free again stopped once, or twice; one that stops each second, for longer than a stall needs to
+# be found, did not. Half of the latest readings must be zeros. From no source.
 STANDS_SHARE: Final = 0.1
 MOVES_SHARE: Final = 0.3
-STOPS: Final = 3
-STOPS_WITHIN_S: Final = 2.0
+STOPS_EACH_S: Final = 1.0
+STOPS_FOR_S: Final = 2.3
 LATEST: Final = 12
 
 
@@ -69,22 +69,23 @@ class ReadingDoubt:
     def __init__(self) -> None:
         self._last_m = self._last_right_m = 0.0
         self._repeats = 0
-        self._moved = False
+        self._moved, self._ahead = False, True
         self._stood = 0  # a bit for each of the latest readings, the newest lowest: 1 stood
-        self._stops_t_s: deque[float] = deque(maxlen=STOPS)
+        self._stops_since_s = self._stopped_s = -inf
 
     def doubts(self, reading: MotionReading, commanded_m: float) -> bool:
-        """Take in a reading, and the distance commanded for it, both ways positive; return whether it is doubted."""
+        """Take in a reading, and the distance commanded for it, negative in reverse; return whether it is doubted."""
         t_s, forward_m, right_m, _, _ = reading
-        if forward_m != self._last_m or right_m != self._last_right_m or abs(forward_m) < REPEATS_FROM_M:
+        if forward_m != self._last_m or right_m != self._last_right_m or abs(forward_m) < COUNTS_FROM_M:
             self._repeats = 0
         elif commanded_m:
             self._repeats += 1  # wheels that stand must not begin a doubt: motion is a runaway then
         self._last_m, self._last_right_m = forward_m, right_m
-        if commanded_m:
-            self._count(t_s, abs(forward_m) / commanded_m)
-        stops_t_s = self._stops_t_s
-        stutters = len(stops_t_s) == STOPS and t_s - stops_t_s[0] <= STOPS_WITHIN_S
+        if (commanded_m > 0.0) is not self._ahead:
+            self._ahead, self._stopped_s = not self._ahead, -inf
+        if abs(commanded_m) >= COUNTS_FROM_M:
+            self._count(t_s, abs(forward_m / commanded_m))
+        stutters = t_s - self._stopped_s <= STOPS_EACH_S and t_s - self._stops_since_s >= STOPS_FOR_S
         return self._repeats >= REPEATS or (stutters and 2 * self._stood.bit_count() >= LATEST)
 
     def _count(self, t_s: float, share: float) -> None:
@@ -95,4 +96,6 @@ class ReadingDoubt:
             self._moved = True
         elif self._moved and stands:
             self._moved = False
-            self._stops_t_s.append(t_s)
+            if t_s - self._stopped_s > STOPS_EACH_S:
+                self._stops_since_s = t_s
+            self._stopped_s = t_s

@@ -35,10 +35,9 @@ class Rung(NamedTuple):
 
 
 # The self-test: each side alone, ahead and then back, so that the body ends where it began; ``detector.sides`` judges
-# it. In the pauses the body comes to rest, and a compass that lags by as much catches up. Where half of the duty moves
-# nothing, all of it may. Times are from no source.
-PULSE_S: Final = 0.3
-PAUSE_S: Final = 0.4
+# it. In the pauses the body comes to rest. Where half of the duty moves nothing, all of it may. From no source.
+PULSE_S: Final = 0.25
+PAUSE_S: Final = 0.25
 
 
 def self_test(duty: float) -> Rung:
@@ -145,7 +144,8 @@ class Ladder:
             self._known = observation.anomalies
         step = rung.steps[self._step]
         turn = self._side * step.turn
-        return Decision(WheelCommand(step.ahead + turn, step.ahead - turn), _phase_of(step), rung.name)
+        phase = Phase.TURN_AWAY if step.turn else Phase.BACK_OFF if step.ahead < 0.0 else Phase.STRIDE
+        return Decision(WheelCommand(step.ahead + turn, step.ahead - turn), phase, rung.name)
 
     def _tilts(self, observation: Observation, step: Step) -> bool:
         """Return whether this step tilts the body: it must not be pushed over.
@@ -161,11 +161,3 @@ class Ladder:
         """Remember the side of the algorithm's last turn on the spot."""
         if applied is not None and applied.left * applied.right < 0.0:
             self._last_turn = 1.0 if applied.left > applied.right else -1.0
-
-
-def _phase_of(step: Step) -> Phase:
-    if step.turn:
-        return Phase.TURN_AWAY
-    if step.ahead:
-        return Phase.BACK_OFF if step.ahead < 0.0 else Phase.STRIDE
-    return Phase.HALT

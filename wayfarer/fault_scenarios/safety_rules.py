@@ -29,8 +29,9 @@ from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Anomaly, Observation, Phase
 from wayfarer.experiments.trial_setup import TrialSetup
 from wayfarer.fault_scenarios.recorder import after_each_step
-from wayfarer.hal import STOP, CompassReading, Side
+from wayfarer.hal import STOP, CompassReading, Side, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
+from wayfarer.safety.motor_board import SAME_DUTY
 from wayfarer.safety.responses import levels_for
 from wayfarer.simhal.chip_wiring import MotorBoard
 from wayfarer.simhal.faults.kinds import KINDS, Fault, Layer
@@ -209,7 +210,7 @@ class Invariants(PartialLog):
         if moves:
             self._why_stopped = None
         elif self._moved:
-            asked_for = record.decision.phase is not Phase.HALT and record.decision.wheels == STOP
+            asked_for = record.decision.phase is not Phase.HALT and _stands(record.decision.wheels)
             gate = record.cause.value if record.cause is not None and record.level >= Level.HOLD else None
             if not (asked_for or gate or self._why_stopped):
                 self._break(record.t_s, "rule 5: the wheels were stopped and the log does not say why")
@@ -225,6 +226,11 @@ class Invariants(PartialLog):
     def _break(self, t_s: float, what: str) -> None:
         if len(self._broken) < KEPT:
             self._broken.append(f"{t_s:.2f} s: {what}")
+
+
+def _stands(wheels: WheelCommand) -> bool:
+    """Return whether a board rounds these duties to zero."""
+    return abs(wheels.left) <= SAME_DUTY >= abs(wheels.right)
 
 
 def _is_possible(seen: Observation) -> bool:

@@ -32,7 +32,7 @@ REASONS: Mapping[str, str] = {
     Condition.OVERTURNED.value: "it lies on its side or roof, and its wheels do not carry it; a person stands it up",
     Condition.RUNAWAY.value: "it moves although its wheels are told to stand, so no command is known to be obeyed",
     Condition.DRIVE_WEAK.value: "a dead or weak side: nothing that the other one does carries it on",
-    Condition.DRIVE_REVERSED.value: "its sides do the opposite of what they are told: it would drive where nobody expects",
+    Condition.DRIVE_REVERSED.value: "its sides do the opposite of what they are told: it drives where nobody expects",
     Condition.ENTRAPPED.value: "its rover file has give_up = true",
     Condition.MOTORS_FAILED.value: "the motor board does not answer: what its wheels do is not known",
     Condition.BOARD_FAULT.value: "the motor board reports a short, heat or too little voltage, or has no deadman on",

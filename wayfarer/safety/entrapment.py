@@ -19,9 +19,9 @@ from wayfarer.safety.tick_interval import TickInterval
 MOST_SHARE: Final = 0.5
 ONE_OF: Final = 5
 ROUNDING_S: Final = 1e-6  # sums of periods fall a rounding error short
-# A rover may also go round in a circle, with a free run in each round: on a hillside it climbed to a trunk and slid back
-# for 700 s. So it must leave a place as well, by dead reckoning. From no source: three lengths of the largest shipped
-# rover, and twice ``give_up_s``.
+# A rover may also go round in a circle, with a free run in each round: on a hillside one climbed to a trunk and slid
+# back for 700 s. So it must leave a place as well, by dead reckoning. From no source: three lengths of the largest
+# shipped rover, and twice ``give_up_s``.
 PLACE_M: Final = 1.5
 PLACE_S: Final = 120.0
 # Once there was no progress, the algorithm gets this much driven time between two rungs of the ladder: five probes.
