@@ -11,7 +11,7 @@ from __future__ import annotations
 from math import degrees, inf
 from typing import Final
 
-from wayfarer.detector.self_test import OPPOSES, PUSHES_FROM, SelfTest
+from wayfarer.detector.self_test import CLEAR, PUSHES_FROM, SelfTest, any_opposes, strength
 from wayfarer.escape.api import SideGains, Vehicle
 from wayfarer.hal import STOP
 from wayfarer.safety.conditions import Condition
@@ -27,7 +27,7 @@ LEAST_SHARE: Final = 0.35  # of what one side alone turns or moves the body
 # A trunk turns a body before it holds it. If an anomaly follows so soon, it was a trunk.
 CONFIRM_S: Final = 0.5
 # One side that obeys gives at most 1. Beyond this the other side adds to it, the wrong way.
-REVERSED_SHARE: Final = 1.3
+REVERSED_SHARE: Final = 1.1
 # No wheels turn a body further in a tick than full duty of both sides, plus this for noise (``escape.turn_control``).
 STRANGE_DEG: Final = 10.0
 BODY_LAG_S: Final = 0.1  # as ``escape.turn_control.LAG_S``
@@ -35,7 +35,6 @@ BODY_LAG_S: Final = 0.1  # as ``escape.turn_control.LAG_S``
 # -- judging the self-test: responses are shares of what ideal ground gives ----------------------------------------
 RESPONDS: Final = 0.2  # a side that moves the body by less than this shows nothing: something may hold the body
 WEAK_SHARE: Final = 0.4  # of the response of the other side; healthy sides differ by some 10 %
-CLEAR: Final = 0.4  # response of the other side from which this counts: noise is 0.06
 DEAD_SHARE: Final = 0.25  # below it a side is not used at all
 # Tested again after a minute, then after twice as long, up to 8 minutes: a blocked wheel may come free, and a healthy
 # rover must not spend its time on tests (senses.md, part B: a fault written off for good was wrong on Mars as well).
@@ -183,10 +182,11 @@ class SideMonitor:
     def end_test(self, t_s: float) -> bool:
         """Judge the pulses; return whether they decided anything, or the body was held."""
         assert self._test is not None
-        left, right = self._test.responses(self._deg_s_per_duty, self._m_s_per_duty)
+        responses = self._test.responses(self._deg_s_per_duty, self._m_s_per_duty)
         self._test = None
+        left, right = (strength(side) for side in responses)
         self._watch.reset()
-        if left <= OPPOSES or right <= OPPOSES:
+        if any_opposes(*responses):
             self._reversed = True
             return True
         best = max(left, right)

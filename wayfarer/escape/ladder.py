@@ -35,17 +35,22 @@ class Rung(NamedTuple):
 
 
 # The self-test: each side alone, ahead and then back, so that the body ends where it began; ``detector.sides`` judges
-# it. In the pauses the body comes to rest. Where half of the duty moves nothing, all of it may. From no source.
+# it. In the pauses the body comes to rest, and a compass that lags by as much catches up. Where half of the duty moves
+# nothing, all of it may. From no source.
 PULSE_S: Final = 0.25
-PAUSE_S: Final = 0.25
+PAUSE_S: Final = 0.45
+REST_AROUND_S: Final = 0.15  # before the first pulse and after the last one: reversed wheels must stop within 4 s
 
 
 def self_test(duty: float) -> Rung:
     """Return the self-test at this duty, above 0 to 1."""
     half = duty / 2.0
     pulses = ((half, half), (half, -half), (-half, -half), (-half, half))  # left and right ahead, left and right back
-    pause = Step(PAUSE_S, 0.0, 0.0)
-    return Rung("self_test", (pause, *(step for ahead, turn in pulses for step in (Step(PULSE_S, ahead, turn), pause))))
+    steps = [Step(REST_AROUND_S, 0.0, 0.0)]
+    for ahead, turn in pulses:
+        steps += [Step(PULSE_S, ahead, turn), Step(PAUSE_S, 0.0, 0.0)]
+    steps[-1] = Step(REST_AROUND_S, 0.0, 0.0)
+    return Rung("self_test", tuple(steps))
 
 
 SELF_TEST: Final = self_test(0.5)
