@@ -30,6 +30,10 @@ CONFIRM_S: Final = 0.5
 REVERSED_SHARE: Final = 1.1
 # No wheels turn a body further in a tick than full duty of both sides, plus this for noise (``escape.turn_control``).
 STRANGE_DEG: Final = 10.0
+# Steering that has no effect for so long: no curve of a manoeuvre lasts longer. A turn on the spot is judged by
+# ``detector.turnable``. From no source.
+UNTURNED_S: Final = 3.0
+UNTURNED_SHARE: Final = 0.25
 BODY_LAG_S: Final = 0.1  # as ``escape.turn_control.LAG_S``
 
 # -- judging the self-test: responses are shares of what ideal ground gives ----------------------------------------
@@ -67,6 +71,11 @@ class Excess:
         self._observed = total = (self._observed + observed) * keep
         return max(total - self._positive, -total - self._negative)
 
+    def follows(self, share: float, least: float) -> bool:
+        """Return whether the body has done this share of its commands, or the commands were less than ``least``."""
+        commanded = abs(self._positive - self._negative)
+        return commanded < least or abs(self._observed) >= share * commanded
+
 
 class DriveWatch:
     """Compares turn and motion of the body with the commands; ``suspects`` is whether a side seems not to obey."""
@@ -82,6 +91,7 @@ class DriveWatch:
         """Forget: nothing is known of the time before now."""
         self.suspects = False
         self._confirm_at_s = inf
+        self._unturned_s = 0.0  # for which steering has had no effect
         self._one_side = 0.0  # duty of the stronger side, summed in the same way
         self._turn.clear()
         self._motion.clear()
@@ -109,7 +119,9 @@ class DriveWatch:
             self._suspect(interval.t_s, turn_deg / turn_per, LEAST_DEG / turn_per)
         if motion_m > LEAST_M:
             self._suspect(interval.t_s, motion_m / motion_per, LEAST_M / motion_per)
-        if interval.t_s >= self._confirm_at_s:
+        steers = abs(left + right) >= abs(left - right) / 2.0 and not self._turn.follows(UNTURNED_SHARE, LEAST_DEG)
+        self._unturned_s = self._unturned_s + driven_s if steers else 0.0
+        if interval.t_s >= self._confirm_at_s or self._unturned_s >= UNTURNED_S:
             self.suspects = True
 
     def _suspect(self, t_s: float, excess: float, noise: float) -> None:
