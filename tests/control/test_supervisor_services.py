@@ -214,7 +214,7 @@ def test_armed_rover_that_goes_on_without_a_sensor_is_fresh_and_a_disarmed_one_i
 
 def test_armed_rover_that_rests_without_a_sensor_is_fresh(shop: Workshop) -> None:
     """A rest is longer than systemd's patience."""
-    rests: Script = {2.0: lambda it: it.controller._ladder._rest_now(2.0)}
+    rests: Script = {2.0: lambda it: it.controller._recovery._ladder._rest_now(2.0)}
     script = {1.01: breaking(shop, "motion.read", NotResponding("gone")), **rests}
     assert freshness(shop, script, (3.0, 20.0)) == [True, True]
 

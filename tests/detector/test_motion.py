@@ -190,7 +190,7 @@ def test_body_that_stops_twice_at_something_is_believed() -> None:
 def test_wheels_that_stand_begin_no_doubt_of_equal_readings() -> None:
     """A rover that moves while it is commanded to stand is running away."""
     rover = started()
-    found = set()
+    found: set[Condition] = set()
     for _ in range(40):
         t_s = rover.t_s = rover.t_s + TICK_S
         compass = CompassReading(t_s, 0.0, 0.0, 0.0, None)

@@ -171,8 +171,8 @@ def test_readings_that_are_unsure_do_not_count_as_driven() -> None:
 def test_body_that_moves_is_not_stalled_by_unsure_zeros(every: int) -> None:
     rover = started()
     for n in range(80):
-        seen = {"moved_m": STEP_M, "quality": 1.0} if n % every == 0 else {"moved_m": 0.0, "quality": 0.1}
-        assert rover.tick(FULL, **seen).anomalies == ()
+        moved_m, quality = (STEP_M, 1.0) if n % every == 0 else (0.0, 0.1)
+        assert rover.tick(FULL, moved_m, quality=quality).anomalies == ()
 
 
 GARBAGE_M = [0.03, 0.1, 0.24, 30.0]  # what a chip can see, what none can, what no rover goes, what nothing goes

@@ -35,7 +35,7 @@ SIDES = {
 }
 BREAKS_AT_S, TOLD_WITHIN_S = 20.0, 30.0
 SEEDS = 4
-OF_THE_DRIVE = {"drive_suspected", "drive_reversed"}
+OF_THE_DRIVE = {"drive_suspected", "drive_weak", "drive_reversed"}
 
 
 def ground(friction: float, torque_scale: float = 1.0) -> Terrains:

@@ -10,7 +10,8 @@ from tests.fault_scenarios.missions_page import HEAD, HEADLINE, PAGE, TABLE, par
 from wayfarer.fault_scenarios.catalogue import catalogue
 from wayfarer.fault_scenarios.missions import Mission, Strike, Striking, faults_of
 from wayfarer.fault_scenarios.survival import NO_REASON, REASONS, MissionLine, headline, summed_up
-from wayfarer.safety.conditions import LEVELS, Level
+from wayfarer.safety.conditions import Level
+from wayfarer.safety.responses import LEVELS
 
 OUT = Mission(10.0, 100.0, 80.0, "", {})
 LONGER = OUT._replace(path_m=100.0, mode_s={"motion_lost": 40.0, "motion_unknown": 4.0})

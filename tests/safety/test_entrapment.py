@@ -184,7 +184,7 @@ async def test_rover_without_progress_climbs_the_ladder_rests_warns_and_climbs_i
     assert first_rest[-1].t_s - rested[0].t_s == pytest.approx(REST_S, abs=2 * TICK_S)
     assert {tick.applied for tick in rested} == {STOP}
     assert bench.controller.mode is Mode.ARMED
-    assert bench.wheels != STOP
+    assert any(tick.applied != STOP for tick in bench.log.ticks[-20:])
 
 
 async def test_algorithm_begins_again_after_a_rung_that_it_did_not_see() -> None:

@@ -26,7 +26,8 @@ from wayfarer.fault_scenarios.scenario import Scenario
 from wayfarer.fault_scenarios.scenario_rover import rover_of
 from wayfarer.fault_scenarios.selection import on_another_rover, without_covered_by_tests, without_missing_packages
 from wayfarer.fault_scenarios.table import with_names
-from wayfarer.safety.conditions import Level, levels_for
+from wayfarer.safety.conditions import Level
+from wayfarer.safety.responses import levels_for
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.faults.kinds import KINDS, Fault, Layer
 from wayfarer.simhal.random_streams import RandomStreams
