@@ -24,8 +24,9 @@ HEAD = (
 def told(lines: Sequence[MissionLine]) -> Iterator[str]:
     """The headline, and a list of the reasons."""
     ending, rows, brief, *reasons = headline(lines)
-    yield f"**{ending}** ({lines[0].missions} missions of each)."
-    yield f"{rows}. {brief}. Why the missions must end:\n"
+    yield f"**{ending}**"
+    yield f"({lines[0].missions} missions of each). {rows}."
+    yield f"{brief}. Why the missions must end:\n"
     for each in reasons:
         names, _, reason = each.partition(": ")
         yield f"* {_names(names)}: {reason}"

@@ -26,6 +26,7 @@ from wayfarer.views.text.summary_text import counted
 from wayfarer.views.text.terminal_table import Column, table
 
 SHOWN_MODES = 2  # of the conditions of a line, the longest first
+HELD = "nothing that its wheels do carries it on: it tried and rested until the limit"
 
 # Why a mission must end in this condition, or in this way.
 REASONS: Mapping[str, str] = {
@@ -40,8 +41,9 @@ REASONS: Mapping[str, str] = {
     Condition.BATTERY_CRITICAL.value: "the battery is empty: its cells would be damaged, then the computer fails",
     Condition.DECISION_INVALID.value: "the algorithm has a bug, and its next command may be any",
     Condition.COMPASS_LOST.value: "without a compass nothing tells where it drives, and it was set to hold then",
-    Condition.NO_PROGRESS.value: "nothing that its wheels do carries it on: it tried and rested until the limit",
-    Condition.RESTING.value: "nothing that its wheels do carries it on: it tried and rested until the limit",
+    Condition.NO_PROGRESS.value: HELD,
+    Condition.RESTING.value: HELD,
+    Condition.CANNOT_TURN.value: HELD,
     "error": "a bug ended the run: what a program with a bug does next is not known",
     "tipped": "it fell over",
 }
