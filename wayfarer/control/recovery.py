@@ -73,8 +73,7 @@ class Recovery:
             place.try_again()
         elif monitor.ends(tick, bool(tick.anomalies), motion) or entrapped or place.stays:
             if not self._gives_up:
-                ladder.climb(t_s)
-                if ladder.rung is SELF_TEST:
+                if ladder.climb(t_s) is SELF_TEST:
                     self._begin_test(SELF_TEST)
                 return True
             tick.conditions += (Condition.ENTRAPPED,)

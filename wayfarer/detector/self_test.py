@@ -73,5 +73,5 @@ def any_opposes(left: Response, right: Response) -> bool:
 
 
 def strength(side: Response) -> float:
-    """Return how strong a side is: ground that holds every turn still lets it drag the other one along."""
-    return max(side.turned, side.moved)
+    """Return how strong a side is, at most 1: ground that holds every turn still lets it drag the other one along."""
+    return min(max(side.turned, side.moved), 1.0)

@@ -40,9 +40,9 @@ BODY_LAG_S: Final = 0.1  # as ``escape.turn_control.LAG_S``
 RESPONDS: Final = 0.2  # a side that moves the body by less than this shows nothing: something may hold the body
 WEAK_SHARE: Final = 0.4  # of the response of the other side; healthy sides differ by some 10 %
 DEAD_SHARE: Final = 0.25  # below it a side is not used at all
-# Tested again after a minute, then after twice as long, up to 8 minutes: a blocked wheel may come free, and a healthy
-# rover must not spend its time on tests (senses.md, part B: a fault written off for good was wrong on Mars as well).
-AGAIN_S: Final = 60.0
+# Tested again at another place, then after twice as long, up to 8 minutes: a trunk may have held one side, a blocked
+# wheel may come free, and a healthy rover must not spend its time on tests. No source has these times.
+AGAIN_S: Final = 20.0
 AGAIN_MAX_S: Final = 480.0
 UNDECIDED_AGAIN_S: Final = 10.0  # where the body was held: some metres further on
 

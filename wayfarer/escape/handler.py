@@ -84,6 +84,8 @@ class PhasedHandler:
         # The counter follows the compass, through wrap-around and however a turn came about.
         turned_deg = self._turns.observe(observation.t_s, observation.heading_deg, observation.applied)
         self._escape_plan.counter_deg += turned_deg
+        if pending_deg := self._turns.lag.pending_deg:
+            observation = observation._replace(heading_deg=(observation.heading_deg + pending_deg) % 360.0)
         if not self._begun:
             self._begun = True
             self._followed_from_m = observation.travelled_m

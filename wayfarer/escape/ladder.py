@@ -102,14 +102,16 @@ class Ladder:
         """Return whether the rover rests now."""
         return t_s < self._rest_until_s
 
-    def climb(self, t_s: float) -> None:
-        """Begin the next rung; after the last one, rest from now on, and then begin the first."""
+    def climb(self, t_s: float) -> Rung | None:
+        """Begin the next rung, and return it; after the last one, rest from now on, and then begin the first."""
         if self._next == len(RUNGS):
             self._rest_now(t_s)
-            return
+            return None
         self.begun = True
-        self._begin(RUNGS[self._next])
+        rung = RUNGS[self._next]
         self._next += 1
+        self._begin(rung)
+        return rung
 
     def test(self, rung: Rung) -> None:
         """Begin a self-test now; it is no step on the ladder."""

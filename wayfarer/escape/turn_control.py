@@ -13,6 +13,7 @@ from typing import Final
 
 from wayfarer.angles import wrap180
 from wayfarer.escape.api import Vehicle
+from wayfarer.escape.lag import CompassLag
 from wayfarer.hal import WheelCommand
 
 # A body follows its wheels with about this lag (``simhal.world.physics.Physics``: 0.1 s; ForestRover's mass and motors:
@@ -24,6 +25,8 @@ AVERAGE_S: Final = 0.2
 # Feedback: this share of the angle by which the heading lags is added to the turn rate per second. It is slow compared
 # with lag and tick together.
 CATCH_UP_PER_S: Final = 4.0
+# A compass that lags shows late what was missing: feedback over a known lag is slower, this share of it in each lag.
+CATCH_UP_IN_LAG: Final = 0.25
 # The time constant with which the angle by which the heading lags is forgotten: a body that did not follow was held.
 FORGET_S: Final = 1.5
 # A body that turns faster than commanded by more than this was held and has come free: twice the noise of the latest
@@ -47,6 +50,8 @@ STRANGE_DEG: Final = 10.0
 # once in that time.
 MOVED_DEG: Final = 3.0
 GIVE_UP_AFTER_S: Final = 1.5
+# On ground that takes up more turn duty than this, what a body is expected to turn is too unsure to predict it.
+GRIP_MAX: Final = 0.5
 # Shares of the duty: kept for feedback in a curve; and left for driving ahead on ground on which the body hardly turns.
 RESERVE_DUTY: Final = 0.1
 LEAST_DUTY: Final = 0.1
@@ -65,6 +70,7 @@ class TurnController:
         self._ideal_deg_s = degrees(2.0 * vehicle.max_speed_m_s / vehicle.track_m)  # at turn duty 1 on ideal ground
         self._most_behind_deg = self._ideal_deg_s / CATCH_UP_PER_S
         self._first_dead_zone = vehicle.turn_from_duty
+        self.lag = CompassLag()
         self.reset()
 
     def reset(self) -> None:
@@ -75,6 +81,9 @@ class TurnController:
         self._commanded_deg_s = self._duty = 0.0
         self._expected_deg_s = self._latest_deg_s = 0.0
         self._mean_duty = self._mean_rate_deg_s = 0.0
+        self._catch_up_per_s = CATCH_UP_PER_S
+        self._lagged_duty = 0.0  # as the body follows its wheels
+        self.lag.forget()
         self.rest()
 
     def rest(self) -> None:
@@ -88,6 +97,7 @@ class TurnController:
 
         ``applied`` is the wheel command that was applied since then; if it is None, the one that was returned counts.
         Returns the heading gained since then, 0 at the first tick: degrees, clockwise positive, half a turn at most.
+        With a compass that lags, it is what the body is expected to have gained.
         """
         last_t_s, last_deg = self._t_s, self._heading_deg
         self._t_s, self._heading_deg = t_s, heading_deg
@@ -99,8 +109,14 @@ class TurnController:
             return gained_deg
         if abs(gained_deg) > self._ideal_deg_s * dt_s + STRANGE_DEG:
             self._latest_deg_s = 0.0
+            gained_deg -= self.lag.pending_deg
+            self.lag.forget()
             self.rest()
             return gained_deg
+        duty = self._duty if applied is None else (applied.left - applied.right) / 2.0
+        lag_s = self.lag.ticks * dt_s
+        self._catch_up_per_s = CATCH_UP_IN_LAG / lag_s if lag_s * CATCH_UP_PER_S > CATCH_UP_IN_LAG else CATCH_UP_PER_S
+        gained_deg += self._predict(gained_deg, self._given_deg(duty, dt_s))
         rate_deg_s = gained_deg / dt_s
         self._latest_deg_s = (self._latest_deg_s + rate_deg_s) / 2.0
         expected_deg_s = self._expected_deg_s
@@ -111,7 +127,6 @@ class TurnController:
         behind_deg = (self._behind_deg + expected_deg_s * dt_s - gained_deg) * FORGET_S / (FORGET_S + dt_s)
         self._behind_deg = most_deg if behind_deg > most_deg else -most_deg if behind_deg < -most_deg else behind_deg
         share = dt_s / (dt_s + AVERAGE_S)
-        duty = self._duty if applied is None else (applied.left - applied.right) / 2.0
         self._mean_duty += (duty - self._mean_duty) * share
         self._mean_rate_deg_s += (rate_deg_s - self._mean_rate_deg_s) * share
         if abs(expected_deg_s) >= LEARN_FROM_DEG_S:
@@ -120,11 +135,27 @@ class TurnController:
             self._watch(gained_deg, dt_s)
         return gained_deg
 
+    def _predict(self, shown_deg: float, expected_deg: float) -> float:
+        """Return how much the turn that a lagging compass has not shown yet has changed."""
+        if self.dead_zone > GRIP_MAX:
+            taken_back_deg = -self.lag.pending_deg
+            self.lag.forget()
+            return taken_back_deg
+        return self.lag.update(shown_deg, expected_deg)
+
+    def _given_deg(self, duty: float, dt_s: float) -> float:
+        """Return how far this turn duty is expected to turn the body in a tick."""
+        self._lagged_duty += (duty - self._lagged_duty) * dt_s / (dt_s + LAG_S)
+        beyond = abs(self._lagged_duty) - self.dead_zone
+        if beyond <= 0.0:
+            return 0.0
+        return (beyond if self._lagged_duty > 0.0 else -beyond) * self._ideal_deg_s * dt_s
+
     def wheels(self, speed_m_s: float, turn_deg_s: float) -> WheelCommand:
         """Return the wheels for a forward speed and a turn rate, clockwise positive."""
         share = turn_deg_s / FULL_COMPENSATION_DEG_S
         share = 1.0 if share > 1.0 else -1.0 if share < -1.0 else share
-        duty = (turn_deg_s + CATCH_UP_PER_S * self._behind_deg) / self._ideal_deg_s + share * self.dead_zone
+        duty = (turn_deg_s + self._catch_up_per_s * self._behind_deg) / self._ideal_deg_s + share * self.dead_zone
         duty = 1.0 if duty > 1.0 else -1.0 if duty < -1.0 else duty
         self._commanded_deg_s, self._duty = turn_deg_s, duty
         forward, room = speed_m_s / self._max_speed_m_s, 1.0 - abs(duty)

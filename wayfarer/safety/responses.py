@@ -118,7 +118,7 @@ RESPONSES: Final[Mapping[Condition, Response]] = {
         "tests each side alone, ahead and back, at once or when its heading is sure again", "the self-test is over"),
     Condition.DRIVE_WEAK: Response(
         Level.DEGRADE, Kind.WEAKNESS, "one side of the wheels is dead or weak",
-        "drives with the other side, in arcs; it tests both again after a minute, then after longer, up to 8 minutes",
+        "drives with the other side, in arcs; it tests both again after 20 s, then after longer, up to 8 minutes",
         "a self-test finds that both sides drive", Level.FAULT),
     Condition.DRIVE_REVERSED: Response(
         Level.FAULT, Kind.DANGER, "wheels do the opposite of what they are commanded", _DISARMS, _ARMED_AGAIN),
