@@ -80,8 +80,9 @@ class Turning:
     """A body on ideal ground under Forest-Pledge, with a goal that changes: it turns on the spot."""
 
     def __init__(self, lag_s: float) -> None:
-        self.handler = CATALOGUE["forest-pledge"].make(EscapeSettings(), VEHICLE, Random(0))
-        assert isinstance(self.handler, PhasedHandler)
+        handler = CATALOGUE["forest-pledge"].make(EscapeSettings(), VEHICLE, Random(0))
+        assert isinstance(handler, PhasedHandler)
+        self.handler = handler
         ticks = round(lag_s / TICK_S) + 1
         self._shown_deg = deque([0.0] * ticks, maxlen=ticks)
         self.heading_deg = self._rate = self.t_s = 0.0
