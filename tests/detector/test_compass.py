@@ -182,3 +182,11 @@ def test_jump_of_a_compass_that_lost_its_calibration_stops_the_rover_for_a_secon
     found = rover.headings(*[0.0] * 20, calibration=0)
     assert set(found[:14]) == {both}
     assert set(found[14:]) == {(Condition.COMPASS_UNCALIBRATED,)}
+
+
+@pytest.mark.parametrize("step_deg", [0.1, 5.0], ids=["dither", "toggles between two values"])
+def test_heading_that_changes_by_dither_or_toggles_through_a_turn_on_the_move_is_frozen(step_deg: float) -> None:
+    rover, curve = started(), WheelCommand(0.8, 0.2)
+    for n in range(30):
+        found = rover.tick(curve, 0.5 * TICK_S, heading_deg=7.7 + step_deg * (n % 2), pitch_deg=n % 3 / 10).conditions
+    assert Condition.COMPASS_FROZEN in found

@@ -1,0 +1,87 @@
+"""What takes the wheels from the algorithm: self-tests of the sides, and a place that the rover does not leave."""
+
+from __future__ import annotations
+
+from math import inf
+
+import pytest
+
+from tests.control.bench import TICK_S, Bench
+from wayfarer.config.rover_file import load_rover
+from wayfarer.control.run_log import PartialLog
+from wayfarer.control.tick_record import TickRecord
+from wayfarer.escape.api import SideGains
+from wayfarer.escape.ladder import SELF_TEST
+from wayfarer.experiments.campaign import Campaign, Task
+from wayfarer.experiments.trial import run_watched
+from wayfarer.hal import MotionReading, WheelCommand
+from wayfarer.safety.conditions import Condition
+from wayfarer.simhal.faults.kinds import Drive, Fault
+from wayfarer.simhal.world.grounds import GroundName
+
+
+class Seen(PartialLog):
+    """Remembers the conditions and decisions of a trial."""
+
+    def __init__(self) -> None:
+        self.conditions: set[Condition] = set()
+        self.whys: set[str] = set()
+
+    def tick(self, record: TickRecord) -> None:
+        self.conditions.update(record.conditions)
+        self.whys.add(record.decision.why)
+
+
+def trial(drive: Drive) -> tuple[str, Seen]:
+    """A trial on dry soil in which the sides change after ten seconds; return its outcome and what was seen."""
+    campaign = Campaign(("forest-pledge",), trials=1, rover=load_rover("sim"), seed=1000, ground=GroundName.dry_soil)
+    spec, seen = campaign.spec(Task("forest-pledge", 0), campaign.make_forest(0)), Seen()
+    faulty = spec.__class__(
+        **{name: getattr(spec, name) for name in spec.__slots__}
+        | {"faults": (Fault(10.0, inf, "world", "drive", drive),)}
+    )
+    return run_watched(faulty, lambda *_: seen).outcome, seen
+
+
+def test_rover_with_a_dead_side_gets_out() -> None:
+    outcome, seen = trial(Drive(left_gain=0.0))
+    assert outcome in {"escaped", "left_bounds"}
+    assert {Condition.DRIVE_SUSPECTED, Condition.DRIVE_WEAK} <= seen.conditions
+    assert SELF_TEST.name in seen.whys
+
+
+def test_rover_with_reversed_sides_is_stopped() -> None:
+    outcome, seen = trial(Drive(left_gain=-1.0, right_gain=-1.0))
+    assert outcome == "fault"
+    assert Condition.DRIVE_REVERSED in seen.conditions
+
+
+@pytest.mark.parametrize(
+    ("gains", "wheels", "compensated"),
+    [
+        (SideGains(0.0, 1.0), WheelCommand(0.3, 0.3), WheelCommand(0.0, 0.6)),
+        (SideGains(1.0, 0.0), WheelCommand(0.8, -0.8), WheelCommand(1.0, 0.0)),
+        (SideGains(0.5, 1.0), WheelCommand(0.4, 0.4), WheelCommand(0.8, 0.4)),
+        (SideGains(0.5, 1.0), WheelCommand(1.0, 1.0), WheelCommand(1.0, 0.5)),
+    ],
+)
+def test_wheels_of_a_rover_with_a_weak_side(gains: SideGains, wheels: WheelCommand, compensated: WheelCommand) -> None:
+    assert gains.compensate(wheels) == pytest.approx(compensated)
+
+
+async def to_and_fro(bench: Bench, for_s: float) -> None:
+    """Drive half a metre ahead and back, again and again: each way is a free run."""
+    for n in range(round(for_s / TICK_S)):
+        sign = 1.0 if n // 20 % 2 == 0 else -1.0
+        bench.handler.wheels = WheelCommand(0.5 * sign, 0.5 * sign)
+        moved_m = (bench.controller.last.applied.left if bench.controller.last else 0.0) * TICK_S
+        bench.buffers.motion.write(MotionReading(bench.t_s + TICK_S, moved_m, 1e-4 * (n % 3), 1.0))
+        await bench.tick()
+
+
+async def test_rover_that_stays_at_one_place_climbs_the_ladder_though_it_has_free_runs() -> None:
+    bench = await Bench().armed()
+    await to_and_fro(bench, 110.0)
+    assert Condition.NO_PROGRESS not in bench.controller.conditions
+    await to_and_fro(bench, 20.0)
+    assert Condition.NO_PROGRESS in bench.controller.conditions
