@@ -45,7 +45,7 @@ def test_bash_completes_commands_runs_algorithms_rovers_and_scenarios(tmp_path: 
         "wayfarer sim --algorithm pledge,levy-": "pledge,levy-pledge pledge,levy-walk",
         "wayfarer run --config ": "forestrover minirover sim",
         "wayfarer sim --scenario ext": "extended-maze",
-        "wayfarer faults --only stall-3s,board-f": "stall-3s,board-fault",
+        "wayfarer faults --only stall-3s,board-f": "stall-3s,board-fault stall-3s,board-fault-over",
     }
     assert BASH is not None
     done = subprocess.run(

@@ -26,7 +26,7 @@ from wayfarer.experiments.results_folder import TRIALS as TABLE
 from wayfarer.views.page.frame import PAGE
 
 GALLERY = 2
-ENTRAPPED = 2  # of them
+ENTRAPPED = 1  # of them
 
 
 @pytest.fixture(scope="module")
