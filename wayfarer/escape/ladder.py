@@ -6,7 +6,7 @@ After each rung the algorithm has its turn again. After the last one the rover r
 then begins again; each rest is longer than the one before. A rover that makes progress begins with the first rung the
 next time.
 
-Pure: time comes in as ``Observation.t_s``, chance from a generator of its own with a fixed seed, so that a log replays.
+Pure: time comes in as ``t_s``, chance from a separate generator with a fixed seed, so that a log replays.
 """
 
 from __future__ import annotations
