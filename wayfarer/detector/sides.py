@@ -8,10 +8,11 @@ compared with the other one. Nothing is concluded without it.
 
 from __future__ import annotations
 
+from collections import deque
 from math import degrees, inf
 from typing import Final
 
-from wayfarer.detector.self_test import CLEAR, PUSHES_FROM, SelfTest, any_opposes, strength
+from wayfarer.detector.self_test import BODY_LAG_S, CLEAR, COMPASS_LAG_MAX_S, PUSHES_FROM, SelfTest, any_opposes, strength
 from wayfarer.escape.api import SideGains, Vehicle
 from wayfarer.hal import STOP
 from wayfarer.safety.conditions import Condition
@@ -24,6 +25,8 @@ MEMORY_S: Final = 0.8
 LEAST_DEG: Final = 12.0
 LEAST_M: Final = 0.1
 LEAST_SHARE: Final = 0.35  # of what one side alone turns or moves the body
+# A flow sensor at another height than configured sees more than the wheels do. Measured: up to this, all is well.
+FLOW_SCALE_MAX: Final = 1.6
 # A trunk turns a body before it holds it. If an anomaly follows so soon, it was a trunk.
 CONFIRM_S: Final = 0.5
 # One side that obeys gives at most 1. Beyond this the other side adds to it, the wrong way.
@@ -34,7 +37,6 @@ STRANGE_DEG: Final = 10.0
 # ``detector.turnable``. From no source.
 UNTURNED_S: Final = 3.0
 UNTURNED_SHARE: Final = 0.25
-BODY_LAG_S: Final = 0.1  # as ``escape.turn_control.LAG_S``
 
 # -- judging the self-test: responses are shares of what ideal ground gives ----------------------------------------
 RESPONDS: Final = 0.2  # a side that moves the body by less than this shows nothing: something may hold the body
@@ -48,32 +50,37 @@ UNDECIDED_AGAIN_S: Final = 10.0  # where the body was held: some metres further 
 
 
 class Excess:
-    """How far the body goes beyond its commands, in one direction of motion: leaky sums over ``MEMORY_S``."""
+    """How far the body goes beyond its commands, in one direction of motion: leaky sums over ``MEMORY_S``.
+
+    Commands both ways are summed separately: a body may follow the one and not the other.
+    """
 
     def __init__(self) -> None:
         self.clear()
 
     def clear(self) -> None:
         """Forget everything."""
-        self._positive = self._negative = self._observed = 0.0
+        # Sums of the commands each way at each of the latest ticks, the newest last.
+        self._positives, self._negatives = deque([0.0]), deque([0.0])
+        self._observed = 0.0
 
-    def update(self, keep: float, commanded: float, observed: float) -> float:
+    def update(self, keep: float, commanded: float, observed: float, late_ticks: int = 0) -> float:
         """Take in a tick, in any unit; return how far what was observed lies outside of what was commanded.
 
-        Commands both ways are summed separately: a body may follow the one and not the other.
+        Whatever was commanded up to ``late_ticks`` ago counts as commanded now: a sensor may show so late what it did.
         """
-        if commanded > 0.0:
-            self._positive += commanded
-        else:
-            self._negative -= commanded
-        self._positive *= keep
-        self._negative *= keep
+        positives, negatives = self._positives, self._negatives
+        positives.append((positives[-1] + max(commanded, 0.0)) * keep)
+        negatives.append((negatives[-1] - min(commanded, 0.0)) * keep)
+        while len(positives) > late_ticks + 1:
+            positives.popleft()
+            negatives.popleft()
         self._observed = total = (self._observed + observed) * keep
-        return max(total - self._positive, -total - self._negative)
+        return max(total - max(positives), -total - max(negatives))
 
     def follows(self, share: float, least: float) -> bool:
         """Return whether the body has done this share of its commands, or the commands were less than ``least``."""
-        commanded = abs(self._positive - self._negative)
+        commanded = abs(self._positives[-1] - self._negatives[-1])
         return commanded < least or abs(self._observed) >= share * commanded
 
 
@@ -113,8 +120,10 @@ class DriveWatch:
         keep = MEMORY_S / (MEMORY_S + interval.dt_s)
         turn_per, motion_per = self._deg_s_per_duty, self._m_s_per_duty
         self._one_side = (self._one_side + stronger * driven_s) * keep
-        turn_deg = self._turn.update(keep, (left - right) * turn_per * driven_s, turned_deg)
-        motion_m = self._motion.update(keep, (left + right) * motion_per * driven_s, ahead_m)
+        late_ticks = round(COMPASS_LAG_MAX_S / interval.dt_s)
+        turn_deg = self._turn.update(keep, (left - right) * turn_per * driven_s, turned_deg, late_ticks)
+        most_m = FLOW_SCALE_MAX * (left + right) * motion_per * driven_s
+        motion_m = self._motion.update(keep, most_m, ahead_m)
         if turn_deg > LEAST_DEG:
             self._suspect(interval.t_s, turn_deg / turn_per, LEAST_DEG / turn_per)
         if motion_m > LEAST_M:
@@ -149,6 +158,8 @@ class SideMonitor:
         """Believe both sides: a person has armed the rover and has looked at it."""
         self._watch.reset()
         self._test: SelfTest | None = None
+        self._unturned_s = 0.0  # since the last command to turn
+        self._spoilt = False  # whether the heading was in doubt during the test
         self._not_before_s = -inf
         self._again_s = AGAIN_S
         self._reversed = self._doubtful = False
@@ -175,7 +186,10 @@ class SideMonitor:
         ``trusted`` is whether neither an anomaly nor a doubt about the heading is there, ``doubtful`` the latter alone.
         """
         self._doubtful = doubtful
+        left, right = interval.commanded
+        self._unturned_s = self._unturned_s + interval.dt_s if abs(left - right) < PUSHES_FROM else 0.0
         if self._test is not None:
+            self._spoilt |= doubtful  # a reckoned heading always turns as commanded
             self._test.add(interval, turned_deg, ahead_m)
         elif self.gains is None and not self._watch.suspects:
             self._watch.update(interval, turned_deg, ahead_m, trusted=trusted)
@@ -189,7 +203,7 @@ class SideMonitor:
 
     def begin_test(self) -> None:
         """Begin to judge the pulses that follow."""
-        self._test = SelfTest()
+        self._test, self._spoilt = SelfTest(turned_before=self._unturned_s < COMPASS_LAG_MAX_S), False
 
     def end_test(self, t_s: float) -> bool:
         """Judge the pulses; return whether they decided anything, or the body was held."""
@@ -198,6 +212,9 @@ class SideMonitor:
         self._test = None
         left, right = (strength(side) for side in responses)
         self._watch.reset()
+        if self._spoilt:
+            self._not_before_s = t_s + UNDECIDED_AGAIN_S
+            return False
         if any_opposes(*responses):
             self._reversed = True
             return True
