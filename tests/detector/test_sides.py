@@ -14,7 +14,7 @@ from tests.detector.rover import BACK, FULL, PIVOT, VEHICLE, Rover, started
 from wayfarer.angles import wrap360
 from wayfarer.detector.sides import AGAIN_MAX_S, AGAIN_S, UNDECIDED_AGAIN_S, SideMonitor
 from wayfarer.escape.api import SideGains
-from wayfarer.escape.ladder import FULL_SELF_TEST, SELF_TEST, Rung
+from wayfarer.escape.ladder import SELF_TEST, THOROUGH_SELF_TEST, Rung
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.tick_interval import TickInterval
@@ -71,12 +71,13 @@ class Chassis:
                 return (tick + 1) * PERIOD_S
         return None
 
-    def test(self, rung: Rung = SELF_TEST, *, blocked: bool = False) -> bool:
+    def test(self, rung: Rung = SELF_TEST, *, blocked: bool = False, blocked_pulses: tuple[int, ...] = ()) -> bool:
         """Do the self-test; return whether it decided."""
         self.sides.begin_test()
-        for step in rung.steps:
+        for number, step in enumerate(rung.steps):
+            holds = blocked or (number - 1) // 2 in blocked_pulses
             for _ in range(round(step.for_s / PERIOD_S)):
-                self.tick(WheelCommand(step.ahead + step.turn, step.ahead - step.turn), blocked=blocked)
+                self.tick(WheelCommand(step.ahead + step.turn, step.ahead - step.turn), blocked=holds)
         return self.sides.end_test(self.rover.t_s)
 
 
@@ -110,6 +111,21 @@ def test_side_that_lags_just_before_an_anomaly_is_a_trunk() -> None:
     chassis = Chassis(DEAD_LEFT)
     assert chassis.drive(0.4, FULL) is None
     assert chassis.drive(1.0, FULL, blocked=True) is None
+
+
+@pytest.mark.parametrize("wheels", [FULL, BACK])
+def test_flow_sensor_that_sees_half_as_much_again_is_at_another_height(wheels: WheelCommand) -> None:
+    chassis = Chassis((1.5, 1.5), noise_deg=1.0)
+    assert chassis.drive(10.0, wheels) is None
+
+
+@pytest.mark.parametrize("late_ticks", [4, 8, 10])
+@pytest.mark.parametrize("turn_s", [0.2, 0.4, 0.8])
+def test_turn_that_a_compass_shows_late_is_no_turn_beyond_the_commands(late_ticks: int, turn_s: float) -> None:
+    chassis = Chassis(HEALTHY, noise_deg=1.0)
+    chassis.late_ticks = late_ticks
+    for wheels, for_s in ((FULL, 1.0), (PIVOT, turn_s), (FULL, 1.0), (WheelCommand(-1.0, 1.0), turn_s), (FULL, 1.0)):
+        assert chassis.drive(for_s, wheels) is None
 
 
 @pytest.mark.parametrize("wheels", [PIVOT, WheelCommand(-1.0, 1.0), FULL])
@@ -188,15 +204,53 @@ def test_self_test_finds_a_dead_or_weak_side(
 
 @pytest.mark.parametrize("gains", [HEALTHY, (0.8, 1.0), DEAD_LEFT, DEAD_RIGHT], ids=str)
 @pytest.mark.parametrize("blind", [False, True], ids=["sees", "blind"])
-def test_self_test_with_a_compass_that_lags_by_almost_half_a_second_finds_a_dead_side(
-    gains: tuple[float, float], blind: bool
+@pytest.mark.parametrize("late_ticks", [4, 8, 10])
+def test_self_test_finds_a_dead_side_with_a_compass_that_lags(
+    gains: tuple[float, float], blind: bool, late_ticks: int
 ) -> None:
-    """Some of the turn of a pulse is seen in the next one."""
+    """Some of the turn of a pulse is seen in the next one, and that of the last pulse after a quick test is over."""
     chassis = Chassis(gains, noise_deg=0.3)
-    chassis.blind, chassis.late_ticks = blind, 8
-    assert chassis.test()
+    chassis.blind, chassis.late_ticks = blind, late_ticks
+    assert chassis.test() or chassis.test(THOROUGH_SELF_TEST)
     assert tuple(chassis.sides.gains or HEALTHY) == pytest.approx((max(gains[0], 0.0), gains[1]), abs=0.3)
     assert (chassis.sides.gains is None) is (0.0 not in gains)
+
+
+@pytest.mark.parametrize("gains", [HEALTHY, DEAD_LEFT, DEAD_RIGHT], ids=str)
+@pytest.mark.parametrize("turn", [PIVOT, WheelCommand(-1.0, 1.0)])
+def test_turn_before_the_self_test_that_a_compass_shows_late_is_not_the_turn_of_a_pulse(
+    gains: tuple[float, float], turn: WheelCommand
+) -> None:
+    chassis = Chassis(gains, noise_deg=0.3)
+    chassis.blind, chassis.late_ticks = True, 10
+    chassis.drive(0.5, turn)
+    assert chassis.test() or chassis.test(THOROUGH_SELF_TEST)
+    assert tuple(chassis.sides.gains or HEALTHY) == pytest.approx(gains, abs=0.1)
+    assert Condition.DRIVE_REVERSED not in chassis.sides.conditions
+
+
+def test_body_that_something_blocks_on_one_side_is_no_weak_side() -> None:
+    """Its other side moves it one way only."""
+    chassis = Chassis(HEALTHY, noise_deg=0.3)
+    chassis.blind = True
+    for rung in (SELF_TEST, THOROUGH_SELF_TEST):
+        assert not chassis.test(rung, blocked_pulses=(0, 2, 3))
+    assert chassis.sides.conditions == ()
+
+
+def test_self_test_with_a_heading_in_doubt_decides_nothing() -> None:
+    """A heading that is reckoned from the commands always turns as commanded."""
+    sides = SideMonitor(VEHICLE)
+    sides.begin_test()
+    t_s = 0.0
+    for step in SELF_TEST.steps:
+        for _ in range(round(step.for_s / PERIOD_S)):
+            t_s += PERIOD_S
+            left, right = step.ahead + step.turn, step.ahead - step.turn
+            interval = TickInterval(t_s, WheelCommand(left, right), PERIOD_S, PERIOD_S)
+            sides.update(interval, (left - right) * DEG_S * PERIOD_S, 0.0, trusted=False, doubtful=t_s > 2.0)
+    assert not sides.end_test(t_s)
+    assert sides.conditions == ()
 
 
 @pytest.mark.parametrize("late_ticks", [0, 8], ids=["prompt", "late"])
@@ -230,7 +284,7 @@ def test_what_moves_at_full_duty_only_is_judged_at_full_duty() -> None:
     chassis = Chassis(HEALTHY, noise_deg=0.2)  # a compass without any noise that shows no turn counts as frozen
     chassis.grip, chassis.blind = 0.26, True
     assert not chassis.test()
-    assert chassis.test(FULL_SELF_TEST)
+    assert chassis.test(THOROUGH_SELF_TEST)
     assert chassis.sides.conditions == ()
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.detector.sides import SideMonitor
 from wayfarer.escape.api import Decision, Observation
-from wayfarer.escape.ladder import FULL_SELF_TEST, SELF_TEST, Ladder, Rung
+from wayfarer.escape.ladder import SELF_TEST, THOROUGH_SELF_TEST, Ladder, Rung
 from wayfarer.hal import MotionReading
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.entrapment import EntrapmentMonitor, PlaceMonitor
@@ -82,14 +82,14 @@ class Recovery:
         return False
 
     def _test_sides(self, t_s: float) -> None:
-        """Begin a self-test that is due, and judge one that is over; one that showed nothing is done at full duty."""
+        """Begin a self-test that is due, and judge one that is over; after one that shows nothing, a thorough one."""
         if self._ladder.rung is not None:
             return
         if self._test is not None:
             decided, again = self._sides.end_test(t_s), self._test is SELF_TEST
             self._test = None
             if not decided and again:
-                self._begin_test(FULL_SELF_TEST)
+                self._begin_test(THOROUGH_SELF_TEST)
         elif self._sides.wants_test(t_s) and not self._ladder.rests(t_s):
             self._begin_test(SELF_TEST)
 

@@ -10,6 +10,7 @@ PUSHES_FROM: Final = 0.1  # duty from which a side counts as commanded
 # The pulses, in this order: left side ahead, left back, right ahead, right back.
 TURNS: Final = (1.0, -1.0, -1.0, 1.0)  # clockwise positive
 MOVES: Final = (1.0, -1.0, 1.0, -1.0)
+FIRST: Final = 0
 BEFORE: Final = -1  # the first pulse
 # Shares of what ideal ground gives. Motion below the first is the opposite of what was commanded. A response is clear
 # from the second on, a turn the other way only from so many degrees: the motors' field may bend the heading as far.
@@ -20,29 +21,41 @@ BODY_LAG_S: Final = 0.1  # of the body behind its wheels, as ``escape.turn_contr
 # The longest lag of a compass that is looked for: 0.5 s (``simhal.world.senses.FIELD``) and a body slower than most. It
 # must stay below the time from one pulse to the next, 0.7 s.
 COMPASS_LAG_MAX_S: Final = 0.6
+SHOWN_S: Final = 0.35  # a pulse and the lag of the body: how long a turn must be watched
 
 
 class Response(NamedTuple):
-    """What a side alone does to the body, as a share of ideal ground's: 0 nothing, negative the opposite."""
+    """What a side alone does to the body, as shares of ideal ground's: 0 nothing, negative the opposite.
+
+    ``turned`` and ``moved`` are those of the better one of its two pulses: something may block the body one way.
+    ``poorer`` is the strength of the other pulse. ``counts`` is whether the turns of both pulses were seen.
+    """
 
     turned: float
     moved: float
+    poorer: float
+    counts: bool
+
+    @property
+    def strength(self) -> float:
+        """How strong the side is: ground that holds every turn still lets it drag the other one along."""
+        return min(max(self.turned, self.moved), 1.0)
 
 
 class SelfTest:
-    """Adds up what each pulse of one self-test did to the body.
+    """Records what each pulse of one self-test does to the body.
 
     Args:
-        turned_before: whether the body was turned just before the test. A compass that lags shows that turn during the
-            first pulse, so the turn of the first pulse is not counted.
+        unturned_s: the time since the body was last commanded to turn. A compass that lags may show that turn during
+            the first pulse, the turn of which is then not counted.
     """
 
-    def __init__(self, *, turned_before: bool) -> None:
-        self._uncounted = 0 if turned_before else BEFORE
+    def __init__(self, unturned_s: float) -> None:
+        self._unturned_s = unturned_s
         self._pulse = BEFORE
         self._following = 0.0
-        self._dt_s = 0.0
-        # Of each tick: its pulse, how far that one was expected to turn an ideal body, and how far this body turned.
+        self._dt_s = 1.0
+        # Of each tick: its pulse, how far an ideal body would turn in any unit, and how far this one turned.
         self._pulses: list[int] = []
         self._expected: list[float] = []
         self._turned_deg: list[float] = []
@@ -57,56 +70,67 @@ class SelfTest:
             if pulse != self._pulse:
                 self._pulse, self._following = pulse, 0.0
         if self._pulse == BEFORE:
+            self._unturned_s += interval.dt_s
             return
-        driven_s = self._dt_s = interval.driven_s
+        driven_s = interval.driven_s
+        self._dt_s = interval.dt_s
         self._following += (duty - self._following) * driven_s / (driven_s + BODY_LAG_S)
         self._pulses.append(self._pulse)
-        self._expected.append(self._following * driven_s)
+        self._expected.append(self._following)
         self._turned_deg.append(turned_deg)
         self._duty_s[self._pulse] += abs(duty) * driven_s
         self._moved_m[self._pulse] += ahead_m
 
     def responses(self, deg_s_per_duty: float, m_s_per_duty: float) -> tuple[Response, Response]:
-        """Return the response of the left and of the right side, of two pulses the better one: one may be blocked.
+        """Return the response of the left and of the right side.
 
         Args:
             deg_s_per_duty: turn rate of the body with one side alone at full duty on ideal ground.
             m_s_per_duty: its speed, in the same way.
         """
+        # A compass that lags shows each turn later, perhaps during the next pulse, where it would be the turn of a side
+        # that does the opposite. So the turns are shifted by the lag at which they fit the pulses best, whatever the
+        # sign of each: a matched filter.
+        lag_ticks = max(range(round(COMPASS_LAG_MAX_S / self._dt_s) + 1), key=self._fit)
         turned, moved = [0.0] * 4, [0.0] * 4
-        for pulse, shown_deg in enumerate(self._shown_deg(self._compass_lag_ticks())):
-            if self._duty_s[pulse] > 0.0:
-                turned_deg = shown_deg * TURNS[pulse]
-                if abs(turned_deg) >= OPPOSES_DEG or turned_deg > 0.0:
-                    turned[pulse] = turned_deg / (self._duty_s[pulse] * deg_s_per_duty)
-                moved[pulse] = self._moved_m[pulse] * MOVES[pulse] / (self._duty_s[pulse] * m_s_per_duty)
-        return Response(max(turned[:2]), max(moved[:2])), Response(max(turned[2:]), max(moved[2:]))
-
-    def _shown_deg(self, lag_ticks: int) -> list[float]:
-        """Return the turn that a compass with this lag shows for each pulse; the last one may have come too late."""
-        shown_deg = [0.0] * 4
-        for pulse, turned_deg in zip(self._pulses, self._turned_deg[lag_ticks:], strict=False):
-            if pulse != self._uncounted:
-                shown_deg[pulse] += turned_deg
-        return shown_deg
-
-    def _compass_lag_ticks(self) -> int:
-        """Return the lag at which the turns fit the pulses best, whatever the sign of each: a matched filter.
-
-        A compass that lags by as much as a pause shows each turn during the next pulse, where it is the turn of a side
-        that does the opposite.
-        """
-        most = round(COMPASS_LAG_MAX_S / self._dt_s) if self._dt_s else 0
-        return max(range(most + 1), key=self._fit)
+        counts = [self._counts(pulse, lag_ticks) for pulse in range(4)]
+        shown_deg = self._shown_deg(lag_ticks)
+        for pulse, duty_s in enumerate(self._duty_s):
+            if duty_s > 0.0:
+                moved[pulse] = self._moved_m[pulse] * MOVES[pulse] / (duty_s * m_s_per_duty)
+                turned_deg = shown_deg[pulse] * TURNS[pulse]
+                if counts[pulse] and not -OPPOSES_DEG < turned_deg < 0.0:
+                    turned[pulse] = turned_deg / (duty_s * deg_s_per_duty)
+        return _response(turned[:2], moved[:2], counts[:2]), _response(turned[2:], moved[2:], counts[2:])
 
     def _fit(self, lag_ticks: int) -> float:
         """Return how much of the turns the pulses explain if the compass lags so much, in any unit."""
         products = [0.0] * 4
         shown_deg = self._turned_deg[lag_ticks:]
         for pulse, expected, turned_deg in zip(self._pulses, self._expected, shown_deg, strict=False):
-            if pulse != self._uncounted:
+            if pulse != FIRST or self._unturned_s >= COMPASS_LAG_MAX_S:
                 products[pulse] += expected * turned_deg
         return sum(product * product for product in products)
+
+    def _counts(self, pulse: int, lag_ticks: int) -> bool:
+        """Return whether the turn of a pulse, and no earlier one, was shown with this lag before the test ended."""
+        if pulse not in self._pulses or (pulse == FIRST and self._unturned_s < COMPASS_LAG_MAX_S):
+            return False
+        since = len(self._pulses) - self._pulses.index(pulse) - lag_ticks
+        return since * self._dt_s >= SHOWN_S - 1e-6  # sums of periods fall a rounding error short
+
+    def _shown_deg(self, lag_ticks: int) -> list[float]:
+        """Return how far a compass with this lag showed the body turn for each pulse."""
+        shown_deg = [0.0] * 4
+        for pulse, turned_deg in zip(self._pulses, self._turned_deg[lag_ticks:], strict=False):
+            shown_deg[pulse] += turned_deg
+        return shown_deg
+
+
+def _response(turned: list[float], moved: list[float], counts: list[bool]) -> Response:
+    """Return the response of a side from those to its two pulses, of which only some count."""
+    strengths = [max(turned[n], moved[n]) for n in range(2) if counts[n]]
+    return Response(max(turned), max(moved), min(strengths, default=0.0), all(counts))
 
 
 def any_opposes(left: Response, right: Response) -> bool:
@@ -120,8 +144,3 @@ def any_opposes(left: Response, right: Response) -> bool:
     sees = max(left.moved, right.moved) >= CLEAR
     opposed = (left.turned <= -CLEAR) + (right.turned <= -CLEAR)
     return opposed == 2 or (opposed == 1 and not sees)
-
-
-def strength(side: Response) -> float:
-    """Return how strong a side is, at most 1: ground that holds every turn still lets it drag the other one along."""
-    return min(max(side.turned, side.moved), 1.0)

@@ -12,7 +12,15 @@ from collections import deque
 from math import degrees, inf
 from typing import Final
 
-from wayfarer.detector.self_test import BODY_LAG_S, CLEAR, COMPASS_LAG_MAX_S, PUSHES_FROM, SelfTest, any_opposes, strength
+from wayfarer.detector.self_test import (
+    BODY_LAG_S,
+    CLEAR,
+    COMPASS_LAG_MAX_S,
+    PUSHES_FROM,
+    Response,
+    SelfTest,
+    any_opposes,
+)
 from wayfarer.escape.api import SideGains, Vehicle
 from wayfarer.hal import STOP
 from wayfarer.safety.conditions import Condition
@@ -158,7 +166,7 @@ class SideMonitor:
         """Believe both sides: a person has armed the rover and has looked at it."""
         self._watch.reset()
         self._test: SelfTest | None = None
-        self._unturned_s = 0.0  # since the last command to turn
+        self._unturned_s = inf  # since the last command to turn
         self._spoilt = False  # whether the heading was in doubt during the test
         self._not_before_s = -inf
         self._again_s = AGAIN_S
@@ -203,30 +211,34 @@ class SideMonitor:
 
     def begin_test(self) -> None:
         """Begin to judge the pulses that follow."""
-        self._test, self._spoilt = SelfTest(turned_before=self._unturned_s < COMPASS_LAG_MAX_S), False
+        self._test, self._spoilt = SelfTest(self._unturned_s), False
 
     def end_test(self, t_s: float) -> bool:
         """Judge the pulses; return whether they decided anything, or the body was held."""
         assert self._test is not None
-        responses = self._test.responses(self._deg_s_per_duty, self._m_s_per_duty)
+        left, right = self._test.responses(self._deg_s_per_duty, self._m_s_per_duty)
         self._test = None
-        left, right = (strength(side) for side in responses)
         self._watch.reset()
-        if self._spoilt:
-            self._not_before_s = t_s + UNDECIDED_AGAIN_S
-            return False
-        if any_opposes(*responses):
+        if any_opposes(left, right) and not self._spoilt:
             self._reversed = True
             return True
-        best = max(left, right)
-        weak = min(left, right) < WEAK_SHARE * best
-        if best < (CLEAR if weak else RESPONDS):
+        weak = min(left.strength, right.strength) < WEAK_SHARE * max(left.strength, right.strength)
+        shows = _shows_weakness(left, right) if weak else max(left.strength, right.strength) >= RESPONDS
+        if self._spoilt or not shows:
             self._not_before_s = t_s + UNDECIDED_AGAIN_S
             return False
         self._not_before_s = t_s + self._again_s
         self._again_s = min(2.0 * self._again_s, AGAIN_MAX_S)
-        self.gains = SideGains(_gain(left / best), _gain(right / best)) if weak else None
+        best = max(left.strength, right.strength)
+        self.gains = SideGains(_gain(left.strength / best), _gain(right.strength / best)) if weak else None
         return True
+
+
+def _shows_weakness(left: Response, right: Response) -> bool:
+    """Return whether the weaker side is weak, and not the body wedged: then the better one moves it both ways."""
+    weaker, better = (left, right) if left.strength < right.strength else (right, left)
+    moves = better.strength >= CLEAR and better.poorer >= RESPONDS and better.poorer * WEAK_SHARE > weaker.strength
+    return moves and (weaker.counts or better.moved >= CLEAR)
 
 
 def _gain(share: float) -> float:
