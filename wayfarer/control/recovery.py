@@ -5,10 +5,10 @@ from __future__ import annotations
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.detector.sides import SideMonitor
 from wayfarer.escape.api import Decision, Observation
-from wayfarer.escape.ladder import FULL_SELF_TEST, SELF_TEST, Ladder, Rung
+from wayfarer.escape.ladder import BLIND_DETOUR, FULL_SELF_TEST, SELF_TEST, Ladder, Rung
 from wayfarer.hal import MotionReading
-from wayfarer.safety.conditions import Condition
-from wayfarer.safety.entrapment import EntrapmentMonitor, PlaceMonitor
+from wayfarer.safety.conditions import BLIND, Condition
+from wayfarer.safety.entrapment import BlindRunMonitor, EntrapmentMonitor, PlaceMonitor
 from wayfarer.safety.mission_limits import Mission
 from wayfarer.safety.settings import EntrapmentSettings
 
@@ -28,6 +28,7 @@ class Recovery:
         self._gives_up = settings.give_up
         self._entrapment = EntrapmentMonitor(settings, quality_min)
         self._place = PlaceMonitor()
+        self._blind_run = BlindRunMonitor(quality_min)
         self._ladder = Ladder()
         self._sides = sides
         self._test: Rung | None = None  # the self-test under way
@@ -36,6 +37,7 @@ class Recovery:
         """Begin a mission."""
         self._entrapment.reset()
         self._place.reset()
+        self._blind_run.reset()
         self._ladder.reset()
         self._test = None
 
@@ -50,11 +52,17 @@ class Recovery:
         ladder, t_s = self._ladder, tick.t_s
         self._test_sides(t_s)
         self._place.update(tick, mission.north_m, mission.east_m)
+        blind = not BLIND.isdisjoint(tick.conditions)
+        self._blind_run.update(tick.forward_m, motion, blind=blind)
         # The detector's word for full duty that never turns the body:
         entrapped = Condition.ENTRAPPED in tick.conditions
         if entrapped:
             tick.conditions = tuple(each for each in tick.conditions if each is not Condition.ENTRAPPED)
         climbed = self._climb(tick, motion, entrapped=entrapped)
+        if not climbed and self._blind_run.long and ladder.rung is None and not ladder.rests(t_s):
+            self._blind_run.reset()
+            ladder.begin(BLIND_DETOUR)
+            climbed = True
         if ladder.begun:
             tick.conditions += (Condition.RESTING if ladder.rests(t_s) else Condition.NO_PROGRESS,)
         return climbed
@@ -66,7 +74,7 @@ class Recovery:
     def _climb(self, tick: TickRecord, motion: MotionReading | None, *, entrapped: bool) -> bool:
         """Climb the ladder where the algorithm makes no progress; give up where a person chose that."""
         ladder, monitor, place, t_s = self._ladder, self._entrapment, self._place, tick.t_s
-        if self._test is not None and not ladder.begun:
+        if (self._test is not None or ladder.rung is BLIND_DETOUR) and not ladder.begun:
             return False  # a self-test is neither a free run nor a try, and takes no time from the algorithm
         if ladder.rung is not None or ladder.rests(t_s):
             monitor.try_again()
@@ -97,4 +105,4 @@ class Recovery:
         self._test = test
         self._sides.begin_test()
         if self._ladder.rung is not test:
-            self._ladder.test(test)
+            self._ladder.begin(test)

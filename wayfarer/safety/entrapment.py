@@ -65,6 +65,43 @@ class PlaceMonitor:
         self._driven_s = min(self._driven_s, PLACE_S - RUNG_S)
 
 
+# Blind strides in a row after which the algorithm has had its chance. Each ends as an anomaly, so it has turned away
+# that often. From no source.
+UNSEEN_M: Final = 9.0
+# Seen ahead, this much ends a blind run: a body that a trunk holds is seen to back off, and to come back as far.
+SEEN_M: Final = 1.0
+
+
+class BlindRunMonitor:
+    """Measures how far the rover was driven ahead without sight; ``long`` is whether that is too far.
+
+    A blind rover that a trunk holds has free runs by its commands alone, and seems to get on. So does one that goes
+    round. Nothing it senses tells them from one that drives on free ground.
+    """
+
+    def __init__(self, quality_min: float) -> None:
+        self._quality_min = quality_min
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin a blind run here."""
+        self._unseen_m = self._seen_m = 0.0
+
+    @property
+    def long(self) -> bool:
+        """Whether the rover was driven too far without sight."""
+        return self._unseen_m >= UNSEEN_M
+
+    def update(self, forward_m: float, motion: MotionReading | None, *, blind: bool) -> None:
+        """Take in a tick: the distance commanded, and what the sensor saw; ``blind`` is whether it sees nothing."""
+        if blind:
+            self._unseen_m += max(forward_m, 0.0)
+        elif motion is not None and motion.quality >= self._quality_min:
+            self._seen_m = max(0.0, self._seen_m + motion.forward_m)
+            if self._seen_m >= SEEN_M:
+                self.reset()
+
+
 class EntrapmentMonitor:
     """Judges each tick of an armed rover and says when it makes no progress; ``reset`` starts again.
 
