@@ -14,7 +14,7 @@ from wayfarer.control.controller import Mode
 from wayfarer.escape.ladder import REST_S, RUNGS
 from wayfarer.hal import STOP, CompassReading, MotionReading, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
-from wayfarer.safety.entrapment import EntrapmentMonitor
+from wayfarer.safety.entrapment import SEEN_M, UNSEEN_M, BlindRunMonitor, EntrapmentMonitor
 from wayfarer.safety.settings import EntrapmentSettings
 from wayfarer.safety.tick_interval import TickInterval
 
@@ -217,3 +217,43 @@ async def test_hold_stops_the_wheels_on_the_ladder_too() -> None:
     bench.controller.hold(bench.t_s, held=False)
     await nose_up(bench, 5.0)
     assert bench.wheels == STOP
+
+
+# -- without sight ----------------------------------------------------------------------------------------------------
+
+STEP_M = 0.05
+SEEN = MotionReading(0.0, STEP_M, 0.0, 0.8)
+
+
+def blind_run(length_m: float) -> BlindRunMonitor:
+    monitor = BlindRunMonitor(quality_min=0.2)
+    for _ in range(round(length_m / STEP_M)):
+        monitor.update(STEP_M, None, blind=True)
+    return monitor
+
+
+def test_run_without_sight_is_long_after_its_distance() -> None:
+    assert not blind_run(UNSEEN_M - 1.0).long
+    assert blind_run(UNSEEN_M + 1.0).long
+
+
+def test_reversing_without_sight_is_no_run() -> None:
+    monitor = blind_run(UNSEEN_M - 1.0)
+    for _ in range(1000):
+        monitor.update(-STEP_M, None, blind=True)
+    assert not monitor.long
+
+
+def test_metre_that_is_seen_ends_a_run_without_sight() -> None:
+    monitor = blind_run(UNSEEN_M + 1.0)
+    for _ in range(round(SEEN_M / STEP_M) + 1):
+        monitor.update(STEP_M, SEEN, blind=False)
+    assert not monitor.long
+
+
+def test_backing_off_and_coming_back_in_sight_does_not_end_a_run_without_sight() -> None:
+    monitor = blind_run(UNSEEN_M + 1.0)
+    for _ in range(100):
+        for step_m in (-STEP_M, -STEP_M, -STEP_M, STEP_M, STEP_M, STEP_M):
+            monitor.update(step_m, SEEN._replace(forward_m=step_m), blind=False)
+    assert monitor.long

@@ -1,4 +1,4 @@
-"""What an armed rover does beside its algorithm: self-tests of its wheels, the ladder, and rests. Pure."""
+"""What an armed rover does beside its algorithm: self-tests of its wheels, the ladder, rests, blind detours. Pure."""
 
 from __future__ import annotations
 
@@ -52,17 +52,12 @@ class Recovery:
         ladder, t_s = self._ladder, tick.t_s
         self._test_sides(t_s)
         self._place.update(tick, mission.north_m, mission.east_m)
-        blind = not BLIND.isdisjoint(tick.conditions)
-        self._blind_run.update(tick.forward_m, motion, blind=blind)
+        self._blind_run.update(tick.forward_m, motion, blind=not BLIND.isdisjoint(tick.conditions))
         # The detector's word for full duty that never turns the body:
         entrapped = Condition.ENTRAPPED in tick.conditions
         if entrapped:
             tick.conditions = tuple(each for each in tick.conditions if each is not Condition.ENTRAPPED)
-        climbed = self._climb(tick, motion, entrapped=entrapped)
-        if not climbed and self._blind_run.long and ladder.rung is None and not ladder.rests(t_s):
-            self._blind_run.reset()
-            ladder.begin(BLIND_DETOUR)
-            climbed = True
+        climbed = self._climb(tick, motion, entrapped=entrapped) or self._detour(t_s)
         if ladder.begun:
             tick.conditions += (Condition.RESTING if ladder.rests(t_s) else Condition.NO_PROGRESS,)
         return climbed
@@ -75,7 +70,7 @@ class Recovery:
         """Climb the ladder where the algorithm makes no progress; give up where a person chose that."""
         ladder, monitor, place, t_s = self._ladder, self._entrapment, self._place, tick.t_s
         if (self._test is not None or ladder.rung is BLIND_DETOUR) and not ladder.begun:
-            return False  # a self-test is neither a free run nor a try, and takes no time from the algorithm
+            return False  # neither is a free run nor a try, and both take no time from the algorithm
         if ladder.rung is not None or ladder.rests(t_s):
             monitor.try_again()
             place.try_again()
@@ -88,6 +83,15 @@ class Recovery:
         elif monitor.progressed and place.left and ladder.begun:
             ladder.progress()
         return False
+
+    def _detour(self, t_s: float) -> bool:
+        """Begin a detour where the rover was driven too far without sight; return whether it did."""
+        ladder = self._ladder
+        if not self._blind_run.long or ladder.rung is not None or ladder.rests(t_s):
+            return False
+        self._blind_run.reset()
+        ladder.begin(BLIND_DETOUR)
+        return True
 
     def _test_sides(self, t_s: float) -> None:
         """Begin a self-test that is due, and judge one that is over; one that showed nothing is done at full duty."""

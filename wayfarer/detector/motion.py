@@ -36,7 +36,8 @@ class MotionMonitor:
     ``ahead_m`` is how far it was seen to move ahead since the start, minus how far it moved back. ``reading`` is what
     may be believed of this tick's reading: its quality is 0 where its zeros are doubted (``detector.sight``), and while
     the sensor is silent, because motion that nobody saw is unknown, not zero. ``stride_over`` says that a rover that
-    sees nothing has driven ahead for ``blind_stride_m``: it may have been stuck for all of it.
+    sees nothing has driven ahead for ``blind_stride_m``, and may have been stuck for all of it, or that something holds
+    it, because its heading does not answer steering.
     """
 
     def __init__(self, settings: DetectorSettings, vehicle: Vehicle, *, watched: bool) -> None:
@@ -108,7 +109,7 @@ class MotionMonitor:
             conditions.append(Condition.RUNAWAY)
 
     def _stride(self, forward_m: float, conditions: list[Condition]) -> None:
-        """Add what was commanded ahead; only motion that is seen ends a stride, a few sure zeros do not."""
+        """Add what was commanded ahead; only motion that is seen begins it again, a few sure zeros do not."""
         self.stride_over = False
         if self.moves:
             self._blind_m = 0.0

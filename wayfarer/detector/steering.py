@@ -13,8 +13,8 @@ from typing import Final
 from wayfarer.escape.api import Vehicle
 from wayfarer.safety.tick_interval import TickInterval
 
-# All from no source, found by measurement in MuJoCo (docs/faults.md): what is steered, and how far the body turned, are
-# leaky sums over this time.
+# The numbers are from no source; they were chosen by measurement in MuJoCo. What was steered, and how far the body
+# turned, are leaky sums over this time.
 MEMORY_S: Final = 0.8
 BODY_LAG_S: Final = 0.1  # as ``escape.turn_control.LAG_S``
 # Below this share of the turn that was steered, it is no answer.
@@ -29,7 +29,10 @@ AHEAD_SHARE: Final = 0.5
 
 
 class SteeringMonitor:
-    """Compares steering with the turn of the body; ``unanswered`` is whether something must hold it."""
+    """Compares steering with the turn of the body; ``unanswered`` is whether something must hold it.
+
+    Sums are in seconds of full turn duty on ideal ground, clockwise positive.
+    """
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._ideal_deg_s = degrees(2.0 * vehicle.max_speed_m_s / vehicle.track_m)  # at turn duty 1 on ideal ground
@@ -42,9 +45,8 @@ class SteeringMonitor:
         self.unanswered = False
 
     def update(self, interval: TickInterval, turned_deg: float, *, moves: bool) -> None:
-        """Take in a tick, how far the body turned in it, and whether it is seen to move."""
-        left, right = interval.commanded
-        dt_s = interval.dt_s
+        """Take in a tick: how far the body turned in it, clockwise positive, and whether it is seen to move."""
+        (left, right), dt_s = interval.commanded, interval.dt_s
         if interval.forward_m <= 0.0 or left + right < AHEAD_SHARE * abs(left - right):
             self.begin()
             return

@@ -67,8 +67,11 @@ RUNGS: Final = (
     Rung("ladder.long_back", (Step(3.0, -1.0, 0.0), Step(1.0, 0.0, 1.0))),
     Rung("ladder.random_turn", (Step(1.0, -0.8, 0.0), Step(2.5, 0.0, 1.0), Step(1.5, 0.8, 0.0)), random=True),
 )
-# What a rover does that was driven far without sight: a step of a random walk.
-BLIND_DETOUR: Final = Rung("blind_detour", (Step(1.0, -0.8, 0.0), Step(2.5, 0.0, 1.0), Step(2.5, 0.8, 0.0)), random=True)
+# A step of a random walk, for a rover that was driven far without sight. It is no step on the ladder: there may be
+# nothing in the way. Times and duties as above.
+BLIND_DETOUR: Final = Rung(
+    "ladder.blind_detour", (Step(1.0, -0.8, 0.0), Step(2.5, 0.0, 1.0), Step(2.5, 0.8, 0.0)), random=True
+)
 REST_S: Final = 30.0  # the first; each further one is twice as long
 REST_MAX_S: Final = 600.0
 LEAST_TURN: Final = 0.3  # of a random rung's turn

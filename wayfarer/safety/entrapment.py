@@ -65,18 +65,20 @@ class PlaceMonitor:
         self._driven_s = min(self._driven_s, PLACE_S - RUNG_S)
 
 
-# Blind strides in a row after which the algorithm has had its chance. Each ends as an anomaly, so it has turned away
-# that often. From no source.
-UNSEEN_M: Final = 9.0
-# Seen ahead, this much ends a blind run: a body that a trunk holds is seen to back off, and to come back as far.
+# Driven ahead without sight, after which the algorithm has had its chance: twenty strides that end at a trunk, or a few
+# rounds of a loop. Shorter runs interrupt an algorithm that gets on: with 9 m the path of a rover whose sensor is dead
+# was 2.4 times as long (physics-light, 40 trials of each shipped rover).
+UNSEEN_M: Final = 60.0
+# So much seen ahead ends a blind run: a body that a trunk holds may be seen to back off, and to come back as far. From
+# no source.
 SEEN_M: Final = 1.0
 
 
 class BlindRunMonitor:
     """Measures how far the rover was driven ahead without sight; ``long`` is whether that is too far.
 
-    A blind rover that a trunk holds has free runs by its commands alone, and seems to get on. So does one that goes
-    round. Nothing it senses tells them from one that drives on free ground.
+    A rover without sight covers ground by its commands alone, so that neither of the other monitors ever finds that a
+    trunk holds it, or that it goes round in a loop.
     """
 
     def __init__(self, quality_min: float) -> None:
@@ -93,7 +95,13 @@ class BlindRunMonitor:
         return self._unseen_m >= UNSEEN_M
 
     def update(self, forward_m: float, motion: MotionReading | None, *, blind: bool) -> None:
-        """Take in a tick: the distance commanded, and what the sensor saw; ``blind`` is whether it sees nothing."""
+        """Take in a tick.
+
+        Args:
+            forward_m: the distance commanded since the last tick, negative in reverse.
+            motion: what the motion sensor saw since then, None where it has not spoken.
+            blind: whether the motion sensor has seen nothing for a while.
+        """
         if blind:
             self._unseen_m += max(forward_m, 0.0)
         elif motion is not None and motion.quality >= self._quality_min:
