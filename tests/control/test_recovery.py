@@ -7,7 +7,6 @@ from math import inf
 import pytest
 
 from tests.control.bench import TICK_S, Bench
-from tests.workshop import VEHICLE
 from wayfarer.config.rover_file import load_rover
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.tick_record import TickRecord
@@ -17,7 +16,7 @@ from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.trial import run_watched
 from wayfarer.hal import MotionReading, WheelCommand
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.entrapment import UNSEEN_M
+from wayfarer.safety.entrapment import UNSEEN_S
 from wayfarer.simhal.faults.kinds import Drive, Fault
 from wayfarer.simhal.world.grounds import GroundName
 
@@ -89,10 +88,10 @@ async def test_rover_that_stays_at_one_place_climbs_the_ladder_though_it_has_fre
     assert Condition.NO_PROGRESS in bench.controller.conditions
 
 
-async def blind(bench: Bench, commanded_m: float) -> list[str]:
-    """Drive so far without sight; return what was decided."""
+async def blind(bench: Bench, for_s: float) -> list[str]:
+    """Drive for so long without sight; return what was decided."""
     whys = []
-    for _ in range(round(commanded_m / (0.5 * VEHICLE.max_speed_m_s * TICK_S))):
+    for _ in range(round(for_s / TICK_S)):
         bench.handler.wheels = WheelCommand(0.5, 0.5)
         bench.buffers.motion.write(MotionReading(bench.t_s + TICK_S, 0.0, 0.0, 0.0))
         await bench.tick()
@@ -101,9 +100,9 @@ async def blind(bench: Bench, commanded_m: float) -> list[str]:
     return whys
 
 
-async def test_rover_that_is_driven_far_without_sight_makes_a_detour_and_goes_on() -> None:
+async def test_rover_that_is_driven_long_without_sight_makes_a_detour_and_goes_on() -> None:
     bench = await Bench(watches_motion=True).armed()
-    assert set(await blind(bench, UNSEEN_M - 1.0)) == {"follow"}
+    assert set(await blind(bench, UNSEEN_S - 1.0)) == {"follow"}
     whys = await blind(bench, 12.0)
     assert BLIND_DETOUR.name in whys
     assert whys[-1] == "follow"

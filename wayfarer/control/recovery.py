@@ -52,7 +52,7 @@ class Recovery:
         ladder, t_s = self._ladder, tick.t_s
         self._test_sides(t_s)
         self._place.update(tick, mission.north_m, mission.east_m)
-        self._blind_run.update(tick.forward_m, motion, blind=not BLIND.isdisjoint(tick.conditions))
+        self._blind_run.update(tick, motion, blind=not BLIND.isdisjoint(tick.conditions))
         # The detector's word for full duty that never turns the body:
         entrapped = Condition.ENTRAPPED in tick.conditions
         if entrapped:
@@ -85,7 +85,7 @@ class Recovery:
         return False
 
     def _detour(self, t_s: float) -> bool:
-        """Begin a detour where the rover was driven too far without sight; return whether it did."""
+        """Begin a detour where the rover was driven without sight for too long; return whether it did."""
         ladder = self._ladder
         if not self._blind_run.long or ladder.rung is not None or ladder.rests(t_s):
             return False

@@ -67,7 +67,7 @@ RUNGS: Final = (
     Rung("ladder.long_back", (Step(3.0, -1.0, 0.0), Step(1.0, 0.0, 1.0))),
     Rung("ladder.random_turn", (Step(1.0, -0.8, 0.0), Step(2.5, 0.0, 1.0), Step(1.5, 0.8, 0.0)), random=True),
 )
-# A step of a random walk, for a rover that was driven far without sight. It is no step on the ladder: there may be
+# A step of a random walk, for a rover that was driven long without sight. It is no step on the ladder: there may be
 # nothing in the way. Times and duties as above.
 BLIND_DETOUR: Final = Rung(
     "ladder.blind_detour", (Step(1.0, -0.8, 0.0), Step(2.5, 0.0, 1.0), Step(2.5, 0.8, 0.0)), random=True
