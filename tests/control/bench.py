@@ -82,6 +82,7 @@ class Bench:
         wheels: WheelMotors | None = None,
         *,
         give_up: bool = False,
+        watches_motion: bool = False,
         **safety: Any,
     ) -> None:
         limits = SafetySettings(**{"start_delay_s": 0.0, "settle_s": 0.2, "slew_per_s": 1000.0} | safety)
@@ -89,9 +90,8 @@ class Bench:
         self.config = RoverConfig(name="bench", vehicle=VEHICLE, safety=limits, board=BOARD, progress=progress)
         self.motors, self.buffers, self.log = Motors(), SensorBuffers(), EventLog()
         self.handler = Wanting()
-        detector = Detector(
-            self.config.detector, VEHICLE, watches_motion=False, may_reckon=limits.on_lost_sense == "continue"
-        )
+        may_reckon = limits.on_lost_sense == "continue"
+        detector = Detector(self.config.detector, VEHICLE, watches_motion=watches_motion, may_reckon=may_reckon)
         self.controller = Controller(
             wheels or self.motors, self.buffers, self.config, detector, handler or self.handler, self.log
         )

@@ -11,11 +11,12 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import SideGains
-from wayfarer.escape.ladder import SELF_TEST
+from wayfarer.escape.ladder import BLIND_DETOUR, SELF_TEST
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.trial import run_watched
 from wayfarer.hal import MotionReading, WheelCommand
 from wayfarer.safety.conditions import Condition
+from wayfarer.safety.entrapment import UNSEEN_S
 from wayfarer.simhal.faults.kinds import Drive, Fault
 from wayfarer.simhal.world.grounds import GroundName
 
@@ -85,3 +86,24 @@ async def test_rover_that_stays_at_one_place_climbs_the_ladder_though_it_has_fre
     assert Condition.NO_PROGRESS not in bench.controller.conditions
     await to_and_fro(bench, 20.0)
     assert Condition.NO_PROGRESS in bench.controller.conditions
+
+
+async def blind(bench: Bench, for_s: float) -> list[str]:
+    """Drive for so long without sight; return what was decided."""
+    whys = []
+    for _ in range(round(for_s / TICK_S)):
+        bench.handler.wheels = WheelCommand(0.5, 0.5)
+        bench.buffers.motion.write(MotionReading(bench.t_s + TICK_S, 0.0, 0.0, 0.0))
+        await bench.tick()
+        assert bench.controller.last is not None
+        whys.append(bench.controller.last.decision.why)
+    return whys
+
+
+async def test_rover_that_is_driven_long_without_sight_makes_a_detour_and_goes_on() -> None:
+    bench = await Bench(watches_motion=True).armed()
+    assert set(await blind(bench, UNSEEN_S - 1.0)) == {"follow"}
+    whys = await blind(bench, 12.0)
+    assert BLIND_DETOUR.name in whys
+    assert whys[-1] == "follow"
+    assert Condition.NO_PROGRESS not in bench.controller.conditions

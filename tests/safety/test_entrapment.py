@@ -14,7 +14,7 @@ from wayfarer.control.controller import Mode
 from wayfarer.escape.ladder import REST_S, RUNGS
 from wayfarer.hal import STOP, CompassReading, MotionReading, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
-from wayfarer.safety.entrapment import EntrapmentMonitor
+from wayfarer.safety.entrapment import SEEN_M, UNSEEN_S, BlindRunMonitor, EntrapmentMonitor
 from wayfarer.safety.settings import EntrapmentSettings
 from wayfarer.safety.tick_interval import TickInterval
 
@@ -217,3 +217,47 @@ async def test_hold_stops_the_wheels_on_the_ladder_too() -> None:
     bench.controller.hold(bench.t_s, held=False)
     await nose_up(bench, 5.0)
     assert bench.wheels == STOP
+
+
+# -- without sight ----------------------------------------------------------------------------------------------------
+
+STEP_M = 0.05
+SEEN = MotionReading(0.0, STEP_M, 0.0, 0.8)
+
+
+def interval(forward_m: float) -> TickInterval:
+    """A tick in which the rover was driven this far."""
+    return TickInterval(0.0, AHEAD if forward_m > 0.0 else BACK, TICK_S, TICK_S, forward_m)
+
+
+def blind_run(for_s: float, forward_m: float = STEP_M) -> BlindRunMonitor:
+    monitor = BlindRunMonitor(quality_min=0.2)
+    for _ in range(round(for_s / TICK_S)):
+        monitor.update(interval(forward_m), None, blind=True)
+    return monitor
+
+
+def test_run_without_sight_is_long_after_its_time() -> None:
+    assert not blind_run(UNSEEN_S - 1.0).long
+    assert blind_run(UNSEEN_S + 1.0).long
+
+
+def test_reversing_without_sight_is_no_run() -> None:
+    assert not blind_run(2.0 * UNSEEN_S, -STEP_M).long
+
+
+def test_metre_that_is_seen_ends_a_run_without_sight() -> None:
+    monitor = blind_run(UNSEEN_S + 1.0)
+    for _ in range(round(SEEN_M / STEP_M) + 1):
+        monitor.update(interval(STEP_M), SEEN, blind=False)
+    assert not monitor.long
+
+
+@pytest.mark.parametrize("back_is_seen", [False, True])
+def test_backing_off_and_coming_back_in_sight_does_not_end_a_run_without_sight(back_is_seen: bool) -> None:
+    monitor = blind_run(UNSEEN_S + 1.0)
+    for _ in range(100):
+        for step_m in (-STEP_M, -STEP_M, -STEP_M, STEP_M, STEP_M, STEP_M):
+            blind = step_m < 0.0 and not back_is_seen
+            monitor.update(interval(step_m), SEEN._replace(forward_m=step_m), blind=blind)
+    assert monitor.long

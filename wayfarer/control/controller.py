@@ -27,7 +27,7 @@ from wayfarer.errors import BadReading, DriverError
 from wayfarer.escape.api import Decision, EscapeHandler, Observation
 from wayfarer.hal import STOP, PositionFix, WheelCommand
 from wayfarer.safety.arming import ArmingSequence
-from wayfarer.safety.conditions import Condition, Level
+from wayfarer.safety.conditions import BLIND, Condition, Level
 from wayfarer.safety.gate import Gate
 from wayfarer.safety.mission_limits import Mission, RunEnd
 from wayfarer.safety.resume_warning import ResumeWarning
@@ -58,9 +58,6 @@ _FAULT: Final = Level.FAULT
 _RUNAWAY: Final = Condition.RUNAWAY
 _WHEELS_ASTRAY: Final = frozenset({Condition.BOARD_DISAGREES, Condition.RUNAWAY})
 _BOARD_FAULT: Final = Condition.BOARD_FAULT
-_BLIND: Final = frozenset(
-    {Condition.MOTION_STALE, Condition.MOTION_UNKNOWN, Condition.MOTION_LOST, Condition.MOTION_GONE}
-)
 # Of what is driven without sight, for the distance from the start: it was driven, or pushed at a trunk.
 UNSEEN_SHARE: Final = 0.5
 # A stop that the board did not acknowledge may not have reached it. Its deadman stops the wheels after 0.3 s at most
@@ -214,7 +211,7 @@ class Controller:
         if tick.cause is not self._last_cause or (armed and tick.level is _FAULT):
             self._note_health(t_s, tick.level, tick.cause)
         if mission is not None and observation is not None:
-            if not _BLIND.isdisjoint(conditions):
+            if not BLIND.isdisjoint(conditions):
                 covered_m *= UNSEEN_SHARE
             mission.advance(tick.forward_m, covered_m, observation.heading_deg)
             if self.end is None:

@@ -1,14 +1,14 @@
-"""What an armed rover does beside its algorithm: self-tests of its wheels, the ladder, and rests. Pure."""
+"""What an armed rover does beside its algorithm: self-tests of its wheels, the ladder, rests, blind detours. Pure."""
 
 from __future__ import annotations
 
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.detector.sides import SideMonitor
 from wayfarer.escape.api import Decision, Observation
-from wayfarer.escape.ladder import SELF_TEST, THOROUGH_SELF_TEST, Ladder, Rung
+from wayfarer.escape.ladder import BLIND_DETOUR, SELF_TEST, THOROUGH_SELF_TEST, Ladder, Rung
 from wayfarer.hal import MotionReading
-from wayfarer.safety.conditions import Condition
-from wayfarer.safety.entrapment import EntrapmentMonitor, PlaceMonitor
+from wayfarer.safety.conditions import BLIND, Condition
+from wayfarer.safety.entrapment import BlindRunMonitor, EntrapmentMonitor, PlaceMonitor
 from wayfarer.safety.mission_limits import Mission
 from wayfarer.safety.settings import EntrapmentSettings
 
@@ -28,6 +28,7 @@ class Recovery:
         self._gives_up = settings.give_up
         self._entrapment = EntrapmentMonitor(settings, quality_min)
         self._place = PlaceMonitor()
+        self._blind_run = BlindRunMonitor(quality_min)
         self._ladder = Ladder()
         self._sides = sides
         self._test: Rung | None = None  # the self-test under way
@@ -36,6 +37,7 @@ class Recovery:
         """Begin a mission."""
         self._entrapment.reset()
         self._place.reset()
+        self._blind_run.reset()
         self._ladder.reset()
         self._test = None
 
@@ -50,11 +52,12 @@ class Recovery:
         ladder, t_s = self._ladder, tick.t_s
         self._test_sides(t_s)
         self._place.update(tick, mission.north_m, mission.east_m)
+        self._blind_run.update(tick, motion, blind=not BLIND.isdisjoint(tick.conditions))
         # The detector's word for full duty that never turns the body:
         entrapped = Condition.ENTRAPPED in tick.conditions
         if entrapped:
             tick.conditions = tuple(each for each in tick.conditions if each is not Condition.ENTRAPPED)
-        climbed = self._climb(tick, motion, entrapped=entrapped)
+        climbed = self._climb(tick, motion, entrapped=entrapped) or self._detour(t_s)
         if ladder.begun:
             tick.conditions += (Condition.RESTING if ladder.rests(t_s) else Condition.NO_PROGRESS,)
         return climbed
@@ -66,8 +69,8 @@ class Recovery:
     def _climb(self, tick: TickRecord, motion: MotionReading | None, *, entrapped: bool) -> bool:
         """Climb the ladder where the algorithm makes no progress; give up where a person chose that."""
         ladder, monitor, place, t_s = self._ladder, self._entrapment, self._place, tick.t_s
-        if self._test is not None and not ladder.begun:
-            return False  # a self-test is neither a free run nor a try, and takes no time from the algorithm
+        if (self._test is not None or ladder.rung is BLIND_DETOUR) and not ladder.begun:
+            return False  # neither is a free run nor a try, and both take no time from the algorithm
         if ladder.rung is not None or ladder.rests(t_s):
             monitor.try_again()
             place.try_again()
@@ -80,6 +83,15 @@ class Recovery:
         elif monitor.progressed and place.left and ladder.begun:
             ladder.progress()
         return False
+
+    def _detour(self, t_s: float) -> bool:
+        """Begin a detour where the rover was driven without sight for too long; return whether it did."""
+        ladder = self._ladder
+        if not self._blind_run.long or ladder.rung is not None or ladder.rests(t_s):
+            return False
+        self._blind_run.reset()
+        ladder.begin(BLIND_DETOUR)
+        return True
 
     def _test_sides(self, t_s: float) -> None:
         """Begin a self-test that is due, and judge one that is over; after one that shows nothing, a thorough one."""
@@ -97,4 +109,4 @@ class Recovery:
         self._test = test
         self._sides.begin_test()
         if self._ladder.rung is not test:
-            self._ladder.test(test)
+            self._ladder.begin(test)

@@ -9,9 +9,10 @@ from wayfarer.detector.runaway import RunawayMonitor
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.detector.sight import ReadingDoubt, ZeroDoubt
 from wayfarer.detector.stall import StallMonitor
+from wayfarer.detector.steering import SteeringMonitor
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import MotionReading
-from wayfarer.safety.conditions import Condition
+from wayfarer.safety.conditions import BLIND, Condition
 from wayfarer.safety.tick_interval import TickInterval
 
 # A reading counts for at most this share of the commanded distance of this or the previous reading (a rover may roll
@@ -35,7 +36,8 @@ class MotionMonitor:
     ``ahead_m`` is how far it was seen to move ahead since the start, minus how far it moved back. ``reading`` is what
     may be believed of this tick's reading: its quality is 0 where its zeros are doubted (``detector.sight``), and while
     the sensor is silent, because motion that nobody saw is unknown, not zero. ``stride_over`` says that a rover that
-    sees nothing has driven ahead for ``blind_stride_m``: it may have been stuck for all of it.
+    sees nothing has driven ahead for ``blind_stride_m``, and may have been stuck for all of it, or that something holds
+    it, because its heading does not answer steering.
     """
 
     def __init__(self, settings: DetectorSettings, vehicle: Vehicle, *, watched: bool) -> None:
@@ -49,6 +51,7 @@ class MotionMonitor:
         self._speed_max_m_s = settings.motion_speed_max_m_s
         self.stall = StallMonitor(settings)
         self.runaway = RunawayMonitor(settings)
+        self._steering = SteeringMonitor(vehicle)
         self._zeros, self._readings = ZeroDoubt(), ReadingDoubt()
         self._stride_m = settings.blind_stride_m
         self._blind_m = 0.0
@@ -100,20 +103,23 @@ class MotionMonitor:
         self.reading = reading
         if t_s - self._moved_t_s > self._stale_s:
             self._check_ages(t_s, conditions)
+        self._steering.update(interval, turned_deg, moves=self.moves)
         self._stride(interval.forward_m, conditions)
         if self.runaway.found:
             conditions.append(Condition.RUNAWAY)
 
     def _stride(self, forward_m: float, conditions: list[Condition]) -> None:
-        """Add what was commanded ahead; only motion that is seen ends a stride, a few sure zeros do not."""
+        """Add what was commanded ahead; only motion that is seen begins it again, a few sure zeros do not."""
         self.stride_over = False
         if self.moves:
             self._blind_m = 0.0
         elif self._watched and forward_m > 0.0:
             self._blind_m += forward_m
             share = SHORT_SHARE if self._lies or Condition.HEADING_RECKONED in conditions else 1.0
-            if self._blind_m >= share * self._stride_m:
+            held = self._steering.unanswered and not BLIND.isdisjoint(conditions)
+            if held or self._blind_m >= share * self._stride_m:
                 self._blind_m = 0.0
+                self._steering.begin()
                 self.stride_over = True
 
     def _take(self, t_s: float, reading: MotionReading, conditions: list[Condition]) -> None:

@@ -72,6 +72,11 @@ RUNGS: Final = (
     Rung("ladder.long_back", (Step(3.0, -1.0, 0.0), Step(1.0, 0.0, 1.0))),
     Rung("ladder.random_turn", (Step(1.0, -0.8, 0.0), Step(2.5, 0.0, 1.0), Step(1.5, 0.8, 0.0)), random=True),
 )
+# A step of a random walk, for a rover that was driven long without sight. It is no step on the ladder: there may be
+# nothing in the way. Times and duties as above.
+BLIND_DETOUR: Final = Rung(
+    "ladder.blind_detour", (Step(1.0, -0.8, 0.0), Step(2.5, 0.0, 1.0), Step(2.5, 0.8, 0.0)), random=True
+)
 REST_S: Final = 30.0  # the first; each further one is twice as long
 REST_MAX_S: Final = 600.0
 LEAST_TURN: Final = 0.3  # of a random rung's turn
@@ -115,14 +120,11 @@ class Ladder:
         self.begun = True
         rung = RUNGS[self._next]
         self._next += 1
-        self._begin(rung)
+        self.begin(rung)
         return rung
 
-    def test(self, rung: Rung) -> None:
-        """Begin a self-test now; it is no step on the ladder."""
-        self._begin(rung)
-
-    def _begin(self, rung: Rung) -> None:
+    def begin(self, rung: Rung) -> None:
+        """Begin a rung now; it is no step on the ladder."""
         self.rung = rung
         self._step, self._ends_t_s = -1, 0.0
         self._side, self._share = -self._last_turn, 1.0

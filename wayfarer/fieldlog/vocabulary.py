@@ -55,6 +55,7 @@ LADDER_TEXTS: Mapping[str, str] = {
     "ladder.rock": "no progress: it rocks ahead and back",
     "ladder.long_back": "no progress: it goes a long way back",
     "ladder.random_turn": "no progress: it tries a random turn",
+    "ladder.blind_detour": "driven long without sight: it drives back, turns at random and drives on",
 }
 
 ANOMALY_TEXTS: Mapping[str, str] = {

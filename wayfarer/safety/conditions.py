@@ -10,6 +10,7 @@ Ignorance is no danger. A rover that has lost a sense in a wood is lost if it st
 from __future__ import annotations
 
 from enum import Enum, IntEnum
+from typing import Final
 
 
 class Level(IntEnum):
@@ -58,3 +59,9 @@ class Condition(Enum):
     RESUME_WARNING = "resume_warning"
     TICK_LATE = "tick_late"
     DECISION_INVALID = "decision_invalid"
+
+
+BLIND: Final = frozenset(
+    {Condition.MOTION_STALE, Condition.MOTION_UNKNOWN, Condition.MOTION_LOST, Condition.MOTION_GONE}
+)
+"""What says that the motion sensor sees nothing."""

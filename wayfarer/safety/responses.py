@@ -62,7 +62,9 @@ _STANDS_FOR_COMPASS: Final = (
     "stands while the compass is opened again; after 3 s it reckons the heading, unless it drives among people"
 )
 _COMPASS_IS_BACK: Final = "the compass is believed again, or the heading is reckoned"
-_BLIND: Final = "drives at most 3 m ahead at a time, then turns away as if it were stuck"
+_BLIND: Final = (
+    "drives at most 3 m ahead at a time, less if its heading does not answer steering, then turns away as if stuck"
+)
 _BLIND_AND_SILENT: Final = f"{_BLIND}; the sensor is opened again every 2 s"
 _SEES: Final = "the motion sensor sees the ground again"
 _DISARMS: Final = "stops and disarms"
