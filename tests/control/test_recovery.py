@@ -10,7 +10,7 @@ from tests.control.bench import TICK_S, Bench
 from wayfarer.config.rover_file import load_rover
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.tick_record import TickRecord
-from wayfarer.escape.api import SideGains
+from wayfarer.escape.api import Anomaly, SideGains
 from wayfarer.escape.ladder import BLIND_DETOUR, SELF_TEST
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.trial import run_watched
@@ -68,6 +68,16 @@ def test_rover_with_reversed_sides_is_stopped() -> None:
 )
 def test_wheels_of_a_rover_with_a_weak_side(gains: SideGains, wheels: WheelCommand, compensated: WheelCommand) -> None:
     assert gains.compensate(wheels) == pytest.approx(compensated)
+
+
+@pytest.mark.parametrize("right", [0.5, -0.5])
+def test_turn_with_one_side_alone_does_not_climb_further_up_what_has_tilted_the_body(right: float) -> None:
+    """It moves the body, and with a trunk in the way it would tip it over; the other way round it comes down."""
+    gains, turn = SideGains(0.0, 1.0), WheelCommand(-right, right)
+    climbs, descends = (Anomaly.NOSE_UP, Anomaly.NOSE_DOWN) if right > 0.0 else (Anomaly.NOSE_DOWN, Anomaly.NOSE_UP)
+    assert gains.compensate(turn, (climbs,)) == WheelCommand(0.0, -2.0 * right)
+    assert gains.compensate(turn, (descends,)) == WheelCommand(0.0, 2.0 * right)
+    assert gains.compensate(WheelCommand(right, right), (climbs,)) == WheelCommand(0.0, 2.0 * right)
 
 
 async def to_and_fro(bench: Bench, for_s: float) -> None:

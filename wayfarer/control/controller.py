@@ -224,7 +224,9 @@ class Controller:
             self._away_s += tick.dt_s
             return decision
         decision, gains = self._handler.decide(observation), self._detector.sides.gains
-        return decision if gains is None else decision._replace(wheels=gains.compensate(decision.wheels))
+        if gains is None:
+            return decision
+        return decision._replace(wheels=gains.compensate(decision.wheels, observation.anomalies))
 
     def _add_conditions(self, tick: TickRecord) -> None:
         """Add the controller's own conditions to those of the detector."""

@@ -119,18 +119,24 @@ class SideGains(NamedTuple):
     left: float
     right: float
 
-    def compensate(self, wheels: WheelCommand) -> WheelCommand:
+    def compensate(self, wheels: WheelCommand, anomalies: tuple[Anomaly, ...] = ()) -> WheelCommand:
         """Return the duties that move the body as ``wheels`` would move one with two healthy sides, or slower.
 
         A dead side is not driven. The other one then drags it along, with twice its own duty: straight on where the
         ground takes up the turn, else in an arc. So it turns the body towards the dead side ahead, and away from it
         backwards. The heading loop of the manoeuvres finds the duty at which the body goes straight.
+
+        A turn on the spot becomes such an arc. Where ``anomalies`` say that the body stands on something that lies that
+        way, it would climb further until it tips, so it turns the other way.
         """
         left, right = wheels
-        if self.left <= 0.0 or self.right <= 0.0:
-            left, right = (0.0, 2.0 * right) if self.left <= 0.0 else (2.0 * left, 0.0)
-        else:
+        if self.left > 0.0 < self.right:
             left, right = left / self.left, right / self.right
+        else:
+            left, right = (0.0, 2.0 * right) if self.left <= 0.0 else (2.0 * left, 0.0)
+            further = Anomaly.NOSE_UP if left + right > 0.0 else Anomaly.NOSE_DOWN
+            if wheels.left * wheels.right < 0.0 and further in anomalies:
+                left, right = -left, -right
         most = max(abs(left), abs(right), 1.0)
         return WheelCommand(left / most, right / most)
 
