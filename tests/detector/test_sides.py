@@ -122,8 +122,10 @@ def test_flow_sensor_that_sees_half_as_much_again_is_at_another_height(wheels: W
 @pytest.mark.parametrize("late_ticks", [4, 8, 10])
 @pytest.mark.parametrize("turn_s", [0.2, 0.4, 0.8])
 def test_turn_that_a_compass_shows_late_is_no_turn_beyond_the_commands(late_ticks: int, turn_s: float) -> None:
+    """A self-test tells how late it is."""
     chassis = Chassis(HEALTHY, noise_deg=1.0)
     chassis.late_ticks = late_ticks
+    chassis.test()
     for wheels, for_s in ((FULL, 1.0), (PIVOT, turn_s), (FULL, 1.0), (WheelCommand(-1.0, 1.0), turn_s), (FULL, 1.0)):
         assert chassis.drive(for_s, wheels) is None
 
@@ -254,10 +256,14 @@ def test_self_test_with_a_heading_in_doubt_decides_nothing() -> None:
 
 
 @pytest.mark.parametrize("late_ticks", [0, 8], ids=["prompt", "late"])
+@pytest.mark.parametrize("before", [STOP, PIVOT])
 @pytest.mark.parametrize("gains", [REVERSED_LEFT, MIXED_UP, (1.0, -0.5)])
-def test_self_test_finds_a_side_that_does_the_opposite(gains: tuple[float, float], late_ticks: int) -> None:
+def test_self_test_finds_a_side_that_does_the_opposite(
+    gains: tuple[float, float], before: WheelCommand, late_ticks: int
+) -> None:
     chassis = Chassis(gains)
     chassis.late_ticks = late_ticks
+    chassis.drive(0.5, before)
     assert chassis.test()
     assert chassis.sides.conditions == (Condition.DRIVE_REVERSED,)
 

@@ -45,12 +45,15 @@ class Response(NamedTuple):
 class SelfTest:
     """Records what each pulse of one self-test does to the body.
 
+    ``lag_ticks`` is how late the compass showed it, once ``responses`` were asked for.
+
     Args:
         unturned_s: the time since the body was last commanded to turn. A compass that lags may show that turn during
             the first pulse, the turn of which is then not counted.
     """
 
     def __init__(self, unturned_s: float) -> None:
+        self.lag_ticks = 0
         self._unturned_s = unturned_s
         self._pulse = BEFORE
         self._following = 0.0
@@ -91,7 +94,7 @@ class SelfTest:
         # A compass that lags shows each turn later, perhaps during the next pulse, where it would be the turn of a side
         # that does the opposite. So the turns are shifted by the lag at which they fit the pulses best, whatever the
         # sign of each: a matched filter.
-        lag_ticks = max(range(round(COMPASS_LAG_MAX_S / self._dt_s) + 1), key=self._fit)
+        lag_ticks = self.lag_ticks = max(range(round(COMPASS_LAG_MAX_S / self._dt_s) + 1), key=self._fit)
         turned, moved = [0.0] * 4, [0.0] * 4
         counts = [self._counts(pulse, lag_ticks) for pulse in range(4)]
         shown_deg = self._shown_deg(lag_ticks)
@@ -128,19 +131,20 @@ class SelfTest:
 
 
 def _response(turned: list[float], moved: list[float], counts: list[bool]) -> Response:
-    """Return the response of a side from those to its two pulses, of which only some count."""
-    strengths = [max(turned[n], moved[n]) for n in range(2) if counts[n]]
-    return Response(max(turned), max(moved), min(strengths, default=0.0), all(counts))
+    """Return the response of a side from those to its two pulses, the turns of which may not count."""
+    counted = [n for n in range(2) if counts[n]]
+    poorer = min((max(turned[n], moved[n]) for n in counted), default=0.0)
+    return Response(max((turned[n] for n in counted), default=0.0), max(moved), poorer, all(counts))
 
 
 def any_opposes(left: Response, right: Response) -> bool:
     """Return whether a side does the opposite of what it is told.
 
-    Its motion says so, and where none was seen its turns. If the turns of both sides do, the sides are exchanged, or
-    the compass turns the wrong way: then each turn makes the heading worse.
+    Its motion says so, and where none was seen its turns in both pulses. If the turns of both sides do, the sides are
+    exchanged, or the compass turns the wrong way: then each turn makes the heading worse.
     """
     if left.moved <= OPPOSES or right.moved <= OPPOSES:
         return True
+    opposed = [side for side in (left, right) if side.turned <= -CLEAR]
     sees = max(left.moved, right.moved) >= CLEAR
-    opposed = (left.turned <= -CLEAR) + (right.turned <= -CLEAR)
-    return opposed == 2 or (opposed == 1 and not sees)
+    return len(opposed) == 2 or (not sees and any(side.counts for side in opposed))

@@ -15,7 +15,6 @@ from typing import Final
 from wayfarer.detector.self_test import (
     BODY_LAG_S,
     CLEAR,
-    COMPASS_LAG_MAX_S,
     PUSHES_FROM,
     Response,
     SelfTest,
@@ -93,11 +92,15 @@ class Excess:
 
 
 class DriveWatch:
-    """Compares turn and motion of the body with the commands; ``suspects`` is whether a side seems not to obey."""
+    """Compares turn and motion of the body with the commands; ``suspects`` is whether a side seems not to obey.
+
+    ``late_ticks`` is how late the compass shows turns, as the latest self-test has found.
+    """
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._deg_s_per_duty = degrees(vehicle.max_speed_m_s / vehicle.track_m)  # of one side alone
         self._m_s_per_duty = vehicle.max_speed_m_s / 2.0
+        self.late_ticks = 0
         self._left = self._right = 0.0
         self._turn, self._motion = Excess(), Excess()
         self.reset()
@@ -128,8 +131,7 @@ class DriveWatch:
         keep = MEMORY_S / (MEMORY_S + interval.dt_s)
         turn_per, motion_per = self._deg_s_per_duty, self._m_s_per_duty
         self._one_side = (self._one_side + stronger * driven_s) * keep
-        late_ticks = round(COMPASS_LAG_MAX_S / interval.dt_s)
-        turn_deg = self._turn.update(keep, (left - right) * turn_per * driven_s, turned_deg, late_ticks)
+        turn_deg = self._turn.update(keep, (left - right) * turn_per * driven_s, turned_deg, self.late_ticks)
         most_m = FLOW_SCALE_MAX * (left + right) * motion_per * driven_s
         motion_m = self._motion.update(keep, most_m, ahead_m)
         if turn_deg > LEAST_DEG:
@@ -165,6 +167,7 @@ class SideMonitor:
     def reset(self) -> None:
         """Believe both sides: a person has armed the rover and has looked at it."""
         self._watch.reset()
+        self._watch.late_ticks = 0
         self._test: SelfTest | None = None
         self._unturned_s = inf  # since the last command to turn
         self._spoilt = False  # whether the heading was in doubt during the test
@@ -217,6 +220,8 @@ class SideMonitor:
         """Judge the pulses; return whether they decided anything, or the body was held."""
         assert self._test is not None
         left, right = self._test.responses(self._deg_s_per_duty, self._m_s_per_duty)
+        if max(abs(left.turned), abs(right.turned)) >= CLEAR and not self._spoilt:
+            self._watch.late_ticks = self._test.lag_ticks
         self._test = None
         self._watch.reset()
         if any_opposes(left, right) and not self._spoilt:
