@@ -52,7 +52,9 @@ class Recovery:
         ladder, t_s = self._ladder, tick.t_s
         self._test_sides(t_s)
         self._place.update(tick, mission.north_m, mission.east_m)
-        self._blind_run.update(tick, motion, blind=not BLIND.isdisjoint(tick.conditions))
+        # A compass shows the tilt as well. Without both senses a detour would push the rover up a trunk until it tips.
+        blind = not BLIND.isdisjoint(tick.conditions) and Condition.HEADING_RECKONED not in tick.conditions
+        self._blind_run.update(tick, motion, blind=blind)
         # The detector's word for full duty that never turns the body:
         entrapped = Condition.ENTRAPPED in tick.conditions
         if entrapped:
