@@ -111,6 +111,7 @@ class Controller:
         self._travelled_m = 0.0
         self._held_s = self._away_s = 0.0  # in which the gate held the wheels, and the algorithm did not have them
         self._applied = STOP
+        self._driven = STOP  # what was applied, less what the slope takes up
         self._motors_failed = False
         self.motor_failures = 0
         self._unheard_until_s = 0.0
@@ -182,7 +183,7 @@ class Controller:
 
     async def tick(self, t_s: float) -> None:
         """Do one control tick at time ``t_s``."""
-        tick, gate, mission = TickRecord(t_s, self._applied), self._gate, self.mission
+        tick, gate, mission = TickRecord(t_s, self._driven), self._gate, self.mission
         self._timer.measure(tick)
         self._buffers.read(tick)
         self._travelled_m += abs(tick.forward_m)
@@ -205,6 +206,7 @@ class Controller:
         except DriverError as error:
             applied = self._lose_motors(t_s, error)
         self._applied = tick.applied = applied
+        self._driven = self._detector.grade.level(applied)
         tick.level, tick.cause, tick.memory = gate.level, gate.cause, self._handler.memory
         self.last = tick
         self._log.tick(tick)
@@ -224,9 +226,9 @@ class Controller:
             self._away_s += tick.dt_s
             return decision
         decision, gains = self._handler.decide(observation), self._detector.sides.gains
-        if gains is None:
-            return decision
-        return decision._replace(wheels=gains.compensate(decision.wheels, observation.anomalies))
+        wheels = decision.wheels if gains is None else gains.compensate(decision.wheels, observation.anomalies)
+        wheels = self._detector.grade.compensate(wheels)
+        return decision if wheels is decision.wheels else decision._replace(wheels=wheels)
 
     def _add_conditions(self, tick: TickRecord) -> None:
         """Add the controller's own conditions to those of the detector."""
@@ -240,7 +242,7 @@ class Controller:
             tick.conditions = tuple(condition for condition in tick.conditions if condition is not _RUNAWAY)
         if late:
             tick.conditions += (Condition.TICK_LATE,)
-        if self.power_reports.judge(tick.commanded):
+        if self.power_reports.judge(self._applied):
             tick.conditions += self.power_reports.conditions(tick.t_s)
             if armed and _BOARD_FAULT in tick.conditions:
                 self._motors_failed = True  # once the fault has gone, the board is opened again like a silent one

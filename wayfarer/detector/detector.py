@@ -6,6 +6,7 @@ from math import radians
 
 from wayfarer.detector.compass import CompassMonitor
 from wayfarer.detector.contact import ContactMonitor
+from wayfarer.detector.grade import GradeCompensation
 from wayfarer.detector.ground_slope import GroundSlope
 from wayfarer.detector.heading import HeadingEstimator
 from wayfarer.detector.motion import MotionMonitor
@@ -27,7 +28,8 @@ class Detector:
     anomaly; then silence is a condition as well. ``may_reckon`` says whether a mission goes on without a compass
     (``detector.heading``).
 
-    ``sides`` is what is known of both sides of the wheels; the controller runs their self-tests.
+    ``sides`` is what is known of both sides of the wheels; the controller runs their self-tests. ``grade`` compensates
+    the ground's slope in the duties.
 
     ``compass`` and ``contact`` are the newest plausible readings, None before the first; ``motion`` is what may be
     believed of this tick's reading, None where there is none. Decisions use no others.
@@ -53,6 +55,7 @@ class Detector:
         self._contact = ContactMonitor(settings, touch_counts=watches_contact, needed=self._needs_contact)
         self._ground = GroundSlope(settings.quality_min)
         self._tilt = TiltMonitor(settings, self._ground)
+        self.grade = GradeCompensation(vehicle, settings.quality_min)
         self.sides = SideMonitor(vehicle)
         self._turns = TurnabilityMonitor(settings, duty_max)
         self._started = False
@@ -73,6 +76,8 @@ class Detector:
         self._heading.update(tick, self._compass.reading, turned_deg, conditions, armed=armed)
         gained_deg = self._heading.gained_deg
         doubtful = bool(conditions)
+        if self._compass.reading is not None:
+            self._motion.runaway.pitch_deg = self._compass.reading.pitch_deg
         self._motion.update(tick, gained_deg - before_deg, tick.motion, conditions)
         self.motion = self._motion.reading
         anomalies = [Anomaly.IMMOBILISED] if self._motion.stall.found or self._motion.stride_over else []
@@ -81,6 +86,8 @@ class Detector:
             self._tilt.update(t_s, believed, anomalies, conditions)
             moves = self._motion.moves
             self._ground.update(believed, self.motion, tick.forward_m, moves=moves, heading_known=not doubtful)
+            pitch_deg = self._ground.pitch_deg(believed.heading_deg)
+            self.grade.update(tick, self.motion, pitch_deg, free=moves and not anomalies)
         if contact is not None or self._needs_contact:
             self._contact.update(t_s, contact, anomalies, conditions)
             self.contact = self._contact.reading

@@ -87,10 +87,20 @@ class GroundSlope:
         """
         if self.level:
             return 0.0, 0.0, 0.0, 0.0
-        if not self._heading_known or self._unseen_m + self._driven_m > UNSEEN_M:
+        if not self._known:
             return self._size_deg, self._size_deg, self._size_deg, self._size_deg
         pitch_deg, roll_deg = _turned(self._north_deg, self._east_deg, heading_deg)
         return pitch_deg, -pitch_deg, roll_deg, -roll_deg
+
+    def pitch_deg(self, heading_deg: float) -> float:
+        """Return how far the ground rises ahead with this heading; 0 where it counts as level or is not known."""
+        if self.level or not self._known:
+            return 0.0
+        return _turned(self._north_deg, self._east_deg, heading_deg)[0]
+
+    @property
+    def _known(self) -> bool:
+        return self._heading_known and self._unseen_m + self._driven_m <= UNSEEN_M
 
     def _learn(self, believed: CompassReading, driven_m: float) -> None:
         """Come nearer to the attitude, by a share for this distance."""

@@ -3,9 +3,17 @@
 from __future__ import annotations
 
 from collections import deque
-from math import copysign
+from math import copysign, radians, sin
+from typing import Final
 
 from wayfarer.detector.settings import DetectorSettings
+
+# Motors that are told 0 brake, but do not hold: a body on a slope rolls downhill, at the share of its top speed that
+# gravity is of the motors' push. That is the sine of the slope for motors that could lift the rover, less rolling
+# resistance, which holds it below 3 degrees (``simhal.world.wheeled_body``). A margin of a half for weaker motors and
+# noise is from no source.
+ROLLS_PER_SINE: Final = 1.5
+HOLDS_BELOW: Final = 0.05
 
 
 class RunawayMonitor:
@@ -14,9 +22,14 @@ class RunawayMonitor:
     A body that coasts loses speed, at least ``gain_m_s2`` on the most slippery ground. While it loses that much, it is
     not running away. This monitor does not know whether the rover is armed; a person may push one that is not, so the
     controller ignores the finding then.
+
+    A body on a slope rolls: slow motion downhill is no runaway. ``pitch_deg`` is the body's pitch, nose up; on level
+    ground nothing is allowed for it.
     """
 
-    def __init__(self, settings: DetectorSettings) -> None:
+    def __init__(self, settings: DetectorSettings, max_speed_m_s: float) -> None:
+        self._rolls_m_s = ROLLS_PER_SINE * max_speed_m_s  # for a sine of 1
+        self.pitch_deg = 0.0
         self._after_s = settings.runaway_after_s - 1e-6
         self._for_s = settings.runaway_for_s - 1e-6
         self._from_m_s = settings.runaway_from_m_s
@@ -40,7 +53,7 @@ class RunawayMonitor:
             self.clear()
         speed_m_s = moved_m / dt_s
         coasts = self._slows_down(stood_s, abs(speed_m_s))
-        if stood_s - dt_s / 2 < self._after_s or abs(speed_m_s) < self._from_m_s or coasts:
+        if stood_s - dt_s / 2 < self._after_s or abs(speed_m_s) < self._from_m_s or coasts or self._rolls(speed_m_s):
             self._halt()
             return
         way = copysign(1.0, moved_m)
@@ -52,6 +65,12 @@ class RunawayMonitor:
         """Begin to count again: the rover does not move, or its motion is allowed."""
         self._moving_s, self._way = 0.0, 0.0
         self.found = False
+
+    def _rolls(self, speed_m_s: float) -> bool:
+        """Return whether the body moves downhill, no faster than gravity drives it."""
+        sine = sin(radians(self.pitch_deg))
+        downhill_m_s = -speed_m_s if sine > 0.0 else speed_m_s
+        return 0.0 < downhill_m_s <= self._rolls_m_s * (abs(sine) - HOLDS_BELOW)
 
     def _slows_down(self, stood_s: float, speed_m_s: float) -> bool:
         """Return whether the speed has fallen by at least ``gain_m_s2``, measured over ``runaway_for_s``."""
