@@ -42,6 +42,21 @@ def test_rover_that_goes_on_is_running_away_within_half_a_second_of_the_stop(
     assert found[found.index(True) :] == [True] * (20 - found.index(True)), "for as long as it goes on"
 
 
+@pytest.mark.parametrize(
+    ("pitch_deg", "speed_m_s", "away"),
+    [
+        (12.0, -0.15, False),
+        (-12.0, 0.15, False),
+        (12.0, 0.15, True),
+        (12.0, -0.5, True),
+        (2.0, -0.15, True),
+    ],
+)
+def test_body_that_rolls_slowly_downhill_is_not_driven(pitch_deg: float, speed_m_s: float, away: bool) -> None:
+    """Motors that are told 0 do not hold it; uphill, or faster than gravity drives it, is another thing."""
+    assert any(runs_away(stopped(), speed_m_s, pitch_deg=pitch_deg)) is away
+
+
 def test_runaway_ends_with_the_motion() -> None:
     rover = stopped()
     assert runs_away(rover, 0.5)[-1]

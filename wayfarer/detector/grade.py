@@ -48,7 +48,9 @@ class Load:
 
 
 class GradeCompensation:
-    """Call ``update`` once a tick, then ``compensate`` for a decision that is to be driven on the slope, then ``level``.
+    """Adds the duty that the slope takes up.
+
+    Call ``update`` once a tick, then ``compensate`` for a decision that is to be driven on the slope, then ``level``.
 
     Args:
         vehicle: gives the ground speed at full duty.
@@ -60,7 +62,9 @@ class GradeCompensation:
         self._quality_min = quality_min
         self._drives, self._pivots = Load(), Load()
         self._rise = 0.0
-        self._added = self._uncompensated = 0.0  # duty of this decision: against the slope, and what the slope adds beyond
+        self._added = self._uncompensated = (
+            0.0  # duty of this decision: against the slope, and what the slope adds beyond
+        )
         self._way = 0  # 1 ahead, -1 back, 0 a turn on the spot
         self._forward_m = self._steady_s = self._read_s = 0.0
 
