@@ -240,6 +240,21 @@ def test_body_that_something_blocks_on_one_side_is_no_weak_side() -> None:
     assert chassis.sides.conditions == ()
 
 
+@pytest.mark.parametrize("drift_deg_s", [25.0, -25.0])
+def test_heading_that_drifts_shows_no_side_that_does_the_opposite(drift_deg_s: float) -> None:
+    sides, t_s = SideMonitor(VEHICLE), 0.0
+    for rung in (SELF_TEST, THOROUGH_SELF_TEST, SELF_TEST, THOROUGH_SELF_TEST):
+        sides.begin_test()
+        for step in rung.steps:
+            for _ in range(round(step.for_s / PERIOD_S)):
+                t_s += PERIOD_S
+                wheels = WheelCommand(step.ahead + step.turn, step.ahead - step.turn)
+                interval = TickInterval(t_s, wheels, PERIOD_S, PERIOD_S)
+                sides.update(interval, drift_deg_s * PERIOD_S, 0.0, trusted=False, doubtful=False)
+        sides.end_test(t_s)
+        assert Condition.DRIVE_REVERSED not in sides.conditions
+
+
 def test_self_test_with_a_heading_in_doubt_decides_nothing() -> None:
     """A heading that is reckoned from the commands always turns as commanded."""
     sides = SideMonitor(VEHICLE)

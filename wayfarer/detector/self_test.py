@@ -140,11 +140,12 @@ def _response(turned: list[float], moved: list[float], counts: list[bool]) -> Re
 def any_opposes(left: Response, right: Response) -> bool:
     """Return whether a side does the opposite of what it is told.
 
-    Its motion says so, and where none was seen its turns in both pulses. If the turns of both sides do, the sides are
-    exchanged, or the compass turns the wrong way: then each turn makes the heading worse.
+    Its motion says so, and where none was seen its turns in both pulses, which go both ways: a heading that drifts goes
+    one way. If the turns of both sides do, the sides are exchanged, or the compass turns the wrong way: then each turn
+    makes the heading worse.
     """
     if left.moved <= OPPOSES or right.moved <= OPPOSES:
         return True
     opposed = [side for side in (left, right) if side.turned <= -CLEAR]
     sees = max(left.moved, right.moved) >= CLEAR
-    return len(opposed) == 2 or (not sees and any(side.counts for side in opposed))
+    return any(side.counts for side in opposed) and (len(opposed) == 2 or not sees)

@@ -53,7 +53,7 @@ DEAD_SHARE: Final = 0.25  # below it a side is not used at all
 # wheel may come free, and a healthy rover must not spend its time on tests. No source has these times.
 AGAIN_S: Final = 20.0
 AGAIN_MAX_S: Final = 480.0
-UNDECIDED_AGAIN_S: Final = 10.0  # where the body was held: some metres further on
+UNDECIDED_AGAIN_S: Final = 10.0  # where the body was held: some metres further on, then after twice as long as well
 
 
 class Excess:
@@ -172,7 +172,7 @@ class SideMonitor:
         self._unturned_s = inf  # since the last command to turn
         self._spoilt = False  # whether the heading was in doubt during the test
         self._not_before_s = -inf
-        self._again_s = AGAIN_S
+        self._again_s, self._undecided_again_s = AGAIN_S, UNDECIDED_AGAIN_S
         self._reversed = self._doubtful = False
         self.gains: SideGains | None = None
 
@@ -230,8 +230,10 @@ class SideMonitor:
         weak = min(left.strength, right.strength) < WEAK_SHARE * max(left.strength, right.strength)
         shows = _shows_weakness(left, right) if weak else max(left.strength, right.strength) >= RESPONDS
         if self._spoilt or not shows:
-            self._not_before_s = t_s + UNDECIDED_AGAIN_S
+            self._not_before_s = t_s + self._undecided_again_s
+            self._undecided_again_s = min(2.0 * self._undecided_again_s, AGAIN_MAX_S)
             return False
+        self._undecided_again_s = UNDECIDED_AGAIN_S
         self._not_before_s = t_s + self._again_s
         self._again_s = min(2.0 * self._again_s, AGAIN_MAX_S)
         best = max(left.strength, right.strength)
