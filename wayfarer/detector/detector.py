@@ -76,8 +76,8 @@ class Detector:
         self._heading.update(tick, self._compass.reading, turned_deg, conditions, armed=armed)
         gained_deg = self._heading.gained_deg
         doubtful = bool(conditions)
-        if self._compass.reading is not None:
-            self._motion.runaway.pitch_deg = self._compass.reading.pitch_deg
+        read = self._compass.reading
+        self._motion.runaway.pitch_deg = 0.0 if read is None or doubtful else read.pitch_deg
         self._motion.update(tick, gained_deg - before_deg, tick.motion, conditions)
         self.motion = self._motion.reading
         anomalies = [Anomaly.IMMOBILISED] if self._motion.stall.found or self._motion.stride_over else []
