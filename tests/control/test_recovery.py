@@ -71,13 +71,18 @@ def test_wheels_of_a_rover_with_a_weak_side(gains: SideGains, wheels: WheelComma
 
 
 @pytest.mark.parametrize("right", [0.5, -0.5])
-def test_turn_with_one_side_alone_does_not_climb_further_up_what_has_tilted_the_body(right: float) -> None:
-    """It moves the body, and with a trunk in the way it would tip it over; the other way round it comes down."""
+def test_one_side_alone_does_not_turn_the_body_further_up_what_has_tilted_it(right: float) -> None:
+    """It would tip over in the end; the other way it comes down."""
     gains, turn = SideGains(0.0, 1.0), WheelCommand(-right, right)
     climbs, descends = (Anomaly.NOSE_UP, Anomaly.NOSE_DOWN) if right > 0.0 else (Anomaly.NOSE_DOWN, Anomaly.NOSE_UP)
     assert gains.compensate(turn, (climbs,)) == WheelCommand(0.0, -2.0 * right)
     assert gains.compensate(turn, (descends,)) == WheelCommand(0.0, 2.0 * right)
-    assert gains.compensate(WheelCommand(right, right), (climbs,)) == WheelCommand(0.0, 2.0 * right)
+
+
+def test_one_side_alone_does_not_back_the_body_further_up_what_is_behind() -> None:
+    gains, back = SideGains(0.0, 1.0), WheelCommand(-0.5, -0.5)
+    assert gains.compensate(back, (Anomaly.NOSE_DOWN,)) == WheelCommand(0.0, 1.0)
+    assert gains.compensate(back, (Anomaly.NOSE_UP,)) == WheelCommand(0.0, -1.0)
 
 
 async def to_and_fro(bench: Bench, for_s: float) -> None:

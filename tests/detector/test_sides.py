@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from math import degrees, exp
+from math import degrees, exp, inf
 from random import Random
 
 import pytest
@@ -240,33 +241,34 @@ def test_body_that_something_blocks_on_one_side_is_no_weak_side() -> None:
     assert chassis.sides.conditions == ()
 
 
+def shown_test(
+    sides: SideMonitor, rung: Rung, turn_deg_s: Callable[[WheelCommand], float], doubtful_from_s: float = inf
+) -> bool:
+    """Do a self-test in which the compass shows this turn rate and nothing else is seen; return whether it decided."""
+    sides.begin_test()
+    t_s = 0.0
+    for step in rung.steps:
+        wheels = WheelCommand(step.ahead + step.turn, step.ahead - step.turn)
+        for _ in range(round(step.for_s / PERIOD_S)):
+            t_s += PERIOD_S
+            interval = TickInterval(t_s, wheels, PERIOD_S, PERIOD_S)
+            doubtful = t_s > doubtful_from_s
+            sides.update(interval, turn_deg_s(wheels) * PERIOD_S, 0.0, trusted=False, doubtful=doubtful)
+    return sides.end_test(t_s)
+
+
 @pytest.mark.parametrize("drift_deg_s", [25.0, -25.0])
 def test_heading_that_drifts_shows_no_side_that_does_the_opposite(drift_deg_s: float) -> None:
-    sides, t_s = SideMonitor(VEHICLE), 0.0
+    sides = SideMonitor(VEHICLE)
     for rung in (SELF_TEST, THOROUGH_SELF_TEST, SELF_TEST, THOROUGH_SELF_TEST):
-        sides.begin_test()
-        for step in rung.steps:
-            for _ in range(round(step.for_s / PERIOD_S)):
-                t_s += PERIOD_S
-                wheels = WheelCommand(step.ahead + step.turn, step.ahead - step.turn)
-                interval = TickInterval(t_s, wheels, PERIOD_S, PERIOD_S)
-                sides.update(interval, drift_deg_s * PERIOD_S, 0.0, trusted=False, doubtful=False)
-        sides.end_test(t_s)
+        shown_test(sides, rung, lambda wheels: drift_deg_s)
         assert Condition.DRIVE_REVERSED not in sides.conditions
 
 
 def test_self_test_with_a_heading_in_doubt_decides_nothing() -> None:
     """A heading that is reckoned from the commands always turns as commanded."""
     sides = SideMonitor(VEHICLE)
-    sides.begin_test()
-    t_s = 0.0
-    for step in SELF_TEST.steps:
-        for _ in range(round(step.for_s / PERIOD_S)):
-            t_s += PERIOD_S
-            left, right = step.ahead + step.turn, step.ahead - step.turn
-            interval = TickInterval(t_s, WheelCommand(left, right), PERIOD_S, PERIOD_S)
-            sides.update(interval, (left - right) * DEG_S * PERIOD_S, 0.0, trusted=False, doubtful=t_s > 2.0)
-    assert not sides.end_test(t_s)
+    assert not shown_test(sides, SELF_TEST, lambda wheels: (wheels.left - wheels.right) * DEG_S, doubtful_from_s=2.0)
     assert sides.conditions == ()
 
 

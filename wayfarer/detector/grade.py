@@ -1,7 +1,7 @@
 """Compensates the ground's slope in the duty of both sides, so that a leg uphill has the commanded speed. Pure.
 
-There is no speed loop on these rovers: a duty is a torque, and a slope takes a share of it. Uphill at 0.3 of full duty
-a rover crawls, or rolls back; downhill it is too fast. The share is ``load * sin(pitch)``: ``load`` is the rover's
+These rovers have no speed loop: a slope takes up a share of the duty. Uphill at 0.3 of full duty a rover crawls, or
+rolls back; downhill it is too fast. The share is ``load * sin(pitch)``: ``load`` is the rover's
 weight over the push of its motors at full duty. It is learnt while the body is seen to move. The pitch is that of the
 *ground* (``detector.ground_slope``), so a body that a trunk holds or lifts gets no more duty for it, and a stall stays
 one. On ground that counts as level nothing is added.
@@ -16,8 +16,8 @@ from wayfarer.escape.api import Vehicle
 from wayfarer.hal import STOP, MotionReading, WheelCommand
 from wayfarer.safety.tick_interval import TickInterval
 
-# ForestRover's is 0.86, if its motors' torque in the paper is that of stall, and 0.29 if it is the rated torque. The
-# first guess is between them. From no source: more than the last is a rover that cannot climb.
+# ForestRover's is 0.86 if the torque in the paper is that of stall, and 0.29 if it is the rated one, as of a third of
+# stall. The first guess is between them. The most is from no source: it is that of a body that slides in a turn.
 LOAD: Final = 0.6
 LOAD_MAX: Final = 2.0
 # Driven so far, the estimate has taken over 63 % of a change; a start is left out, because a body follows its wheels
@@ -50,7 +50,8 @@ class Load:
 class GradeCompensation:
     """Adds the duty that the slope takes up.
 
-    Call ``update`` once a tick, then ``compensate`` for a decision that is to be driven on the slope, then ``level``.
+    Call ``update`` once a tick, ``compensate`` for a decision of the algorithm, then ``level`` for what was applied.
+    Turns on the spot have a separate load: wheels that slip sideways push less against the slope.
 
     Args:
         vehicle: gives the ground speed at full duty.

@@ -10,13 +10,13 @@ from __future__ import annotations
 from math import degrees
 from typing import Final
 
+from wayfarer.detector.self_test import BODY_LAG_S
 from wayfarer.escape.api import Vehicle
 from wayfarer.safety.tick_interval import TickInterval
 
 # The numbers are from no source; they were chosen by measurement in MuJoCo. What was steered, and how far the body
 # turned, are leaky sums over this time.
 MEMORY_S: Final = 0.8
-BODY_LAG_S: Final = 0.1  # as ``escape.turn_control.LAG_S``
 # Below this share of the turn that was steered, it is no answer.
 ANSWER_SHARE: Final = 0.25
 # Turn duty without an answer that shows contact: at least the first; this many times what was seen on free ground.

@@ -126,16 +126,17 @@ class SideGains(NamedTuple):
         ground takes up the turn, else in an arc. So it turns the body towards the dead side ahead, and away from it
         backwards. The heading loop of the manoeuvres finds the duty at which the body goes straight.
 
-        A turn on the spot becomes such an arc. Where ``anomalies`` say that the body stands on something that lies that
-        way, it would climb further until it tips, so it turns the other way.
+        Such a body cannot turn on the spot away from what it has climbed. Where ``anomalies`` say that a turn or a
+        drive back would push it further up until it tips, the side drives the other way. The algorithm itself ends a
+        drive ahead with the nose up.
         """
         left, right = wheels
         if self.left > 0.0 < self.right:
             left, right = left / self.left, right / self.right
         else:
             left, right = (0.0, 2.0 * right) if self.left <= 0.0 else (2.0 * left, 0.0)
-            further = Anomaly.NOSE_UP if left + right > 0.0 else Anomaly.NOSE_DOWN
-            if wheels.left * wheels.right < 0.0 and further in anomalies:
+            turns, ahead = wheels.left * wheels.right < 0.0, left + right > 0.0
+            if (Anomaly.NOSE_UP in anomalies and turns and ahead) or (Anomaly.NOSE_DOWN in anomalies and not ahead):
                 left, right = -left, -right
         most = max(abs(left), abs(right), 1.0)
         return WheelCommand(left / most, right / most)
