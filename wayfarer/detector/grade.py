@@ -1,10 +1,10 @@
 """Compensates the ground's slope in the duty of both sides, so that a leg uphill has the commanded speed. Pure.
 
 These rovers have no speed loop: a slope takes up a share of the duty. Uphill at 0.3 of full duty a rover crawls, or
-rolls back; downhill it is too fast. The share is ``load * sin(pitch)``: ``load`` is the rover's
-weight over the push of its motors at full duty. It is learnt while the body is seen to move. The pitch is that of the
-*ground* (``detector.ground_slope``), so a body that a trunk holds or lifts gets no more duty for it, and a stall stays
-one. On ground that counts as level nothing is added.
+rolls back; downhill it is too fast. The share is ``load * sin(pitch)``: ``load`` is the rover's weight over the push of
+its motors at full duty. It is learnt while the body is seen to move. The pitch is that of the *ground*
+(``detector.ground_slope``), so a body that a trunk holds or lifts gets no more duty for it, and a stall stays one. On
+ground that counts as level nothing is added.
 """
 
 from __future__ import annotations
@@ -63,9 +63,8 @@ class GradeCompensation:
         self._quality_min = quality_min
         self._drives, self._pivots = Load(), Load()
         self._rise = 0.0
-        self._added = self._uncompensated = (
-            0.0  # duty of this decision: against the slope, and what the slope adds beyond
-        )
+        self._added = 0.0  # duty that this decision got against the slope
+        self._uncompensated = 0.0  # what it lacks for all of the slope: positive downhill, where the slope drives
         self._way = 0  # 1 ahead, -1 back, 0 a turn on the spot
         self._forward_m = self._steady_s = self._read_s = 0.0
 

@@ -50,7 +50,7 @@ class MotionMonitor:
         self._seen_from_m_s = settings.immobilised_from_m_s
         self._speed_max_m_s = settings.motion_speed_max_m_s
         self.stall = StallMonitor(settings)
-        self.runaway = RunawayMonitor(settings, vehicle.max_speed_m_s)
+        self.runaway = RunawayMonitor(settings)
         self._steering = SteeringMonitor(vehicle)
         self._zeros, self._readings = ZeroDoubt(), ReadingDoubt()
         self._stride_m = settings.blind_stride_m

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections import deque
-from math import copysign, radians, sin
+from math import copysign
 from typing import Final
 
 from wayfarer.detector.settings import DetectorSettings
 
-# Motors that are told 0 brake, but do not hold: a body on a slope rolls downhill, at the share of its top speed that
-# gravity is of the motors' push. That is the sine of the slope for motors that could lift the rover, less rolling
-# resistance, which holds it below 3 degrees (``simhal.world.wheeled_body``). A margin of a half for weaker motors and
-# noise is from no source.
-ROLLS_PER_SINE: Final = 1.5
-HOLDS_BELOW: Final = 0.05
+# Motors that are told 0 brake, but do not hold: from 3 degrees on, a body rolls (the rolling resistance of
+# ``simhal.world.wheeled_body``), and on mud it slides ever faster from 6 degrees on (a friction of 0.1). A compass has
+# some degrees of noise.
+ROLLS_FROM_DEG: Final = 4.0
 
 
 class RunawayMonitor:
@@ -23,12 +21,11 @@ class RunawayMonitor:
     not running away. This monitor does not know whether the rover is armed; a person may push one that is not, so the
     controller ignores the finding then.
 
-    A body on a slope rolls: slow motion downhill is no runaway. ``pitch_deg`` is the body's pitch, nose up; on level
-    ground nothing is allowed for it.
+    Nor is a body on a slope that moves downhill: gravity cannot be told from motors there, and a stop does not end it.
+    ``pitch_deg`` is the body's pitch, nose up.
     """
 
-    def __init__(self, settings: DetectorSettings, max_speed_m_s: float) -> None:
-        self._rolls_m_s = ROLLS_PER_SINE * max_speed_m_s  # for a sine of 1
+    def __init__(self, settings: DetectorSettings) -> None:
         self.pitch_deg = 0.0
         self._after_s = settings.runaway_after_s - 1e-6
         self._for_s = settings.runaway_for_s - 1e-6
@@ -67,10 +64,8 @@ class RunawayMonitor:
         self.found = False
 
     def _rolls(self, speed_m_s: float) -> bool:
-        """Return whether the body moves downhill, no faster than gravity drives it."""
-        sine = sin(radians(self.pitch_deg))
-        downhill_m_s = -speed_m_s if sine > 0.0 else speed_m_s
-        return 0.0 < downhill_m_s <= self._rolls_m_s * (abs(sine) - HOLDS_BELOW)
+        """Return whether the body moves downhill."""
+        return abs(self.pitch_deg) >= ROLLS_FROM_DEG and speed_m_s * self.pitch_deg < 0.0
 
     def _slows_down(self, stood_s: float, speed_m_s: float) -> bool:
         """Return whether the speed has fallen by at least ``gain_m_s2``, measured over ``runaway_for_s``."""
