@@ -44,7 +44,7 @@ def test_step_back_is_negative_and_the_steps_add_up_to_what_was_covered() -> Non
     for tick in range(1, 41):
         told_m = 0.05 if tick <= 20 else -0.05
         interval = TickInterval(tick * TICK_S, WheelCommand(0.5, 0.5), TICK_S, TICK_S, told_m)
-        steps_m.append(odometer.update(interval, MotionReading(tick * TICK_S, 0.4 * told_m, 0.0, 0.8)))
+        steps_m.append(odometer.update(interval, MotionReading(tick * TICK_S, 0.4 * told_m, 0.0, 0.8))[0])
     assert all(step_m > 0.0 for step_m in steps_m[:20])
     assert all(step_m < 0.0 for step_m in steps_m[20:])
     assert sum(map(abs, steps_m)) == pytest.approx(odometer.covered_m) == pytest.approx(0.8)
@@ -78,6 +78,19 @@ def test_reading_that_cannot_be_believed_counts_as_commanded(quality: float) -> 
 
 def test_turning_on_the_spot_covers_nothing() -> None:
     assert Way().drive(20, 0.0, 0.03) == 0.0
+
+
+def test_displacement_has_all_that_was_seen_whatever_was_commanded() -> None:
+    """A body on a slope slides back and aside while it turns on the spot; that is no ground that an algorithm covers."""
+    odometer = Odometer(quality_min=0.2)
+    steps_m = []
+    for tick in range(1, 41):
+        interval = TickInterval(tick * TICK_S, WheelCommand(0.5, 0.5), TICK_S, TICK_S, 0.05 if tick <= 20 else 0.0)
+        seen = MotionReading(tick * TICK_S, 0.08 if tick <= 20 else -0.02, 0.01, 0.8)
+        steps_m.append(odometer.update(interval, seen if tick % 2 == 0 else None))
+    ahead_m, right_m = (sum(way) for way in zip(*steps_m, strict=True))
+    assert (ahead_m, right_m) == pytest.approx((10 * 0.08 - 10 * 0.02, 20 * 0.01))
+    assert odometer.covered_m == pytest.approx(0.8 + 0.02), "the first reading after a command is taken to be coasting"
 
 
 @given(st.lists(st.tuples(st.floats(-0.2, 0.2), st.none() | st.floats(), st.floats(0.0, 1.0)), max_size=60))

@@ -188,7 +188,7 @@ class Controller:
         self._buffers.read(tick)
         self._travelled_m += abs(tick.forward_m)
         self._detector.update(tick, armed=self.mode is _ARMED)
-        covered_m = self._odometer.update(tick, self._detector.motion)
+        ahead_m, right_m = self._odometer.update(tick, self._detector.motion)
         self._add_conditions(tick)
         conditions = self.conditions = tick.conditions
         if conditions and not _WHEELS_ASTRAY.isdisjoint(conditions):
@@ -214,8 +214,8 @@ class Controller:
             self._note_health(t_s, tick.level, tick.cause)
         if mission is not None and observation is not None:
             if not BLIND.isdisjoint(conditions):
-                covered_m *= UNSEEN_SHARE
-            mission.advance(tick.forward_m, covered_m, observation.heading_deg)
+                ahead_m *= UNSEEN_SHARE
+            mission.advance(tick.forward_m, ahead_m, observation.heading_deg, right_m)
             if self.end is None:
                 self.end = mission.end(t_s)
 

@@ -99,8 +99,9 @@ class MotionMonitor:
                 self._lies = self._readings.doubts(reading, self._commanded_m)
             if self._lies or self._zeros.doubts:
                 reading = reading._replace(quality=0.0)
-            self._take(t_s, reading, conditions)
         self.reading = reading
+        if reading is not None:
+            self._take(t_s, reading, conditions)
         if t_s - self._moved_t_s > self._stale_s:
             self._check_ages(t_s, conditions)
         self._steering.update(interval, turned_deg, moves=self.moves)
@@ -151,6 +152,7 @@ class MotionMonitor:
         slid_m = right_m if known and abs(right_m) >= self._seen_from_m_s * dt_s else 0.0
         self.stall.add(driven_s, commanded_m, counted_m, turned_deg=turned_deg, straight=straight, slid_m=slid_m)
         if not can_be:
+            self.reading = reading._replace(forward_m=0.0, right_m=0.0, quality=0.0)
             conditions.append(Condition.MOTION_IMPLAUSIBLE)
         if not known:
             self.moves = False

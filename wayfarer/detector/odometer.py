@@ -1,4 +1,4 @@
-"""Odometer: distance from the motion sensor, or from the commands where the sensor is not usable. Pure."""
+"""Odometer: distance and displacement from the motion sensor, or from the commands where it is not usable. Pure."""
 
 from __future__ import annotations
 
@@ -9,6 +9,10 @@ from wayfarer.safety.tick_interval import TickInterval
 
 class Odometer:
     """Adds up the distance covered, ``covered_m``; driving forwards and backwards both increase it.
+
+    Only what was commanded counts as covered: that is what an algorithm asks. The *displacement* that ``update``
+    returns is for dead reckoning, and has all that was seen: a body on a slope slides while it turns, or while its
+    wheels push it uphill.
 
     Readings come less often than ticks. Between two readings the rover is assumed to cover the same share of the
     commanded distance as at the latest reading. Without a sensor that share is 1.
@@ -22,20 +26,27 @@ class Odometer:
         self.covered_m = 0.0
         self._read_m = self._commanded_m = self._commanded_before_m = 0.0
         self._share = 1.0
+        self._assumed_m = 0.0  # displacement ahead since the last reading
 
-    def update(self, interval: TickInterval, motion: MotionReading | None) -> float:
+    def update(self, interval: TickInterval, motion: MotionReading | None) -> tuple[float, float]:
         """Add a tick: the commands since the last one, and what the sensor saw since its last reading.
 
-        Returns metres covered since the last tick, negative where the rover was commanded backwards.
+        Returns the displacement since the last tick, metres ahead and to the right. Between two readings it is assumed
+        as well; the next reading corrects that.
         """
         self._commanded_m += abs(interval.forward_m)
         if motion is not None:
             self._take(motion)
-        covered_m, before_m = self._read_m + self._share * self._commanded_m, self.covered_m
-        if covered_m <= before_m:
-            return 0.0
-        self.covered_m = covered_m
-        return covered_m - before_m if interval.forward_m >= 0.0 else before_m - covered_m
+        covered_m = max(self._read_m + self._share * self._commanded_m - self.covered_m, 0.0)
+        self.covered_m += covered_m
+        ahead_m = covered_m if interval.forward_m >= 0.0 else -covered_m
+        if motion is None:
+            self._assumed_m += ahead_m
+            return ahead_m, 0.0
+        assumed_m, self._assumed_m = self._assumed_m, 0.0
+        if motion.signed and self._quality_min <= motion.quality:
+            return motion.forward_m - assumed_m, motion.right_m
+        return ahead_m, 0.0
 
     def _take(self, motion: MotionReading) -> None:
         commanded_m, before_m = self._commanded_m, self._commanded_before_m

@@ -41,10 +41,10 @@ class Mission:
         self._fix_t_s = -inf
         self._fixes_beyond = 0
 
-    def advance(self, commanded_m: float, covered_m: float, heading_deg: float) -> None:
-        """Add the distances commanded and covered since the last tick; both are negative backwards."""
+    def advance(self, commanded_m: float, ahead_m: float, heading_deg: float, right_m: float = 0.0) -> None:
+        """Add the distance commanded since the last tick, negative backwards, and the displacement in the body frame."""
         self.travelled_m += abs(commanded_m)
-        north_m, east_m = displacement_m(heading_deg, covered_m)
+        north_m, east_m = displacement_m(heading_deg, ahead_m, right_m)
         self.north_m += north_m
         self.east_m += east_m
 
