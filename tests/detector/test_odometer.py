@@ -81,7 +81,7 @@ def test_turning_on_the_spot_covers_nothing() -> None:
 
 
 def test_displacement_has_all_that_was_seen_whatever_was_commanded() -> None:
-    """A body on a slope slides back and aside while it turns on the spot; that is no ground that an algorithm covers."""
+    """A body on a slope slides back and aside while it turns; that is no ground that an algorithm covers."""
     odometer = Odometer(quality_min=0.2)
     steps_m = []
     for tick in range(1, 41):

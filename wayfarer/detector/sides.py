@@ -9,7 +9,6 @@ compared with the other one. Nothing is concluded without it.
 from __future__ import annotations
 
 from collections import deque
-from collections import deque
 from math import degrees, inf
 from typing import Final
 

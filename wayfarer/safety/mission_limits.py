@@ -42,7 +42,7 @@ class Mission:
         self._fixes_beyond = 0
 
     def advance(self, commanded_m: float, ahead_m: float, heading_deg: float, right_m: float = 0.0) -> None:
-        """Add the distance commanded since the last tick, negative backwards, and the displacement in the body frame."""
+        """Add the distance commanded since the last tick, negative backwards, and the displacement of the body."""
         self.travelled_m += abs(commanded_m)
         north_m, east_m = displacement_m(heading_deg, ahead_m, right_m)
         self.north_m += north_m
