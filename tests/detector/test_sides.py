@@ -40,6 +40,7 @@ class Chassis:
         self.grip = 0.0
         self.late_ticks = 0
         self.blind = False  # its motion sensor is silent
+        self.field_deg = 0.0  # by how much full duty of one side bends the heading
         self._keeps = exp(-PERIOD_S / lag_s)
         self._noise_deg, self._chance = noise_deg, Random(seed)
         self._left = self._right = self.heading_deg = 0.0
@@ -59,7 +60,7 @@ class Chassis:
             turn = max(abs(half) - self.grip, 0.0) * (1.0 if half > 0.0 else -1.0)
             self.heading_deg += 2 * turn * DEG_S * PERIOD_S
             moved_m = (self._left + self._right) / 2 * PERIOD_S
-        self._headings_deg.append(self.heading_deg)
+        self._headings_deg.append(self.heading_deg + self.field_deg * (wheels.left - wheels.right))
         late_deg = self._headings_deg[max(0, len(self._headings_deg) - 1 - self.late_ticks)]
         read_deg = wrap360(late_deg + self._chance.gauss(0.0, self._noise_deg))
         seen_m = None if self.blind else moved_m
@@ -263,6 +264,18 @@ def test_heading_that_drifts_shows_no_side_that_does_the_opposite(drift_deg_s: f
     for rung in (SELF_TEST, THOROUGH_SELF_TEST, SELF_TEST, THOROUGH_SELF_TEST):
         shown_test(sides, rung, lambda wheels: drift_deg_s)
         assert Condition.DRIVE_REVERSED not in sides.conditions
+
+
+@pytest.mark.parametrize("late_ticks", [0, 2, 5])
+@pytest.mark.parametrize("field_deg", [15.0, -15.0, 40.0])
+def test_motors_that_bend_the_heading_of_a_body_that_is_held_are_no_reversed_side(
+    field_deg: float, late_ticks: int
+) -> None:
+    for rung in (SELF_TEST, THOROUGH_SELF_TEST):
+        chassis = Chassis(HEALTHY)
+        chassis.field_deg, chassis.late_ticks = field_deg, late_ticks
+        chassis.test(rung, blocked=True)
+        assert Condition.DRIVE_REVERSED not in chassis.sides.conditions
 
 
 def test_self_test_with_a_heading_in_doubt_decides_nothing() -> None:

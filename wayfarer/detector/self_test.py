@@ -97,12 +97,15 @@ class SelfTest:
         lag_ticks = self.lag_ticks = max(range(round(COMPASS_LAG_MAX_S / self._dt_s) + 1), key=self._fit)
         turned, moved = [0.0] * 4, [0.0] * 4
         counts = [self._counts(pulse, lag_ticks) for pulse in range(4)]
-        shown_deg = self._shown_deg(lag_ticks)
+        # The motors' field bends the heading for as long as they run, which may look like a turn the other way that is
+        # shown late. A turn is still there once they stand.
+        shown_deg, stays_deg = self._shown_deg(lag_ticks), self._shown_deg(0)
         for pulse, duty_s in enumerate(self._duty_s):
             if duty_s > 0.0:
                 moved[pulse] = self._moved_m[pulse] * MOVES[pulse] / (duty_s * m_s_per_duty)
                 turned_deg = shown_deg[pulse] * TURNS[pulse]
-                if counts[pulse] and not -OPPOSES_DEG < turned_deg < 0.0:
+                opposes = max(turned_deg, stays_deg[pulse] * TURNS[pulse]) <= -OPPOSES_DEG
+                if counts[pulse] and (turned_deg >= 0.0 or opposes):
                     turned[pulse] = turned_deg / (duty_s * deg_s_per_duty)
         return _response(turned[:2], moved[:2], counts[:2]), _response(turned[2:], moved[2:], counts[2:])
 
