@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import cycle, repeat
-from math import inf
+from math import inf, nan
 from typing import Any
 
 import pytest
@@ -78,6 +78,14 @@ def test_rover_without_motion_sensor_does_not_miss_it() -> None:
 def test_impossible_speed_is_implausible(speed_m_s: float, implausible: bool) -> None:
     conditions = started().tick(moved_m=speed_m_s * TICK_S).conditions
     assert (Condition.MOTION_IMPLAUSIBLE in conditions) is implausible
+
+
+@pytest.mark.parametrize(("forward_m", "quality"), [(5.1 * TICK_S, 0.8), (nan, 0.8), (0.0, 1.5)])
+def test_nobody_is_given_an_impossible_reading_to_believe(forward_m: float, quality: float) -> None:
+    rover = started()
+    rover.tick(FULL, forward_m, quality=quality)
+    assert rover.detector.motion is not None
+    assert rover.detector.motion[1:4] == (0.0, 0.0, 0.0)
 
 
 def test_impossible_speed_is_no_evidence_of_motion() -> None:
