@@ -13,6 +13,7 @@ from typing import Final
 # Delays that are compared, in control ticks; at 20 ticks a second they are 0.1 s apart, up to 0.6 s.
 STEP: Final = 2
 DELAYS: Final = 7
+LONGEST_TICKS: Final = STEP * (DELAYS - 1)
 # A delay must be this much better than none, and at least so many steps: a body's own lag differs by some hundredths of
 # a second from the expected, and 0.1 s is harmless.
 CLEARER: Final = 1.6
@@ -40,7 +41,7 @@ class CompassLag:
 
     def forget(self) -> None:
         """Forget the latest turns, as after a hold; the lag is kept, because it is a property of the compass."""
-        self._expected_deg = [0.0] * (STEP * (DELAYS - 1) + 1)  # of each of the latest ticks, the newest first
+        self._expected_deg = [0.0] * (LONGEST_TICKS + 1)  # of each of the latest ticks, the newest first
         self.pending_deg = 0.0
 
     def update(self, shown_deg: float, expected_deg: float) -> float:

@@ -8,12 +8,13 @@ Mandow 2007). It is learnt only while the body turns, because a body that a tree
 
 from __future__ import annotations
 
+from collections import deque
 from math import degrees
 from typing import Final
 
 from wayfarer.angles import wrap180
 from wayfarer.escape.api import Vehicle
-from wayfarer.escape.lag import CompassLag
+from wayfarer.escape.lag import LONGEST_TICKS, CompassLag
 from wayfarer.hal import WheelCommand
 
 # A body follows its wheels with about this lag (``simhal.world.physics.Physics``: 0.1 s; ForestRover's mass and motors:
@@ -27,6 +28,9 @@ AVERAGE_S: Final = 0.2
 CATCH_UP_PER_S: Final = 4.0
 # A compass that lags shows late what was missing: feedback over a known lag is slower, this share of it in each lag.
 CATCH_UP_IN_LAG: Final = 0.25
+# While the body stands, nothing oscillates: once it has stood for longer than the lag, feedback is this quick until it
+# is seen to turn. It must reach the duty at which the ground lets go before ``GIVE_UP_AFTER_S``. From no source.
+CATCH_UP_STANDING_PER_S: Final = 2.0
 # The time constant with which the angle by which the heading lags is forgotten: a body that did not follow was held.
 FORGET_S: Final = 1.5
 # A body that turns faster than commanded by more than this was held and has come free: twice the noise of the latest
@@ -80,9 +84,11 @@ class TurnController:
         self._heading_deg = 0.0
         self._commanded_deg_s = self._duty = 0.0
         self._expected_deg_s = self._latest_deg_s = 0.0
-        self._mean_duty = self._mean_rate_deg_s = 0.0
+        self._mean_duty = self._mean_rate_deg_s = self._shown_deg_s = 0.0
         self._catch_up_per_s = CATCH_UP_PER_S
         self._lagged_duty = 0.0  # as the body follows its wheels
+        # Turn duty and expected turn rate of the latest ticks, the newest first: what a compass that lags shows is theirs.
+        self._past: deque[tuple[float, float]] = deque(maxlen=LONGEST_TICKS + 1)
         self.lag.forget()
         self.rest()
 
@@ -115,25 +121,29 @@ class TurnController:
             return gained_deg
         duty = self._duty if applied is None else (applied.left - applied.right) / 2.0
         lag_s = self.lag.ticks * dt_s
-        self._catch_up_per_s = CATCH_UP_IN_LAG / lag_s if lag_s * CATCH_UP_PER_S > CATCH_UP_IN_LAG else CATCH_UP_PER_S
+        self._catch_up_per_s = self._feedback_per_s(lag_s)
+        shown_deg_s = gained_deg / dt_s
         gained_deg += self._predict(gained_deg, self._given_deg(duty, dt_s))
         rate_deg_s = gained_deg / dt_s
         self._latest_deg_s = (self._latest_deg_s + rate_deg_s) / 2.0
         expected_deg_s = self._expected_deg_s
         expected_deg_s += (self._commanded_deg_s - expected_deg_s) * dt_s / (dt_s + LAG_S)
         self._expected_deg_s = expected_deg_s
+        self._past.appendleft((duty, expected_deg_s))
         # The angle is limited to what full duty can correct: anti-windup.
         most_deg = self._most_behind_deg
         behind_deg = (self._behind_deg + expected_deg_s * dt_s - gained_deg) * FORGET_S / (FORGET_S + dt_s)
         self._behind_deg = most_deg if behind_deg > most_deg else -most_deg if behind_deg < -most_deg else behind_deg
-        share = dt_s / (dt_s + AVERAGE_S)
-        self._mean_duty += (duty - self._mean_duty) * share
-        self._mean_rate_deg_s += (rate_deg_s - self._mean_rate_deg_s) * share
-        if abs(expected_deg_s) >= LEARN_FROM_DEG_S:
-            self._learn(dt_s)
+        self._learn(shown_deg_s, dt_s)
         if self._pushes:
             self._watch(gained_deg, dt_s)
         return gained_deg
+
+    def _feedback_per_s(self, lag_s: float) -> float:
+        """Return how quick the feedback may be for a compass with this lag."""
+        if lag_s * CATCH_UP_PER_S <= CATCH_UP_IN_LAG:
+            return CATCH_UP_PER_S
+        return CATCH_UP_STANDING_PER_S if self._pushed_s > lag_s else CATCH_UP_IN_LAG / lag_s
 
     def _predict(self, shown_deg: float, expected_deg: float) -> float:
         """Return how much the turn that a lagging compass has not shown yet has changed."""
@@ -179,13 +189,23 @@ class TurnController:
             self._pushed_s = self._pushed_deg = 0.0
         self.stands = self._pushed_s >= GIVE_UP_AFTER_S
 
-    def _learn(self, dt_s: float) -> None:
+    def _learn(self, shown_deg_s: float, dt_s: float) -> None:
         """Learn the dead zone: the turn duty beyond what the turn rate needs on ideal ground.
 
-        The feedback of a body that has come free is reduced.
+        The turn is the one that the compass shows. A predicted turn follows from the dead zone that is assumed, and
+        would confirm any. The feedback of a body that has come free is reduced.
         """
-        expected_deg_s = self._expected_deg_s
-        duty, rate, latest = self._mean_duty, self._mean_rate_deg_s, self._latest_deg_s
+        lag_ticks = self.lag.ticks
+        if lag_ticks >= len(self._past):
+            return
+        duty, expected_deg_s = self._past[lag_ticks]
+        share = dt_s / (dt_s + AVERAGE_S)
+        self._mean_duty += (duty - self._mean_duty) * share
+        self._mean_rate_deg_s += (shown_deg_s - self._mean_rate_deg_s) * share
+        self._shown_deg_s = (self._shown_deg_s + shown_deg_s) / 2.0
+        if abs(expected_deg_s) < LEARN_FROM_DEG_S:
+            return
+        duty, rate, latest = self._mean_duty, self._mean_rate_deg_s, self._shown_deg_s
         if expected_deg_s < 0.0:
             expected_deg_s, duty, rate, latest = -expected_deg_s, -duty, -rate, -latest
         share_deg_s = LEARN_FROM_SHARE * expected_deg_s
