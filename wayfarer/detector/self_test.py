@@ -12,9 +12,8 @@ TURNS: Final = (1.0, -1.0, -1.0, 1.0)  # clockwise positive
 MOVES: Final = (1.0, -1.0, 1.0, -1.0)
 FIRST: Final = 0
 BEFORE: Final = -1  # the first pulse
-# Shares of what ideal ground gives. Motion below the first is the opposite of what was commanded. A response is clear
-# from the second on, a turn the other way only from so many degrees: the motors' field may bend the heading as far.
-OPPOSES: Final = -0.25
+# A response is clear from this share of what ideal ground gives; so is one that is the opposite of what was commanded. A
+# turn the other way counts only from so many degrees: the motors' field may bend the heading as far.
 CLEAR: Final = 0.4
 OPPOSES_DEG: Final = 5.0
 BODY_LAG_S: Final = 0.1  # of the body behind its wheels, as ``escape.turn_control.LAG_S``
@@ -147,7 +146,7 @@ def any_opposes(left: Response, right: Response) -> bool:
     one way. If the turns of both sides do, the sides are exchanged, or the compass turns the wrong way: then each turn
     makes the heading worse.
     """
-    if left.moved <= OPPOSES or right.moved <= OPPOSES:
+    if left.moved <= -CLEAR or right.moved <= -CLEAR:
         return True
     opposed = [side for side in (left, right) if side.turned <= -CLEAR]
     sees = max(left.moved, right.moved) >= CLEAR

@@ -87,7 +87,7 @@ class TurnController:
         self._mean_duty = self._mean_rate_deg_s = self._shown_deg_s = 0.0
         self._catch_up_per_s = CATCH_UP_PER_S
         self._lagged_duty = 0.0  # as the body follows its wheels
-        # Turn duty and expected turn rate of the latest ticks, the newest first: what a compass that lags shows is theirs.
+        # Turn duty and expected turn rate of the latest ticks, the newest first: a compass that lags shows their turns.
         self._past: deque[tuple[float, float]] = deque(maxlen=LONGEST_TICKS + 1)
         self.lag.forget()
         self.rest()
