@@ -12,7 +12,7 @@ import pytest
 
 from tests.daemon.socket.fake_daemon import STATUS, FakeDaemon, RawClient, answers, serve, until
 from wayfarer.daemon.socket import server
-from wayfarer.daemon.socket.peer import peer_uid
+from wayfarer.daemon.socket.paths import peer_uid
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import BadInput, NotResponding
 
