@@ -69,7 +69,7 @@ class Terminal:
             raise BadInput("no answer: the input has ended (Ctrl-D); begin this step again") from None
 
 
-def with_a_person(run: Callable[[], Coroutine[Any, Any, T]]) -> T:
+def run_interactive(run: Callable[[], Coroutine[Any, Any, T]]) -> T:
     """Run a coroutine that may ask questions.
 
     A signal cancels it, so that the code that drives the wheels can stop them, and ends the process even while a
@@ -104,6 +104,6 @@ def with_a_person(run: Callable[[], Coroutine[Any, Any, T]]) -> T:
     return result
 
 
-def is_there() -> bool:
+def is_interactive() -> bool:
     """Return whether a person sits at the terminal."""
     return sys.stdin.isatty() and sys.stdout.isatty()

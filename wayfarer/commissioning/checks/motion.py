@@ -96,7 +96,7 @@ async def _silence_s(motors: DriveMotors) -> float:
 
 
 async def deadman_trips(ask: Ask, inspection: Inspection) -> Finding:
-    """Drive, fall silent, and see whether the board stops the wheels by itself.
+    """Drive, stop sending commands, and see whether the board stops the wheels by itself.
 
     A board that can be asked is asked. Otherwise a person counts, and the answer is kept: wheels that turn for longer
     than the deadman allows were stopped by us.
@@ -113,7 +113,7 @@ async def deadman_trips(ask: Ask, inspection: Inspection) -> Finding:
         return skipped(name, f"{long}; set a shorter timeout under [parts.motors]")
     if not await has_readback(motors):
         return await _deadman_seen(name, ask, inspection, motors.deadman_s, silence_s, duty)
-    before, after = await _fall_silent(motors, silence_s, duty)
+    before, after = await _stop_commanding(motors, silence_s, duty)
     if before == STOP:
         return fail(name, "the wheels did not start", "no motor power", "check battery, fuse and motor switch")
     if after != STOP:
@@ -127,7 +127,7 @@ async def _deadman_seen(
     well_s, longest_s = DRIVE_S + deadman_s, DRIVE_S + silence_s
     if not await ask(COUNT.format(well_s=well_s, longest_s=longest_s)):
         return skipped(name, "nobody watched")
-    await _fall_silent(inspection.rover.motors, silence_s, duty)
+    await _stop_commanding(inspection.rover.motors, silence_s, duty)
     tripped = await ask(f"Did they turn for about {well_s:.1f} s, and not for {longest_s:.1f} s?")
     found = "the wheels were seen to stop by themselves" if tripped else "the wheels did not stop by themselves"
     try:
@@ -139,7 +139,7 @@ async def _deadman_seen(
     return ok(name, f"{found}; kept in {inspection.host.calibration_file}")
 
 
-async def _fall_silent(
+async def _stop_commanding(
     motors: DriveMotors, for_s: float, duty: float
 ) -> tuple[WheelCommand | None, WheelCommand | None]:
     """Return what the board applied before and after a silence."""
