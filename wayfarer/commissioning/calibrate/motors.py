@@ -41,7 +41,7 @@ async def calibrate_motors(
     shift_half_deg, shift_full_deg = abs(wrap180(half_deg - still_deg)), abs(wrap180(full_deg - still_deg))
     passed = max(shift_half_deg, shift_full_deg) <= SHIFT_MAX_DEG
     await operator.say(
-        f"The motors turn the heading by {shift_half_deg:.1f}° at half, {shift_full_deg:.1f}° at full duty."
+        f"Motor current shifts the heading by {shift_half_deg:.1f}° at half, {shift_full_deg:.1f}° at full duty."
     )
     if not passed:
         await operator.say(
