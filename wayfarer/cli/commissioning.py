@@ -121,10 +121,10 @@ def _at_the_rover(
     """Work with a rover's parts, as they were calibrated or not; a person may be asked, and no daemon may run."""
     from wayfarer.cli import terminal
     from wayfarer.commissioning.checks import HostEnvironment
+    from wayfarer.commissioning.checks.system import device_files
     from wayfarer.config.calibration_file import load
     from wayfarer.config.factory import UNCALIBRATED, connect
     from wayfarer.config.rover_file import load_rover
-    from wayfarer.daemon.device_files import device_files
     from wayfarer.daemon.motors_lock import motors_device, motors_lock
     from wayfarer.daemon.socket.paths import daemon_socket, single_daemon
 

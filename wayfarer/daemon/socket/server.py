@@ -37,7 +37,7 @@ from wayfarer.daemon.socket.protocol import (
 )
 from wayfarer.errors import BadInput, WayfarerError
 
-_QUEUE = 128
+_QUEUE = 128  # clients that wait in the kernel to be accepted; from no source
 _NO_FILES_S = 0.1  # until accepting is tried again, where the process has no file descriptor left for it
 
 
