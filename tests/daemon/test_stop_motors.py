@@ -333,6 +333,18 @@ def test_root_runs_the_code_of_a_user_s_rover_file_with_that_user_s_rights(
     assert stop_motors(str(rover_file)).endswith(f"stopped as {NOBODY}")
 
 
+def test_board_that_root_s_own_file_names_too_needs_no_process_of_the_user_who_recorded_it(
+    rover_file: Path, record: Path, ran: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Such a process takes a second to start on a small computer, and that user may be unable to import wayfarer."""
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    recorded = FoundRecord(DrivenBoard({"driver": "thunderborg"}, "linux"), NOBODY)
+    monkeypatch.setattr("wayfarer.daemon.stop_motors.read_record", lambda _: recorded)
+    rover_file.write_text(THUNDERBORG, encoding="utf-8")
+    assert stop_motors(str(rover_file)) == f"the daemon's {record} and {rover_file}: stopped"
+    assert ran == ["linux"]
+
+
 def test_code_of_a_rover_file_comes_after_everything_else(
     rover_file: Path, record: Path, path: Path, ran: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
