@@ -22,7 +22,7 @@ ENDED_BY = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Terminal:
-    """Asks and informs the person at the terminal; implements ``commissioning.operator.Operator``."""
+    """Asks and informs the person at the terminal; implements ``commissioning.manual_drive.Operator``."""
 
     def __init__(self) -> None:
         self._questions = Worker("the person at the terminal", PATIENCE_S)

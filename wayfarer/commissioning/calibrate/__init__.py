@@ -15,7 +15,7 @@ from wayfarer.commissioning.calibrate.flow import calibrate_flow
 from wayfarer.commissioning.calibrate.motors import calibrate_motors
 from wayfarer.commissioning.calibrate.turning import calibrate_turning
 from wayfarer.commissioning.checks.api import HostEnvironment, StandaloneInspection
-from wayfarer.commissioning.operator import Operator
+from wayfarer.commissioning.manual_drive import Operator
 from wayfarer.config.calibration_file import Calibration, load, save
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.hal import Rover

@@ -17,8 +17,7 @@ from typing import Protocol, runtime_checkable
 from wayfarer.commissioning.calibrate.response import UNSEEN_MAX
 from wayfarer.commissioning.checks.api import CheckVerdict
 from wayfarer.commissioning.checks.motion import judge_push
-from wayfarer.commissioning.manual_drive import measure_push, sample_during
-from wayfarer.commissioning.operator import Operator
+from wayfarer.commissioning.manual_drive import Operator, measure_push, sample_during
 from wayfarer.config.calibration_file import SCALE_MAX, SCALE_MIN, FlowEntry, stamp
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.hal import MotionReading, MotionSensor

@@ -16,7 +16,7 @@ from wayfarer.commissioning.calibrate.free_ground import REST_S, FreeGround
 from wayfarer.commissioning.calibrate.response import TURNS_FROM_DEG_S, rate_deg_s, speed_gain, turn_response
 from wayfarer.commissioning.checks.api import StandaloneInspection
 from wayfarer.commissioning.checks.calibrated import EASE_TURNING
-from wayfarer.commissioning.operator import Operator
+from wayfarer.commissioning.manual_drive import Operator
 from wayfarer.config.calibration_file import GROUND_MAX, Calibration, SpeedGain, TurningEntry, TurnResponse, stamp
 from wayfarer.config.factory import calibrated
 from wayfarer.config.rover_file import RoverConfig
