@@ -13,6 +13,7 @@ from functools import partial
 
 from wayfarer.commissioning.checks import calibrated, deadman, parts, system
 from wayfarer.commissioning.checks.api import (
+    Ask,
     Check,
     CheckVerdict,
     Finding,
@@ -22,7 +23,7 @@ from wayfarer.commissioning.checks.api import (
     passed,
     run_checks,
 )
-from wayfarer.commissioning.checks.motion import Ask, check_motion
+from wayfarer.commissioning.checks.motion import check_motion
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.hal import Rover
 

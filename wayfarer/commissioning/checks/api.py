@@ -162,6 +162,9 @@ class StandaloneInspection(Inspection):
         return await getattr(self.rover, sense).read()
 
 
+Ask = Callable[[str], Awaitable[bool]]
+"""Asks a person a question of yes or no."""
+
 Check = Callable[[Inspection], Awaitable[Finding]]
 
 
