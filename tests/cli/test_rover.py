@@ -290,7 +290,7 @@ def test_check_for_people_gives_cause_and_remedy(rover_file: Path, run: Run) -> 
 def test_motors_of_a_daemon_on_another_socket_are_left_alone(
     rover_file: Path, monkeypatch: pytest.MonkeyPatch, run: Run, command: list[str]
 ) -> None:
-    monkeypatch.setattr(terminal, "is_there", lambda: True)
+    monkeypatch.setattr(terminal, "is_interactive", lambda: True)
     monkeypatch.setattr("wayfarer.daemon.motors_lock.motors_device", lambda config: "/dev/ptmx")
     with motors_lock("/dev/ptmx"):
         code, _, err = run(*command, "--config", rover_file)
@@ -328,7 +328,7 @@ def test_check_uses_the_calibration_and_calibrate_begins_without_it(
         used.append(calibration)
         raise BadInput("that is enough")
 
-    monkeypatch.setattr(terminal, "is_there", lambda: True)
+    monkeypatch.setattr(terminal, "is_interactive", lambda: True)
     monkeypatch.setattr("wayfarer.config.factory.connect", connect)
     for command in (["check"], ["calibrate", "motors"]):
         assert cli.run([*command, "--config", str(rover_file)]) == 2
@@ -340,7 +340,7 @@ def test_every_step_of_calibrating_can_be_named() -> None:
 
 
 def test_calibrating_wants_a_person(rover_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(terminal, "is_there", lambda: False)
+    monkeypatch.setattr(terminal, "is_interactive", lambda: False)
     assert cli.run(["calibrate", "--config", str(rover_file)]) == 2
 
 

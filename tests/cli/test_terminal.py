@@ -11,12 +11,12 @@ from typing import Any
 
 import pytest
 
-from wayfarer.cli.terminal import Terminal, with_a_person
+from wayfarer.cli.terminal import Terminal, run_interactive
 from wayfarer.errors import BadInput
 
 TURNS_WHEELS = """
 import asyncio
-from wayfarer.cli.terminal import Terminal, with_a_person
+from wayfarer.cli.terminal import Terminal, run_interactive
 
 async def run():
     try:
@@ -26,7 +26,7 @@ async def run():
         await asyncio.sleep(0.05)
         print("stopped", flush=True)
 
-with_a_person(run)
+run_interactive(run)
 print("went on", flush=True)
 """
 
@@ -66,9 +66,9 @@ def test_what_is_run_returns_and_raises_as_it_does() -> None:
     async def fail() -> int:
         raise BadInput("no")
 
-    assert with_a_person(answer) == 42
+    assert run_interactive(answer) == 42
     with pytest.raises(BadInput, match="no"):
-        with_a_person(fail)
+        run_interactive(fail)
 
 
 @pytest.fixture

@@ -12,8 +12,8 @@ import pytest
 
 from tests.config.rover_texts import complaint, load, rover_toml
 from wayfarer.config.rover_file import RoverConfig, load_rover, part_settings, rover_names
-from wayfarer.daemon.salvage import motors_of
 from wayfarer.daemon.socket.driven import DrivenBoard
+from wayfarer.daemon.stop_motors import motors_of
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 
 
@@ -250,4 +250,4 @@ def test_stopping_the_motors_reads_past_a_byte_order_mark(tmp_path: Path) -> Non
     """With its first key unread, the file's ``buses`` would be taken for the Raspberry Pi's own."""
     path = tmp_path / "rover.toml"
     path.write_bytes(BOM + b'buses = "my.usb:adapter"\n[parts.motors]\ndriver = "sabertooth"\n')
-    assert motors_of(path).driven == DrivenBoard({"driver": "sabertooth"}, "my.usb:adapter")
+    assert motors_of(path)[0] == DrivenBoard({"driver": "sabertooth"}, "my.usb:adapter")

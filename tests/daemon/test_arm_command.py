@@ -144,7 +144,7 @@ SHIFTED = MotorsEntry(**stamp(MOTORS, T_WALL), shift_half_deg=4.0, shift_full_de
         ("motors", {"deadman_s": None}, "cannot stop the wheels by itself"),
         ("motors", {"dead": True}, f"{MOTORS}: no answer"),
         ("compass", {"level": 1}, "compass calibration: level 1 of 3, at least 2 is needed"),
-        ("calibration", {"motors": SHIFTED}, "calibrated motors: the motors turn the heading by 17°"),
+        ("calibration", {"motors": SHIFTED}, "calibrated motors: motor current shifts the heading by 17°"),
     ],
 )
 @played

@@ -17,7 +17,6 @@ from tests.daemon.socket.fake_daemon import FakeDaemon, serve
 from wayfarer import cli
 from wayfarer.config.registry import find_driver
 from wayfarer.daemon.motors_lock import motors_lock
-from wayfarer.daemon.salvage import NamedBoard
 from wayfarer.daemon.socket.client import NoDaemon
 from wayfarer.daemon.socket.driven import DrivenBoard, FoundRecord, write_record
 from wayfarer.daemon.socket.protocol import Refused
@@ -56,7 +55,9 @@ def test_same_board_from_both_is_stopped_once(rover_file: Path, record: Path) ->
     )
 
 
-@pytest.mark.parametrize("text", [None, "a = = 3", "[parts.motors]\ndriver = 'no_such'\n"])
+@pytest.mark.parametrize(
+    "text", [None, "a = = 3", "[parts.motors]\ndriver = 'no_such'\n", SABERTOOTH + "timeout_s = 30\n"]
+)
 def test_rover_file_that_cannot_be_used_is_told_and_the_driven_board_is_stopped(
     rover_file: Path, record: Path, text: str | None
 ) -> None:
@@ -326,12 +327,22 @@ def test_root_runs_the_code_of_a_user_s_rover_file_with_that_user_s_rights(
 ) -> None:
     rover_file.touch()
     there = rover_file.stat()
-    named = NamedBoard(
-        DrivenBoard({"driver": "thunderborg"}, "signal:pause"), os.stat_result((*there[:4], NOBODY, *there[5:]))
-    )
+    named = (DrivenBoard({"driver": "thunderborg"}, "signal:pause"), os.stat_result((*there[:4], NOBODY, *there[5:])))
     monkeypatch.setattr("wayfarer.daemon.stop_motors.motors_of", lambda _: named)
     monkeypatch.setattr(os, "geteuid", lambda: 0)
     assert stop_motors(str(rover_file)).endswith(f"stopped as {NOBODY}")
+
+
+def test_board_that_root_s_own_file_names_too_needs_no_process_of_the_user_who_recorded_it(
+    rover_file: Path, record: Path, ran: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Such a process takes a second to start on a small computer, and that user may be unable to import wayfarer."""
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    recorded = FoundRecord(DrivenBoard({"driver": "thunderborg"}, "linux"), NOBODY)
+    monkeypatch.setattr("wayfarer.daemon.stop_motors.read_record", lambda _: recorded)
+    rover_file.write_text(THUNDERBORG, encoding="utf-8")
+    assert stop_motors(str(rover_file)) == f"the daemon's {record} and {rover_file}: stopped"
+    assert ran == ["linux"]
 
 
 def test_code_of_a_rover_file_comes_after_everything_else(

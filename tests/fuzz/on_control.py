@@ -33,7 +33,7 @@ WORDS = [
     b"\n\n",
     *(f'"{verb}"'.encode() for verb in VERBS),
 ]
-LIMITS = SocketLimits(clients=4, line_s=0.5, idle_s=5.0, reply_s=0.5)
+LIMITS = SocketLimits(clients=4, wait_s=0.5)
 MOST_OPEN = 20  # files and sockets more than before: each client has two ends here
 LONG_S = 20.0  # this machine may be busy
 
@@ -135,7 +135,7 @@ def _word(line: bytes) -> str:
 
 SERVER = Target(
     "server",
-    ["wayfarer.daemon.socket.server:ControlServer", "wayfarer.daemon.socket.server:_reject",
+    ["wayfarer.daemon.socket.server:ControlServer",
      "wayfarer.daemon.socket.protocol:perform", "wayfarer.daemon.socket.protocol:ok_reply",
      "wayfarer.daemon.socket.protocol:error_reply"],
     lambda kept: CLIENTS,

@@ -162,8 +162,7 @@ def _stopping() -> Iterator[Try]:
 
 STOPPING = Target(
     "stop-motors",
-    ["wayfarer.daemon.stop_motors:_sources", "wayfarer.daemon.salvage", "wayfarer.daemon.stop_board:_stop_board",
-     "wayfarer.daemon.stop_board:_usable", "wayfarer.daemon.stop_board:_try_to_stop"],
+    ["wayfarer.daemon.stop_motors:motors_of", "wayfarer.daemon.stop_board:stop_board"],
     lambda kept: st.builds(
         lambda *pieces: b"".join(pieces),
         st.just(f'buses = "{Wheels.__module__}:Wheels"\n'.encode()),

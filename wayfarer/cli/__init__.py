@@ -50,7 +50,7 @@ command(epilog=sweep.EXAMPLES)(sweep.sweep)
 command(epilog=faults.EXAMPLES)(faults.faults)
 command(rich_help_panel=ROVER, epilog=rover.RUN_EXAMPLES)(rover.run)
 for verb in control.COMMANDS:
-    lenient = {"ignore_unknown_options": verb in control.TAKE_A_MINUS}
+    lenient = {"ignore_unknown_options": verb in control.ACCEPT_NEGATIVE}
     command(rich_help_panel=CONTROL, context_settings=lenient)(verb)
 command("stop-motors", rich_help_panel=ROVER)(rover.stop_motors)
 command(rich_help_panel=ROVER)(commissioning.check)

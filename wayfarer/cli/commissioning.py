@@ -50,7 +50,7 @@ def check(
     from wayfarer.commissioning.checks import check as look
     from wayfarer.commissioning.checks import passed
 
-    ask = terminal.Terminal().ask if terminal.is_there() and not as_json else None
+    ask = terminal.Terminal().ask if terminal.is_interactive() and not as_json else None
     findings = _at_the_rover(config, logs, lambda loaded, rover, host: look(loaded, rover, host, ask), calibrated=True)
     if as_json:
         print_json({"passed": passed(findings), "findings": findings})
@@ -75,7 +75,7 @@ def calibrate(
     from wayfarer.commissioning.calibrate import calibrate as guide
     from wayfarer.errors import BadInput
 
-    if not terminal.is_there():
+    if not terminal.is_interactive():
         raise BadInput("calibration asks questions: run it in a terminal")
     person = terminal.Terminal()
     _at_the_rover(
@@ -121,10 +121,10 @@ def _at_the_rover(
     """Work with a rover's parts, as they were calibrated or not; a person may be asked, and no daemon may run."""
     from wayfarer.cli import terminal
     from wayfarer.commissioning.checks import HostEnvironment
+    from wayfarer.commissioning.checks.system import device_files
     from wayfarer.config.calibration_file import load
     from wayfarer.config.factory import UNCALIBRATED, connect
     from wayfarer.config.rover_file import load_rover
-    from wayfarer.daemon.device_files import device_files
     from wayfarer.daemon.motors_lock import motors_device, motors_lock
     from wayfarer.daemon.socket.paths import daemon_socket, single_daemon
 
@@ -141,7 +141,7 @@ def _at_the_rover(
 
     # Two programs on one bus corrupt each other's answers; a daemon on another socket is found by its motors.
     with single_daemon(daemon_socket()), motors_lock(motors_device(loaded)):
-        return terminal.with_a_person(run)
+        return terminal.run_interactive(run)
 
 
 def _print(findings: Iterable[Finding]) -> None:

@@ -100,7 +100,7 @@ def stop() -> None:
 
 
 COMMANDS = (status, arm, disarm, hold, resume, goal, mark, stop)
-TAKE_A_MINUS = {arm, goal, mark}  # -20 is a heading, or a word of a note, and no option
+ACCEPT_NEGATIVE = {arm, goal, mark}  # -20 is a heading, or a word of a note, and no option
 
 
 @contextmanager

@@ -118,10 +118,10 @@ def chosen_rover(config: str | None, default: str | None = None) -> str:
 def _real(config: RoverConfig, where: str, logs: Path) -> tuple[RoverConfig, Callable[[Any], RoverSetup]]:
     """Return the rover as calibrated, and what makes it."""
     from wayfarer.commissioning.checks import HostEnvironment
+    from wayfarer.commissioning.checks.system import device_files, refuse_missing_ports
     from wayfarer.config.calibration_file import load
     from wayfarer.config.factory import calibrated, connect
     from wayfarer.daemon.daemon import RoverSetup
-    from wayfarer.daemon.device_files import device_files, refuse_missing_ports
 
     host = HostEnvironment.here(logs)
     calibration = load(host.calibration_file)

@@ -22,7 +22,7 @@ ENDED_BY = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Terminal:
-    """Asks and informs the person at the terminal; implements ``commissioning.operator.Operator``."""
+    """Asks and informs the person at the terminal; implements ``commissioning.manual_drive.Operator``."""
 
     def __init__(self) -> None:
         self._questions = Worker("the person at the terminal", PATIENCE_S)
@@ -69,7 +69,7 @@ class Terminal:
             raise BadInput("no answer: the input has ended (Ctrl-D); begin this step again") from None
 
 
-def with_a_person(run: Callable[[], Coroutine[Any, Any, T]]) -> T:
+def run_interactive(run: Callable[[], Coroutine[Any, Any, T]]) -> T:
     """Run a coroutine that may ask questions.
 
     A signal cancels it, so that the code that drives the wheels can stop them, and ends the process even while a
@@ -104,6 +104,6 @@ def with_a_person(run: Callable[[], Coroutine[Any, Any, T]]) -> T:
     return result
 
 
-def is_there() -> bool:
+def is_interactive() -> bool:
     """Return whether a person sits at the terminal."""
     return sys.stdin.isatty() and sys.stdout.isatty()

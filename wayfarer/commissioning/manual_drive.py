@@ -1,11 +1,11 @@
-"""Manual operation for checks and calibration: drive the wheels briefly, sum a push, take a heading."""
+"""Manual operation for checks and calibration: ask the operator, drive briefly, sum a push, take a heading."""
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncGenerator, Awaitable, Callable, Coroutine
 from contextlib import asynccontextmanager
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 from wayfarer.control.rate import Rate
 from wayfarer.hal import CompassReading, DriveMotors, MotionReading, WheelCommand
@@ -13,6 +13,25 @@ from wayfarer.hal import CompassReading, DriveMotors, MotionReading, WheelComman
 T = TypeVar("T")
 
 RATE_HZ = 20.0  # of commands: a ThunderBorg stops after 0.25 s without one; and of readings
+
+
+class Operator(Protocol):
+    """The person beside the rover, who reads, answers and moves it. The event loop runs on during each wait."""
+
+    async def say(self, text: str) -> None:
+        """Show a line."""
+
+    async def ask(self, question: str) -> bool:
+        """Return the answer to a question of yes or no."""
+
+    async def number(self, question: str, default: float) -> float:
+        """Return the answer to a question for a number."""
+
+    async def note(self, question: str) -> str:
+        """Return what the person wants to be noted, in a few words; nothing where they leave it out."""
+
+    async def wait(self, text: str) -> None:
+        """Show what is to be done, and return when the person says that it is."""
 
 
 @asynccontextmanager

@@ -189,11 +189,11 @@ def _make_user(root: Path) -> str:
     lacks = ",".join(name for name in _groups(root) if USER not in groups[name][-1].split(","))
     joins = ["--groups", lacks] if lacks else []
     if USER not in _entries(root / "etc/passwd"):
-        _give("useradd", "--system", "--user-group", "--no-create-home", "--home-dir", str(STATE_FOLDER),
+        _run_command("useradd", "--system", "--user-group", "--no-create-home", "--home-dir", str(STATE_FOLDER),
               "--shell", "/usr/sbin/nologin", *joins, USER)  # fmt: skip
         return f"made user '{USER}'"
     if lacks:
-        _give("usermod", "--append", *joins, USER)
+        _run_command("usermod", "--append", *joins, USER)
         return f"added user '{USER}' to {lacks}"
     return f"user '{USER}' exists"
 
@@ -205,11 +205,11 @@ def _make_state_folder(folder: Path) -> None:
     """
     _make_folder(folder)
     folder.chmod(0o755)
-    _give("chown", "--recursive", "--no-dereference", f"{USER}:{USER}", str(folder))
+    _run_command("chown", "--recursive", "--no-dereference", f"{USER}:{USER}", str(folder))
 
 
-def _give(*command: str) -> None:
-    """Give a command."""
+def _run_command(*command: str) -> None:
+    """Run a command; what it writes to stderr is the reason if it fails."""
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise BadInput(f"{' '.join(command)}: {one_line(done.stderr)}")

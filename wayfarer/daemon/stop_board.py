@@ -11,19 +11,15 @@ import asyncio
 import json
 import os
 import sys
-from collections.abc import Mapping
-from contextlib import suppress
-from dataclasses import MISSING, fields
+from dataclasses import fields
 from pathlib import Path
-from typing import Any
 
 from wayfarer.config.registry import find_driver, make_buses
+from wayfarer.daemon.motors_lock import device_of, other_commander
 from wayfarer.daemon.socket.driven import DrivenBoard
 from wayfarer.errors import BadConfig, BadInput, DriverError, NotResponding, WayfarerError, kind_and_text
 from wayfarer.hal import STOP, DriveMotors
 
-# The keys that say where a board is. Without them another board might be stopped, so they must be right.
-WHERE = {"bus", "address", "port", "baud"}
 ASK_S = 1.0  # for a daemon's answer
 AGAIN_S, AGAIN_EVERY_S = 0.5, 0.05  # a daemon that ends may have commands under way
 CLOSE_WAIT_S = 2.0  # for a bus that hangs to work again: then the posted stop is sent first
@@ -37,58 +33,41 @@ def stop_board(driven: DrivenBoard) -> str:
         WayfarerError: the board did not answer, or a daemon still commands it.
     """
     try:
-        return _stop_board(driven)
+        return asyncio.run(_stop(driven))
     except WayfarerError:
         raise
-    except Exception as error:  # a third party's driver or buses may raise anything
-        raise WayfarerError(
-            f"nothing may have been stopped: {kind_and_text(error)}; switch the motors' power off"
+    # A daemon has checked the settings that it recorded. Those of a rover file are used unchecked, because a stop must
+    # not wait for pydantic to load, and the driver raises what is wrong. A third party's driver may raise anything.
+    except Exception as error:
+        raise BadConfig(
+            f"[parts.motors] cannot be used, nothing may have been stopped: {kind_and_text(error)}; switch the motors'"
+            " power off, see wayfarer check"
         ) from None
 
 
-def _stop_board(driven: DrivenBoard) -> str:
-    table, buses = driven
+async def _stop(driven: DrivenBoard) -> str:
+    """Stop the wheels first; then see whether a daemon would turn them again; then ask the board."""
+    table, buses_name = driven
     driver = find_driver(table["driver"])
     if getattr(driver, "part", None) != "motors":
         raise BadConfig(f"driver '{table['driver']}' in [parts.motors] drives no motors")
     known = {field.name for field in fields(driver.Settings)}
-    given = {key: value for key, value in table.items() if key in known}  # a mistyped key is left out
-    try:
-        return asyncio.run(_stop(driver, given, buses))
-    except WayfarerError:
-        raise
-    except Exception:  # a value of the wrong kind, or out of its range: the settings were not checked
-        pass
-    try:
-        kept = asyncio.run(_usable(driver, given, buses))
-        left_out = ", ".join(key for key in given if key not in kept)
-        return f"{asyncio.run(_stop(driver, kept, buses))} ([parts.motors] {left_out}: unusable, left out)"
-    except WayfarerError:
-        raise
-    except Exception as error:
-        raise BadConfig(f"[parts.motors] cannot be used: {kind_and_text(error)}") from None
-
-
-async def _stop(driver: Any, given: Mapping[str, Any], buses_name: str) -> str:
-    """Stop the wheels first; then see whether a daemon would turn them again; then ask the board."""
-    from wayfarer.daemon.motors_lock import device_of, other_commander
-
+    settings = driver.Settings(**{key: value for key, value in table.items() if key in known})
     buses = make_buses(buses_name)
-    settings = driver.Settings(**given)
     motors: DriveMotors = driver(settings, buses)
-    device = device_of(buses_name, settings)
     try:
         await motors.stop()
         agreed = await asyncio.to_thread(_ask_daemons)
-        other = other_commander(device)
+        other = other_commander(device_of(buses_name, settings))
         if agreed or other:
             for _ in range(round(AGAIN_S / AGAIN_EVERY_S)):
                 await asyncio.sleep(AGAIN_EVERY_S)
                 await motors.stop()
-        if not all(agreed.values()) or (other and not agreed):
+        refusing = next((f"a wayfarer daemon at {place}" for place, agrees in agreed.items() if not agrees), None)
+        if refusing or (other and not agreed):
             raise WayfarerError(
-                f"stop was sent, but {other or _first_unwilling(agreed)} still commands these wheels: end it with"
-                " 'wayfarer stop' or 'systemctl stop wayfarer', or switch the motors' power off"
+                f"stop was sent, but {other or refusing} still commands these wheels: end it with 'wayfarer stop' or"
+                " 'systemctl stop wayfarer', or switch the motors' power off"
             )
         return await _confirmed(motors)
     finally:
@@ -123,17 +102,17 @@ async def _why_not_open(motors: DriveMotors) -> None:
         raise WayfarerError(f"no stop could be sent, switch the motors' power off: {error}") from None
 
 
-# -- a daemon that is still there --------------------------------------------------------------------------------------
-
-
 def _ask_daemons() -> dict[Path, bool]:
-    """Ask every daemon that this user may reach to stop; return for each socket whether the daemon agreed."""
+    """Ask every daemon that this user may reach to stop; return for each socket whether the daemon agreed.
+
+    Not only the daemon of the record: one whose record was rejected may drive this board as well.
+    """
     from wayfarer.daemon.socket.client import NoDaemon, ask
     from wayfarer.daemon.socket.paths import known_sockets
 
     agreed: dict[Path, bool] = {}
-    for place in known_sockets():
-        if place in agreed or not os.access(place, os.W_OK):
+    for place in dict.fromkeys(known_sockets()):
+        if not os.access(place, os.W_OK):
             continue  # another user's daemon cannot be asked; the lock of the motors shows whether it drives them
         try:
             ask({"do": "stop"}, place, ASK_S)
@@ -144,48 +123,6 @@ def _ask_daemons() -> dict[Path, bool]:
         else:
             agreed[place] = True
     return agreed
-
-
-def _first_unwilling(agreed: Mapping[Path, bool]) -> str:
-    return f"a wayfarer daemon at {next(place for place, will in agreed.items() if not will)}"
-
-
-# -- settings that nobody has checked ----------------------------------------------------------------------------------
-
-
-async def _usable(driver: Any, given: Mapping[str, Any], buses_name: str) -> dict[str, Any]:
-    """Return the settings with which a driver can stop: those that say where the board is, and all others that work.
-
-    Raises:
-        Exception: any exception of the driver if the settings that say where the board is are missing or unusable.
-    """
-    needed = {
-        field.name for field in fields(driver.Settings) if field.default is field.default_factory is MISSING
-    } | WHERE
-    kept = {key: value for key, value in given.items() if key in needed}
-    await _try_to_stop(driver, kept, buses_name)
-    for key in given:
-        with suppress(Exception):
-            await _try_to_stop(driver, kept | {key: given[key]}, buses_name)
-            kept[key] = given[key]
-    return kept
-
-
-async def _try_to_stop(driver: Any, given: Mapping[str, Any], buses_name: str) -> None:
-    """Stop with these settings; errors because of the settings are raised, but not the silence of the board."""
-    buses = make_buses(buses_name)
-    try:
-        motors: DriveMotors = driver(driver.Settings(**given), buses)
-        try:
-            await motors.stop()
-            with suppress(DriverError):
-                await motors.drive(STOP)
-            with suppress(DriverError):
-                await motors.read_back()
-        finally:
-            await motors.close()
-    finally:
-        await buses.close()
 
 
 def main() -> None:

@@ -293,7 +293,7 @@ def test_the_heading_shift_of_the_motors_is_measured_and_judged(rig: Rig, full_s
     assert found.passed is passed
     assert any("mast" in text for text in someone.told) is not passed
     judged = rig.look(partial(checks.calibrated.calibrated, "motors"))
-    assert (judged.verdict is checks.CheckVerdict.OK, "the motors turn the heading" in judged.found) == (
+    assert (judged.verdict is checks.CheckVerdict.OK, "motor current shifts the heading" in judged.found) == (
         passed,
         not passed,
     )

@@ -113,7 +113,7 @@ def test_rover_that_cannot_turn_is_told_what_to_do_and_left_as_its_file_says(rig
 
 def test_uneven_sides_are_told(rig: Rig) -> None:
     def told(one: float, other: float) -> bool:
-        from wayfarer.commissioning.calibrate.turning_text import table
+        from wayfarer.commissioning.calibrate.turning import table
 
         ways = [TurnResponse(stood_at_duty=0.3, from_duty=0.3, deg_s_per_duty=rate) for rate in (one, other)]
         entry = TurningEntry(

@@ -16,8 +16,8 @@ from tests.simhal.clearing import STEADY, VEHICLE
 from tests.virtual import run_virtually
 from wayfarer.commissioning.calibrate import Operator, Step, calibrate
 from wayfarer.commissioning.checks import Check, Finding, HostEnvironment, Inspection
-from wayfarer.commissioning.checks.motion import deadman_trips
-from wayfarer.commissioning.checks.standalone import StandaloneInspection
+from wayfarer.commissioning.checks.api import StandaloneInspection
+from wayfarer.commissioning.checks.deadman import deadman_trips
 from wayfarer.config.calibration_file import Calibration, load, save
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.drivers.cmps14 import CMPS14, CMPS14Settings

@@ -11,7 +11,7 @@ import pytest
 from tests.commissioning.checks.rigs import T_WALL, ChipRig, Rig, Script
 from tests.commissioning.checks.test_parts import whole_calibration
 from tests.virtual import run_virtually
-from wayfarer.commissioning.checks import CALIBRATED, CheckVerdict, Finding, board, check, deadman
+from wayfarer.commissioning.checks import CALIBRATED, CheckVerdict, Finding, check, deadman, parts
 from wayfarer.commissioning.checks.deadman import board_settings, keep_proof, proved
 from wayfarer.config.calibration_file import Calibration, save
 from wayfarer.config.rover_file import load_rover, part_settings
@@ -45,10 +45,10 @@ def watched(tmp_path: Path) -> Watched:
 
 
 def test_of_a_board_that_cannot_be_asked_nothing_is_claimed(watched: Watched) -> None:
-    found = watched.look(board.motor_board)
+    found = watched.look(parts.motor_board)
     assert found.verdict is CheckVerdict.OK
     assert found.found == "its port opens; it cannot answer, and its deadman of 0.3 s is not tested by this"
-    assert watched.look(board.motor_faults).verdict is CheckVerdict.SKIPPED
+    assert watched.look(parts.motor_faults).verdict is CheckVerdict.SKIPPED
 
 
 def test_board_that_nobody_has_watched_is_not_armed_and_what_to_do_is_told(watched: Watched) -> None:

@@ -13,7 +13,8 @@ from tests.commissioning.checks.rigs import Rig, Script, push_by_hand
 from tests.virtual import run_virtually
 from wayfarer.commissioning.checks import CheckVerdict, Finding, Inspection, check
 from wayfarer.commissioning.checks.api import ok
-from wayfarer.commissioning.checks.motion import WATCH_S, check_motion, judge_push
+from wayfarer.commissioning.checks.deadman import WATCH_S
+from wayfarer.commissioning.checks.motion import check_motion, judge_push
 from wayfarer.commissioning.manual_drive import Push
 from wayfarer.hal import WheelCommand
 

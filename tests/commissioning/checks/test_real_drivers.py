@@ -12,7 +12,7 @@ from tests.commissioning.checks.rigs import ChipRig, Script
 from tests.virtual import run_virtually
 from wayfarer.commissioning.calibrate import calibrate
 from wayfarer.commissioning.calibrate.compass import OFF
-from wayfarer.commissioning.checks import CheckVerdict, Finding, board, parts, run_checks
+from wayfarer.commissioning.checks import CheckVerdict, Finding, parts, run_checks
 from wayfarer.drivers.sabertooth import SabertoothSettings
 from wayfarer.hal import WheelCommand
 from wayfarer.simhal.chips.cmps14 import CALIBRATED
@@ -67,11 +67,11 @@ def test_a_sabertooth_is_watched_and_does_as_its_timeout_says(rig: ChipRig, acts
 
 def test_real_parts_answer_their_checks_and_a_fault_of_the_last_mission_is_found(rig: ChipRig) -> None:
     async def look() -> tuple[list[Finding], Finding]:
-        well = await run_checks(rig.inspection(), [board.motor_board, board.battery, board.motor_faults, parts.compass])
+        well = await run_checks(rig.inspection(), [parts.motor_board, parts.battery, parts.motor_faults, parts.compass])
         await rig.rover.motors.drive(WheelCommand(0.3, 0.3))
         await rig.rover.motors.stop()
         rig.thunderborg.drive_faults.add(0)
-        return well, await board.motor_faults(rig.inspection())
+        return well, await parts.motor_faults(rig.inspection())
 
     well, fault = run_virtually(look())
     assert {finding.verdict for finding in well} == {CheckVerdict.OK}, well

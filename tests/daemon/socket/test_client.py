@@ -67,7 +67,7 @@ async def test_client_that_is_turned_away_hears_why(path: Path, daemon: FakeDaem
         first.writer.write(b'{"do": "arm"}\n')
         await until(lambda: daemon.told)
         for _ in range(20):  # whether the request was sent before or after the door closed
-            with pytest.raises(Refused, match="1 clients are being answered, which is the limit"):
+            with pytest.raises(Refused, match="1 clients are connected, which is the limit"):
                 await asyncio.to_thread(ask, STATUS, path)
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from wayfarer.daemon.socket import paths
 from wayfarer.daemon.socket.driven import (
-    MOST_BYTES,
+    MAX_BYTES,
     DrivenBoard,
     known_records,
     read_record,
@@ -80,7 +80,7 @@ def says(text: str) -> Callable[[Path], object]:
         (says('{"motors": 3, "buses": "linux"}'), "no daemon wrote this"),
         (says('{"motors": {}, "buses": "linux"}'), "no daemon wrote this"),
         (says('{"motors": {"driver": "x"}, "buses": "linux", "more": 1}'), "no daemon wrote this"),
-        (says(json.dumps({"motors": {"driver": "x" * MOST_BYTES}, "buses": "linux"})), "no daemon wrote this"),
+        (says(json.dumps({"motors": {"driver": "x" * MAX_BYTES}, "buses": "linux"})), "no daemon wrote this"),
     ],
 )
 def test_what_cannot_be_believed_is_told(record: Path, done: Callable[[Path], object], why: str) -> None:

@@ -12,8 +12,9 @@ import pytest
 
 from tests.daemon.socket.fake_daemon import STATUS, FakeDaemon, RawClient, answers, serve, until
 from wayfarer.daemon.socket import server
-from wayfarer.daemon.socket.peer import peer_uid
+from wayfarer.daemon.socket.paths import peer_uid
 from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.daemon.socket.server import SocketLimits
 from wayfarer.errors import BadInput, NotResponding
 
 # -- answering -----------------------------------------------------------------------------------------------------
@@ -144,12 +145,16 @@ def test_peer_is_who_the_kernel_says() -> None:
 # -- begin and end -------------------------------------------------------------------------------------------------
 
 
-async def test_end_of_the_server_closes_its_clients(path: Path, daemon: FakeDaemon) -> None:
-    async with serve(daemon, path):
-        client = await RawClient(path).__aenter__()
-        assert (await client.reply_to(STATUS))["ok"]
-    assert await client.is_closed()
-    await client.__aexit__()
+async def test_end_of_the_server_closes_its_clients_those_at_reserved_places_too(
+    path: Path, daemon: FakeDaemon
+) -> None:
+    async with serve(daemon, path, SocketLimits(clients=1)):
+        clients = [await RawClient(path).__aenter__() for _ in range(2)]
+        for client in clients:
+            assert (await client.reply_to(b'{"do": "stop"}\n'))["ok"]
+    for client in clients:
+        assert await client.is_closed()
+        await client.__aexit__()
 
 
 async def test_reply_to_stop_arrives_though_the_server_ends(path: Path, daemon: FakeDaemon) -> None:

@@ -18,7 +18,14 @@ from wayfarer.daemon.socket.client import ask
 from wayfarer.daemon.socket.protocol import REQUEST_BYTES
 from wayfarer.daemon.socket.server import SocketLimits
 
-QUICK = SocketLimits(line_s=0.05, idle_s=0.1, reply_s=0.05)
+QUICK = SocketLimits(wait_s=0.05)
+
+
+async def until_answered(path: Path) -> None:
+    """Ask until a client that has just left has given up its place."""
+    async with asyncio.timeout(2.0):
+        while not await answers(path):  # noqa: ASYNC110  (nothing there tells of it)
+            await asyncio.sleep(0.002)
 
 
 async def test_line_of_just_the_limit_is_read_and_one_byte_more_is_refused(path: Path, daemon: FakeDaemon) -> None:
@@ -35,7 +42,7 @@ async def test_line_of_just_the_limit_is_read_and_one_byte_more_is_refused(path:
 
 
 async def test_byte_after_byte_does_not_prolong_a_line(path: Path, daemon: FakeDaemon) -> None:
-    async with serve(daemon, path, QUICK._replace(idle_s=60.0)):
+    async with serve(daemon, path, QUICK):
         with socket.socket(socket.AF_UNIX) as slow:
             slow.connect(str(path))
             slow.setblocking(False)
@@ -43,7 +50,7 @@ async def test_byte_after_byte_does_not_prolong_a_line(path: Path, daemon: FakeD
                 for byte in STATUS[:9]:
                     slow.send(bytes([byte]))
                     await asyncio.sleep(0.01)
-            assert b"the line did not end within 0.05 s: " in slow.recv(1000)
+            assert b"no whole line within 0.05 s: " in slow.recv(1000)
             with suppress(ConnectionResetError):  # closed with something unread
                 assert slow.recv(1000) == b"", "it is closed"
 
@@ -51,7 +58,7 @@ async def test_byte_after_byte_does_not_prolong_a_line(path: Path, daemon: FakeD
 async def test_idle_client_is_closed(path: Path, daemon: FakeDaemon) -> None:
     async with serve(daemon, path, QUICK), RawClient(path) as client:
         assert (await client.reply_to(STATUS))["ok"]
-        assert (await client.reply())["why"].startswith("idle for 0.1 s: ")
+        assert (await client.reply())["why"].startswith("no whole line within 0.05 s: ")
         assert await client.is_closed()
 
 
@@ -63,46 +70,42 @@ async def test_line_cut_off_by_the_client_is_not_obeyed(path: Path, daemon: Fake
     assert daemon.told == []
 
 
-async def test_new_client_takes_the_place_of_the_one_silent_longest(path: Path, daemon: FakeDaemon) -> None:
-    async with (
-        serve(daemon, path, SocketLimits(clients=3)) as serving,
-        RawClient(path) as one,
-        RawClient(path) as two,
-        RawClient(path) as three,
-    ):
-        for client in (two, three, one):  # not in the order in which they came
-            assert (await client.reply_to(STATUS))["ok"]
-        await until(lambda: not serving._under_way)
-        assert await answers(path)
-        why = (await two.reply())["why"]
-        assert why.startswith("disconnected to make room for another client, as the one silent longest: ")
-        assert await two.is_closed()
-        for client in (one, three):
-            assert (await client.reply_to(STATUS))["ok"]
-
-
-async def test_request_under_way_is_not_dropped_for_a_new_client_but_half_a_line_is(
-    path: Path, daemon: FakeDaemon
+@pytest.mark.parametrize("verb", ["stop", "disarm"])
+async def test_client_beyond_the_limit_may_stop_the_wheels_and_nothing_else(
+    path: Path, daemon: FakeDaemon, verb: str
 ) -> None:
+    async with serve(daemon, path, SocketLimits(clients=2)), RawClient(path) as first:
+        assert (await first.reply_to(STATUS))["ok"]
+        async with RawClient(path) as second:
+            assert (await second.reply_to(STATUS))["ok"]
+            async with RawClient(path) as third:
+                assert (await third.reply_to(b'{"do": "%s"}\n' % verb.encode()))["ok"]
+                why = (await third.reply_to(STATUS))["why"]
+                assert why.startswith("2 clients are connected, which is the limit, and only stop, hold, disarm are ")
+                assert await third.is_closed()
+            assert (await second.reply_to(STATUS))["ok"], "nobody loses a place"
+        await until_answered(path)
+
+
+async def test_hold_beyond_the_limit_is_asked_of_the_daemon(path: Path, daemon: FakeDaemon) -> None:
+    async with serve(daemon, path, SocketLimits(clients=1)), RawClient(path), RawClient(path) as second:
+        assert (await second.reply_to(b'{"do": "hold"}\n'))["why"] == str(daemon.fails_with)
+
+
+async def test_reserved_place_goes_to_the_next_one_and_the_others_keep_theirs(path: Path, daemon: FakeDaemon) -> None:
     daemon.waits.clear()
-    async with serve(daemon, path, SocketLimits(clients=2)), RawClient(path) as busy:
+    async with serve(daemon, path, SocketLimits(clients=2)), RawClient(path) as busy, RawClient(path) as begun:
         busy.writer.write(b'{"do": "arm"}\n')
         await until(lambda: daemon.told)
-        async with RawClient(path) as begun:
-            begun.writer.write(STATUS[:9])
-            assert await answers(path)
-            assert (await begun.reply())["why"].startswith("disconnected to make room for another client")
-            assert await begun.is_closed()
-        async with RawClient(path) as second:
-            second.writer.write(b'{"do": "arm"}\n')
-            await until(lambda: len(daemon.told) == 3)
-            async with RawClient(path) as third:
-                assert (await third.reply())["why"].startswith("2 clients are being answered, which is the limit: ")
-                assert await third.is_closed()
-            daemon.waits.set()
-            assert (await second.reply())["ok"]
+        begun.writer.write(STATUS[:9])
+        async with RawClient(path) as third, RawClient(path) as fourth, RawClient(path) as fifth:
+            assert await third.is_closed()
+            for client in (fourth, fifth):
+                assert (await client.reply_to(b'{"do": "stop"}\n'))["ok"]
+        begun.writer.write(STATUS[9:])
+        assert (await begun.reply())["ok"]
+        daemon.waits.set()
         assert (await busy.reply())["ok"]
-        assert await answers(path)
 
 
 # What 16 clients may do that they never end; the last asks for more than it reads.
@@ -169,7 +172,7 @@ async def test_flood_of_new_clients_refuses_no_stop(path: Path, daemon: FakeDaem
 
 async def test_client_that_never_reads_is_dropped_and_holds_nothing(path: Path, daemon: FakeDaemon) -> None:
     daemon.answers = {"text": "x" * 60_000}
-    async with serve(daemon, path, QUICK._replace(idle_s=60.0)) as serving:
+    async with serve(daemon, path, QUICK) as serving:
         before = open_files()
         with socket.socket(socket.AF_UNIX) as deaf:
             deaf.connect(str(path))
@@ -216,15 +219,14 @@ async def test_clients_that_come_together_all_get_in(path: Path, daemon: FakeDae
 
 async def test_a_thousand_connections_leave_the_server_as_it_was(path: Path, daemon: FakeDaemon) -> None:
     async with serve(daemon, path) as serving:
-        clients = [await RawClient(path).__aenter__() for _ in range(16)]
-        for _ in range(984):
+        clients = [await RawClient(path).__aenter__() for _ in range(32)]
+        for _ in range(968):
             clients.append(await RawClient(path).__aenter__())
-            dropped = clients.pop(0)
-            assert "silent longest" in (await dropped.reply())["why"]
+            dropped = clients.pop(16)
+            assert await dropped.is_closed()
             await dropped.__aexit__()
-        assert len(serving._clients) == 16
+        assert (len(serving._clients), len(serving._reserve)) == (16, 16)
         for client in clients:
             await client.__aexit__()
-        await until(lambda: not serving._clients)
-        assert serving._under_way == set()
+        await until(lambda: not serving._clients and not serving._reserve)
         assert await answers(path)

@@ -14,9 +14,8 @@ from wayfarer.commissioning.calibrate.compass import calibrate_compass
 from wayfarer.commissioning.calibrate.flow import calibrate_flow
 from wayfarer.commissioning.calibrate.motors import calibrate_motors
 from wayfarer.commissioning.calibrate.turning import calibrate_turning
-from wayfarer.commissioning.checks.api import HostEnvironment
-from wayfarer.commissioning.checks.standalone import StandaloneInspection
-from wayfarer.commissioning.operator import Operator
+from wayfarer.commissioning.checks.api import HostEnvironment, StandaloneInspection
+from wayfarer.commissioning.manual_drive import Operator
 from wayfarer.config.calibration_file import Calibration, load, save
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.hal import Rover

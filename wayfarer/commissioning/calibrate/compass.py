@@ -12,8 +12,7 @@ from contextlib import suppress
 from typing import Protocol, runtime_checkable
 
 from wayfarer.angles import circular_mean, wrap180
-from wayfarer.commissioning.manual_drive import sample_headings
-from wayfarer.commissioning.operator import Operator
+from wayfarer.commissioning.manual_drive import Operator, sample_headings
 from wayfarer.config.calibration_file import CompassEntry, stamp
 from wayfarer.errors import BadReading, WayfarerError
 from wayfarer.hal import Compass

@@ -12,9 +12,8 @@ from contextlib import asynccontextmanager
 
 from wayfarer.angles import wrap180
 from wayfarer.commissioning.calibrate.response import Sample
-from wayfarer.commissioning.checks import board, deadman
-from wayfarer.commissioning.checks.api import CheckVerdict, run_checks
-from wayfarer.commissioning.checks.standalone import StandaloneInspection
+from wayfarer.commissioning.checks import deadman, parts
+from wayfarer.commissioning.checks.api import CheckVerdict, StandaloneInspection, run_checks
 from wayfarer.commissioning.manual_drive import RATE_HZ, wheels_stopped_after
 from wayfarer.control.rate import Rate
 from wayfarer.errors import WayfarerError
@@ -23,7 +22,7 @@ from wayfarer.safety.debounce import Debounce
 from wayfarer.safety.gate import Gate
 
 REST_S = 1.0  # between drives: from 1 m/s on the most slippery ground (a friction of 0.1) a body slides for a second
-MUST_NOT_FAIL = (board.motor_board, board.motor_faults, board.battery, deadman.proved)
+MUST_NOT_FAIL = (parts.motor_board, parts.motor_faults, parts.battery, deadman.proved)
 
 
 class FreeGround:

@@ -7,8 +7,7 @@ More than 10 degrees are refused (field.md 2, item 19): the cure is a mast and t
 from __future__ import annotations
 
 from wayfarer.angles import circular_mean, wrap180
-from wayfarer.commissioning.manual_drive import RATE_HZ, wheels_stopped_after
-from wayfarer.commissioning.operator import Operator
+from wayfarer.commissioning.manual_drive import RATE_HZ, Operator, wheels_stopped_after
 from wayfarer.config.calibration_file import MotorsEntry, stamp
 from wayfarer.control.rate import Rate
 from wayfarer.hal import Compass, DriveMotors, WheelCommand
@@ -41,7 +40,7 @@ async def calibrate_motors(
     shift_half_deg, shift_full_deg = abs(wrap180(half_deg - still_deg)), abs(wrap180(full_deg - still_deg))
     passed = max(shift_half_deg, shift_full_deg) <= SHIFT_MAX_DEG
     await operator.say(
-        f"The motors turn the heading by {shift_half_deg:.1f}° at half, {shift_full_deg:.1f}° at full duty."
+        f"Motor current shifts the heading by {shift_half_deg:.1f}° at half, {shift_full_deg:.1f}° at full duty."
     )
     if not passed:
         await operator.say(

@@ -11,18 +11,19 @@ from __future__ import annotations
 
 from functools import partial
 
-from wayfarer.commissioning.checks import board, calibrated, deadman, parts, system
+from wayfarer.commissioning.checks import calibrated, deadman, parts, system
 from wayfarer.commissioning.checks.api import (
+    Ask,
     Check,
     CheckVerdict,
     Finding,
     HostEnvironment,
     Inspection,
+    StandaloneInspection,
     passed,
     run_checks,
 )
-from wayfarer.commissioning.checks.motion import Ask, check_motion
-from wayfarer.commissioning.checks.standalone import StandaloneInspection
+from wayfarer.commissioning.checks.motion import check_motion
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.hal import Rover
 
@@ -53,9 +54,9 @@ ARMING: tuple[Check, ...] = (
     system.power,
     system.disk,
     system.clock,
-    board.motor_board,
-    board.battery,
-    board.motor_faults,
+    parts.motor_board,
+    parts.battery,
+    parts.motor_faults,
     parts.compass,
     calibrated.compass_level,
     parts.motion,

@@ -2,7 +2,7 @@
 
 The same checks run twice: for a person (``wayfarer check``), who may have wired the rover a minute ago, and before each
 arming, inside the daemon. They differ in how readings are come by, which is what ``Inspection`` hides: alone, parts are
-opened and read (``standalone.py``); in the daemon they are open already, and readings come from the sensor tasks.
+opened and read; in the daemon they are open already, and readings come from the sensor tasks.
 """
 
 from __future__ import annotations
@@ -13,11 +13,12 @@ from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Any, NamedTuple
+from types import TracebackType
+from typing import Any, NamedTuple, Self
 
 from wayfarer.config.calibration_file import calibration_file
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.errors import kind_and_text
+from wayfarer.errors import DriverError, kind_and_text
 from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, MotorHealth, Rover
 
@@ -116,6 +117,53 @@ class Inspection(ABC):
     async def _read(self, sense: str) -> Any:
         """Return a fresh reading of a sense that the rover has, or raise a ``DriverError``."""
 
+
+class StandaloneInspection(Inspection):
+    """An ``Inspection`` without a daemon; leaving its context stops the wheels and closes every part.
+
+    A part that failed to open is not tried again: the same failure is raised at the next request.
+    """
+
+    def __init__(self, config: RoverConfig, rover: Rover, host: HostEnvironment) -> None:
+        super().__init__(config, rover, host)
+        self._tried: dict[str, DriverError | None] = {}
+
+    async def __aenter__(self) -> Self:
+        """Open nothing yet."""
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        """Stop the wheels, if the motors were opened, and close what was."""
+        if "motors" in self._tried:
+            await self.rover.motors.stop()
+        for name in self._tried:
+            await self.rover.parts[name].close()
+
+    async def open(self, name: str) -> None:
+        """Open a part, once."""
+        if name not in self._tried:
+            self._tried[name] = None
+            try:
+                await self.rover.parts[name].open()
+            except DriverError as error:
+                self._tried[name] = error
+        if (failed := self._tried[name]) is not None:
+            raise failed
+
+    async def motor_health(self) -> MotorHealth:
+        """Ask the motor board."""
+        await self.open("motors")
+        return await self.rover.motors.health()
+
+    async def _read(self, sense: str) -> Any:
+        await self.open(sense)
+        return await getattr(self.rover, sense).read()
+
+
+Ask = Callable[[str], Awaitable[bool]]
+"""Asks a person a question of yes or no."""
 
 Check = Callable[[Inspection], Awaitable[Finding]]
 

@@ -85,7 +85,7 @@ def _missing(name: str, kind: str, path: Path) -> Finding:
 
 def _judge(name: str, entry: Entry, t_wall: float) -> Finding:
     if isinstance(entry, MotorsEntry) and not entry.passed:
-        found = f"the motors turn the heading by {max(entry.shift_half_deg, entry.shift_full_deg):.0f}°"
+        found = f"motor current shifts the heading by {max(entry.shift_half_deg, entry.shift_full_deg):.0f}°"
         remedy = "raise the compass on a mast, twist the motor wires; wayfarer calibrate"
         return fail(name, found, "the field of their current reaches the compass", remedy)
     if isinstance(entry, CompassEntry) and entry.residual_deg > RESIDUAL_MAX_DEG:

@@ -10,48 +10,30 @@ No duty exceeds the rover file's ``safety.duty_max``.
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Awaitable, Callable
 from functools import partial
 
-from wayfarer.commissioning.checks.api import Finding, Inspection, fail, ok, skipped
-from wayfarer.commissioning.checks.deadman import keep_proof
+from wayfarer.commissioning.checks.api import Ask, Finding, Inspection, fail, ok, skipped
+from wayfarer.commissioning.checks.deadman import DRIVE_S, SILENCE_MAX_S, deadman_silence_s, deadman_trips
 from wayfarer.commissioning.checks.parts import part_failed, require_reading
 from wayfarer.commissioning.manual_drive import RATE_HZ, Push, keep_driving, measure_push, wheels_stopped_after
 from wayfarer.control.rate import Rate
 from wayfarer.detector import StallMonitor
-from wayfarer.errors import DriverError, WayfarerError
-from wayfarer.hal import STOP, DriveMotors, WheelCommand, has_readback
-
-Ask = Callable[[str], Awaitable[bool]]
-"""Asks a person a question of yes or no."""
+from wayfarer.errors import DriverError
+from wayfarer.hal import DriveMotors, WheelCommand
 
 ON_BLOCKS = (
     "The wheels are going to turn, slowly, several times, for up to {longest_s:.1f} s. "
     "Does the rover stand on blocks, all wheels free, with nobody's hands near them?"
 )
-COUNT = (
-    "This board cannot be asked: please count the seconds that the wheels turn now, "
-    "about {well_s:.1f} s if all is well, {longest_s:.1f} s at most. Ready?"
-)
 PUSH = "Set the rover on the ground and push it half a metre straight ahead by hand; then answer. Is it done?"
 
 DUTY = 0.25  # enough to turn free wheels, too little to jump off the blocks
-DEADMAN_DUTY = 0.2
-DRIVE_S = 0.5
-DEADMAN_MARGIN_S = 0.15  # how late a deadman may be
-WATCH_S = 2.5  # how much longer wheels turn if the deadman does not trip: enough for an eye to tell
-SILENCE_MAX_S = 5.0  # wheels that nobody commands do not turn for longer, whatever deadman the rover file asks for
 STALL_DUTY = 0.5
 STALL_S = 1.0
 # Of the half metre asked for: scales are wrong by up to a half before calibration (hardware.md 2.6).
 PUSHED_MIN_M = 0.15
 UNKNOWN_MAX = 0.5  # share of readings without quality beyond which nothing was seen
-
-NO_DEADMAN = (
-    "the board did not get the timeout, or its timeout does not work",
-    "switch the board off and on and check again; do not let it drive before this is right",
-)
 
 
 async def check_motion(inspection: Inspection, ask: Ask | None) -> list[Finding]:
@@ -80,74 +62,11 @@ async def _why_not(ask: Ask, inspection: Inspection) -> str:
     """Return why the wheels may not turn, nothing where they may."""
     try:
         await inspection.open("motors")
-        silence_s = await _silence_s(inspection.rover.motors)
+        silence_s = await deadman_silence_s(inspection.rover.motors)
     except DriverError:
         return "the motor board does not answer"
     longest_s = max(STALL_S, DRIVE_S + silence_s if silence_s <= SILENCE_MAX_S else 0.0)
     return "" if await ask(ON_BLOCKS.format(longest_s=longest_s)) else "it needs the rover on blocks"
-
-
-async def _silence_s(motors: DriveMotors) -> float:
-    """Return how long the deadman is given, 0 where there is none; longer for an eye that has to see it."""
-    if motors.deadman_s is None:
-        return 0.0
-    watch_s = 0.0 if await has_readback(motors) else WATCH_S
-    return motors.deadman_s + DEADMAN_MARGIN_S + watch_s
-
-
-async def deadman_trips(ask: Ask, inspection: Inspection) -> Finding:
-    """Drive, fall silent, and see whether the board stops the wheels by itself.
-
-    A board that can be asked is asked. Otherwise a person counts, and the answer is kept: wheels that turn for longer
-    than the deadman allows were stopped by us.
-
-    Raises:
-        DriverError: the board did not answer.
-    """
-    name, motors = "deadman trips", inspection.rover.motors
-    if motors.deadman_s is None:
-        return skipped(name, "this board has none")
-    silence_s, duty = await _silence_s(motors), min(DEADMAN_DUTY, inspection.config.safety.duty_max)
-    if silence_s > SILENCE_MAX_S:
-        long = f"with a deadman of {motors.deadman_s:g} s, wheels without commands would turn for {silence_s:.1f} s"
-        return skipped(name, f"{long}; set a shorter timeout under [parts.motors]")
-    if not await has_readback(motors):
-        return await _deadman_seen(name, ask, inspection, motors.deadman_s, silence_s, duty)
-    before, after = await _fall_silent(motors, silence_s, duty)
-    if before == STOP:
-        return fail(name, "the wheels did not start", "no motor power", "check battery, fuse and motor switch")
-    if after != STOP:
-        return fail(name, f"the wheels still turned after {silence_s:g} s of silence", *NO_DEADMAN)
-    return ok(name, f"the wheels stopped within {silence_s:g} s of silence")
-
-
-async def _deadman_seen(
-    name: str, ask: Ask, inspection: Inspection, deadman_s: float, silence_s: float, duty: float
-) -> Finding:
-    well_s, longest_s = DRIVE_S + deadman_s, DRIVE_S + silence_s
-    if not await ask(COUNT.format(well_s=well_s, longest_s=longest_s)):
-        return skipped(name, "nobody watched")
-    await _fall_silent(inspection.rover.motors, silence_s, duty)
-    tripped = await ask(f"Did they turn for about {well_s:.1f} s, and not for {longest_s:.1f} s?")
-    found = "the wheels were seen to stop by themselves" if tripped else "the wheels did not stop by themselves"
-    try:
-        keep_proof(inspection, tripped=tripped)
-    except WayfarerError as error:
-        return fail(name, f"{found}; not kept: {error}", "the card, or the file's owner", "fix that and check again")
-    if not tripped:
-        return fail(name, found, *NO_DEADMAN)
-    return ok(name, f"{found}; kept in {inspection.host.calibration_file}")
-
-
-async def _fall_silent(
-    motors: DriveMotors, for_s: float, duty: float
-) -> tuple[WheelCommand | None, WheelCommand | None]:
-    """Return what the board applied before and after a silence."""
-    async with wheels_stopped_after(motors):
-        await keep_driving(motors, WheelCommand(duty, duty), DRIVE_S)
-        before = await motors.read_back()
-        await asyncio.sleep(for_s)
-        return before, await motors.read_back()
 
 
 async def side(which: str, ask: Ask, inspection: Inspection) -> Finding:

@@ -14,8 +14,7 @@ from typing import Any
 
 import orjson
 
-from wayfarer.daemon.socket.paths import known_sockets, may_listen, unsafe_folders
-from wayfarer.daemon.socket.peer import peer_uid
+from wayfarer.daemon.socket.paths import known_sockets, may_listen, peer_uid, unsafe_folders
 from wayfarer.daemon.socket.protocol import REPLY_BYTES, Refused, check, read_line
 from wayfarer.errors import BadInput, WayfarerError
 

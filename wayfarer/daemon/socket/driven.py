@@ -21,7 +21,7 @@ from wayfarer.errors import BadInput
 from wayfarer.files.atomic_file import write_atomically
 
 NAME = "motors.json"
-MOST_BYTES = 65_536
+MAX_BYTES = 65_536
 
 
 class DrivenBoard(NamedTuple):
@@ -97,7 +97,7 @@ def _read(path: Path, folder: int) -> FoundRecord | None:
         about = os.fstat(file)
         if why := _why_untrusted(about, os.fstat(folder)):
             raise BadInput(f"{path}: rejected: {why}; remove it")
-        text = reader.read(MOST_BYTES)
+        text = reader.read(MAX_BYTES)
     try:
         fields = json.loads(text)
         driven = DrivenBoard(**fields)

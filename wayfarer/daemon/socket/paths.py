@@ -13,10 +13,13 @@ from __future__ import annotations
 
 import fcntl
 import os
+import socket
+import struct
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from stat import S_IMODE, S_ISDIR, S_ISVTX
+from typing import Any, Final
 
 from wayfarer.errors import BadInput, WayfarerError
 
@@ -26,6 +29,7 @@ SHARED_FOLDER = Path("/tmp")
 SOCKET_NAME = "control.sock"
 _PRIVATE = 0o700
 OTHERS_WRITE = 0o022
+_CREDENTIALS: Final = struct.Struct("iII")  # struct ucred of unix(7): process, user and group
 
 
 class AlreadyRunning(WayfarerError):
@@ -66,6 +70,12 @@ def may_listen(uid: int, socket_path: Path) -> bool:
         with suppress(OSError):
             owners.add(folder.lstat().st_uid)
     return uid in owners
+
+
+def peer_uid(connection: Any) -> int:
+    """Return the user at the other end: of the process that connected or, asked by a client, that began to listen."""
+    _, user, _ = _CREDENTIALS.unpack(connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size))
+    return int(user)
 
 
 def known_folders() -> Iterator[Path]:

@@ -1,13 +1,14 @@
 """Server of the control socket: it serves requests without delaying the control tick.
 
-All resources of clients are bounded: connections, length of a line, time to finish one, time to read the reply.
+All resources of clients are bounded: connections, length of a line, time to send one and to read the reply.
 Requests are answered on the loop itself, but only one in each turn of the loop, so that many requests cannot delay the
 tick. Every error in a request becomes a refusal, and the server continues.
 
-A ``stop`` is always accepted. New clients wait in the kernel's queue, in the order of arrival. Accepting a client takes
-a turn, as answering does, so that waiting requests are answered before the next client is accepted. If all connections
-are in use, the client that has been without a complete request for longest is disconnected: it is idle, has sent half a
-line, or does not read. A new client stays until 15 more have been accepted, which takes longer than its request.
+A ``stop``, ``hold`` or ``disarm`` always gets in. As many places as all clients may have are reserved for these three:
+a client that comes while the others are in use gets a reserved place, and is refused everything else. If the reserved
+places are in use as well, the new client takes that of the one that came first: it is silent, has sent half a line, or
+does not read. Accepting a client takes a turn of the loop, as answering does. So a request that is there is answered
+before its client can be pushed out, however many others come.
 """
 
 from __future__ import annotations
@@ -22,8 +23,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, Self
 
-from wayfarer.daemon.socket.peer import peer_uid
+from wayfarer.daemon.socket.paths import peer_uid
 from wayfarer.daemon.socket.protocol import (
+    ALWAYS_ANSWERED,
     REQUEST_BYTES,
     Commands,
     Refused,
@@ -35,18 +37,15 @@ from wayfarer.daemon.socket.protocol import (
 )
 from wayfarer.errors import BadInput, WayfarerError
 
-_QUEUE = 128
+_QUEUE = 128  # clients that wait in the kernel to be accepted; from no source
 _NO_FILES_S = 0.1  # until accepting is tried again, where the process has no file descriptor left for it
 
 
 class SocketLimits(NamedTuple):
     """Limits for one client, and for all together; field.md, fault 50."""
 
-    line_bytes: int = REQUEST_BYTES
-    clients: int = 16
-    line_s: float = 5.0  # to finish a line once it has begun
-    idle_s: float = 60.0  # between lines
-    reply_s: float = 5.0  # to read a reply
+    clients: int = 16  # and as many reserved places
+    wait_s: float = 60.0  # for a whole line, and for a client to read its reply; a lost client keeps its place so long
 
 
 LIMITS = SocketLimits()
@@ -83,8 +82,8 @@ class ControlServer:
         self._declination_deg = declination_deg
         self._on_error = on_error
         self._limits = limits
-        self._clients: dict[asyncio.Task[None], StreamWriter] = {}  # the one who was silent longest comes first
-        self._under_way: set[asyncio.Task[None]] = set()  # whose request is being done
+        self._clients: dict[asyncio.Task[None], StreamWriter] = {}
+        self._reserve: dict[asyncio.Task[None], StreamWriter] = {}  # in the order in which they came
         self._turn = asyncio.Lock()
 
     async def __aenter__(self) -> Self:
@@ -95,7 +94,7 @@ class ControlServer:
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
     ) -> None:
-        clients = dict(self._clients)
+        clients = self._clients | self._reserve
         tasks = [self._accepting, *clients]
         for task in tasks:
             task.cancel()
@@ -114,9 +113,7 @@ class ControlServer:
                 await asyncio.sleep(_NO_FILES_S)
                 continue
             with suppress(OSError):  # it has gone already
-                self._serve_or_reject(
-                    *await asyncio.open_unix_connection(sock=connection, limit=self._limits.line_bytes - 1)
-                )
+                self._admit(*await asyncio.open_unix_connection(sock=connection, limit=REQUEST_BYTES))
             await self._take_turn()
 
     async def _take_turn(self) -> None:
@@ -124,45 +121,21 @@ class ControlServer:
         async with self._turn:
             await asyncio.sleep(0)
 
-    def _serve_or_reject(self, reader: StreamReader, writer: StreamWriter) -> None:
-        """Begin to serve a new client, or reject it."""
-        try:
-            self._admit(writer)
-        except Refused as refusal:
-            _reject(writer, refusal)
-            return
-        talk = asyncio.create_task(self._serve(reader, writer), name="control client")
-        self._clients[talk] = writer
-        talk.add_done_callback(self._forget)
+    def _admit(self, reader: StreamReader, writer: StreamWriter) -> None:
+        """Begin to serve a new client, at a reserved place if the others are in use."""
+        places = self._clients if len(self._clients) < self._limits.clients else self._reserve
+        talk = asyncio.create_task(self._serve(reader, writer, places is self._reserve), name="control client")
+        places[talk] = writer
+        talk.add_done_callback(lambda talk: places.pop(talk, None))
+        if len(self._reserve) > self._limits.clients:
+            first = next(iter(self._reserve))
+            del self._reserve[first]
+            first.cancel()
 
-    def _forget(self, talk: asyncio.Task[None]) -> None:
-        self._clients.pop(talk, None)
-        self._under_way.discard(talk)
-
-    def _admit(self, writer: StreamWriter) -> None:
-        user = peer_uid(writer.get_extra_info("socket"))
-        if user not in {os.geteuid(), 0}:
-            raise Refused(
-                f"this daemon accepts requests from user {os.geteuid()} and root only, not user {user}: use sudo"
-            )
-        if len(self._clients) >= self._limits.clients:
-            self._make_room()
-
-    def _make_room(self) -> None:
-        """Drop the client that was silent longest; a request that is being carried out is completed."""
-        silent = next((talk for talk in self._clients if talk not in self._under_way), None)
-        if silent is None:
-            raise Refused(f"{len(self._clients)} clients are being answered, which is the limit: try again")
-        _reject(
-            self._clients.pop(silent),
-            Refused("disconnected to make room for another client, as the one silent longest: connect again"),
-        )
-        silent.cancel()
-
-    async def _serve(self, reader: StreamReader, writer: StreamWriter) -> None:
+    async def _serve(self, reader: StreamReader, writer: StreamWriter, is_reserved: bool) -> None:
         writer.transport.set_write_buffer_limits(0)  # drain() then waits until nothing is left here
         try:
-            await self._answer_all(reader, writer)
+            await self._answer_all(reader, writer, is_reserved)
         except OSError:
             pass  # the client went away, or would not read
         except Exception as error:
@@ -170,23 +143,17 @@ class ControlServer:
         finally:
             writer.transport.abort()  # close() would wait for a client that does not read
 
-    async def _answer_all(self, reader: StreamReader, writer: StreamWriter) -> None:
+    async def _answer_all(self, reader: StreamReader, writer: StreamWriter, is_reserved: bool) -> None:
         try:
+            if (user := peer_uid(writer.get_extra_info("socket"))) not in {os.geteuid(), 0}:
+                raise Refused(
+                    f"this daemon accepts requests from user {os.geteuid()} and root only, not user {user}: use sudo"
+                )
             while line := await self._next_line(reader):
-                await self._send(writer, await self._answer_in_turn(line))
+                await self._take_turn()
+                await self._send(writer, await self._answer(line, is_reserved))
         except Refused as refusal:
             await self._send(writer, error_reply(str(refusal)))
-
-    async def _answer_in_turn(self, line: bytes) -> bytes:
-        talk = asyncio.current_task()
-        assert talk is not None
-        self._clients[talk] = self._clients.pop(talk)  # now it is the last to make room
-        await self._take_turn()
-        self._under_way.add(talk)
-        try:
-            return await self._answer(line)
-        finally:
-            self._under_way.discard(talk)
 
     async def _next_line(self, reader: StreamReader) -> bytes:
         """Return the next line with its end, or nothing if the client has closed.
@@ -194,44 +161,46 @@ class ControlServer:
         Raises:
             Refused: the line is too long, too slow or has no end; the connection cannot continue after that.
         """
-        time, limits = asyncio.get_running_loop().time, self._limits
-        line = b""
         try:
-            async with asyncio.timeout(limits.idle_s) as deadline:
-                line = await reader.read(1)
-                if line in {b"", b"\n"}:
-                    return line
-                deadline.reschedule(time() + limits.line_s)
-                return line + await reader.readuntil(b"\n")
+            async with asyncio.timeout(self._limits.wait_s):
+                return await reader.readuntil(b"\n")
         except TimeoutError:
-            waited = f"the line did not end within {limits.line_s:g} s" if line else f"idle for {limits.idle_s:g} s"
-            raise Refused(f"{waited}: the connection is closed, connect again") from None
+            raise Refused(
+                f"no whole line within {self._limits.wait_s:g} s: the connection is closed, connect again"
+            ) from None
         except LimitOverrunError:
-            raise Refused(f"a line has {limits.line_bytes} bytes at most: the connection is closed") from None
-        except IncompleteReadError:
-            raise Refused("the line does not end: send an end of line after each request") from None
+            raise Refused(f"a line has {REQUEST_BYTES} bytes at most: the connection is closed") from None
+        except IncompleteReadError as error:
+            if error.partial:
+                raise Refused("the line does not end: send an end of line after each request") from None
+            return b""
 
-    async def _answer(self, line: bytes) -> bytes:
+    async def _answer(self, line: bytes, is_reserved: bool) -> bytes:
+        """Return the reply to a line.
+
+        Raises:
+            Refused: the client has a reserved place, which is not for this request.
+        """
         try:
-            return ok_reply(await perform(check(read_line(line)), self._commands, self._declination_deg))
+            request = check(read_line(line))
+            if not is_reserved or request.do in ALWAYS_ANSWERED:
+                return ok_reply(await perform(request, self._commands, self._declination_deg))
         except WayfarerError as refusal:
             return error_reply(str(refusal))
         except Exception as error:
             self._on_error(error)
             text = f"{type(error).__name__}: {error}"[:200]
             return error_reply(f"an error inside wayfarer ({text}): ask for the status before you go on")
+        raise Refused(
+            f"{self._limits.clients} clients are connected, which is the limit, and only {', '.join(ALWAYS_ANSWERED)}"
+            " are answered beyond it: end one of them, or try again"
+        )
 
     async def _send(self, writer: StreamWriter, reply: bytes) -> None:
-        """Send a line, at most ``reply_s`` long; both ways to fail, TimeoutError and ConnectionError, are OSErrors."""
+        """Send a line, at most ``wait_s`` long; both ways to fail, TimeoutError and ConnectionError, are OSErrors."""
         writer.write(reply)
-        async with asyncio.timeout(self._limits.reply_s):
+        async with asyncio.timeout(self._limits.wait_s):
             await writer.drain()
-
-
-def _reject(writer: StreamWriter, refusal: Refused) -> None:
-    """Send a refusal and close; it fits into the kernel's buffer, so nothing has to be kept here."""
-    writer.write(error_reply(str(refusal)))
-    writer.close()
 
 
 def _bind(path: Path) -> socket.socket:

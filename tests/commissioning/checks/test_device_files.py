@@ -9,8 +9,8 @@ import pytest
 
 from wayfarer import cli
 from wayfarer.commissioning.checks import HostEnvironment
+from wayfarer.commissioning.checks.system import device_files, refuse_missing_ports
 from wayfarer.config.rover_file import load_rover
-from wayfarer.daemon.device_files import device_files, refuse_missing_ports
 from wayfarer.errors import BadConfig
 
 PORTS = ("/dev/i2c-1", "/dev/spidev0.1", "/dev/ttyAMA0")
@@ -30,7 +30,7 @@ def make(root: Path, *devices: str) -> None:
 def looked_at(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """The device files that are looked at, all of them well."""
     looked_at: list[str] = []
-    monkeypatch.setattr("wayfarer.daemon.device_files.diagnose", lambda _host, device: looked_at.append(device))
+    monkeypatch.setattr("wayfarer.commissioning.checks.system.diagnose", lambda _host, device: looked_at.append(device))
     return looked_at
 
 
@@ -74,7 +74,7 @@ def test_run_ends_with_one_line_and_exit_code_2_and_begins_no_log(
 ) -> None:
     monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
     shipped = Path(cli.__file__).parents[1] / "rovers/minirover.toml"
-    monkeypatch.setattr("wayfarer.daemon.device_files.refuse_missing_ports", _refuse)
+    monkeypatch.setattr("wayfarer.commissioning.checks.system.refuse_missing_ports", _refuse)
     assert cli.run(["run", "--config", str(shipped), "--logs", str(tmp_path / "logs")]) == 2
     assert capsys.readouterr().err == "wayfarer: no such port\n"
     assert not (tmp_path / "logs").exists()
