@@ -12,8 +12,8 @@ TURNS: Final = (1.0, -1.0, -1.0, 1.0)  # clockwise positive
 MOVES: Final = (1.0, -1.0, 1.0, -1.0)
 FIRST: Final = 0
 BEFORE: Final = -1  # the first pulse
-# A response is clear from this share of what ideal ground gives; so is one that is the opposite of what was commanded. A
-# turn the other way counts only from so many degrees: the motors' field may bend the heading as far.
+# A response is clear from this share of what ideal ground gives; so is one that is the opposite of what was commanded.
+# A turn the other way counts only from so many degrees: the motors' field may bend the heading as far.
 CLEAR: Final = 0.4
 OPPOSES_DEG: Final = 5.0
 BODY_LAG_S: Final = 0.1  # of the body behind its wheels, as ``escape.turn_control.LAG_S``
