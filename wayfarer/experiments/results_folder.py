@@ -23,7 +23,7 @@ from typing import Any, Self
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.experiments.folder_settings import kind_of, refuse_another, swept_values, tasks_of
 from wayfarer.experiments.rows import TrialRow, columns_of, csv_line
-from wayfarer.experiments.store import CHECKSUM, MOST_LINE_BYTES, TrialStore
+from wayfarer.experiments.store import CHECKSUM, TrialStore
 from wayfarer.files.atomic_file import atomic_file, write_atomically
 from wayfarer.files.regular_file import open_regular, open_to_append
 
@@ -131,29 +131,15 @@ class ResultsFolder:
             raise BadInput(f"{self.path} is not empty; give a new folder, or add --resume to continue what is in it")
         else:
             refuse_another(self.path, self._settings)
-        return self._tables_trials() if self.complete else self._partial_trials()
+        return self._trials()
 
-    def _tables_trials(self) -> TrialStore:
-        """Return the trials of the final table."""
-        path = self.path / TRIALS
-        file = self._open.enter_context(open_regular(path))
-        kept = TrialStore(file, tasks_of(self._settings), str(path), self._columns)
-        if len(kept) < kept.total:
-            raise BadInput(
-                f"{path} is damaged: it has {len(kept)} of {kept.total} trials; run them into another folder"
-            )
-        return kept
-
-    def _partial_trials(self) -> TrialStore:
-        """Return the trials of a campaign that is not finished, in a file that takes more of them."""
-        path, columns = self.path / PARTIAL, partial_columns(self._settings)
-        file = self._open.enter_context(open_to_append(path))
-        first = file.readline(MOST_LINE_BYTES)
-        if len(first) < MOST_LINE_BYTES and not first.endswith(b"\n"):  # it is new, or a crash cut its first line short
-            file.seek(0)
-            file.truncate()
-            file.write(csv_line(columns).encode())
-        return TrialStore(file, tasks_of(self._settings), str(path), columns)
+    def _trials(self) -> TrialStore:
+        """Return the trials of the final table, or those of a campaign that is not finished, which takes more."""
+        if self.complete:
+            return self._open.enter_context(finished_trials(self.path, self._settings))
+        file = self._open.enter_context(open_to_append(self.path / PARTIAL))
+        columns = partial_columns(self._settings)
+        return TrialStore(file, tasks_of(self._settings), columns, str(self.path / PARTIAL))
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -163,6 +149,24 @@ class ResultsFolder:
             raise WayfarerError(
                 f"{self.path} cannot be written any more: {error.strerror or error}; fix that, then use --resume"
             ) from error
+
+
+@contextmanager
+def finished_trials(folder: Path, settings: Mapping[str, Any]) -> Iterator[TrialStore]:
+    """Open the final table of a campaign or sweep with these settings.
+
+    Raises:
+        BadInput: the table is damaged, or has not all trials.
+        OSError: it is no ordinary file, or cannot be read.
+    """
+    path = folder / TRIALS
+    with open_regular(path) as file:
+        kept = TrialStore(file, tasks_of(settings), columns_of(settings), str(path))
+        if len(kept) < kept.total:
+            raise BadInput(
+                f"{path} is damaged: it has {len(kept)} of {kept.total} trials; run them again into another folder"
+            )
+        yield kept
 
 
 @contextmanager

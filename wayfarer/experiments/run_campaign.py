@@ -137,7 +137,7 @@ def _kept(plan: Plan, folder: ResultsFolder | None) -> Iterator[TrialStore]:
         yield folder.kept
         return
     with TemporaryFile() as file:
-        yield TrialStore.begun(file, tasks_of(plan.settings()))
+        yield TrialStore(file, tasks_of(plan.settings()), TrialRow._fields, "the file of finished trials")
 
 
 def _summed_up(plan: Plan, kept: TrialStore, folder: ResultsFolder | None, effort: ComputeCost) -> CampaignRun:
