@@ -180,7 +180,7 @@ def test_copy_is_whole_or_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_without_the_forests_the_page_says_how_to_get_the_drawings(folder: Path) -> None:
     (folder / FORESTS).unlink()
     text = write_report(folder, gallery=1, jobs=1).read_text()
-    assert "<p>No trial is drawn: the folder has no copy of the campaign&#x27;s forests; put given.jsonl there" in text
+    assert "<p>No trial is drawn: the folder has no copy of the campaign&#39;s forests; put given.jsonl there" in text
 
 
 def test_other_forests_are_refused(folder: Path) -> None:
