@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from threading import Thread
+from time import monotonic  # noqa: TID251 - where a run's time begins
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -96,10 +97,12 @@ def _service(shown: Demo, algorithm: Algorithm, forest: int, logs: Path, socket:
     from wayfarer.config.rover_file import load_rover
     from wayfarer.daemon.daemon import Service
     from wayfarer.experiments.auto_arm import AutoArm
+    from wayfarer.fieldlog.clock import wall_clock
     from wayfarer.simhal.clock.scaled_loop import ScaledLoop
     from wayfarer.views.text.console import Console
 
     config = load_rover(ROVER)
+    zero_s = wall_clock(0.0) - monotonic()  # the run's time begins at this clock's
     return Service(
         config=config,
         algorithm=algorithm,
@@ -113,7 +116,7 @@ def _service(shown: Demo, algorithm: Algorithm, forest: int, logs: Path, socket:
         viewers=[AutoArm(shown, shown.watched)],
         loop_factory=partial(ScaledLoop, shown.time_scale),
         time_scale=shown.time_scale.speed,
-        wall=shown.wall,
+        wall=lambda t_s: zero_s + t_s,  # with the run's time: else a pause would be a clock that was set
     )
 
 
