@@ -297,7 +297,7 @@ def _read_folder(files: dict[str, bytes]) -> str:
 RESULTS = Target(
     "results",
     ["wayfarer.experiments.results_folder:ResultsFolder._claim", "wayfarer.experiments.store",
-     "wayfarer.experiments.folder_settings:refuse_another", "wayfarer.config.rover_overlay:flat",
+     "wayfarer.experiments.results_folder:_refuse_another", "wayfarer.config.rover_overlay:flat",
      "wayfarer.experiments.results_folder:ResultsFolder._trials", "wayfarer.experiments.rows:parse_row",
      "wayfarer.experiments.rows:_value", "wayfarer.experiments.report.load_results"],
     _campaigns,

@@ -16,16 +16,19 @@ import fcntl
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
+from itertools import product
 from pathlib import Path
 from typing import Any, Self
 
+from wayfarer.config.messages import shortened, shown
+from wayfarer.config.rover_overlay import flat
 from wayfarer.errors import BadInput, WayfarerError
-from wayfarer.experiments.folder_settings import kind_of, refuse_another, swept_values, tasks_of
+from wayfarer.experiments.campaign import Tasks
 from wayfarer.experiments.rows import TrialRow, columns_of, csv_line
 from wayfarer.experiments.store import CHECKSUM, TrialStore
 from wayfarer.files.atomic_file import atomic_file, write_atomically
-from wayfarer.files.regular_file import open_regular, open_to_append
+from wayfarer.files.regular_file import open_regular, open_to_append, read_regular
 
 SETTINGS = "campaign.json"
 SWEEP_SETTINGS = "sweep.json"
@@ -34,6 +37,7 @@ PARTIAL = "trials.partial.csv"
 TRIALS = "trials.csv"
 PARQUET = "trials.parquet"
 SUMMARY = "summary.json"
+MOST_BYTES = 10_000_000  # of a settings' file: a sweep of two keys with all the values that fit a command line has less
 
 
 class ResultsFolder:
@@ -43,14 +47,14 @@ class ResultsFolder:
 
     Raises:
         BadInput: the folder is not empty and not to be resumed, belongs to another campaign, is in use or
-            cannot be written; nothing is left behind then.
+            cannot be written.
     """
 
     def __init__(self, path: Path, settings: Mapping[str, Any], *, resume: bool = False) -> None:
         self.path = path
         self._settings = settings
         self._columns = columns_of(settings)
-        with _one_line_errors(path), _removed_on_failure(path):
+        with _one_line_errors(path):
             path.mkdir(parents=True, exist_ok=True)
             self._open = ExitStack()
             with self._open:
@@ -130,7 +134,7 @@ class ResultsFolder:
         elif not resume:
             raise BadInput(f"{self.path} is not empty; give a new folder, or add --resume to continue what is in it")
         else:
-            refuse_another(self.path, self._settings)
+            _refuse_another(self.path, self._settings)
         return self._trials()
 
     def _trials(self) -> TrialStore:
@@ -171,25 +175,13 @@ def finished_trials(folder: Path, settings: Mapping[str, Any]) -> Iterator[Trial
 
 @contextmanager
 def _one_line_errors(path: Path) -> Iterator[None]:
-    if path.is_file():
-        raise BadInput(f"{path} is a file; the output needs a new or empty folder")
     try:
+        if path.is_file():
+            raise BadInput(f"{path} is a file; the output needs a new or empty folder")
         yield
     except OSError as error:
         where = error.filename or path
         raise BadInput(f"{where} cannot be used for the output: {error.strerror or error}") from error
-
-
-@contextmanager
-def _removed_on_failure(path: Path) -> Iterator[None]:
-    made = [folder for folder in (path, *path.parents) if not folder.exists()]
-    try:
-        yield
-    except BaseException:
-        for folder in made:
-            with suppress(OSError):
-                folder.rmdir()
-        raise
 
 
 def _locked(path: Path, kind: str) -> int:
@@ -209,3 +201,49 @@ def partial_columns(settings: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _json(value: Mapping[str, Any]) -> bytes:
     return (json.dumps(value, indent=2, allow_nan=False) + "\n").encode()
+
+
+# -- the settings that a folder keeps ----------------------------------------------------------------------------------
+
+
+def kind_of(settings: Mapping[str, Any]) -> str:
+    """Return ``sweep`` or ``campaign``: what has these settings, and how errors and the settings' file call it."""
+    return "sweep" if "axes" in settings else "campaign"
+
+
+def tasks_of(settings: Mapping[str, Any]) -> Tasks:
+    """Return every trial of the campaign or sweep that has these settings."""
+    campaign = settings.get("campaign", settings)
+    return Tasks(campaign["algorithms"], campaign["trials"], len(swept_values(settings)))
+
+
+def swept_values(settings: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the value of each swept key at each point, the last key varying fastest; a campaign is one point."""
+    axes = settings.get("axes", ())
+    points = product(*(axis["values"] for axis in axes))
+    return [dict(zip((axis["key"] for axis in axes), values, strict=True)) for values in points]
+
+
+def _refuse_another(path: Path, settings: Mapping[str, Any]) -> None:
+    """Refuse a folder that does not belong to the campaign or sweep that has these settings.
+
+    Raises:
+        BadInput: it belongs to another one, or to another version's; the text names the first difference.
+    """
+    kind = kind_of(settings)
+    here = _by_name(json.loads(json.dumps(settings)))
+    try:
+        there = _by_name(json.loads(read_regular(path / f"{kind}.json", MOST_BYTES)))
+    except (OSError, ValueError, AttributeError, TypeError, RecursionError):
+        raise BadInput(f"{path} cannot be resumed: it holds no {kind} ({kind}.json is missing or damaged)") from None
+    for name in (*here, *there):
+        if here.get(name) != there.get(name):
+            raise BadInput(
+                f"{path} belongs to another {kind}: {shortened(name)} is {shown(there.get(name))} there and "
+                f"{shown(here.get(name))} here; repeat its settings, or give another folder"
+            )
+
+
+def _by_name(settings: dict[str, Any]) -> dict[str, Any]:
+    """Return settings by their dotted names, those of a sweep's axes by the number of the axis too."""
+    return flat(settings | {"axes": dict(enumerate(settings.get("axes", ()), start=1))})

@@ -10,8 +10,7 @@ from pyarrow import parquet
 from tests.experiments import fake_trials
 from wayfarer.errors import BadInput
 from wayfarer.experiments.executors import RunTrial, TrialRunner
-from wayfarer.experiments.folder_settings import tasks_of
-from wayfarer.experiments.results_folder import PARQUET, PARTIAL, SWEEP_SETTINGS, TRIALS, ResultsFolder
+from wayfarer.experiments.results_folder import PARQUET, PARTIAL, SWEEP_SETTINGS, TRIALS, ResultsFolder, tasks_of
 from wayfarer.experiments.sweep import command
 from wayfarer.experiments.sweep.axes import Axis
 from wayfarer.experiments.sweep.grid import Sweep, make_sweep

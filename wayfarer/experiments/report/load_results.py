@@ -18,9 +18,9 @@ from wayfarer.config.registry import refuse_code
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Campaign, ForestFile, read_forest_file
-from wayfarer.experiments.folder_settings import MOST_BYTES
 from wayfarer.experiments.results_folder import (
     FORESTS,
+    MOST_BYTES,
     PARTIAL,
     SETTINGS,
     SWEEP_SETTINGS,
