@@ -166,21 +166,6 @@ def test_command_is_done_by_the_run_and_stop_ends_a_pause(demo: Demo, forwarded:
 def test_command_without_a_run_is_refused(demo: Demo, forwarded: Any) -> None:
     with pytest.raises(Refused, match="no run is active"):
         asyncio.run(forwarded.stop())
-    assert demo.age_s(0.0) == float("inf")
-
-
-def test_age_is_in_seconds_of_the_viewer(demo: Demo) -> None:
-    ages_s: list[float] = []
-
-    async def main() -> None:
-        async with demo.serving(Rover()):  # type: ignore[arg-type]
-            t_s = asyncio.get_running_loop().time()
-            await asyncio.sleep(10.0)
-            ages_s.append(demo.age_s(t_s))
-
-    with asyncio.Runner(loop_factory=partial(ScaledLoop, demo.time_scale)) as runner:
-        runner.run(main())
-    assert ages_s == [pytest.approx(10.0 / 50.0, rel=0.01)]
 
 
 def test_page_is_served_in_another_thread_until_the_demo_ends(demo: Demo) -> None:

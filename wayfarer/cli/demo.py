@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import tempfile
-from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from threading import Thread
@@ -85,12 +84,19 @@ def _run_all(shown: Demo, algorithm: Algorithm, logs: Path, socket: Path) -> Non
     """Run one forest after the other, until no viewer has the page open or a signal ends a run."""
     from wayfarer.daemon.daemon import serve
 
-    for forest in _until_interrupted(shown.seeds()):
-        end = serve(_service(shown, algorithm, forest, logs, socket))
-        if not shown.goes_on:
-            print(_last_words(end, logs), flush=True)
-        if end.reason == "signal":
-            return
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        for forest in shown.seeds():
+            end = serve(_service(shown, algorithm, forest, logs, socket))
+            signal.signal(signal.SIGTERM, signal.default_int_handler)  # while a run is on, the daemon takes it
+            if not shown.goes_on:
+                print(_last_words(end, logs), flush=True)
+            if end.reason == "signal":
+                return
+    except KeyboardInterrupt:
+        pass  # between two runs
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _service(shown: Demo, algorithm: Algorithm, forest: int, logs: Path, socket: Path) -> Service:
@@ -118,19 +124,6 @@ def _service(shown: Demo, algorithm: Algorithm, forest: int, logs: Path, socket:
         time_scale=shown.time_scale.speed,
         wall=lambda t_s: zero_s + t_s,  # with the run's time: else a pause would be a clock that was set
     )
-
-
-def _until_interrupted(seeds: Iterator[int]) -> Iterator[int]:
-    """Give the seeds until Ctrl-C or SIGTERM comes between two runs; while a run is on, the daemon takes them."""
-    before = signal.getsignal(signal.SIGTERM)
-    try:
-        for seed in seeds:
-            yield seed
-            signal.signal(signal.SIGTERM, signal.default_int_handler)
-    except KeyboardInterrupt:
-        pass
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def open_page(url: str) -> None:

@@ -140,11 +140,6 @@ class Demo:
             if (run := self._run) is not None:
                 run.loop.call_soon_threadsafe(self.watched.set)
 
-    def age_s(self, t_s: float) -> float:
-        """Return how many seconds of the clock ago it was ``t_s`` on the run's; for ever where there is no run."""
-        run = self._run
-        return float("inf") if run is None else (run.loop.time() - t_s) / self.time_scale.speed
-
     def pause(self, paused: bool) -> None:
         """Let the run's time stand still, or continue."""
         self.time_scale.paused = paused
