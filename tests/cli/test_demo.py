@@ -1,7 +1,9 @@
 """``wayfarer demo``, and the options of ``wayfarer run`` for those who look on."""
 
+# ruff: noqa: TID251 - the clocks that the log's begins at
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -70,6 +72,15 @@ def test_demo_drives_only_the_simulated_rover_and_disturbs_no_daemon(served: Sim
     assert service.time_scale == demo.SPEED, "as the log says, so that it is known when the run began"
     assert service.socket != daemon_socket()
     assert not service.socket.parent.exists(), "only the log stays"
+
+
+def test_wall_clock_of_the_log_begins_now_and_goes_with_the_time_of_the_run(served: SimpleNamespace) -> None:
+    """Pause and speed change how fast that time goes; nobody sets the clock."""
+    before_s = time.time()
+    assert cli.run(["demo", "--live-port", "0"]) == 0
+    t_s = time.monotonic()
+    assert before_s - 0.01 <= served.service.wall(t_s) <= time.time() + 0.01
+    assert served.service.wall(t_s + 60.0) - served.service.wall(t_s) == pytest.approx(60.0)
 
 
 def test_demo_keeps_its_log_where_it_is_told(served: SimpleNamespace, tmp_path: Path) -> None:

@@ -106,8 +106,8 @@ def test_export_writes_a_file_named_as_the_run_where_one_is(
     assert code == 2
     assert "--force" in err
     assert run("export", 1, "--force")[0] == 0
-    assert run("export", logs_file(tmp_path), "--format", "tsv", "--out", "other.tsv")[0] == 0
-    assert Path("other.tsv").read_text().count("\t") == 120 * 5
+    assert run("export", logs_file(tmp_path), "--format", "csv", "--out", "other.csv")[0] == 0
+    assert Path("other.csv").read_text().startswith("elapsed_s,")
 
 
 def logs_file(folder: Path) -> Path:
@@ -119,7 +119,7 @@ def test_export_takes_the_format_from_the_name_of_the_file(run: Run, tmp_path: P
     for name, begins in (
         ("a.mcap", b"\x89MCAP"),
         ("e.parquet", b"PAR1"),
-        ("b.TSV", b"0"),
+        ("b.CSV", b"elapsed_s,"),
         ("c.csv", b"elapsed_s,"),
         ("d", b"elapsed_s,"),
     ):
@@ -132,7 +132,7 @@ def test_export_takes_the_format_from_the_name_of_the_file(run: Run, tmp_path: P
     [
         (("--format", "csv", "--out", "x.mcap"), "--out x.mcap ends in .mcap, --format is csv"),
         (("--format", "mcap", "--out", "x.csv"), "--out x.csv ends in .csv, --format is mcap"),
-        (("--out", "x.kml"), "a run is written as csv, tsv, parquet, gpx, geojson, mcap, rosbag2"),
+        (("--out", "x.kml"), "a run is written as csv, parquet, gpx, geojson, mcap, rosbag2"),
     ],
 )
 def test_export_refuses_a_name_that_says_another_format(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
@@ -49,7 +49,8 @@ def test_what_is_no_sense_is_refused(asked: str, says: str) -> None:
 def test_senses_are_kept_told_and_rebuilt(run: Run, tmp_path: Path) -> None:
     succeed(run, *BLIND, "--out", tmp_path / "out", "--log", tmp_path / "log")
     kept = {"blind_share": 0.3, "blind_quality": 0.4}
-    assert json.loads((tmp_path / "out" / "campaign.json").read_text(encoding="utf-8"))["sim"] == kept
+    settings = json.loads((tmp_path / "out" / "campaign.json").read_text(encoding="utf-8"))
+    assert settings["sim"] == asdict(PHYSICS) | kept
     results = read_results(tmp_path / "out")
     assert results.rebuild().physics == replace(PHYSICS, **kept)
     assert facts_of(results)["sim.blind_share"] == "0.3"
@@ -57,12 +58,11 @@ def test_senses_are_kept_told_and_rebuilt(run: Run, tmp_path: Path) -> None:
     assert json.loads(log.read_text(encoding="utf-8").splitlines()[0])["sim"] == kept
 
 
-def test_ideal_senses_are_what_there_was_before_and_say_nothing(run: Run, tmp_path: Path) -> None:
+def test_ideal_senses_are_those_of_no_option(run: Run, tmp_path: Path) -> None:
     for name, asked in (("unsaid", ()), ("said", ("--senses", "ideal"))):
         succeed(run, *SIM, *asked, "--out", tmp_path / name)
     for file in ("campaign.json", "trials.csv"):
         assert (tmp_path / "unsaid" / file).read_bytes() == (tmp_path / "said" / file).read_bytes()
-    assert "sim" not in json.loads((tmp_path / "said" / "campaign.json").read_text(encoding="utf-8"))
 
 
 def test_folder_of_other_senses_is_not_resumed(run: Run, tmp_path: Path) -> None:
@@ -79,6 +79,6 @@ def test_sweep_has_the_senses_that_it_does_not_sweep(run: Run, tmp_path: Path) -
     )  # fmt: skip
     settings = json.loads((tmp_path / "out" / "sweep.json").read_text(encoding="utf-8"))
     assert settings["axes"] == [{"key": "sim.blind_share", "values": [0, 0.3], "now": 0.0}]
-    assert settings["campaign"]["sim"] == {"blind_quality": 0.4}
+    assert settings["campaign"]["sim"] == asdict(PHYSICS) | {"blind_quality": 0.4}
     seeing, blind = (tmp_path / "out" / "trials.csv").read_text(encoding="utf-8").splitlines()[1:]
     assert seeing.split(",")[2:] != blind.split(",")[2:]

@@ -47,14 +47,14 @@ def test_tasks_of_a_sweep_come_forest_by_forest_and_go_into_the_table_point_by_p
 @given(st.lists(st.sampled_from([*TASKS])))
 def test_rows_come_back_in_order_and_what_is_missing_is_the_rest(finished: list[Task]) -> None:
     with TemporaryFile() as file:
-        kept = TrialStore.begun(file, TASKS)
+        kept = TrialStore(file, TASKS, TrialRow._fields, "new")
         for task in finished:
             kept.append(row(task))
             assert len([*kept]) == len(kept)  # reading between two trials disturbs neither
         in_order = [Task(name, trial) for name in ALGORITHMS for trial in range(TRIALS_OF_EACH)]
         assert [*kept] == [row(task) for task in in_order if task in finished]
         assert [*kept.missing()] == [task for task in TASKS if task not in finished]
-        assert [*TrialStore(file, TASKS, "again", TrialRow._fields)] == [*kept]
+        assert [*TrialStore(file, TASKS, TrialRow._fields, "again")] == [*kept]
 
 
 @pytest.mark.parametrize("stranger", [Task("oo-react", 0), Task("pledge", TRIALS_OF_EACH)])
@@ -62,7 +62,7 @@ def test_trial_that_the_campaign_does_not_have_is_damage(stranger: Task) -> None
     with TemporaryFile() as file:
         file.write((csv_line(TrialRow._fields) + csv_line(TrialRow._fields, row(stranger))).encode())
         with pytest.raises(BadInput, match=rf"trials\.csv is damaged: .* no trial {stranger.trial} of '{stranger[0]}'"):
-            TrialStore(file, TASKS, "trials.csv", TrialRow._fields)
+            TrialStore(file, TASKS, TrialRow._fields, "trials.csv")
 
 
 # --- memory

@@ -31,6 +31,7 @@ from wayfarer.fault_scenarios.scenario_file import read_scenarios
 from wayfarer.simhal.buses import FakeBuses, FakeSerial
 from wayfarer.simhal.world.forest_file import as_row, content_of, forests_in
 from wayfarer.simhal.world.generate import generate_forest
+from wayfarer.simhal.world.physics import PHYSICS
 
 MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None  # nothing here is about disks
 ROVERS = [
@@ -235,7 +236,8 @@ FOREST = Target(
 
 CAMPAIGN: dict[str, Any] = {
     "version": "0.1.0", "algorithms": ["pledge", "cv-react"], "trials": 2, "seed": 0, "slip_mean_m": 10.0,
-    "budget_m": 400.0, "spl": False, "depth": "device", "forests": None,
+    "budget_m": 400.0, "spl": False, "depth": "device", "scenario": None, "forests": None, "mujoco": None,
+    "ground": "ideal", "slope": None, "sim": dataclasses.asdict(PHYSICS),
     "rover": load_rover("sim").model_dump(mode="json"),
 }  # fmt: skip
 ROWS = [
@@ -294,8 +296,8 @@ def _read_folder(files: dict[str, bytes]) -> str:
 RESULTS = Target(
     "results",
     ["wayfarer.experiments.results_folder:ResultsFolder._claim", "wayfarer.experiments.store",
-     "wayfarer.experiments.folder_settings:refuse_another", "wayfarer.config.rover_overlay:flat",
-     "wayfarer.experiments.results_folder:ResultsFolder._partial_trials", "wayfarer.experiments.rows:parse_row",
+     "wayfarer.experiments.results_folder:_refuse_another", "wayfarer.config.rover_overlay:flat",
+     "wayfarer.experiments.results_folder:ResultsFolder._trials", "wayfarer.experiments.rows:parse_row",
      "wayfarer.experiments.rows:_value", "wayfarer.experiments.report.load_results"],
     _campaigns,
     lambda: nullcontext(_read_folder),

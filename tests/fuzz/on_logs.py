@@ -21,8 +21,7 @@ from tests.views.text.records import RUN, SAMPLE_LOGS, event, narrated, numbered
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.replay import replay
-from wayfarer.views.export.export import export
-from wayfarer.views.export.formats import ExportFormat, Output
+from wayfarer.views.export.export import ExportFormat, Output, export
 from wayfarer.views.run_report.load_run import read_run
 from wayfarer.views.text.listing import lines, rows
 from wayfarer.views.text.run_narrator import Verbosity

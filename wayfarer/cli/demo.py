@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 import signal
 import tempfile
-from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from threading import Thread
+from time import monotonic  # noqa: TID251 - where a run's time begins
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -84,22 +84,31 @@ def _run_all(shown: Demo, algorithm: Algorithm, logs: Path, socket: Path) -> Non
     """Run one forest after the other, until no viewer has the page open or a signal ends a run."""
     from wayfarer.daemon.daemon import serve
 
-    for forest in _until_interrupted(shown.seeds()):
-        end = serve(_service(shown, algorithm, forest, logs, socket))
-        if not shown.goes_on:
-            print(_last_words(end, logs), flush=True)
-        if end.reason == "signal":
-            return
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        for forest in shown.seeds():
+            end = serve(_service(shown, algorithm, forest, logs, socket))
+            signal.signal(signal.SIGTERM, signal.default_int_handler)  # while a run is on, the daemon takes it
+            if not shown.goes_on:
+                print(_last_words(end, logs), flush=True)
+            if end.reason == "signal":
+                return
+    except KeyboardInterrupt:
+        pass  # between two runs
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _service(shown: Demo, algorithm: Algorithm, forest: int, logs: Path, socket: Path) -> Service:
     from wayfarer.config.rover_file import load_rover
     from wayfarer.daemon.daemon import Service
     from wayfarer.experiments.auto_arm import AutoArm
+    from wayfarer.fieldlog.clock import wall_clock
     from wayfarer.simhal.clock.scaled_loop import ScaledLoop
     from wayfarer.views.text.console import Console
 
     config = load_rover(ROVER)
+    zero_s = wall_clock(0.0) - monotonic()  # the run's time begins at this clock's
     return Service(
         config=config,
         algorithm=algorithm,
@@ -113,21 +122,8 @@ def _service(shown: Demo, algorithm: Algorithm, forest: int, logs: Path, socket:
         viewers=[AutoArm(shown, shown.watched)],
         loop_factory=partial(ScaledLoop, shown.time_scale),
         time_scale=shown.time_scale.speed,
-        wall=shown.wall,
+        wall=lambda t_s: zero_s + t_s,  # with the run's time: else a pause would be a clock that was set
     )
-
-
-def _until_interrupted(seeds: Iterator[int]) -> Iterator[int]:
-    """Give the seeds until Ctrl-C or SIGTERM comes between two runs; while a run is on, the daemon takes them."""
-    before = signal.getsignal(signal.SIGTERM)
-    try:
-        for seed in seeds:
-            yield seed
-            signal.signal(signal.SIGTERM, signal.default_int_handler)
-    except KeyboardInterrupt:
-        pass
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def open_page(url: str) -> None:

@@ -26,7 +26,9 @@ NEEDS = {
     "a report": OptionalExtra("sim", {"bokeh": "bokeh", "numpy": "numpy"}),
     "the live page": OptionalExtra("live", {"aiohttp": "aiohttp"}),
     "Parquet": OptionalExtra("sim", {"pyarrow": "pyarrow"}),
-    "rosbag2": OptionalExtra("ros", {"rosbags": "rosbags"}),
+    "gpx": OptionalExtra("export", {"gpxpy": "gpxpy"}),
+    "geojson": OptionalExtra("export", {"geojson_pydantic": "geojson-pydantic"}),
+    "rosbag2": OptionalExtra("export", {"rosbags": "rosbags"}),
     "Foxglove": OptionalExtra("foxglove", {"foxglove": "foxglove-sdk"}),
 }
 

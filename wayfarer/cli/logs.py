@@ -21,7 +21,8 @@ from wayfarer.cli.log_folder import log_folder
 from wayfarer.cli.options import AsJson, Logs, examples
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import find_run, newest_run, run_title
-from wayfarer.views.export.formats import ExportFormat, Output
+from wayfarer.views.export.export import ExportFormat, Output
+from wayfarer.views.export.export import export as export_run
 from wayfarer.views.text.colour import painted
 
 if TYPE_CHECKING:
@@ -216,7 +217,6 @@ def export(
     logs: Logs = None,
 ) -> None:
     """Convert a run's log to a format of other tools, as a file or, for rosbag2, a folder."""
-    from wayfarer.views.export.export import export as export_run
     from wayfarer.views.text.scripting import say_next
 
     found = find_run(run, log_folder(logs))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from hashlib import blake2b
 from itertools import product
 from pathlib import Path
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 from wayfarer import __version__
 from wayfarer.simhal.world.forest import TREES_PER_HA, Forest
 from wayfarer.simhal.world.grounds import GroundName
-from wayfarer.simhal.world.physics import PHYSICS, Physics, changed
+from wayfarer.simhal.world.physics import PHYSICS, Physics
 
 if TYPE_CHECKING:  # a trial needs the whole simulator: only the workers pay for importing it
     from wayfarer.config.rover_file import RoverConfig
@@ -184,12 +184,8 @@ class Campaign:
         )  # fmt: skip
 
     def settings(self) -> dict[str, Any]:
-        """Return the settings as JSON can hold them: what makes two campaigns the same one.
-
-        A campaign without a ground is on ideal ground, as all were before there were others; numbers of the simulated
-        world that it does not name under ``sim`` are as by default.
-        """
-        settings = {
+        """Return the settings as JSON can hold them: what makes two campaigns the same one."""
+        return {
             "version": __version__,
             "algorithms": list(self.algorithms),
             "trials": self.trials,
@@ -201,16 +197,11 @@ class Campaign:
             "scenario": self.scenario,
             "forests": self.forests and {"file": self.forests.name, "blake2b": self.forests.blake2b},
             "rover": self.rover.model_dump(mode="json"),
+            "mujoco": self.terrains and self.terrains.as_json(),
+            "ground": self.ground.value,
+            "slope": self.slopes and self.slopes.as_json(),
+            "sim": asdict(self.physics),
         }
-        if self.terrains is not None:
-            settings["mujoco"] = self.terrains.as_json()
-        if self.ground is not GroundName.ideal:
-            settings["ground"] = self.ground.value
-        if self.slopes is not None:
-            settings["slope"] = self.slopes.as_json()
-        if of_world := changed(self.physics):
-            settings["sim"] = of_world
-        return settings
 
     def _with_shortest_path(self, forest: Forest) -> Forest:
         from wayfarer.simhal.world.shortest_path import shortest_path_m

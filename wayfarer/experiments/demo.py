@@ -12,13 +12,11 @@ from collections.abc import AsyncIterator, Coroutine, Iterator
 from concurrent.futures import Future
 from contextlib import AsyncExitStack, asynccontextmanager, contextmanager, suppress
 from functools import partial
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from threading import Thread
-from time import sleep  # noqa: TID251 - of the person who looks on
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from wayfarer.daemon.socket.protocol import Commands, Details, Refused
-from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.fieldlog.schema import Record
 from wayfarer.simhal.clock.scaled_loop import ScaledLoop, TimeScale
 from wayfarer.views.live.demo_controls import DemoState
@@ -81,31 +79,30 @@ class Demo:
 
     def seeds(self) -> Iterator[int]:
         """Give the seed of each run, once it is asked for, until no viewer has the page open."""
-        while True:
-            self.time_scale.paused, self.time_scale.stood_s = False, 0.0
-            self.watched = asyncio.Event()
-            yield self._seed
-            if not self._wait_for_press():
-                return
+        press: bool | None = False
+        while press is not None:
+            self._seed += press
             while self.goes_on:
                 self._seed += self._presses.get()
+            self.time_scale.paused = False
+            self.watched = asyncio.Event()
+            yield self._seed
+            press = self._next_press()
 
     @property
     def goes_on(self) -> bool:
         """Whether another run has been asked for."""
         return not self._presses.empty()
 
-    def wall(self, t_s: float) -> float:
-        """Return the wall clock without the run's pauses; a ``WallClock``. Otherwise the log would say it was set."""
-        return wall_clock(t_s) - self.time_scale.stood_s
-
-    def _wait_for_press(self) -> bool:
-        """Wait until another run is asked for; return whether that was so."""
+    def _next_press(self) -> bool | None:
+        """Wait until another run is asked for; return None where nobody is left to ask."""
         unwatched_s = 0.0
-        while not self.goes_on and unwatched_s < LEFT_S:
-            sleep(LOOK_S)
+        while True:
+            with suppress(Empty):
+                return self._presses.get(timeout=LOOK_S)
             unwatched_s = 0.0 if self._page.is_watched else unwatched_s + LOOK_S
-        return self.goes_on
+            if unwatched_s >= LEFT_S:
+                return None
 
     # -- a viewer of the run, in its thread --------------------------------------------------------------------------
 
@@ -143,15 +140,12 @@ class Demo:
             if (run := self._run) is not None:
                 run.loop.call_soon_threadsafe(self.watched.set)
 
-    def age_s(self, t_s: float) -> float:
-        """Return how many seconds of the clock ago it was ``t_s`` on the run's; for ever where there is no run."""
-        run = self._run
-        return float("inf") if run is None else (run.loop.time() - t_s) / self.time_scale.speed
-
     def pause(self, paused: bool) -> None:
         """Let the run's time stand still, or continue."""
         self.time_scale.paused = paused
-        self._wake()
+        if (run := self._run) is not None:
+            with suppress(RuntimeError):  # it has just ended
+                run.loop.look_at_time_scale()
 
     def run_at(self, speed: float) -> None:
         """Let the run's time go ``speed`` times as fast as the clock."""
@@ -180,11 +174,6 @@ class Demo:
                 return await asyncio.wrap_future(run.do(verb, **keys))
         except TimeoutError:
             raise Refused("the run has just ended") from None
-
-    def _wake(self) -> None:
-        if (run := self._run) is not None:
-            with suppress(RuntimeError):  # it has just ended
-                run.loop.look_at_time_scale()
 
 
 class ForwardedCommands:

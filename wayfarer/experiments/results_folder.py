@@ -16,16 +16,19 @@ import fcntl
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
+from itertools import product
 from pathlib import Path
 from typing import Any, Self
 
+from wayfarer.config.messages import shortened, shown
+from wayfarer.config.rover_overlay import flat
 from wayfarer.errors import BadInput, WayfarerError
-from wayfarer.experiments.folder_settings import kind_of, refuse_another, swept_values, tasks_of
+from wayfarer.experiments.campaign import Tasks
 from wayfarer.experiments.rows import TrialRow, columns_of, csv_line
-from wayfarer.experiments.store import CHECKSUM, MOST_LINE_BYTES, TrialStore
+from wayfarer.experiments.store import CHECKSUM, TrialStore
 from wayfarer.files.atomic_file import atomic_file, write_atomically
-from wayfarer.files.regular_file import open_regular, open_to_append
+from wayfarer.files.regular_file import open_regular, open_to_append, read_regular
 
 SETTINGS = "campaign.json"
 SWEEP_SETTINGS = "sweep.json"
@@ -34,6 +37,7 @@ PARTIAL = "trials.partial.csv"
 TRIALS = "trials.csv"
 PARQUET = "trials.parquet"
 SUMMARY = "summary.json"
+MOST_BYTES = 10_000_000  # of a settings' file: a sweep of two keys with all the values that fit a command line has less
 
 
 class ResultsFolder:
@@ -43,14 +47,14 @@ class ResultsFolder:
 
     Raises:
         BadInput: the folder is not empty and not to be resumed, belongs to another campaign, is in use or
-            cannot be written; nothing is left behind then.
+            cannot be written.
     """
 
     def __init__(self, path: Path, settings: Mapping[str, Any], *, resume: bool = False) -> None:
         self.path = path
         self._settings = settings
         self._columns = columns_of(settings)
-        with _one_line_errors(path), _removed_on_failure(path):
+        with _one_line_errors(path):
             path.mkdir(parents=True, exist_ok=True)
             self._open = ExitStack()
             with self._open:
@@ -130,30 +134,16 @@ class ResultsFolder:
         elif not resume:
             raise BadInput(f"{self.path} is not empty; give a new folder, or add --resume to continue what is in it")
         else:
-            refuse_another(self.path, self._settings)
-        return self._tables_trials() if self.complete else self._partial_trials()
+            _refuse_another(self.path, self._settings)
+        return self._trials()
 
-    def _tables_trials(self) -> TrialStore:
-        """Return the trials of the final table."""
-        path = self.path / TRIALS
-        file = self._open.enter_context(open_regular(path))
-        kept = TrialStore(file, tasks_of(self._settings), str(path), self._columns)
-        if len(kept) < kept.total:
-            raise BadInput(
-                f"{path} is damaged: it has {len(kept)} of {kept.total} trials; run them into another folder"
-            )
-        return kept
-
-    def _partial_trials(self) -> TrialStore:
-        """Return the trials of a campaign that is not finished, in a file that takes more of them."""
-        path, columns = self.path / PARTIAL, partial_columns(self._settings)
-        file = self._open.enter_context(open_to_append(path))
-        first = file.readline(MOST_LINE_BYTES)
-        if len(first) < MOST_LINE_BYTES and not first.endswith(b"\n"):  # it is new, or a crash cut its first line short
-            file.seek(0)
-            file.truncate()
-            file.write(csv_line(columns).encode())
-        return TrialStore(file, tasks_of(self._settings), str(path), columns)
+    def _trials(self) -> TrialStore:
+        """Return the trials of the final table, or those of a campaign that is not finished, which takes more."""
+        if self.complete:
+            return self._open.enter_context(finished_trials(self.path, self._settings))
+        file = self._open.enter_context(open_to_append(self.path / PARTIAL))
+        columns = partial_columns(self._settings)
+        return TrialStore(file, tasks_of(self._settings), columns, str(self.path / PARTIAL))
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -166,26 +156,32 @@ class ResultsFolder:
 
 
 @contextmanager
+def finished_trials(folder: Path, settings: Mapping[str, Any]) -> Iterator[TrialStore]:
+    """Open the final table of a campaign or sweep with these settings.
+
+    Raises:
+        BadInput: the table is damaged, or has not all trials.
+        OSError: it is no ordinary file, or cannot be read.
+    """
+    path = folder / TRIALS
+    with open_regular(path) as file:
+        kept = TrialStore(file, tasks_of(settings), columns_of(settings), str(path))
+        if len(kept) < kept.total:
+            raise BadInput(
+                f"{path} is damaged: it has {len(kept)} of {kept.total} trials; run them again into another folder"
+            )
+        yield kept
+
+
+@contextmanager
 def _one_line_errors(path: Path) -> Iterator[None]:
-    if path.is_file():
-        raise BadInput(f"{path} is a file; the output needs a new or empty folder")
     try:
+        if path.is_file():
+            raise BadInput(f"{path} is a file; the output needs a new or empty folder")
         yield
     except OSError as error:
         where = error.filename or path
         raise BadInput(f"{where} cannot be used for the output: {error.strerror or error}") from error
-
-
-@contextmanager
-def _removed_on_failure(path: Path) -> Iterator[None]:
-    made = [folder for folder in (path, *path.parents) if not folder.exists()]
-    try:
-        yield
-    except BaseException:
-        for folder in made:
-            with suppress(OSError):
-                folder.rmdir()
-        raise
 
 
 def _locked(path: Path, kind: str) -> int:
@@ -205,3 +201,49 @@ def partial_columns(settings: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _json(value: Mapping[str, Any]) -> bytes:
     return (json.dumps(value, indent=2, allow_nan=False) + "\n").encode()
+
+
+# -- the settings that a folder keeps ----------------------------------------------------------------------------------
+
+
+def kind_of(settings: Mapping[str, Any]) -> str:
+    """Return ``sweep`` or ``campaign``: what has these settings, and how errors and the settings' file call it."""
+    return "sweep" if "axes" in settings else "campaign"
+
+
+def tasks_of(settings: Mapping[str, Any]) -> Tasks:
+    """Return every trial of the campaign or sweep that has these settings."""
+    campaign = settings.get("campaign", settings)
+    return Tasks(campaign["algorithms"], campaign["trials"], len(swept_values(settings)))
+
+
+def swept_values(settings: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the value of each swept key at each point, the last key varying fastest; a campaign is one point."""
+    axes = settings.get("axes", ())
+    points = product(*(axis["values"] for axis in axes))
+    return [dict(zip((axis["key"] for axis in axes), values, strict=True)) for values in points]
+
+
+def _refuse_another(path: Path, settings: Mapping[str, Any]) -> None:
+    """Refuse a folder that does not belong to the campaign or sweep that has these settings.
+
+    Raises:
+        BadInput: it belongs to another one, or to another version's; the text names the first difference.
+    """
+    kind = kind_of(settings)
+    here = _by_name(json.loads(json.dumps(settings)))
+    try:
+        there = _by_name(json.loads(read_regular(path / f"{kind}.json", MOST_BYTES)))
+    except (OSError, ValueError, AttributeError, TypeError, RecursionError):
+        raise BadInput(f"{path} cannot be resumed: it holds no {kind} ({kind}.json is missing or damaged)") from None
+    for name in (*here, *there):
+        if here.get(name) != there.get(name):
+            raise BadInput(
+                f"{path} belongs to another {kind}: {shortened(name)} is {shown(there.get(name))} there and "
+                f"{shown(here.get(name))} here; repeat its settings, or give another folder"
+            )
+
+
+def _by_name(settings: dict[str, Any]) -> dict[str, Any]:
+    """Return settings by their dotted names, those of a sweep's axes by the number of the axis too."""
+    return flat(settings | {"axes": dict(enumerate(settings.get("axes", ()), start=1))})

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from wayfarer.experiments.trial import TrialResult
 
 TEXT_COLUMNS = ("algorithm", "outcome")
-KINDS = ("overturned", "off_wheels")  # of interventions; tables of older versions do not have these columns
 DECIMALS: Mapping[str, int] = {
     "path_m": 3, "reverse_m": 3, "time_s": 3, "shortest_path_m": 3, "spl": 4,
     "friction": 4, "roughness_m": 5, "torque_scale": 4, "slope_deg": 3, "slope_direction_deg": 2,
@@ -97,11 +96,6 @@ def columns_of(settings: Mapping[str, Any]) -> tuple[str, ...]:
     return (*COLUMNS, *(TERRAIN if settings.get("mujoco") else ()), *(SLOPE if settings.get("slope") else ()))
 
 
-def without_kinds(columns: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the columns of a table as older versions had them, which counted interventions of all kinds together."""
-    return tuple(name for name in columns if name not in KINDS)
-
-
 def row_of(result: TrialResult) -> TrialRow:
     """Return a trial's result as its row."""
     return rounded_row(**result._asdict())
@@ -125,15 +119,14 @@ def csv_line(columns: Sequence[str], row: TrialRow | None = None, swept: Mapping
     return ",".join(cells) + "\n"
 
 
-def parse_row(line: str, columns: tuple[str, ...], where: str) -> TrialRow:
+def parse_row(line: bytes, columns: tuple[str, ...], where: str) -> TrialRow:
     """Return the row that ``csv_line`` wrote; columns that are no fields of a row are left out.
 
     Raises:
         BadInput: the line is no such row; the text names ``where``.
     """
-    texts = line.rstrip("\n").split(",")
     try:
-        cells = zip(columns, texts, strict=True)
+        cells = zip(columns, line.decode().rstrip("\n").split(","), strict=True)
         row = TrialRow(**{name: _value(name, text) for name, text in cells if name in TrialRow._fields})
         if row.outcome not in OUTCOMES:
             raise ValueError(f"unknown outcome {shown(row.outcome)}")

@@ -20,8 +20,7 @@ from typing import Any, NamedTuple
 from wayfarer.errors import WayfarerError
 from wayfarer.experiments.campaign import Plan
 from wayfarer.experiments.executors import Done, MakeExecutor, RunTrial, Stopped, TrialRunner, field_trial, stream
-from wayfarer.experiments.folder_settings import swept_values, tasks_of
-from wayfarer.experiments.results_folder import ResultsFolder
+from wayfarer.experiments.results_folder import ResultsFolder, swept_values, tasks_of
 from wayfarer.experiments.rows import TrialRow, rounded_values
 from wayfarer.experiments.statistics import AlgorithmSummary, summarise
 from wayfarer.experiments.store import TrialStore
@@ -137,7 +136,7 @@ def _kept(plan: Plan, folder: ResultsFolder | None) -> Iterator[TrialStore]:
         yield folder.kept
         return
     with TemporaryFile() as file:
-        yield TrialStore.begun(file, tasks_of(plan.settings()))
+        yield TrialStore(file, tasks_of(plan.settings()), TrialRow._fields, "the file of finished trials")
 
 
 def _summed_up(plan: Plan, kept: TrialStore, folder: ResultsFolder | None, effort: ComputeCost) -> CampaignRun:

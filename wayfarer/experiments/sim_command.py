@@ -14,9 +14,8 @@ from wayfarer.experiments import run_campaign
 from wayfarer.experiments.campaign import Campaign, Plan, Task
 from wayfarer.experiments.commands import INTERRUPTED, cores, make_empty_folder
 from wayfarer.experiments.executors import MakeExecutor, RunTrial, TrialRunner, field_trial, logged_trial
-from wayfarer.experiments.folder_settings import tasks_of
 from wayfarer.experiments.progress_bar import drawing, fault_line, say, shown_progress
-from wayfarer.experiments.results_folder import ResultsFolder
+from wayfarer.experiments.results_folder import ResultsFolder, tasks_of
 from wayfarer.experiments.rows import columns_of, csv_line
 from wayfarer.experiments.run_campaign import CampaignRun
 from wayfarer.experiments.tables import FOREST_LAYOUT, Layout, print_table
@@ -51,8 +50,7 @@ def run_all(
     Dask scheduler, the trials run on its workers, else in ``jobs`` processes.
 
     Raises:
-        BadInput: ``out`` cannot be used, or there is no such cluster; nothing is left behind then. ``log`` is not new
-            or empty.
+        BadInput: ``out`` cannot be used, there is no such cluster, or ``log`` is not new or empty.
         WayfarerError: a worker died, the cluster was lost, or ``out`` cannot be written any more; finished trials are
             kept.
     """

@@ -33,13 +33,13 @@ FIELD_TRIALS: Mapping[tuple[str, str, str], FieldTrials] = {
 
 
 def _interventions(summary: AlgorithmSummary) -> str:
-    """Return how many there were in ten trials, with those of each kind where they were told apart."""
+    """Return how many there were in ten trials, with those of each kind."""
     in_ten = [
         number_text(10.0 * mean)
         for mean in (summary.interventions_mean, summary.overturned_mean, summary.off_wheels_mean)
         if mean is not None
     ]
-    return in_ten[0] if len(in_ten) == 1 else "{} ({}/{})".format(*in_ten) if in_ten else ""
+    return "{} ({}/{})".format(*in_ten) if in_ten else ""
 
 
 OUTCOME_COLUMNS = (

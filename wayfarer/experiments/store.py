@@ -1,6 +1,4 @@
-"""Store of finished trials: a file written in the order of completion, read in the order of ``trials.csv``.
-
-Where the last column is ``crc32``, each line ends in the CRC-32 of what stands before it, as eight hexadecimal digits.
+"""Store of finished trials: a file of CSV written in the order of completion, read in the order of ``trials.csv``.
 
 In memory is only where in the file the line of each trial begins, 8 bytes a trial: a million trials need hardly more
 of it than a thousand.
@@ -11,15 +9,13 @@ from __future__ import annotations
 from array import array
 from collections.abc import Iterable, Iterator
 from itertools import count
-from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO
 from zlib import crc32
 
 from wayfarer.config.messages import shown
 from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Task, Tasks
-from wayfarer.experiments.rows import TrialRow, csv_line, parse_row, without_kinds
-from wayfarer.files.regular_file import open_regular
+from wayfarer.experiments.rows import TrialRow, csv_line, parse_row
 
 CHECKSUM = "crc32"
 MOST_LINE_BYTES = 100_000  # far more than any row: a file without line ends must not fill the memory
@@ -29,33 +25,30 @@ NOWHERE = 0  # no row begins where the names of the columns stand
 class TrialStore(Iterable[TrialRow]):
     """The rows of a file that begins with the names of its ``columns``; ``name`` is what errors call it.
 
-    Iterating gives them in the order of ``trials.csv``. The file is its opener's to close.
+    Where the last column is ``crc32``, each line ends in the CRC-32 of what stands before it, as eight hexadecimal
+    digits. Iterating gives the rows in the order of ``trials.csv``. The file is its opener's to close. In a file that
+    can be written, a last line that a crash cut short goes, and so does a first one, which is written again.
 
     Raises:
-        BadInput: the file is no text or has other columns, a line is no row of these trials, or two lines of one
-            trial differ; the text names it.
+        BadInput: the file has other columns, a line is no row of these trials, or two lines of one trial differ; the
+            text names it.
     """
 
-    def __init__(self, file: BinaryIO, tasks: Tasks, name: str, columns: tuple[str, ...]) -> None:
+    def __init__(self, file: BinaryIO, tasks: Tasks, columns: tuple[str, ...], name: str) -> None:
         self._file = file
-        self._name = name
-        self._columns = columns_in(file, name, columns)
         self._tasks = tasks
+        self._columns = columns
+        self._name = name
         self._starts = array("q", [NOWHERE]) * len(tasks)
         self._count = 0
-        self._end = file.tell()
-        for line in lines_in(file, name, self._columns):
-            self._refuse_contradiction(line)
-            self._place(line.row, line.start)
-            self._end = line.start + len(line.content)
+        self._end = self._after_header()
+        for number in count(2):
+            line = self._line_at(self._end)
+            if not line.endswith(b"\n") and len(line) < MOST_LINE_BYTES:
+                break
+            self._read(line, f"{name}, line {number}")
         if file.writable():
-            file.truncate(self._end)  # of what a crash has left of a line nothing may stay behind the next one
-
-    @classmethod
-    def begun(cls, file: BinaryIO, tasks: Tasks) -> TrialStore:
-        """Return those of an empty file: none yet."""
-        file.write(csv_line(TrialRow._fields).encode())
-        return cls(file, tasks, "the file of finished trials", TrialRow._fields)
+            file.truncate(self._end)  # nothing of a torn line may stay behind the next one
 
     def __len__(self) -> int:
         return self._count
@@ -68,7 +61,7 @@ class TrialStore(Iterable[TrialRow]):
     def __iter__(self) -> Iterator[TrialRow]:
         for task in self._tasks.in_table_order():
             if (start := self._starts[self._number(task)]) != NOWHERE:
-                yield row_in(self._line_at(start), self._columns, self._name)
+                yield self._row_in(self._line_at(start), self._name)
 
     def missing(self) -> Tasks:
         """Return the trials that are not here, in the order of running."""
@@ -86,26 +79,51 @@ class TrialStore(Iterable[TrialRow]):
         self._file.seek(self._end)
         self._file.write(line)
         self._file.flush()
-        self._place(row, self._end)
-        self._end += len(line)
+        self._place(row, line)
 
-    def _place(self, row: TrialRow, start: int) -> None:
-        """Note where a trial's line begins."""
+    def _after_header(self) -> int:
+        """Return where the rows begin; write the names of the columns where none or a part of them is there."""
+        header, found = csv_line(self._columns).encode(), self._line_at(0)
+        if found != header and header.startswith(found) and self._file.writable():
+            self._file.seek(0)
+            self._file.write(header)
+        elif found != header:
+            raise BadInput(
+                f"{self._name} is damaged, or was written by another version: its first line does not name its "
+                "columns; run the trials again into another folder"
+            )
+        return len(header)
+
+    def _read(self, line: bytes, where: str) -> None:
+        row = self._row_in(line, where)
+        start = self._starts[self._number(Task(*row.key))]
+        if start != NOWHERE and self._line_at(start) != line:
+            raise BadInput(
+                f"{where} is damaged: it is a second row of trial {row.trial} of {row.algorithm!r}, unlike the first; "
+                "remove both lines or the folder"
+            )
+        self._place(row, line)
+
+    def _place(self, row: TrialRow, line: bytes) -> None:
+        """Note where a trial's line begins: at the end of what was there."""
         number = self._number(Task(*row.key))
         self._count += self._starts[number] == NOWHERE
-        self._starts[number] = start
+        self._starts[number] = self._end
+        self._end += len(line)
 
-    def _refuse_contradiction(self, line: Line) -> None:
-        start = self._starts[self._number(Task(*line.row.key))]
-        if start != NOWHERE and self._line_at(start) != line.content:
-            raise BadInput(
-                f"{line.where} is a second row of trial {line.row.trial} of {line.row.algorithm!r}, unlike the "
-                "first; remove both lines or the folder"
-            )
+    def _row_in(self, line: bytes, where: str) -> TrialRow:
+        """Return the row that ``line_of`` made a line of."""
+        columns = self._columns
+        if columns[-1] == CHECKSUM:
+            line, _, checksum = line.rstrip(b"\n").rpartition(b",")
+            if checksum != b"%08x" % crc32(line):
+                raise BadInput(f"{where} is damaged: its checksum is wrong; remove the line to run its trial again")
+            columns = columns[:-1]
+        return parse_row(line, columns, where)
 
     def _line_at(self, start: int) -> bytes:
         self._file.seek(start)
-        return self._file.readline()
+        return self._file.readline(MOST_LINE_BYTES)
 
     def _number(self, task: Task) -> int:
         number = self._tasks.number(task)
@@ -121,82 +139,3 @@ def line_of(columns: tuple[str, ...], row: TrialRow) -> bytes:
         return csv_line(columns, row).encode()
     text = csv_line(columns[:-1], row).rstrip("\n").encode()
     return b"%b,%08x\n" % (text, crc32(text))
-
-
-def row_in(line: bytes, columns: tuple[str, ...], where: str) -> TrialRow:
-    """Return the row that ``line_of`` made a line of.
-
-    Raises:
-        BadInput: the line is no such row, or is not as it was written; the text names ``where``.
-    """
-    if columns[-1] == CHECKSUM:
-        line, _, checksum = line.rstrip(b"\n").rpartition(b",")
-        if checksum != b"%08x" % crc32(line):
-            raise BadInput(f"{where} is damaged: its checksum is wrong; remove the line to run its trial again")
-        columns = columns[:-1]
-    return parse_row(_text(line, where), columns, where)
-
-
-def columns_in(file: BinaryIO, name: str, columns: tuple[str, ...]) -> tuple[str, ...]:
-    """Read the first line of a file of rows; return the columns that it has: these, or in a table those of old.
-
-    Raises:
-        BadInput: the file is no text or has other columns; the text names it.
-    """
-    file.seek(0)
-    header = _text(file.readline(MOST_LINE_BYTES), f"{name}, line 1")
-    for known in [columns] if columns[-1] == CHECKSUM else [columns, without_kinds(columns)]:
-        if header == csv_line(known):
-            return known
-    raise BadInput(
-        f"{name} is damaged, or was written by another version: its first line does not name its columns; run the "
-        "trials again into another folder"
-    )
-
-
-class Line(NamedTuple):
-    """A line of a file of rows: how errors call it, where it begins, its bytes, and its row."""
-
-    where: str
-    start: int
-    content: bytes
-    row: TrialRow
-
-
-def lines_in(file: BinaryIO, name: str, columns: tuple[str, ...]) -> Iterator[Line]:
-    """Read the rows of a file whose first line is read; what a crash has left of a last line is no row.
-
-    The file may be read elsewhere between two lines.
-
-    Raises:
-        BadInput: a line is no text or no row; the text names it.
-    """
-    start = file.tell()
-    for number in count(2):
-        file.seek(start)
-        line, where = file.readline(MOST_LINE_BYTES), f"{name}, line {number}"
-        if not line.endswith(b"\n"):
-            if len(line) == MOST_LINE_BYTES:
-                raise BadInput(f"{where} is not a row of a campaign: it is too long; remove the line or the folder")
-            return
-        yield Line(where, start, line, row_in(line, columns, where))
-        start += len(line)
-
-
-def read_rows(path: Path, columns: tuple[str, ...]) -> Iterator[TrialRow]:
-    """Read the rows of a file that has these columns, or in a table those of old.
-
-    Raises:
-        BadInput: as of ``columns_in`` and ``lines_in``.
-        OSError: it is no ordinary file, or cannot be read.
-    """
-    with open_regular(path) as file:
-        columns = columns_in(file, str(path), columns)
-        yield from (line.row for line in lines_in(file, str(path), columns))
-
-
-def _text(line: bytes, where: str) -> str:
-    try:
-        return line.decode()
-    except UnicodeDecodeError as error:
-        raise BadInput(f"{where} is damaged: its byte {error.start} is no text; run the trials again") from None

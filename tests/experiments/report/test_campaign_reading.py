@@ -115,18 +115,17 @@ def test_what_is_no_ordinary_file_is_not_read(folder: Path, name: str, kind: str
         read_results(folder).rebuild()
 
 
-def test_only_so_many_rows_are_read_as_the_campaign_has(folder: Path) -> None:
-    """The line at the end, which is no row, is not reached."""
-    table = folder / TABLE
-    table.write_text(table.read_text() + 2 * table.read_text().splitlines(keepends=True)[-1] + "?\n")
-    with pytest.raises(BadInput, match=r"it has not the 9 rows, one a trial"):
-        read_results(folder)
-
-
 def test_shortest_path_of_nothing_is_not_known(folder: Path) -> None:
     table = (folder / TABLE).read_text()
     (folder / TABLE).write_text(table.replace(",38.500,", ",0.000,").replace(",39.500,", ",0.000,"))
     assert "shortest paths of these forests are not known" in write_report(folder, gallery=0, jobs=1).read_text()
+
+
+@pytest.mark.parametrize("key", ["scenario", "mujoco", "ground", "slope", "sim"])
+def test_folder_of_a_version_with_fewer_settings_is_refused(folder: Path, key: str) -> None:
+    edit_settings(folder, lambda settings: settings.pop(key))
+    with pytest.raises(BadInput, match=rf"campaign\.json is damaged: {key}: Field required; the campaign must be run"):
+        read_results(folder)
 
 
 @pytest.mark.parametrize(
@@ -134,11 +133,10 @@ def test_shortest_path_of_nothing_is_not_known(folder: Path) -> None:
     [
         lambda text: text.replace("trial,algorithm", "trial,name"),
         lambda text: text[: text.rindex("\n", 0, -1) + 1],
-        lambda text: text + text.splitlines(keepends=True)[-1],
         lambda text: text.replace("levy-walk", "pledge"),
         lambda _: "",
     ],
-    ids=["other columns", "a row is missing", "a row is there twice", "another algorithm", "empty"],
+    ids=["other columns", "a row is missing", "another algorithm", "empty"],
 )
 def test_damaged_table_is_refused(folder: Path, spoil: Callable[[str], str]) -> None:
     (folder / TABLE).write_text(spoil((folder / TABLE).read_text()))
@@ -182,7 +180,7 @@ def test_copy_is_whole_or_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_without_the_forests_the_page_says_how_to_get_the_drawings(folder: Path) -> None:
     (folder / FORESTS).unlink()
     text = write_report(folder, gallery=1, jobs=1).read_text()
-    assert "<p>No trial is drawn: the folder has no copy of the campaign&#x27;s forests; put given.jsonl there" in text
+    assert "<p>No trial is drawn: the folder has no copy of the campaign&#39;s forests; put given.jsonl there" in text
 
 
 def test_other_forests_are_refused(folder: Path) -> None:

@@ -18,12 +18,11 @@ from tests.experiments.report.reading_plots import columns
 from tests.views.page.outline import Outline
 from wayfarer.cli import report as command
 from wayfarer.errors import BadInput
-from wayfarer.experiments.folder_settings import tasks_of
 from wayfarer.experiments.report.load_results import SweepResults, SweepSettings, read_sweep
 from wayfarer.experiments.report.sweep import write_sweep_report
 from wayfarer.experiments.report.sweep_curves import curves_figures
 from wayfarer.experiments.report.sweep_maps import maps_figures
-from wayfarer.experiments.results_folder import TRIALS
+from wayfarer.experiments.results_folder import TRIALS, tasks_of
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.sweep.axes import Axis
 from wayfarer.experiments.sweep.command import run_all
@@ -46,7 +45,7 @@ def results_of(*axes: Axis, algorithms: tuple[str, ...] = ("pledge",), spl: bool
         shortest_m, share = (36.0, 36.0 / path_m if out else 0.0) if spl else (None, None)
         row = TrialRow(task.trial, task.algorithm, 0, 0, 1, "escaped" if out else "entrapped", path_m)
         rows.append(row._replace(shortest_path_m=shortest_m, spl=share, point=task.point))
-    return SweepResults(SweepSettings.model_validate(sweep.settings()), rows)
+    return SweepResults(SweepSettings.model_validate_json(json.dumps(sweep.settings())), rows)
 
 
 def drawn(figures: Iterator[Figure]) -> list[Any]:
@@ -139,7 +138,7 @@ def test_unfinished_and_damaged_sweeps_are_told(tmp_path: Path) -> None:
     whole = (tmp_path / TRIALS).read_text()
     assert [(row.point, row.trial) for row in read_sweep(tmp_path).rows] == [(p, n) for p in range(2) for n in range(3)]
     (tmp_path / TRIALS).write_text(whole.rpartition("\n1,")[0] + "\n")
-    with pytest.raises(BadInput, match="the 6 rows"):
+    with pytest.raises(BadInput, match="it has 5 of 6 trials"):
         read_sweep(tmp_path)
     (tmp_path / TRIALS).unlink()
     with pytest.raises(BadInput, match="is not finished"):

@@ -7,7 +7,7 @@ import pytest
 from tests.experiments.fake_trials import campaign_of
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 from wayfarer.experiments.campaign import Campaign, ForestFile, Task
-from wayfarer.experiments.folder_settings import swept_values
+from wayfarer.experiments.results_folder import swept_values
 from wayfarer.experiments.sweep.axes import Axis, Value
 from wayfarer.experiments.sweep.grid import Sweep, make_sweep
 from wayfarer.experiments.sweep.keys import current, laid_over_campaign

@@ -10,8 +10,7 @@ from pyarrow import parquet
 from tests.experiments import fake_trials
 from wayfarer.errors import BadInput
 from wayfarer.experiments.executors import RunTrial, TrialRunner
-from wayfarer.experiments.folder_settings import tasks_of
-from wayfarer.experiments.results_folder import PARQUET, PARTIAL, SWEEP_SETTINGS, TRIALS, ResultsFolder
+from wayfarer.experiments.results_folder import PARQUET, PARTIAL, SWEEP_SETTINGS, TRIALS, ResultsFolder, tasks_of
 from wayfarer.experiments.sweep import command
 from wayfarer.experiments.sweep.axes import Axis
 from wayfarer.experiments.sweep.grid import Sweep, make_sweep
@@ -117,10 +116,10 @@ def test_each_point_has_its_forests_although_algorithms_share_one() -> None:
 @pytest.mark.parametrize(
     ("other", "difference"),
     [
-        (make_sweep(SMALL.base, AXES[:1]), r"keys is \['escape.turn_angle_deg', 'anomaly_source'\] there"),
-        (make_sweep(SMALL.base, AXES[::-1]), "keys is "),
-        (make_sweep(SMALL.base, (Axis(AXES[0].key, (10, 31)), AXES[1])), r"escape.turn_angle_deg is \[10, 30.5\] t"),
-        (make_sweep(fake_trials.campaign_of(7, "pledge", "levy-walk"), AXES), "trials is 6 there and 7 here"),
+        (make_sweep(SMALL.base, AXES[:1]), "axes.2.key is 'anomaly_source' there and None here"),
+        (make_sweep(SMALL.base, AXES[::-1]), "axes.1.key is 'escape.turn_angle_deg' there and 'anomaly_source' here"),
+        (make_sweep(SMALL.base, (Axis(AXES[0].key, (10, 31)), AXES[1])), r"axes.1.values is \[10, 30.5\] there"),
+        (make_sweep(fake_trials.campaign_of(7, "pledge", "levy-walk"), AXES), "campaign.trials is 6 there and 7 here"),
     ],
 )
 def test_another_sweeps_folder_is_refused_by_its_first_difference(

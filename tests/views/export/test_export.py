@@ -13,8 +13,7 @@ from wayfarer.cli.extras import NEEDS
 from wayfarer.cli.logs import FORMATS_HELP
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.schema import Record
-from wayfarer.views.export.export import export
-from wayfarer.views.export.formats import ExportFormat, Output
+from wayfarer.views.export.export import ExportFormat, Output, export
 
 FILES = [form for form in ExportFormat if form.output is not Output.FOLDER]
 

@@ -21,7 +21,7 @@ from wayfarer.angles import METRES_PER_DEG
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.schema import Record
-from wayfarer.views.export.formats import ExportFormat
+from wayfarer.views.export.export import ExportFormat
 
 BEGAN = datetime.fromtimestamp(BEGAN_WALL_S, UTC)
 

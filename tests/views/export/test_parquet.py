@@ -14,8 +14,7 @@ from pyarrow import parquet
 from tests.views.text.records import HEADER, SAMPLE_LOGS, drive, event, outcome, record, tick, write
 from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.schema import Record
-from wayfarer.views.export.export import export
-from wayfarer.views.export.formats import ExportFormat
+from wayfarer.views.export.export import ExportFormat, export
 from wayfarer.views.export.tables import COLUMNS, cell
 
 (SAMPLE,) = SAMPLE_LOGS.glob("0*")

@@ -25,8 +25,7 @@ from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Tick
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.views.enu import enu_rotation
-from wayfarer.views.export.export import export
-from wayfarer.views.export.formats import ExportFormat
+from wayfarer.views.export.export import ExportFormat, export
 from wayfarer.views.export.wall_time import nanoseconds
 
 TYPES = {

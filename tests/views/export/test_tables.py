@@ -4,23 +4,22 @@ from __future__ import annotations
 
 import csv
 import io
-import time
 from pathlib import Path
 
 import pytest
 
-from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, outcome, record, tick, write
+from tests.views.text.records import HEADER, drive, event, outcome, record, tick, write
 from wayfarer.fieldlog.schema import Record
-from wayfarer.views.export.formats import ExportFormat
+from wayfarer.views.export.export import ExportFormat
 from wayfarer.views.export.tables import COLUMNS
 
 COMPASS = {"t_s": 101.0, "heading_deg": 3.0, "pitch_deg": 1.0, "roll_deg": -1.0, "calibration": None}
 CONTACT = {"t_s": 101.0, "sides": ["front", "left"], "obstacle_bearing_deg": 80.0}
 
 
-def table(folder: Path, *records: Record, form: ExportFormat = ExportFormat.csv) -> str:
+def table(folder: Path, *records: Record) -> str:
     text = io.StringIO()
-    form.write(write(folder / "run", [HEADER, *records]), text)
+    ExportFormat.csv.write(write(folder / "run", [HEADER, *records]), text)
     return text.getvalue()
 
 
@@ -94,11 +93,3 @@ def test_path_is_in_the_table(tmp_path: Path) -> None:
     assert (last["reckoned_north_m"], last["reckoned_east_m"]) == ("0.0", "2.0")
     (lost,) = rows(table(tmp_path / "2", tick(0.0, heading_deg=None)))
     assert (lost["reckoned_north_m"], lost["reckoned_east_m"]) == ("", "")
-
-
-def test_tsv_has_the_columns_of_the_released_code(tmp_path: Path) -> None:
-    time_of_day = time.strftime("%H%M_%S", time.localtime(BEGAN_WALL_S + 61.0))
-    text = table(
-        tmp_path, tick(61.0, applied_left=0.12345, heading_deg=359.987), event("hold", 62.0), form=ExportFormat.tsv
-    )
-    assert text == f"{time_of_day}\t0.12\t0.5\t359.99\t\t\n"

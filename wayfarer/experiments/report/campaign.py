@@ -25,6 +25,8 @@ from wayfarer.views.page import html
 from wayfarer.views.page.frame import PAGE, write_page
 from wayfarer.views.page.plots import Figure, Plots
 
+(_viewer_of,) = html.macros("wayfarer.experiments.report", "viewer")
+
 
 def write_report(
     folder: Path, out: Path | None = None, *, gallery: int = 12, jobs: int, allow_code: bool = False
@@ -109,20 +111,15 @@ def _viewer(trials: Sequence[DrawnTrial], plots: Plots) -> Iterator[str]:
         return
     yield html.paragraph(words.GALLERY)
     yield html.layers("Show", words.trial_layers())
-    yield '<div class="trials">'
-    yield "<nav><ol>"
-    for number, trial in enumerate(trials):
-        yield f"<li>{html.link(f'#trial-{number}', words.trial_name(trial.row))}</li>"
-    yield "</ol></nav>"
-    yield "<div>"
-    yield "<p>" + " ".join(f'<button type="button">{text}</button>' for text in words.BUTTONS) + "</p>"
-    for number, trial in enumerate(trials):
-        texts = [words.trial_text(trial.row, len(trial.trajectory.slips_m))]
-        texts += [words.entrapped_text(trial.entrapped)] if trial.entrapped else []
-        yield f'<article id="trial-{number}">' + "".join(map(html.paragraph, texts)) + "</article>"
-    yield html.figure(plots.place(trials_map(trials)), words.MAP_CAPTION)
-    yield "</div>"
-    yield "</div>"
+    named = [(words.trial_name(trial.row), _texts(trial)) for trial in trials]
+    figure = html.figure(plots.place(trials_map(trials)), words.MAP_CAPTION)
+    yield _viewer_of(named, words.BUTTONS, figure)
+
+
+def _texts(trial: DrawnTrial) -> Iterator[str]:
+    yield words.trial_text(trial.row, len(trial.trajectory.slips_m))
+    if trial.entrapped:
+        yield words.entrapped_text(trial.entrapped)
 
 
 def _not_drawn(ran: Sequence[RerunTrial], version: str) -> Iterator[str]:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import groupby, product, zip_longest
+from itertools import groupby, product
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
@@ -17,18 +17,24 @@ from wayfarer.config.messages import key_and_problem
 from wayfarer.config.registry import refuse_code
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import BadInput
-from wayfarer.experiments.campaign import Campaign, ForestFile, Tasks, read_forest_file
-from wayfarer.experiments.folder_settings import MOST_BYTES, tasks_of
-from wayfarer.experiments.results_folder import FORESTS, PARTIAL, SETTINGS, SWEEP_SETTINGS, TRIALS
-from wayfarer.experiments.rows import TrialRow, columns_of
+from wayfarer.experiments.campaign import Campaign, ForestFile, read_forest_file
+from wayfarer.experiments.results_folder import (
+    FORESTS,
+    MOST_BYTES,
+    PARTIAL,
+    SETTINGS,
+    SWEEP_SETTINGS,
+    TRIALS,
+    finished_trials,
+)
+from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import AlgorithmSummary, summarise
-from wayfarer.experiments.store import read_rows
 from wayfarer.experiments.sweep.axes import MOST_AXES, MOST_DIGITS, Value
 from wayfarer.experiments.sweep.grid import MOST_TRIALS
 from wayfarer.files.regular_file import read_regular
 from wayfarer.simhal.mujoco.terrain import terrains_of
 from wayfarer.simhal.world.grounds import GroundName
-from wayfarer.simhal.world.physics import PHYSICS, Physics
+from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.slope import slopes_of
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
@@ -62,14 +68,14 @@ class CampaignSettings(BaseModel):
     slip_mean_m: float = Field(gt=0)
     budget_m: float = Field(gt=0)
     spl: bool
-    depth: Literal["device", "bus"] = "device"
-    scenario: str | None = None
+    depth: Literal["device", "bus"]
+    scenario: str | None
     forests: ForestsSettings | None
     rover: dict[str, Any]
-    mujoco: dict[str, list[float]] | None = None
-    ground: GroundName = GroundName.ideal
-    slope: dict[str, list[float]] | None = None
-    sim: Physics = PHYSICS
+    mujoco: dict[str, list[float]] | None
+    ground: GroundName
+    slope: dict[str, list[float]] | None
+    sim: Physics
 
     @field_validator("algorithms")
     @classmethod
@@ -290,29 +296,13 @@ def _read_settings(path: Path, model: type[ModelT], kind: str) -> ModelT:
 
 
 def _read_trials(folder: Path, model: BaseModel, kind: str, command: str) -> list[TrialRow]:
-    path, settings = folder / TRIALS, model.model_dump()
+    path = folder / TRIALS
     if (folder / PARTIAL).exists() or not path.exists():
         raise BadInput(
             f"{folder}: its {kind} is not finished; repeat its `wayfarer {command}` and add --resume to finish it first"
         )
-    tasks = tasks_of(settings)
     try:
-        rows = _complete(read_rows(path, columns_of(settings)), tasks)
+        with finished_trials(folder, model.model_dump()) as trials:
+            return list(trials)
     except OSError as error:
         raise BadInput(f"{path}: cannot be read: {error.strerror}") from None
-    if rows is None:
-        raise BadInput(
-            f"{path} is damaged: it has not the {len(tasks)} rows, one a trial, that the {kind} wrote; run the {kind} "
-            "again into another folder"
-        )
-    return rows
-
-
-def _complete(rows: Iterable[TrialRow], tasks: Tasks) -> list[TrialRow] | None:
-    """Return the rows of all these trials, None where a row is missing or too many; the rest is not read then."""
-    found = []
-    for row, task in zip_longest(rows, tasks.in_table_order()):
-        if row is None or row.key != task:
-            return None
-        found.append(row)
-    return found

@@ -30,13 +30,11 @@ class TimeScale:
     """How fast the time of a loop goes; any thread may change it.
 
     ``speed`` is above 0. While ``paused``, time stands still: callbacks from other threads and signals run, timers do
-    not. A loop that waits looks at it again when it is woken: ``ScaledLoop.look_at_time_scale``. ``stood_s`` is how
-    long, in seconds of the clock, the time has stood still so far.
+    not. A loop that waits looks at it again when it is woken: ``ScaledLoop.look_at_time_scale``.
     """
 
     speed: float
     paused: bool = False
-    stood_s: float = 0.0
 
 
 class ScaledSelector(SelectSelector):
@@ -68,10 +66,8 @@ class ScaledSelector(SelectSelector):
 
     def _stand_still(self, timeout: float | None) -> list[tuple[SelectorKey, int]]:
         """Wait for files only, or not at all where callbacks are ready."""
-        before_s = self._clock_s
         ready = super().select(0.0 if timeout is not None and timeout <= 0.0 else None)
         self._clock_s, self._lost_s = monotonic(), 0.0
-        self._time_scale.stood_s += self._clock_s - before_s
         return ready
 
 

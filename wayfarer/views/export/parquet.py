@@ -6,10 +6,10 @@ every run, so that runs can be read together. What an algorithm remembers are nu
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from itertools import islice
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 
 import pyarrow as pa
 from pyarrow import parquet
@@ -22,33 +22,7 @@ BLOCK_ROWS = 10_000  # that are in memory at once: 500 s of ticks at 20 Hz
 INT64 = range(-(2**63), 2**63)
 
 
-class ColumnType(NamedTuple):
-    """An Arrow type, and what makes a value of it; None for a value that is no such thing."""
-
-    arrow: pa.DataType
-    convert: Callable[[Any], Any]
-
-
-def _flag(value: Any) -> bool | None:
-    return value if isinstance(value, bool) else None
-
-
-def _whole(value: Any) -> int | None:
-    return value if type(value) is int and value in INT64 else None
-
-
-def _number(value: Any) -> float | None:
-    return float(value) if type(value) in {int, float} else None
-
-
-def _text(value: Any) -> str | None:
-    return None if value is None else cell(value)
-
-
-FLAG = ColumnType(pa.bool_(), _flag)
-WHOLE = ColumnType(pa.int64(), _whole)
-REAL = ColumnType(pa.float64(), _number)
-WORDS = ColumnType(pa.string(), _text)
+FLAG, WHOLE, REAL, WORDS = pa.bool_(), pa.int64(), pa.float64(), pa.string()
 
 
 def write_parquet(run: Path, file: BinaryIO) -> Damage:
@@ -60,29 +34,42 @@ def write_parquet(run: Path, file: BinaryIO) -> Damage:
     """
     reader = RunReader(run)
     columns = _columns(further_columns(reader, KNOWN))
-    schema = pa.schema([(name, column.arrow) for name, column in columns.items()])
+    schema = pa.schema(columns)
     rows = table_rows(RunReader(run))
     with parquet.ParquetWriter(file, schema) as table:
         while block := list(islice(rows, BLOCK_ROWS)):
-            values = {name: [column.convert(row.get(name)) for row in block] for name, column in columns.items()}
+            values = {name: [_held(kind, row.get(name)) for row in block] for name, kind in columns.items()}
             table.write_batch(pa.RecordBatch.from_pydict(values, schema))
     return reader.damage
 
 
-def _columns(further: Mapping[str, set[type]]) -> dict[str, ColumnType]:
+def _held(kind: pa.DataType, value: Any) -> Any:
+    """Return a value as a column of a type holds it; None for one that is no such thing."""
+    if value is None:
+        return None
+    if kind is WORDS:
+        return cell(value)
+    if kind is REAL:
+        return float(value) if type(value) in {int, float} else None
+    if kind is FLAG:
+        return value if type(value) is bool else None
+    return value if type(value) is int and value in INT64 else None
+
+
+def _columns(further: Mapping[str, set[type]]) -> dict[str, pa.DataType]:
     """Return the columns of a table with their types: those of the log's schema, or what stands in the log."""
     names = dict.fromkeys([*COLUMNS, *further])
     return {name: KNOWN.get(name) or _holding(further.get(name, set())) for name in names}
 
 
-def _holding(types: set[type]) -> ColumnType:
+def _holding(types: set[type]) -> pa.DataType:
     kinds = types - {type(None)}
     if kinds <= {int, float}:
         return REAL
     return FLAG if kinds == {bool} else WORDS
 
 
-def _of(values: Values) -> ColumnType:
+def _of(values: Values) -> pa.DataType:
     if bool in values.types:
         return FLAG
     if str in values.types or list in values.types:

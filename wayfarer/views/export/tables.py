@@ -4,11 +4,6 @@
 ``tick`` keep their names, readings are flattened (``compass_heading_deg``), and what other records say stands in the
 row of the first tick after it, under the record's name (``board_battery_v``, ``truth_x_m``); events are joined in
 ``event``. Records after the last tick are in one more row. No text is a formula to a spreadsheet.
-
-``tsv_rows`` has the six columns of the log that the paper's released code writes, in its formats and without a
-header: time of day, left and right duty, heading, and two of the flow sensor. Those two are empty, because this log has
-metres and a quality from 0 to 1, not the chip's counts. Where the released code wrote a row for each round of its outer
-loop, and none while it reversed, turned or probed, there is one for each tick.
 """
 
 from __future__ import annotations
@@ -19,7 +14,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, TextIO
 
-from wayfarer.fieldlog.fields import local_time
 from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.run_events import Ended, FaultInjected, Noted
@@ -61,17 +55,6 @@ def write_csv(run: Path, file: TextIO) -> Damage:
     return reader.damage
 
 
-def write_tsv(run: Path, file: TextIO) -> Damage:
-    """Write a run in the columns of the released code, and return what of it could not be read.
-
-    Raises:
-        BadInput: the run cannot be read.
-    """
-    reader = RunReader(run)
-    csv.writer(file, delimiter="\t", lineterminator="\n").writerows(tsv_rows(reader))
-    return reader.damage
-
-
 def csv_rows(records: Iterable[Record], further: Iterable[str] = ()) -> Iterator[list[str]]:
     """Give the titles, then a row for each tick; ``further`` are columns beyond those that every table has."""
     columns = [*COLUMNS, *further]
@@ -88,16 +71,6 @@ def further_columns(records: Iterable[Record], known: Container[str] = frozenset
             if column not in known:
                 found.setdefault(column, set()).add(type(value))
     return found
-
-
-def tsv_rows(records: Iterable[Record]) -> Iterator[list[str]]:
-    """Give a row for each tick as the released code would have written it; it has no titles."""
-    fold = RunFold()
-    for record in records:
-        for event in fold.take(record):
-            if isinstance(event, Tick):
-                numbers = (event.applied_left, event.applied_right, event.heading_deg)
-                yield [local_time(record.get("t_wall") or 0.0, "%H%M_%S"), *map(_rounded, numbers), "", ""]
 
 
 def table_rows(records: Iterable[Record]) -> Iterator[Row]:
@@ -190,7 +163,3 @@ def cell(value: object) -> str:
 def _spreadsheet_cell(value: object) -> str:
     text = cell(value)
     return without_formulas(text) if isinstance(value, str | list) else text
-
-
-def _rounded(value: float | None) -> str:
-    return "" if value is None else str(round(float(value), 2))

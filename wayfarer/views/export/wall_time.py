@@ -5,8 +5,10 @@ They are right at the end of the log, where the rover's computer is most likely 
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
+
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.fields import clock_zero_s, local_time
+from wayfarer.fieldlog.fields import clock_zero_s
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.schema import Record
 
@@ -39,7 +41,6 @@ def nanoseconds(time_s: float) -> int:
     return round(min(max(time_s, 0.0), LATEST_S) * 1e6) * 1000
 
 
-def utc_text(wall_s: float) -> str:
-    """Return a time since 1970 with its milliseconds, as ``2026-11-22T06:14:05.250Z``; never one before 1970."""
-    milliseconds = round(max(wall_s, 0.0) * 1e3)
-    return f"{local_time(milliseconds // 1000, '%Y-%m-%dT%H:%M:%S', utc=True)}.{milliseconds % 1000:03}Z"
+def utc_time(wall_s: float) -> datetime:
+    """Return a time since 1970 to the millisecond, within the same bounds as ``nanoseconds``."""
+    return datetime.fromtimestamp(round(nanoseconds(wall_s) / 1e6) / 1e3, UTC)

@@ -2,8 +2,9 @@
 
 Requests are handled as those of the control socket. A page cannot arm: wheels must not start from a web page. Only one
 with the token can resume, because every user of the rover's computer can open the page (``access``). Nor can an old
-page resume: the request may have waited in a network, or for a blocked daemon, until the viewer has gone. Only the page
-of a demo can pause, change the speed or begin another run (``demo_controls``).
+page resume: the request may have waited in a network, or for a blocked daemon, until the viewer has gone. Both are not
+asked for in a demo, where no wheels turn. Only its page can pause, change the speed or begin another run
+(``demo_controls``).
 """
 
 from __future__ import annotations
@@ -123,7 +124,7 @@ class ClientSession:
         now_s = asyncio.get_running_loop().time()
         if request.do not in STOPPING and not self._rate_limiter.take(now_s):
             raise Refused("too many requests at once: wait a second and try again")
-        if request.do in STARTING:
+        if request.do in STARTING and self._demo is None:
             self._check_start(request.do, fields.get(SHOWN), now_s)
         await perform(request, self._commands, None)
 
@@ -134,7 +135,8 @@ class ClientSession:
                 f"{do} needs the token: open the page at the address that wayfarer status shows, or use wayfarer {do}"
                 " in a terminal"
             )
-        if not self._is_new(state_t_s, now_s):
+        # What is no time is not new, and a state from the future is of another run.
+        if not (isinstance(state_t_s, int | float) and abs(now_s - state_t_s) <= self._old_s):
             raise Refused("the page showed an old state: look at the new one, and press again if it is still right")
 
     def _do_in_demo(self, fields: dict[str, object]) -> None:
@@ -142,10 +144,3 @@ class ClientSession:
         if self._demo is None:
             raise Refused(f"{fields['do']} is only for wayfarer demo: the clock of this run is the real one")
         demo_controls.perform(fields, self._demo)
-
-    def _is_new(self, state_t_s: object, now_s: float) -> bool:
-        """Return whether a state is of now; one from the future is of another run. What is no time is not."""
-        if not isinstance(state_t_s, int | float):
-            return False
-        age_s = now_s - state_t_s if self._demo is None else self._demo.age_s(state_t_s)
-        return abs(age_s) <= self._old_s

@@ -33,9 +33,6 @@ class DemoControls(Protocol):
     def seen(self) -> None:
         """Note that a viewer has opened the page."""
 
-    def age_s(self, t_s: float) -> float:
-        """Return how long ago, in seconds of the viewer's clock, it was ``t_s`` on the clock of the run."""
-
     def pause(self, paused: bool) -> None:
         """Let the time of the demo stand still, or continue."""
 

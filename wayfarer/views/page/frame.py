@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from functools import cache
-from html import escape
 from importlib.resources import files
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from bokeh.resources import Resources
 from wayfarer.errors import BadInput
 from wayfarer.files.atomic_file import write_atomically
 from wayfarer.views import palette
+from wayfarer.views.page.html import template
 from wayfarer.views.page.plots import Plots
 
 PAGE = "report.html"
@@ -32,7 +32,7 @@ def write_page(
     Args:
         usual: the file, where wayfarer chooses it. A symlink there is replaced: the folder may be another user's.
         title: plain text.
-        body: HTML; it is asked for once, before the plots.
+        body: Markup (``views.page.html``), asked for before the plots; other text is escaped.
         plots: what Bokeh draws in it. Without, the page has no script.
         script: JavaScript that runs before the plots are drawn. When they are, ``document`` receives the event
             ``plotted``, whose ``detail`` is Bokeh's document.
@@ -41,7 +41,7 @@ def write_page(
     Raises:
         BadInput: it cannot be written there.
     """
-    text = "\n".join(_document(title, "\n".join(body), plots, script))
+    text = _document(title, body, plots, script)
     path = out or usual
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -53,27 +53,15 @@ def write_page(
     return path
 
 
-def _document(title: str, body: str, plots: Plots | None, script: str) -> Iterator[str]:
-    yield from (
-        "<!DOCTYPE html>",
-        '<html lang="en">',
-        "<head>",
-        '<meta charset="utf-8">',
-        '<meta name="viewport" content="width=device-width, initial-scale=1">',
-        f"<title>{escape(title)}</title>",
-        f"<style>\n{palette.css()}{_own('page.css')}</style>",
-        "</head>",
-        "<body>",
-        "<main>",
-        f"<h1>{escape(title)}</h1>",
-        body,
-        "</main>",
+def _document(title: str, body: Iterable[str], plots: Plots | None, script: str) -> str:
+    body = list(body)  # which places the plots
+    return template("wayfarer.views.page", "frame.html").render(
+        title=title,
+        style=palette.css() + _own("page.css"),
+        body=body,
+        plots=plots and plots.to_json().replace("</", "<\\/"),  # else a text in it could end the element
+        scripts=(bokeh_js(), script, _own("page.js")) if plots else (),
     )
-    if plots is not None:
-        content = plots.to_json().replace("</", "<\\/")  # else a text in it could end the element
-        yield f'<script type="application/json" id="plots">{content}</script>'
-        yield from (f"<script>\n{code}\n</script>" for code in (bokeh_js(), script, _own("page.js")))
-    yield from ("</body>", "</html>", "")
 
 
 @cache

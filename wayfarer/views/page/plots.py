@@ -14,6 +14,7 @@ from bokeh.document import Document
 from bokeh.models import BoxZoomTool, HoverTool, Model, PanTool, ResetTool, SaveTool, WheelZoomTool
 from bokeh.models.renderers import GlyphRenderer
 from bokeh.plotting import ColumnDataSource, figure
+from markupsafe import Markup
 
 TEXT = "11px"
 Figure = figure
@@ -75,10 +76,10 @@ class Plots:
     def __init__(self) -> None:
         self._models: list[Model] = []
 
-    def place(self, model: Model) -> str:
+    def place(self, model: Model) -> Markup:
         """Return the element in which the browser draws a model."""
         self._models.append(model)
-        return f'<div class="plot" id="plot-{len(self._models)}"></div>'
+        return Markup('<div class="plot" id="plot-{}"></div>').format(len(self._models))
 
     def to_json(self) -> str:
         """Return what ``page.js`` needs to draw them.

@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from bokeh.models import CustomJSTickFormatter, DataRange1d, Range1d
 from bokeh.models.annotations import Span
+from markupsafe import Markup
 
 from wayfarer.views import palette
 from wayfarer.views.page import html
@@ -38,7 +39,7 @@ class PanelLine(NamedTuple):
     look: Mapping[str, Any]
 
 
-def draw_panels(runs: Sequence[RunData], plots: Plots) -> Iterator[str]:
+def draw_panels(runs: Sequence[RunData], plots: Plots) -> Iterator[Markup]:
     """Yield the HTML of all panels for which there is something in a log, the first from the top."""
     found = [(panel, lines) for panel in panels_of(runs) if (lines := list(_lines_of(panel, runs)))]
     if not found:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
-from html import escape
 from importlib.resources import files
 from pathlib import Path
+
+from markupsafe import Markup
 
 from wayfarer.fieldlog import vocabulary
 from wayfarer.fieldlog.folders import run_title
@@ -31,10 +31,7 @@ from wayfarer.views.run_report.tables import (
 )
 from wayfarer.views.run_report.track import Track, tracks_of
 
-BUTTONS = (
-    ("in", "+", "zoom in"), ("out", "\N{MINUS SIGN}", "zoom out"), ("back", "←", "earlier"), ("on", "→", "later"),
-    ("all", "all", "the whole time"),
-)  # fmt: skip
+(_run,) = html.macros("wayfarer.views.run_report", "run")
 
 
 def write_run_report(run: Path, out: Path | None = None) -> Path:
@@ -48,7 +45,7 @@ def write_run_report(run: Path, out: Path | None = None) -> Path:
     data, plots = read_run(run), Plots()
     body = [
         html.facts(words.facts(data, run_title(run))),
-        *_drawn([data], [words.number_of(run)], plots),
+        _drawn([data], [words.number_of(run)], plots),
         html.section("Anomalies and episodes", anomalies_table(data), episodes_table(data)),
         html.section("Conditions", conditions_table(data)),
         html.section("Events", events_list(data)),
@@ -67,27 +64,25 @@ def write_comparison(first: Path, second: Path, out: Path | None = None) -> Path
     names = [words.number_of(first), words.number_of(second)]
     body = [
         html.section("Figures", facts_table(runs, names)),
-        *_drawn(runs, names, plots),
+        _drawn(runs, names, plots),
         html.section("What changed in the rover file", settings_table(runs, names)),
     ]
     usual = second / f"report-{'-'.join(names)}.html"
     return write_page(usual, f"Runs {names[0]} and {names[1]}", body, plots, _cursor_js(), out=out)
 
 
-def _drawn(runs: Sequence[RunData], names: Sequence[str], plots: Plots) -> Iterator[str]:
-    """Yield the map, the time panels, and the cursor that they share."""
-    tracks = tracks_of(runs)
-    yield '<section class="run">'
-    yield f'<div class="map">\n<h2>Track</h2>\n{"".join(_map(tracks, names, plots))}</div>'
+def _drawn(runs: Sequence[RunData], names: Sequence[str], plots: Plots) -> Markup:
+    """Return the map, the time panels, and the cursor that they share; it begins at the end, with how that was."""
+    track_map = list(_map(tracks_of(runs), names, plots))
     panels = list(draw_panels(runs, plots))
-    shown = "".join(panels) if panels else html.paragraph(words.NO_TICKS)
-    how = html.paragraph(words.panels_text(runs)) if panels else ""
-    yield f'<div class="panels">\n<h2>Time lines</h2>\n{how}{shown}</div>'
-    yield _cursor(runs, names)
-    yield "</section>"
+    time_lines = [html.paragraph(words.panels_text(runs)), *panels] if panels else [html.paragraph(words.NO_TICKS)]
+    ends_s = [data.summary.lasted_s for data in runs]
+    end_s = max(1.0, *ends_s)
+    told = [{"name": name, "end": end_s} for name, end_s in zip(names, ends_s, strict=True)]
+    return _run(track_map, time_lines, told, end_s)
 
 
-def _map(tracks: Sequence[Track], names: Sequence[str], plots: Plots) -> Iterator[str]:
+def _map(tracks: Sequence[Track], names: Sequence[str], plots: Plots) -> Iterator[Markup]:
     if not any(track.data.has_way or track.reckoned for track in tracks):
         yield html.paragraph(words.NO_WAY)
         return
@@ -113,23 +108,6 @@ def _layers(tracks: Sequence[Track]) -> Iterator[html.PlotLayer]:
     if any(track.fixes for track in tracks):
         yield html.PlotLayer("fixes", "receiver", palette.RECEIVER, shown=len(tracks) == 1)
     yield from LAYERS
-
-
-def _cursor(runs: Sequence[RunData], names: Sequence[str]) -> str:
-    """Return the bar with the cursor's time and the values there; it begins at the end, with how that was."""
-    ends_s = [data.summary.lasted_s for data in runs]
-    end_s, told = max(1.0, *ends_s), [{"name": name, "end": end_s} for name, end_s in zip(names, ends_s, strict=True)]
-    buttons = "".join(
-        f'<button type="button" value="{value}" aria-label="{label}">{text}</button>' for value, text, label in BUTTONS
-    )
-    return "\n".join(
-        [
-            f'<div class="cursor" data-runs="{escape(json.dumps(told))}">',
-            f'<p><input type="range" min="0" max="{end_s}" step="any" aria-label="cursor">{buttons}</p>',
-            '<dl aria-live="off"></dl>',
-            "</div>",
-        ]
-    )
 
 
 def _cursor_js() -> str:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
 from math import isnan
+
+from markupsafe import Markup
 
 from wayfarer.config.rover_overlay import flat
 from wayfarer.fieldlog.episodes import Episode
@@ -17,10 +18,12 @@ from wayfarer.views.run_report import words
 from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.events import event_words, is_trouble
 
+(_events,) = html.macros("wayfarer.views.run_report", "events")
+
 ROWS = 500  # of a table; the log has all of them
 
 
-def anomalies_table(data: RunData) -> str:
+def anomalies_table(data: RunData) -> Markup:
     """Return the anomalies by cause."""
     counts = data.summary.anomalies
     if not counts:
@@ -34,7 +37,7 @@ def anomalies_table(data: RunData) -> str:
     return html.table(caption, ("cause", "times", "share", "in 100 m"), rows)
 
 
-def episodes_table(data: RunData) -> str:
+def episodes_table(data: RunData) -> Markup:
     """Return the episodes, in their order."""
     if not data.episodes:
         return html.paragraph("There was no escape episode: the rover followed its goal all the time.")
@@ -51,7 +54,7 @@ def _episode(number: int, episode: Episode) -> Sequence[str]:
     return f"{number}", began, episode.side, f"{episode.turns}", f"{lasted_s:.1f}", f"{episode.metres:.1f}", ended
 
 
-def conditions_table(data: RunData) -> str:
+def conditions_table(data: RunData) -> Markup:
     """Return for how long which condition limited or stopped an armed rover, and what it did about that."""
     times_s = [("hold", data.summary.held_s), ("degrade", data.summary.limited_s)]
     rows = [
@@ -65,19 +68,15 @@ def conditions_table(data: RunData) -> str:
     return html.table(caption, ("condition", "for", "response"), rows)
 
 
-def events_list(data: RunData) -> str:
+def events_list(data: RunData) -> Markup:
     """Return everything that was reported, in its order; trouble is set in bold."""
     if not data.events:
         return html.paragraph("No events.")
-    lines = [html.paragraph("What people asked for, and what the rover reported."), "<ul>"]
-    for event in data.events[:ROWS]:
-        text = escape(event_words(event))
-        text = f"<strong>{text}</strong>" if is_trouble(event) else text
-        lines.append(f"<li>{duration_text(event.elapsed_s, 1)} {text}</li>")
-    return "\n".join([*lines, "</ul>", _rest(data.events)])
+    told = [(duration_text(each.elapsed_s, 1), event_words(each), is_trouble(each)) for each in data.events[:ROWS]]
+    return _events(told) + _rest(data.events)
 
 
-def sensors_table(data: RunData) -> str:
+def sensors_table(data: RunData) -> Markup:
     """Return how well each sensor spoke."""
     if not data.sensors:
         return html.paragraph("The log has no sensor readings.")
@@ -103,15 +102,16 @@ def _health(data: RunData, sensor: str, health: SensorStatus) -> Sequence[str]:
     )
 
 
-def _rest(rows: Sequence[object]) -> str:
+def _rest(rows: Sequence[object]) -> Markup:
     """Say how many rows are left out, if any."""
-    return html.paragraph(f"{len(rows) - ROWS} more are in the log: wayfarer logs show.") if len(rows) > ROWS else ""
+    more = len(rows) - ROWS
+    return html.paragraph(f"{more} more are in the log: wayfarer logs show." if more > 0 else "")
 
 
 # -- two runs ----------------------------------------------------------------------------------------------------
 
 
-def facts_table(runs: Sequence[RunData], names: Sequence[str]) -> str:
+def facts_table(runs: Sequence[RunData], names: Sequence[str]) -> Markup:
     """Return the facts of all runs, one column each; rows that differ are set in bold."""
     facts = [dict(words.facts(data, name)) for data, name in zip(runs, names, strict=True)]
     keys = dict.fromkeys(key for each in facts for key in each)
@@ -119,7 +119,7 @@ def facts_table(runs: Sequence[RunData], names: Sequence[str]) -> str:
     return html.table("What differs is bold.", ["", *names], rows)
 
 
-def settings_table(runs: Sequence[RunData], names: Sequence[str]) -> str:
+def settings_table(runs: Sequence[RunData], names: Sequence[str]) -> Markup:
     """Return the keys of the rover file that have another value, or are in one of the runs only."""
     first, second = known = [
         {key: str(value) for key, value in flat(table(data.header, "config")).items()} for data in runs

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from html import escape
 from itertools import groupby
 from math import isnan
 from pathlib import Path
 
 import numpy as np
+from markupsafe import Markup
 
 from wayfarer.fieldlog.fields import duration_text
 from wayfarer.fieldlog.folders import short_name
@@ -18,6 +18,8 @@ from wayfarer.views.page import html
 from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.track import Track
 from wayfarer.views.text.summary_text import summary_facts
+
+(_place,) = html.macros("wayfarer.views.run_report", "place")
 
 NO_WAY = "The log has no heading, so the path of the rover is unknown."
 NO_TICKS = "No time lines: the log has no control ticks, or ticks without values."
@@ -100,13 +102,10 @@ def fitted(track: Track, run: str) -> str:
     return run + " ".join(parts) if parts else ""
 
 
-def where_link(track: Track, run: str) -> str:
+def where_link(track: Track, run: str) -> Markup:
     """Return where a run ended, and who says so, with links that the map of a telephone, or a browser, opens."""
     if track.end_deg is None:
-        return ""
+        return Markup("")
     latitude, longitude = (f"{degrees:.6f}" for degrees in track.end_deg)
     whose = "End of the fitted path (the last fix is above, under “where”)" if track.fit else "The last fix"
-    at = f"{latitude},{longitude}"
-    osm = f"https://www.openstreetmap.org/?mlat={latitude}&mlon={longitude}#map=18/{latitude}/{longitude}"
-    links = f"{html.link(f'geo:{at}?q={at}', 'open in a map')}, {html.link(osm, 'OpenStreetMap')}"
-    return f"<p>{escape(run + whose)}: {latitude}°, {longitude}°: {links}.</p>"
+    return _place(run + whose, latitude, longitude)
