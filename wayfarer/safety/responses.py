@@ -63,7 +63,7 @@ _STANDS_FOR_COMPASS: Final = (
 )
 _COMPASS_IS_BACK: Final = "the compass is believed again, or the heading is reckoned"
 _BLIND: Final = (
-    "drives at most 3 m ahead at a time, less if its heading does not answer steering, then turns away as if stuck"
+    "drives a stride ahead (3 m, MiniRover 1 m), less if steering turns nothing, then turns away as if stuck"
 )
 _BLIND_AND_SILENT: Final = f"{_BLIND}; the sensor is opened again every 2 s"
 _SEES: Final = "the motion sensor sees the ground again"
