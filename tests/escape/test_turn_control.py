@@ -67,7 +67,7 @@ def test_what_was_learnt_makes_the_next_turn_prompt() -> None:
     expert.rate_after_deg_s(4.0, -60.0)
     expert.rate_after_deg_s(1.0, 0.0)
     for body in (novice, expert):
-        body.controller.rest()
+        body.controller.begin_manoeuvre()
     turned = [sum(body.tick(0.0, 60.0) for _ in range(8)) for body in (novice, expert)]
     assert turned[1] > 2.0 * turned[0]
 
@@ -81,7 +81,7 @@ def lagging(late_ticks: int, dead_zone: float) -> Skidder:
         body.rate_after_deg_s(1.0, 0.0)
     assert body.controller.lag.ticks == late_ticks
     body.dead_zone = dead_zone
-    body.controller.rest()
+    body.controller.begin_manoeuvre()
     return body
 
 
@@ -144,7 +144,7 @@ def test_full_duty_that_turns_nothing_is_told_after_two_seconds(speed_m_s: float
         pushed_s += TICK_S * (abs(body.duty) > 0.5)
         assert body.t_s < 20.0
     assert pushed_s <= 3.5
-    body.controller.rest()
+    body.controller.begin_manoeuvre()
     assert not body.controller.stands
 
 

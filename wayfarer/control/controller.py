@@ -56,7 +56,7 @@ class WheelMotors(Protocol):
 _ARMED: Final = Mode.ARMED
 _FAULT: Final = Level.FAULT
 _RUNAWAY: Final = Condition.RUNAWAY
-_WHEELS_ASTRAY: Final = frozenset({Condition.BOARD_DISAGREES, Condition.RUNAWAY})
+_UNCOMMANDED_MOTION: Final = frozenset({Condition.BOARD_DISAGREES, Condition.RUNAWAY})
 _BOARD_FAULT: Final = Condition.BOARD_FAULT
 # Of what is driven without sight, for the distance from the start: it was driven, or pushed at a trunk.
 UNSEEN_SHARE: Final = 0.5
@@ -191,7 +191,7 @@ class Controller:
         ahead_m, right_m = self._odometer.update(tick, self._detector.motion)
         self._add_conditions(tick)
         conditions = self.conditions = tick.conditions
-        if conditions and not _WHEELS_ASTRAY.isdisjoint(conditions):
+        if conditions and not _UNCOMMANDED_MOTION.isdisjoint(conditions):
             self._motors.halt()  # at each tick: a board that does not obey may obey one of many stops
         if self._arming is not None:
             self._continue_arming(tick, self._arming)

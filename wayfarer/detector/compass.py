@@ -39,8 +39,8 @@ class CompassMonitor:
         self._low_since_s: float | None = None
         self._rejections = 0  # a bit for each of the last readings, the newest lowest: 1 was rejected
         self._of_readings = (1 << settings.implausible_of) - 1
-        self._insists = Debounce(settings.implausible_s)
-        self._insisted = False
+        self._jump_persistence = Debounce(settings.implausible_s)
+        self._jump_persists = False
         self._doubted_until_s = -inf
 
     def start(self, t_s: float) -> None:
@@ -105,14 +105,14 @@ class CompassMonitor:
             if abs(turned_deg) > self._jump_deg and abs(turned_deg) > self._settings.heading_rate_max_deg_s * since_s:
                 self._reject(t_s)
                 # A jump that stays may be true: a person has turned the rover. Accept it, but stop first.
-                self._insisted = self._insists.update(read_t_s, True)
-                if not self._insisted:
+                self._jump_persists = self._jump_persistence.update(read_t_s, True)
+                if not self._jump_persists:
                     return
             elif self._rejections:
                 self._rejections = self._rejections << 1 & self._of_readings
             self.gained_deg += turned_deg
         if self._rejections:
-            self._insists.update(read_t_s, False)
+            self._jump_persistence.update(read_t_s, False)
         self.reading = reading
         start_t_s = self._believed_t_s
         self._believed_t_s = read_t_s if read_t_s > start_t_s else start_t_s  # no age is longer than the run
@@ -129,9 +129,9 @@ class CompassMonitor:
         settings = self._settings
         conditions: list[Condition] = []
         many = self._rejections.bit_count() >= settings.implausible_rejected
-        if self._insisted or many or t_s < self._doubted_until_s:
+        if self._jump_persists or many or t_s < self._doubted_until_s:
             conditions.append(Condition.COMPASS_IMPLAUSIBLE)
-            self._insisted = False
+            self._jump_persists = False
         if self._frozen:
             conditions.append(Condition.COMPASS_FROZEN)
         if self._uncalibrated(t_s):

@@ -142,7 +142,7 @@ class MotionMonitor:
         if not signed and commanded_m < 0.0:
             forward_m = -forward_m  # the sensor does not see the direction; take that of the wheels
         limit_m = self._speed_max_m_s * dt_s
-        can_be = abs(forward_m) <= limit_m >= abs(right_m) and 0.0 <= quality <= 1.0
+        can_be = abs(forward_m) <= limit_m and abs(right_m) <= limit_m and 0.0 <= quality <= 1.0
         known = can_be and quality >= self._quality_min
         # No reading counts for much more than what was driven, so that single wild readings cannot hide a stall.
         counted_m = forward_m if known else None

@@ -7,6 +7,7 @@ from math import copysign
 from typing import Final
 
 from wayfarer.detector.settings import DetectorSettings
+from wayfarer.safety.tick_interval import ROUNDING_S
 
 # Motors that are told 0 brake, but do not hold: from 3 degrees on, a body rolls (the rolling resistance of
 # ``simhal.world.wheeled_body``), and on mud it slides ever faster from 6 degrees on (a friction of 0.1). A compass has
@@ -17,9 +18,9 @@ ROLLS_FROM_DEG: Final = 4.0
 class RunawayMonitor:
     """Finds motion without a command, in one direction; ``found`` says whether it has lasted long enough.
 
-    A body that coasts loses speed, at least ``gain_m_s2`` on the most slippery ground. While it loses that much, it is
-    not running away. This monitor does not know whether the rover is armed; a person may push one that is not, so the
-    controller ignores the finding then.
+    A body that coasts loses speed, at least ``acceleration_m_s2`` on the most slippery ground. As long as it does, it is
+    not running away. This monitor does not know whether the rover is armed; a person may push one that is not, so
+    the controller ignores the finding then.
 
     Nor is a body on a slope that moves downhill: gravity cannot be told from motors there, and a stop does not end it.
     ``pitch_deg`` is the body's pitch, nose up.
@@ -27,10 +28,10 @@ class RunawayMonitor:
 
     def __init__(self, settings: DetectorSettings) -> None:
         self.pitch_deg = 0.0
-        self._after_s = settings.runaway_after_s - 1e-6
-        self._for_s = settings.runaway_for_s - 1e-6
+        self._after_s = settings.runaway_after_s - ROUNDING_S
+        self._for_s = settings.runaway_for_s - ROUNDING_S
         self._from_m_s = settings.runaway_from_m_s
-        self._loss_m_s2 = settings.gain_m_s2
+        self._loss_m_s2 = settings.acceleration_m_s2
         self._coasting: deque[tuple[float, float]] = deque()  # how long zero had been commanded, and the speed
         self._moving_s = 0.0
         self._way = 0.0
@@ -68,7 +69,7 @@ class RunawayMonitor:
         return abs(self.pitch_deg) >= ROLLS_FROM_DEG and speed_m_s * self.pitch_deg < 0.0
 
     def _slows_down(self, stood_s: float, speed_m_s: float) -> bool:
-        """Return whether the speed has fallen by at least ``gain_m_s2``, measured over ``runaway_for_s``."""
+        """Return whether the speed has fallen by at least ``acceleration_m_s2``, measured over ``runaway_for_s``."""
         speeds = self._coasting
         speeds.append((stood_s, speed_m_s))
         while len(speeds) > 1 and stood_s - speeds[1][0] >= self._for_s:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from wayfarer.safety.tick_interval import TickInterval
+from wayfarer.safety.tick_interval import ROUNDING_S, TickInterval
 
 PUSHES_FROM: Final = 0.1  # duty from which a side counts as commanded
 # The pulses, in this order: left side ahead, left back, right ahead, right back.
@@ -122,7 +122,7 @@ class SelfTest:
         if pulse not in self._pulses or (pulse == FIRST and self._unturned_s < COMPASS_LAG_MAX_S):
             return False
         since = len(self._pulses) - self._pulses.index(pulse) - lag_ticks
-        return since * self._dt_s >= SHOWN_S - 1e-6  # sums of periods fall a rounding error short
+        return since * self._dt_s >= SHOWN_S - ROUNDING_S
 
     def _shown_deg(self, lag_ticks: int) -> list[float]:
         """Return how far a compass with this lag showed the body turn for each pulse."""

@@ -23,7 +23,7 @@ from wayfarer.detector.self_test import (
 from wayfarer.escape.api import SideGains, Vehicle
 from wayfarer.hal import STOP
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.tick_interval import TickInterval
+from wayfarer.safety.tick_interval import ROUNDING_S, TickInterval
 
 # -- watching ------------------------------------------------------------------------------------------------------
 # No source for these: in 0.8 s a dead side of the slowest shipped rover turns it by 40 degrees, while noise and unequal
@@ -148,7 +148,7 @@ class DriveWatch:
         if excess > REVERSED_SHARE * self._one_side + noise:
             self._confirm_at_s = t_s
         elif excess > LEAST_SHARE * self._one_side and self._confirm_at_s == inf:
-            self._confirm_at_s = t_s + CONFIRM_S - 1e-6  # sums of periods fall a rounding error short
+            self._confirm_at_s = t_s + CONFIRM_S - ROUNDING_S
 
 
 class SideMonitor:

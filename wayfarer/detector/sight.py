@@ -58,7 +58,7 @@ class ZeroDoubt:
 
     def _turn(self, turned_deg: float) -> None:
         """Add up turns that follow driving both ways; a turn that is taken back is still a turn."""
-        if self._ahead_m >= DRIVEN_M <= self._back_m:
+        if self._ahead_m >= DRIVEN_M and self._back_m >= DRIVEN_M:
             self._turned_deg += abs(turned_deg)
             self.doubts = self._turned_deg >= TURNED_DEG
 

@@ -1,7 +1,7 @@
 """Detects that the rover is stuck (a *stall*): wheels driven without motion, or without progress.
 
-A body gains speed no faster than the ground's grip allows, ``gain_m_s2`` at the least, so what it moved is compared
-with what it *could* have moved, not with what was commanded:
+A body gains speed no faster than the ground's grip allows, ``acceleration_m_s2`` at the least, so what it moved is
+compared with what it *could* have moved, not with what was commanded:
 
 * **It stands**: over ``immobilised_s`` it moved by less than a share of what was possible from the speed that it had
   before. A body that starts on mud, was reversing a moment ago or continues with spinning wheels does not stand; a
@@ -21,6 +21,7 @@ from collections import deque
 from typing import Final
 
 from wayfarer.detector.settings import DetectorSettings
+from wayfarer.safety.tick_interval import ROUNDING_S
 
 # The possible distance must be well above what a sensor shows while the body stands: 4 to 5 standard deviations of a
 # PMW3901's counts over 0.3 s, at three times its noise.
@@ -68,11 +69,11 @@ class StallMonitor:
     """Finds commanded driving that does not move the body; ``found`` says whether it did not for a whole window."""
 
     def __init__(self, settings: DetectorSettings) -> None:
-        self._stands_s = settings.immobilised_s - 1e-6  # sums of periods fall a rounding error short
-        self._nowhere_s = max(settings.nowhere_s - 1e-6, self._stands_s)
+        self._stands_s = settings.immobilised_s - ROUNDING_S
+        self._nowhere_s = max(settings.nowhere_s - ROUNDING_S, self._stands_s)
         self._share = settings.immobilised_below
         self._from_m_s = settings.immobilised_from_m_s
-        self._gain_m_s2 = settings.gain_m_s2
+        self._acceleration_m_s2 = settings.acceleration_m_s2
         self._intervals: deque[DrivingInterval] = deque()
         self._ahead = True
         self.clear()
@@ -119,7 +120,7 @@ class StallMonitor:
             commanded_m, before_m_s, moved_m = -commanded_m, -before_m_s, None if moved_m is None else -moved_m
         if not self._intervals:
             self._possible_m_s = before_m_s
-        gained_m_s = self._gain_m_s2 * straight * driven_s
+        gained_m_s = self._acceleration_m_s2 * straight * driven_s
         possible_m, self._possible_m_s = _possible(self._possible_m_s, driven_s, commanded_m, gained_m_s)
         self._intervals.append(
             DrivingInterval(driven_s, commanded_m, moved_m, slid_m, turned_deg, gained_m_s, possible_m, before_m_s)
@@ -128,18 +129,18 @@ class StallMonitor:
         if moved_m is not None:
             self._seen += 1
             self._moved_m += moved_m
-            self._could_m += possible_m
+            self._possible_m += possible_m
         while self._span_s - self._intervals[0].driven_s >= self._nowhere_s:
             self._drop_oldest()
         enough = self._span_s >= self._nowhere_s and self._seen >= LEAST_SEEN
-        nowhere = enough and self._too_little(self._moved_m, self._could_m)
+        nowhere = enough and self._too_little(self._moved_m, self._possible_m)
         self.found = nowhere or self._stands()
 
     def _begin(self) -> None:
         """Begin both windows again; the latest speeds are kept."""
         self._intervals.clear()
         self._seen = 0
-        self._span_s = self._moved_m = self._could_m = self._possible_m_s = 0.0
+        self._span_s = self._moved_m = self._possible_m = self._possible_m_s = 0.0
         self.found = False
 
     def _drop_oldest(self) -> None:
@@ -149,7 +150,7 @@ class StallMonitor:
         if oldest.moved_m is not None:
             self._seen -= 1
             self._moved_m -= oldest.moved_m
-            self._could_m -= oldest.possible_m
+            self._possible_m -= oldest.possible_m
 
     def _stands(self) -> bool:
         """Return whether the body does not move: over the newest intervals that fill the short window."""
@@ -168,21 +169,21 @@ class StallMonitor:
         if seen_m >= self._share * commanded_m or span_s > LONGEST_S:
             return False  # nearly every tick ends here: what was possible is at most what was commanded
         speed_m_s = self._intervals[-count].before_m_s
-        moved_m = could_m = slid_m = turned_deg = 0.0
+        moved_m = possible_m = slid_m = turned_deg = 0.0
         for place in range(-count, 0):
             interval = self._intervals[place]
-            possible_m, speed_m_s = _possible(speed_m_s, interval.driven_s, interval.commanded_m, interval.gained_m_s)
-            could_m += possible_m
+            step_m, speed_m_s = _possible(speed_m_s, interval.driven_s, interval.commanded_m, interval.gained_m_s)
+            possible_m += step_m
             turned_deg += interval.turned_deg
             slid_m += interval.slid_m
             # An interval that was not seen counts neither for nor against standing.
-            moved_m += self._share * possible_m if interval.moved_m is None else interval.moved_m
+            moved_m += self._share * step_m if interval.moved_m is None else interval.moved_m
         if abs(turned_deg) > TURNS_FROM_DEG_S * span_s:
             return False
-        return self._too_little(max(moved_m, abs(slid_m)), could_m)  # a body that slides sideways does not stand
+        return self._too_little(max(moved_m, abs(slid_m)), possible_m)  # a body that slides sideways does not stand
 
-    def _too_little(self, moved_m: float, could_m: float) -> bool:
-        return could_m > SEEN_FROM_M and moved_m < self._share * could_m
+    def _too_little(self, moved_m: float, possible_m: float) -> bool:
+        return possible_m > SEEN_FROM_M and moved_m < self._share * possible_m
 
 
 def _possible(speed_m_s: float, driven_s: float, commanded_m: float, gained_m_s: float) -> tuple[float, float]:

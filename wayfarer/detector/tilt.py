@@ -49,8 +49,8 @@ class TiltMonitor:
         if not readings or readings[-1].t_s < read_t_s:
             readings.append(believed)
         ground, limit_deg, floor_deg = self._ground, self._limit_deg, self._floor_deg
-        if ground.level and abs(pitch_deg) < floor_deg > abs(roll_deg) and not self._tilted:
-            return
+        if ground.level and abs(pitch_deg) < floor_deg and abs(roll_deg) < floor_deg and not self._tilted:
+            return  # nearly every tick ends here
         self._tilted = False
         slopes_deg = ground.towards_deg(heading_deg)
         for tilt, angle_deg, slope_deg in zip(TILTS, _towards_deg(believed), slopes_deg, strict=True):

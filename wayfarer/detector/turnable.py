@@ -11,7 +11,7 @@ from typing import Final
 
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.tick_interval import TickInterval
+from wayfarer.safety.tick_interval import ROUNDING_S, TickInterval
 
 # What counts as full duty, as a share of the duty that the gate allows: an undervoltage leaves 0.7 of it, and a
 # Sabertooth rounds to 127 steps.
@@ -33,7 +33,7 @@ class TurnabilityMonitor:
     def __init__(self, settings: DetectorSettings, duty_max: float) -> None:
         self._settings = settings
         self._full = FULL_SHARE * duty_max
-        self._try_s = settings.cannot_turn_s - 1e-6  # sums of periods fall a rounding error short
+        self._try_s = settings.cannot_turn_s - ROUNDING_S
         self.reset()
 
     def reset(self) -> None:

@@ -89,7 +89,7 @@ class PhasedHandler:
         if not self._begun:
             self._begun = True
             self._followed_from_m = observation.travelled_m
-            self._turns.rest()
+            self._turns.begin_manoeuvre()
             self._manoeuvre.begin(observation)
         manoeuvre = self._manoeuvre
         if self._tactics:
@@ -133,7 +133,7 @@ class PhasedHandler:
             self._plan(observation, new_episode=left is Phase.FOLLOW)
         self._manoeuvre = self._manoeuvres[phase]
         self._phase_name = phase.value
-        self._turns.rest()
+        self._turns.begin_manoeuvre()
         self._manoeuvre.begin(observation)
 
     def _plan(self, observation: Observation, *, new_episode: bool) -> None:

@@ -90,10 +90,10 @@ class TurnController:
         # Turn duty and expected turn rate of the latest ticks, the newest first: a compass that lags shows their turns.
         self._past: deque[tuple[float, float]] = deque(maxlen=LONGEST_TICKS + 1)
         self.lag.forget()
-        self.rest()
+        self.begin_manoeuvre()
 
-    def rest(self) -> None:
-        """Begin a manoeuvre: forget the angle by which the heading lags."""
+    def begin_manoeuvre(self) -> None:
+        """Forget the angle by which the heading lags."""
         self._behind_deg = self._pushed_s = self._pushed_deg = 0.0
         self._expected_deg_s = self._latest_deg_s
         self._pushes = self.stands = False
@@ -117,7 +117,7 @@ class TurnController:
             self._latest_deg_s = 0.0
             gained_deg -= self.lag.pending_deg
             self.lag.forget()
-            self.rest()
+            self.begin_manoeuvre()
             return gained_deg
         duty = self._duty if applied is None else (applied.left - applied.right) / 2.0
         lag_s = self.lag.ticks * dt_s
@@ -210,7 +210,7 @@ class TurnController:
             expected_deg_s, duty, rate, latest = -expected_deg_s, -duty, -rate, -latest
         share_deg_s = LEARN_FROM_SHARE * expected_deg_s
         least_deg_s = share_deg_s if share_deg_s > LEARN_FROM_DEG_S else LEARN_FROM_DEG_S
-        if rate > least_deg_s < latest:
+        if rate > least_deg_s and latest > least_deg_s:
             seen = min(max(duty - rate / self._ideal_deg_s, 0.0), DEAD_ZONE_MAX)
             self.dead_zone += (seen - self.dead_zone) * dt_s / LEARN_S
             if latest > FREE_SHARE * expected_deg_s + FREE_DEG_S:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from wayfarer.safety.tick_interval import ROUNDING_S
+
 
 class Debounce:
     """Holds back a condition until it has lasted."""
@@ -9,7 +11,7 @@ class Debounce:
     __slots__ = ("_for_s", "_since_s")
 
     def __init__(self, for_s: float) -> None:
-        self._for_s = for_s - 1e-6
+        self._for_s = for_s - ROUNDING_S
         self._since_s: float | None = None
 
     def update(self, t_s: float, present: bool) -> bool:

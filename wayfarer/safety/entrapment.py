@@ -12,13 +12,12 @@ from typing import Final
 
 from wayfarer.hal import MotionReading
 from wayfarer.safety.settings import EntrapmentSettings
-from wayfarer.safety.tick_interval import TickInterval
+from wayfarer.safety.tick_interval import ROUNDING_S, TickInterval
 
 # A reading counts for at most half of the commanded distance. The largest fifth of the readings, rounded up, is
 # ignored, because it may be noise or coasting: wild readings twice a second are a fifth of those of a sensor at 10 Hz.
 MOST_SHARE: Final = 0.5
 ONE_OF: Final = 5
-ROUNDING_S: Final = 1e-6  # sums of periods fall a rounding error short
 # A rover may also go round in a circle, with a free run in each round: on a hillside one climbed to a trunk and slid
 # back for 700 s. So it must leave a place as well, by dead reckoning. From no source: three lengths of the largest
 # shipped rover, and twice ``give_up_s``.

@@ -55,7 +55,12 @@ class Gate:
             return STOP
         left, right = wanted
         step, most = self._step, self._most
-        if abs(left - self._left) <= step and abs(right - self._right) <= step and abs(left) <= most >= abs(right):
+        if (  # nearly every command ends here; written so that NaN does not
+            abs(left - self._left) <= step
+            and abs(right - self._right) <= step
+            and abs(left) <= most
+            and abs(right) <= most
+        ):
             self._left, self._right = left, right
             return wanted
         if not (isfinite(left) and isfinite(right)):

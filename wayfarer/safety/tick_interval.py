@@ -6,7 +6,12 @@ wheels were not driven.
 
 from __future__ import annotations
 
+from typing import Final
+
 from wayfarer.hal import STOP, WheelCommand
+
+# A duration has passed once so little is missing: sums of control periods fall a rounding error short of it.
+ROUNDING_S: Final = 1e-6
 
 
 class TickInterval:
