@@ -18,7 +18,7 @@ ROLLS_FROM_DEG: Final = 4.0
 class RunawayMonitor:
     """Finds motion without a command, in one direction; ``found`` says whether it has lasted long enough.
 
-    A body that coasts loses speed, at least ``acceleration_m_s2`` on the most slippery ground. As long as it does, it is
+    A body that coasts loses speed, at least ``acceleration_m_s2`` on the most slippery ground. While it does, it is
     not running away. This monitor does not know whether the rover is armed; a person may push one that is not, so
     the controller ignores the finding then.
 
