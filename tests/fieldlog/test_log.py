@@ -62,7 +62,7 @@ def test_every_viewer_sees_every_record_in_order_and_one_that_fails_costs_nobody
     log.tick(standing())
     log.tick(standing())
     log.close("requested", "enough")
-    assert shown == records(tmp_path)
+    assert shown == list(RunReader(tmp_path))
     names = [record.get("name") for record in records(tmp_path)]
     assert names.count("viewer_failed") == 1
 

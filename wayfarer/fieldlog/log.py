@@ -1,4 +1,4 @@
-"""Records of the field log: one JSON object a line, for ``tail -F``, ``jq`` and ``wayfarer logs``.
+"""Records of the field log: one JSON object with a checksum a line, for ``tail -F``, ``jq`` and ``wayfarer logs``.
 
 The first record says what ran (version, algorithm, the rover's whole configuration), the last how it ended; between
 them there is a record for each control tick and each event. Keys carry their units; ``t_s`` is the loop's clock and
@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-import orjson
 import structlog
 from structlog.typing import EventDict, WrappedLogger
 
@@ -20,6 +19,7 @@ from wayfarer import __version__
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Observation
 from wayfarer.fieldlog.clock import WallClock, wall_clock
+from wayfarer.fieldlog.lines import sealed
 from wayfarer.fieldlog.schema import SCHEMA, Record
 from wayfarer.fieldlog.writer import LineSink
 from wayfarer.hal import MotorHealth, PositionFix, WheelCommand
@@ -59,9 +59,9 @@ class FieldLog:
         self._unmade = 0
         self._wall_offset_s: float | None = None
         self._logger = structlog.wrap_logger(
-            sink, [self._stamp, structlog.processors.JSONRenderer(serializer=orjson.dumps)], structlog.BoundLogger
+            sink, [self._stamp, structlog.processors.JSONRenderer(serializer=sealed)], structlog.BoundLogger
         ).bind()
-        sink.open(lambda part: orjson.dumps(self._header(part)))
+        sink.open(lambda part: sealed(self._header(part)))
         self._show(self._header(1))
 
     @property

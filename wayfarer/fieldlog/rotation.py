@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import orjson
 
 from wayfarer.config.log_settings import LogSettings
 from wayfarer.fieldlog.disk_space import MB
 from wayfarer.fieldlog.folders import FILE_NAME, older_segments, segment_path
+from wayfarer.fieldlog.lines import sealed_at
 from wayfarer.fieldlog.segment import Segment
 from wayfarer.files.atomic_file import sync_folder
 
@@ -69,7 +69,9 @@ class SegmentRotation:
         self.close()
         self._folder.mkdir(parents=True, exist_ok=True)
         self._put_away()
-        segment = self._make(self._number + 1, at(line, orjson.loads(self._header(self._number + 1))))
+        header = orjson.loads(self._header(self._number + 1))
+        del header["crc"]  # another time needs another
+        segment = self._make(self._number + 1, sealed_at(line, header))
         self._forget_oldest()
         return segment
 
@@ -108,9 +110,3 @@ class SegmentRotation:
                     break
                 path.unlink()
                 del sizes[path]
-
-
-def at(line: bytes, record: dict[str, Any]) -> bytes:
-    """Return a record at the time of the line that it stands before."""
-    times = orjson.loads(line)
-    return orjson.dumps({**record, "t_s": times.get("t_s"), "t_wall": times.get("t_wall")})

@@ -11,7 +11,8 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 Record = dict[str, Any]
-SCHEMA = 2
+SCHEMA = 3  # each line has a checksum; schema 2 had none, and is read
+OLDEST = 2
 
 NUMBER = (float, int)  # exactly: in Python a bool is an int, in a log it is not
 

@@ -15,11 +15,12 @@ from wayfarer.config.log_settings import UNLIMITED, LogSettings
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.disk_errors import DRIVES_ON, DiskErrorReporter, error_advice
 from wayfarer.fieldlog.disk_space import free_mb
-from wayfarer.fieldlog.rotation import SegmentRotation, at
+from wayfarer.fieldlog.lines import sealed_at
+from wayfarer.fieldlog.rotation import SegmentRotation
 from wayfarer.fieldlog.segment import Segment
 
 BATCH_BYTES = 65_536  # what is written at once, unless it is asked for earlier
-LOG_GAP = {"record": "event", "t_s": None, "t_wall": None, "name": "log_gap"}  # the times come from ``at``
+LOG_GAP = {"record": "event", "t_s": None, "t_wall": None, "name": "log_gap"}  # the times come from ``sealed_at``
 RELIEF = 1.1  # so much more than ``free_mb`` must be free before control ticks are written again
 
 
@@ -155,7 +156,7 @@ class RunFiles:
         try:
             segment = self._segment_for(lines)
             if self._gap:
-                segment.append([at(lines[0], LOG_GAP | {"dropped": self._gap})])
+                segment.append([sealed_at(lines[0], LOG_GAP | {"dropped": self._gap})])
                 self._gap = 0
             before = segment.lines
             try:
