@@ -10,9 +10,10 @@ import pytest
 from tests.views.text.records import HEADER, drive, event, numbered, outcome, record, tick
 from wayfarer.fieldlog.episodes import EpisodeBegan
 from wayfarer.fieldlog.header import Header
+from wayfarer.fieldlog.kinds import KINDS
 from wayfarer.fieldlog.run_events import AnomalyBegan, Gap, Marked, PhaseChanged, RunBegan, Silence
 from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.fieldlog.schema import KINDS, Record
+from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Tick
 
 

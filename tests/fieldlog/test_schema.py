@@ -23,9 +23,10 @@ from wayfarer.experiments.trial import field_log, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.fieldlog import wording
 from wayfarer.fieldlog.folders import run_folders
+from wayfarer.fieldlog.kinds import KEYS, KINDS, READINGS
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.reader import RunReader
-from wayfarer.fieldlog.schema import KEYS, KINDS, READINGS, SCHEMA, Record
+from wayfarer.fieldlog.schema import SCHEMA, Record
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import PositionFix
 from wayfarer.simhal.build_rover import device_depth

@@ -7,22 +7,26 @@ each file, and the end of a file, can be read alone.
 
 from __future__ import annotations
 
-from typing import Any
 from zlib import crc32
 
 import orjson
 
-from wayfarer.fieldlog.schema import Record, is_record, wrong_key
+from wayfarer.fieldlog.kinds import is_record, wrong_key
+from wayfarer.fieldlog.schema import Record
 
 LINE_BYTES = 1_000_000  # far more than any record: the header of a simulated forest has 20,000
 CRC_KEY = b',"crc":"'
 CRC_BYTES = len(CRC_KEY) + len(b'01234567"}')  # at the end of each line
 
 
-def sealed(record: Record, **options: Any) -> bytes:
-    """Return the line of a record, with its checksum and without its end of line; ``options`` are those of orjson."""
-    body = orjson.dumps(record, **options)[:-1]  # no record is empty, so the key follows another
-    return b'%b,"crc":"%08x"}' % (body, crc32(body))
+def sealed(record: Record) -> bytes:
+    """Return the line of a record, with its checksum and without its end of line; what is no JSON is told by its repr.
+
+    Raises:
+        TypeError: a key is no text, or a whole number has more than 64 bits.
+    """
+    body = orjson.dumps(record, default=repr)[:-1]  # no record is empty, so the key follows another
+    return body + b',"crc":"%08x"}' % crc32(body)
 
 
 def sealed_at(line: bytes, record: Record) -> bytes:

@@ -58,9 +58,7 @@ class FieldLog:
         self._number = 0
         self._unmade = 0
         self._wall_offset_s: float | None = None
-        self._logger = structlog.wrap_logger(
-            sink, [self._stamp, structlog.processors.JSONRenderer(serializer=sealed)], structlog.BoundLogger
-        ).bind()
+        self._logger = structlog.wrap_logger(sink, [self._line], structlog.BoundLogger).bind()
         sink.open(lambda part: sealed(self._header(part)))
         self._show(self._header(1))
 
@@ -71,14 +69,8 @@ class FieldLog:
 
     def tick(self, record: TickRecord) -> None:
         """Write a control tick: what was seen, wanted, and applied."""
-        try:
-            fields = tick_fields(record)
-        except Exception:  # a third party's memory() or decision; no log is worth a run
-            self._unmade += 1
-            self._number += 1  # so that a reader sees that one is missing
-        else:
-            self._note_clock_step(record.t_s)
-            self._write("bulk", "tick", record.t_s, fields)
+        self._note_clock_step(record.t_s)
+        self._write("bulk", "tick", record.t_s, record)
 
     def event(self, name: str, t_s: float, **details: object) -> None:
         """Write something that happened."""
@@ -103,15 +95,25 @@ class FieldLog:
         self._write("urgent", "outcome", self._t_s, {"reason": reason, "text": text, "dropped": self.dropped})
         self._sink.close()
 
-    def _write(self, urgency: str, kind: str, t_s: float, fields: Mapping[str, Any]) -> None:
+    def _write(self, urgency: str, kind: str, t_s: float, fields: Mapping[str, Any] | TickRecord) -> None:
         self._t_s = t_s
         self._number += 1
         try:
-            getattr(self._logger, urgency)(kind, t_s=t_s, fields=fields)
-        except Exception:  # a detail that is no JSON
-            self._unmade += 1
+            getattr(self._logger, urgency)(kind, fields=fields)
+        except Exception:  # a third party's memory() or decision, or a detail that is no JSON; no log is worth a run
+            self._unmade += 1  # its number is missing, which a reader sees
         else:
             self._show(self._newest)
+
+    def _line(self, _logger: WrappedLogger, _method: str, event: EventDict) -> bytes:
+        """Return the line of what happened; structlog gives it to the sink."""
+        fields, t_s = event["fields"], self._t_s
+        # Kind and times come first, for the person who tails the file; times are whole, for replay.
+        stamp = {"record": event["event"], "n": self._number, "t_s": t_s, "t_wall": round(self._wall(t_s), 3)}
+        if isinstance(fields, TickRecord):
+            fields = tick_fields(fields)
+        self._newest = {**stamp, **fields, **stamp}
+        return sealed(self._newest)
 
     def _note_clock_step(self, t_s: float) -> None:
         """Write down that the wall clock was set, before the first record with the new time."""
@@ -125,13 +127,6 @@ class FieldLog:
         t_s = self._t_s
         about = {"schema": SCHEMA, "part": part, "version": __version__, **self._details}
         return {"record": "run", "t_s": t_s, "t_wall": round(self._wall(t_s), 3), **about}
-
-    def _stamp(self, _logger: WrappedLogger, _method: str, event: EventDict) -> EventDict:
-        """Put kind and times first, for the person who tails the file; times are whole, for replay."""
-        t_s = event["t_s"]
-        stamp = {"record": event["event"], "n": self._number, "t_s": t_s, "t_wall": round(self._wall(t_s), 3)}
-        self._newest = {**stamp, **event["fields"], **stamp}
-        return self._newest
 
     def _show(self, record: Record) -> None:
         """Show a record; a failing viewer must not end the log."""
@@ -147,10 +142,18 @@ class FieldLog:
 
 
 def tick_fields(record: TickRecord) -> dict[str, Any]:
-    """Return what the log keeps of a control tick; where an algorithm remembers one of its keys, the log's counts."""
+    """Return what the log keeps of a control tick; ``typed.Tick`` describes its keys.
+
+    The readings are as the sensors gave them, because a replay starts from them. Where an algorithm remembers one of
+    these keys, the log's counts.
+    """
+    compass, motion, contact = record.compass, record.motion, record.contact
     wanted, applied, decision = record.decision.wheels, record.applied, record.decision
-    fields = _read(record) | _seen(record.observation)
-    fields |= {
+    fields = {
+        "compass": compass and compass._asdict(),
+        "motion": motion and motion._asdict(),
+        "contact": contact and {**contact._asdict(), "sides": [side.value for side in contact.sides]},
+        **_seen(record.observation),
         "phase": decision.phase.value,
         "why": decision.why,
         "wanted_left": wanted.left,
@@ -165,18 +168,8 @@ def tick_fields(record: TickRecord) -> dict[str, Any]:
     return fields
 
 
-def _read(record: TickRecord) -> dict[str, Any]:
-    """Return what the sensors said, exactly: a replay starts from this."""
-    compass, motion, contact = record.compass, record.motion, record.contact
-    return {
-        "compass": compass and compass._asdict(),
-        "motion": motion and motion._asdict(),
-        "contact": contact and {**contact._asdict(), "sides": [side.value for side in contact.sides]},
-    }
-
-
 def _seen(observation: Observation | None) -> dict[str, Any]:
-    """Return what the handler saw of it."""
+    """Return what the handler saw of the readings."""
     if observation is None:
         return {"heading_deg": None}
     return {

@@ -20,8 +20,9 @@ from typing import BinaryIO
 from wayfarer import __version__
 from wayfarer.errors import BadInput, NothingReadable
 from wayfarer.fieldlog.folders import FILE_NAME, older_segments
+from wayfarer.fieldlog.kinds import is_newer
 from wayfarer.fieldlog.lines import LINE_BYTES, Numbers, parse
-from wayfarer.fieldlog.schema import SCHEMA, Record, is_newer
+from wayfarer.fieldlog.schema import SCHEMA, Record
 from wayfarer.files.regular_file import open_regular
 
 READ_BYTES = 262_144  # read from the disk at once

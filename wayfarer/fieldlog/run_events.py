@@ -3,13 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Annotated, Any
 
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
-from wayfarer.fieldlog.fields import number, safe_text, table
+from wayfarer.fieldlog.fields import safe_text
 from wayfarer.fieldlog.header import Header
-from wayfarer.fieldlog.schema import Record
+from wayfarer.fieldlog.schema import (
+    COUNT,
+    FLAG,
+    NUMBER,
+    TABLE,
+    TEXT,
+    Angle,
+    Lasting,
+    Record,
+    Since1970,
+    SinceBoot,
+    Table,
+    Text,
+    Texts,
+    Values,
+    fields_of,
+)
 from wayfarer.fieldlog.typed import RunEvent
 
 
@@ -25,9 +41,9 @@ class RunBegan(RunEvent):
 class Ended(RunEvent):
     """The run is over; ``dropped`` records could not be written."""
 
-    reason: str | None
-    text: str | None
-    dropped: int
+    reason: Text = None
+    text: Text = None
+    dropped: Annotated[int, COUNT] = 0
 
 
 @dataclass(slots=True)
@@ -100,32 +116,49 @@ class PowerChanged(RunEvent):
 class FaultInjected(RunEvent):
     """A scenario's fault begins or ends; ``for_s`` is None where it lasts to the end of the run."""
 
-    target: str | None
-    kind: str | None
-    begins: bool
-    for_s: float | None
-    params: Mapping[str, Any]
-
-    @classmethod
-    def of(cls, elapsed_s: float, record: Record) -> FaultInjected:
-        """Return what a ``fault`` record tells."""
-        begins = record.get("begins") is True
-        target, kind, for_s = safe_text(record, "target"), safe_text(record, "kind"), record.get("for_s")
-        return cls(elapsed_s, record["t_s"], target, kind, begins, for_s, table(record, "params"))
+    target: Text = None
+    kind: Text = None
+    begins: Annotated[bool, FLAG] = False
+    for_s: Lasting = None
+    params: Annotated[Mapping[str, Any], TABLE] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
 class Noted(RunEvent):
-    """An ``event`` record. It keeps all its keys: a new one is told without a change here (``wording.event_text``)."""
+    """An ``event`` record. It keeps all its keys: a new one is told without a change here (``wording.event_text``).
 
-    name: str
+    Which of the keys it has depends on its ``name``.
+    """
+
     record: Record
+    name: Annotated[str, TEXT] = "event"
+    start_delay_s: Lasting = None
+    goal_heading_deg: Angle = None
+    failed: Texts = ()
+    reason: Text = None
+    text: Annotated[str, TEXT] = ""
+    level: Text = None
+    cause: Text = None
+    sensor: Annotated[str, TEXT] = "unknown"
+    error: Text = None
+    retry_in_s: Lasting = None
+    flags: Text = None
+    part: Text = None
+    counts: Table = None
+    run: Text = None
+    last_t_s: SinceBoot = None
+    last_t_wall: Since1970 = None
+    mode: Text = None
+    stall_s: Lasting = None
+    by_s: Annotated[float, Values(NUMBER, -1e10, 1e10)] = 0.0  # a clock is set from any time to any other
+    dropped: Annotated[int, COUNT] = 0
+    where: Text = None
 
     @staticmethod
     def of(elapsed_s: float, record: Record) -> Noted:
-        """Return what an ``event`` record tells."""
-        what = event_name(record)
-        return BY_NAME.get(what, Noted)(elapsed_s, record["t_s"], what, record)
+        """Return what an ``event`` record says, in the class of its name."""
+        kind = BY_NAME.get(record.get("name", ""), Noted)
+        return kind(elapsed_s, record["t_s"], record, **fields_of(Noted, record))
 
 
 class Arming(Noted):
@@ -155,19 +188,9 @@ class GoalSet(Noted):
 class SensorFailed(Noted):
     """A sensor did not answer."""
 
-    @property
-    def sensor(self) -> str:
-        """Return which."""
-        return safe_text(self.record, "sensor") or "unknown"
-
 
 class ClockStep(Noted):
     """The wall clock was set."""
-
-    @property
-    def by_s(self) -> float:
-        """Return by how much."""
-        return number(self.record, "by_s") or 0.0
 
 
 @dataclass(slots=True)
@@ -175,11 +198,6 @@ class Marked(Noted):
     """A person's note; they are numbered from 1."""
 
     number: int = 0
-
-    @property
-    def text(self) -> str:
-        """Return what it says."""
-        return safe_text(self.record, "text") or ""
 
 
 BY_NAME: Mapping[str, type[Noted]] = {

@@ -13,9 +13,10 @@ from typing import BinaryIO
 
 from wayfarer.errors import BadInput, NothingReadable
 from wayfarer.fieldlog.folders import newest_run
+from wayfarer.fieldlog.kinds import is_newer
 from wayfarer.fieldlog.lines import LINE_BYTES, Numbers, parse
 from wayfarer.fieldlog.reader import first_record, log_segments, refuse_newer
-from wayfarer.fieldlog.schema import Record, is_newer
+from wayfarer.fieldlog.schema import Record
 from wayfarer.files.regular_file import open_regular
 
 RECENT_BYTES = 65_536  # where following begins: some seconds back, however long the run is
