@@ -6,19 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from wayfarer.fieldlog.fields import number, setting, table, whole
-from wayfarer.fieldlog.schema import (
-    COUNT,
-    NUMBER,
-    Count,
-    Flag,
-    Lasting,
-    Metres,
-    Record,
-    Table,
-    Text,
-    Values,
-    fields_of,
-)
+from wayfarer.fieldlog.schema import COUNT, NUMBER, Count, Flag, Lasting, Metres, Record, Table, Text, Values, fields_of
 
 
 @dataclass(frozen=True, slots=True)

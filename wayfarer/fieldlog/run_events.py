@@ -6,26 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
+from wayfarer.fieldlog import schema
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
 from wayfarer.fieldlog.fields import safe_text
 from wayfarer.fieldlog.header import Header
-from wayfarer.fieldlog.schema import (
-    COUNT,
-    FLAG,
-    NUMBER,
-    TABLE,
-    TEXT,
-    Angle,
-    Lasting,
-    Record,
-    Since1970,
-    SinceBoot,
-    Table,
-    Text,
-    Texts,
-    Values,
-    fields_of,
-)
+from wayfarer.fieldlog.schema import Record, fields_of
 from wayfarer.fieldlog.typed import RunEvent
 
 
@@ -41,9 +26,9 @@ class RunBegan(RunEvent):
 class Ended(RunEvent):
     """The run is over; ``dropped`` records could not be written."""
 
-    reason: Text = None
-    text: Text = None
-    dropped: Annotated[int, COUNT] = 0
+    reason: schema.Text = None
+    text: schema.Text = None
+    dropped: Annotated[int, schema.COUNT] = 0
 
 
 @dataclass(slots=True)
@@ -116,94 +101,50 @@ class PowerChanged(RunEvent):
 class FaultInjected(RunEvent):
     """A scenario's fault begins or ends; ``for_s`` is None where it lasts to the end of the run."""
 
-    target: Text = None
-    kind: Text = None
-    begins: Annotated[bool, FLAG] = False
-    for_s: Lasting = None
-    params: Annotated[Mapping[str, Any], TABLE] = field(default_factory=dict)
+    target: schema.Text = None
+    kind: schema.Text = None
+    begins: Annotated[bool, schema.FLAG] = False
+    for_s: schema.Lasting = None
+    params: Annotated[Mapping[str, Any], schema.TABLE] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
 class Noted(RunEvent):
     """An ``event`` record. It keeps all its keys: a new one is told without a change here (``wording.event_text``).
 
-    Which of the keys it has depends on its ``name``.
+    Which of the keys it has depends on its ``name``. The fold gives a ``mark`` its ``number``, from 1.
     """
 
     record: Record
-    name: Annotated[str, TEXT] = "event"
-    start_delay_s: Lasting = None
-    goal_heading_deg: Angle = None
-    failed: Texts = ()
-    reason: Text = None
-    text: Annotated[str, TEXT] = ""
-    level: Text = None
-    cause: Text = None
-    sensor: Annotated[str, TEXT] = "unknown"
-    error: Text = None
-    retry_in_s: Lasting = None
-    flags: Text = None
-    part: Text = None
-    counts: Table = None
-    run: Text = None
-    last_t_s: SinceBoot = None
-    last_t_wall: Since1970 = None
-    mode: Text = None
-    stall_s: Lasting = None
-    by_s: Annotated[float, Values(NUMBER, -1e10, 1e10)] = 0.0  # a clock is set from any time to any other
-    dropped: Annotated[int, COUNT] = 0
-    where: Text = None
-
-    @staticmethod
-    def of(elapsed_s: float, record: Record) -> Noted:
-        """Return what an ``event`` record says, in the class of its name."""
-        kind = BY_NAME.get(record.get("name", ""), Noted)
-        return kind(elapsed_s, record["t_s"], record, **fields_of(Noted, record))
-
-
-class Arming(Noted):
-    """Arming was requested."""
-
-
-class Armed(Noted):
-    """The mission begins."""
-
-
-class Disarmed(Noted):
-    """The wheels are stopped until re-armed."""
-
-
-class Held(Noted):
-    """An operator asked to hold the wheels."""
-
-
-class Released(Noted):
-    """An operator asked to drive on."""
-
-
-class GoalSet(Noted):
-    """Another goal was asked for."""
-
-
-class SensorFailed(Noted):
-    """A sensor did not answer."""
-
-
-class ClockStep(Noted):
-    """The wall clock was set."""
-
-
-@dataclass(slots=True)
-class Marked(Noted):
-    """A person's note; they are numbered from 1."""
+    name: Annotated[str, schema.TEXT] = "event"
+    start_delay_s: schema.Lasting = None
+    goal_heading_deg: schema.Angle = None
+    failed: schema.Texts = ()
+    reason: schema.Text = None
+    text: Annotated[str, schema.TEXT] = ""
+    level: schema.Text = None
+    cause: schema.Text = None
+    sensor: Annotated[str, schema.TEXT] = "unknown"
+    error: schema.Text = None
+    retry_in_s: schema.Lasting = None
+    flags: schema.Text = None
+    part: schema.Text = None
+    counts: schema.Table = None
+    run: schema.Text = None
+    last_t_s: schema.SinceBoot = None
+    last_t_wall: schema.Since1970 = None
+    mode: schema.Text = None
+    stall_s: schema.Lasting = None
+    by_s: Annotated[float, schema.Values(schema.NUMBER, -1e10, 1e10)] = 0.0  # a clock is set from any time to any other
+    dropped: Annotated[int, schema.COUNT] = 0
+    where: schema.Text = None
 
     number: int = 0
 
-
-BY_NAME: Mapping[str, type[Noted]] = {
-    "arming": Arming, "armed": Armed, "disarmed": Disarmed, "hold": Held, "resume": Released, "goal": GoalSet,
-    "sensor_failed": SensorFailed, "clock_step": ClockStep, "mark": Marked,
-}  # fmt: skip
+    @classmethod
+    def of(cls, elapsed_s: float, record: Record) -> Noted:
+        """Return what an ``event`` record says."""
+        return cls(elapsed_s, record["t_s"], record, **fields_of(cls, record))
 
 
 def event_name(event: Record) -> str:

@@ -18,19 +18,15 @@ from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.missions import MissionTracker
 from wayfarer.fieldlog.run_events import (
     AnomalyBegan,
-    Armed,
     BatteryChanged,
     BoardFaults,
-    Disarmed,
     Ended,
     FaultInjected,
     Gap,
-    Marked,
     Noted,
     PhaseChanged,
     PowerChanged,
     RunBegan,
-    SensorFailed,
     Silence,
 )
 from wayfarer.fieldlog.run_state import LowBattery, RunState
@@ -180,11 +176,11 @@ class RunFold:
         state.events[event.name] += 1
         self._missions.note(event)
         match event:
-            case Armed() | Disarmed():
+            case Noted(name="armed" | "disarmed"):
                 self._episodes.end(event.name)
-            case SensorFailed():
+            case Noted(name="sensor_failed"):
                 self._sensor(event.sensor).failures += 1
-            case Marked():
+            case Noted(name="mark"):
                 event.number = state.events["mark"]
             case Noted(name="log_gap"):
                 self._announced += event.dropped

@@ -13,29 +13,10 @@ from dataclasses import dataclass
 from math import nan
 from typing import Annotated, Any
 
+from wayfarer.fieldlog import schema
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
 from wayfarer.fieldlog.fields import number
-from wayfarer.fieldlog.schema import (
-    ANGLE,
-    METRES,
-    NUMBER,
-    STAMP,
-    TABLE,
-    Angle,
-    AnyNumber,
-    Count,
-    Duty,
-    Flag,
-    Metres,
-    Record,
-    SinceBoot,
-    Table,
-    Text,
-    Texts,
-    Values,
-    fields_of,
-    keys_of,
-)
+from wayfarer.fieldlog.schema import Record, fields_of, keys_of
 from wayfarer.hal import MotionReading
 
 
@@ -73,25 +54,25 @@ class Tick(RunEvent):
     """
 
     record: Record
-    compass: Table = None
-    motion: Annotated[MotionReading | None, TABLE] = None
-    contact: Table = None
-    decision_t_s: SinceBoot = None
-    heading_deg: Angle = None
-    pitch_deg: Angle = None
-    roll_deg: Angle = None
-    anomalies: Texts = ()
-    goal_heading_deg: Angle = None
-    travelled_m: Metres = None
-    covered_m: Metres = None
-    phase: Text = None
-    why: Text = None
-    wanted_left: AnyNumber = None
-    wanted_right: AnyNumber = None
-    applied_left: Duty = None
-    applied_right: Duty = None
-    level: Text = None
-    cause: Text = None
+    compass: schema.Table = None
+    motion: Annotated[MotionReading | None, schema.TABLE] = None
+    contact: schema.Table = None
+    decision_t_s: schema.SinceBoot = None
+    heading_deg: schema.Angle = None
+    pitch_deg: schema.Angle = None
+    roll_deg: schema.Angle = None
+    anomalies: schema.Texts = ()
+    goal_heading_deg: schema.Angle = None
+    travelled_m: schema.Metres = None
+    covered_m: schema.Metres = None
+    phase: schema.Text = None
+    why: schema.Text = None
+    wanted_left: schema.AnyNumber = None
+    wanted_right: schema.AnyNumber = None
+    applied_left: schema.Duty = None
+    applied_right: schema.Duty = None
+    level: schema.Text = None
+    cause: schema.Text = None
 
     period_s: float = nan
     place: ReckonedPose | None = None
@@ -123,7 +104,7 @@ class Tick(RunEvent):
     @property
     def further(self) -> dict[str, Any]:
         """Return what none of these attributes tells: new keys, and what a third party's algorithm remembers."""
-        attributes = {"record", *STAMP, *keys_of(Tick)}
+        attributes = {"record", *schema.STAMP, *keys_of(Tick)}
         return {
             key: value
             for key, value in self.record.items()
@@ -145,10 +126,10 @@ REMEMBERED = frozenset(name for name, each in vars(Tick).items() if isinstance(e
 class Board(RunEvent):
     """What the motor board said of itself; the fold adds the seconds since it said something before."""
 
-    battery_v: AnyNumber = None
-    faults: Texts = ()
-    says_left: AnyNumber = None
-    says_right: AnyNumber = None
+    battery_v: schema.AnyNumber = None
+    faults: schema.Texts = ()
+    says_left: schema.AnyNumber = None
+    says_right: schema.AnyNumber = None
     period_s: float = nan
 
 
@@ -159,9 +140,9 @@ class Fix(RunEvent):
     The fold adds ``period_s``, the seconds since the position before; None for the first one.
     """
 
-    latitude_deg: Annotated[float, Values(NUMBER, -90.0, 90.0)]
-    longitude_deg: Annotated[float, Values(NUMBER, -180.0, 180.0)]
-    error_m: Annotated[float | None, Values(NUMBER, 0.0, 1e8)] = None
+    latitude_deg: Annotated[float, schema.Values(schema.NUMBER, -90.0, 90.0)]
+    longitude_deg: Annotated[float, schema.Values(schema.NUMBER, -180.0, 180.0)]
+    error_m: Annotated[float | None, schema.Values(schema.NUMBER, 0.0, 1e8)] = None
     period_s: float | None = None
 
 
@@ -169,11 +150,11 @@ class Fix(RunEvent):
 class Computer(RunEvent):
     """How the computer is."""
 
-    cpu_c: Annotated[float | None, Values(NUMBER, -273.0, 1000.0)] = None
-    throttled: Text = None
-    load_1min: Annotated[float | None, Values(NUMBER, 0.0, 1e6)] = None
-    disk_free_mb: Annotated[float | None, Values(NUMBER, 0.0, 1e12)] = None
-    log_dropped: Count = None
+    cpu_c: Annotated[float | None, schema.Values(schema.NUMBER, -273.0, 1000.0)] = None
+    throttled: schema.Text = None
+    load_1min: Annotated[float | None, schema.Values(schema.NUMBER, 0.0, 1e6)] = None
+    disk_free_mb: Annotated[float | None, schema.Values(schema.NUMBER, 0.0, 1e12)] = None
+    log_dropped: schema.Count = None
 
     @property
     def power_bits(self) -> str:
@@ -185,13 +166,13 @@ class Computer(RunEvent):
 class Truth(RunEvent):
     """Where a simulated rover really is, in the metres of its forest; what is not said of its body is 0."""
 
-    x_m: Annotated[float, METRES]
-    y_m: Annotated[float, METRES]
-    heading_deg: Annotated[float, ANGLE] = 0.0
-    pitch_deg: Annotated[float, ANGLE] = 0.0
-    roll_deg: Annotated[float, ANGLE] = 0.0
-    slipping: Flag = None
-    touching: Flag = None
+    x_m: Annotated[float, schema.METRES]
+    y_m: Annotated[float, schema.METRES]
+    heading_deg: Annotated[float, schema.ANGLE] = 0.0
+    pitch_deg: Annotated[float, schema.ANGLE] = 0.0
+    roll_deg: Annotated[float, schema.ANGLE] = 0.0
+    slipping: schema.Flag = None
+    touching: schema.Flag = None
 
 
 def _motion_reading(tick: Record) -> MotionReading | None:
