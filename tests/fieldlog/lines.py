@@ -10,7 +10,8 @@ from wayfarer.control.tick_record import TickRecord
 from wayfarer.fieldlog.lines import sealed
 from wayfarer.fieldlog.reader import RunReader, log_segments
 from wayfarer.fieldlog.schema import SCHEMA, Record
-from wayfarer.fieldlog.writer import LineSink, RunFiles
+from wayfarer.fieldlog.writer import RunFiles
+from wayfarer.fieldlog.writer_thread import WriterThread
 
 FREE = LogSettings(free_mb=0.0)
 SMALL = LogSettings(part_mb=0.001, run_mb=1.0, free_mb=0.0)  # about ten ticks a part
@@ -38,7 +39,7 @@ def event(number: int) -> bytes:
     return sealed({"record": "event", "n": number, "t_s": number / 20, "t_wall": 1e9, "name": "mark"})
 
 
-def write(sink: LineSink, numbers: Iterable[int]) -> None:
+def write(sink: RunFiles | WriterThread, numbers: Iterable[int]) -> None:
     """Write ticks."""
     for number in numbers:
         sink.bulk(tick(number))

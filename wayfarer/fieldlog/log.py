@@ -21,7 +21,8 @@ from wayfarer.escape.api import Observation
 from wayfarer.fieldlog.clock import WallClock, wall_clock
 from wayfarer.fieldlog.lines import sealed
 from wayfarer.fieldlog.schema import SCHEMA, Record
-from wayfarer.fieldlog.writer import LineSink
+from wayfarer.fieldlog.writer import RunFiles
+from wayfarer.fieldlog.writer_thread import WriterThread
 from wayfarer.hal import MotorHealth, PositionFix, WheelCommand
 
 CLOCK_STEP_S = 1.0  # more than a clock is slewed between two records; finding the right time steps it by hours
@@ -44,7 +45,7 @@ class FieldLog:
 
     def __init__(
         self,
-        sink: LineSink,
+        sink: RunFiles | WriterThread,
         details: Mapping[str, Any],
         wall: WallClock = wall_clock,
         t_s: float = 0.0,

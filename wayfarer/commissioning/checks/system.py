@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from wayfarer.commissioning.checks.api import Finding, HostEnvironment, Inspection, fail, ok, skipped, warn
 from wayfarer.config.log_settings import LogSettings
-from wayfarer.fieldlog.disk_space import free_mb
+from wayfarer.fieldlog.disk import free_mb
 from wayfarer.fieldlog.fields import CLOCK_SET_S
 from wayfarer.safety.supply import SLOWED_NOW, UNDER_VOLTAGE_NOW, UNDER_VOLTAGE_SINCE_BOOT
 
