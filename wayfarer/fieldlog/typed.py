@@ -19,18 +19,8 @@ from wayfarer.fieldlog.fields import number
 from wayfarer.fieldlog.schema import Record, fields_of, keys_of
 from wayfarer.hal import MotionReading
 
-
-class Remembered:
-    """A number that an algorithm remembers, under the name of the attribute: a third party's may be anything.
-
-    What is no number reads as None.
-    """
-
-    def __set_name__(self, _view: type, key: str) -> None:
-        self._key = key
-
-    def __get__(self, view: Any, _type: type | None = None) -> float | None:
-        return number(view.record, self._key)
+# What an algorithm remembers, if it is a number: a third party's may be anything.
+REMEMBERED = ("counter_deg", "side", "turn_deg", "episodes", "blocked_turns", "turn_from_duty")
 
 
 @dataclass(slots=True)
@@ -74,20 +64,19 @@ class Tick(RunEvent):
     level: schema.Text = None
     cause: schema.Text = None
 
+    counter_deg: float | None = None
+    side: float | None = None
+    turn_deg: float | None = None
+    episodes: float | None = None
+    blocked_turns: float | None = None
+    turn_from_duty: float | None = None
+
     period_s: float = nan
     place: ReckonedPose | None = None
     before: ReckonedPose | None = None
     path_m: float = 0.0
     measured_m_s: float = nan
     fresh: tuple[str, ...] = ()
-
-    # What nothing is compared with is looked up when somebody asks for it.
-    counter_deg = Remembered()
-    side = Remembered()
-    turn_deg = Remembered()
-    episodes = Remembered()
-    blocked_turns = Remembered()
-    turn_from_duty = Remembered()
 
     @property
     def n(self) -> int | None:
@@ -99,27 +88,21 @@ class Tick(RunEvent):
         """Return what a ``tick`` record says."""
         fields = fields_of(cls, record)
         fields["motion"] = _motion_reading(record)
+        for key in REMEMBERED:
+            fields[key] = number(record, key)
         return cls(elapsed_s, record["t_s"], record, **fields)
 
     @property
     def further(self) -> dict[str, Any]:
         """Return what none of these attributes tells: new keys, and what a third party's algorithm remembers."""
         attributes = {"record", *schema.STAMP, *keys_of(Tick)}
-        return {
-            key: value
-            for key, value in self.record.items()
-            if value is not None
-            and key not in attributes
-            and not (key in REMEMBERED and number(self.record, key) is not None)
-        }
+        attributes |= {key for key in REMEMBERED if getattr(self, key) is not None}
+        return {key: value for key, value in self.record.items() if value is not None and key not in attributes}
 
     @property
     def duty(self) -> float | None:
         """Return the larger duty of the two sides, None where neither is known."""
         return max((abs(duty) for duty in (self.applied_left, self.applied_right) if duty is not None), default=None)
-
-
-REMEMBERED = frozenset(name for name, each in vars(Tick).items() if isinstance(each, Remembered))
 
 
 @dataclass(slots=True)
