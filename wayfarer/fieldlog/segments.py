@@ -51,15 +51,16 @@ class Segment:
 
     def append(self, lines: Iterable[bytes]) -> None:
         """Append lines, each without its end. Where this fails, those that went in whole stay."""
-        data = memoryview(b"".join(line + b"\n" for line in lines))
-        done = 0
+        data, done = b"".join(line + b"\n" for line in lines), 0
         try:
             while done < len(data):
-                done += os.write(self._file, data[done:])
-        except OSError:
-            self._keep(bytes(data[:done]))
-            raise
-        self._count(bytes(data))
+                done += os.write(self._file, memoryview(data)[done:])
+        finally:
+            whole = data.rfind(b"\n", 0, done) + 1
+            self.size += whole
+            self.lines += data.count(b"\n", 0, whole)
+            if whole < done:
+                self._cut()
 
     def sync(self) -> None:
         """Return when all is on the disk, and the file at its path is still this one, unchanged by other programs."""
@@ -79,19 +80,12 @@ class Segment:
             with suppress(OSError):
                 os.close(file)
 
-    def _keep(self, written: bytes) -> None:
-        """Keep the whole lines of what was written, and take away the beginning of the next."""
-        whole = written[: written.rfind(b"\n") + 1]
-        self._count(whole)
-        if len(whole) < len(written):
-            try:
-                os.ftruncate(self._file, self.size)
-            except OSError:
-                self.fit = False
-
-    def _count(self, data: bytes) -> None:
-        self.size += len(data)
-        self.lines += data.count(b"\n")
+    def _cut(self) -> None:
+        """Take away the beginning of a line that did not go in whole."""
+        try:
+            os.ftruncate(self._file, self.size)
+        except OSError:
+            self.fit = False
 
 
 class SegmentRotation:
@@ -128,7 +122,7 @@ class SegmentRotation:
             OSError: the next segment cannot be made.
         """
         try:
-            self._put_away()
+            self._archive()
         except OSError:
             self._full_bytes += self._segment_bytes
         else:
@@ -142,11 +136,11 @@ class SegmentRotation:
         """
         self.close()
         self._folder.mkdir(parents=True, exist_ok=True)
-        self._put_away()
+        self._archive()
         header = orjson.loads(self._header(self._number + 1))
         del header["crc"]  # another time needs another
         segment = self._make(self._number + 1, sealed_at(line, header))
-        self._forget_oldest()
+        self._delete_oldest()
         return segment
 
     def close(self) -> None:
@@ -162,7 +156,7 @@ class SegmentRotation:
         self._full_bytes = self._segment_bytes
         return self.newest
 
-    def _put_away(self) -> None:
+    def _archive(self) -> None:
         """Make room for a new segment: the old one gets its number as a name, unless there is nothing in it."""
         newest = self._folder / FILE_NAME
         if not newest.exists():
@@ -175,7 +169,7 @@ class SegmentRotation:
             self._number += 1
         newest.rename(segment_path(self._folder, self._number))
 
-    def _forget_oldest(self) -> None:
+    def _delete_oldest(self) -> None:
         """Delete the oldest segments but the first, until the run and another full segment fit into its limit."""
         with suppress(OSError):
             sizes = {path: path.stat().st_size for path in older_segments(self._folder)}
