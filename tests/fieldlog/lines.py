@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
-import orjson
-
 from wayfarer.config.log_settings import LogSettings
 from wayfarer.control.tick_record import TickRecord
+from wayfarer.fieldlog.lines import sealed
 from wayfarer.fieldlog.reader import RunReader, log_segments
-from wayfarer.fieldlog.schema import Record
-from wayfarer.fieldlog.writer import LineSink, RunFiles
+from wayfarer.fieldlog.schema import SCHEMA, Record
+from wayfarer.fieldlog.writer import RunFiles
+from wayfarer.fieldlog.writer_thread import WriterThread
 
 FREE = LogSettings(free_mb=0.0)
 SMALL = LogSettings(part_mb=0.001, run_mb=1.0, free_mb=0.0)  # about ten ticks a part
@@ -19,12 +19,12 @@ SMALL = LogSettings(part_mb=0.001, run_mb=1.0, free_mb=0.0)  # about ten ticks a
 
 def header(part: int) -> bytes:
     """Return the first line of a part."""
-    return orjson.dumps({"record": "run", "t_s": 0.0, "t_wall": 0.0, "schema": 2, "part": part, "rover": "Wühlmaus"})
+    return sealed({"record": "run", "t_s": 0.0, "t_wall": 0.0, "schema": SCHEMA, "part": part, "rover": "Wühlmaus"})
 
 
 def tick(number: int) -> bytes:
     """Return the line of a control tick, 20 a second."""
-    return orjson.dumps({"record": "tick", "n": number, "t_s": number / 20, "t_wall": 1e9, "why": "größe"})
+    return sealed({"record": "tick", "n": number, "t_s": number / 20, "t_wall": 1e9, "why": "größe"})
 
 
 def standing(t_s: float = 1.0, memory: Callable[[], Mapping[str, float | str]] = dict) -> TickRecord:
@@ -36,10 +36,10 @@ def standing(t_s: float = 1.0, memory: Callable[[], Mapping[str, float | str]] =
 
 def event(number: int) -> bytes:
     """Return the line of something that happened."""
-    return orjson.dumps({"record": "event", "n": number, "t_s": number / 20, "t_wall": 1e9, "name": "mark"})
+    return sealed({"record": "event", "n": number, "t_s": number / 20, "t_wall": 1e9, "name": "mark"})
 
 
-def write(sink: LineSink, numbers: Iterable[int]) -> None:
+def write(sink: RunFiles | WriterThread, numbers: Iterable[int]) -> None:
     """Write ticks."""
     for number in numbers:
         sink.bulk(tick(number))

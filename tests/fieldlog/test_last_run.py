@@ -15,7 +15,7 @@ from tests.views.text.records import BEGAN_WALL_S, HEADER, RUN, drive, event, nu
 from wayfarer.fieldlog import last_run
 from wayfarer.fieldlog.folders import FILE_NAME, new_run_folder
 from wayfarer.fieldlog.last_run import TAIL_BYTES, UnfinishedRun, unfinished_run
-from wayfarer.fieldlog.reader import parse
+from wayfarer.fieldlog.lines import parse
 from wayfarer.fieldlog.schema import Record
 
 STANDING: dict[str, Any] = {"phase": "halt", "why": "halt"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
+from zlib import crc32
 
 from tests.fieldlog.lines import standing
 from wayfarer.config.rover_file import load_rover
@@ -38,6 +39,25 @@ def test_same_trial_writes_the_same_bytes_and_is_not_changed_by_its_log(tmp_path
     assert (tmp_path / "a" / "run.jsonl").read_bytes() == (tmp_path / "b" / "run.jsonl").read_bytes()
 
 
+def test_each_line_ends_with_the_checksum_that_the_page_describes(tmp_path: Path) -> None:
+    run_trial(SPEC, tmp_path)
+    lines = (tmp_path / "run.jsonl").read_bytes().splitlines()
+    assert len(lines) > 100
+    for line in lines:
+        body, _, end = line.rpartition(b',"crc"')
+        assert end == b':"%08x"}' % crc32(body)
+        assert json.loads(line)["crc"] == f"{crc32(body):08x}"
+
+
+def test_detail_that_is_no_json_is_told_by_its_repr_and_one_that_cannot_be_is_dropped(tmp_path: Path) -> None:
+    log = FieldLog(RunFiles(tmp_path), {})
+    log.event("mark", 1.0, text=Path("a"))
+    log.event("mark", 2.0, text=2**70)
+    log.close("requested", "enough")
+    assert [record.get("text") for record in records(tmp_path)[1:]] == [repr(Path("a")), "enough"]
+    assert records(tmp_path)[-1]["dropped"] == 1
+
+
 def test_what_cannot_be_written_is_dropped_and_counted(tmp_path: Path) -> None:
     def fails() -> Mapping[str, float | str]:
         raise KeyError("a third party's memory")
@@ -62,7 +82,7 @@ def test_every_viewer_sees_every_record_in_order_and_one_that_fails_costs_nobody
     log.tick(standing())
     log.tick(standing())
     log.close("requested", "enough")
-    assert shown == records(tmp_path)
+    assert shown == list(RunReader(tmp_path))
     names = [record.get("name") for record in records(tmp_path)]
     assert names.count("viewer_failed") == 1
 

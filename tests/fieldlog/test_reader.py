@@ -9,7 +9,7 @@ import tracemalloc
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, cast
 
 import orjson
 import pytest
@@ -18,15 +18,16 @@ from hypothesis import strategies as st
 
 from tests.fieldlog.lines import event, header, read, tick
 from wayfarer.errors import BadInput, NothingReadable
-from wayfarer.fieldlog import reader
-from wayfarer.fieldlog.reader import Damage, RunReader, log_segments, parse, read_header
+from wayfarer.fieldlog import lines, reader
+from wayfarer.fieldlog.lines import parse, sealed
+from wayfarer.fieldlog.reader import Damage, RunReader, log_segments, read_header
 from wayfarer.fieldlog.schema import Record
 
 LINES = [header(1), *map(tick, range(1, 6)), event(6)]
 LOG = b"".join(line + b"\n" for line in LINES)
 LAST = len(LINES[-1]) + 1
 HEAD = LOG[:-LAST]
-WHOLE = [parse(line + b"\n") for line in LINES]
+WHOLE = [cast(Record, parse(line + b"\n")) for line in LINES]
 
 
 def read_bytes(*parts: bytes) -> tuple[list[Record], Damage]:
@@ -104,6 +105,7 @@ def test_line_that_is_no_record_is_garbled(line: bytes) -> None:
 
 def test_oversized_line_is_skipped_to_its_end_and_counted_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reader, "LINE_BYTES", 200)
+    monkeypatch.setattr(lines, "LINE_BYTES", 200)
     for length in (200, 201, 399, 400, 1234):
         assert read_bytes(HEAD + b"x" * length + b"\n" + event(6) + b"\n") == (WHOLE, Damage(oversized=1))
         assert read_bytes(LOG + b"x" * length) == (WHOLE, Damage(oversized=1))
@@ -150,7 +152,7 @@ def test_missing_records_are_counted_across_parts() -> None:
     assert read_bytes(part(1, 1, 2, 4), part(2, 5), part(4, 9, 10))[1] == Damage(missing=4)
     assert read_bytes(part(3, 11, 12))[1] == Damage(missing=10), "the parts before it are not there"
     assert read_bytes(part(1, 1, 3, 2, 4))[1] == Damage(disordered=1, missing=1)
-    assert read_bytes(part(1, 1, 5, 2))[1] == Damage(disordered=1), "nothing tells that 5 was right"
+    assert read_bytes(part(1, 1, 5, 2))[1] == Damage(disordered=1, missing=3), "5 has its checksum"
 
 
 def test_part_that_cannot_be_read_costs_only_itself(tmp_path: Path) -> None:
@@ -207,22 +209,36 @@ def test_file_of_garbage_is_not_read_for_ever(tmp_path: Path, monkeypatch: pytes
 @pytest.mark.parametrize("key", ["version", "boot_id", "seed", "rover", "config_hash"])
 @pytest.mark.parametrize("begins_a_part", [False, True])
 def test_header_of_another_run_is_named_and_left_out(key: str, begins_a_part: bool) -> None:
-    another = orjson.dumps(orjson.loads(header(2)) | {key: "another"}) + b"\n"
+    another = sealed(orjson.loads(header(2)) | {key: "another"}) + b"\n"
     rest = another + event(6) + b"\n"
     found, damage = read_bytes(*([HEAD, rest] if begins_a_part else [HEAD + rest]))
     assert (found, damage) == (WHOLE, Damage(foreign=1, headless=int(begins_a_part)))
     assert "1 header is of another run" in str(damage)
 
 
-def test_ticks_whose_time_stands_still_are_out_of_order() -> None:
-    """Two may have the same time: ``tests/fieldlog/test_order.py`` shows when."""
+def test_flipped_bit_costs_its_line_and_no_other() -> None:
+    at = LOG.index(b'"t_s":0.2') + len(b'"t_s":0.')  # a number that is as good as any
+    for bit in range(8):
+        flipped = LOG[:at] + bytes([LOG[at] ^ 1 << bit]) + LOG[at + 1 :]
+        found, damage = read_bytes(flipped)
+        assert found == [*WHOLE[:4], *WHOLE[5:]]
+        assert damage.lines == damage.missing == 1
+    assert read_bytes(LOG.replace(b'"t_s":0.2,', b'"t_s":9.2,'))[1] == Damage(changed=1, missing=1)
 
-    def standing(ticks: int) -> Damage:
-        still = [orjson.dumps({"record": "tick", "n": n, "t_s": 0.3, "t_wall": 1e9}) for n in range(6, 6 + ticks)]
-        return read_bytes(HEAD + b"".join(line + b"\n" for line in still))[1]
 
-    assert standing(2) == Damage()
-    assert standing(100) == Damage(disordered=98)
+def test_lines_that_are_there_twice_or_elsewhere_are_out_of_order() -> None:
+    lines = [line + b"\n" for line in LINES]
+    assert read_bytes(b"".join([*lines[:4], *lines[2:]])) == (WHOLE, Damage(disordered=2))
+    found, damage = read_bytes(b"".join([*lines[:2], lines[3], lines[2], *lines[4:]]))
+    assert (found, damage) == ([*WHOLE[:2], *WHOLE[3:]], Damage(disordered=1, missing=1))
+
+
+def test_log_of_schema_2_is_read_without_checksums() -> None:
+    old = [record | ({"schema": 2} if record["record"] == "run" else {}) for record in WHOLE]
+    lines = [orjson.dumps(record) + b"\n" for record in old]
+    assert read_bytes(b"".join(lines)) == (old, Damage())
+    lines[3] = lines[3].replace(b'"t_s":0.15', b'"t_s":-1.0')
+    assert read_bytes(b"".join(lines)) == ([*old[:3], *old[4:]], Damage(wrong=1, missing=1)), "ranges are judged"
 
 
 def test_header_is_found_in_a_later_part_where_the_first_is_damaged(tmp_path: Path) -> None:

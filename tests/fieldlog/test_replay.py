@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import sys
 from collections.abc import Callable
 from dataclasses import replace as with_fields
@@ -30,6 +29,7 @@ from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.live_rover import live_rover_setup
 from wayfarer.experiments.trial import run_trial
 from wayfarer.fieldlog.fields import duration_text
+from wayfarer.fieldlog.lines import sealed
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.replay import Replay, replay
@@ -67,13 +67,13 @@ def ticks(run: Path) -> list[dict[str, Any]]:
 
 
 def records(run: Path) -> list[dict[str, Any]]:
-    return [json.loads(line) for line in (run / "run.jsonl").read_bytes().splitlines()]
+    return list(RunReader(run))
 
 
 def rewrite(run: Path, change: Callable[[dict[str, Any]], dict[str, Any] | None]) -> None:
     """Change the records of a log; those that become None are lost."""
-    kept = [json.dumps(changed) for record in records(run) if (changed := change(record)) is not None]
-    (run / "run.jsonl").write_text("\n".join(kept) + "\n")
+    kept = [sealed(changed) + b"\n" for record in records(run) if (changed := change(record)) is not None]
+    (run / "run.jsonl").write_bytes(b"".join(kept))
 
 
 def detecting(**settings: Any) -> RoverConfig:
@@ -213,7 +213,7 @@ def test_log_that_was_cut_off_agrees_up_to_there(run: Path) -> None:
         ({"algorithm": "no-such"}, "run cannot be replayed: unknown algorithm 'no-such'"),
         ({"algorithm": "guarded-pledge"}, "run cannot be replayed: algorithm 'guarded-pledge' was removed"),
         ({"part": 2}, "begins with part 2"),
-        ({"schema": 1}, "has schema 1, this wayfarer knows 2"),
+        ({"schema": 1}, "has schema 1, this wayfarer replays those from 2"),
         ({"config": {"name": "x", "speed": 3}}, "its own settings"),
         ({"config": None}, "is incomplete"),
         ({"record": "event", "name": "opened"}, "does not begin with a header"),

@@ -10,9 +10,10 @@ import pytest
 from tests.views.text.records import HEADER, drive, event, numbered, outcome, record, tick
 from wayfarer.fieldlog.episodes import EpisodeBegan
 from wayfarer.fieldlog.header import Header
-from wayfarer.fieldlog.run_events import AnomalyBegan, Gap, Marked, PhaseChanged, RunBegan, Silence
+from wayfarer.fieldlog.kinds import KINDS
+from wayfarer.fieldlog.run_events import AnomalyBegan, Gap, Noted, PhaseChanged, RunBegan, Silence
 from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.fieldlog.schema import KINDS, Record
+from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Tick
 
 
@@ -25,7 +26,7 @@ def folded(*records: Record) -> tuple[list[RunEvent], RunFold]:
 
 def test_time_is_told_since_the_first_record() -> None:
     (mark,), _ = folded(event("mark", 2.5, text="hit log"))
-    assert isinstance(mark, Marked)
+    assert isinstance(mark, Noted)
     assert (mark.elapsed_s, mark.t_s, mark.number, mark.text) == (2.5, 102.5, 1, "hit log")
 
 

@@ -124,7 +124,8 @@ def _followed(run: Path) -> Iterator[Any]:
 
 STORY = Target(
     "log",
-    ["wayfarer.fieldlog.reader", "wayfarer.fieldlog.run_fold", "wayfarer.fieldlog.typed", "wayfarer.fieldlog.header",
+    ["wayfarer.fieldlog.reader", "wayfarer.fieldlog.lines", "wayfarer.fieldlog.kinds",
+     "wayfarer.fieldlog.run_fold", "wayfarer.fieldlog.typed", "wayfarer.fieldlog.header",
      "wayfarer.fieldlog.run_events", "wayfarer.views.text.run_summariser", "wayfarer.fieldlog.fields",
      "wayfarer.views.text.listing", "wayfarer.views.text.run_narrator", "wayfarer.views.text.summary_text",
      "wayfarer.views.text.verdict", "wayfarer.fieldlog.wording", "wayfarer.views.text.last_position",

@@ -16,6 +16,7 @@ import pytest
 from tests.views.foxglove.readers import read
 from tests.views.text.records import RUN, SAMPLE_LOGS, numbered
 from wayfarer import cli
+from wayfarer.fieldlog.lines import sealed
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.schema import Record
 from wayfarer.views.foxglove.mcap_file import write_mcap
@@ -28,15 +29,16 @@ HEADER, *DRIVEN = [record for record in RunReader(SAMPLE) if record["record"] !=
 END_S = DRIVEN[220]["t_s"]  # after two episodes
 RECORDS = [*DRIVEN[:220], DRIVEN[-1] | {"t_s": END_S, "t_wall": DRIVEN[220]["t_wall"]}]
 REAL: Record = HEADER | {"simulated": False, "world": None}  # so that a page draws dead reckoning
-LINES = [orjson.dumps(each) + b"\n" for each in numbered([REAL, *RECORDS])]
+OLD = REAL | {"schema": 2}
+LINES = [sealed(each) + b"\n" for each in numbered([REAL, *RECORDS])]
 TICKS = [index for index, line in enumerate(LINES) if b'"record":"tick"' in line]
 MIDDLE = TICKS[len(TICKS) // 2]
 
 
 def tick_with(**values: object) -> list[bytes]:
-    """The log with other values in one tick."""
-    changed: Record = {**orjson.loads(LINES[MIDDLE]), **values}
-    return [*LINES[:MIDDLE], orjson.dumps(changed) + b"\n", *LINES[MIDDLE + 1 :]]
+    """The log with other values in one tick, after it was written."""
+    changed = orjson.dumps(orjson.loads(LINES[MIDDLE]) | values) + b"\n"
+    return [*LINES[:MIDDLE], changed, *LINES[MIDDLE + 1 :]]
 
 
 def later(by_s: float) -> list[bytes]:
@@ -84,11 +86,12 @@ COPIES: dict[str, Callable[[], list[bytes]]] = {
     "a number that cannot be": lambda: tick_with(travelled_m=1e308),
     "a time far too late": lambda: later(1e6),
     "a time too early": lambda: later(-30.0),
-    "a time that stands still": lambda: [orjson.dumps(orjson.loads(line) | {"t_s": END_S}) + b"\n" for line in LINES],
-    "header of another run": lambda: put(orjson.dumps(REAL | {"part": 2, "rover": "another"}) + b"\n"),
+    "a time that stands still": lambda: [sealed(orjson.loads(line) | {"t_s": END_S}) + b"\n" for line in LINES],
+    "an old log, without checksums": lambda: [orjson.dumps(each) + b"\n" for each in numbered([OLD, *RECORDS])],
+    "header of another run": lambda: put(sealed(REAL | {"part": 2, "rover": "another"}) + b"\n"),
     "header lost": lambda: LINES[1:],
     "header lost, and there again in the next part": lambda: [
-        *LINES[1:MIDDLE], orjson.dumps(REAL | {"part": 2}) + b"\n", *LINES[MIDDLE:],
+        *LINES[1:MIDDLE], sealed(REAL | {"part": 2}) + b"\n", *LINES[MIDDLE:],
     ],
 }  # fmt: skip
 

@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from wayfarer.commissioning.checks.system import THROTTLED, power_flags, system_text
-from wayfarer.fieldlog.disk_space import free_mb
+from wayfarer.fieldlog.disk import free_mb
 
 EVERY_S = 10.0  # field.md, users' complaint 34
 POWER_EVERY_S = 1.0  # fault catalogue, fault 32

@@ -32,24 +32,10 @@ def whole(record: Mapping[str, Any], key: str) -> int | None:
     return value if isinstance(value, int) and not isinstance(value, bool) else None
 
 
-def flag(record: Mapping[str, Any], key: str) -> bool | None:
-    """Return whether something is so, or None."""
-    value = record.get(key)
-    return value if isinstance(value, bool) else None
-
-
 def safe_text(record: Mapping[str, Any], key: str) -> str | None:
     """Return a text that is fit for a terminal, or None."""
     value = record.get(key)
     return clean(value) if isinstance(value, str) else None
-
-
-def safe_texts(record: Mapping[str, Any], key: str) -> tuple[str, ...]:
-    """Return the texts of a list; none where there is no list."""
-    value = record.get(key)
-    if not value or not isinstance(value, list | tuple):  # mostly there are no anomalies
-        return ()
-    return tuple(clean(each) for each in value if isinstance(each, str))
 
 
 def table(record: Mapping[str, Any], key: str) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from threading import Event
 
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.clock import wall_clock
-from wayfarer.fieldlog.disk_errors import error_advice
+from wayfarer.fieldlog.disk import error_advice
 from wayfarer.fieldlog.printable import clean
 
 FILE_NAME = "run.jsonl"  # the newest segment of a run's log; older ones are run.00001.jsonl and so on

@@ -1,11 +1,12 @@
-"""The typed view of a log's first record: what ran. Pure."""
+"""A log's first record, which says what ran. Pure."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from wayfarer.fieldlog.fields import flag, number, safe_text, setting, table, whole
-from wayfarer.fieldlog.schema import Record
+from wayfarer.fieldlog.fields import number, setting, table, whole
+from wayfarer.fieldlog.schema import COUNT, NUMBER, Count, Flag, Lasting, Metres, Record, Table, Text, Values, fields_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -13,31 +14,44 @@ class Header:
     """What ran; None where the log does not say. ``world`` is the forest of a simulated run, if it can be drawn."""
 
     record: Record
-    rover: str | None
-    algorithm: str | None
-    version: str | None
-    seed: int | None
-    trial: int | None
-    part: int
-    simulated: bool | None
-    dry_run: bool | None
-    world: Record | None
+    schema: Annotated[int | None, Values((int,), 1, 2**53)] = None
+    part: Annotated[int, COUNT] = 1
+    version: Text = None
+    rover: Text = None
+    algorithm: Text = None
+    config: Table = None
+    config_hash: Text = None
+    parts: Table = None
+    simulated: Flag = None
+    dry_run: Flag = None
+    log: Text = None
+    start_delay_s: Lasting = None
+    time_scale: Annotated[float | None, Values(NUMBER, 1e-3, 1e6)] = None
+    boot_id: Text = None
+    trial: Count = None
+    forest: Count = None
+    noise: Count = None
+    slip_mean_m: Metres = None
+    budget_m: Metres = None
+    mujoco: Table = None
+    ground: Text = None
+    slope: Table = None
+    sim: Table = None
 
     @classmethod
     def of(cls, record: Record) -> Header:
-        """Return the view of a ``run`` record; one of an empty record knows nothing."""
-        return cls(
-            record,
-            rover=safe_text(record, "rover"),
-            algorithm=safe_text(record, "algorithm"),
-            version=safe_text(record, "version"),
-            seed=whole(record, "seed"),
-            trial=whole(record, "trial"),
-            part=whole(record, "part") or 1,
-            simulated=flag(record, "simulated"),
-            dry_run=flag(record, "dry_run"),
-            world=_world(table(record, "world")),
-        )
+        """Return what a ``run`` record says; an empty record says nothing."""
+        return cls(record, **fields_of(cls, record))
+
+    @property
+    def seed(self) -> int | None:
+        """Return the seed, a number of any size."""
+        return whole(self.record, "seed")
+
+    @property
+    def world(self) -> Record | None:
+        """Return what is drawn of a simulated forest, None where that is not all there."""
+        return _world(table(self.record, "world"))
 
     def setting(self, *keys: str) -> float | None:
         """Return a number of the rover file; see ``fields.setting``."""
@@ -45,7 +59,6 @@ class Header:
 
 
 def _world(world: Record) -> Record | None:
-    """Return what is drawn of a simulated forest, None where that is not all there."""
     lengths = ("goal_y_m", "trunk_diameter_m", "tree_radius_m")
     if (
         all(number(world, key) is not None for key in lengths)

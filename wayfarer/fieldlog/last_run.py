@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import newest_run
-from wayfarer.fieldlog.order import Order
+from wayfarer.fieldlog.lines import Numbers, parse
 from wayfarer.fieldlog.printable import clean
-from wayfarer.fieldlog.reader import log_segments, parse
+from wayfarer.fieldlog.reader import log_segments
 from wayfarer.fieldlog.schema import Record
 from wayfarer.files.regular_file import open_regular
 
@@ -68,7 +68,7 @@ def end_of_log(segments: Sequence[Path]) -> list[Record]:
         tail = _tail(segment) + tail
         if any(record["record"] == "tick" for record in tail):
             break
-    return list(Order().all_of(tail))
+    return list(filter(Numbers().go_on, tail))
 
 
 def _tail(segment: Path) -> list[Record]:

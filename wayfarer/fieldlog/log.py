@@ -1,4 +1,4 @@
-"""Records of the field log: one JSON object a line, for ``tail -F``, ``jq`` and ``wayfarer logs``.
+"""Records of the field log: one JSON object with a checksum a line, for ``tail -F``, ``jq`` and ``wayfarer logs``.
 
 The first record says what ran (version, algorithm, the rover's whole configuration), the last how it ended; between
 them there is a record for each control tick and each event. Keys carry their units; ``t_s`` is the loop's clock and
@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-import orjson
 import structlog
 from structlog.typing import EventDict, WrappedLogger
 
@@ -20,8 +19,10 @@ from wayfarer import __version__
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Observation
 from wayfarer.fieldlog.clock import WallClock, wall_clock
+from wayfarer.fieldlog.lines import sealed
 from wayfarer.fieldlog.schema import SCHEMA, Record
-from wayfarer.fieldlog.writer import LineSink
+from wayfarer.fieldlog.writer import RunFiles
+from wayfarer.fieldlog.writer_thread import WriterThread
 from wayfarer.hal import MotorHealth, PositionFix, WheelCommand
 
 CLOCK_STEP_S = 1.0  # more than a clock is slewed between two records; finding the right time steps it by hours
@@ -44,7 +45,7 @@ class FieldLog:
 
     def __init__(
         self,
-        sink: LineSink,
+        sink: RunFiles | WriterThread,
         details: Mapping[str, Any],
         wall: WallClock = wall_clock,
         t_s: float = 0.0,
@@ -58,10 +59,8 @@ class FieldLog:
         self._number = 0
         self._unmade = 0
         self._wall_offset_s: float | None = None
-        self._logger = structlog.wrap_logger(
-            sink, [self._stamp, structlog.processors.JSONRenderer(serializer=orjson.dumps)], structlog.BoundLogger
-        ).bind()
-        sink.open(lambda part: orjson.dumps(self._header(part)))
+        self._logger = structlog.wrap_logger(sink, [self._line], structlog.BoundLogger).bind()
+        sink.open(lambda part: sealed(self._header(part)))
         self._show(self._header(1))
 
     @property
@@ -71,14 +70,8 @@ class FieldLog:
 
     def tick(self, record: TickRecord) -> None:
         """Write a control tick: what was seen, wanted, and applied."""
-        try:
-            fields = tick_fields(record)
-        except Exception:  # a third party's memory() or decision; no log is worth a run
-            self._unmade += 1
-            self._number += 1  # so that a reader sees that one is missing
-        else:
-            self._note_clock_step(record.t_s)
-            self._write("bulk", "tick", record.t_s, fields)
+        self._note_clock_step(record.t_s)
+        self._write("bulk", "tick", record.t_s, record)
 
     def event(self, name: str, t_s: float, **details: object) -> None:
         """Write something that happened."""
@@ -103,15 +96,25 @@ class FieldLog:
         self._write("urgent", "outcome", self._t_s, {"reason": reason, "text": text, "dropped": self.dropped})
         self._sink.close()
 
-    def _write(self, urgency: str, kind: str, t_s: float, fields: Mapping[str, Any]) -> None:
+    def _write(self, urgency: str, kind: str, t_s: float, fields: Mapping[str, Any] | TickRecord) -> None:
         self._t_s = t_s
         self._number += 1
         try:
-            getattr(self._logger, urgency)(kind, t_s=t_s, fields=fields)
-        except Exception:  # a detail that is no JSON
-            self._unmade += 1
+            getattr(self._logger, urgency)(kind, fields=fields)
+        except Exception:  # a third party's memory() or decision, or a detail that is no JSON; no log is worth a run
+            self._unmade += 1  # its number is missing, which a reader sees
         else:
             self._show(self._newest)
+
+    def _line(self, _logger: WrappedLogger, _method: str, event: EventDict) -> bytes:
+        """Return the line of what happened; structlog gives it to the sink."""
+        fields, t_s = event["fields"], self._t_s
+        # Kind and times come first, for the person who tails the file; times are whole, for replay.
+        stamp = {"record": event["event"], "n": self._number, "t_s": t_s, "t_wall": round(self._wall(t_s), 3)}
+        if isinstance(fields, TickRecord):
+            fields = tick_fields(fields)
+        self._newest = {**stamp, **fields, **stamp}
+        return sealed(self._newest)
 
     def _note_clock_step(self, t_s: float) -> None:
         """Write down that the wall clock was set, before the first record with the new time."""
@@ -125,13 +128,6 @@ class FieldLog:
         t_s = self._t_s
         about = {"schema": SCHEMA, "part": part, "version": __version__, **self._details}
         return {"record": "run", "t_s": t_s, "t_wall": round(self._wall(t_s), 3), **about}
-
-    def _stamp(self, _logger: WrappedLogger, _method: str, event: EventDict) -> EventDict:
-        """Put kind and times first, for the person who tails the file; times are whole, for replay."""
-        t_s = event["t_s"]
-        stamp = {"record": event["event"], "n": self._number, "t_s": t_s, "t_wall": round(self._wall(t_s), 3)}
-        self._newest = {**stamp, **event["fields"], **stamp}
-        return self._newest
 
     def _show(self, record: Record) -> None:
         """Show a record; a failing viewer must not end the log."""
@@ -147,10 +143,18 @@ class FieldLog:
 
 
 def tick_fields(record: TickRecord) -> dict[str, Any]:
-    """Return what the log keeps of a control tick; where an algorithm remembers one of its keys, the log's counts."""
+    """Return what the log keeps of a control tick; ``typed.Tick`` describes its keys.
+
+    The readings are as the sensors gave them, because a replay starts from them. Where an algorithm remembers one of
+    these keys, the log's counts.
+    """
+    compass, motion, contact = record.compass, record.motion, record.contact
     wanted, applied, decision = record.decision.wheels, record.applied, record.decision
-    fields = _read(record) | _seen(record.observation)
-    fields |= {
+    fields = {
+        "compass": compass and compass._asdict(),
+        "motion": motion and motion._asdict(),
+        "contact": contact and {**contact._asdict(), "sides": [side.value for side in contact.sides]},
+        **_seen(record.observation),
         "phase": decision.phase.value,
         "why": decision.why,
         "wanted_left": wanted.left,
@@ -165,18 +169,8 @@ def tick_fields(record: TickRecord) -> dict[str, Any]:
     return fields
 
 
-def _read(record: TickRecord) -> dict[str, Any]:
-    """Return what the sensors said, exactly: a replay starts from this."""
-    compass, motion, contact = record.compass, record.motion, record.contact
-    return {
-        "compass": compass and compass._asdict(),
-        "motion": motion and motion._asdict(),
-        "contact": contact and {**contact._asdict(), "sides": [side.value for side in contact.sides]},
-    }
-
-
 def _seen(observation: Observation | None) -> dict[str, Any]:
-    """Return what the handler saw of it."""
+    """Return what the handler saw of the readings."""
     if observation is None:
         return {"heading_deg": None}
     return {

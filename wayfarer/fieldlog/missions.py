@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from wayfarer.fieldlog.fields import safe_text
-from wayfarer.fieldlog.run_events import Armed, Arming, Disarmed, GoalSet, Held, Noted, Released
+from wayfarer.fieldlog.run_events import Noted
 from wayfarer.fieldlog.run_state import RunState
 from wayfarer.fieldlog.typed import Tick
 
@@ -29,18 +28,18 @@ class MissionTracker:
         """Take what changes the mode, the hold or the goal; any other event changes nothing."""
         state = self._state
         match event:
-            case Arming():
+            case Noted(name="arming"):
                 state.mode, state.operator_hold = event.name, False
-            case Armed():
+            case Noted(name="armed"):
                 state.mode = event.name
-                state.goal_heading_deg = event.record.get("goal_heading_deg")
+                state.goal_heading_deg = event.goal_heading_deg
                 self._began_t_s, self._from_m = event.t_s, state.tick.travelled_m or 0.0
                 if state.from_start is None:
                     state.from_start, state.start = True, state.place
-            case Disarmed():
-                state.mode, state.why_disarmed = event.name, safe_text(event.record, "reason") or ""
+            case Noted(name="disarmed"):
+                state.mode, state.why_disarmed = event.name, event.reason or ""
                 self._began_t_s = None
-            case Held() | Released():
-                state.operator_hold = isinstance(event, Held)
-            case GoalSet():
-                state.goal_heading_deg = event.record.get("goal_heading_deg")
+            case Noted(name="hold" | "resume"):
+                state.operator_hold = event.name == "hold"
+            case Noted(name="goal"):
+                state.goal_heading_deg = event.goal_heading_deg

@@ -1,9 +1,9 @@
 """Reads a log back despite damage: power cuts, a full disk, a failing card.
 
-What a line is worth is judged here (``parse``), for the ends of logs and following as well; only here is it counted.
-Every record that is whole, holds what its kind may hold (``schema``) and is in order (``order``) is given; what is not
-is skipped, and counted by what is wrong with it. A line that was being written when the power went has no end, or is
-filled with NUL bytes; nothing after it is lost, because the next segment and the next run have files of their own.
+What a line is worth is judged by ``lines``, for the ends of logs and following as well; only here is it counted.
+Every record that is as it was written, holds what its kind may hold (``schema``) and is in its place is given; what is
+not is skipped, and counted by what is wrong with it. A line that was being written when the power went has no end, or
+is filled with NUL bytes; nothing after it is lost, because the next segment and the next run have files of their own.
 Memory does not grow with the log, nor with what is broken in it.
 """
 
@@ -17,22 +17,20 @@ from itertools import islice
 from pathlib import Path
 from typing import BinaryIO
 
-import orjson
-
 from wayfarer import __version__
 from wayfarer.errors import BadInput, NothingReadable
 from wayfarer.fieldlog.folders import FILE_NAME, older_segments
-from wayfarer.fieldlog.order import Order
-from wayfarer.fieldlog.schema import SCHEMA, Record, is_newer, is_record, wrong_key
+from wayfarer.fieldlog.kinds import is_newer
+from wayfarer.fieldlog.lines import LINE_BYTES, Numbers, parse
+from wayfarer.fieldlog.schema import SCHEMA, Record
 from wayfarer.files.regular_file import open_regular
 
-LINE_BYTES = 1_000_000  # far more than any record: the header of a simulated forest has 20,000
 READ_BYTES = 262_144  # read from the disk at once
 # What is read of a part of a log, at most: twice what ``part_mb`` may be, and more than a simulated trial writes.
 PART_BYTES = 4_000_000_000
 BROKEN_LINES = 200_000  # of a run are skipped, at most: a file of garbage is not read for hours
-FIRST_LINES = 16  # of a part are its beginning: they show whether the first one is in order
-TICKS_AT_ONCE = 2  # that may have the same time: in virtual time one that is late and the next one
+FIRST_LINES = 16  # of a part are its beginning: where some of them are broken, the others still tell when it was
+OF_THE_WHOLE = ("unreadable", "headless", "missing")  # counts that are not of lines
 OF_A_PART = ("t_s", "t_wall", "part")  # what the headers of a run differ in
 
 
@@ -41,16 +39,18 @@ class Damage:
     """What could not be read; its text says it to a person.
 
     Lines: ``torn`` has no end, ``nul`` holds NUL bytes where the disk had nothing yet, ``oversized`` has more than
-    ``LINE_BYTES``, ``garbled`` is no JSON object with a known ``record``, ``wrong`` holds a value that cannot be,
-    ``foreign`` is a header that says that something else ran than the first one says, and ``disordered`` breaks the
-    order of numbers and times, as a line that is there twice does. ``unreadable`` segments could not be read to their
-    end. ``headless`` segments do not begin with what ran. ``missing`` counts the records that are not there, by their
-    numbers: those in skipped lines, those that the disk could not take, and those in segments that were deleted.
+    ``LINE_BYTES``, ``changed`` does not have its checksum, ``garbled`` is no JSON object with a known ``record``,
+    ``wrong`` holds a value that cannot be, ``foreign`` is a header that says that something else ran than the first one
+    says, and ``disordered`` has a number that does not grow, as a line that is there twice. ``unreadable`` segments
+    could not be read to their end. ``headless`` segments do not begin with what ran. ``missing`` counts the records
+    that are not there, by their numbers: those in skipped lines, those that the disk could not take, and those in
+    segments that were deleted.
     """
 
     torn: int = 0
     nul: int = 0
     oversized: int = 0
+    changed: int = 0
     garbled: int = 0
     wrong: int = 0
     foreign: int = 0
@@ -62,7 +62,7 @@ class Damage:
     @property
     def lines(self) -> int:
         """How many lines were skipped."""
-        return sum((self.torn, self.nul, self.oversized, self.garbled, self.wrong, self.foreign, self.disordered))
+        return sum(getattr(self, field.name) for field in fields(self) if field.name not in OF_THE_WHOLE)
 
     def __bool__(self) -> bool:
         return self != Damage()
@@ -77,6 +77,7 @@ SAID = {
     "torn": ("1 line is torn", "lines are torn"),
     "nul": ("1 line is filled with NUL bytes", "lines are filled with NUL bytes"),
     "oversized": ("1 line is far too long", "lines are far too long"),
+    "changed": ("1 line was changed after it was written", "lines were changed after they were written"),
     "garbled": ("1 line is no record", "lines are no records"),
     "wrong": ("1 record holds an impossible value", "records hold impossible values"),
     "foreign": ("1 header is of another run", "headers are of another run"),
@@ -111,7 +112,7 @@ class RunReader:
 
     def __iter__(self) -> Iterator[Record]:
         empty = True
-        for record in self._ordered():
+        for record in self._in_place():
             if empty:
                 self.damage.headless = max(self.damage.headless, int(record["record"] != "run"))
                 empty = False
@@ -120,22 +121,15 @@ class RunReader:
             lost = self.damage if self.damage else "it is empty"
             raise NothingReadable(f"{self.run}: nothing in this log can be read ({lost})")
 
-    def _ordered(self) -> Iterator[Record]:
-        """Give the records that are in order, and whose time does not stand still."""
-        order = Order()
-        highest, tick_t_s, at_once = 0, -1.0, 0
-        for record in order.all_of(self._whole()):
-            if (number := record.get("n")) is not None:  # they begin at 1 and grow; headers have none
-                self.damage.missing += number - highest - 1
-                highest = number
-            if record["record"] == "tick":
-                at_once = at_once + 1 if record["t_s"] == tick_t_s else 1
-                tick_t_s = record["t_s"]
-                if at_once > TICKS_AT_ONCE:
-                    self.damage.disordered += 1
-                    continue
-            yield record
-        self.damage.disordered += order.dropped
+    def _in_place(self) -> Iterator[Record]:
+        """Give the records whose numbers grow."""
+        numbers = Numbers()
+        for record in self._whole():
+            if numbers.go_on(record):
+                self.damage.missing = numbers.missing
+                yield record
+            else:
+                self.damage.disordered += 1
 
     def _whole(self) -> Iterator[Record]:
         """Give the records of all segments that are whole, in any order."""
@@ -187,21 +181,6 @@ class RunReader:
         setattr(self.damage, kind, getattr(self.damage, kind) + 1)
         if self.damage.lines > BROKEN_LINES:
             raise OSError(errno.EFBIG, f"more than {BROKEN_LINES:,} of its lines are no records")
-
-
-def parse(line: bytes) -> Record | str:
-    """Return the record of a line, or which field of ``Damage`` counts it."""
-    if b"\0" in line:
-        return "nul"
-    if not line.endswith(b"\n"):
-        return "oversized" if len(line) >= LINE_BYTES else "torn"
-    try:
-        record = orjson.loads(line)
-    except ValueError:
-        return "garbled"
-    if not is_record(record):
-        return "garbled"
-    return record if wrong_key(record) is None else "wrong"
 
 
 def refuse_newer(header: Record, segment: Path, segments: Sequence[Path]) -> None:

@@ -28,7 +28,7 @@ from wayfarer.errors import BadInput, DriverError
 from wayfarer.fieldlog.fields import seconds_since
 from wayfarer.fieldlog.log import tick_fields
 from wayfarer.fieldlog.reader import RunReader
-from wayfarer.fieldlog.schema import SCHEMA, Record
+from wayfarer.fieldlog.schema import OLDEST, Record
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, MotorHealth, Side, WheelCommand
 
 # What a tick concluded, the root first: a heading that is believed or not explains an anomaly, that a phase.
@@ -95,8 +95,8 @@ class Rerun:
     def __init__(self, header: Record, config: RoverConfig | None, *, allow_code: bool) -> None:
         if header["record"] != "run":
             raise BadInput("its log does not begin with a header")
-        if header["schema"] != SCHEMA:
-            raise BadInput(f"its log has schema {header['schema']}, this wayfarer knows {SCHEMA}")
+        if header["schema"] < OLDEST:
+            raise BadInput(f"its log has schema {header['schema']}, this wayfarer replays those from {OLDEST}")
         if header.get("part", 1) != 1:
             raise BadInput(f"its log begins with part {header['part']}, earlier parts are missing")
         try:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Annotated, Any
 
+from wayfarer.fieldlog import schema
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
-from wayfarer.fieldlog.fields import number, safe_text, table
+from wayfarer.fieldlog.fields import safe_text
 from wayfarer.fieldlog.header import Header
-from wayfarer.fieldlog.schema import Record
+from wayfarer.fieldlog.schema import Record, fields_of
 from wayfarer.fieldlog.typed import RunEvent
 
 
@@ -25,9 +26,9 @@ class RunBegan(RunEvent):
 class Ended(RunEvent):
     """The run is over; ``dropped`` records could not be written."""
 
-    reason: str | None
-    text: str | None
-    dropped: int
+    reason: schema.Text = None
+    text: schema.Text = None
+    dropped: Annotated[int, schema.COUNT] = 0
 
 
 @dataclass(slots=True)
@@ -100,92 +101,50 @@ class PowerChanged(RunEvent):
 class FaultInjected(RunEvent):
     """A scenario's fault begins or ends; ``for_s`` is None where it lasts to the end of the run."""
 
-    target: str | None
-    kind: str | None
-    begins: bool
-    for_s: float | None
-    params: Mapping[str, Any]
-
-    @classmethod
-    def of(cls, elapsed_s: float, record: Record) -> FaultInjected:
-        """Return what a ``fault`` record tells."""
-        begins = record.get("begins") is True
-        target, kind, for_s = safe_text(record, "target"), safe_text(record, "kind"), record.get("for_s")
-        return cls(elapsed_s, record["t_s"], target, kind, begins, for_s, table(record, "params"))
+    target: schema.Text = None
+    kind: schema.Text = None
+    begins: Annotated[bool, schema.FLAG] = False
+    for_s: schema.Lasting = None
+    params: Annotated[Mapping[str, Any], schema.TABLE] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
 class Noted(RunEvent):
-    """An ``event`` record. It keeps all its keys: a new one is told without a change here (``wording.event_text``)."""
+    """An ``event`` record. It keeps all its keys: a new one is told without a change here (``wording.event_text``).
 
-    name: str
+    Which of the keys it has depends on its ``name``. The fold gives a ``mark`` its ``number``, from 1.
+    """
+
     record: Record
-
-    @staticmethod
-    def of(elapsed_s: float, record: Record) -> Noted:
-        """Return what an ``event`` record tells."""
-        what = event_name(record)
-        return BY_NAME.get(what, Noted)(elapsed_s, record["t_s"], what, record)
-
-
-class Arming(Noted):
-    """Arming was requested."""
-
-
-class Armed(Noted):
-    """The mission begins."""
-
-
-class Disarmed(Noted):
-    """The wheels are stopped until re-armed."""
-
-
-class Held(Noted):
-    """An operator asked to hold the wheels."""
-
-
-class Released(Noted):
-    """An operator asked to drive on."""
-
-
-class GoalSet(Noted):
-    """Another goal was asked for."""
-
-
-class SensorFailed(Noted):
-    """A sensor did not answer."""
-
-    @property
-    def sensor(self) -> str:
-        """Return which."""
-        return safe_text(self.record, "sensor") or "unknown"
-
-
-class ClockStep(Noted):
-    """The wall clock was set."""
-
-    @property
-    def by_s(self) -> float:
-        """Return by how much."""
-        return number(self.record, "by_s") or 0.0
-
-
-@dataclass(slots=True)
-class Marked(Noted):
-    """A person's note; they are numbered from 1."""
+    name: Annotated[str, schema.TEXT] = "event"
+    start_delay_s: schema.Lasting = None
+    goal_heading_deg: schema.Angle = None
+    failed: schema.Texts = ()
+    reason: schema.Text = None
+    text: Annotated[str, schema.TEXT] = ""
+    level: schema.Text = None
+    cause: schema.Text = None
+    sensor: Annotated[str, schema.TEXT] = "unknown"
+    error: schema.Text = None
+    retry_in_s: schema.Lasting = None
+    flags: schema.Text = None
+    part: schema.Text = None
+    counts: schema.Table = None
+    run: schema.Text = None
+    last_t_s: schema.SinceBoot = None
+    last_t_wall: schema.Since1970 = None
+    mode: schema.Text = None
+    stall_s: schema.Lasting = None
+    by_s: Annotated[float, schema.Values(schema.NUMBER, -1e10, 1e10)] = 0.0  # a clock is set from any time to any other
+    dropped: Annotated[int, schema.COUNT] = 0
+    where: schema.Text = None
 
     number: int = 0
 
-    @property
-    def text(self) -> str:
-        """Return what it says."""
-        return safe_text(self.record, "text") or ""
-
-
-BY_NAME: Mapping[str, type[Noted]] = {
-    "arming": Arming, "armed": Armed, "disarmed": Disarmed, "hold": Held, "resume": Released, "goal": GoalSet,
-    "sensor_failed": SensorFailed, "clock_step": ClockStep, "mark": Marked,
-}  # fmt: skip
+    @classmethod
+    def of(cls, elapsed_s: float, record: Record) -> Noted:
+        """Return what an ``event`` record says."""
+        return cls(elapsed_s, record["t_s"], record, **fields_of(cls, record))
 
 
 def event_name(event: Record) -> str:

@@ -13,30 +13,26 @@ from wayfarer.escape.api import Phase
 from wayfarer.escape.phases import PhaseEvent
 from wayfarer.fieldlog.dead_reckoning import GAP_S, QUALITY_MIN, DeadReckoning
 from wayfarer.fieldlog.episodes import EpisodeTracker
-from wayfarer.fieldlog.fields import safe_text, seconds_since, table, whole
+from wayfarer.fieldlog.fields import seconds_since, table
 from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.missions import MissionTracker
 from wayfarer.fieldlog.run_events import (
     AnomalyBegan,
-    Armed,
     BatteryChanged,
     BoardFaults,
-    Disarmed,
     Ended,
     FaultInjected,
     Gap,
-    Marked,
     Noted,
     PhaseChanged,
     PowerChanged,
     RunBegan,
-    SensorFailed,
     Silence,
 )
 from wayfarer.fieldlog.run_state import LowBattery, RunState
-from wayfarer.fieldlog.schema import Record
+from wayfarer.fieldlog.schema import Record, fields_of
 from wayfarer.fieldlog.sensor_status import SensorStatus
-from wayfarer.fieldlog.typed import Board, Computer, Fix, RunEvent, Tick, Truth, motion_reading
+from wayfarer.fieldlog.typed import Board, Computer, Fix, RunEvent, Tick, Truth
 from wayfarer.safety.conditions import Level
 
 # Nobody reads a bumper that no decision uses: it has a status when it first speaks.
@@ -126,23 +122,23 @@ class RunFold:
             self._reckon(tick)
         self._count_time(tick, before)
         self._missions.take(tick)
-        told: Events = [*self._silence(tick, before), tick]
+        events: Events = [*self._silence(tick, before), tick]
         if tick.cause != before.cause:
             state.cause_since_s = elapsed_s
         if tick.phase != before.phase:
             state.recoveries += tick.phase == BACK_OFF
-            told.append(PhaseChanged(elapsed_s, tick.t_s, tick.phase))
+            events.append(PhaseChanged(elapsed_s, tick.t_s, tick.phase))
         if tick.anomalies != before.anomalies:
             new = sorted(set(tick.anomalies) - set(before.anomalies))
             state.anomalies.update(new)
-            told += [AnomalyBegan(elapsed_s, tick.t_s, kind, tick.phase, tick.place) for kind in new]
+            events += [AnomalyBegan(elapsed_s, tick.t_s, kind, tick.phase, tick.place) for kind in new]
         if tick.why != tick.phase:
             phase, _, event = (tick.why or "").partition(".")
             if event == PhaseEvent.EXHAUSTED.value:
                 state.exhausted[phase] += 1
         begun = self._episodes.take(tick, before)
         state.episodes += len(begun)
-        return told + begun
+        return events + begun
 
     def _silence(self, tick: Tick, before: Tick) -> Events:
         if not tick.t_s - before.t_s > GAP_S:  # nor is there one before the first tick, where it is NaN
@@ -153,7 +149,7 @@ class RunFold:
     def _reckon(self, tick: Tick) -> None:
         state, reckoning = self.state, self._reckoning
         duties = (tick.applied_left or 0.0) + (tick.applied_right or 0.0)
-        tick.motion = motion = motion_reading(tick.record)
+        motion = tick.motion
         tick.place = reckoning.take(tick.t_s, tick.heading_deg, duties, motion)
         tick.measured_m_s = reckoning.measured_m_s
         if motion is not None and (isnan(motion.forward_m) or not motion.quality >= QUALITY_MIN):
@@ -180,66 +176,67 @@ class RunFold:
         state.events[event.name] += 1
         self._missions.note(event)
         match event:
-            case Armed() | Disarmed():
+            case Noted(name="armed" | "disarmed"):
                 self._episodes.end(event.name)
-            case SensorFailed():
+            case Noted(name="sensor_failed"):
                 self._sensor(event.sensor).failures += 1
-            case Marked():
+            case Noted(name="mark"):
                 event.number = state.events["mark"]
             case Noted(name="log_gap"):
-                self._announced += record.get("dropped") or 0
-                state.dropped += record.get("dropped") or 0
+                self._announced += event.dropped
+                state.dropped += event.dropped
         return [event]
 
     # -- everything else -----------------------------------------------------------------------------------------
 
     def _position(self, elapsed_s: float, record: Record) -> Events:
         self._sensor("position").take(record)
-        fix, before = Fix.of(elapsed_s, record), self.state.fix
-        if fix is None:
+        where, before = fields_of(Fix, record), self.state.fix
+        if not {"latitude_deg", "longitude_deg"} <= where.keys():
             return []
+        fix = Fix(elapsed_s, record["t_s"], **where)
         if before is not None:
             fix.period_s = fix.t_s - before.t_s
         self.state.fix, self.state.first_fix = fix, self.state.first_fix or fix
         return [fix]
 
     def _board(self, elapsed_s: float, record: Record) -> Events:
-        state, before, board = self.state, self.state.board, Board.of(elapsed_s, record)
+        state, before = self.state, self.state.board
+        board = Board(elapsed_s, record["t_s"], **fields_of(Board, record))
         board.period_s = board.t_s - before.t_s
         state.board = board
-        told: Events = [board]
+        events: Events = [board]
         if board.faults != before.faults:
-            told.append(BoardFaults(elapsed_s, board.t_s, board.faults))
+            events.append(BoardFaults(elapsed_s, board.t_s, board.faults))
         battery_v, lowest = board.battery_v, state.low_battery
         if battery_v is None:
-            return told
+            return events
         if lowest is None or battery_v < lowest.battery_v:
             state.low_battery = LowBattery(battery_v, elapsed_s, state.tick.duty)
         if not -BATTERY_FALL_V < battery_v - self._told_battery_v < BATTERY_RISE_V:
             self._told_battery_v = battery_v
-            told.append(BatteryChanged(elapsed_s, board.t_s, battery_v))
-        return told
+            events.append(BatteryChanged(elapsed_s, board.t_s, battery_v))
+        return events
 
     def _computer(self, elapsed_s: float, record: Record) -> Events:
-        computer = Computer(elapsed_s, record["t_s"], record)
+        computer = Computer(elapsed_s, record["t_s"], **fields_of(Computer, record))
         before, self._power_bits = self._power_bits, computer.power_bits
         if self._power_bits == before:
             return [computer]
         return [computer, PowerChanged(elapsed_s, computer.t_s, self._power_bits)]
 
     def _truth(self, elapsed_s: float, record: Record) -> Events:
-        where = (record.get("x_m"), record.get("y_m"))
-        return [] if None in where else [Truth(elapsed_s, record["t_s"], record)]
+        where = fields_of(Truth, record)
+        return [Truth(elapsed_s, record["t_s"], **where)] if {"x_m", "y_m"} <= where.keys() else []
 
     def _fault(self, elapsed_s: float, record: Record) -> Events:
-        return [FaultInjected.of(elapsed_s, record)]
+        return [FaultInjected(elapsed_s, record["t_s"], **fields_of(FaultInjected, record))]
 
     def _outcome(self, elapsed_s: float, record: Record) -> Events:
         state = self.state
-        reason, text, dropped = safe_text(record, "reason"), safe_text(record, "text"), whole(record, "dropped") or 0
-        state.mode, state.dropped = "ended", max(state.dropped, dropped)
-        state.ended = Ended(elapsed_s, record["t_s"], reason, text, dropped)
-        return [state.ended]
+        state.ended = ended = Ended(elapsed_s, record["t_s"], **fields_of(Ended, record))
+        state.mode, state.dropped = "ended", max(state.dropped, ended.dropped)
+        return [ended]
 
     def _sensor(self, sensor: str) -> SensorStatus:
         status = self.state.sensors.get(sensor)

@@ -54,7 +54,7 @@ class RunState:
     operator_hold: bool = False
     goal_heading_deg: float | None = None
     tick: Tick = field(default_factory=lambda: Tick.of(nan, {"t_s": nan}))
-    board: Board = field(default_factory=lambda: Board(nan, nan, None, ()))
+    board: Board = field(default_factory=lambda: Board(nan, nan))
     fix: Fix | None = None
     first_fix: Fix | None = None
     ended: Ended | None = None

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import count
-from typing import NamedTuple
 
 from wayfarer.drivers.waiting_thread import WaitingThread
-from wayfarer.fieldlog.disk_errors import DRIVES_ON
+from wayfarer.fieldlog.disk import DRIVES_ON
 from wayfarer.fieldlog.writer import RunFiles
 
 WRITE_S = 0.2  # what a killed process can lose; a power cut takes what was written since the last sync
@@ -16,17 +15,11 @@ QUEUE_BYTES = 4_000_000  # at 14 kB a second, nearly five minutes of a disk that
 URGENT_BYTES = 1_000_000  # beyond them, for urgent lines only
 CLOSE_S = 1.0  # how long the end of a run waits for the disk
 
-
-class QueuedLine(NamedTuple):
-    """A line on its way to the disk, and how many before it found no room."""
-
-    line: bytes
-    urgent: bool
-    gap: int
+QueuedLine = tuple[bytes, bool, int]  # a line, whether it is urgent, and how many before it found no room
 
 
 class WriterThread(WaitingThread):
-    """Queues lines and has a thread write them; implements ``writer.LineSink``.
+    """Queues the lines of a log and has a thread write them to its files.
 
     ``bulk`` and ``urgent`` only append to the queue, from any thread: no lock that they take is held over a transfer.
     What the queue cannot hold is dropped and counted, and the log says where.
@@ -43,12 +36,13 @@ class WriterThread(WaitingThread):
         self._queue: list[QueuedLine] = []
         self._waiting = self._waiting_bytes = 0  # what was taken and is not written yet
         self._gap = 0  # lines that were dropped and that no queued line tells of yet
+        self._refused = 0  # lines that never came to the files
         self._hurry = False
 
     @property
     def dropped(self) -> int:
         """How many lines could not be written."""
-        return self._files.dropped
+        return self._refused + self._files.dropped
 
     @property
     def trouble(self) -> str | None:
@@ -56,27 +50,27 @@ class WriterThread(WaitingThread):
         return self._files.trouble.now
 
     def open(self, header: Callable[[int], bytes]) -> None:
-        """Make the files, which may wait for the disk, and start the thread; see ``LineSink``."""
+        """Make the files, which may wait for the disk, and start the thread; see ``RunFiles``."""
         self._files.open(header)
         with self._changed:
             self._wake()
 
     def bulk(self, line: bytes) -> None:
-        """Queue a line; see ``LineSink``."""
+        """Queue a line of a frequent kind."""
         self._put(line, self._queue_bytes, urgent=False)
 
     def urgent(self, line: bytes) -> None:
-        """Queue a line and wake the thread; see ``LineSink``."""
+        """Queue a line that must be on the disk soon, and wake the thread."""
         self._put(line, self._queue_bytes + URGENT_BYTES, urgent=True)
 
     def close(self) -> None:
-        """Have everything written, as far as the disk takes it within ``CLOSE_S``; see ``LineSink``. Safe twice."""
+        """Have everything written, as far as the disk takes it within ``CLOSE_S``. Safe twice."""
         self._close()
         self._join(CLOSE_S)
         with self._changed:
             left, self._waiting = self._waiting, 0
+            self._refused += left
         if left:
-            self._files.count(left)
             text = f"the disk did not take the end of the field log: its last {left} records may be missing"
             self._files.trouble.begins("end", text)
 
@@ -85,14 +79,14 @@ class WriterThread(WaitingThread):
             full = self._waiting_bytes + len(line) > limit_bytes
             if full or self._closed:
                 self._gap += 1
-                self._files.count(1)
+                self._refused += 1
             else:
-                self._queue.append(QueuedLine(line, urgent, self._gap))
+                self._queue.append((line, urgent, self._gap))
                 self._gap = 0
                 self._waiting += 1
                 self._waiting_bytes += len(line)
-                self._hurry = self._hurry or urgent
                 if urgent:
+                    self._hurry = True
                     self._changed.notify()
         if full:
             text = "the field log cannot be written: the disk does not answer (see dmesg)"
@@ -126,8 +120,7 @@ class WriterThread(WaitingThread):
 
     def _write(self, queued: list[QueuedLine]) -> None:
         for line, urgent, gap in queued:
-            if gap:
-                self._files.gap(gap)
+            self._files.tell_of_gap(gap)
             if urgent:
                 self._files.urgent(line)
             else:
@@ -136,4 +129,4 @@ class WriterThread(WaitingThread):
     def _forget(self, queued: list[QueuedLine]) -> None:
         with self._changed:
             self._waiting = max(0, self._waiting - len(queued))
-            self._waiting_bytes -= sum(len(entry.line) for entry in queued)
+            self._waiting_bytes -= sum(len(line) for line, _, _ in queued)

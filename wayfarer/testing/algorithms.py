@@ -11,7 +11,8 @@ from typing import Any
 
 from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, EscapeSettings, Observation, Phase, Vehicle
 from wayfarer.escape.catalogue import Algorithm
-from wayfarer.fieldlog.schema import KEYS, STAMP
+from wayfarer.fieldlog.kinds import KEYS
+from wayfarer.fieldlog.schema import STAMP
 from wayfarer.hal import STOP, ContactReading, Rover, Side, WheelCommand
 
 TICK_S = 0.0625  # a binary fraction, as are all angles: turning them together loses no digit

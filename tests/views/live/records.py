@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from wayfarer.config.rover_file import load_rover
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Anomaly, Decision, Observation, Phase
 from wayfarer.fieldlog.log import FieldLog
+from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import STOP, CompassReading, MotionReading, MotorHealth, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
 
@@ -17,10 +19,11 @@ WORLD = {
 }  # fmt: skip
 
 
-class NoDisk:
-    """A log's sink that keeps nothing."""
+class NoDisk(RunFiles):
+    """Files of a log that keep nothing."""
 
-    dropped = 0
+    def __init__(self) -> None:
+        super().__init__(Path("nowhere"))
 
     def open(self, header: Any) -> None: ...
 

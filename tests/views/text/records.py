@@ -6,17 +6,16 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-import orjson
-
+from wayfarer.fieldlog.lines import sealed
 from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.fieldlog.schema import Record
+from wayfarer.fieldlog.schema import SCHEMA, Record
 from wayfarer.views.text.run_narrator import Line, RunNarrator, Verbosity
 
 SAMPLE_LOGS = Path(__file__).resolve().parents[3] / "field_logs"
 RUN = "00017-20261121T061405Z"  # a folder's name
 BEGAN_WALL_S = 1_800_000_000.0
 HEADER: Record = {
-    "record": "run", "t_s": 100.0, "t_wall": BEGAN_WALL_S, "schema": 2, "part": 1, "version": "9.9",
+    "record": "run", "t_s": 100.0, "t_wall": BEGAN_WALL_S, "schema": SCHEMA, "part": 1, "version": "9.9",
     "rover": "minirover", "algorithm": "forest-pledge", "seed": 7, "simulated": False, "dry_run": False,
     "config": {"vehicle": {"max_speed_m_s": 1.0}, "safety": {"tick_late_s": 0.2}},
 }  # fmt: skip
@@ -60,7 +59,7 @@ def write(run: Path, records: Iterable[Record | bytes], name: str = "run.jsonl")
     """Write records to the end of a log, bytes as they are; return the run's folder."""
     run.mkdir(parents=True, exist_ok=True)
     with (run / name).open("ab") as file:
-        file.writelines(each if isinstance(each, bytes) else orjson.dumps(each) + b"\n" for each in records)
+        file.writelines(each if isinstance(each, bytes) else sealed(each) + b"\n" for each in records)
     return run
 
 

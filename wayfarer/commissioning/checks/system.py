@@ -16,7 +16,7 @@ from wayfarer.commissioning.checks.api import Finding, HostEnvironment, Inspecti
 from wayfarer.config.log_settings import LogSettings
 from wayfarer.config.rover_file import RoverConfig, line_in, part_settings
 from wayfarer.errors import BadConfig
-from wayfarer.fieldlog.disk_space import free_mb
+from wayfarer.fieldlog.disk import free_mb
 from wayfarer.fieldlog.fields import CLOCK_SET_S
 from wayfarer.safety.supply import SLOWED_NOW, UNDER_VOLTAGE_NOW, UNDER_VOLTAGE_SINCE_BOOT
 

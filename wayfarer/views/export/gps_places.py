@@ -21,7 +21,7 @@ from wayfarer.fieldlog.dead_reckoning import ReckonedPose
 from wayfarer.fieldlog.fields import duration_text, safe_text
 from wayfarer.fieldlog.folders import run_title
 from wayfarer.fieldlog.reader import Damage, RunReader
-from wayfarer.fieldlog.run_events import AnomalyBegan, Ended, Marked, Noted
+from wayfarer.fieldlog.run_events import AnomalyBegan, Ended, Noted
 from wayfarer.fieldlog.run_fold import HELD, RunFold
 from wayfarer.fieldlog.typed import Fix, RunEvent, Tick
 from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS, CAUSE_TEXTS
@@ -115,7 +115,7 @@ def _happened(events: Sequence[RunEvent]) -> Iterator[PlacedEvent]:
         yield PlacedEvent("anomaly", ", ".join(begun), events[0].t_s, events[0].elapsed_s)
     for event in events:
         match event:
-            case Marked(record=record):
+            case Noted(name="mark", record=record):
                 yield PlacedEvent("mark", event_text(record), event.t_s, event.elapsed_s)
             case Noted(name="health", record={"level": str(level), **told}) if level in HELD:
                 cause = safe_text(told, "cause") or "unknown"

@@ -14,8 +14,9 @@ from typing import Any, BinaryIO
 import pyarrow as pa
 from pyarrow import parquet
 
+from wayfarer.fieldlog.kinds import KEYS
 from wayfarer.fieldlog.reader import Damage, RunReader
-from wayfarer.fieldlog.schema import ANY_NUMBER, KEYS, STAMP, TEXT, Values
+from wayfarer.fieldlog.schema import ANY_NUMBER, STAMP, TEXT, Values
 from wayfarer.views.export.tables import COLUMNS, PART_COLUMNS, cell, further_columns, table_rows
 
 BLOCK_ROWS = 10_000  # that are in memory at once: 500 s of ticks at 20 Hz

@@ -14,11 +14,12 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, TextIO
 
+from wayfarer.fieldlog.kinds import KEYS, READINGS
 from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.run_events import Ended, FaultInjected, Noted
 from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.fieldlog.schema import KEYS, READINGS, Record, Values
+from wayfarer.fieldlog.schema import Record, Values
 from wayfarer.fieldlog.typed import Tick
 from wayfarer.fieldlog.wording import event_text, fault_text, outcome_text
 from wayfarer.views.export.spreadsheet import without_formulas

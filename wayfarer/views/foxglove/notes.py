@@ -8,7 +8,6 @@ from typing import NamedTuple
 from foxglove.messages import LogLevel
 
 from wayfarer.fieldlog.run_events import (
-    BY_NAME,
     AnomalyBegan,
     BoardFaults,
     Ended,
@@ -32,7 +31,7 @@ NAMES: Mapping[type[RunEvent], str] = {
     RunBegan: "run", AnomalyBegan: "anomaly", BoardFaults: "board", PowerChanged: "power", Gap: "gap",
     Silence: "silence", FaultInjected: "fault", Ended: "outcome",
 }  # fmt: skip
-KINDS = (*NAMES, Noted, *BY_NAME.values())  # what the panel tells; the other channels show the rest
+KINDS = (*NAMES, Noted)  # what the panel tells; the other channels show the rest
 
 
 class LogMessage(NamedTuple):

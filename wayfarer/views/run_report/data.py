@@ -16,7 +16,7 @@ from wayfarer.escape.api import Phase
 from wayfarer.fieldlog.episodes import Episode
 from wayfarer.fieldlog.fields import number, setting
 from wayfarer.fieldlog.reader import Damage
-from wayfarer.fieldlog.run_events import AnomalyBegan, Armed, GoalSet, Noted, Silence
+from wayfarer.fieldlog.run_events import AnomalyBegan, Noted, Silence
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.sensor_status import SensorStatus
 from wayfarer.fieldlog.typed import or_nan
@@ -77,7 +77,7 @@ class RunData:
         Of a log that begins after the first one, it is that of the first tick in which the rover does not halt: a
         disarmed rover halts, and its ticks have a goal that nobody gave.
         """
-        events = [event for event in self.events if isinstance(event, Armed | GoalSet)]
+        events = [event for event in self.events if isinstance(event, Noted) and event.name in {"armed", "goal"}]
         if events:
             told = ((event.elapsed_s, number(event.record, "goal_heading_deg")) for event in events)
             return [(t_s, goal_deg) for t_s, goal_deg in told if goal_deg is not None]

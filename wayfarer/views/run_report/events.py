@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from math import radians
 from typing import Any, NamedTuple
 
-from wayfarer.fieldlog.run_events import Marked, Noted, Silence
+from wayfarer.fieldlog.run_events import Noted, Silence
 from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS
 from wayfarer.fieldlog.wording import Tone, event_text, event_tone, silence_text
 from wayfarer.views import palette
@@ -57,10 +57,10 @@ def _anomalies(data: RunData) -> Iterator[EventMark]:
 
 def _events(data: RunData) -> Iterator[EventMark]:
     for event in data.events:
-        if isinstance(event, Marked):
-            yield EventMark(event.elapsed_s, "mark", event_words(event), "hex")
-        elif isinstance(event, Silence):
+        if isinstance(event, Silence):
             yield EventMark(event.began_s, "trouble", event_words(event))
+        elif event.name == "mark":
+            yield EventMark(event.elapsed_s, "mark", event_words(event), "hex")
         else:
             by_hand = event_tone(event.record) is Tone.PERSON
             layer = "trouble" if is_trouble(event) else "person" if by_hand else "other"
@@ -71,7 +71,7 @@ def event_words(event: Noted | Silence) -> str:
     """Return an event in words; a person's mark with its number."""
     if isinstance(event, Silence):
         return silence_text(event)
-    if isinstance(event, Marked):
+    if event.name == "mark":
         return f"mark {event.number}: {event.text}".rstrip(": ")
     return event_text(event.record)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.disk_space import MB
+from wayfarer.fieldlog.disk import MB
 from wayfarer.fieldlog.fields import began_wall_s, duration_text, local_time, number, safe_text, whole
 from wayfarer.fieldlog.folders import run_folders, run_number
 from wayfarer.fieldlog.header import Header

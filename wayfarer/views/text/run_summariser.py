@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from math import isnan
 
 from wayfarer.fieldlog.fields import began_wall_s
-from wayfarer.fieldlog.run_events import ClockStep, Marked
+from wayfarer.fieldlog.run_events import Noted
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.run_state import RunState
 from wayfarer.fieldlog.schema import Record
@@ -46,9 +46,9 @@ class RunSummariser:
             match event:
                 case Tick(period_s=period_s) if not isnan(period_s):
                     self._periods_s.append(period_s)
-                case Marked():
+                case Noted(name="mark"):
                     self._marks.append(Mark(event.elapsed_s, event.text))
-                case ClockStep():
+                case Noted(name="clock_step"):
                     self._clock_steps_s.append(event.by_s)
 
     def summary(self, state: RunState) -> RunSummary:

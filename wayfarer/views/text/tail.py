@@ -13,9 +13,10 @@ from typing import BinaryIO
 
 from wayfarer.errors import BadInput, NothingReadable
 from wayfarer.fieldlog.folders import newest_run
-from wayfarer.fieldlog.order import Order
-from wayfarer.fieldlog.reader import LINE_BYTES, first_record, log_segments, parse, refuse_newer
-from wayfarer.fieldlog.schema import Record, is_newer
+from wayfarer.fieldlog.kinds import is_newer
+from wayfarer.fieldlog.lines import LINE_BYTES, Numbers, parse
+from wayfarer.fieldlog.reader import first_record, log_segments, refuse_newer
+from wayfarer.fieldlog.schema import Record
 from wayfarer.files.regular_file import open_regular
 
 RECENT_BYTES = 65_536  # where following begins: some seconds back, however long the run is
@@ -63,7 +64,7 @@ class RunTail:
         self.run = run
         self._file: BinaryIO | None = None
         self._rest = b""
-        self._order = Order()
+        self._numbers = Numbers()
 
     def take(self) -> Iterator[Record]:
         """Give what has come since the last call.
@@ -108,15 +109,7 @@ class RunTail:
             yield first_record(self.run)
 
     def _read(self, file: BinaryIO) -> Iterator[Record]:
-        """Give what has come, in order from the first call to the last."""
-        dropped, given = self._order.dropped, False
-        for record in self._order.all_of(self._parsed(file)):
-            given = True
-            yield record
-        if self._order.dropped > dropped and not given:  # the time of the one before was wrong, not all of theirs
-            self._order.forget_times()
-
-    def _parsed(self, file: BinaryIO) -> Iterator[Record]:
+        """Give what has come, each number once."""
         while chunk := file.read(CHUNK_BYTES):
             *lines, self._rest = (self._rest + chunk).split(b"\n")
             if len(self._rest) > LINE_BYTES:
@@ -126,7 +119,7 @@ class RunTail:
                 if isinstance(record, dict):
                     if is_newer(record):
                         refuse_newer(record, self.run, self._segments())
-                    else:
+                    elif self._numbers.go_on(record):
                         yield record
 
     def _next_segment(self, file: BinaryIO) -> Path | None:

@@ -1,11 +1,15 @@
-"""Reports disk errors of the log to the operator: once at the beginning with advice, once at the end."""
+"""The disk of a log: its free space, and its trouble, told to the person once with advice and once when it is over."""
 
 from __future__ import annotations
 
 import errno
 import os
+import shutil
 from collections.abc import Callable
+from pathlib import Path
 
+MB = 1_000_000  # bytes
+DRIVES_ON = "; the rover drives on"  # ends what is told of trouble while a run goes on
 ADVICE = {
     errno.ENOSPC: "delete old runs",
     errno.EDQUOT: "delete old runs, or ask for a larger quota",
@@ -19,7 +23,13 @@ ADVICE = {
 }
 
 
-DRIVES_ON = "; the rover drives on"  # ends what is told of trouble while a run goes on
+def free_mb(folder: Path) -> float:
+    """Return how much may still be written to the disk of a folder.
+
+    Raises:
+        OSError: there is no such folder, or its disk does not answer.
+    """
+    return shutil.disk_usage(folder).free / MB
 
 
 def error_advice(error: OSError) -> str:
@@ -32,8 +42,8 @@ def error_advice(error: OSError) -> str:
     return f"{error.strerror}: {advice}"
 
 
-class DiskErrorReporter:
-    """Reports each kind of disk error once, until all sources of errors work again.
+class DiskTrouble:
+    """What is wrong at present, by who found it; each text is told once, until all is well again.
 
     Args:
         tell: takes a line for the person; must not wait.
@@ -42,31 +52,26 @@ class DiskErrorReporter:
     def __init__(self, tell: Callable[[str], None]) -> None:
         self._tell = tell
         self._told: set[str] = set()
-        self._open: dict[str, str] = {}
+        self._present: dict[str, str] = {}
         self._dropped_before = 0
 
     @property
     def now(self) -> str | None:
         """What the trouble is at present, None where there is none; from any thread."""
-        texts = list(self._open.values())
+        texts = list(self._present.values())
         return texts[0].removesuffix(DRIVES_ON) if texts else None
 
     def begins(self, source: str, text: str) -> None:
         """Tell what the trouble is."""
-        self._open[source] = text
+        self._present[source] = text
         if text not in self._told:
             self._told.add(text)
             self._tell(text)
 
     def ends(self, source: str, dropped: int) -> None:
-        """Take note that all is well with a source, and tell if that was the last trouble.
-
-        Args:
-            source: as it was named to ``begins``.
-            dropped: how many lines the log has lost so far.
-        """
-        self._open.pop(source, None)
-        if self._open:
+        """Take note that a source is well again; ``dropped`` is how many lines the log has lost so far."""
+        self._present.pop(source, None)
+        if self._present:
             return
         if self._told:
             self._told.clear()

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from wayfarer.fieldlog.disk_errors import DiskErrorReporter
+from wayfarer.fieldlog.disk import DiskTrouble
 
 
 def test_present_trouble_is_known_until_it_is_over() -> None:
-    trouble = DiskErrorReporter(lambda _: None)
+    trouble = DiskTrouble(lambda _: None)
     assert trouble.now is None
     trouble.begins("disk", "the disk is full; the rover drives on")
     trouble.begins("queue", "the disk does not answer")
@@ -19,7 +19,7 @@ def test_present_trouble_is_known_until_it_is_over() -> None:
 
 def test_each_kind_of_trouble_is_told_once_until_all_of_it_is_over() -> None:
     told: list[str] = []
-    trouble = DiskErrorReporter(told.append)
+    trouble = DiskTrouble(told.append)
     trouble.ends("disk", 3)
     for _ in range(3):
         trouble.begins("queue", "the disk does not answer")

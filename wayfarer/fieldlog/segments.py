@@ -1,4 +1,4 @@
-"""Log rotation: full files get a number, and the oldest are deleted when there are too many.
+"""The files of a log, its segments: lines go in whole or not at all, full files get a number, the oldest are deleted.
 
 The newest is always ``run.jsonl``, so that ``tail -F`` follows. It becomes ``run.00001.jsonl`` and so on, by the number
 that its header gives; the next begins with the header again, so that each can be read alone.
@@ -6,18 +6,86 @@ that its header gives; the next begins with the header again, so that each can b
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import errno
+import os
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import orjson
 
 from wayfarer.config.log_settings import LogSettings
-from wayfarer.fieldlog.disk_space import MB
+from wayfarer.fieldlog.disk import MB
 from wayfarer.fieldlog.folders import FILE_NAME, older_segments, segment_path
-from wayfarer.fieldlog.segment import Segment
+from wayfarer.fieldlog.lines import sealed_at
 from wayfarer.files.atomic_file import sync_folder
+
+# Appending: whatever else happens to the file, a line never lands in the middle of it.
+FLAGS = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC
+
+
+class Segment:
+    """Makes a new file that begins with a header, and appends to it; what fails raises ``OSError``.
+
+    ``lines`` and ``size`` count the whole lines in it and their bytes, the header's included. Once it is no longer
+    ``fit``, it cannot be trusted with more lines: a write or its repair failed, or the file is not where it was made.
+
+    Raises:
+        OSError: it cannot be made, or exists; nothing is left of it then.
+    """
+
+    def __init__(self, path: Path, header: bytes) -> None:
+        self._path = path
+        self.lines = self.size = 0
+        self.fit = True
+        self._file = os.open(path, FLAGS, 0o644)
+        try:
+            self.append([header])
+            self.sync()
+        except OSError:
+            self.close()
+            with suppress(OSError):
+                path.unlink()
+            raise
+        sync_folder(path.parent)
+
+    def append(self, lines: Iterable[bytes]) -> None:
+        """Append lines, each without its end. Where this fails, those that went in whole stay."""
+        data, done = b"".join(line + b"\n" for line in lines), 0
+        try:
+            while done < len(data):
+                done += os.write(self._file, memoryview(data)[done:])
+        finally:
+            whole = data.rfind(b"\n", 0, done) + 1
+            self.size += whole
+            self.lines += data.count(b"\n", 0, whole)
+            if whole < done:
+                self._cut()
+
+    def sync(self) -> None:
+        """Return when all is on the disk, and the file at its path is still this one, unchanged by other programs."""
+        try:
+            os.fdatasync(self._file)
+            ours, there = os.fstat(self._file), self._path.stat()
+            if not os.path.samestat(ours, there) or there.st_size != self.size:
+                raise OSError(errno.ESTALE, "File was changed by another program")
+        except OSError:
+            self.fit = False
+            raise
+
+    def close(self) -> None:
+        """Close the file; safe twice."""
+        file, self._file = self._file, -1
+        if file >= 0:
+            with suppress(OSError):
+                os.close(file)
+
+    def _cut(self) -> None:
+        """Take away the beginning of a line that did not go in whole."""
+        try:
+            os.ftruncate(self._file, self.size)
+        except OSError:
+            self.fit = False
 
 
 class SegmentRotation:
@@ -54,7 +122,7 @@ class SegmentRotation:
             OSError: the next segment cannot be made.
         """
         try:
-            self._put_away()
+            self._archive()
         except OSError:
             self._full_bytes += self._segment_bytes
         else:
@@ -68,9 +136,11 @@ class SegmentRotation:
         """
         self.close()
         self._folder.mkdir(parents=True, exist_ok=True)
-        self._put_away()
-        segment = self._make(self._number + 1, at(line, orjson.loads(self._header(self._number + 1))))
-        self._forget_oldest()
+        self._archive()
+        header = orjson.loads(self._header(self._number + 1))
+        del header["crc"]  # another time needs another
+        segment = self._make(self._number + 1, sealed_at(line, header))
+        self._delete_oldest()
         return segment
 
     def close(self) -> None:
@@ -86,7 +156,7 @@ class SegmentRotation:
         self._full_bytes = self._segment_bytes
         return self.newest
 
-    def _put_away(self) -> None:
+    def _archive(self) -> None:
         """Make room for a new segment: the old one gets its number as a name, unless there is nothing in it."""
         newest = self._folder / FILE_NAME
         if not newest.exists():
@@ -99,7 +169,7 @@ class SegmentRotation:
             self._number += 1
         newest.rename(segment_path(self._folder, self._number))
 
-    def _forget_oldest(self) -> None:
+    def _delete_oldest(self) -> None:
         """Delete the oldest segments but the first, until the run and another full segment fit into its limit."""
         with suppress(OSError):
             sizes = {path: path.stat().st_size for path in older_segments(self._folder)}
@@ -108,9 +178,3 @@ class SegmentRotation:
                     break
                 path.unlink()
                 del sizes[path]
-
-
-def at(line: bytes, record: dict[str, Any]) -> bytes:
-    """Return a record at the time of the line that it stands before."""
-    times = orjson.loads(line)
-    return orjson.dumps({**record, "t_s": times.get("t_s"), "t_wall": times.get("t_wall")})
