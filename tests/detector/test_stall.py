@@ -58,19 +58,19 @@ def test_body_that_something_threw_back_a_moment_ago_is_not_stalled(wheels: Whee
     rover.drive(3, WheelCommand(-wheels.left, -wheels.right))
     rover.drive(1, WheelCommand(-wheels.left, -wheels.right), moved_m=-way * 0.6 * TICK_S)
     for tick in range(40):
-        speed_m_s = SETTINGS.acceleration_m_s2 * (tick + 0.5) * TICK_S - 0.6
+        speed_m_s = SETTINGS.gain_m_s2 * (tick + 0.5) * TICK_S - 0.6
         assert rover.tick(wheels, way * speed_m_s * TICK_S).anomalies == ()
 
 
 @given(
-    acceleration_m_s2=st.floats(0.5, 8.0),
+    gain_m_s2=st.floats(0.5, 8.0),
     from_m_s=st.floats(-1.0, 1.0),
     cruise_m_s=st.floats(0.15, 1.0),
     backwards=st.booleans(),
     seed=st.integers(0, 1000),
 )
 def test_healthy_body_on_any_ground_is_never_stalled(
-    acceleration_m_s2: float, from_m_s: float, cruise_m_s: float, backwards: bool, seed: int
+    gain_m_s2: float, from_m_s: float, cruise_m_s: float, backwards: bool, seed: int
 ) -> None:
     """From any speed either way, with the sensor's noise: it gains speed as the ground's grip allows."""
     rover, rng, speed_m_s = started(), Random(seed), from_m_s
@@ -78,7 +78,7 @@ def test_healthy_body_on_any_ground_is_never_stalled(
     for _ in range(4):
         rover.tick(STOP, way * speed_m_s * dt_s, dt_s=dt_s)
     for n in range(50):
-        then_m_s, speed_m_s = speed_m_s, min(cruise_m_s, speed_m_s + acceleration_m_s2 * dt_s)
+        then_m_s, speed_m_s = speed_m_s, min(cruise_m_s, speed_m_s + gain_m_s2 * dt_s)
         seen_m = way * (then_m_s + speed_m_s) / 2 * dt_s * rng.gauss(1.0, 0.03) + rng.gauss(0.0, 0.0004)
         wheels = WheelCommand(way * cruise_m_s, way * cruise_m_s)
         assert rover.tick(wheels, seen_m, dt_s=dt_s, heading_deg=n % 2).anomalies == ()

@@ -50,7 +50,7 @@ CALIBRATION = {
         "t_wall": 1.8e9, "date": "2026-11-21", "part": "ThunderBorg", "ground": "short grass", "duty_max": 1.0,
         "clockwise": {"stood_at_duty": 0.25, "from_duty": 0.3, "deg_s_per_duty": 250.0},
         "anticlockwise": None, "arc": None,
-        "speed": {"speed_m_s": 0.4, "takes_s": 0.4, "acceleration_m_s2": 1.0},
+        "speed": {"speed_m_s": 0.4, "takes_s": 0.4, "gain_m_s2": 1.0},
     },
 }  # fmt: skip
 

@@ -100,13 +100,13 @@ class TurnResponse:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpeedGain:
-    """How a body gained speed ahead: up to ``speed_m_s`` in ``takes_s``, at this mean acceleration."""
+    """How a body gained speed ahead: up to ``speed_m_s`` in ``takes_s``, at ``gain_m_s2`` on average."""
 
     __pydantic_config__: ClassVar[ConfigDict] = _STRICT
 
     speed_m_s: Positive
     takes_s: Positive
-    acceleration_m_s2: Positive
+    gain_m_s2: Positive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

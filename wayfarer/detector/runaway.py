@@ -18,7 +18,7 @@ ROLLS_FROM_DEG: Final = 4.0
 class RunawayMonitor:
     """Finds motion without a command, in one direction; ``found`` says whether it has lasted long enough.
 
-    A body that coasts loses speed, at least ``acceleration_m_s2`` on the most slippery ground. While it does, it is
+    A body that coasts loses speed, at least ``gain_m_s2`` on the most slippery ground. While it does, it is
     not running away. This monitor does not know whether the rover is armed; a person may push one that is not, so
     the controller ignores the finding then.
 
@@ -31,7 +31,7 @@ class RunawayMonitor:
         self._after_s = settings.runaway_after_s - ROUNDING_S
         self._for_s = settings.runaway_for_s - ROUNDING_S
         self._from_m_s = settings.runaway_from_m_s
-        self._loss_m_s2 = settings.acceleration_m_s2
+        self._loss_m_s2 = settings.gain_m_s2
         self._coasting: deque[tuple[float, float]] = deque()  # how long zero had been commanded, and the speed
         self._moving_s = 0.0
         self._way = 0.0
@@ -69,7 +69,7 @@ class RunawayMonitor:
         return abs(self.pitch_deg) >= ROLLS_FROM_DEG and speed_m_s * self.pitch_deg < 0.0
 
     def _slows_down(self, stood_s: float, speed_m_s: float) -> bool:
-        """Return whether the speed has fallen by at least ``acceleration_m_s2``, measured over ``runaway_for_s``."""
+        """Return whether the speed has fallen by at least ``gain_m_s2``, measured over ``runaway_for_s``."""
         speeds = self._coasting
         speeds.append((stood_s, speed_m_s))
         while len(speeds) > 1 and stood_s - speeds[1][0] >= self._for_s:

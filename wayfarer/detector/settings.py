@@ -32,7 +32,7 @@ class DetectorSettings:
     nowhere_s: Seconds = 2.0
     # How fast this body gains or loses speed on the most slippery ground that it meets: a friction of 0.05, half of
     # that of mud; from no measurement. It limits what a body that starts, coasts or turns can do.
-    acceleration_m_s2: Annotated[float, Interval(gt=0, le=20)] = 0.5
+    gain_m_s2: Annotated[float, Interval(gt=0, le=20)] = 0.5
 
     # -- tilt -------------------------------------------------------------------------------------------------------
     # Counted from the ground. The released field code stops beyond 15 degrees of pitch; this limit is for both axes and
@@ -86,7 +86,7 @@ class DetectorSettings:
 
     # -- runaway ----------------------------------------------------------------------------------------------------
     # It moves at this speed for this time, counted from this time after the last command to move: together the 0.5 s of
-    # fault 30. Before that it may coast; later too, as long as it loses acceleration_m_s2 or more of its speed.
+    # fault 30. Before that it may coast; later too, as long as it loses gain_m_s2 or more of its speed.
     runaway_after_s: Seconds = 0.3
     runaway_for_s: Seconds = 0.2
     runaway_from_m_s: MetresPerSecond = 0.1

@@ -1,6 +1,6 @@
 """Detects that the rover is stuck (a *stall*): wheels driven without motion, or without progress.
 
-A body gains speed no faster than the ground's grip allows, ``acceleration_m_s2`` at the least, so what it moved is
+A body gains speed no faster than the ground's grip allows, ``gain_m_s2`` at the least, so what it moved is
 compared with what it *could* have moved, not with what was commanded:
 
 * **It stands**: over ``immobilised_s`` it moved by less than a share of what was possible from the speed that it had
@@ -73,7 +73,7 @@ class StallMonitor:
         self._nowhere_s = max(settings.nowhere_s - ROUNDING_S, self._stands_s)
         self._share = settings.immobilised_below
         self._from_m_s = settings.immobilised_from_m_s
-        self._acceleration_m_s2 = settings.acceleration_m_s2
+        self._gain_m_s2 = settings.gain_m_s2
         self._intervals: deque[DrivingInterval] = deque()
         self._ahead = True
         self.clear()
@@ -120,7 +120,7 @@ class StallMonitor:
             commanded_m, before_m_s, moved_m = -commanded_m, -before_m_s, None if moved_m is None else -moved_m
         if not self._intervals:
             self._possible_m_s = before_m_s
-        gained_m_s = self._acceleration_m_s2 * straight * driven_s
+        gained_m_s = self._gain_m_s2 * straight * driven_s
         possible_m, self._possible_m_s = _possible(self._possible_m_s, driven_s, commanded_m, gained_m_s)
         self._intervals.append(
             DrivingInterval(driven_s, commanded_m, moved_m, slid_m, turned_deg, gained_m_s, possible_m, before_m_s)

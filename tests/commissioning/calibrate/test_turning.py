@@ -67,7 +67,7 @@ def test_speed_is_gained_in_the_time_of_the_motors(rig: Rig) -> None:
     # A first-order lag of 0.1 s is behind by 0.1 s, as is a body that gains its speed evenly in 0.2 s; the gate takes
     # two ticks to let the duty grow, so it is behind by about one more, and a world's step is as long as a tick.
     assert entry.speed.takes_s == pytest.approx(0.2 + 0.1, abs=0.1)
-    assert entry.speed.acceleration_m_s2 == pytest.approx(entry.speed.speed_m_s / entry.speed.takes_s)
+    assert entry.speed.gain_m_s2 == pytest.approx(entry.speed.speed_m_s / entry.speed.takes_s)
 
 
 def test_motion_sensor_is_scaled_as_calibrated_if_it_is_the_same(tmp_path: Path) -> None:
@@ -228,13 +228,13 @@ def test_cancelled_calibration_stops_the_motors(rig: Rig, after_s: float) -> Non
 # -- the lines -----------------------------------------------------------------------------------------------------
 
 
-def drive(rate_deg_s: float, acceleration_m_s2: float = 1.0, top_m_s: float = 1.0, for_s: float = 3.0) -> list[Sample]:
+def drive(rate_deg_s: float, gain_m_s2: float = 1.0, top_m_s: float = 1.0, for_s: float = 3.0) -> list[Sample]:
     """Samples of an even turn, and of an even gain of speed up to a top speed, from the first command on."""
     samples = []
     for tick in range(1, round(for_s * RATE_HZ) + 1):
         t_s = tick / RATE_HZ
-        gains_s = min(t_s, top_m_s / acceleration_m_s2)
-        ahead_m = acceleration_m_s2 * gains_s**2 / 2.0 + top_m_s * (t_s - gains_s)
+        gains_s = min(t_s, top_m_s / gain_m_s2)
+        ahead_m = gain_m_s2 * gains_s**2 / 2.0 + top_m_s * (t_s - gains_s)
         samples.append(Sample(100.0 + t_s, rate_deg_s * t_s, ahead_m, seen=True))
     return samples
 
@@ -278,7 +278,7 @@ def test_even_gain_of_speed_is_found_even_where_the_top_is_not_reached(gain: flo
         assert found.takes_s == pytest.approx(max(top / gain, 1.0 / RATE_HZ), rel=0.01)
     elif top / gain >= 3.0:
         assert found is not None
-        assert found.acceleration_m_s2 == pytest.approx(gain, rel=0.05)
+        assert found.gain_m_s2 == pytest.approx(gain, rel=0.05)
 
 
 def test_no_gain_is_found_where_the_ground_was_not_seen_or_did_not_move() -> None:

@@ -65,4 +65,4 @@ def test_body_whose_motors_cannot_overcome_the_moment_of_friction_is_found_out(t
 def test_gain_of_speed_on_spinning_wheels_is_what_the_ground_holds(tmp_path: Path) -> None:
     entry = measured(tmp_path, 0.05)
     assert entry.speed is not None
-    assert entry.speed.acceleration_m_s2 == pytest.approx(0.05 * STANDARD_GRAVITY_M_S2, rel=0.15)
+    assert entry.speed.gain_m_s2 == pytest.approx(0.05 * STANDARD_GRAVITY_M_S2, rel=0.15)

@@ -79,4 +79,4 @@ def speed_gain(samples: Sequence[Sample], commanded_m_s: float) -> SpeedGain | N
     tick_s = samples[1].t_s - samples[0].t_s
     driven_s = end_s - samples[0].t_s + tick_s
     takes_s = max(2.0 * (driven_s - ahead_m / speed_m_s), tick_s)  # ticks tell no shorter time
-    return SpeedGain(speed_m_s=speed_m_s, takes_s=takes_s, acceleration_m_s2=speed_m_s / takes_s)
+    return SpeedGain(speed_m_s=speed_m_s, takes_s=takes_s, gain_m_s2=speed_m_s / takes_s)

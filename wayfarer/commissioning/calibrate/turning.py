@@ -141,7 +141,7 @@ def table(entry: TurningEntry, config: RoverConfig) -> Iterator[str]:
     yield "Turn duty: half the difference of the two sides. It turns from where the line through its rates begins."
     if entry.speed is not None:
         speed = entry.speed
-        yield f"Ahead it gains {speed.speed_m_s:.2f} m/s in {speed.takes_s:.2f} s: {speed.acceleration_m_s2:.2f} m/s2."
+        yield f"Ahead it gains {speed.speed_m_s:.2f} m/s in {speed.takes_s:.2f} s: {speed.gain_m_s2:.2f} m/s2."
     else:
         yield "Gaining speed was not measured: the motion sensor is not there, or it hardly saw the rover move."
     yield from _advice(entry, config)
