@@ -25,7 +25,6 @@ from wayfarer.experiments.run_campaign import ComputeCost
 from wayfarer.experiments.statistics import AlgorithmSummary, Estimate
 from wayfarer.fault_scenarios.detector_score import Score
 from wayfarer.fault_scenarios.detector_trials import DetectorCase
-from wayfarer.fault_scenarios.random_runs import RandomTrial
 from wayfarer.fault_scenarios.result import Result
 from wayfarer.fault_scenarios.survival import MissionLine
 from wayfarer.fieldlog.reader import Damage
@@ -45,7 +44,7 @@ CLASSES: dict[type, set[str]] = {
     RunRow: set(), RunSummary: set(), LowBattery: set(), PeriodPercentiles: set(), Mark: set(), LastPosition: set(),
     RangeBearing: set(), Fix: set(), Damage: set(), Replay: {"run"}, DecisionDifference: set(),
     AlgorithmSummary: set(), ComputeCost: {"cpu_us_per_tick"}, Comparison: set(), Difference: set(), Estimate: set(),
-    TrialRow: set(), Result: {"passed"}, RandomTrial: set(), MissionLine: set(), Finding: set(), Described: set(),
+    TrialRow: set(), Result: {"passed"}, MissionLine: set(), Finding: set(), Described: set(),
 }  # fmt: skip
 
 
@@ -175,7 +174,6 @@ def test_faults(says: Any) -> None:
     assert [each["passed"] for each in results] == [True, False], "the second is skipped"
     struck = says("faults --missions", "faults", "--missions", 1, "--only", "flipped,sigkill", "--rover", "sim")
     assert [each["lasts_s"] for each in struck["missions"]] == [None, 10.0]
-    assert [each["seed"] for each in says("faults --trials", "faults", "--trials", 1, "--jobs", 1)["trials"]] == [0]
 
 
 @pytest.mark.long

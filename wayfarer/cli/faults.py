@@ -11,7 +11,7 @@ import typer
 from wayfarer.cli import completion
 from wayfarer.cli.extras import require
 from wayfarer.cli.options import AsJson, examples, refuse
-from wayfarer.cli.trial_options import DepthName, Jobs, PhysicsName
+from wayfarer.cli.trial_options import Jobs, PhysicsName
 from wayfarer.errors import BadInput, MissingPackage
 
 if TYPE_CHECKING:
@@ -23,12 +23,10 @@ EXAMPLES = examples(
     "wayfarer faults --only compass-nack,board-fault --out results",
     "wayfarer faults --scenario my-fault.toml",
     "wayfarer faults --missions 100 --out survival",
-    "wayfarer faults --trials 1000 --rover forestrover",
     "wayfarer faults --detector --trials 100",
     "wayfarer faults --detector --physics mujoco --friction 0.3 --trials 10",
 )
 MISSIONS = "Missions"
-BY_CHANCE = "Random faults"
 DETECTOR = "The detector"
 
 Only = Annotated[
@@ -68,26 +66,11 @@ Missions = Annotated[
 Trials = Annotated[
     int | None,
     typer.Option(
-        min=1,
-        max=1_000_000,
-        metavar="N",
-        help="Run this many trials with random faults and commands, and check the safety rules.",
-        rich_help_panel=BY_CHANCE,
+        min=1, max=1_000_000, metavar="N", help="Trials of each case. (default: 50)", rich_help_panel=DETECTOR
     ),
 ]
 Seed = Annotated[
-    int | None,
-    typer.Option(
-        min=0,
-        metavar="N",
-        help="Random seed: of the first of --trials, each further one uses the next number; or of all --missions.",
-    ),
-]
-RandomDepthOption = Annotated[
-    DepthName | None,
-    typer.Option(
-        help="device: simulated parts; bus: the real drivers over simulated chips.", rich_help_panel=BY_CHANCE
-    ),
+    int | None, typer.Option(min=0, metavar="N", help="Random seed of --missions.", rich_help_panel=MISSIONS)
 ]
 MeasureDetector = Annotated[
     bool,
@@ -133,7 +116,6 @@ def faults(
     missions: Missions = None,
     trials: Trials = None,
     seed: Seed = None,
-    depth: RandomDepthOption = None,
     detector: MeasureDetector = False,
     physics: PhysicsOption = None,
     friction: Friction = None,
@@ -142,17 +124,16 @@ def faults(
 ) -> None:
     """Inject each fault of the catalogue into a simulated rover, and check its response against a time bound."""
     of_catalogue: dict[str, object] = {"--only": only, "--scenario": scenario, "--list": show or None}
-    of_chance: dict[str, object] = {"--seed": seed, "--depth": depth}
     in_mujoco: dict[str, object] = {"--friction": friction, "--torque-scale": torque_scale}
     if missions is not None:
-        of_others = {"--trials": trials, "--detector": detector or None, "--list": show or None, "--depth": depth}
+        of_others = {"--detector": detector or None, "--list": show or None}
         _refuse(of_others, "--missions has its own trials; leave out {}")
-    elif detector:
-        _refuse(of_catalogue | of_chance, "--detector uses its own trials; leave out {}")
-    elif trials is not None:
-        _refuse(of_catalogue, "--trials draws its own faults; leave out {}")
     else:
-        _refuse(of_chance, "{} is for random faults; say how many trials with --trials N")
+        _refuse({"--seed": seed}, "{} is of --missions; add that, or leave it out")
+    if detector:
+        _refuse(of_catalogue, "--detector uses its own trials; leave out {}")
+    else:
+        _refuse({"--trials": trials}, "{} needs --detector; add that, or leave it out")
     if not detector:
         _refuse({"--physics": physics} | in_mujoco, "{} needs --detector; add that, or leave it out")
     if physics != "mujoco":
@@ -163,12 +144,6 @@ def faults(
 
         cells = _cells(rover or "sim", physics, friction, torque_scale or 1.0)
         raise typer.Exit(run_detector(rover, trials, jobs, out, cells, as_json=as_json))
-    if trials is not None:
-        from wayfarer.fault_scenarios.random_runs import run_random
-        from wayfarer.simhal.build_rover import Depth
-
-        at = None if depth is None else Depth(depth)
-        raise typer.Exit(run_random(trials, rover, at, seed or 0, jobs, out, as_json=as_json))
     if missions is not None:
         raise typer.Exit(_missions(missions, only, rover, scenario, out, jobs, seed or 0, as_json=as_json))
     raise typer.Exit(_run(only, rover, scenario, out, jobs, show=show, as_json=as_json))
