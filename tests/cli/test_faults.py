@@ -16,7 +16,6 @@ from tests.conftest import Run, refusal
 from tests.fault_scenarios import kinds_page
 from tests.system.hil_setup import wait_for
 from wayfarer import cli
-from wayfarer.fault_scenarios import detector_trials
 from wayfarer.fault_scenarios.catalogue.covered_by_tests import COVERED_BY_TESTS
 from wayfarer.fault_scenarios.runner import RunResult, run_scenario
 from wayfarer.fault_scenarios.scenario import Scenario
@@ -271,22 +270,3 @@ def test_pages_scenario_runs_and_prints_what_the_page_shows(
     assert cli.run(["faults", "--scenario", str(path), "--jobs", "1"]) == 0
     shown = PAGE.partition("$ wayfarer faults --scenario my-faults.toml --out res\n")[2].partition("\n```")[0]
     assert [line.rstrip() for line in capsys.readouterr().out.splitlines()] == shown.splitlines()
-
-
-def test_detector_is_measured_and_kept(tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(detector_trials, "CELLS", detector_trials.CELLS[::4])  # one of each source of anomalies
-    out = tmp_path / "detector"
-    code, said, _ = run("faults", "--detector", "--trials", "1", "--jobs", "1", "--out", out)
-    assert code == 0
-    assert re.search(r"^immobilised +2 +1x ", said, re.MULTILINE)
-    rows = json.loads((out / "detector.json").read_text(encoding="utf-8"))
-    assert {row["anomaly"] for row in rows} == {
-        "immobilised",
-        "nose_up",
-        "nose_down",
-        "right_down",
-        "left_down",
-        "touched",
-    }
-    assert all(row["found"] <= row["episodes"] and row["right"] <= row["claims"] for row in rows)
-    assert sum(row["found"] for row in rows if row["anomaly"] == "immobilised") > 5

@@ -175,7 +175,9 @@ def going_wrong(*targets: str) -> Any:
     """A rule: any kind of fault at one of these; a bug that ends the run comes more seldom."""
 
     @precondition(lambda self: self.daemon.running)
-    @rule(fault=st.one_of(faults(place, NOW_S) for place in PLACES if place.target in targets), sure=st.integers(0, 4))
+    @rule(
+        fault=st.one_of([faults(place, NOW_S) for place in PLACES if place.target in targets]), sure=st.integers(0, 4)
+    )
     def something_goes_wrong(self: DaemonMachine, fault: Fault, sure: int) -> None:
         if (fault.kind, fault.target) in self.daemon.places and (fault.kind != "task_crash" or sure == 0):
             self.daemon.begin(fault)
@@ -238,7 +240,7 @@ class DaemonMachine(RuleBasedStateMachine):
 
     @precondition(lambda self: self.daemon.running)
     @rule(
-        fault=st.one_of(faults(FaultTarget(kind, "motors"), NOW_S) for kind in HEALS),
+        fault=st.one_of([faults(FaultTarget(kind, "motors"), NOW_S) for kind in HEALS]),
         for_s=st.floats(0.05, 3.0),
         then_s=st.floats(0.0, 8.0),
     )

@@ -73,10 +73,11 @@ def params(place: FaultTarget) -> st.SearchStrategy[Any]:
     kind, hints = KINDS[place.kind].params, _hints(place)
     if hints.pop("of", None) is None:
         return st.builds(kind, **{name: _values(name, hint, inf) for name, hint in hints.items()})
-    return st.one_of(
+    of_each_number = [
         st.builds(kind, of=st.just(number), **{name: _values(name, hint, span) for name, hint in hints.items()})
         for number, span in NUMBERS[place.target].items()
-    )
+    ]
+    return st.one_of(of_each_number)
 
 
 def _values(name: str, hint: Any, span: float) -> st.SearchStrategy[Any]:
@@ -86,7 +87,7 @@ def _values(name: str, hint: Any, span: float) -> st.SearchStrategy[Any]:
     low = limits.gt if limits.ge is None else limits.ge
     high = span if limits.le is None else limits.le
     if int in get_args(hint):
-        return st.integers(low, high)
+        return st.integers(low, round(high))
     return st.floats(low, min(high, LONGEST_S) if name.endswith("_s") else high, exclude_min=limits.ge is None)
 
 

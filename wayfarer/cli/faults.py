@@ -1,21 +1,17 @@
-"""``wayfarer faults``: fault injection in virtual time, and the measurement of the anomaly detector."""
+"""``wayfarer faults``: fault injection in virtual time."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from wayfarer.cli import completion
 from wayfarer.cli.extras import require
 from wayfarer.cli.options import AsJson, examples, refuse
-from wayfarer.cli.trial_options import Jobs, PhysicsName
+from wayfarer.cli.trial_options import Jobs
 from wayfarer.errors import BadInput, MissingPackage
-
-if TYPE_CHECKING:
-    from wayfarer.fault_scenarios.detector_trials import DetectorCase
 
 EXAMPLES = examples(
     "wayfarer faults",
@@ -23,11 +19,8 @@ EXAMPLES = examples(
     "wayfarer faults --only compass-nack,board-fault --out results",
     "wayfarer faults --scenario my-fault.toml",
     "wayfarer faults --missions 100 --out survival",
-    "wayfarer faults --detector --trials 100",
-    "wayfarer faults --detector --physics mujoco --friction 0.3 --trials 10",
 )
 MISSIONS = "Missions"
-DETECTOR = "The detector"
 
 Only = Annotated[
     str | None,
@@ -63,45 +56,8 @@ Missions = Annotated[
         rich_help_panel=MISSIONS,
     ),
 ]
-Trials = Annotated[
-    int | None,
-    typer.Option(
-        min=1, max=1_000_000, metavar="N", help="Trials of each case. (default: 50)", rich_help_panel=DETECTOR
-    ),
-]
 Seed = Annotated[
     int | None, typer.Option(min=0, metavar="N", help="Random seed of --missions.", rich_help_panel=MISSIONS)
-]
-MeasureDetector = Annotated[
-    bool,
-    typer.Option(
-        "--detector",
-        help="Measure precision, recall and delay of each anomaly instead; --trials of each case (50).",
-        rich_help_panel=DETECTOR,
-    ),
-]
-PhysicsOption = Annotated[
-    PhysicsName | None, typer.Option(help="Physics while the detector is measured.", rich_help_panel=DETECTOR)
-]
-Friction = Annotated[
-    float | None,
-    typer.Option(
-        min=0.02,
-        max=2.0,
-        metavar="MU",
-        help="Friction of tyres on ground and bark in MuJoCo. (default: 0.1, 0.15, 0.3, 0.5 and 0.8 in turn)",
-        rich_help_panel=DETECTOR,
-    ),
-]
-TorqueScale = Annotated[
-    float | None,
-    typer.Option(
-        min=0.1,
-        max=20.0,
-        metavar="X",
-        help="Stall torque divided by the rover file's chassis.motors_n_m, in MuJoCo. (default: 1)",
-        rich_help_panel=DETECTOR,
-    ),
 ]
 
 
@@ -114,60 +70,18 @@ def faults(
     show: Show = False,
     jobs: Jobs = None,
     missions: Missions = None,
-    trials: Trials = None,
     seed: Seed = None,
-    detector: MeasureDetector = False,
-    physics: PhysicsOption = None,
-    friction: Friction = None,
-    torque_scale: TorqueScale = None,
     as_json: AsJson = False,
 ) -> None:
     """Inject each fault of the catalogue into a simulated rover, and check its response against a time bound."""
-    of_catalogue: dict[str, object] = {"--only": only, "--scenario": scenario, "--list": show or None}
-    in_mujoco: dict[str, object] = {"--friction": friction, "--torque-scale": torque_scale}
-    if missions is not None:
-        of_others = {"--detector": detector or None, "--list": show or None}
-        _refuse(of_others, "--missions has its own trials; leave out {}")
-    else:
-        _refuse({"--seed": seed}, "{} is of --missions; add that, or leave it out")
-    if detector:
-        _refuse(of_catalogue, "--detector uses its own trials; leave out {}")
-    else:
-        _refuse({"--trials": trials}, "{} needs --detector; add that, or leave it out")
-    if not detector:
-        _refuse({"--physics": physics} | in_mujoco, "{} needs --detector; add that, or leave it out")
-    if physics != "mujoco":
-        _refuse(in_mujoco, "{} applies only to MuJoCo; add --physics mujoco, or drop it")
+    refuse(
+        (missions is not None and show, "--missions has its own trials; leave out --list"),
+        (missions is None and seed is not None, "--seed is of --missions; add that, or leave it out"),
+    )
     require("simulating")
-    if detector:
-        from wayfarer.fault_scenarios.detector_table import run_detector
-
-        cells = _cells(rover or "sim", physics, friction, torque_scale or 1.0)
-        raise typer.Exit(run_detector(rover, trials, jobs, out, cells, as_json=as_json))
     if missions is not None:
         raise typer.Exit(_missions(missions, only, rover, scenario, out, jobs, seed or 0, as_json=as_json))
     raise typer.Exit(_run(only, rover, scenario, out, jobs, show=show, as_json=as_json))
-
-
-def _refuse(given: Mapping[str, object], why: str) -> None:
-    """Refuse options that mean nothing beside the others."""
-    refuse(*((value is not None, why.format(option)) for option, value in given.items()))
-
-
-def _cells(rover: str, physics: str | None, friction: float | None, torque_scale: float) -> Sequence[DetectorCase]:
-    """Return what the detector is measured on."""
-    from wayfarer.fault_scenarios.detector_trials import CELLS, cells_in_mujoco
-
-    if physics != "mujoco":
-        return CELLS
-    require("--physics mujoco")
-    from wayfarer.config.rover_file import load_rover
-    from wayfarer.experiments.campaign import Campaign
-    from wayfarer.experiments.commands import check_body
-    from wayfarer.simhal.mujoco.terrain import Terrains
-
-    check_body(Campaign(("forest-pledge",), 1, load_rover(rover), terrains=Terrains()), rover)
-    return cells_in_mujoco(friction, torque_scale)
 
 
 def _run(
