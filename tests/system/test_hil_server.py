@@ -18,6 +18,8 @@ from typing import Any
 import pytest
 
 from tests.simhal.chips.bench import Clock
+from tests.system.hil_buses import SOCKET_VARIABLE, HilBuses, HilConnection, buses
+from tests.system.hil_server import HilServer, serve
 from tests.system.hil_setup import BUSY, STARTS
 from tests.system.subprocesses import starting
 from wayfarer.config.factory import assemble
@@ -26,8 +28,6 @@ from wayfarer.drivers.buses import Buses
 from wayfarer.errors import BadConfig, BadInput, NotResponding
 from wayfarer.hal import STOP, Rover, WheelCommand
 from wayfarer.simhal.chips.thunderborg import FAILSAFE_S
-from wayfarer.simhal.hil_buses import SOCKET_VARIABLE, HilBuses, HilConnection, buses
-from wayfarer.simhal.hil_server import HilServer, serve
 
 I2C = "/dev/i2c-1"
 FLOW = {"driver": "pmw3901", "bus": "/dev/spidev0.1"}
@@ -48,7 +48,7 @@ def minirover() -> RoverConfig:
 
 def bench() -> tuple[HilServer, Clock]:
     clock = Clock()
-    return HilServer(minirover(), 0, clock), clock
+    return HilServer(minirover(), clock), clock
 
 
 async def i2c(bench: HilServer, address: int, *data: int) -> dict[str, Any]:
@@ -73,10 +73,9 @@ async def test_deadman_acts_at_its_own_time_and_the_record_says_so() -> None:
     assert last == (pytest.approx(told_s + FAILSAFE_S), 0.0, 0.0)
 
 
-def test_without_a_seed_the_rover_drives_on_for_ever() -> None:
-    """In the forest of a seed it would meet a tree or slip within a few metres."""
+def test_nothing_is_in_the_rovers_way() -> None:
     clock = Clock()
-    made = HilServer(minirover(), None, clock)
+    made = HilServer(minirover(), clock)
     made.world.command(0.5, 0.5)
     clock.t_s += 200.0
     made.step()
@@ -101,7 +100,7 @@ async def test_silenced_part_answers_no_more_and_its_neighbour_does() -> None:
 
 def test_camera_is_refused() -> None:
     with pytest.raises(BadConfig, match=r"parts\.motion"):
-        HilServer(load_rover("minirover"), 0, Clock())
+        HilServer(load_rover("minirover"), Clock())
     with pytest.raises(BadInput, match="no camera"):
         HilBuses("nowhere").camera("0", width=64, height=48, rate_hz=10, exposure_us=None)
 
@@ -128,7 +127,7 @@ async def served(config: RoverConfig) -> AsyncIterator[tuple[HilBuses, Ask]]:
     """The buses of a bench that serves a rover meanwhile, and what asks the bench itself."""
     with TemporaryDirectory(prefix="wf-") as folder:
         path = Path(folder) / "bench"
-        serving = asyncio.create_task(serve(config, path, 0))
+        serving = asyncio.create_task(serve(config, path))
         await asyncio.to_thread(wait_for, path)
         over, line = HilBuses(str(path)), await asyncio.to_thread(HilConnection, str(path))
         try:
@@ -237,7 +236,7 @@ async def test_missing_bench_is_told_by_its_path() -> None:
 @pytest.mark.process
 def test_bench_that_is_ended_while_a_client_is_connected_says_nothing(tmp_path: Path) -> None:
     path = tmp_path / "bench"
-    command = [sys.executable, "-m", "wayfarer.simhal.hil_server", "--rover", "forestrover", "--socket", str(path)]
+    command = [sys.executable, "-m", "tests.system.hil_server", "--rover", "forestrover", "--socket", str(path)]
     with (
         subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as served_bench,
         socket.socket(socket.AF_UNIX) as client,
