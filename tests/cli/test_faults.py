@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.children import child
 from tests.conftest import Run, refusal
 from tests.fault_scenarios import kinds_page
 from tests.system.hil_setup import wait_for
@@ -218,7 +219,7 @@ def test_ctrl_c_ends_it_with_130(tmp_path: Path) -> None:
     told = tmp_path / "stderr.txt"
     with (
         told.open("w") as stderr,
-        subprocess.Popen([*command, scenario_file(tmp_path, many)], stdout=subprocess.PIPE, stderr=stderr) as running,
+        child([*command, scenario_file(tmp_path, many)], stdout=subprocess.PIPE, stderr=stderr) as running,
     ):
         wait_for("the first scenarios are done", lambda: "scenarios" in told.read_text(), patience_s=60.0)
         running.send_signal(signal.SIGINT)

@@ -1,6 +1,5 @@
 """The bench: what a rover file's real drivers get from chips at the other end of a socket."""
 
-# ruff: noqa: TID251 - a socket needs real time
 from __future__ import annotations
 
 import asyncio
@@ -8,7 +7,6 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
@@ -17,10 +15,11 @@ from typing import Any
 
 import pytest
 
+from tests.children import child
 from tests.simhal.chips.bench import Clock
 from tests.system.hil_buses import SOCKET_VARIABLE, HilBuses, HilConnection, buses
 from tests.system.hil_server import HilServer, serve
-from tests.system.hil_setup import BUSY, STARTS
+from tests.system.hil_setup import BUSY, STARTS, wait_for
 from tests.system.subprocesses import starting
 from wayfarer.config.factory import assemble
 from wayfarer.config.rover_file import RoverConfig, load_rover
@@ -114,11 +113,6 @@ def test_buses_are_those_of_the_socket_that_the_environment_names(monkeypatch: p
     assert isinstance(handed_out, HilBuses)
 
 
-def wait_for(path: Path) -> None:
-    while not path.exists():
-        time.sleep(0.01)
-
-
 Ask = Callable[..., Awaitable[dict[str, Any]]]
 
 
@@ -128,7 +122,7 @@ async def served(config: RoverConfig) -> AsyncIterator[tuple[HilBuses, Ask]]:
     with TemporaryDirectory(prefix="wf-") as folder:
         path = Path(folder) / "bench"
         serving = asyncio.create_task(serve(config, path))
-        await asyncio.to_thread(wait_for, path)
+        await asyncio.to_thread(wait_for, "the bench listens", path.exists)
         over, line = HilBuses(str(path)), await asyncio.to_thread(HilConnection, str(path))
         try:
             yield over, lambda do, **details: asyncio.to_thread(line.ask, do, **details)
@@ -238,7 +232,7 @@ def test_bench_that_is_ended_while_a_client_is_connected_says_nothing(tmp_path: 
     path = tmp_path / "bench"
     command = [sys.executable, "-m", "tests.system.hil_server", "--rover", "forestrover", "--socket", str(path)]
     with (
-        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as served_bench,
+        child(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as served_bench,
         socket.socket(socket.AF_UNIX) as client,
     ):
         assert served_bench.stdout is not None
