@@ -19,7 +19,8 @@ from wayfarer.escape.api import Anomaly
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.fault_scenarios.batch import run_batch
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
-from wayfarer.simhal.faults.kinds import Fault, Slope
+from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.faults.world import Slope
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.generate import generate_forest
 

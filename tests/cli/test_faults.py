@@ -21,7 +21,6 @@ from wayfarer.fault_scenarios.catalogue.covered_by_tests import COVERED_BY_TESTS
 from wayfarer.fault_scenarios.runner import RunResult, run_scenario
 from wayfarer.fault_scenarios.scenario import Scenario
 from wayfarer.fieldlog.reader import RunReader
-from wayfarer.simhal.faults.kinds import Layer
 
 PAGE = (Path(__file__).parents[2] / "docs" / "faults.md").read_text(encoding="utf-8")
 LOOSE = """\
@@ -248,8 +247,8 @@ def test_missions_are_counted_and_kept_as_the_trials_of_a_seed(tmp_path: Path, r
 # -- docs/faults.md ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("layer", Layer)
-def test_page_has_every_kind_with_its_parameters(layer: Layer) -> None:
+@pytest.mark.parametrize("layer", [*kinds_page.LAYERS, "reading"])
+def test_page_has_every_kind_with_its_parameters(layer: str) -> None:
     section = PAGE.partition(f"### `{layer}`\n")[2].partition("\n#")[0]
     listed = [line for line in section.splitlines() if line.startswith("| `")]
     assert listed == kinds_page.rows(layer)

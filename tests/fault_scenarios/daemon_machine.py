@@ -135,7 +135,7 @@ class Daemon:
 
     def end(self, number: int) -> None:
         """End a fault that lasts."""
-        self._in_loop(lambda: self.injector.cease(number, self.lasting.pop(number)))
+        self._in_loop(lambda: self.injector.end_fault(number, self.lasting.pop(number)))
 
     def end_oldest(self) -> None:
         """End the fault that has lasted longest."""

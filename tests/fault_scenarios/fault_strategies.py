@@ -7,6 +7,7 @@ scenario breaks a rule, Hypothesis makes it as small as it can and prints it.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import fields
 from math import inf
 from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
@@ -61,7 +62,9 @@ def ready_for(places: Iterable[FaultTarget]) -> tuple[Fault, ...]:
 
 
 def _hints(place: FaultTarget) -> dict[str, Any]:
-    return get_type_hints(KINDS[place.kind].params, include_extras=True)
+    kind = KINDS[place.kind]
+    hints = get_type_hints(kind, include_extras=True)
+    return {each.name: hints[each.name] for each in fields(kind)}
 
 
 RIGS = [(rover, depth) for rover in ROVERS for depth in Depth]
@@ -70,7 +73,7 @@ PLACES = sorted({place for rover, depth in RIGS for place in possible_faults(loa
 
 def params(place: FaultTarget) -> st.SearchStrategy[Any]:
     """A kind's parameters, anywhere in their ranges; one without a range is within what its number can be off."""
-    kind, hints = KINDS[place.kind].params, _hints(place)
+    kind, hints = KINDS[place.kind], _hints(place)
     if hints.pop("of", None) is None:
         return st.builds(kind, **{name: _values(name, hint, inf) for name, hint in hints.items()})
     of_each_number = [

@@ -14,7 +14,7 @@ from wayfarer.daemon.commands import RoverCommands
 from wayfarer.hal import WheelCommand
 from wayfarer.safety.gate import Gate
 from wayfarer.simhal.build_rover import Depth
-from wayfarer.simhal.faults.kinds import KINDS, Fault
+from wayfarer.simhal.faults.kinds import Fault
 
 EXAMPLES, STEPS = 40, 30
 
@@ -48,7 +48,7 @@ def test_machine_lets_a_motor_board_heal_and_the_rover_drives_on(kind: str) -> N
     daemon.pass_time(1.0)
     daemon.ask("arm", 0.0)
     daemon.pass_time(3.0)
-    board_fails = daemon.begin(Fault(0.0, inf, "motors", kind, KINDS[kind].params()))
+    board_fails = daemon.begin(Fault(0.0, inf, "motors", kind))
     daemon.pass_time(1.0)
     assert daemon.status()["cause"] == "motors_failed"
     daemon.end(board_fails)

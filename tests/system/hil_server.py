@@ -41,8 +41,8 @@ from wayfarer.errors import BadConfig, BadInput, NotResponding
 from wayfarer.escape.api import Vehicle
 from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.chip_wiring import ChipWiring
-from wayfarer.simhal.faults.bus import EFFECTS, place_of
-from wayfarer.simhal.faults.kinds import KINDS, Fault
+from wayfarer.simhal.faults.kinds import KINDS
+from wayfarer.simhal.faults.wired_part import wired_part
 from wayfarer.simhal.faults.wires import FaultyBuses
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import CLEARING, Forest
@@ -179,9 +179,8 @@ class HilServer:
         return {"t_s": self._clock()}
 
     async def _do_inject(self, target: str, kind: str, **params: Any) -> dict[str, Any]:
-        fault = Fault(0.0, inf, target, kind, KINDS[kind].params(**params))
-        wired = place_of(fault, self._config, self._wires)
-        self._faults.enter_context(EFFECTS[kind](wired, fault.params, Random(0)))
+        wired = wired_part(target, self._config, self._wires)
+        self._faults.enter_context(KINDS[kind](**params).effect(wired, Random(0)))
         return {"t_s": self._clock()}
 
     async def _do_hang(self, bus: str, for_s: float) -> dict[str, Any]:
