@@ -38,12 +38,12 @@ PICTURE = """
     detector
     safety      escape
     hal         files
-    setting_ranges  waiting_thread  angles  errors
+    setting_ranges  waiting_thread  angles  clamp  errors
 """
 LAYERS = [line.split() for line in PICTURE.split("\n") if line.strip()]
 PURE = [
-    "angles", "setting_ranges", "hal", "escape", "detector", "safety", "control.latest", "control.power_reports",
-    "control.status_light",
+    "angles", "clamp", "setting_ranges", "hal", "escape", "detector", "safety", "control.latest",
+    "control.power_reports", "control.status_light",
 ]  # fmt: skip
 IMPURE = {"asyncio", "time", "datetime", "io", "os", "pathlib", "logging", "structlog", "socket", "threading", "numpy"}
 BUS_LIBRARIES = {"cv2", "smbus2", "spidev", "serial", "gpiozero", "picamera2"}
@@ -188,7 +188,7 @@ def test_pure_modules_draw_from_no_global_randomness() -> None:
 
 
 def test_drivers_see_only_the_contracts() -> None:
-    seen = ("hal", "errors", "angles", "setting_ranges", "waiting_thread", "drivers")
+    seen = ("hal", "errors", "angles", "clamp", "setting_ranges", "waiting_thread", "drivers")
     for module in modules_of("drivers"):
         others = {name for name in wayfarer_modules(module) if not within(name, *seen)}
         assert not others, f"{module} imports {others}"

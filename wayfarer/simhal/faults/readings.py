@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal
 
 from annotated_types import Interval
 
+from wayfarer.clamp import clamp
 from wayfarer.setting_ranges import Fraction
 from wayfarer.simhal.faults.fault_kind import PARTS, SENSES, FaultKind, added, listed
 from wayfarer.simhal.faults.faulty_part import Change, FaultyPart
@@ -150,7 +151,7 @@ class Saturated(ValueFault):
     limit: Annotated[float, Interval(gt=0)] = 0.037
 
     def change(self, _: FaultyPart, __: Random) -> Change:
-        return self.each(lambda value: max(-self.limit, min(value, self.limit)))
+        return self.each(lambda value: clamp(value, -self.limit, self.limit))
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ They are right at the end of the log, where the rover's computer is most likely 
 
 from __future__ import annotations
 
+from wayfarer.clamp import clamp
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.fields import clock_zero_s, local_time
 from wayfarer.fieldlog.reader import RunReader
@@ -36,7 +37,7 @@ def read_clock_zero_s(reader: RunReader) -> float:
 
 def nanoseconds(time_s: float) -> int:
     """Return a time since 1970 as ROS and Foxglove count it, to the microsecond: a float of today has no more."""
-    return round(min(max(time_s, 0.0), LATEST_S) * 1e6) * 1000
+    return round(clamp(time_s, 0.0, LATEST_S) * 1e6) * 1000
 
 
 def utc_text(wall_s: float) -> str:
