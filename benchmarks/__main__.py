@@ -3,7 +3,8 @@
 With ``daemon`` only those of ``wayfarer run --sim``, with ``log`` only those of the field log; with ``trial``, what a
 trial costs in units that hold on any computer; with ``profile``, where the time of a control tick goes; with ``soak``,
 whether anything grows in a simulated day full of faults; with ``campaign``, the memory of a small and of a large one;
-with ``gps``, how near dead reckoning is to the true way, before and after a report lays it onto the receiver's fixes.
+with ``gps``, how near dead reckoning is to the true way, before and after a report lays it onto the receiver's fixes;
+with ``detector``, how well each anomaly is noticed.
 """
 
 from __future__ import annotations
@@ -13,21 +14,24 @@ import os
 import platform
 import sys
 
-from benchmarks import calibration, command, daemon, disk, gps, memory, rover, stack
+from benchmarks import calibration, command, daemon, detector, disk, gps, memory, rover, stack
 from benchmarks.breakdown import print_breakdown
 from benchmarks.figures import HEADER, Figure, print_table
 from benchmarks.soak import print_soak
 from wayfarer.cli.version import version_text
+from wayfarer.config.rover_file import load_rover
 
 
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    kinds = ("figures", "trial", "profile", "daemon", "log", "soak", "campaign", "gps")
+    kinds = ("figures", "trial", "profile", "daemon", "log", "soak", "campaign", "gps", "detector")
     parser.add_argument("what", nargs="?", choices=kinds, default="figures")
     parser.add_argument("--quick", action="store_true", help="fewer trials and runs: half a minute")
     parser.add_argument("--hours", type=float, default=24.0, help="of the soak, simulated")
-    parser.add_argument("--trials", type=int, default=20_000, help="of the large campaign")
+    parser.add_argument("--trials", type=int, help="of the large campaign (20,000); of each case of the detector (60)")
+    parser.add_argument("--rover", default="sim", help="whose detector")
+    parser.add_argument("--mujoco", action="store_true", help="measure the detector on grounds of five frictions")
     asked = parser.parse_args()
     cores = len(os.sched_getaffinity(0))
     print(f"{version_text()}, Python {platform.python_version()}, {cores} cores, {platform.machine()}\n")
@@ -40,9 +44,14 @@ def main() -> None:
     elif asked.what == "daemon":
         print_table(HEADER, [figure.row() for figure in daemon.figures(for_s=10 if asked.quick else 60)])
     elif asked.what == "campaign":
-        print_table(memory.HEADER, memory.rows(asked.trials))
+        print_table(memory.HEADER, memory.rows(asked.trials or 20_000))
     elif asked.what == "gps":
         print_table(gps.HEADER, gps.rows(trials=1 if asked.quick else 5))
+    elif asked.what == "detector":
+        header, cases = (
+            (detector.MUJOCO_HEADER, detector.MUJOCO_CASES) if asked.mujoco else (detector.HEADER, detector.CASES)
+        )
+        print_table(header, detector.rows(load_rover(asked.rover), cases, asked.trials or 60))
     elif asked.what == "log":
         print_table(HEADER, [figure.row() for figure in _log(asked.quick)])
     else:

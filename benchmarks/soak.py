@@ -1,4 +1,4 @@
-"""A simulated day: one daemon's run at bus depth, with random faults all the time and its log on disk.
+"""A simulated day: one daemon's run at bus depth, with faults of the catalogue all the time and its log on disk.
 
 Nothing may grow: memory, tasks, open files, and the log beyond its cap. A person mends what lasts, arms again after
 each fault, and carries the rover back when it is out of the forest. Bugs that end a run are left out: then another
@@ -16,7 +16,7 @@ import os
 import sys
 from collections.abc import Callable, Coroutine, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
 from pathlib import Path
@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 from benchmarks.figures import print_table
 from wayfarer.commissioning.checks import HostEnvironment
 from wayfarer.config.log_settings import LogSettings
-from wayfarer.config.rover_file import load_rover
+from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.config.rover_overlay import laid_over
 from wayfarer.control.controller import Mode
 from wayfarer.control.run_log import Tee
@@ -36,12 +36,15 @@ from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotArmed
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
-from wayfarer.fault_scenarios.random_scenarios import draw_fault, possible_faults, quick_settings, ready_for
+from wayfarer.fault_scenarios.catalogue import catalogue
 from wayfarer.fault_scenarios.safety_rules import Invariants
+from wayfarer.fault_scenarios.scenario import Scenario
+from wayfarer.fault_scenarios.scenario_rover import misfit
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.world import World
@@ -51,7 +54,8 @@ Beside = Callable[[TrialSetup], Coroutine[Any, Any, None]]
 ROVER = "forestrover"
 HOUR_S = 3600.0
 DAY_S = 24 * HOUR_S
-FAULT_EVERY_S, LASTS_MOST_S = 20.0, 20.0  # on average; a fault that would last for ever is mended then
+FAULT_EVERY_S = 20.0  # on average
+LASTS_S = (0.05, 20.0)  # a fault that would last for ever is mended then
 PERSON_EVERY_S = 10.0
 SAMPLES = 24
 LOG = LogSettings(part_mb=5.0, run_mb=20.0, free_mb=0.0)  # half an hour of ticks: the cap is reached soon
@@ -138,12 +142,11 @@ def print_soak(hours: float) -> int:
 async def _soak(for_s: float, seed: int, folder: Path, beside: Beside | None) -> tuple[list[Sample], tuple[str, ...]]:
     config = load_rover(ROVER)
     limits = {"mission_time_s": DAY_S, "mission_distance_m": 1e6, "mission_radius_m": 1e6}
-    quick = quick_settings(config)
-    config = laid_over(config, {**quick, "safety": quick["safety"] | limits})
-    places = possible_faults(config, Depth.BUS)
+    config = laid_over(config, {"safety": {"start_delay_s": 0.5, **limits}})
+    faults = _of_the_catalogue(config)
     forest, counts = generate_forest(seed, 0, seed), Counts()
     rules = CountingRules(counts)
-    spec = TrialSpec(0, "forest-pledge", forest, seed, config, budget_m=inf, depth=Depth.BUS, faults=ready_for(places))
+    spec = TrialSpec(0, "forest-pledge", forest, seed, config, budget_m=inf, depth=Depth.BUS, faults=faults)
     logs = folder / "log"
     setup = TrialSetup(
         spec, lambda *_: Tee(FieldLog(RunFiles(logs, LOG), {"simulated": True}, wall=lambda t_s: t_s), rules)
@@ -153,8 +156,7 @@ async def _soak(for_s: float, seed: int, folder: Path, beside: Beside | None) ->
     assert setup.injector is not None
     setup.injector.start(setup.world, setup.supervisor.controller.power, rules.note)
     rng = Random(seed)
-    beginning = [place for place in places if place.kind != "task_crash"]
-    others = [_faults(setup, beginning, rng, counts), _person(setup, rules, rng)]
+    others = [_faults(setup, faults, rng, counts), _person(setup, rules, rng)]
     tasks = [asyncio.ensure_future(each) for each in (*others, *([beside(setup)] if beside else []))]
     run = asyncio.ensure_future(setup.supervisor.run())
     samples: list[Sample] = []
@@ -178,18 +180,28 @@ def _carry_back(forest: Forest, world: World) -> None:
         world.carry_to(*forest.start_m, forest.heading_deg)
 
 
-async def _faults(setup: TrialSetup, places: Sequence[Any], rng: Random, counts: Counts) -> None:
-    """Begin a fault now and then, of any kind, and none twice at the same time."""
+def _of_the_catalogue(config: RoverConfig) -> tuple[Fault, ...]:
+    """Return every fault of the catalogue that the rover can have, as one that never begins by itself.
+
+    The rover is built for all of them, and ``_faults`` begins them. A bug that ends the run is left out.
+    """
+    faults = [fault for row in catalogue() if isinstance(row, Scenario) for fault in row.faults]
+    possible = [each for each in faults if each.kind != "task_crash" and not misfit(config, Depth.BUS, each)]
+    return tuple({repr(fault): fault for fault in (replace(each, at_s=inf) for each in possible)}.values())
+
+
+async def _faults(setup: TrialSetup, faults: Sequence[Fault], rng: Random, counts: Counts) -> None:
+    """Begin a fault now and then, and none of a kind twice at the same part at the same time."""
     assert setup.injector is not None
-    until_s: dict[Any, float] = {}
+    until_s: dict[tuple[str, str], float] = {}
     time = asyncio.get_running_loop().time
     while True:
         await asyncio.sleep(rng.expovariate(1.0 / FAULT_EVERY_S))
-        place = rng.choice(places)
+        fault = replace(rng.choice(faults), at_s=time(), for_s=rng.uniform(*LASTS_S))
+        place = (fault.kind, fault.target)
         if until_s.get(place, 0.0) > time():
             continue
         counts.faults += 1
-        fault = draw_fault(place, time(), rng, LASTS_MOST_S)
         until_s[place] = time() + fault.for_s + 1.0
         setup.injector.begin(counts.faults, fault)
 

@@ -10,7 +10,9 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from tests.children import hear_interrupts
 from tests.loop_guard import pytest_asyncio_loop_factories
+from tests.thread_guard import ends_its_threads
 from tests.tiers import (
     pytest_collection_modifyitems,
     pytest_ignore_collect,
@@ -19,7 +21,8 @@ from tests.tiers import (
 )
 from wayfarer import cli
 
-__all__ = [  # hooks
+__all__ = [  # hooks, and a fixture of every test
+    "ends_its_threads",
     "pytest_asyncio_loop_factories",
     "pytest_collection_modifyitems",
     "pytest_ignore_collect",
@@ -35,6 +38,8 @@ Run = Callable[..., tuple[int, str, str]]
 settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=40)
 settings.register_profile("thorough", settings.get_profile("repeatable"), max_examples=100)
 settings.load_profile("repeatable")
+
+hear_interrupts()
 
 REFERENCE_FOLDER = Path(__file__).resolve().parents[2] / "shared" / "reference"
 

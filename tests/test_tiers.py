@@ -13,7 +13,7 @@ from typing import cast
 
 import pytest
 
-from tests.tiers import PROCESS_FOLDERS, pytest_ignore_collect, pytest_xdist_auto_num_workers
+from tests.tiers import LIMIT_S, PROCESS_FOLDERS, pytest_ignore_collect, pytest_xdist_auto_num_workers
 
 pytest_plugins = ["pytester"]
 
@@ -101,6 +101,16 @@ def test_only_unit_tests_fail_that_start_a_process(suite: pytest.Pytester) -> No
     done = suite.runpytest_inprocess("-p", "no:cacheprovider")
     done.assert_outcomes(passed=5, failed=1, errors=1)
     assert done.stdout.str().splitlines().count(NO_PROCESS) == 2
+
+
+def test_test_that_hangs_fails_after_the_limit_of_its_tier(
+    suite: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(LIMIT_S, "unit", 0.1)
+    suite.makepyfile(test_suite="import threading\n\ndef test_hangs(): threading.Event().wait()")
+    done = suite.runpytest_inprocess("-p", "no:cacheprovider")
+    done.assert_outcomes(failed=1)
+    done.stdout.fnmatch_lines("*Timeout (>0.1s)*")
 
 
 @pytest.mark.parametrize(

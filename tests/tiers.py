@@ -9,6 +9,8 @@ Plain ``pytest`` leaves out ``long``; ``pytest -m unit`` takes one tier. A unit 
 Each worker takes a file at a time. Tests of processes come first and mostly wait, so there are two workers more than
 cores. Those that judge how soon a process does something put it first (``tests/system/subprocesses.py``).
 
+No test can hang: after the limit of its tier it fails, whatever it waits for.
+
 A bound in real time also measures the computer. So a test of a process that fails is run again, twice at most, and
 pytest's summary shows it. A daemon that breaks its promise fails each time. Unit tests have no such excuse.
 """
@@ -25,6 +27,8 @@ import pytest
 
 TIERS = ("unit", "process", "long")
 RERUNS = 2
+# Seconds, of a test with its fixtures; some ten times what the longest takes on an idle computer. From no source.
+LIMIT_S = {"unit": 120, "process": 300, "long": 3600}
 # Drawing takes most of the time of the tests of pages, and is the same on every Python: not a unit test's.
 PROCESS_FOLDERS = {
     Path(__file__).parent / folder for folder in ("system", "experiments/report", "views/page", "views/run_report")
@@ -53,6 +57,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         for node in item.listchain():
             node.own_markers[:] = [mark for mark in node.own_markers if mark.name not in TIERS]
         item.add_marker(tier)
+        item.add_marker(pytest.mark.timeout(LIMIT_S[tier]))
         if tier != "unit":
             item.add_marker(pytest.mark.flaky(reruns=RERUNS))
     items.sort(key=lambda item: -TIERS.index(tiers[item]))

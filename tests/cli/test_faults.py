@@ -12,16 +12,15 @@ from pathlib import Path
 
 import pytest
 
+from tests.children import child
 from tests.conftest import Run, refusal
 from tests.fault_scenarios import kinds_page
 from tests.system.hil_setup import wait_for
 from wayfarer import cli
-from wayfarer.fault_scenarios import detector_trials
 from wayfarer.fault_scenarios.catalogue.covered_by_tests import COVERED_BY_TESTS
 from wayfarer.fault_scenarios.runner import RunResult, run_scenario
 from wayfarer.fault_scenarios.scenario import Scenario
 from wayfarer.fieldlog.reader import RunReader
-from wayfarer.simhal.faults.kinds import Layer
 
 PAGE = (Path(__file__).parents[2] / "docs" / "faults.md").read_text(encoding="utf-8")
 LOOSE = """\
@@ -147,8 +146,6 @@ def test_without_a_package_its_scenarios_are_skipped_and_fail_nothing(tmp_path: 
     ("options", "instead"),
     [
         (["faults", "--only", "camera-black,camera-gone"], ""),
-        (["faults", "--trials", "3"], "; or leave such trials out: --depth device, or --rover forestrover"),
-        (["faults", "--trials", "3", "--rover", "minirover"], "; or leave such trials out: --depth device"),
         (["sim", "--rover", "minirover", "--depth", "bus"], "; or use --depth device"),
         (["sweep", "footprint_m=0.2", "--rover", "minirover", "--depth", "bus", "--out", "out"], "; or use --depth"),
         (["run", "--sim", "--config", "minirover", "--depth", "bus"], "; or use --depth device"),
@@ -167,7 +164,6 @@ def test_what_nothing_can_be_run_of_says_what_to_install(
 @pytest.mark.usefixtures("no_opencv")
 def test_what_needs_no_camera_runs_without_opencv(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.run(["sim", "--rover", "minirover", "--trials", "1", "--trial", "0", "--budget-m", "1"]) == 0
-    assert cli.run(["faults", "--trials", "1", "--depth", "device", "--jobs", "1"]) == 0
 
 
 def test_list_shows_names_and_runs_nothing(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -222,7 +218,7 @@ def test_ctrl_c_ends_it_with_130(tmp_path: Path) -> None:
     told = tmp_path / "stderr.txt"
     with (
         told.open("w") as stderr,
-        subprocess.Popen([*command, scenario_file(tmp_path, many)], stdout=subprocess.PIPE, stderr=stderr) as running,
+        child([*command, scenario_file(tmp_path, many)], stdout=subprocess.PIPE, stderr=stderr) as running,
     ):
         wait_for("the first scenarios are done", lambda: "scenarios" in told.read_text(), patience_s=60.0)
         running.send_signal(signal.SIGINT)
@@ -251,8 +247,8 @@ def test_missions_are_counted_and_kept_as_the_trials_of_a_seed(tmp_path: Path, r
 # -- docs/faults.md ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("layer", Layer)
-def test_page_has_every_kind_with_its_parameters(layer: Layer) -> None:
+@pytest.mark.parametrize("layer", [*kinds_page.LAYERS, "reading"])
+def test_page_has_every_kind_with_its_parameters(layer: str) -> None:
     section = PAGE.partition(f"### `{layer}`\n")[2].partition("\n#")[0]
     listed = [line for line in section.splitlines() if line.startswith("| `")]
     assert listed == kinds_page.rows(layer)
@@ -274,22 +270,3 @@ def test_pages_scenario_runs_and_prints_what_the_page_shows(
     assert cli.run(["faults", "--scenario", str(path), "--jobs", "1"]) == 0
     shown = PAGE.partition("$ wayfarer faults --scenario my-faults.toml --out res\n")[2].partition("\n```")[0]
     assert [line.rstrip() for line in capsys.readouterr().out.splitlines()] == shown.splitlines()
-
-
-def test_detector_is_measured_and_kept(tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(detector_trials, "CELLS", detector_trials.CELLS[::4])  # one of each source of anomalies
-    out = tmp_path / "detector"
-    code, said, _ = run("faults", "--detector", "--trials", "1", "--jobs", "1", "--out", out)
-    assert code == 0
-    assert re.search(r"^immobilised +2 +1x ", said, re.MULTILINE)
-    rows = json.loads((out / "detector.json").read_text(encoding="utf-8"))
-    assert {row["anomaly"] for row in rows} == {
-        "immobilised",
-        "nose_up",
-        "nose_down",
-        "right_down",
-        "left_down",
-        "touched",
-    }
-    assert all(row["found"] <= row["episodes"] and row["right"] <= row["claims"] for row in rows)
-    assert sum(row["found"] for row in rows if row["anomaly"] == "immobilised") > 5

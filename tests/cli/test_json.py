@@ -23,9 +23,6 @@ from wayfarer.experiments.paired_statistics import Comparison, Difference
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.run_campaign import ComputeCost
 from wayfarer.experiments.statistics import AlgorithmSummary, Estimate
-from wayfarer.fault_scenarios.detector_score import Score
-from wayfarer.fault_scenarios.detector_trials import DetectorCase
-from wayfarer.fault_scenarios.random_runs import RandomTrial
 from wayfarer.fault_scenarios.result import Result
 from wayfarer.fault_scenarios.survival import MissionLine
 from wayfarer.fieldlog.reader import Damage
@@ -45,7 +42,7 @@ CLASSES: dict[type, set[str]] = {
     RunRow: set(), RunSummary: set(), LowBattery: set(), PeriodPercentiles: set(), Mark: set(), LastPosition: set(),
     RangeBearing: set(), Fix: set(), Damage: set(), Replay: {"run"}, DecisionDifference: set(),
     AlgorithmSummary: set(), ComputeCost: {"cpu_us_per_tick"}, Comparison: set(), Difference: set(), Estimate: set(),
-    TrialRow: set(), Result: {"passed"}, RandomTrial: set(), MissionLine: set(), Finding: set(), Described: set(),
+    TrialRow: set(), Result: {"passed"}, MissionLine: set(), Finding: set(), Described: set(),
 }  # fmt: skip
 
 
@@ -53,13 +50,6 @@ CLASSES: dict[type, set[str]] = {
 def test_table_has_the_keys_and_types_of_the_class(cls: type) -> None:
     told = keys_of(cls.__name__, tables())
     assert {key: told[key] for key in told if key not in CLASSES[cls]} == keys_of_class(cls)
-
-
-def test_line_of_the_detectors_table_is_its_case_and_its_score() -> None:
-    told = keys_of("DetectorLine", tables())
-    assert keys_of_class(DetectorCase) | keys_of_class(Score) == {
-        key: told[key] for key in told if key not in {"anomaly", "delay_s"}
-    }
 
 
 def test_every_table_that_is_named_exists() -> None:
@@ -175,12 +165,6 @@ def test_faults(says: Any) -> None:
     assert [each["passed"] for each in results] == [True, False], "the second is skipped"
     struck = says("faults --missions", "faults", "--missions", 1, "--only", "flipped,sigkill", "--rover", "sim")
     assert [each["lasts_s"] for each in struck["missions"]] == [None, 10.0]
-    assert [each["seed"] for each in says("faults --trials", "faults", "--trials", 1, "--jobs", 1)["trials"]] == [0]
-
-
-@pytest.mark.long
-def test_detector(says: Any) -> None:
-    assert says("faults --detector", "faults", "--detector", "--trials", 1)["table"]
 
 
 def test_list(says: Any) -> None:

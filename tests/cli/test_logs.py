@@ -16,6 +16,7 @@ from threading import Event, Timer
 
 import pytest
 
+from tests.children import child
 from tests.conftest import Run, refusal
 from tests.views.text.records import HEADER, drive, event, numbered, outcome, tick, write
 from wayfarer import cli
@@ -202,7 +203,7 @@ def on_a_terminal(*arguments: object, **environment: str) -> str:
     """What a command writes to a terminal."""
     leader, follower = pty.openpty()
     usual = {key: value for key, value in os.environ.items() if key not in {"NO_COLOR", "TERM"}}
-    with subprocess.Popen(wayfarer(*arguments), stdout=follower, env=usual | {"TERM": "xterm"} | environment):
+    with child(wayfarer(*arguments), stdout=follower, env=usual | {"TERM": "xterm"} | environment):
         os.close(follower)
         told = b""
         with suppress(OSError):  # how Linux tells that the other side is closed
@@ -224,7 +225,7 @@ def test_terminal_gets_colours_unless_its_owner_wants_none(logs: Path) -> None:
 @pytest.mark.process
 def test_reader_that_has_enough_ends_a_command_without_a_message(logs: Path) -> None:
     write(logs / SECOND, drive(3.0, 600.0))  # more than a pipe holds
-    with subprocess.Popen(
+    with child(
         wayfarer("show", "--ticks", "--logs", logs), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
         assert process.stdout is not None
@@ -267,7 +268,7 @@ def test_command_whose_output_nobody_reads_ends_without_a_message_and_with_one_e
 
 @pytest.mark.process
 def test_following_a_run_that_was_cut_off_says_that_it_waits(logs: Path) -> None:
-    with subprocess.Popen(
+    with child(
         wayfarer("follow", "2", "--logs", logs), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
         assert process.stderr is not None
@@ -285,11 +286,10 @@ def test_following_a_run_that_was_cut_off_says_that_it_waits(logs: Path) -> None
 @pytest.fixture
 def following(logs: Path) -> Iterator[subprocess.Popen[str]]:
     """``wayfarer logs follow``, after its first line."""
-    with subprocess.Popen(wayfarer("follow", "--logs", logs), stdout=subprocess.PIPE, text=True) as process:
+    with child(wayfarer("follow", "--logs", logs), stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == f"{SECOND}\n"
         yield process
-        process.kill()
 
 
 @pytest.mark.process

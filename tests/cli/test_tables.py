@@ -39,7 +39,6 @@ def results(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("compare", "results"),
         ("faults", "--only", "compass-answers-45-ms-late,loop-blocked", "--jobs", 1),
         ("faults", "--list"),
-        ("faults", "--trials", 1, "--jobs", 1),
         ("faults", "--missions", 1, "--only", "flipped,motion-silent,runaway", "--rover", "sim", "--jobs", 1),
         ("list",),
         ("list", "--conditions"),

@@ -6,11 +6,12 @@ import io
 import signal
 import subprocess
 import sys
-from collections.abc import Coroutine
+from collections.abc import AsyncIterator, Coroutine
 from typing import Any
 
 import pytest
 
+from tests.children import child
 from wayfarer.cli.terminal import Terminal, run_interactive
 from wayfarer.errors import BadInput
 
@@ -35,7 +36,7 @@ print("went on", flush=True)
 @pytest.mark.parametrize("waits", ["asyncio.sleep(30.0)", "Terminal().ask('Do they turn?')"], ids=["drive", "question"])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signal_stops_the_wheels_and_ends_the_process(number: signal.Signals, waits: str) -> None:
-    with subprocess.Popen(
+    with child(
         [sys.executable, "-c", TURNS_WHEELS.format(waits=waits)],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     ) as process:  # fmt: skip
@@ -52,7 +53,7 @@ def test_signal_stops_the_wheels_and_ends_the_process(number: signal.Signals, wa
 def test_signal_that_was_to_be_ignored_is() -> None:
     code = "import signal\nsignal.signal(signal.SIGHUP, signal.SIG_IGN)\n"
     code += TURNS_WHEELS.format(waits="asyncio.sleep(0.5)")
-    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE) as process:
+    with child([sys.executable, "-c", code], stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == b"turning\n"
         process.send_signal(signal.SIGHUP)
@@ -72,16 +73,26 @@ def test_what_is_run_returns_and_raises_as_it_does() -> None:
 
 
 @pytest.fixture
-def person(monkeypatch: pytest.MonkeyPatch) -> Terminal:
+async def terminal() -> AsyncIterator[Terminal]:
+    """A terminal whose thread ends with the test; that of a command ends with its process."""
+    made = Terminal()
+    yield made
+    await made._questions.close()
+
+
+@pytest.fixture
+def person(monkeypatch: pytest.MonkeyPatch, terminal: Terminal) -> Terminal:
     """Someone who has pressed Ctrl-D."""
     monkeypatch.setattr(sys, "stdin", io.StringIO(""))
-    return Terminal()
+    return terminal
 
 
 @pytest.mark.parametrize(("typed", "noted"), [("short grass\n", "short grass"), ("\n", "")])
-async def test_note_may_be_left_out(monkeypatch: pytest.MonkeyPatch, typed: str, noted: str) -> None:
+async def test_note_may_be_left_out(
+    monkeypatch: pytest.MonkeyPatch, terminal: Terminal, typed: str, noted: str
+) -> None:
     monkeypatch.setattr(sys, "stdin", io.StringIO(typed))
-    assert await Terminal().note("What ground?") == noted
+    assert await terminal.note("What ground?") == noted
 
 
 async def test_end_of_the_input_is_a_no(person: Terminal) -> None:

@@ -17,7 +17,8 @@ from wayfarer.experiments.trial import run_watched
 from wayfarer.hal import MotionReading, WheelCommand
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.entrapment import UNSEEN_S
-from wayfarer.simhal.faults.kinds import Drive, Fault
+from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.faults.world import Drive
 from wayfarer.simhal.world.grounds import GroundName
 
 

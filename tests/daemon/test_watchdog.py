@@ -12,6 +12,7 @@ import pytest
 
 from tests.daemon.conftest import Listener
 from tests.virtual import virtual
+from wayfarer.daemon.stderr_writer import StderrWriter
 from wayfarer.daemon.watchdog import StallGuard, SystemdNotifier, feed_watchdog, watchdog_period_s
 
 
@@ -82,6 +83,7 @@ class Wheels:
         self.halts_s: list[float] = []
         self.recoveries_s: list[float] = []
         self.places: list[str] = []
+        self.lines = StderrWriter()
 
     def halt(self) -> None:
         self.halts_s.append(self._time())
@@ -92,7 +94,7 @@ class Wheels:
 
     def guard(self, limit_s: float = 0.4) -> StallGuard:
         """A guard with more patience than the rover's, for a busy test machine."""
-        return StallGuard(self.halt, self.recovered, limit_s)
+        return StallGuard(self.halt, self.lines.write, self.recovered, limit_s)
 
     @contextmanager
     def guarded(self, limit_s: float = 0.4) -> Iterator[StallGuard]:
@@ -100,6 +102,7 @@ class Wheels:
         guard.start()
         yield guard
         guard.stop()
+        self.lines.close()
 
 
 def block(seconds_s: float) -> None:
@@ -156,6 +159,7 @@ async def test_stopped_guard_watches_no_more_and_can_be_started_again(capfd: pyt
     guard.start()
     block(0.6)
     guard.stop()
+    wheels.lines.close()
     assert wheels.halts_s != []
 
 

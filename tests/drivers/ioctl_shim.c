@@ -1,7 +1,7 @@
 /* A library for LD_PRELOAD: what the kernel's I2C and SPI drivers do in ioctl(), done by a bench.
  *
  * smbus2 and spidev open device files named /dev/i2c-N and /dev/spidevB.D (nodes of /dev/null do) and call ioctl() on
- * them. Here each transfer becomes a request to the bench (wayfarer.simhal.hil_server) at $WAYFARER_BENCH, and its answer the
+ * them. Here each transfer becomes a request to the bench (tests.system.hil_server) at $WAYFARER_BENCH, and its answer the
  * result. All other device files, and all other calls, are the kernel's own. As from the kernel, a device whose file is
  * gone since it was opened fails with ENODEV (I2C) or ESHUTDOWN (SPI).
  */

@@ -21,9 +21,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from tests.system.hil_buses import HilSerial
 from tests.system.nspawn import in_own_mounts
 from tests.system.subprocesses import HARDWARE_PRIORITY, put_thread_first
-from wayfarer.simhal.hil_buses import HilSerial
 
 SHIM = Path(__file__).with_name("ioctl_shim.c")
 NULL = os.makedev(1, 3)

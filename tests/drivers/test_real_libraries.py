@@ -16,7 +16,7 @@ import pytest
 
 from tests.drivers.private_dev import Recorder
 from tests.drivers.real_site import I2C, SPI, RealSite, each_forestrover, each_site, oldest_versions
-from wayfarer.simhal.hil_buses import SOCKET_VARIABLE
+from tests.system.hil_buses import SOCKET_VARIABLE
 
 pytestmark = pytest.mark.process
 

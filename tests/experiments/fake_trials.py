@@ -9,10 +9,12 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from contextlib import AbstractContextManager
 from pathlib import Path
 from threading import Event
 from typing import cast
 
+from tests.children import child
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import WayfarerError
 from wayfarer.experiments import sim_command
@@ -62,10 +64,10 @@ def third_kills_its_worker(spec: TrialSpec) -> TrialResult:
     return quick(spec)
 
 
-def started(out: Path, where: str) -> subprocess.Popen[str]:
+def started(out: Path, where: str) -> AbstractContextManager[subprocess.Popen[str]]:
     """Start a campaign of slow trials in a process group; ``where`` says how many jobs, or on which cluster."""
     command = [sys.executable, "-m", "tests.experiments.fake_trials", str(out), where]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    return child(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
 
 
 def main(out: str, jobs: str) -> int:

@@ -15,7 +15,8 @@ from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.outcome import OUTCOMES, SUCCESSES
 from wayfarer.experiments.trial import TrialResult, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
-from wayfarer.simhal.faults.kinds import Fault, Slope
+from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.faults.world import Slope
 from wayfarer.simhal.world.forest import CLEARING, Trunk
 from wayfarer.simhal.world.generate import generate_forest
 

@@ -11,7 +11,6 @@ import argparse
 import asyncio
 from collections.abc import Callable
 from pathlib import Path
-from random import Random
 from tempfile import mkdtemp
 from typing import Any
 
@@ -27,8 +26,20 @@ from hypothesis.stateful import (
 )
 
 from tests.commissioning.checks.rigs import T_WALL
+from tests.fault_scenarios.fault_strategies import (
+    PLACES,
+    REFUSALS,
+    ROVERS,
+    FaultTarget,
+    algorithms_of,
+    faults,
+    possible_faults,
+    quick_settings,
+    ready_for,
+)
 from wayfarer.commissioning.checks import ARMING, CALIBRATED, HostEnvironment
 from wayfarer.config.rover_file import load_rover
+from wayfarer.config.rover_overlay import laid_over
 from wayfarer.control.controller import Mode
 from wayfarer.control.supervisor import first_cause
 from wayfarer.daemon.arming_inspection import RunningInspection
@@ -36,17 +47,7 @@ from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotArmed
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
-from wayfarer.fault_scenarios.random_runs import REFUSALS
-from wayfarer.fault_scenarios.random_scenarios import (
-    ROVERS,
-    FaultTarget,
-    draw_fault,
-    draw_scenario,
-    possible_faults,
-    ready_for,
-)
 from wayfarer.fault_scenarios.safety_rules import Invariants
-from wayfarer.fault_scenarios.scenario_rover import rover_of
 from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.responses import LEVELS
 from wayfarer.simhal.build_rover import Depth
@@ -57,8 +58,7 @@ from wayfarer.simhal.world.generate import generate_forest
 SENSES = ("compass", "motion", "contact", "position")
 SOON_S = 0.05  # an answer may take longer, and other commands come meanwhile
 POWER_FLAGS = (None, 0, 0x1, 0x10001, 0x50005)
-SEEDS = st.integers(0, 2**31 - 1)
-PLACES = sorted({place for rover in ROVERS for depth in Depth for place in possible_faults(load_rover(rover), depth)})
+NOW_S = st.just(0.0)
 # What a motor board may recover from, each where the rover has it.
 HEALS = ("nack", "hang", "silent", "reset", "board_fault", "failsafe_off")
 FOLDER = Path(mkdtemp(prefix="wayfarer-machine-"))
@@ -79,11 +79,13 @@ class Daemon:
         self._asked: set[asyncio.Task[Any]] = set()
         self.lasting: dict[int, Fault] = {}
         self._number = 0
-        scenario = draw_scenario(seed, rover, depth)
-        config = rover_of(scenario)
+        config = load_rover(rover)
+        config = laid_over(config, quick_settings(config))
         self.places = possible_faults(config, depth)
         never = ready_for(self.places)
-        spec = TrialSpec(0, scenario.algorithm, generate_forest(seed, 0, seed), seed, config, depth=depth, faults=never)
+        algorithms = algorithms_of(config)
+        algorithm = algorithms[seed % len(algorithms)]
+        spec = TrialSpec(0, algorithm, generate_forest(seed, 0, seed), seed, config, depth=depth, faults=never)
         self._runner.run(self._begin(spec))
 
     async def _begin(self, spec: TrialSpec) -> None:
@@ -133,7 +135,7 @@ class Daemon:
 
     def end(self, number: int) -> None:
         """End a fault that lasts."""
-        self._in_loop(lambda: self.injector.cease(number, self.lasting.pop(number)))
+        self._in_loop(lambda: self.injector.end_fault(number, self.lasting.pop(number)))
 
     def end_oldest(self) -> None:
         """End the fault that has lasted longest."""
@@ -173,10 +175,12 @@ def going_wrong(*targets: str) -> Any:
     """A rule: any kind of fault at one of these; a bug that ends the run comes more seldom."""
 
     @precondition(lambda self: self.daemon.running)
-    @rule(place=st.sampled_from([place for place in PLACES if place.target in targets]), seed=SEEDS)
-    def something_goes_wrong(self: DaemonMachine, place: FaultTarget, seed: int) -> None:
-        if place in self.daemon.places and (place.kind != "task_crash" or seed % 5 == 0):
-            self.daemon.begin(draw_fault(place, 0.0, Random(seed)))
+    @rule(
+        fault=st.one_of([faults(place, NOW_S) for place in PLACES if place.target in targets]), sure=st.integers(0, 4)
+    )
+    def something_goes_wrong(self: DaemonMachine, fault: Fault, sure: int) -> None:
+        if (fault.kind, fault.target) in self.daemon.places and (fault.kind != "task_crash" or sure == 0):
+            self.daemon.begin(fault)
 
     return something_goes_wrong
 
@@ -235,11 +239,14 @@ class DaemonMachine(RuleBasedStateMachine):
             self.daemon.ask("stop")
 
     @precondition(lambda self: self.daemon.running)
-    @rule(kind=st.sampled_from(HEALS), seed=SEEDS, for_s=st.floats(0.05, 3.0), then_s=st.floats(0.0, 8.0))
-    def the_motor_board_fails_for_a_while(self, kind: str, seed: int, for_s: float, then_s: float) -> None:
+    @rule(
+        fault=st.one_of([faults(FaultTarget(kind, "motors"), NOW_S) for kind in HEALS]),
+        for_s=st.floats(0.05, 3.0),
+        then_s=st.floats(0.0, 8.0),
+    )
+    def the_motor_board_fails_for_a_while(self, fault: Fault, for_s: float, then_s: float) -> None:
         """It is opened again while the mission waits, unless something else comes first."""
-        place = FaultTarget(kind, "motors")
-        if place in self.daemon.places and (number := self.daemon.begin(draw_fault(place, 0.0, Random(seed)))):
+        if (fault.kind, fault.target) in self.daemon.places and (number := self.daemon.begin(fault)):
             self.daemon.pass_time(for_s)
             self.daemon.end(number)
             self.daemon.pass_time(then_s)

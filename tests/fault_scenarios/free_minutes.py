@@ -16,7 +16,8 @@ from statistics import median
 from tests.fault_scenarios.free_driving import drive_freely
 from wayfarer.config.rover_file import load_rover
 from wayfarer.simhal.drawn_ranges import Range
-from wayfarer.simhal.faults.kinds import Drive, Fault
+from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.faults.world import Drive
 from wayfarer.simhal.mujoco.terrain import Terrains
 from wayfarer.simhal.world.grounds import GroundName
 

@@ -10,14 +10,23 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 from annotated_types import Interval
 
 from wayfarer.fault_scenarios.catalogue.covered_by_tests import COVERED_BY_TESTS
-from wayfarer.simhal.faults.kinds import KINDS, FaultKind, Layer
+from wayfarer.simhal.faults.bus import BusFault
+from wayfarer.simhal.faults.fault_kind import FaultKind
+from wayfarer.simhal.faults.kinds import KINDS
+from wayfarer.simhal.faults.process import ProcessFault
+from wayfarer.simhal.faults.world import WorldFault
 
+LAYERS: dict[str, type] = {"world": WorldFault, "bus": BusFault, "process": ProcessFault}
 HEAD = "| kind | what happens | to | parameters |\n|---|---|---|---|"
 HELD_HEAD = "| row | fault | what happens | level | bound s | test |\n|---|---|---|---|---|---|"
 
 
-def rows(layer: Layer) -> list[str]:
-    return [_row(name, kind) for name, kind in KINDS.items() if kind.layer is layer]
+def rows(layer: str) -> list[str]:
+    return [_row(name, kind) for name, kind in KINDS.items() if _layer(kind) == layer]
+
+
+def _layer(kind: type[FaultKind]) -> str:
+    return next((name for name, base in LAYERS.items() if issubclass(kind, base)), "reading")
 
 
 def held() -> list[str]:
@@ -31,13 +40,14 @@ def seconds(value: float | None) -> str:
     return "" if value is None else f"{value:.2f}"
 
 
-def _row(name: str, kind: FaultKind) -> str:
-    return f"| `{name}` | {kind.about} | {', '.join(kind.targets)} | {'; '.join(_params(kind.params))} |"
+def _row(name: str, kind: type[FaultKind]) -> str:
+    about = (kind.__doc__ or "").replace("``", "`").removesuffix(".")
+    return f"| `{name}` | {about[:1].lower()}{about[1:]} | {', '.join(kind.targets)} | {'; '.join(_params(kind))} |"
 
 
-def _params(params: type) -> Iterator[str]:
-    hints = get_type_hints(params, include_extras=True)
-    for each in fields(params):
+def _params(kind: type[FaultKind]) -> Iterator[str]:
+    hints = get_type_hints(kind, include_extras=True)
+    for each in fields(kind):
         yield f"`{each.name}` = {_value(each.default)}{_range(hints[each.name])}"
 
 
@@ -65,6 +75,6 @@ def _value(value: Any) -> str:
 
 
 if __name__ == "__main__":
-    for each_layer in Layer:
+    for each_layer in (*LAYERS, "reading"):
         print(f"\n### `{each_layer}`\n", HEAD, *rows(each_layer), sep="\n")
     print("\n## Faults covered by tests\n", HELD_HEAD, *held(), sep="\n")

@@ -10,7 +10,8 @@ from tests.fault_scenarios.free_driving import drive_freely
 from tests.fault_scenarios.free_minutes import ground
 from wayfarer.config.rover_file import load_rover
 from wayfarer.safety.conditions import Condition
-from wayfarer.simhal.faults.kinds import Drive, Fault
+from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.faults.world import Drive
 from wayfarer.simhal.world.grounds import GroundName
 
 pytest.importorskip("mujoco", reason="MuJoCo is not installed")  # here, for its first import starts a process

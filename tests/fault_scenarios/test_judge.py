@@ -13,10 +13,12 @@ from wayfarer.fault_scenarios.result import Result, Tried
 from wayfarer.fault_scenarios.runner import RunResult, run_scenario, run_without_faults
 from wayfarer.fault_scenarios.scenario import Command, Expectation, ResponseLevel, Scenario
 from wayfarer.simhal.build_rover import Depth
-from wayfarer.simhal.faults.kinds import Fault, LoopStall, Lost, Slope
+from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.faults.process import LoopStall
+from wayfarer.simhal.faults.world import Slope
 
 BEGINS_S = 3.0
-LOOSE = Fault(BEGINS_S, inf, "compass", "nack", Lost())
+LOOSE = Fault(BEGINS_S, inf, "compass", "nack")
 HELD = Expectation(ResponseLevel.HOLD, 0.4, ("compass_stale",))
 
 
@@ -40,7 +42,7 @@ SCENARIOS = {
     "stall": scenario(Fault(BEGINS_S, 1.0, "process", "loop_stall", LoopStall(1.0))),
     "crash": scenario(Fault(BEGINS_S, inf, "compass", "task_crash")),
     "disarmed": scenario(commands=()),
-    "dead line": scenario(Fault(BEGINS_S, inf, "motors", "nack", Lost())),
+    "dead line": scenario(Fault(BEGINS_S, inf, "motors", "nack")),
     "nothing": scenario(Fault(BEGINS_S, 1.0, "world", "slope", Slope())),
     "held by a person": scenario(
         Fault(BEGINS_S, inf, "compass", "offset"), commands=(Command(0.0, "arm", 0.0), Command(4.0, "hold"))

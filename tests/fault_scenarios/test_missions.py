@@ -16,7 +16,7 @@ from wayfarer.fault_scenarios import missions
 from wayfarer.fault_scenarios.catalogue import catalogue
 from wayfarer.fault_scenarios.missions import LIMITS, Mission, MissionRunner, Strike, Striking, faults_of, run_mission
 from wayfarer.fault_scenarios.scenario import Scenario
-from wayfarer.simhal.faults.kinds import KINDS, Layer
+from wayfarer.simhal.faults.bus import BusFault
 
 
 def fault(name: str) -> Striking:
@@ -46,7 +46,7 @@ def test_faults_that_differ_in_how_long_they_last_are_one() -> None:
 
 def test_only_faults_on_wires_need_the_depth_of_wires() -> None:
     for each, _, _ in faults_of(catalogue())[0]:
-        on_wires = any(KINDS[fault.kind].layer is Layer.BUS for fault in each.faults)
+        on_wires = any(isinstance(fault.params, BusFault) for fault in each.faults)
         assert (each.depth == "bus") is on_wires, each.name
 
 

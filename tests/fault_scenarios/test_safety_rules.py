@@ -27,8 +27,9 @@ from wayfarer.safety.responses import LEVELS
 from wayfarer.safety.resume_warning import ResumeWarning
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
-from wayfarer.simhal.faults.injector import EFFECTS
-from wayfarer.simhal.faults.kinds import Fault, LateAnswer, LoopStall, Lost, NotANumber
+from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.faults.process import LoopStall
+from wayfarer.simhal.faults.readings import LateAnswer, NotANumber, Silent
 from wayfarer.simhal.parts import SimMotors
 
 AHEAD = WheelCommand(0.3, 0.3)
@@ -247,14 +248,14 @@ def injection_fails(monkeypatch: Patch) -> None:
     def fails(*_: Any) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setitem(EFFECTS, "silent", fails)
+    monkeypatch.setattr(Silent, "effect", fails)
 
 
 # -- each of them is seen ----------------------------------------------------------------------------------------------
 
 LATE_BOARD = Fault(2.0, inf, "motors", "late_answer", LateAnswer(by_s=0.1))  # hides when the wheels may turn
 NO_LINK = Fault(3.0, inf, "motors", "silent")
-UNPLUGGED = Fault(3.0, inf, "motors", "nack", Lost())
+UNPLUGGED = Fault(3.0, inf, "motors", "nack")
 BRIEFLY_NO_LINK = Fault(3.0, 0.5, "motors", "silent")
 LONG_NO_COMPASS = Fault(3.0, 6.0, "compass", "silent")
 ARMED = Command(0.0, "arm")

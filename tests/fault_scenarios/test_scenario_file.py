@@ -14,7 +14,8 @@ from wayfarer.fault_scenarios.scenario import Command, Expectation, ResponseLeve
 from wayfarer.fault_scenarios.scenario_file import FILE_BYTES, read_scenarios
 from wayfarer.fault_scenarios.scenario_rover import rover_of
 from wayfarer.simhal.build_rover import Depth
-from wayfarer.simhal.faults.kinds import Fault, Lost
+from wayfarer.simhal.faults.bus import Nack
+from wayfarer.simhal.faults.kinds import Fault
 
 GOOD = """\
 [[scenario]]
@@ -67,7 +68,7 @@ def test_scenario_is_read_with_all_that_it_says(tmp_path: Path) -> None:
     assert (scenario.name, scenario.depth, scenario.for_s, scenario.seed) == ("loose-plug", Depth.BUS, 30.0, 3)
     assert scenario.expect == Expectation(ResponseLevel.FAULT, 5.3, ("compass_lost",))
     assert scenario.faults == (
-        Fault(15.0, inf, "compass", "nack", Lost(0.5)),
+        Fault(15.0, inf, "compass", "nack", Nack(0.5)),
         Fault(16.0, 2.0, "motion", "dark"),
     )
     assert scenario.commands == (Command(0.0, "arm", 90.0),)

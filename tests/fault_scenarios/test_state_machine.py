@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from random import Random
+from math import inf
 
 import pytest
 from hypothesis import Phase
@@ -11,10 +11,10 @@ from hypothesis.stateful import run_state_machine_as_test
 from tests.fault_scenarios.broken_product import breaks_the_product
 from tests.fault_scenarios.daemon_machine import Daemon, DaemonMachine, machine_settings
 from wayfarer.daemon.commands import RoverCommands
-from wayfarer.fault_scenarios.random_scenarios import FaultTarget, draw_fault
 from wayfarer.hal import WheelCommand
 from wayfarer.safety.gate import Gate
 from wayfarer.simhal.build_rover import Depth
+from wayfarer.simhal.faults.kinds import Fault
 
 EXAMPLES, STEPS = 40, 30
 
@@ -48,7 +48,7 @@ def test_machine_lets_a_motor_board_heal_and_the_rover_drives_on(kind: str) -> N
     daemon.pass_time(1.0)
     daemon.ask("arm", 0.0)
     daemon.pass_time(3.0)
-    board_fails = daemon.begin(draw_fault(FaultTarget(kind, "motors"), 0.0, Random(3)))
+    board_fails = daemon.begin(Fault(0.0, inf, "motors", kind))
     daemon.pass_time(1.0)
     assert daemon.status()["cause"] == "motors_failed"
     daemon.end(board_fails)

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.fault_scenarios.stops_page import DETECTOR_HEAD, STOPPING, STOPS_HEAD, stops
+from benchmarks.detector import CASES, HEADER
+from tests.fault_scenarios.stops_page import STOPPING, STOPS_HEAD, stops
 from wayfarer.escape.api import Anomaly
 from wayfarer.fault_scenarios.catalogue import catalogue
-from wayfarer.fault_scenarios.detector_trials import CELLS
 from wayfarer.fault_scenarios.judge import judge
 from wayfarer.fault_scenarios.runner import run_scenario, run_without_faults
 from wayfarer.fault_scenarios.scenario import Scenario
@@ -56,6 +56,6 @@ def test_lines_are_what_the_scenarios_give() -> None:
 
 def test_detector_is_told_for_each_anomaly_at_each_slip_mean_and_noise() -> None:
     wanted = {
-        (f"`{anomaly.value}`", f"{cell.slip_mean_m:g}", f"{cell.noise:g}x") for anomaly in Anomaly for cell in CELLS
+        (f"`{anomaly.value}`", f"{case.slip_mean_m:g}", f"{case.noise:g}x") for anomaly in Anomaly for case in CASES
     }
-    assert {tuple(line[:3]) for line in table("detector", DETECTOR_HEAD)} == wanted
+    assert {tuple(line[:3]) for line in table("detector", f"| {' | '.join(HEADER)} |\n")} == wanted

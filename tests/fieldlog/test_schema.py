@@ -31,7 +31,8 @@ from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import PositionFix
 from wayfarer.simhal.build_rover import device_depth
 from wayfarer.simhal.drawn_ranges import Range
-from wayfarer.simhal.faults.kinds import Fault, Slope
+from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.faults.world import Slope
 from wayfarer.simhal.mujoco.terrain import Terrains
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.generate import generate_forest

@@ -6,11 +6,13 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
 from random import Random
 
 import pytest
 
+from tests.children import child
 from tests.fieldlog.lines import event, gaps, header, numbers, read, tick, write
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog import writer_thread
@@ -193,6 +195,8 @@ def test_even_urgent_lines_cannot_fill_the_memory(stalled: StallingFiles) -> Non
     for _ in range(100):
         log.urgent(line)
     assert log.dropped == 100 - URGENT_BYTES // len(line)
+    stalled.wakes()
+    log.close()
 
 
 def test_closing_leaves_a_disk_that_does_not_answer_and_says_what_is_missing(
@@ -226,9 +230,9 @@ def test_error_in_writing_costs_a_batch_and_not_the_log(tmp_path: Path) -> None:
     assert log.dropped >= 1
 
 
-def doomed(what: str, where: Path) -> subprocess.Popen[bytes]:
+def doomed(what: str, where: Path) -> AbstractContextManager[subprocess.Popen[bytes]]:
     """Start a process that ends badly."""
-    return subprocess.Popen([sys.executable, "-m", "tests.fieldlog.doomed", what, str(where)], stdout=subprocess.PIPE)
+    return child([sys.executable, "-m", "tests.fieldlog.doomed", what, str(where)], stdout=subprocess.PIPE)
 
 
 @pytest.mark.process

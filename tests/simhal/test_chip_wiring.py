@@ -15,8 +15,7 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput
 from wayfarer.simhal.built_in_chips import CMPS14
 from wayfarer.simhal.chip_wiring import BUILT_IN_CHIPS, CHIP_GROUP, chip_of
-from wayfarer.simhal.faults.bus import misplaced
-from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.faults.kinds import Fault, misplaced
 
 MODULE = "tests.simhal.third_party_compass"
 BY_PATH = f"{MODULE}:LooseXC9"

@@ -1,6 +1,6 @@
 """A bench and a daemon over it, each a process of its own: where a fault of the process happens for real.
 
-The bench (``simhal.hil_server``) holds the chips of one rover in a clearing, where the rover drives ahead until the
+The bench (``hil_server.py``) holds the chips of one rover in a clearing, where the rover drives ahead until the
 test does something to it, and writes down what its wheels were told and when. All processes of a machine share one
 monotonic clock, so its times compare with those in the daemon's log.
 """
@@ -21,6 +21,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeVar
 
+from tests.system.hil_buses import SOCKET_VARIABLE, HilConnection, HilI2C, HilSerial
 from tests.system.subprocesses import HARDWARE_PRIORITY, WAYFARER, command, put_first, starting
 from tests.system.wheel_history import Commands, stop_after
 from wayfarer.daemon.socket.client import ask
@@ -30,7 +31,6 @@ from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.schema import Record
-from wayfarer.simhal.hil_buses import SOCKET_VARIABLE, HilConnection, HilI2C, HilSerial
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 DEADMAN_S = {"minirover": 0.25, "forestrover": 0.3}  # ThunderBorg, and what forestrover.toml sets its Sabertooth to
@@ -75,7 +75,7 @@ def rover_toml(rover: str) -> str:
     text = files("wayfarer").joinpath("rovers", f"{rover}.toml").read_text(encoding="utf-8")
     text = re.sub(r"start_delay_s = [\d.]+", f"start_delay_s = 0.0\n{UNPROVED}", text)
     text = re.sub(r"\[parts\.motion\].*?(?=\[parts\.motors\])", FLOW, text, flags=re.DOTALL)
-    return 'buses = "wayfarer.simhal.hil_buses:buses"\n' + text
+    return 'buses = "tests.system.hil_buses:buses"\n' + text
 
 
 class Site:
@@ -105,7 +105,7 @@ class Site:
         }
         self.uid = os.getuid()  # whose the daemon is
         self.processes: list[subprocess.Popen[bytes]] = []
-        server = (sys.executable, "-m", "wayfarer.simhal.hil_server")
+        server = (sys.executable, "-m", "tests.system.hil_server")
         bench = self.start(*server, "--rover", self.config, "--socket", folder / "bench")
         try:
             self._line = wait_for("the bench listens", self._connect)
@@ -142,7 +142,7 @@ class Site:
     # -- the bench -------------------------------------------------------------------------------------------------
 
     def bench(self, do: str, **details: object) -> dict[str, Any]:
-        """Ask the bench itself; see ``simhal.hil_server``."""
+        """Ask the bench itself; see ``hil_server.py``."""
         return self._line.ask(do, **details)
 
     @property

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.children import child
 from tests.system.hil_setup import BUSY
 from tests.system.jitter import jitter
 from tests.system.killer import after_death
@@ -45,7 +46,7 @@ rooted = pytest.mark.skipif(os.geteuid() != 0, reason="only root may put a proce
 @rooted
 def test_process_that_starts_comes_before_ordinary_ones_and_after_those_that_run() -> None:
     before = os.getpriority(os.PRIO_PROCESS, 0)
-    with starting(), subprocess.Popen(python("input()"), stdin=subprocess.PIPE) as process:
+    with starting(), child(python("input()"), stdin=subprocess.PIPE) as process:
         assert os.getpriority(os.PRIO_PROCESS, process.pid) == STARTING_NICENESS
         assert os.sched_getscheduler(process.pid) == os.SCHED_OTHER
         process.communicate(b"\n")
@@ -55,8 +56,8 @@ def test_process_that_starts_comes_before_ordinary_ones_and_after_those_that_run
 @rooted
 def test_process_comes_first_with_its_threads_and_its_children() -> None:
     code = "import subprocess, threading, sys; threading.Thread(target=sys.stdin.read).start(); "
-    child = "child = subprocess.Popen([sys.executable, '-c', 'input()']); print(child.pid, flush=True)"
-    with subprocess.Popen(python(code + child), stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+    starts_another = "child = subprocess.Popen([sys.executable, '-c', 'input()']); print(child.pid, flush=True)"
+    with child(python(code + starts_another), stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
         pids = [process.pid, int(process.stdout.readline())]
         put_first(process.pid)
@@ -67,7 +68,7 @@ def test_process_comes_first_with_its_threads_and_its_children() -> None:
 
 
 def test_process_that_has_ended_or_is_another_users_is_left_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    with subprocess.Popen(python("")) as process:
+    with child(python("")) as process:
         process.wait()
     put_first(process.pid)
     asked: list[int] = []

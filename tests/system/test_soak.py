@@ -1,4 +1,4 @@
-"""Twenty simulated minutes of random faults leave nothing behind; and what does grow is found.
+"""Twenty simulated minutes of faults leave nothing behind; and what does grow is found.
 
 A simulated day is ``python -m benchmarks soak``.
 """
@@ -27,7 +27,7 @@ def test_twenty_minutes_of_faults_leave_nothing_behind() -> None:
     assert growth(samples) == []
     assert broken == ()
     assert samples[-1].faults > 30
-    assert samples[-1].missions > 10
+    assert samples[-1].missions > 5
     assert samples[-1].ticks == pytest.approx(MINUTES_S * 20.0, rel=0.1)
 
 

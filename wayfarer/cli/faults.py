@@ -1,21 +1,17 @@
-"""``wayfarer faults``: fault injection in virtual time, and the measurement of the anomaly detector."""
+"""``wayfarer faults``: fault injection in virtual time."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from wayfarer.cli import completion
 from wayfarer.cli.extras import require
 from wayfarer.cli.options import AsJson, examples, refuse
-from wayfarer.cli.trial_options import DepthName, Jobs, PhysicsName
+from wayfarer.cli.trial_options import Jobs
 from wayfarer.errors import BadInput, MissingPackage
-
-if TYPE_CHECKING:
-    from wayfarer.fault_scenarios.detector_trials import DetectorCase
 
 EXAMPLES = examples(
     "wayfarer faults",
@@ -23,13 +19,8 @@ EXAMPLES = examples(
     "wayfarer faults --only compass-nack,board-fault --out results",
     "wayfarer faults --scenario my-fault.toml",
     "wayfarer faults --missions 100 --out survival",
-    "wayfarer faults --trials 1000 --rover forestrover",
-    "wayfarer faults --detector --trials 100",
-    "wayfarer faults --detector --physics mujoco --friction 0.3 --trials 10",
 )
 MISSIONS = "Missions"
-BY_CHANCE = "Random faults"
-DETECTOR = "The detector"
 
 Only = Annotated[
     str | None,
@@ -65,60 +56,8 @@ Missions = Annotated[
         rich_help_panel=MISSIONS,
     ),
 ]
-Trials = Annotated[
-    int | None,
-    typer.Option(
-        min=1,
-        max=1_000_000,
-        metavar="N",
-        help="Run this many trials with random faults and commands, and check the safety rules.",
-        rich_help_panel=BY_CHANCE,
-    ),
-]
 Seed = Annotated[
-    int | None,
-    typer.Option(
-        min=0,
-        metavar="N",
-        help="Random seed: of the first of --trials, each further one uses the next number; or of all --missions.",
-    ),
-]
-RandomDepthOption = Annotated[
-    DepthName | None,
-    typer.Option(
-        help="device: simulated parts; bus: the real drivers over simulated chips.", rich_help_panel=BY_CHANCE
-    ),
-]
-MeasureDetector = Annotated[
-    bool,
-    typer.Option(
-        "--detector",
-        help="Measure precision, recall and delay of each anomaly instead; --trials of each case (50).",
-        rich_help_panel=DETECTOR,
-    ),
-]
-PhysicsOption = Annotated[
-    PhysicsName | None, typer.Option(help="Physics while the detector is measured.", rich_help_panel=DETECTOR)
-]
-Friction = Annotated[
-    float | None,
-    typer.Option(
-        min=0.02,
-        max=2.0,
-        metavar="MU",
-        help="Friction of tyres on ground and bark in MuJoCo. (default: 0.1, 0.15, 0.3, 0.5 and 0.8 in turn)",
-        rich_help_panel=DETECTOR,
-    ),
-]
-TorqueScale = Annotated[
-    float | None,
-    typer.Option(
-        min=0.1,
-        max=20.0,
-        metavar="X",
-        help="Stall torque divided by the rover file's chassis.motors_n_m, in MuJoCo. (default: 1)",
-        rich_help_panel=DETECTOR,
-    ),
+    int | None, typer.Option(min=0, metavar="N", help="Random seed of --missions.", rich_help_panel=MISSIONS)
 ]
 
 
@@ -131,68 +70,18 @@ def faults(
     show: Show = False,
     jobs: Jobs = None,
     missions: Missions = None,
-    trials: Trials = None,
     seed: Seed = None,
-    depth: RandomDepthOption = None,
-    detector: MeasureDetector = False,
-    physics: PhysicsOption = None,
-    friction: Friction = None,
-    torque_scale: TorqueScale = None,
     as_json: AsJson = False,
 ) -> None:
     """Inject each fault of the catalogue into a simulated rover, and check its response against a time bound."""
-    of_catalogue: dict[str, object] = {"--only": only, "--scenario": scenario, "--list": show or None}
-    of_chance: dict[str, object] = {"--seed": seed, "--depth": depth}
-    in_mujoco: dict[str, object] = {"--friction": friction, "--torque-scale": torque_scale}
-    if missions is not None:
-        of_others = {"--trials": trials, "--detector": detector or None, "--list": show or None, "--depth": depth}
-        _refuse(of_others, "--missions has its own trials; leave out {}")
-    elif detector:
-        _refuse(of_catalogue | of_chance, "--detector uses its own trials; leave out {}")
-    elif trials is not None:
-        _refuse(of_catalogue, "--trials draws its own faults; leave out {}")
-    else:
-        _refuse(of_chance, "{} is for random faults; say how many trials with --trials N")
-    if not detector:
-        _refuse({"--physics": physics} | in_mujoco, "{} needs --detector; add that, or leave it out")
-    if physics != "mujoco":
-        _refuse(in_mujoco, "{} applies only to MuJoCo; add --physics mujoco, or drop it")
+    refuse(
+        (missions is not None and show, "--missions has its own trials; leave out --list"),
+        (missions is None and seed is not None, "--seed is of --missions; add that, or leave it out"),
+    )
     require("simulating")
-    if detector:
-        from wayfarer.fault_scenarios.detector_table import run_detector
-
-        cells = _cells(rover or "sim", physics, friction, torque_scale or 1.0)
-        raise typer.Exit(run_detector(rover, trials, jobs, out, cells, as_json=as_json))
-    if trials is not None:
-        from wayfarer.fault_scenarios.random_runs import run_random
-        from wayfarer.simhal.build_rover import Depth
-
-        at = None if depth is None else Depth(depth)
-        raise typer.Exit(run_random(trials, rover, at, seed or 0, jobs, out, as_json=as_json))
     if missions is not None:
         raise typer.Exit(_missions(missions, only, rover, scenario, out, jobs, seed or 0, as_json=as_json))
     raise typer.Exit(_run(only, rover, scenario, out, jobs, show=show, as_json=as_json))
-
-
-def _refuse(given: Mapping[str, object], why: str) -> None:
-    """Refuse options that mean nothing beside the others."""
-    refuse(*((value is not None, why.format(option)) for option, value in given.items()))
-
-
-def _cells(rover: str, physics: str | None, friction: float | None, torque_scale: float) -> Sequence[DetectorCase]:
-    """Return what the detector is measured on."""
-    from wayfarer.fault_scenarios.detector_trials import CELLS, cells_in_mujoco
-
-    if physics != "mujoco":
-        return CELLS
-    require("--physics mujoco")
-    from wayfarer.config.rover_file import load_rover
-    from wayfarer.experiments.campaign import Campaign
-    from wayfarer.experiments.commands import check_body
-    from wayfarer.simhal.mujoco.terrain import Terrains
-
-    check_body(Campaign(("forest-pledge",), 1, load_rover(rover), terrains=Terrains()), rover)
-    return cells_in_mujoco(friction, torque_scale)
 
 
 def _run(

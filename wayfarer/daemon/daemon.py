@@ -142,7 +142,8 @@ class Daemon:
         check_parts(rover, service.algorithm, config)  # before a log is made for a run that cannot begin
         self._rover = replace(rover, motors=DryMotors(rover.motors)) if service.dry_run else rover
         self._notifier = SystemdNotifier(os.environ.get("NOTIFY_SOCKET"))
-        self._guard = StallGuard(self._rover.motors.halt, self._tell_of_stall)
+        self._lines = StderrWriter()
+        self._guard = StallGuard(self._rover.motors.halt, self._lines.write, self._tell_of_stall)
         self._suspension: asyncio.TimerHandle | None = None
         before, folder = unfinished_run(service.logs), new_run_folder(service.logs)
         about = {
@@ -155,7 +156,6 @@ class Daemon:
             "log": os.fsencode(folder.absolute()).decode(errors="replace"),
             "start_delay_s": config.safety.start_delay_s,
         }
-        self._lines = StderrWriter()
         self._writer = WriterThread(RunFiles(folder, config.log, self._lines.write))
         shown_to: list[Callable[[Record], None]] = [viewer.show for viewer in service.viewers]
         if service.console is not None:

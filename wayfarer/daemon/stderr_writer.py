@@ -12,7 +12,7 @@ import sys
 from collections import deque
 from contextlib import suppress
 
-from wayfarer.drivers.waiting_thread import WaitingThread
+from wayfarer.waiting_thread import WaitingThread
 
 LINES = 200  # queued at most: some minutes of a rover that drives
 CLOSE_S = 0.2  # how long the end of a run waits for what is queued

@@ -22,7 +22,6 @@ from traceback import walk_stack
 
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.tick_record import TickRecord
-from wayfarer.daemon.stderr_writer import StderrWriter
 from wayfarer.errors import one_line
 from wayfarer.safety.gate import STALL_LIMIT_S
 
@@ -86,18 +85,23 @@ class StallGuard:
 
     Args:
         halt: stops the wheels without waiting, from any thread (``hal.DriveMotors.halt``).
+        tell: writes a line to stderr without waiting, from any thread (``StderrWriter.write``).
         recovered: called on the loop after a stall, with its length in seconds, counted from the last beat, and where
             the loop's thread was: the innermost calls, as ``file:line function``, in one line.
         limit_s: how long the loop may be silent; seconds, above the control period.
     """
 
     def __init__(
-        self, halt: Callable[[], None], recovered: Callable[[float, str], None], limit_s: float = STALL_LIMIT_S
+        self,
+        halt: Callable[[], None],
+        tell: Callable[[str], None],
+        recovered: Callable[[float, str], None],
+        limit_s: float = STALL_LIMIT_S,
     ) -> None:
         self._halt = halt
+        self._tell = tell
         self._recovered = recovered
         self._limit_s = limit_s
-        self._lines = StderrWriter()
         self._beat_s = 0.0
         self._stopped = threading.Event()
         self._thread: threading.Thread | None = None
@@ -140,9 +144,9 @@ class StallGuard:
             self._loop.call_soon_threadsafe(self._recovered, self._beat_s - last_beat_s, where)
 
     def _tell_what_blocks(self) -> None:
-        self._lines.write(f"wayfarer: the event loop is blocked for {self._limit_s:g} s; wheels stopped")
+        self._tell(f"wayfarer: the event loop is blocked for {self._limit_s:g} s; wheels stopped")
         with suppress(OSError):  # no file can be made; the wheels matter more
-            self._lines.write(_stacks())
+            self._tell(_stacks())
 
 
 class WatchdogFeed(PartialLog):

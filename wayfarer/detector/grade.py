@@ -12,6 +12,7 @@ from __future__ import annotations
 from math import radians, sin
 from typing import Final
 
+from wayfarer.clamp import clamp
 from wayfarer.escape.api import Vehicle
 from wayfarer.hal import STOP, MotionReading, WheelCommand
 from wayfarer.safety.tick_interval import TickInterval
@@ -44,7 +45,7 @@ class Load:
             rise: the sine of the slope ahead.
             moved_m: how far the body moved.
         """
-        self.value = min(max(self.value + missed / rise * moved_m / (LEARN_M + moved_m), 0.0), LOAD_MAX)
+        self.value = clamp(self.value + missed / rise * moved_m / (LEARN_M + moved_m), 0.0, LOAD_MAX)
 
 
 class GradeCompensation:
@@ -106,9 +107,9 @@ class GradeCompensation:
         added = slope
         if ahead * slope < 0.0:
             most = (1.0 - DOWNHILL_SHARE) * abs(ahead)
-            added = min(max(slope, -most), most)
+            added = clamp(slope, -most, most)
         room = max(1.0 - abs(turn), abs(ahead))
-        driven = min(max(ahead + added, -room), room)
+        driven = clamp(ahead + added, -room, room)
         self._added = driven - ahead
         self._uncompensated = self._added - slope
         return WheelCommand(driven + turn, driven - turn)

@@ -21,6 +21,7 @@ from typing import Annotated, Any, ClassVar
 
 from annotated_types import Interval
 
+from wayfarer.clamp import clamp
 from wayfarer.drivers.buses import Buses
 from wayfarer.drivers.gpio import GpioPart, Pin
 from wayfarer.errors import NotResponding
@@ -128,4 +129,4 @@ class GpioMotors(GpioPart):
 def _duty(asked: float) -> float:
     if isnan(asked):
         raise ValueError("a duty is NaN, and moves no wheel")
-    return min(max(asked, -1.0), 1.0)
+    return clamp(asked, -1.0, 1.0)

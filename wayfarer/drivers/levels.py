@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from wayfarer.clamp import clamp
 from wayfarer.hal import WheelCommand
 
 
@@ -31,4 +32,4 @@ class MotorLevels:
         return WheelCommand(left * self._left_sign / self._steps, right * self._right_sign / self._steps)
 
     def _level(self, duty: float) -> int:
-        return int(self._steps * min(max(duty, -1.0), 1.0))
+        return int(self._steps * clamp(duty, -1.0, 1.0))

@@ -17,8 +17,8 @@ from contextlib import suppress
 from typing import Any, TypeVar
 
 from wayfarer.drivers.buses import CLOSE_WAIT_S
-from wayfarer.drivers.waiting_thread import WaitingThread
 from wayfarer.errors import NotResponding
+from wayfarer.waiting_thread import WaitingThread
 
 T = TypeVar("T")
 

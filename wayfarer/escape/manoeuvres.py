@@ -8,6 +8,7 @@ from math import degrees, inf, radians
 from typing import ClassVar, Final
 
 from wayfarer.angles import wrap180
+from wayfarer.clamp import clamp
 from wayfarer.escape.api import Anomaly, EscapeSettings, Observation, Phase
 from wayfarer.escape.phases import PhaseEvent
 from wayfarer.escape.steering import HeadingHold
@@ -191,7 +192,7 @@ class TurnAway(Manoeuvre):
 
     def wheels(self, _observation: Observation) -> WheelCommand:
         settings = self._settings
-        rate_deg_s = min(max(self._left_deg * settings.turn_p, settings.turn_min_deg_s), settings.turn_deg_s)
+        rate_deg_s = clamp(self._left_deg * settings.turn_p, settings.turn_min_deg_s, settings.turn_deg_s)
         return self._turns.wheels(0.0, self._escape_plan.side * rate_deg_s)
 
     @property
@@ -237,7 +238,7 @@ class Probe(Manoeuvre):
         error_deg = wrap180(self._heading_deg - curve_deg - observation.heading_deg)
         turn_deg_s = settings.heading_p * error_deg - curve_deg_s
         limit_deg_s = settings.turn_deg_s
-        return self._turns.wheels(speed_m_s, min(max(turn_deg_s, -limit_deg_s), limit_deg_s))
+        return self._turns.wheels(speed_m_s, clamp(turn_deg_s, -limit_deg_s, limit_deg_s))
 
     def _curve_speed_m_s(self) -> float:
         return self._turns.curve_speed_m_s(self._settings.cruise_m_s, self._escape_plan.radius_m)

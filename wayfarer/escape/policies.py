@@ -12,6 +12,7 @@ from statistics import NormalDist
 from typing import Final
 
 from wayfarer.angles import axis_offset_deg, wrap180
+from wayfarer.clamp import clamp
 from wayfarer.escape.api import EscapeSettings, Observation
 from wayfarer.hal import Side
 
@@ -122,7 +123,7 @@ def levy(rng: Random, scale: float) -> float:
 
 def clipped_levy(rng: Random, scale: float, low: float, high: float) -> float:
     """Draw from Lévy(0, scale), clipped to [low, high]."""
-    return min(max(levy(rng, scale), low), high)
+    return clamp(levy(rng, scale), low, high)
 
 
 def _turn_onto_axis_deg(observation: Observation, settings: EscapeSettings) -> float | None:

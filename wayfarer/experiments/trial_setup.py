@@ -85,7 +85,7 @@ class TrialSetup:
 
             self.injector: Injector | None = Injector(spec.faults, spec.rover, spec.seed)
             rover = build(spec.depth, self.world, streams, spec.rover, loop.time, self.injector.buses)
-            self.rover = self.injector.fit(rover)
+            self.rover = self.injector.instrument(rover)
         else:
             self.injector = None
             self.rover = build(spec.depth, self.world, streams, spec.rover, loop.time)

@@ -13,7 +13,9 @@ from wayfarer.fault_scenarios.runner import RunResult
 from wayfarer.fault_scenarios.scenario import RESPONSE_LEVELS, Expectation, ResponseLevel, Scenario
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.responses import LEVELS
-from wayfarer.simhal.faults.kinds import Fault, LoopStall, Lost
+from wayfarer.simhal.faults.bus import Nack
+from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.faults.process import LoopStall
 
 ROUNDING_S = 1e-6
 STOOD_ALREADY = "the wheels were stopped already"
@@ -185,5 +187,5 @@ def _cuts_for_s(fault: Fault) -> float:
     """Return for how long a fault lets no stop through to the wheels."""
     if isinstance(fault.params, LoopStall):
         return fault.params.by_s
-    sure = not isinstance(fault.params, Lost) or fault.params == Lost()
+    sure = not isinstance(fault.params, Nack) or fault.params == Nack()
     return fault.for_s if fault.target == "motors" and fault.kind in _CUT_OFF and sure else 0.0

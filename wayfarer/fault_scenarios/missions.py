@@ -29,7 +29,8 @@ from wayfarer.fault_scenarios.table import with_names
 from wayfarer.safety.conditions import Level
 from wayfarer.safety.responses import levels_for
 from wayfarer.simhal.build_rover import Depth
-from wayfarer.simhal.faults.kinds import KINDS, Fault, Layer
+from wayfarer.simhal.faults.bus import BusFault
+from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.random_streams import RandomStreams
 
 DURATIONS_S = (inf, 10.0)
@@ -94,7 +95,7 @@ def as_mission(scenario: Scenario) -> Scenario:
     """
     first_s = min(fault.at_s for fault in scenario.faults)
     faults = tuple(replace(fault, at_s=fault.at_s - first_s, for_s=inf) for fault in scenario.faults)
-    on_wires = any(KINDS[fault.kind].layer is Layer.BUS for fault in faults)
+    on_wires = any(isinstance(fault.params, BusFault) for fault in faults)
     parts = (scenario.settings or {}).get("parts", {})
     depth = Depth.BUS if on_wires else Depth.DEVICE
     return replace(scenario, faults=faults, depth=depth, settings={"parts": parts, **LIMITS})

@@ -34,7 +34,8 @@ from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.motor_board import SAME_DUTY
 from wayfarer.safety.responses import levels_for
 from wayfarer.simhal.chip_wiring import MotorBoard
-from wayfarer.simhal.faults.kinds import KINDS, Fault, Layer
+from wayfarer.simhal.faults.bus import BusFault
+from wayfarer.simhal.faults.kinds import Fault
 
 PERIODS = 2
 KEPT = 20  # broken rules of one run; one is enough to know
@@ -91,7 +92,7 @@ class Invariants(PartialLog):
 
     def note(self, t_s: float, fault: Fault, *, begins: bool) -> None:
         """Take the beginning of a fault, or its end: what is on the way to the motor board."""
-        if fault.target != "motors" and KINDS[fault.kind].layer is not Layer.BUS:
+        if fault.target != "motors" and not isinstance(fault.params, BusFault):
             return
         if begins:
             self._on_the_way.add(fault)

@@ -163,7 +163,7 @@ def _fault(place: _FileLocation, table: dict[str, Any]) -> Fault:
     if target is not None and target not in kind.targets:
         raise place.error(f"key 'fault.target' = {target!r}: '{name}' applies to {_either(kind.targets)}")
     checked = place.check(_fault_table(name), table)
-    params = kind.params(**{each.name: getattr(checked, each.name) for each in fields(kind.params)})
+    params: Any = kind(**{each.name: getattr(checked, each.name) for each in fields(kind)})
     measured = _measured(checked.target)
     if getattr(params, "of", None) not in {None, *measured}:
         raise place.error(f"key 'fault.of' = '{params.of}': a {checked.target} measures {_either(measured)}")
@@ -174,7 +174,7 @@ def _fault(place: _FileLocation, table: dict[str, Any]) -> Fault:
 def _fault_table(kind: str) -> type:
     """Return what is allowed in the table of a fault: of every fault, and of this kind."""
     every: list[Any] = [("at_s", Moment), ("target", str), ("kind", str), ("for_s", Duration, inf)]
-    return make_dataclass("FaultTable", [*every, *_fields_of(KINDS[kind].params)], kw_only=True)
+    return make_dataclass("FaultTable", [*every, *_fields_of(KINDS[kind])], kw_only=True)
 
 
 def _fields_of(kind: type, apart: tuple[str, ...] = ()) -> list[tuple[str, Any, Any]]:

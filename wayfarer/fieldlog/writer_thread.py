@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from itertools import count
 
-from wayfarer.drivers.waiting_thread import WaitingThread
 from wayfarer.fieldlog.disk import DRIVES_ON
 from wayfarer.fieldlog.writer import RunFiles
+from wayfarer.waiting_thread import WaitingThread
 
 WRITE_S = 0.2  # what a killed process can lose; a power cut takes what was written since the last sync
 WRITES_A_SYNC = 5  # so that each second, and whatever was written at once, is on the disk

@@ -12,6 +12,7 @@ from typing import Any
 
 import orjson
 
+from tests.children import child
 from wayfarer.daemon.socket.protocol import Details, Refused
 from wayfarer.daemon.socket.server import LIMITS, ControlServer, SocketLimits
 
@@ -140,8 +141,7 @@ with getattr(import_module(module), name)(Path(path) if name == "single_daemon" 
 def held_elsewhere(lock: Callable[..., object], path: object) -> Iterator[int]:
     """Have another process hold a lock, and kill it at the end; yields its number."""
     arguments = [sys.executable, "-c", HOLDER, lock.__module__, lock.__name__, str(path)]
-    with subprocess.Popen(arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as holder:
+    with child(arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as holder:
         assert holder.stdout is not None
         assert holder.stdout.readline() == b"held\n"
         yield holder.pid
-        holder.kill()

@@ -117,7 +117,7 @@ def test_nobody_stands_in_for_a_loop_that_is_only_slow() -> None:
     halts: list[float] = []
 
     async def main() -> None:
-        guard = StallGuard(lambda: halts.append(time.monotonic()), lambda stall_s, _: halts.append(stall_s))
+        guard = StallGuard(lambda: halts.append(time.monotonic()), print, lambda stall_s, _: halts.append(stall_s))
         guard.start()
         rate = Rate(20.0)
         for step in range(200):

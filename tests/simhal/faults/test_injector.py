@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from random import Random
 from typing import Any
@@ -22,13 +23,15 @@ from wayfarer.fault_scenarios.recorder import RunRecorder
 from wayfarer.hal import CompassReading
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.buses import FakeBuses
-from wayfarer.simhal.faults import kinds
-from wayfarer.simhal.faults.bus import WiredPart, misplaced, place_of
+from wayfarer.simhal.faults.bus import BusFault, LostBytes, Nack
 from wayfarer.simhal.faults.bus_hang import Hang
-from wayfarer.simhal.faults.injector import EFFECTS, Injector
-from wayfarer.simhal.faults.kinds import KINDS, Fault, Layer
-from wayfarer.simhal.faults.readings import FaultyPart
+from wayfarer.simhal.faults.faulty_part import FaultyPart
+from wayfarer.simhal.faults.injector import Injector
+from wayfarer.simhal.faults.kinds import KINDS, Fault, misplaced
+from wayfarer.simhal.faults.readings import Drifts, Frozen, LateAnswer, Saturated
+from wayfarer.simhal.faults.wired_part import WiredPart, wired_part
 from wayfarer.simhal.faults.wires import FaultyWire
+from wayfarer.simhal.faults.world import DeadBand, Drive, Slope
 from wayfarer.simhal.world.forest import CLEARING
 
 # Driving, with all that is read every so often read several times before the fault begins.
@@ -36,12 +39,12 @@ BEGINS_S, LASTS_S, ENDS_S = 3.0, 2.0, 5.5
 RECEIVER: dict[str, Any] = {"parts": {"position": {"driver": "gpsd"}}, "safety": {"start_delay_s": 0.0}}
 # Parameters with which a kind does something within two seconds of driving ahead, where its defaults do not.
 PARAMS: dict[tuple[str, str], Any] = {
-    ("slope", "world"): kinds.Slope(pitch_deg=10.0),
-    ("drive", "world"): kinds.Drive(left_gain=0.5),
-    ("dead_band", "world"): kinds.DeadBand(duty=0.5),
-    ("saturated", "motion"): kinds.Saturated(limit=0.01),
-    ("lost_bytes", "motors"): kinds.LostBytes(chance=0.5),
-    ("late_answer", "motors"): kinds.LateAnswer(by_s=0.12),
+    ("slope", "world"): Slope(pitch_deg=10.0),
+    ("drive", "world"): Drive(left_gain=0.5),
+    ("dead_band", "world"): DeadBand(duty=0.5),
+    ("saturated", "motion"): Saturated(limit=0.01),
+    ("lost_bytes", "motors"): LostBytes(chance=0.5),
+    ("late_answer", "motors"): LateAnswer(by_s=0.12),
 }
 OF = {"compass": "heading_deg", "motion": "forward_m", "position": "latitude_deg"}
 PARTS = ("compass", "motion", "motors", "position")  # a bumper in a clearing touches nothing
@@ -57,7 +60,7 @@ def config_for(fault: Fault) -> RoverConfig:
     """Return a rover to which the fault can happen."""
     names = ("minirover", "forestrover") if fault.kind in {"battery", "undervoltage"} else ("forestrover", "minirover")
     configs = [with_receiver(name) for name in names]
-    if KINDS[fault.kind].layer is not Layer.BUS:
+    if not isinstance(fault.params, BusFault):
         return configs[0]
     return next(config for config in configs if misplaced(fault, config) is None)
 
@@ -72,9 +75,9 @@ def cases() -> list[Fault]:
 
 
 def params_of(name: str, target: str) -> Any:
-    params = PARAMS.get((name, target), KINDS[name].params())
+    params = PARAMS.get((name, target), KINDS[name]())
     if hasattr(params, "of") and target in OF:
-        params = type(params)(**{field: getattr(params, field) for field in params.__slots__} | {"of": OF[target]})
+        params = replace(params, of=OF[target])
     return params
 
 
@@ -126,8 +129,8 @@ def tampering(fault: Fault, config: RoverConfig) -> Callable[[TrialSetup], objec
         ]
         if isinstance(part, FaultyPart):
             state += [list(part.changes), part.silent, part.crash, part.answers_after_s]
-        if KINDS[fault.kind].layer is Layer.BUS:
-            place = place_of(fault, config, setup.injector.buses)
+        if isinstance(fault.params, BusFault):
+            place = wired_part(fault.target, config, setup.injector.buses)
             state += [list(place.wire.answers), list(place.wire.writes), list(place.wire.unheard)]
             state += [vars(place.hang)["_hangs"], list(getattr(place.chip, "shows", []))]
             state += [getattr(place.chip, name, None) for name in ("squal", "shutter", "calibration", "drive_faults")]
@@ -153,7 +156,7 @@ def test_kind_changes_something_and_leaves_nothing_behind(fault: Fault) -> None:
 @pytest.mark.parametrize("target", ["motion", "motors"])
 @virtual
 async def test_part_that_says_it_is_another_does_not_open(target: str) -> None:
-    fault = Fault(BEGINS_S, LASTS_S, target, "wrong_id", kinds.WrongId())
+    fault = Fault(BEGINS_S, LASTS_S, target, "wrong_id")
     opened: list[str] = []
     setup = TrialSetup(
         TrialSpec(0, "forest-pledge", CLEARING, 1, config_for(fault), depth=Depth.BUS, faults=(fault,)),
@@ -195,21 +198,21 @@ async def test_fault_that_lasts_is_ended_with_the_run(fault: Fault) -> None:
 
 def test_fault_of_a_part_that_the_rover_has_not_is_refused() -> None:
     with pytest.raises(BadInput, match=r"rover 'minirover': 'lost_bytes' does not apply to driver = \"thunderborg\""):
-        injector_of("minirover", Fault(1.0, 1.0, "motors", "lost_bytes", kinds.LostBytes()))
+        injector_of("minirover", Fault(1.0, 1.0, "motors", "lost_bytes"))
     with pytest.raises(BadInput, match=r"rover 'minirover' has no contact"):
         injector_of("minirover", Fault(1.0, 1.0, "contact", "silent"))
 
 
 def injector_of(rover: str, fault: Fault) -> None:
     config = load_rover(rover)
-    Injector((fault,), config, 0).fit(assemble(config, FakeBuses()))
+    Injector((fault,), config, 0).instrument(assemble(config, FakeBuses()))
 
 
 @virtual
 async def test_frozen_part_repeats_what_it_said_last() -> None:
     part = FaultyPart(FakeCompass())
     last = await part.read()
-    with EFFECTS["frozen"](part, kinds.NoParameters(), Random(0)):
+    with Frozen().effect(part, Random(0)):
         again = await part.read()
     assert again.heading_deg == last.heading_deg
     assert again.t_s > last.t_s
@@ -219,7 +222,7 @@ async def test_frozen_part_repeats_what_it_said_last() -> None:
 @virtual
 async def test_late_answer_carries_the_time_at_which_it_was_given() -> None:
     part, loop = FaultyPart(FakeCompass()), asyncio.get_running_loop()
-    with EFFECTS["late_answer"](part, kinds.LateAnswer(by_s=0.2), Random(0)):
+    with LateAnswer(by_s=0.2).effect(part, Random(0)):
         await part.read()
     assert loop.time() == pytest.approx(0.2)
 
@@ -227,7 +230,7 @@ async def test_late_answer_carries_the_time_at_which_it_was_given() -> None:
 @virtual
 async def test_drift_begins_at_nothing_and_grows() -> None:
     part = FaultyPart(FakeCompass())
-    with EFFECTS["drifts"](part, kinds.Drifts(per_s=100.0), Random(0)):
+    with Drifts(per_s=100.0).effect(part, Random(0)):
         readings = [await part.read() for _ in range(3)]
     assert [reading.heading_deg for reading in readings] == [0.0, 101.0, 202.0]
 
@@ -236,7 +239,7 @@ async def test_drift_begins_at_nothing_and_grows() -> None:
 async def test_so_many_transfers_are_lost_and_no_more() -> None:
     wire = FaultyWire("a bus")
     place = WiredPart("", None, "", None, wire, Hang("a bus"))
-    with EFFECTS["nack"](place, kinds.Lost(most=2), Random(0)):
+    with Nack(most=2).effect(place, Random(0)):
         for _ in range(2):
             with pytest.raises(NotResponding):
                 wire.check()

@@ -14,8 +14,8 @@ import pytest
 from tests.simhal.mujoco.fields import BODY, drive, rover_on, speed_m_s, tree_at, trunk_across
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.hal import Side
-from wayfarer.simhal.faults.kinds import KINDS, Drive, Layer, NoParameters, Slope
-from wayfarer.simhal.faults.world import EFFECTS
+from wayfarer.simhal.faults.kinds import KINDS
+from wayfarer.simhal.faults.world import Drive, Slip, Slope, WorldFault
 from wayfarer.simhal.mujoco.ground import MUD_FRICTION
 from wayfarer.simhal.mujoco.model import Unstable
 from wayfarer.simhal.mujoco.world import LOOK_EVERY, MujocoWorld
@@ -185,14 +185,14 @@ def test_place_that_is_no_number_is_an_error_even_without_a_warning(monkeypatch:
         world.advance_to(1.0)
 
 
-@pytest.mark.parametrize("kind", [kind for kind, row in KINDS.items() if row.layer is Layer.WORLD])
+@pytest.mark.parametrize("kind", [kind for kind, each in KINDS.items() if issubclass(each, WorldFault)])
 async def test_every_fault_of_the_world_begins_and_ends(kind: str) -> None:
     world = rover_on(0.3)
     faults_of = attrgetter("body_faults", "field_deg", "ground_pitch_deg", "ground_roll_deg", "battery_v")
     neutral = faults_of(world)
     drive(world, 0.5, 0.5, 1.0)
-    params = {"slope": Slope(pitch_deg=10.0), "drive": Drive(left_gain=0.5)}.get(kind, KINDS[kind].params())
-    with EFFECTS[kind](world, params, Random(0)):
+    params = {"slope": Slope(pitch_deg=10.0), "drive": Drive(left_gain=0.5)}.get(kind, KINDS[kind]())
+    with params.effect(world, Random(0)):
         drive(world, 0.5, 0.5, 1.0)
         assert faults_of(world) != neutral or kind == "slip", "which the next test is about"
     drive(world, 0.5, 0.5, 3.0)
@@ -202,12 +202,12 @@ async def test_every_fault_of_the_world_begins_and_ends(kind: str) -> None:
 
 def test_slip_fault_makes_driving_wheels_spin_until_they_are_out_of_it() -> None:
     standing = rover_on(0.8)
-    with EFFECTS["slip"](standing, NoParameters(), Random(0)):
+    with Slip().effect(standing, Random(0)):
         assert not standing.slipping, "wheels that stand still do not slip, mud or not"
     ways_m = {}
     for slips in (False, True):
         world = rover_on(0.8)
-        fault = EFFECTS["slip"](world, NoParameters(), Random(0))
+        fault = Slip().effect(world, Random(0))
         with fault if slips else nullcontext():
             drive(world, 1.0, 1.0, 0.3)
             assert world.slipping is slips
@@ -229,7 +229,7 @@ def test_flow_sensor_is_at_the_middle_of_the_body() -> None:
 
 def test_slope_pulls_the_body_down_and_is_felt() -> None:
     world = rover_on(0.5)
-    with EFFECTS["slope"](world, Slope(pitch_deg=15.0), Random(0)):
+    with Slope(pitch_deg=15.0).effect(world, Random(0)):
         world.advance_to(2.0)
         assert world.reverse_m > 0.2, "nose up: it rolls backwards against its motors' brake"
         _, pitch, _ = HeadingSensorModel(world, RandomStreams(0)).sample(world.t_s)

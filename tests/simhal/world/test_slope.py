@@ -16,8 +16,7 @@ from tests.simhal.mujoco.fields import BODY, CONFIG, STALL_N, WEIGHT_N, drive, r
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.experiments.report.load_results import read_results
 from wayfarer.simhal.drawn_ranges import Range
-from wayfarer.simhal.faults.kinds import Slope as SlopeFault
-from wayfarer.simhal.faults.world import EFFECTS
+from wayfarer.simhal.faults.world import Slope as SlopeFault
 from wayfarer.simhal.mujoco.kinematics import gravity_m_s2
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import CLEARING
@@ -69,7 +68,7 @@ def test_tilt_is_that_of_gravity_on_the_plane_with_any_heading(heading_deg: floa
 def test_slope_and_the_fault_slope_add_and_the_slope_remains() -> None:
     world = rover_on(0.8, physics=sloping(6.0))
     before = world.model.opt.gravity.tolist()
-    with EFFECTS["slope"](world, SlopeFault(pitch_deg=4.0), None):  # type: ignore[arg-type]
+    with SlopeFault(pitch_deg=4.0).effect(world, None):  # type: ignore[arg-type]
         world.advance_to(0.1)
         assert world.attitude()[1] == pytest.approx(10.0, abs=0.2)
         assert world.model.opt.gravity.tolist() == pytest.approx(gravity_m_s2(10.0, 0.0, 0.0))

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import IO, Any
 from urllib.parse import urlsplit
 
+from tests.children import child
 from wayfarer.daemon.socket.client import NoDaemon, ask
 
 WAYFARER = str(Path(sys.executable).with_name("wayfarer"))
@@ -71,13 +72,10 @@ def running(*arguments: str) -> Iterator[Daemon]:
         command = [WAYFARER, *arguments, "--logs", f"{folder}/logs"]
         with (
             (Path(folder) / "stderr").open("w+") as errors,
-            subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=errors, text=True) as process,
+            child(command, env=environment, stdout=subprocess.PIPE, stderr=errors, text=True) as process,
         ):
             assert process.stdout is not None
-            try:
-                yield Daemon(Path(folder), process, process.stdout)
-            finally:
-                process.kill()
+            yield Daemon(Path(folder), process, process.stdout)
 
 
 def poll(holds: Callable[[], object], within_s: float = 10.0) -> None:

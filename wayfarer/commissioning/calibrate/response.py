@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from statistics import linear_regression
 from typing import NamedTuple
 
+from wayfarer.clamp import clamp
 from wayfarer.config.calibration_file import SLOPE_MIN, SpeedGain, TurnResponse
 
 # A compass with a noise of 1 degree, read for 0.6 s at 20 Hz, gives a rate within 1.7 deg/s (one standard deviation).
@@ -60,7 +61,7 @@ def turn_response(points: Sequence[tuple[float, float]]) -> TurnResponse | None:
     slope, at_zero = linear_regression(duties, rates)
     if not slope >= SLOPE_MIN:  # NaN as well
         return None
-    from_duty = min(max(0.0, -at_zero / slope), duties[0])
+    from_duty = clamp(-at_zero / slope, 0.0, duties[0])
     return TurnResponse(stood_at_duty=stood_at_duty, from_duty=from_duty, deg_s_per_duty=slope)
 
 

@@ -1,5 +1,6 @@
-"""Fault injection into a simulated rover; ``kinds.py`` lists every kind of fault, as data.
+"""Fault injection into a simulated rover; ``kinds.py`` lists every kind of fault.
 
-Each kind of fault is a context manager: entered when the fault begins, left when it ends, so that what it changed is
-restored however the run ends. ``Injector`` enters and leaves them at their times, on the run's own loop.
+Each kind is a class in the module of its layer, with what it does as a context manager: entered when the fault begins,
+left when it ends. ``Injector`` enters and leaves them at their times, on the run's own loop. At the end of the run
+``Injector.end`` leaves those that still last, the latest first, so that what they changed is restored.
 """

@@ -12,18 +12,17 @@ from typing import Any, Protocol
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import BadInput, NotResponding
 from wayfarer.hal import Rover
-from wayfarer.simhal.faults import bus, process, readings, world
-from wayfarer.simhal.faults.bus import misplaced, place_of
-from wayfarer.simhal.faults.kinds import KINDS, Fault, Layer
+from wayfarer.simhal.faults.bus import BusFault
+from wayfarer.simhal.faults.fault_kind import PARTS
+from wayfarer.simhal.faults.faulty_part import FaultyPart
+from wayfarer.simhal.faults.kinds import Fault, misplaced
 from wayfarer.simhal.faults.process import TakePower
-from wayfarer.simhal.faults.readings import FaultyPart
+from wayfarer.simhal.faults.wired_part import wired_part
 from wayfarer.simhal.faults.wires import FaultyBuses
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 PUMP_S = 0.05
-PARTS = ("compass", "motion", "contact", "position", "motors")
-EFFECTS = {**world.EFFECTS, **readings.EFFECTS, **bus.EFFECTS, **process.EFFECTS}
 
 
 class NoteFault(Protocol):
@@ -36,8 +35,8 @@ class NoteFault(Protocol):
 class Injector:
     """Holds the faults of one run.
 
-    Build the rover over ``buses``, pass it through ``fit``, and enter the injector when the run begins: leaving it ends
-    what still lasts, the latest first.
+    Build the rover over ``buses``, pass it through ``instrument``, and ``start`` when the run begins. ``end`` ends what
+    still lasts.
 
     Args:
         faults: what is to go wrong.
@@ -59,21 +58,20 @@ class Injector:
         if "motors" not in self._config.parts:
             return None
         with suppress(NotResponding):
-            return place_of(Fault(0.0, 0.0, "motors", "reset"), self._config, self.buses).chip
+            return wired_part("motors", self._config, self.buses).chip
         return None
 
-    def fit(self, rover: Rover) -> Rover:
+    def instrument(self, rover: Rover) -> Rover:
         """Return the rover with everything around its parts that the faults need.
 
         Raises:
             BadInput: the rover has no such part, or one to which a fault cannot happen.
         """
         for fault in self._faults:
-            if KINDS[fault.kind].layer is Layer.BUS and (why := misplaced(fault, self._config)):
+            if isinstance(fault.params, BusFault) and (why := misplaced(fault, self._config)):
                 raise BadInput(f"{fault}: {why}")
-        kinds = (Layer.READING, Layer.PROCESS)
-        targets = {fault.target for fault in self._faults if KINDS[fault.kind].layer in kinds} & set(PARTS)
-        for name in targets:
+        changed = {fault.target for fault in self._faults if not isinstance(fault.params, BusFault)} & set(PARTS)
+        for name in changed:
             if getattr(rover, name) is None:
                 raise BadInput(f"rover '{self._config.name}' has no {name} to inject a fault into")
             self._parts[name] = FaultyPart(getattr(rover, name))
@@ -112,11 +110,11 @@ class Injector:
         self._note(loop.time(), fault, begins=True)
         stack = self._lasting[number] = ExitStack()
         rng = self._streams.random(f"fault.{number}")
-        stack.enter_context(EFFECTS[fault.kind](self._target(fault), fault.params, rng))
+        stack.enter_context(fault.params.effect(self._target(fault), rng))
         if fault.for_s < inf:
-            loop.call_later(fault.for_s, self.cease, number, fault)
+            loop.call_later(fault.for_s, self.end_fault, number, fault)
 
-    def cease(self, number: int, fault: Fault) -> None:
+    def end_fault(self, number: int, fault: Fault) -> None:
         """End a fault that lasts; nothing happens where it has ended."""
         stack = self._lasting.pop(number, None)
         if stack is not None:
@@ -124,10 +122,7 @@ class Injector:
             self._note(asyncio.get_running_loop().time(), fault, begins=False)
 
     def _target(self, fault: Fault) -> Any:
-        match KINDS[fault.kind].layer:
-            case Layer.WORLD:
-                return self._world
-            case Layer.BUS:
-                return place_of(fault, self._config, self.buses)
-            case _:
-                return self._take_power if fault.target == "process" else self._parts[fault.target]
+        if isinstance(fault.params, BusFault):
+            return wired_part(fault.target, self._config, self.buses)
+        beside = {"world": self._world, "process": self._take_power}
+        return beside[fault.target] if fault.target in beside else self._parts[fault.target]

@@ -1,45 +1,81 @@
-"""Faults of the process that are possible in virtual time: a blocked event loop, a sagging supply."""
+"""Faults of the process that are possible in virtual time: a blocked event loop, a sagging supply.
+
+``tests/system`` injects into a real daemon what needs a real process: a full disk, a signal.
+"""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from math import ceil
 from random import Random
+from typing import Annotated, ClassVar
+
+from annotated_types import Interval
 
 from wayfarer.daemon.host_health import POWER_EVERY_S
 from wayfarer.safety.supply import UNDER_VOLTAGE_NOW, UNDER_VOLTAGE_SINCE_BOOT
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
-from wayfarer.simhal.faults.kinds import LoopStall, Undervoltage
-from wayfarer.simhal.faults.scoped import Effect
+from wayfarer.simhal.faults.fault_kind import PARTS, FaultKind
+from wayfarer.simhal.faults.faulty_part import Bug, FaultyPart
 
 # Takes the computer's flags at a time: the target of these faults.
 TakePower = Callable[[float, int], None]
 
 
-@contextmanager
-def _loop_stall(_: TakePower, params: LoopStall, __: Random) -> Iterator[None]:
-    loop = asyncio.get_running_loop()
-    assert isinstance(loop, VirtualLoop)
-    loop.stall(params.by_s)
-    yield
+class ProcessFault(FaultKind):
+    """Happens to the daemon, or to the computer under it."""
+
+    targets: ClassVar[tuple[str, ...]] = ("process",)
 
 
-@contextmanager
-def _undervoltage(take_power: TakePower, params: Undervoltage, _: Random) -> Iterator[None]:
-    """Have the flags go up and down, as a daemon sees them that looks once in a while."""
-    loop = asyncio.get_running_loop()
-    timers = []
-    for dip in range(params.times):
-        at_s = ceil((loop.time() + dip * params.every_s) / POWER_EVERY_S) * POWER_EVERY_S
-        timers.append(loop.call_at(at_s, lambda: take_power(loop.time(), UNDER_VOLTAGE_NOW | UNDER_VOLTAGE_SINCE_BOOT)))
-        over_s = at_s + params.every_s / 2
-        timers.append(loop.call_at(over_s, lambda: take_power(loop.time(), UNDER_VOLTAGE_SINCE_BOOT)))
-    yield
-    for timer in timers:
-        timer.cancel()
-    take_power(loop.time(), UNDER_VOLTAGE_SINCE_BOOT)
+class TaskCrash(ProcessFault):
+    """A bug in a driver ends its task."""
+
+    targets = PARTS
+
+    @contextmanager
+    def effect(self, part: FaultyPart, _: Random) -> Iterator[None]:
+        part.crash = Bug("a bug in a driver, injected")
+        yield
+        part.crash = None
 
 
-EFFECTS: Mapping[str, Effect] = {"loop_stall": _loop_stall, "undervoltage": _undervoltage}
+@dataclass(frozen=True)
+class LoopStall(ProcessFault):
+    """Something blocks the event loop; or the clock jumps, which looks the same."""
+
+    by_s: Annotated[float, Interval(gt=0, le=3600)] = 0.5
+
+    @contextmanager
+    def effect(self, _: TakePower, __: Random) -> Iterator[None]:
+        """Block it once; the fault may last longer."""
+        loop = asyncio.get_running_loop()
+        assert isinstance(loop, VirtualLoop)
+        loop.stall(self.by_s)
+        yield
+
+
+@dataclass(frozen=True)
+class Undervoltage(ProcessFault):
+    """The computer's supply sags ``times``, each half of ``every_s`` long."""
+
+    times: Annotated[int, Interval(ge=1, le=1000)] = 1
+    every_s: Annotated[float, Interval(ge=2, le=3600)] = 10.0
+
+    @contextmanager
+    def effect(self, take_power: TakePower, _: Random) -> Iterator[None]:
+        """Have the flags go up and down, as a daemon sees them that looks once in a while."""
+        loop = asyncio.get_running_loop()
+        sags, over = UNDER_VOLTAGE_NOW | UNDER_VOLTAGE_SINCE_BOOT, UNDER_VOLTAGE_SINCE_BOOT
+        timers = []
+        for dip in range(self.times):
+            at_s = ceil((loop.time() + dip * self.every_s) / POWER_EVERY_S) * POWER_EVERY_S
+            timers.append(loop.call_at(at_s, lambda: take_power(loop.time(), sags)))
+            timers.append(loop.call_at(at_s + self.every_s / 2, lambda: take_power(loop.time(), over)))
+        yield
+        for timer in timers:
+            timer.cancel()
+        take_power(loop.time(), over)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from math import asin, atan2, cos, degrees, radians, sin
 from typing import NamedTuple
 
+from wayfarer.clamp import clamp
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 
 SHOVE_S = 0.1  # in which a shove brings the body to its speed
@@ -29,7 +30,7 @@ def pose_of(qpos: Sequence[float]) -> Pose:
         x_m,
         y_m,
         atan2(1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z)),
-        degrees(asin(max(-1.0, min(1.0, 2.0 * (x * z - w * y))))),
+        degrees(asin(clamp(2.0 * (x * z - w * y), -1.0, 1.0))),
         degrees(atan2(2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y))),
     )
 
@@ -75,4 +76,4 @@ def gravity_m_s2(pitch_deg: float, roll_deg: float, heading_rad: float) -> tuple
 def shove_n(weight_kg: float, wanted_m_s: float, speed_m_s: float) -> float:
     """Return the force ahead that brings a body from one speed to another."""
     most_n = MOST_WEIGHTS * weight_kg * STANDARD_GRAVITY_M_S2
-    return max(-most_n, min(most_n, weight_kg * (wanted_m_s - speed_m_s) / SHOVE_S))
+    return clamp(weight_kg * (wanted_m_s - speed_m_s) / SHOVE_S, -most_n, most_n)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from math import asin, atan, degrees, radians, sin
 from typing import Final
 
+from wayfarer.clamp import clamp
 from wayfarer.config.chassis import AT_A_BRANCH, STANDARD_GRAVITY_M_S2, Chassis
 from wayfarer.escape.api import Vehicle
 from wayfarer.simhal.random_streams import RandomStreams
@@ -72,5 +73,5 @@ class GroundPitch:
             if self._body.overlaps(branch, x_m, y_m, sin_h, cos_h):
                 near_x, near_y = branch.nearest(x_m, y_m)
                 ahead_m = (near_x - x_m) * sin_h + (near_y - y_m) * cos_h
-                pitch_deg += degrees(atan(branch.radius_m / half_m)) * max(-1.0, min(1.0, ahead_m / half_m))
+                pitch_deg += degrees(atan(branch.radius_m / half_m)) * clamp(ahead_m / half_m, -1.0, 1.0)
         return pitch_deg

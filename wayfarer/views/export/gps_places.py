@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.angles import bearing_deg, coordinates_deg, wrap180
+from wayfarer.clamp import clamp
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
 from wayfarer.fieldlog.fields import duration_text, safe_text
@@ -151,7 +152,7 @@ def _on_globe(fix: Fix) -> Fix:
     Only dead reckoning that went astray leads beyond a pole.
     """
     longitude_deg = round(wrap180(fix.longitude_deg), DECIMALS)
-    latitude_deg = round(min(max(fix.latitude_deg, -90.0), 90.0), DECIMALS)
+    latitude_deg = round(clamp(fix.latitude_deg, -90.0, 90.0), DECIMALS)
     return replace(fix, latitude_deg=latitude_deg, longitude_deg=-180.0 if longitude_deg == 180.0 else longitude_deg)
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 
+from wayfarer.clamp import clamp
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.fields import clock_zero_s
 from wayfarer.fieldlog.reader import RunReader
@@ -38,7 +39,7 @@ def read_clock_zero_s(reader: RunReader) -> float:
 
 def nanoseconds(time_s: float) -> int:
     """Return a time since 1970 as ROS and Foxglove count it, to the microsecond: a float of today has no more."""
-    return round(min(max(time_s, 0.0), LATEST_S) * 1e6) * 1000
+    return round(clamp(time_s, 0.0, LATEST_S) * 1e6) * 1000
 
 
 def utc_time(wall_s: float) -> datetime:

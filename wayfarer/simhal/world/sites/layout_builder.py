@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import atan2, cos, degrees, hypot, radians, sin
 
 from wayfarer.angles import axis_offset_deg
+from wayfarer.clamp import clamp
 from wayfarer.simhal.world.collision import Box
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest, Trunk, lean_of
 from wayfarer.simhal.world.generate import TREE_RADIUS_M, TRUNK_DIAMETER_M, Draw
@@ -26,7 +27,7 @@ class SiteLayout:
         east_m, north_m = (f(radians(bearing_deg)) * length_m / 2.0 for f in (sin, cos))
         x_m, y_m = middle_m
         ends = (x_m - east_m, y_m - north_m, x_m + east_m, y_m + north_m)
-        x0_m, y0_m, x1_m, y1_m = (round(min(max(end_m, 0.0), WORLD_SIZE_M), 3) for end_m in ends)
+        x0_m, y0_m, x1_m, y1_m = (round(clamp(end_m, 0.0, WORLD_SIZE_M), 3) for end_m in ends)
         axis_deg = degrees(atan2(x1_m - x0_m, y1_m - y0_m))  # an end that was cut off at the edge has turned it
         lean = lean_of(axis_offset_deg(axis_deg, GOAL_HEADING_DEG))
         self._branches.append((Trunk(x0_m, y0_m, x1_m, y1_m, lean), round(diameter_m, 3)))

@@ -1,6 +1,5 @@
 """The bench: what a rover file's real drivers get from chips at the other end of a socket."""
 
-# ruff: noqa: TID251 - a socket needs real time
 from __future__ import annotations
 
 import asyncio
@@ -8,7 +7,6 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
@@ -17,8 +15,11 @@ from typing import Any
 
 import pytest
 
+from tests.children import child
 from tests.simhal.chips.bench import Clock
-from tests.system.hil_setup import BUSY, STARTS
+from tests.system.hil_buses import SOCKET_VARIABLE, HilBuses, HilConnection, buses
+from tests.system.hil_server import HilServer, serve
+from tests.system.hil_setup import BUSY, STARTS, wait_for
 from tests.system.subprocesses import starting
 from wayfarer.config.factory import assemble
 from wayfarer.config.rover_file import RoverConfig, load_rover
@@ -26,8 +27,6 @@ from wayfarer.drivers.buses import Buses
 from wayfarer.errors import BadConfig, BadInput, NotResponding
 from wayfarer.hal import STOP, Rover, WheelCommand
 from wayfarer.simhal.chips.thunderborg import FAILSAFE_S
-from wayfarer.simhal.hil_buses import SOCKET_VARIABLE, HilBuses, HilConnection, buses
-from wayfarer.simhal.hil_server import HilServer, serve
 
 I2C = "/dev/i2c-1"
 FLOW = {"driver": "pmw3901", "bus": "/dev/spidev0.1"}
@@ -48,7 +47,7 @@ def minirover() -> RoverConfig:
 
 def bench() -> tuple[HilServer, Clock]:
     clock = Clock()
-    return HilServer(minirover(), 0, clock), clock
+    return HilServer(minirover(), clock), clock
 
 
 async def i2c(bench: HilServer, address: int, *data: int) -> dict[str, Any]:
@@ -73,10 +72,9 @@ async def test_deadman_acts_at_its_own_time_and_the_record_says_so() -> None:
     assert last == (pytest.approx(told_s + FAILSAFE_S), 0.0, 0.0)
 
 
-def test_without_a_seed_the_rover_drives_on_for_ever() -> None:
-    """In the forest of a seed it would meet a tree or slip within a few metres."""
+def test_nothing_is_in_the_rovers_way() -> None:
     clock = Clock()
-    made = HilServer(minirover(), None, clock)
+    made = HilServer(minirover(), clock)
     made.world.command(0.5, 0.5)
     clock.t_s += 200.0
     made.step()
@@ -101,7 +99,7 @@ async def test_silenced_part_answers_no_more_and_its_neighbour_does() -> None:
 
 def test_camera_is_refused() -> None:
     with pytest.raises(BadConfig, match=r"parts\.motion"):
-        HilServer(load_rover("minirover"), 0, Clock())
+        HilServer(load_rover("minirover"), Clock())
     with pytest.raises(BadInput, match="no camera"):
         HilBuses("nowhere").camera("0", width=64, height=48, rate_hz=10, exposure_us=None)
 
@@ -115,11 +113,6 @@ def test_buses_are_those_of_the_socket_that_the_environment_names(monkeypatch: p
     assert isinstance(handed_out, HilBuses)
 
 
-def wait_for(path: Path) -> None:
-    while not path.exists():
-        time.sleep(0.01)
-
-
 Ask = Callable[..., Awaitable[dict[str, Any]]]
 
 
@@ -128,8 +121,8 @@ async def served(config: RoverConfig) -> AsyncIterator[tuple[HilBuses, Ask]]:
     """The buses of a bench that serves a rover meanwhile, and what asks the bench itself."""
     with TemporaryDirectory(prefix="wf-") as folder:
         path = Path(folder) / "bench"
-        serving = asyncio.create_task(serve(config, path, 0))
-        await asyncio.to_thread(wait_for, path)
+        serving = asyncio.create_task(serve(config, path))
+        await asyncio.to_thread(wait_for, "the bench listens", path.exists)
         over, line = HilBuses(str(path)), await asyncio.to_thread(HilConnection, str(path))
         try:
             yield over, lambda do, **details: asyncio.to_thread(line.ask, do, **details)
@@ -237,9 +230,9 @@ async def test_missing_bench_is_told_by_its_path() -> None:
 @pytest.mark.process
 def test_bench_that_is_ended_while_a_client_is_connected_says_nothing(tmp_path: Path) -> None:
     path = tmp_path / "bench"
-    command = [sys.executable, "-m", "wayfarer.simhal.hil_server", "--rover", "forestrover", "--socket", str(path)]
+    command = [sys.executable, "-m", "tests.system.hil_server", "--rover", "forestrover", "--socket", str(path)]
     with (
-        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as served_bench,
+        child(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as served_bench,
         socket.socket(socket.AF_UNIX) as client,
     ):
         assert served_bench.stdout is not None

@@ -8,11 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.detector import CASES, HEADER, DetectorCase, delay_s, measure, rows
+from benchmarks.detector_score import NOTHING, Score, Timeline, TimeSpan, score
 from wayfarer.config.rover_file import load_rover
 from wayfarer.escape.api import Anomaly
-from wayfarer.fault_scenarios.detector_score import NOTHING, Score, Timeline, TimeSpan, score
-from wayfarer.fault_scenarios.detector_table import delay_s
-from wayfarer.fault_scenarios.detector_trials import DetectorCase, measure
 
 WAITS_S = 0.4
 
@@ -81,3 +80,14 @@ def test_detector_that_waits_too_long_finds_less() -> None:
 def test_more_noise_makes_more_claims_of_tilt_wrong_or_late() -> None:
     calm, rough = (measure(load_rover("sim"), DetectorCase("motion", 10.0, noise), 1) for noise in (1.0, 20.0))
     assert rough[Anomaly.NOSE_UP].claims > calm[Anomaly.NOSE_UP].claims
+
+
+@pytest.mark.process
+def test_table_has_each_anomaly_once_in_each_of_its_cases() -> None:
+    lines = [dict(zip(HEADER, line, strict=True)) for line in rows(load_rover("sim"), CASES[::4], 1)]
+    assert [(line["anomaly"].strip("`"), line["noise"]) for line in lines] == [(each.value, "1x") for each in Anomaly]
+    immobilised = lines[0]
+    assert int(immobilised["episodes"]) > 5
+    assert float(immobilised["recall"]) > 0.9
+    assert float(immobilised["precision"]) > 0.9
+    assert 0.2 < float(immobilised["delay s"]) <= float(immobilised["p95 s"])

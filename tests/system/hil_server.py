@@ -2,13 +2,12 @@
 
 ::
 
-    python -m wayfarer.simhal.hil_server --rover rover.toml --socket /tmp/bench.sock
+    python -m tests.system.hil_server --rover rover.toml --socket /tmp/bench.sock
     WAYFARER_BENCH=/tmp/bench.sock wayfarer run --config rover.toml
 
-with ``buses = "wayfarer.simhal.hil_buses:buses"`` as the first line of ``rover.toml``. The daemon then runs its real
+with ``buses = "tests.system.hil_buses:buses"`` as the first line of ``rover.toml``. The daemon then runs its real
 drivers over its real bus threads, and may be killed, suspended or disconnected: nothing here notices but the motor
-boards' own deadmen. ``WAYFARER_BENCH`` names the socket; it exists to try the daemon without hardware, and for tests.
-``--seed`` puts the rover into a forest; without it nothing is in its way.
+boards' own deadmen. ``WAYFARER_BENCH`` names the socket. The rover stands in a clearing: nothing is in its way.
 
 Both ends speak one JSON object a line. Transfers name a bus and give their bytes in hex, a list of pieces; on I2C no
 piece means a read alone. Beside them
@@ -36,18 +35,17 @@ from typing import Any
 
 import orjson
 
+from tests.system.hil_buses import from_hex
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.errors import BadConfig, BadInput, NotResponding
 from wayfarer.escape.api import Vehicle
 from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.chip_wiring import ChipWiring
-from wayfarer.simhal.faults.bus import EFFECTS, place_of
-from wayfarer.simhal.faults.kinds import KINDS, Fault
+from wayfarer.simhal.faults.kinds import KINDS
+from wayfarer.simhal.faults.wired_part import wired_part
 from wayfarer.simhal.faults.wires import FaultyBuses
-from wayfarer.simhal.hil_buses import from_hex
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import CLEARING, Forest
-from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
 
@@ -82,27 +80,21 @@ class RecordedWorld(World):
 
 
 class HilServer:
-    """All chips of one rover, in a clearing or a generated forest, and what can be done to them.
+    """All chips of one rover in a clearing, where it drives ahead until something is done to it.
 
     What has no chip (a bumper, a receiver, a light at a GPIO pin) is left out.
 
     Args:
         config: the rover file.
-        seed: the random seed of a forest, its noise and its slips; None for a clearing without slips, in which the
-            rover drives ahead until something is done to it.
         clock: seconds; the world's time.
 
     Raises:
         BadConfig: the file has a camera, which is too much for this wire.
     """
 
-    def __init__(self, config: RoverConfig, seed: int | None, clock: Callable[[], float]) -> None:
-        streams = RandomStreams(seed or 0)
-        if seed is None:
-            forest, physics = CLEARING, Physics(slip_free_m=inf)
-        else:
-            forest, physics = generate_forest(seed, 0, seed), Physics()
-        self.world = RecordedWorld(forest, config.vehicle, physics, streams, clock())
+    def __init__(self, config: RoverConfig, clock: Callable[[], float]) -> None:
+        streams = RandomStreams(0)
+        self.world = RecordedWorld(CLEARING, config.vehicle, Physics(slip_free_m=inf), streams, clock())
         self._wires = FaultyBuses()
         self._wiring = ChipWiring(self.world, streams, clock, self._wires)
         self._clock = clock
@@ -187,9 +179,8 @@ class HilServer:
         return {"t_s": self._clock()}
 
     async def _do_inject(self, target: str, kind: str, **params: Any) -> dict[str, Any]:
-        fault = Fault(0.0, inf, target, kind, KINDS[kind].params(**params))
-        wired = place_of(fault, self._config, self._wires)
-        self._faults.enter_context(EFFECTS[kind](wired, fault.params, Random(0)))
+        wired = wired_part(target, self._config, self._wires)
+        self._faults.enter_context(KINDS[kind](**params).effect(wired, Random(0)))
         return {"t_s": self._clock()}
 
     async def _do_hang(self, bus: str, for_s: float) -> dict[str, Any]:
@@ -198,13 +189,13 @@ class HilServer:
         return {"t_s": t_s}
 
 
-async def serve(config: RoverConfig, path: Path, seed: int | None) -> None:
+async def serve(config: RoverConfig, path: Path) -> None:
     """Serve a rover's chips at a socket for ever.
 
     Raises:
         BadConfig: the rover has a camera.
     """
-    bench = HilServer(config, seed, asyncio.get_running_loop().time)
+    bench = HilServer(config, asyncio.get_running_loop().time)
     talks: set[asyncio.Task[None]] = set()
 
     def serve_client(reader: StreamReader, writer: StreamWriter) -> None:
@@ -227,16 +218,15 @@ async def serve(config: RoverConfig, path: Path, seed: int | None) -> None:
 def main() -> None:
     """Serve what the command line says."""
     parser = argparse.ArgumentParser(
-        prog="python -m wayfarer.simhal.hil_server", description=(__doc__ or "").partition("\n")[0]
+        prog="python -m tests.system.hil_server", description=(__doc__ or "").partition("\n")[0]
     )
     parser.add_argument("--rover", required=True, help="a shipped rover or a TOML file")
     parser.add_argument("--socket", required=True, type=Path, help="where to serve its chips")
-    parser.add_argument("--seed", type=int, help="random seed of a forest and its noise; without it, a clearing")
     options = parser.parse_args()
     try:
         config = load_rover(options.rover)
         with suppress(KeyboardInterrupt):
-            asyncio.run(serve(config, options.socket, options.seed))
+            asyncio.run(serve(config, options.socket))
     except BadInput as error:
         parser.error(str(error))
 

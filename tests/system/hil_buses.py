@@ -1,6 +1,6 @@
 """Client of the hardware-in-the-loop server (``hil_server.py``): buses whose chips run in another process.
 
-A rover file with ``buses = "wayfarer.simhal.hil_buses:buses"`` gets them; ``WAYFARER_BENCH`` names the socket.
+A rover file with ``buses = "tests.system.hil_buses:buses"`` gets them; ``WAYFARER_BENCH`` names the socket.
 """
 
 from __future__ import annotations
@@ -107,15 +107,15 @@ class HilBuses(LinuxBuses):
         """Return an I2C bus of the bench."""
         return self._once(name, lambda: ThreadedI2C(name, partial(HilI2C, self._path, name)))
 
-    def spi(self, name: str, *, mode: int, speed_hz: int) -> ThreadedSPI:  # noqa: ARG002
+    def spi(self, name: str, *, mode: int, speed_hz: int) -> ThreadedSPI:
         """Return an SPI device of the bench; its mode and speed are not simulated."""
         return self._once(name, lambda: ThreadedSPI(name, partial(HilSPI, self._path, name)))
 
-    def serial(self, name: str, *, baud: int) -> ThreadedSerial:  # noqa: ARG002
+    def serial(self, name: str, *, baud: int) -> ThreadedSerial:
         """Return a serial port of the bench; its speed is not simulated."""
         return self._once(name, lambda: ThreadedSerial(name, partial(HilSerial, self._path, name)))
 
-    def camera(self, name: str, *, width: int, height: int, rate_hz: float, exposure_us: int | None) -> Any:  # noqa: ARG002
+    def camera(self, name: str, *, width: int, height: int, rate_hz: float, exposure_us: int | None) -> Any:
         """Refuse.
 
         Raises:
@@ -132,5 +132,5 @@ def buses() -> HilBuses:
     """
     path = os.environ.get(SOCKET_VARIABLE)
     if not path:
-        raise BadInput(f"{SOCKET_VARIABLE} is not set: it names the socket of python -m wayfarer.simhal.hil_server")
+        raise BadInput(f"{SOCKET_VARIABLE} is not set: it names the socket of python -m tests.system.hil_server")
     return HilBuses(path)
