@@ -135,11 +135,11 @@ def _check_model(body: WheeledBody, where: str) -> None:
     Raises:
         BadConfig: it does not.
     """
-    from wayfarer.simhal.mujoco.model import build_model
+    from wayfarer.simhal.mujoco.model import build_spec
     from wayfarer.simhal.mujoco.terrain import Terrain
 
     try:
-        build_model(body, Terrain(0.5, 0.0, 1.0), None, [])
+        build_spec(body, Terrain(0.5, 0.0, 1.0), None, []).compile()
     except ValueError as error:
         raise BadConfig(
             f"{where}: MuJoCo cannot build this rover ({one_line(error)}); correct its vehicle or chassis"

@@ -15,7 +15,7 @@ from wayfarer.experiments.campaign import Campaign, Plan, Task
 from wayfarer.experiments.commands import INTERRUPTED, cores, make_empty_folder
 from wayfarer.experiments.executors import MakeExecutor, RunTrial, TrialRunner, field_trial, logged_trial
 from wayfarer.experiments.folder_settings import tasks_of
-from wayfarer.experiments.progress_bar import drawing, fault_line, say, shown_progress
+from wayfarer.experiments.progress_bar import fault_line, say, shown_progress
 from wayfarer.experiments.results_folder import ResultsFolder
 from wayfarer.experiments.rows import columns_of, csv_line
 from wayfarer.experiments.run_campaign import CampaignRun
@@ -158,18 +158,17 @@ def film_alone(
     Raises:
         BadInput: as of ``run_alone``; or the film cannot be written or drawn, which is found out before the trial.
     """
-    from wayfarer.experiments.film.footage import FootageRecorder
+    from wayfarer.experiments.film.footage import Footage
     from wayfarer.experiments.film.video import film
 
-    aside, recorder = Console(stderr=True), FootageRecorder(log)
-    with film(video) as shown:
-        code = run_alone(campaign, trial, log, recorder, as_json=as_json)
-        if recorder.footage is None:
+    aside, footage = Console(stderr=True), Footage(log)
+    with film(video) as draw:
+        code = run_alone(campaign, trial, log, footage, as_json=as_json)
+        if not footage.ticks:
             raise BadInput(
                 f"--video {video}: trial {trial} ended before its first control tick; there is nothing to film"
             )
-        with drawing(aside) as done:
-            shown.show(recorder.footage, speed, done)
+        draw(footage, speed, aside)
     say(aside, f"the film is {video}")
     if not as_json:
         say_next("xdg-open", video)
