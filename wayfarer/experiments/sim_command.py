@@ -106,7 +106,7 @@ def run_shown(
     kept = len(folder.kept) if folder else 0
     if folder and kept:
         say(aside, f"{kept} of {folder.kept.total} trials are in {folder.path} already")
-    with shown_progress(aside, kept, todo.by_algorithm(), jobs) as progress:
+    with shown_progress(aside, kept, kept + len(todo)) as progress:
         finished = run_campaign.run(plan, folder, jobs=jobs, progress=progress, executor=executor, run_trial=run_trial)
     if finished.interrupted:
         where = f"kept in {folder.path}; continue with --resume" if folder else "done; with --out DIR they are kept"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from importlib.resources import files
 from pathlib import Path
@@ -87,7 +86,7 @@ def _worst(results: CampaignResults, plots: Plots, count: int, jobs: int, *, all
     except BadInput as reason:
         yield html.section(heading, html.paragraph(words.no_gallery(reason)))
         return
-    with shown_progress(Console(stderr=True), 0, Counter(row.algorithm for row in rows), jobs) as progress:
+    with shown_progress(Console(stderr=True), 0, len(rows)) as progress:
         ran = run_again(campaign, rows, jobs, progress)
     trials = [_drawn(campaign, again) for again in ran if again.trajectory is not None]
     yield html.section(heading, *_viewer(trials, plots), *_not_drawn(ran, results.settings.version))
