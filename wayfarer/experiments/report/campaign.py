@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from importlib.resources import files
 from pathlib import Path
 
 from rich.console import Console
 
 from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Campaign
-from wayfarer.experiments.entrapment_cause import entrapment
 from wayfarer.experiments.progress_bar import shown_progress
 from wayfarer.experiments.report import words
 from wayfarer.experiments.report.escape_figure import escape_figures
 from wayfarer.experiments.report.load_results import CampaignResults, read_results
 from wayfarer.experiments.report.paths_figure import failures_figure, paths_figure
 from wayfarer.experiments.report.ratio_figure import ratio_figure
-from wayfarer.experiments.report.table import causes_table, ratios_table, results_table
-from wayfarer.experiments.report.trials_map import DrawnTrial, trials_map
+from wayfarer.experiments.report.table import ratios_table, results_table
+from wayfarer.experiments.report.trial_map import trial_map
 from wayfarer.experiments.report.worst_trials import RerunTrial, choose, run_again
 from wayfarer.views.page import html
 from wayfarer.views.page.frame import PAGE, write_page
@@ -39,8 +37,7 @@ def write_report(
     """
     results, plots = read_results(folder), Plots()
     body = [*_overview(results, plots), *_worst(results, plots, gallery, jobs, allow_code=allow_code)]
-    script = (files("wayfarer.experiments.report") / "trials.js").read_text(encoding="utf-8")
-    return write_page(folder / PAGE, words.title(results), body, plots, script, out=out)
+    return write_page(folder / PAGE, words.title(results), body, plots, out=out)
 
 
 def _overview(results: CampaignResults, plots: Plots) -> Iterator[str]:
@@ -88,40 +85,20 @@ def _worst(results: CampaignResults, plots: Plots, count: int, jobs: int, *, all
         return
     with shown_progress(Console(stderr=True), 0, len(rows)) as progress:
         ran = run_again(campaign, rows, jobs, progress)
-    trials = [_drawn(campaign, again) for again in ran if again.trajectory is not None]
-    yield html.section(heading, *_viewer(trials, plots), *_not_drawn(ran, results.settings.version))
-    causes = [(trial.row.algorithm, trial.entrapped.why) for trial in trials if trial.entrapped]
-    if causes:
-        yield html.section("Why trials were entrapped", html.paragraph(words.ENTRAPPED), causes_table(causes))
+    yield html.section(heading, *_gallery(campaign, ran, plots), *_not_drawn(ran, results.settings.version))
 
 
-def _drawn(campaign: Campaign, again: RerunTrial) -> DrawnTrial:
-    row, trajectory, forest = again.row, again.trajectory, campaign.make_forest(again.row.trial)
-    assert trajectory is not None
-    found = entrapment(forest, campaign.rover, trajectory) if row.outcome == "entrapped" else None
-    return DrawnTrial(row, forest, trajectory, found)
-
-
-def _viewer(trials: Sequence[DrawnTrial], plots: Plots) -> Iterator[str]:
-    """Yield the list of the trials, and the map that shows the one that is chosen."""
-    if not trials:
-        return
-    yield html.paragraph(words.GALLERY)
-    yield html.layers("Show", words.trial_layers())
-    yield '<div class="trials">'
-    yield "<nav><ol>"
-    for number, trial in enumerate(trials):
-        yield f"<li>{html.link(f'#trial-{number}', words.trial_name(trial.row))}</li>"
-    yield "</ol></nav>"
-    yield "<div>"
-    yield "<p>" + " ".join(f'<button type="button">{text}</button>' for text in words.BUTTONS) + "</p>"
-    for number, trial in enumerate(trials):
-        texts = [words.trial_text(trial.row, len(trial.trajectory.slips_m))]
-        texts += [words.entrapped_text(trial.entrapped)] if trial.entrapped else []
-        yield f'<article id="trial-{number}">' + "".join(map(html.paragraph, texts)) + "</article>"
-    yield html.figure(plots.place(trials_map(trials)), words.MAP_CAPTION)
-    yield "</div>"
-    yield "</div>"
+def _gallery(campaign: Campaign, ran: Sequence[RerunTrial], plots: Plots) -> Iterator[str]:
+    """Yield the maps of the trials beside each other, under one key for all."""
+    maps = []
+    for row, trajectory, _ in ran:
+        if trajectory is not None:
+            drawn = trial_map(f"{row.algorithm}-{row.trial}", campaign.make_forest(row.trial), trajectory)
+            maps.append(html.figure(plots.place(drawn), words.trial_text(row, len(trajectory.slips_m))))
+    if maps:
+        yield html.paragraph(words.GALLERY)
+        yield html.layers("Show", words.trial_layers())
+        yield html.panels(maps)
 
 
 def _not_drawn(ran: Sequence[RerunTrial], version: str) -> Iterator[str]:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from wayfarer.experiments.entrapment_cause import Cause
 from wayfarer.experiments.report.groups import grouped
 from wayfarer.experiments.report.load_results import CampaignResults
 from wayfarer.experiments.report.ratio_figure import TIMES, WITHIN, quantile, ratios, times, within_percent
@@ -38,15 +36,6 @@ def ratios_table(results: CampaignResults) -> str:
     ]
     head = ["algorithm", "median", *(f"within {multiple:g} {TIMES}" for multiple in WITHIN)]
     return html.table("Share of the trials that got out within a multiple of the shortest path.", head, rows)
-
-
-def causes_table(causes: Sequence[tuple[str, Cause]]) -> str:
-    """Return how many trials of each algorithm were entrapped for each cause; pairs of algorithm and cause."""
-    counts = Counter(causes)
-    rows = [
-        ("", [name, *(str(counts[name, why]) for why in Cause)]) for name in dict.fromkeys(name for name, _ in causes)
-    ]
-    return html.table("Entrapped trials by cause.", ["algorithm", *Cause], rows)
 
 
 def _rows(results: CampaignResults, columns: Sequence[PaperColumn]) -> Iterator[tuple[str, list[str]]]:

@@ -85,8 +85,6 @@ def _compare(row: TrialRow, done: Done, trajectory: Trajectory | None) -> RerunT
     if done.fault is not None:
         return RerunTrial(row, None, f"cannot be run again: {done.fault.text}")
     again = done.row._replace(ticks=None)
-    if row.overturned is None:  # a table of an older version counts all kinds together
-        again = again._replace(overturned=None, off_wheels=None)
     return RerunTrial(row, trajectory) if again == row else RerunTrial(row, None, _difference(row, again))
 
 
