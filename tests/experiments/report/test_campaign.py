@@ -17,8 +17,8 @@ from tests.experiments import fake_trials
 from tests.experiments.report.campaigns import ALGORITHMS, TRIALS, run_campaign
 from tests.views.page.outline import Outline
 from wayfarer.cli import report as command
+from wayfarer.experiments.report.algorithm_rows import grouped
 from wayfarer.experiments.report.campaign import write_report
-from wayfarer.experiments.report.groups import grouped
 from wayfarer.experiments.results_folder import TRIALS as TABLE
 from wayfarer.views.page.frame import PAGE
 

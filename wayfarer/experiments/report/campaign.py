@@ -11,16 +11,27 @@ from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Campaign
 from wayfarer.experiments.progress_bar import shown_progress
 from wayfarer.experiments.report import words
+from wayfarer.experiments.report.algorithm_rows import grouped
 from wayfarer.experiments.report.escape_figure import escape_figures
 from wayfarer.experiments.report.load_results import CampaignResults, read_results
 from wayfarer.experiments.report.paths_figure import failures_figure, paths_figure
-from wayfarer.experiments.report.ratio_figure import ratio_figure
-from wayfarer.experiments.report.table import ratios_table, results_table
+from wayfarer.experiments.report.ratio_figure import ratio_figure, ratios_table
 from wayfarer.experiments.report.trial_map import trial_map
 from wayfarer.experiments.report.worst_trials import RerunTrial, choose, run_again
+from wayfarer.experiments.tables import (
+    NAME_COLUMN,
+    OUTCOME_COLUMNS,
+    PAPER_FIGURES,
+    PATH_COLUMNS,
+    PaperColumn,
+    fault_columns,
+    lines_of,
+)
 from wayfarer.views.page import html
 from wayfarer.views.page.frame import PAGE, write_page
 from wayfarer.views.page.plots import Figure, Plots
+
+TABLE_CAPTION = "Success with its 95 % interval; path: of the successes; time and anomalies: mean a trial."
 
 
 def write_report(
@@ -57,18 +68,32 @@ def _overview(results: CampaignResults, plots: Plots) -> Iterator[str]:
         ),
         drawn(failures_figure(summaries), words.FAILURES_CAPTION, words.failures_alt(results)),
     )
-    yield html.section("Results beside the paper's", results_table(results), *map(html.paragraph, words.LEGEND))
+    yield html.section("Results beside the paper's", _results_table(results), *map(html.paragraph, words.LEGEND))
     yield html.section(
-        "Who has escaped by which path",
+        "Escapes by path length",
         html.paragraph(words.ESCAPE),
         html.panels(drawn(figure, alt=words.escape_alt(results)) for figure in escape_figures(rows)),
     )
     heading = "Path over shortest path"
     if results.shortest_paths_m:
         figure = drawn(ratio_figure(rows), words.ratio_caption(results), words.ratio_alt(results))
-        yield html.section(heading, figure, ratios_table(results))
+        yield html.section(heading, figure, ratios_table(rows))
     else:
         yield html.section(heading, html.paragraph(words.NO_SHORTEST_PATHS))
+
+
+def _results_table(results: CampaignResults) -> str:
+    """Return a row for each algorithm, under its group, with a row of the paper's below where the paper has one."""
+    columns = (NAME_COLUMN, *OUTCOME_COLUMNS, *fault_columns(results.summaries.values()), *PATH_COLUMNS)
+    return html.table(TABLE_CAPTION, [column.title for column in columns], _results_rows(results, columns))
+
+
+def _results_rows(results: CampaignResults, columns: Sequence[PaperColumn]) -> Iterator[tuple[str, list[str]]]:
+    for group in grouped(results.settings.algorithms):
+        yield "group", [group.title, *[""] * (len(columns) - 1)]
+        for name in group.algorithms:
+            for whose, cells in lines_of(results.summaries[name], columns, PAPER_FIGURES):
+                yield whose, [cell.strip() for cell in cells]
 
 
 def _worst(results: CampaignResults, plots: Plots, count: int, jobs: int, *, allow_code: bool) -> Iterator[str]:
