@@ -177,6 +177,11 @@ def test_marks_appear_when_they_are_left_and_a_tree_before_the_rover_is_transpar
             painter.draw(ticks[number], View(ticks[number].joints[:3], 90.0, 25.0, 2.0))
             visible = seen.model.geom_rgba[seen.marks, 3] > 0.0
             assert (visible == (seen.marks_s <= ticks[number].t_s)).all()
+        monkeypatch.setattr(screen, "MOST_MARKS", 5)
+        painter.draw(ticks[-1], View(ticks[-1].joints[:3], 90.0, 25.0, 2.0))
+        visible = seen.model.geom_rgba[seen.marks, 3] > 0.0
+        assert seen.marks_s[visible].min() >= np.sort(seen.marks_s)[-5]
+        assert visible.sum() == 5
         assert seen.model.geom_rgba[seen.trees[:2], 3] == pytest.approx([screen.FADED, 1.0]), "south and north of it"
         painter.close()
 

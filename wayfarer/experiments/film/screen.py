@@ -22,6 +22,7 @@ INSTALL = "apt install libegl1 libgl1-mesa-dri"
 FADED = 0.22  # how much is left of a tree that stands before the rover
 FADES_WITHIN_M = 0.35
 MARKS_IN_SIGHT_M = 8.0
+MOST_MARKS = 10_000  # at a time, the latest: a rover that drives 1,000 m in a pocket leaves 70,000
 
 
 @contextmanager
@@ -78,11 +79,13 @@ class Screen:
         self._context.free()
 
     def _show_marks(self, tick: FilmedTick) -> None:
-        """Show the marks that tyres have left by now, where they are near."""
+        """Show the marks that tyres have left by now, where they are near; MuJoCo skips what is quite transparent."""
         scenery, model = self._scenery, self._model
         away_m = np.linalg.norm(model.geom_pos[scenery.marks, :2] - tick.joints[:2], axis=1)
-        there = (scenery.marks_s <= tick.t_s) & (away_m < MARKS_IN_SIGHT_M)
-        model.geom_rgba[scenery.marks, 3] = np.where(there, EARTH[3], 0.0)
+        there = np.flatnonzero((scenery.marks_s <= tick.t_s) & (away_m < MARKS_IN_SIGHT_M))
+        latest = there[np.argsort(scenery.marks_s[there])[-MOST_MARKS:]]
+        model.geom_rgba[scenery.marks, 3] = 0.0
+        model.geom_rgba[scenery.marks[latest], 3] = EARTH[3]
 
     def _fade_trees(self, view: View) -> None:
         """Let the rover be seen through trees between it and the camera."""

@@ -33,7 +33,6 @@ class FilmFormat(NamedTuple):
 
     size: tuple[int, int]
     frames_s: int
-    container: str
     codec: str
     options: dict[str, str]
     container_options: dict[str, str]
@@ -41,10 +40,8 @@ class FilmFormat(NamedTuple):
 
 # MP4 plays in any browser; WebP also plays inside a page such as README.md, and is a tenth of the size.
 FORMATS = {
-    ".mp4": FilmFormat(DRAWN, 25, "mp4", "libx264", {"crf": "21", "preset": "medium"}, {"movflags": "faststart"}),
-    ".webp": FilmFormat(
-        (560, 315), 12, "webp", "libwebp_anim", {"quality": "42", "compression_level": "4"}, {"loop": "0"}
-    ),
+    ".mp4": FilmFormat(DRAWN, 25, "libx264", {"crf": "21", "preset": "medium"}, {"movflags": "faststart"}),
+    ".webp": FilmFormat((560, 315), 12, "libwebp_anim", {"quality": "42", "compression_level": "4"}, {"loop": "0"}),
 }
 
 
@@ -57,21 +54,22 @@ def film(path: Path) -> Iterator[Callable[[Footage, float, Console], None]]:
     Raises:
         BadInput: its ending is of no known format, it cannot be written, or the system cannot draw.
     """
-    written = FORMATS.get(path.suffix.lower())
-    if written is None:
+    ending = path.suffix.lower()
+    if ending not in FORMATS:
         raise BadInput(f"--video {path}: expected a name that ends in {' or '.join(FORMATS)}")
     try:
         with atomic_file(path, follow_symlink=True) as draft, screen.opengl(*DRAWN):
             # FFmpeg opens its output by name, for MP4 twice; this name is that of the open draft (proc(5)).
-            yield partial(_draw, f"/proc/self/fd/{draft.fileno()}", written)
+            yield partial(_draw, f"/proc/self/fd/{draft.fileno()}", ending)
     except OSError as error:
         raise BadInput(f"--video {path} cannot be written: {error.strerror or error}") from error
 
 
-def _draw(name: str, written: FilmFormat, footage: Footage, speed: float, console: Console) -> None:
+def _draw(name: str, ending: str, footage: Footage, speed: float, console: Console) -> None:
+    written = FORMATS[ending]
     times_s, hidden = _times_s(footage, speed, written.frames_s), not console.is_terminal
     pictures = _pictures(footage, speed, times_s, written)
-    with av.open(name, "w", format=written.container, options=written.container_options) as file:
+    with av.open(name, "w", format=ending.removeprefix("."), options=written.container_options) as file:
         stream = file.add_stream(written.codec, written.frames_s, options=written.options)
         assert isinstance(stream, av.VideoStream)
         stream.width, stream.height, stream.pix_fmt = *written.size, "yuv420p"
