@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-from PIL import Image, ImageColor, ImageDraw, ImageFont
+from PIL import Image, ImageDraw, ImageFont
 
-from wayfarer.escape.api import Phase
 from wayfarer.experiments.film.footage import FilmedTick, Footage
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.views import palette
 
 SHADE = (16, 18, 14, 185)
-WHITE = (245, 245, 238, 255)
-QUIET = (205, 205, 192, 255)
-WOOD = (188, 160, 120, 255)
-LEAF = (120, 150, 92, 255)
-WAY = (255, 138, 36, 255)
-PHASE_RGB = {Phase.HALT.value: QUIET} | {
-    phase: ImageColor.getrgb(colour) for phase, colour in palette.PHASE_COLOURS.items()
-}
+WHITE, QUIET = "#f5f5ee", "#cdcdc0"
+WOOD, LEAF, WAY = "#bca078", "#78965c", "#ff8a24"
 FINER = 3  # the map is drawn so many times larger, for smooth lines
 # Of the picture's height.
 MAP, MARGIN, TEXT = 0.31, 0.03, 0.037
@@ -34,6 +27,7 @@ class Caption:
         self._end = footage.outcome
         self._margin, self._map_px = round(MARGIN * height), round(MAP * height)
         self._text_px = max(round(TEXT * height), SMALLEST_TEXT_PX)
+        self._font, self._small = ImageFont.load_default(self._text_px), ImageFont.load_default(0.8 * self._text_px)
         self._scale = FINER * self._map_px / WORLD_SIZE_M
         self._map = self._draw_map(spec.forest)
         self._way: list[tuple[float, float]] = []
@@ -41,16 +35,14 @@ class Caption:
     def write(self, picture: Image.Image, tick: FilmedTick, over: bool) -> None:
         """Write what is true at a tick; ``over`` when the trial has ended."""
         draw, margin = ImageDraw.Draw(picture, "RGBA"), self._margin
-        small = ImageFont.load_default(0.8 * self._text_px)
-        draw.text((margin, margin), self._title, WHITE, small, stroke_width=2, stroke_fill=(20, 20, 16, 150))
-        label, colour = (self._end, WHITE) if over else (tick.phase.value, PHASE_RGB[tick.phase.value])
+        draw.text((margin, margin), self._title, WHITE, self._small, stroke_width=2, stroke_fill=(20, 20, 16, 150))
+        phase = tick.phase.value
+        label, colour = (self._end, WHITE) if over else (phase, palette.PHASE_COLOURS.get(phase, QUIET))
         self._write_state(draw, picture.height, tick, label.replace("_", " ").upper(), colour)
         shown = self._map_at(tick)
         picture.paste(shown, (picture.width - margin - self._map_px, margin), shown)
 
-    def _write_state(
-        self, draw: ImageDraw.ImageDraw, height: int, tick: FilmedTick, label: str, colour: tuple[int, ...]
-    ) -> None:
+    def _write_state(self, draw: ImageDraw.ImageDraw, height: int, tick: FilmedTick, label: str, colour: str) -> None:
         """Write time, phase with a spot of its colour, and path length on a shaded bar."""
         text_px, left = self._text_px, self._margin
         top = height - left - 2.0 * text_px
@@ -59,10 +51,8 @@ class Caption:
         spot = left + 3.8 * text_px
         draw.ellipse((spot, middle - radius, spot + 2.0 * radius, middle + radius), colour)
         minutes, seconds = divmod(int(tick.t_s), 60)
-        texts = {0.8: f"{minutes}:{seconds:02d}", 4.8: label, 11.6: f"{tick.path_m:.0f} m"}
-        for at_ems, text in texts.items():
-            font = ImageFont.load_default(text_px)
-            draw.text((left + at_ems * text_px, middle), text, WHITE, font, anchor="lm")
+        for at_ems, text in ((0.8, f"{minutes}:{seconds:02d}"), (4.8, label), (11.6, f"{tick.path_m:.0f} m")):
+            draw.text((left + at_ems * text_px, middle), text, WHITE, self._font, anchor="lm")
 
     def _map_at(self, tick: FilmedTick) -> Image.Image:
         """Return the map with the way so far and where the rover is."""
@@ -70,7 +60,7 @@ class Caption:
         self._way.append(here)
         ImageDraw.Draw(self._map).line(self._way[-2:], WAY, 2 * FINER)
         shown, dot = self._map.copy(), 3.2 * FINER
-        ImageDraw.Draw(shown).ellipse((x - dot, y - dot, x + dot, y + dot), WHITE, (0, 0, 0, 255), 2)
+        ImageDraw.Draw(shown).ellipse((x - dot, y - dot, x + dot, y + dot), WHITE, "black", 2)
         return shown.resize((self._map_px, self._map_px), Image.Resampling.BOX)
 
     def _draw_map(self, forest: Forest) -> Image.Image:
