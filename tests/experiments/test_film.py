@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from dataclasses import replace
 from pathlib import Path
 
 import av
@@ -14,11 +16,11 @@ from tests.simhal.mujoco.fields import A_M, B_M, BODY, RADIUS_M, drive, rover_on
 from wayfarer.errors import BadInput
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.film import screen, textures, video
-from wayfarer.experiments.film.camera import SIGHT_M, smooth, views
+from wayfarer.experiments.film.camera import BESIDE_DEG, SIGHT_M, View, smooth, views
 from wayfarer.experiments.film.footage import FilmedTick, Footage
-from wayfarer.experiments.film.looks import SHELL
-from wayfarer.experiments.film.scenery import Scenery
-from wayfarer.experiments.film.tyre_marks import EVERY_M, bars_of
+from wayfarer.experiments.film.rover_looks import SHELL
+from wayfarer.experiments.film.scenery import MARK_EVERY_M, Scenery, scenery_of
+from wayfarer.simhal.mujoco.world import MujocoWorld
 from wayfarer.simhal.world.collision import Obstacle
 from wayfarer.simhal.world.forest import CLEARING
 
@@ -98,59 +100,90 @@ def test_animated_picture_is_written_for_a_page(run: Run, tmp_path: Path) -> Non
     assert data[loops : loops + 2] == b"\0\0", "for ever"
 
 
-@pytest.mark.long
-def test_model_of_the_film_has_the_joints_of_the_trial_and_meets_nothing() -> None:
-    world = rover_on(0.5, roughness_m=0.01)
-    seen = Scenery(CLEARING, world, 64, 64).model
-    assert seen.nq == world.model.nq
-    assert (seen.jnt_qposadr == world.model.jnt_qposadr).all()
-    assert (seen.hfield_data == world.model.hfield_data).all()
-    assert not seen.geom_contype.any()
-    assert not seen.geom_conaffinity.any()
-    wheels = [np.abs(model.body_pos[-4:]).tolist() for model in (seen, world.model)]
-    assert wheels[0] == wheels[1] == [[A_M, B_M, 0.0]] * 4
-
-
-def shot(world_joints: NDArray[np.float64], t_s: float) -> FilmedTick:
+def tick(world_joints: NDArray[np.float64], t_s: float) -> FilmedTick:
     return FilmedTick(t_s, world_joints.copy(), Phase.FOLLOW, 0.0)
 
 
-def driven(seconds: int) -> list[FilmedTick]:
-    world = rover_on(0.8)
-    shots = [shot(world.data.qpos, 0.0)]
+def driven(world: MujocoWorld, seconds: int) -> list[FilmedTick]:
+    ticks = [tick(world.data.qpos, 0.0)]
     for _ in range(20 * seconds):
         drive(world, 0.3, 0.3, 0.05)
-        shots.append(shot(world.data.qpos, world.t_s))
-    return shots
+        ticks.append(tick(world.data.qpos, world.t_s))
+    return ticks
+
+
+def seen_of(world: MujocoWorld, ticks: list[FilmedTick], monkeypatch: pytest.MonkeyPatch) -> Scenery:
+    monkeypatch.setattr(textures, "LEAVES", 200)
+    return scenery_of(CLEARING, world, ticks)
+
+
+@pytest.mark.long
+def test_model_of_the_film_has_the_joints_and_the_ground_of_the_trial(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = rover_on(0.5, roughness_m=0.01)
+    seen = seen_of(world, driven(world, 1), monkeypatch).model
+    assert seen.nq == world.model.nq
+    assert (seen.jnt_qposadr == world.model.jnt_qposadr).all()
+    assert (seen.hfield_data == world.model.hfield_data).all()
+    wheels = [np.abs(model.body_pos[-4:]).tolist() for model in (seen, world.model)]
+    assert wheels[0] == wheels[1] == [[A_M, B_M, 0.0]] * 4
+    assert not world.model.nlight, "the trial's own model is left as it was"
+
+
+@pytest.mark.long
+def test_tyres_leave_marks_where_they_were(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = rover_on(0.8)
+    ticks = driven(world, 3)
+    seen = seen_of(world, ticks, monkeypatch)
+    gone_m = ticks[-1].joints[1] - ticks[0].joints[1]
+    assert len(seen.marks_s) == len(seen.marks) == pytest.approx(4 * gone_m / MARK_EVERY_M, rel=0.2)
+    places_m = seen.model.geom_pos[seen.marks]
+    assert abs(places_m[:, 0] - 25.0).max() == pytest.approx(B_M, abs=0.02)
+    assert places_m[:, 2] == pytest.approx(0.0, abs=0.1 * RADIUS_M)
+    nose_m = np.interp(seen.marks_s, [each.t_s for each in ticks], [each.joints[1] for each in ticks]) + A_M
+    assert (places_m[:, 1] <= nose_m + 0.01).all(), "no mark comes before its wheel"
+
+
+def footage_of(ticks: list[FilmedTick]) -> Footage:
+    footage = Footage(None)
+    footage.ticks = ticks
+    return footage
 
 
 def test_moment_between_two_ticks_lies_between_them() -> None:
-    footage = Footage.__new__(Footage)
-    footage.shots = driven(1)
-    before, after = footage.shots[10:12]
-    between = footage.at((before.t_s + after.t_s) / 2.0)
+    footage = footage_of(driven(rover_on(0.8), 1))
+    before, after = footage.ticks[10:12]
+    middle_s = (before.t_s + after.t_s) / 2.0
+    early, between, late = footage.at([-5.0, middle_s, 99.0])
+    assert between.t_s == middle_s
     assert between.joints[1] == pytest.approx((before.joints[1] + after.joints[1]) / 2.0)
-    assert np.linalg.norm(between.joints[3:7]) == pytest.approx(1.0)
-    assert footage.at(-5.0) is footage.shots[0]
-    assert footage.at(99.0) is footage.shots[-1]
+    for shown, known in ((early, footage.ticks[0]), (late, footage.ticks[-1])):
+        assert shown.t_s == known.t_s
+        assert (shown.joints == known.joints).all()
 
 
-def test_rover_that_is_carried_elsewhere_does_not_slide_there() -> None:
-    footage = Footage.__new__(Footage)
-    footage.shots = driven(1)[:2]
-    footage.shots[1].joints[0] += 3.0
-    assert (footage.at(0.04).joints == footage.shots[0].joints).all()
-
-
-def test_tyres_leave_bars_where_they_were_and_no_sooner() -> None:
-    shots = driven(3)
-    bars = bars_of(shots, BODY)
-    gone_m = shots[-1].joints[1] - shots[0].joints[1]
-    assert len(bars.times_s) == pytest.approx(4 * gone_m / EVERY_M, rel=0.2)
-    assert abs(bars.places_m[:, 0] - 25.0).max() == pytest.approx(B_M, abs=0.02)
-    assert bars.places_m[:, 2] == pytest.approx(0.0, abs=0.1 * RADIUS_M)
-    assert len(bars.until(0.0, shots[0].joints)) == 0
-    assert len(bars.until(99.0, shots[-1].joints)) == len(bars.times_s)
+@needs_opengl
+@pytest.mark.long
+def test_marks_appear_when_they_are_left_and_a_tree_before_the_rover_is_transparent(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    world = rover_on(0.8)
+    ticks = driven(world, 3)
+    x_m, y_m, _ = ticks[-1].joints[:3].tolist()
+    monkeypatch.setattr(textures, "LEAVES", 200)
+    with screen.opengl(64, 64):
+        seen = scenery_of(replace(CLEARING, trees_m=((x_m, y_m - 1.0), (x_m, y_m + 1.0))), world, ticks)
+        painter = screen.Screen(seen, 64, 64)
+        for number in (0, -1):
+            painter.draw(ticks[number], View(ticks[number].joints[:3], 90.0, 25.0, 2.0))
+            visible = seen.model.geom_rgba[seen.marks, 3] > 0.0
+            assert (visible == (seen.marks_s <= ticks[number].t_s)).all()
+        monkeypatch.setattr(screen, "MOST_MARKS", 5)
+        painter.draw(ticks[-1], View(ticks[-1].joints[:3], 90.0, 25.0, 2.0))
+        visible = seen.model.geom_rgba[seen.marks, 3] > 0.0
+        assert seen.marks_s[visible].min() >= np.sort(seen.marks_s)[-5]
+        assert visible.sum() == 5
+        assert seen.model.geom_rgba[seen.trees[:2], 3] == pytest.approx([screen.FADED, 1.0]), "south and north of it"
+        painter.close()
 
 
 def test_camera_rises_before_a_trunk_hides_the_rover() -> None:
@@ -159,7 +192,7 @@ def test_camera_rises_before_a_trunk_hides_the_rover() -> None:
     trunk = Obstacle(20.0, 12.5 - SIGHT_M[1], 30.0, 12.5 - SIGHT_M[1], 0.15, 90.0)
     beside = views(joints, [trunk], BODY.length_m, 25)
     assert beside[25].elevation_deg > free[25].elevation_deg + 5.0
-    assert free[25].eye_m[1] < 12.5 - 1.0
+    assert free[25].azimuth_deg == pytest.approx(90.0 - BESIDE_DEG)
     ahead = Obstacle(20.0, 13.5, 30.0, 13.5, 0.15, 90.0)
     assert views(joints, [ahead], BODY.length_m, 25)[25].elevation_deg == pytest.approx(free[25].elevation_deg)
 
@@ -183,18 +216,21 @@ def test_what_cannot_be_filmed_is_one_line(run: Run, arguments: tuple[str, ...],
     assert says in refusal(run, *arguments)
 
 
-MISSING = {
-    "encoder": ("wayfarer.cli.extras.find_spec", "", "--video needs scipy, which is not installed: pip install '.[ph"),
-    "opengl": ("wayfarer.experiments.film.screen.find_library", "", "the system has no libEGL or libOSMesa: apt insta"),
-    "off screen": ("wayfarer.experiments.film.screen.find_library", "glfw", "MUJOCO_GL=glfw cannot: unset it, or set"),
-}
-
-
-@pytest.mark.parametrize(("finder", "backend", "says"), MISSING.values(), ids=MISSING)
-def test_what_cannot_be_drawn_is_one_line_and_leaves_no_file(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, finder: str, backend: str, says: str
+def test_missing_encoder_is_one_line_and_leaves_no_file(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("MUJOCO_GL", backend)
-    monkeypatch.setattr(finder, lambda name: None if name in ("scipy", "EGL", "OSMesa") else object())
-    assert says in refusal(run, *SIM, "--video", tmp_path / "x.mp4")
+    monkeypatch.setattr("wayfarer.cli.extras.find_spec", lambda name: None if name == "scipy" else object())
+    assert "--video needs scipy, which is not installed: pip install '.[ph" in refusal(
+        run, *SIM, "--video", tmp_path / "x.mp4"
+    )
+    assert not list(tmp_path.iterdir())
+
+
+def test_missing_opengl_is_one_line_and_leaves_no_file(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "mujoco.egl", None)  # its import fails, as where the system has no EGL
+    said = refusal(run, *SIM, "--video", tmp_path / "x.mp4")
+    assert "--video cannot draw with OpenGL (" in said
+    assert said.rstrip().endswith("apt install libegl1 libgl1-mesa-dri")
     assert not list(tmp_path.iterdir())

@@ -19,8 +19,16 @@ from tests.experiments.dask_processes import UP_S, eventually
 from tests.experiments.fake_trials import campaign_of
 from wayfarer.errors import WayfarerError
 from wayfarer.experiments import run_campaign
-from wayfarer.experiments.campaign import Campaign, ForestFile, Task
-from wayfarer.experiments.executors import Done, RunTrial, TrialRunner, field_trial
+from wayfarer.experiments.campaign import Campaign, ForestFile, Task, Tasks
+from wayfarer.experiments.executors import (
+    LARGEST_CHUNK,
+    LAST_SINGLY,
+    Done,
+    RunTrial,
+    TrialRunner,
+    field_trial,
+    in_chunks,
+)
 from wayfarer.experiments.results_folder import PARTIAL, SUMMARY, TRIALS, ResultsFolder
 from wayfarer.experiments.rows import TrialRow
 
@@ -116,13 +124,15 @@ def test_real_trials_do_not_mind_each_other_in_threads(tmp_path: Path) -> None:
     assert b"fault" not in alone
 
 
-def test_trial_tells_how_long_it_took_also_when_it_fails() -> None:
-    plan = campaign_of(4)
-    slow, failed = TrialRunner(plan, fake_trials.slow), TrialRunner(plan, fake_trials.third_fails)
-    assert fake_trials.SLOW_S <= slow.run(Task("forest-pledge", 0)).took_s < UP_S
-    done = failed.run(Task("forest-pledge", 3))
-    assert done.fault
-    assert 0 < done.took_s < UP_S
+@given(st.integers(0, 300), st.integers(1, 8))
+def test_every_trial_is_in_one_chunk_and_the_last_ones_come_singly(trials: int, jobs: int) -> None:
+    tasks = Tasks(("pledge", "levy-walk"), trials)
+    chunks = list(in_chunks(tasks, jobs))
+    assert [task for chunk in chunks for task in chunk] == list(tasks)
+    sizes = [len(chunk) for chunk in chunks]
+    assert set(sizes) <= {1, LARGEST_CHUNK}
+    assert sizes == sorted(sizes, reverse=True)
+    assert sizes.count(1) >= min(len(tasks), LAST_SINGLY * jobs)
 
 
 def test_resuming_runs_only_what_is_missing_and_ends_in_the_same_bytes(tmp_path: Path) -> None:

@@ -211,9 +211,6 @@ def _require(in_mujoco: bool, video: Path | None, out: Path | None, cluster: str
         require("--physics mujoco")
     if video:
         require("--video")
-        from wayfarer.experiments.film.screen import backend
-
-        backend()  # before the engine is imported, whose own words about missing OpenGL would be a traceback
     if out:
         require("keeping results")
     if cluster is not None:

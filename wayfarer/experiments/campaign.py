@@ -6,7 +6,6 @@ and every algorithm meets the same forests with the same noise: comparisons are 
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from hashlib import blake2b
@@ -64,11 +63,6 @@ class Tasks:
         if name not in self._algorithms or not (0 <= trial < self._trials and 0 <= point < self._points):
             return None
         return (trial * self._points + point) * len(self._algorithms) + self._algorithms.index(name)
-
-    def by_algorithm(self) -> dict[str, int]:
-        """Count these trials by algorithm."""
-        counts = Counter(number % len(self._algorithms) for number in self._numbers)
-        return {name: counts[index] for index, name in enumerate(self._algorithms)}
 
     def in_table_order(self) -> Iterator[Task]:
         """Yield all trials of the campaign by point, algorithm as asked, and number."""

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from wayfarer.simhal.world.slope import Slopes
     from wayfarer.simhal.world.wheeled_body import WheeledBody
 
-ALL_TEN = "paper"  # stands for the ten of the paper, which are the catalogue
+PAPER_SET = "paper"  # stands for the ten of the paper, which are the catalogue
 NAMED_SENSES: Mapping[str, Mapping[str, float]] = {"ideal": {}, "field": FIELD}
 INTERRUPTED = 130  # as a shell reports a command that SIGINT ended
 
@@ -38,10 +38,10 @@ def algorithms(names: str) -> tuple[str, ...]:
         BadInput: a third party's algorithm cannot be loaded.
     """
     asked = [name.strip() for name in names.split(",")]
-    unfolded = dict.fromkeys(name for item in asked for name in (CATALOGUE if item == ALL_TEN else [item]))
-    for name in unfolded:
+    expanded = dict.fromkeys(name for item in asked for name in (CATALOGUE if item == PAPER_SET else [item]))
+    for name in expanded:
         find_algorithm(name)
-    return tuple(unfolded)
+    return tuple(expanded)
 
 
 def terrains(asked: Mapping[str, str | None]) -> Terrains:
@@ -135,11 +135,11 @@ def _check_model(body: WheeledBody, where: str) -> None:
     Raises:
         BadConfig: it does not.
     """
-    from wayfarer.simhal.mujoco.model import build_model
+    from wayfarer.simhal.mujoco.model import build_spec
     from wayfarer.simhal.mujoco.terrain import Terrain
 
     try:
-        build_model(body, Terrain(0.5, 0.0, 1.0), None, [])
+        build_spec(body, Terrain(0.5, 0.0, 1.0), None, []).compile()
     except ValueError as error:
         raise BadConfig(
             f"{where}: MuJoCo cannot build this rover ({one_line(error)}); correct its vehicle or chassis"

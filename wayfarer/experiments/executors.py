@@ -18,7 +18,6 @@ from contextlib import contextmanager
 from functools import partial
 from itertools import islice, takewhile
 from pathlib import Path
-from time import perf_counter  # noqa: TID251 - what a trial takes of real time
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, Protocol, TypeVar
 from uuid import uuid4
@@ -39,7 +38,7 @@ DoneT = TypeVar("DoneT")
 TaskT_co = TypeVar("TaskT_co", covariant=True)
 
 LARGEST_CHUNK = 4  # handing over a chunk costs the parent 0.3 ms; what is in flight at Ctrl-C is lost
-LAST_SINGLY = 16  # times the jobs: with it 200 trials of ten algorithms end within 1 % of the best order on 2 to 8 jobs
+LAST_SINGLY = 16  # times the jobs; a trial of one algorithm can take ten times as long as one of another
 CHUNKS_AHEAD = 2  # a worker: one that it runs and one that waits for it
 POLL_S = 0.1  # how soon a stop is noticed
 
@@ -58,10 +57,9 @@ class TrialError(NamedTuple):
 
 
 class Done(NamedTuple):
-    """A finished trial, and how many seconds of real time it took."""
+    """A finished trial."""
 
     row: TrialRow
-    took_s: float
     fault: TrialError | None = None
 
 
@@ -91,13 +89,12 @@ class TrialRunner:
 
     def run(self, task: Task) -> Done:
         """Run one trial; whatever it raises becomes its row's ``fault`` and goes no further."""
-        began_s = perf_counter()
         try:
             spec = self._points[task.point].spec(task, self._forest(task))
             row, fault = row_of(self._run_trial(spec))._replace(point=task.point), None
         except Exception as error:
             row, fault = self._fault_row(task), _fault(error)
-        return Done(row, perf_counter() - began_s, fault)
+        return Done(row, fault)
 
     def _forest(self, task: Task) -> Forest:
         """Make a trial's forest, once for all the algorithms that follow each other in it."""
@@ -161,13 +158,12 @@ def stream(
     jobs: int,
     stop: threading.Event,
     executor: MakeExecutor | None = None,
-    cost: Callable[[TaskT], float] = lambda _: 1.0,
 ) -> Generator[DoneT]:
     """Run ``tasks``, each by ``run``, and yield what is done, in the order of completion.
 
     Without an ``executor``, one job runs in this process and more of them in a pool of that many processes; with one,
     ``jobs`` is how many it runs at a time. There are never more jobs than tasks. What ``run`` needs is sent to each
-    worker once. ``cost`` says about how long a task takes, in any unit: the last ones are begun longest first.
+    worker once.
 
     Raises:
         Stopped: ``stop`` was set; what runs on a pool at that moment is given up.
@@ -183,7 +179,7 @@ def stream(
     make = executor or partial(SpawnedProcesses, jobs)
     try:
         with make(initializer=_install, initargs=(key, run)) as pool:
-            yield from _run_on(pool, key, in_chunks(tasks, jobs, cost), jobs, stop)
+            yield from _run_on(pool, key, in_chunks(tasks, jobs), jobs, stop)
     finally:
         forget(key)
 
@@ -204,12 +200,12 @@ def _run_on(pool: Executor, key: str, chunks: Iterator[list[Any]], jobs: int, st
             raise Stopped
 
 
-def in_chunks(tasks: SizedIterable[TaskT], jobs: int, cost: Callable[[TaskT], float]) -> Iterator[list[TaskT]]:
-    """Cut ``tasks`` into chunks; the last ones come singly and longest first, so that all workers finish together."""
+def in_chunks(tasks: SizedIterable[TaskT], jobs: int) -> Iterator[list[TaskT]]:
+    """Cut ``tasks`` into chunks; the last ones come singly, so that all workers finish at about the same time."""
     rest = iter(tasks)
     for _ in range((len(tasks) - LAST_SINGLY * jobs) // LARGEST_CHUNK):
         yield list(islice(rest, LARGEST_CHUNK))
-    yield from ([task] for task in sorted(rest, key=cost, reverse=True))
+    yield from ([task] for task in rest)
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""Decides from the simulated world when a trial ends, and how.
+"""Decides from the simulated world when a trial ends, and how; in a field trial, when a person helps the rover.
 
 ``trial.outcome_of`` adds the rover's own reasons for ending.
 """
@@ -27,6 +27,9 @@ ENDINGS: Final[Mapping[Outcome, str]] = {
 # A rover that is pinned covers no distance; its budget then runs out in time: four times what the whole path budget
 # takes at the cruising speed of the abstract forest, 1 m/s.
 TIME_PER_BUDGET_S_PER_M: Final = 4.0
+
+# By a person: as far as the rover itself backs off; shorter than any shipped rover, so nothing is jumped over.
+PULLED_BACK_M: Final = 0.15
 
 
 class OutcomeMonitor:
@@ -78,3 +81,32 @@ class OutcomeMonitor:
         """Return the path: what was driven, reversing included, and for ``left_bounds`` the way that remains north."""
         remaining_m = max(0.0, self._goal_y_m - world.y_m) if self.outcome == "left_bounds" else 0.0
         return world.path_m + remaining_m
+
+
+class InterventionCounter:
+    """Puts a stuck rover free in a field trial, and counts it; then lets the outcome monitor look.
+
+    The paper, section IV-C: flip-overs and loss of all-wheel contact with the ground made human interventions
+    necessary; after one the rover was placed near where it had been stuck, with the same orientation, and the trial
+    went on. Here that takes no time, because the paper does not say whether its clock was stopped.
+    """
+
+    def __init__(self, tip_deg: float, then: Callable[[SimulatedWorld], None]) -> None:
+        self._tip_deg = tip_deg
+        self._then = then
+        self.flips = 0
+        self.hangs = 0
+
+    @property
+    def interventions(self) -> int:
+        """How often the rover was helped: turned over, or off its wheels."""
+        return self.flips + self.hangs
+
+    def watch(self, world: SimulatedWorld) -> None:
+        """Put a rover back on its wheels."""
+        flipped = abs(world.pitch_deg) >= self._tip_deg or abs(world.roll_deg) >= self._tip_deg
+        if flipped or world.hangs:
+            self.flips += flipped
+            self.hangs += not flipped
+            world.pull_back(PULLED_BACK_M)
+        self._then(world)

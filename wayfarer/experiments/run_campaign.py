@@ -24,7 +24,6 @@ from wayfarer.experiments.results_folder import ResultsFolder, swept_values, tas
 from wayfarer.experiments.rows import TrialRow, rounded_values
 from wayfarer.experiments.statistics import AlgorithmSummary, summarise
 from wayfarer.experiments.store import TrialStore
-from wayfarer.experiments.time_left import relative_cost
 
 SAME_SIGNAL_S = 0.5  # a signal to the whole process group may reach the workers first
 
@@ -117,9 +116,7 @@ def run(
     with _kept(plan, folder) as kept, stop_on_signals() as stop:
         todo = kept.missing()
         keep = folder.append if folder else kept.append
-        finished = stream(
-            TrialRunner(plan, run_trial).run, todo, jobs, stop, executor, lambda task: relative_cost(task.algorithm)
-        )
+        finished = stream(TrialRunner(plan, run_trial).run, todo, jobs, stop, executor)
         with suppress(Stopped), _worker_death_explained(kept, stop), closing(finished):
             for done in finished:
                 keep(done.row)

@@ -14,7 +14,7 @@ from wayfarer.experiments import run_campaign
 from wayfarer.experiments.campaign import Campaign, Plan, Task
 from wayfarer.experiments.commands import INTERRUPTED, cores, make_empty_folder
 from wayfarer.experiments.executors import MakeExecutor, RunTrial, TrialRunner, field_trial, logged_trial
-from wayfarer.experiments.progress_bar import drawing, fault_line, say, shown_progress
+from wayfarer.experiments.progress_bar import fault_line, say, shown_progress
 from wayfarer.experiments.results_folder import ResultsFolder, tasks_of
 from wayfarer.experiments.rows import columns_of, csv_line
 from wayfarer.experiments.run_campaign import CampaignRun
@@ -104,7 +104,7 @@ def run_shown(
     kept = len(folder.kept) if folder else 0
     if folder and kept:
         say(aside, f"{kept} of {folder.kept.total} trials are in {folder.path} already")
-    with shown_progress(aside, kept, todo.by_algorithm(), jobs) as progress:
+    with shown_progress(aside, kept, kept + len(todo)) as progress:
         finished = run_campaign.run(plan, folder, jobs=jobs, progress=progress, executor=executor, run_trial=run_trial)
     if finished.interrupted:
         where = f"kept in {folder.path}; continue with --resume" if folder else "done; with --out DIR they are kept"
@@ -156,18 +156,17 @@ def film_alone(
     Raises:
         BadInput: as of ``run_alone``; or the film cannot be written or drawn, which is found out before the trial.
     """
-    from wayfarer.experiments.film.footage import FootageRecorder
+    from wayfarer.experiments.film.footage import Footage
     from wayfarer.experiments.film.video import film
 
-    aside, recorder = Console(stderr=True), FootageRecorder(log)
-    with film(video) as shown:
-        code = run_alone(campaign, trial, log, recorder, as_json=as_json)
-        if recorder.footage is None:
+    aside, footage = Console(stderr=True), Footage(log)
+    with film(video) as draw:
+        code = run_alone(campaign, trial, log, footage, as_json=as_json)
+        if not footage.ticks:
             raise BadInput(
                 f"--video {video}: trial {trial} ended before its first control tick; there is nothing to film"
             )
-        with drawing(aside) as done:
-            shown.show(recorder.footage, speed, done)
+        draw(footage, speed, aside)
     say(aside, f"the film is {video}")
     if not as_json:
         say_next("xdg-open", video)

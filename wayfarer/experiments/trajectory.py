@@ -6,7 +6,7 @@ records; it is thinned while it is read, because an entrapped rover takes 80,000
 
 from __future__ import annotations
 
-from math import degrees, hypot
+from math import hypot
 from typing import NamedTuple
 
 from wayfarer.control.run_log import PartialLog
@@ -21,17 +21,12 @@ KEPT_EVERY_M = 0.2  # half a body: the tightest curve, the probe's, has a radius
 
 
 class TrajectoryPoint(NamedTuple):
-    """Where the rover was, metres east and north, and what it was doing from there on.
-
-    ``heading_deg`` counts whole turns; ``touches`` says whether the body was against an obstacle.
-    """
+    """Where the rover was, metres east and north, and what it was doing from there on."""
 
     x_m: float
     y_m: float
     phase: Phase
     t_s: float = 0.0
-    heading_deg: float = 0.0
-    touches: bool = False
 
 
 class Trajectory(NamedTuple):
@@ -42,10 +37,7 @@ class Trajectory(NamedTuple):
 
 
 class TrajectoryLog(PartialLog):
-    """Looks at the world at each tick, and keeps every change of phase, and of whether the body touches something.
-
-    Between two changes a point is kept when it is ``KEPT_EVERY_M`` from the one before.
-    """
+    """Looks at the world at each tick, and keeps every change of phase, and between them every ``KEPT_EVERY_M``."""
 
     def __init__(self, world: SimulatedWorld) -> None:
         self.trajectory = Trajectory([], [])
@@ -62,16 +54,14 @@ class TrajectoryLog(PartialLog):
         last = points[-1] if points else None
         if (
             last is None
-            or (here.phase, here.touches) != (last.phase, last.touches)
+            or here.phase is not last.phase
             or hypot(here.x_m - last.x_m, here.y_m - last.y_m) >= KEPT_EVERY_M
         ):
             points.append(here)
 
     def _point(self, phase: Phase) -> TrajectoryPoint:
         world = self._world
-        return TrajectoryPoint(
-            world.x_m, world.y_m, phase, world.t_s, degrees(world.heading_rad), world.touch is not None
-        )
+        return TrajectoryPoint(world.x_m, world.y_m, phase, world.t_s)
 
     def close(self, reason: str, text: str) -> None:  # noqa: ARG002
         """Keep where it ended."""

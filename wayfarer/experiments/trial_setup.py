@@ -12,8 +12,7 @@ from wayfarer.config.registry import find_algorithm
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.run_log import RunLog
 from wayfarer.control.supervisor import Supervisor
-from wayfarer.experiments.interventions import InterventionCounter
-from wayfarer.experiments.outcome import OutcomeMonitor
+from wayfarer.experiments.outcome import InterventionCounter, OutcomeMonitor
 from wayfarer.hal import Rover
 from wayfarer.simhal.build_rover import Depth, build
 from wayfarer.simhal.random_streams import RandomStreams

@@ -63,13 +63,13 @@ def test_page_shows_table_and_figures_and_does_not_overflow(
     assert opened.page.title() == "3 algorithms in 3 simulated forest trials each"
     assert opened.page.locator("tbody tr.ours").count() == 3
     plots = opened.page.locator("figure .plot")
-    assert plots.count() == 2 + 3 + 1 + 1  # paths and failures, escapes by group, ratios, map
+    assert plots.count() == 2 + 3 + 1 + GALLERY  # paths and failures, escapes by group, ratios, maps
     for plot in plots.all():
         box = plot.bounding_box()
         assert box is not None
         assert box["width"] > 0.25 * viewport[0]
         assert box["height"] > 100
-    for name in ("paths", "failures", "escape, Stochastic", "ratio", "trials"):
+    for name in ("paths", "failures", "escape, Stochastic", "ratio"):
         frame = opened.page.evaluate(f"Bokeh.index.find_one({MODEL.format(name=name)}).frame.bbox.height")
         assert frame > 60, f"{name} has no room left"
     assert opened.overflow_px() == 0
@@ -127,42 +127,13 @@ def test_click_on_a_name_hides_its_curve(report: Path, browser_page: OpenPage) -
     assert asked(opened, "levy-walk", "visible") is False
 
 
-@SIZES
-def test_worst_trials_are_clicked_through(report: Path, browser_page: OpenPage, viewport: tuple[int, int]) -> None:
-    opened = plotted(browser_page, report, viewport)
-    page = opened.page
-    links, texts = page.locator(".trials nav a"), page.locator(".trials article")
-    assert links.count() == texts.count() == GALLERY
-    for number in (1, 2):
-        links.nth(number).click()
-        page.wait_for_function(f"{MODEL.format(name='shown')}.group === {number}")
-        assert [text.is_visible() for text in texts.all()] == [at == number for at in range(GALLERY)]
-        name = links.nth(number).inner_text().partition(":")[0]
-        assert texts.nth(number).inner_text().startswith(f"{name} (forest ")
-        assert links.nth(number).get_attribute("aria-current") == "true"
-        page.wait_for_function(
-            f"[...Bokeh.index.find_one({MODEL.format(name='end')}).all_indices].join() === '{number}'"
-        )
-    page.get_by_role("button", name="previous").click()
-    page.wait_for_function(f"{MODEL.format(name='shown')}.group === 1")
-    page.go_back()
-    page.wait_for_function(f"{MODEL.format(name='shown')}.group === 2")
-    assert page.get_by_role("button", name="next").is_disabled()
-    assert opened.overflow_px() == 0
-
-
-def test_close_up_shows_the_ground_that_the_rover_kept_to(report: Path, browser_page: OpenPage) -> None:
+def test_box_of_a_phase_hides_it_in_all_maps_of_the_worst_trials(report: Path, browser_page: OpenPage) -> None:
     opened = plotted(browser_page, report)
-    close = opened.page.get_by_role("button", name="where it was entrapped")
-    assert close.is_enabled(), "the first one is entrapped"
-    before = asked(opened, "trials", "x_range.end") - asked(opened, "trials", "x_range.start")
-    x_m, size_m = (asked(opened, "kept", f"data_source.data.{name}[0]") for name in ("x", "size"))
-    close.click()
-    start, end = (asked(opened, "trials", f"x_range.{name}") for name in ("start", "end"))
-    assert (start + end) / 2 == pytest.approx(x_m, abs=0.01)
-    assert size_m <= end - start < before
-    opened.page.get_by_role("button", name="whole forest").click()
-    assert asked(opened, "trials", "x_range.end") - asked(opened, "trials", "x_range.start") == pytest.approx(before)
+    shown = """[...Bokeh.documents[0]._all_models.values()].filter(
+      (model) => model.tags.includes("layer:probe")).map((model) => model.visible)"""
+    assert opened.page.evaluate(shown) == [True] * GALLERY
+    opened.page.locator("input[data-layer=probe]").uncheck()
+    assert opened.page.evaluate(shown) == [False] * GALLERY
 
 
 def test_figure_is_saved_as_svg(report: Path, browser_page: OpenPage) -> None:

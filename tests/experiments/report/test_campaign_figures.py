@@ -7,19 +7,16 @@ from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-import numpy as np
 import pytest
-from bokeh.models import ColumnDataSource
 
 from tests.experiments.report.campaigns import STRANGERS, names, row, rows_of
 from tests.experiments.report.reading_plots import columns, names_of_rows
 from wayfarer.escape.api import Phase
-from wayfarer.experiments.report.algorithm_rows import lay_out
+from wayfarer.experiments.report.algorithm_rows import grouped, lay_out
 from wayfarer.experiments.report.escape_figure import escape_figures
-from wayfarer.experiments.report.groups import grouped
 from wayfarer.experiments.report.paths_figure import failures_figure, paths_figure
 from wayfarer.experiments.report.ratio_figure import TIMES, quantile, ratio_figure, ratios
-from wayfarer.experiments.report.trials_map import DrawnTrial, path_in, trials_map
+from wayfarer.experiments.report.trial_map import path_in, trial_map
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import AlgorithmSummary, summarise
 from wayfarer.experiments.trajectory import Trajectory, TrajectoryPoint
@@ -126,11 +123,7 @@ def test_ratio_counts_failures_as_endless() -> None:
     assert drawn["p95"] == drawn["arrow"], "drawn as an arrow at the edge"
 
 
-# --- the map of the worst trials
-
-
-def trial_of(trajectory: Trajectory, number: int = 0) -> DrawnTrial:
-    return DrawnTrial(row("pledge", number), generate_forest(number, 0, 0), trajectory, None)
+# --- the map of a trial
 
 
 def test_way_is_drawn_whole_each_piece_in_its_phase() -> None:
@@ -140,24 +133,9 @@ def test_way_is_drawn_whole_each_piece_in_its_phase() -> None:
     assert sorted(pieces) == [(12.5 + n, 13.5 + n) for n in range(len(points) - 1)]
 
 
-def test_map_has_all_trials_and_shows_one() -> None:
-    trajectories = [
-        Trajectory([TrajectoryPoint(25.0, 12.5 + n, Phase.FOLLOW) for n in range(9)], [(25.0, 14.0)]) for _ in range(3)
-    ]
-    figure: Any = trials_map([trial_of(trajectory, number) for number, trajectory in enumerate(trajectories)])
-    views = {renderer.view.filter.group for renderer in figure.renderers if "number" in _data(renderer)}
-    assert views == {0}
-    for renderer in figure.renderers:
-        if len(_data(renderer).get("number", ())):
-            assert set(np.asarray(_data(renderer)["number"]).tolist()) == {0, 1, 2}
-
-
-def _data(renderer: Any) -> Mapping[str, Any]:
-    source: ColumnDataSource = renderer.data_source
-    return source.data
-
-
-def test_every_phase_that_moves_is_a_layer() -> None:
-    figure = trials_map([trial_of(Trajectory([TrajectoryPoint(25.0, 12.5, Phase.FOLLOW)], []))])
+@pytest.mark.parametrize("slips_m", [[], [(25.0, 14.0)]])
+def test_every_phase_that_moves_is_a_layer_of_the_map(slips_m: list[tuple[float, float]]) -> None:
+    points = [TrajectoryPoint(25.0, 12.5 + n, Phase.FOLLOW, float(n)) for n in range(9)]
+    figure = trial_map("worst", generate_forest(0, 0, 0), Trajectory(points, slips_m))
     tags = {tag for renderer in figure.renderers for tag in renderer.tags}
     assert tags == {f"layer:{phase}" for phase in palette.PHASE_COLOURS} | {"layer:slips"}

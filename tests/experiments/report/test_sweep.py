@@ -20,8 +20,7 @@ from wayfarer.cli import report as command
 from wayfarer.errors import BadInput
 from wayfarer.experiments.report.load_results import SweepResults, SweepSettings, read_sweep
 from wayfarer.experiments.report.sweep import write_sweep_report
-from wayfarer.experiments.report.sweep_curves import curves_figures
-from wayfarer.experiments.report.sweep_maps import maps_figures
+from wayfarer.experiments.report.sweep_figures import curves_figures, maps_figures
 from wayfarer.experiments.results_folder import TRIALS, tasks_of
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.sweep.axes import Axis

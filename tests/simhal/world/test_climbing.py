@@ -11,7 +11,7 @@ import pytest
 from tests.simhal.clearing import STEADY
 from wayfarer.config.chassis import AT_A_BRANCH, Chassis
 from wayfarer.config.rover_file import load_rover
-from wayfarer.experiments.interventions import InterventionCounter
+from wayfarer.experiments.outcome import InterventionCounter
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.climbing import Climbing
 from wayfarer.simhal.world.collision import BodyOutline, obstacles_of

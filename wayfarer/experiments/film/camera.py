@@ -34,13 +34,6 @@ class View(NamedTuple):
     elevation_deg: float
     distance_m: float
 
-    @property
-    def eye_m(self) -> Array:
-        """Where the camera is."""
-        azimuth, down = np.radians((self.azimuth_deg, self.elevation_deg))
-        ray = np.array((np.cos(down) * np.cos(azimuth), np.cos(down) * np.sin(azimuth), -np.sin(down)))
-        return self.at_m - self.distance_m * ray
-
 
 def views(joints: Array, obstacles: list[Obstacle], length_m: float, frames_s: float) -> list[View]:
     """Return the view of each picture.
@@ -52,15 +45,15 @@ def views(joints: Array, obstacles: list[Obstacle], length_m: float, frames_s: f
         frames_s: pictures a second of the film.
     """
     at_m = np.column_stack([smooth(column, FOLLOWS_S * frames_s) for column in joints[:, :3].T])
-    yaw = smooth(np.unwrap(_yaw(joints)), TURNS_S * frames_s)
-    azimuth = yaw - radians(BESIDE_DEG)
-    wanted_deg = np.full(len(joints), ELEVATION_DEG)
-    for trunk in obstacles:
-        if trunk.axis_deg is not None:
-            np.maximum(wanted_deg, _to_see_over_deg(trunk, joints, azimuth), out=wanted_deg)
-    around = round(2.0 * RISES_S * frames_s)
-    highest = maximum_filter1d(wanted_deg, 2 * around + 1, mode="nearest")
-    elevation_deg = smooth(np.minimum(highest, STEEPEST_DEG), RISES_S * frames_s)
+    w, x, y, z = joints[:, 3:7].T
+    yaw = np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))  # from east to north
+    azimuth = smooth(np.unwrap(yaw), TURNS_S * frames_s) - radians(BESIDE_DEG)
+    trunks = [each for each in obstacles if each.axis_deg is not None]
+    to_see_over_deg = [_to_see_over_deg(trunk, joints[:, :2], azimuth) for trunk in trunks]
+    wanted_deg = np.max([np.full(len(joints), ELEVATION_DEG), *to_see_over_deg], axis=0)
+    # The highest of some time before and after: the camera is up before a trunk comes between.
+    highest_deg = maximum_filter1d(wanted_deg, 2 * round(2.0 * RISES_S * frames_s) + 1, mode="nearest")
+    elevation_deg = smooth(np.minimum(highest_deg, STEEPEST_DEG), RISES_S * frames_s)
     away_m = max(LENGTHS_AWAY * length_m, LEAST_AWAY_M)
     return [View(*view, away_m) for view in zip(at_m, np.degrees(azimuth), elevation_deg, strict=True)]
 
@@ -70,18 +63,12 @@ def smooth(values: Array, frames: float) -> Array:
     return np.asarray(gaussian_filter1d(values, frames, mode="nearest", truncate=3.0))
 
 
-def _yaw(joints: Array) -> Array:
-    """Return where the rover's nose points, radians from east to north."""
-    w, x, y, z = joints[:, 3:7].T
-    return np.asarray(np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z)))
-
-
-def _to_see_over_deg(trunk: Obstacle, joints: Array, azimuth: Array) -> Array:
+def _to_see_over_deg(trunk: Obstacle, rover_m: Array, azimuth: Array) -> Array:
     """Return how steeply the camera must look down at each moment, so that a trunk hides nothing of the rover."""
     towards = -np.column_stack((np.cos(azimuth), np.sin(azimuth)))
-    places_m = joints[:, None, :2] + SIGHT_M[:, None] * towards[:, None, :]
+    places_m = rover_m[:, None] + SIGHT_M[:, None] * towards[:, None]
     foot_m, along_m = np.array(trunk[:2]), np.array(trunk[2:4]) - np.array(trunk[:2])
-    share = np.clip((places_m - foot_m) @ along_m / max(along_m @ along_m, 1e-9), 0.0, 1.0)
+    share = np.clip((places_m - foot_m) @ along_m / (along_m @ along_m), 0.0, 1.0)
     off_m = np.linalg.norm(places_m - foot_m - share[..., None] * along_m, axis=-1)
     over_deg = np.degrees(np.arctan2(2.0 * trunk.radius_m, SIGHT_M)) + CLEAR_BY_DEG
     return np.asarray(np.where(off_m < trunk.radius_m, over_deg, 0.0).max(axis=1))

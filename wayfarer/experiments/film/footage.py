@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,8 +18,6 @@ from wayfarer.hal import Rover
 from wayfarer.simhal.mujoco.world import MujocoWorld
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
-JUMP_M = 0.2  # between two ticks: a person has put the rover elsewhere
-
 
 class FilmedTick(NamedTuple):
     """One moment: the rover's joints as in the engine, what it was doing, and how far it had driven."""
@@ -31,73 +29,56 @@ class FilmedTick(NamedTuple):
 
 
 class Footage(PartialLog):
-    """Looks at the world at each tick, and keeps a ``FilmedTick``."""
+    """Runs one trial, an ``executors.RunTrial``, and keeps a ``FilmedTick`` of each control tick.
 
-    def __init__(self, spec: TrialSpec, world: MujocoWorld) -> None:
-        self.spec, self.world = spec, world
-        self.shots: list[FilmedTick] = []
-        self.outcome = "fault"  # until the outcome monitor has said otherwise
+    Result and field log, which goes to ``log_dir``, are the same as without a film.
+    """
+
+    spec: TrialSpec
+    world: MujocoWorld
+
+    def __init__(self, log_dir: Path | None) -> None:
+        self.ticks: list[FilmedTick] = []
+        self.outcome = "fault"  # where the trial ends without a result
+        self._log_dir = log_dir
+
+    def __call__(self, spec: TrialSpec) -> TrialResult:
+        """Run the trial."""
+
+        def make_log(world: SimulatedWorld, rover: Rover) -> Tee:
+            assert isinstance(world, MujocoWorld)  # the command films no other
+            self.spec, self.world = spec, world
+            return Tee(self, *(field_log(spec, self._log_dir, world, rover) if self._log_dir else ()))
+
+        result = run_watched(spec, make_log)
+        self.outcome = result.outcome
+        return result
 
     def tick(self, record: TickRecord) -> None:
         """Keep where everything is."""
         world = self.world
-        self.shots.append(FilmedTick(world.t_s, world.data.qpos.copy(), record.decision.phase, world.path_m))
+        self.ticks.append(FilmedTick(world.t_s, world.data.qpos.copy(), record.decision.phase, world.path_m))
 
     @property
     def begins_s(self) -> float:
         """When the rover first does something: before that it waits for its start."""
-        return next((shot.t_s for shot in self.shots if shot.phase is not Phase.HALT), self.shots[0].t_s)
+        return next((tick.t_s for tick in self.ticks if tick.phase is not Phase.HALT), self.ticks[0].t_s)
 
     @property
     def ends_s(self) -> float:
-        """When the last shot was taken."""
-        return self.shots[-1].t_s
+        """When the last tick was."""
+        return self.ticks[-1].t_s
 
-    def at(self, t_s: float) -> FilmedTick:
-        """Return a moment between two shots; the rover's phase is that of the earlier one."""
-        after = bisect_right(self.shots, t_s, key=lambda shot: shot.t_s)
-        if after in (0, len(self.shots)):
-            return self.shots[min(after, len(self.shots) - 1)]
-        one, other = self.shots[after - 1], self.shots[after]
-        if np.hypot(*(other.joints[:2] - one.joints[:2])) > JUMP_M:
-            return one
-        share = (t_s - one.t_s) / (other.t_s - one.t_s)
-        return one._replace(t_s=t_s, joints=_between(one.joints, other.joints, share))
+    def at(self, times_s: Sequence[float]) -> list[FilmedTick]:
+        """Return the trial at these times: the joints between two ticks, all else as at the earlier one.
 
-
-def _between(one: NDArray[np.float64], other: NDArray[np.float64], share: float) -> NDArray[np.float64]:
-    """Return joints part of the way from one moment to another; the same attitude is a quaternion and its negative."""
-    there = other.copy()
-    if one[3:7] @ there[3:7] < 0.0:
-        there[3:7] *= -1.0
-    joints = one + share * (there - one)
-    joints[3:7] /= np.linalg.norm(joints[3:7])
-    return joints
-
-
-class FootageRecorder:
-    """Runs one trial, its field log in ``log_dir``, and keeps its footage; an ``executors.RunTrial``."""
-
-    def __init__(self, log_dir: Path | None) -> None:
-        self._log_dir = log_dir
-        self._taken: Footage | None = None
-
-    @property
-    def footage(self) -> Footage | None:
-        """What was filmed; None where the trial ended before its first control tick."""
-        return self._taken if self._taken and self._taken.shots else None
-
-    def __call__(self, spec: TrialSpec) -> TrialResult:
-        """Run the trial; its result and its field log are the same as without a film."""
-        log_dir = self._log_dir
-
-        def make_log(world: SimulatedWorld, rover: Rover) -> Tee:
-            if not isinstance(world, MujocoWorld):
-                raise TypeError("only a world of rigid bodies can be filmed")
-            self._taken = Footage(spec, world)
-            return Tee(self._taken, *(field_log(spec, log_dir, world, rover) if log_dir else ()))
-
-        result = run_watched(spec, make_log)
-        if self._taken is not None:
-            self._taken.outcome = result.outcome
-        return result
+        Pictures come more often than ticks; without the joints in between the rover would be seen to stutter. Between
+        neighbouring ticks an attitude changes so little that its quaternion can be interpolated like a number.
+        """
+        known_s = [tick.t_s for tick in self.ticks]
+        joints = np.array([tick.joints for tick in self.ticks])
+        shown_s = np.clip(times_s, known_s[0], known_s[-1])
+        between = np.column_stack([np.interp(shown_s, known_s, column) for column in joints.T])
+        before = np.searchsorted(known_s, shown_s, "right") - 1
+        moments = zip(before.tolist(), shown_s.tolist(), between, strict=True)
+        return [self.ticks[number]._replace(t_s=t_s, joints=here) for number, t_s, here in moments]

@@ -1,16 +1,13 @@
-"""OpenGL rendering without a display.
+"""OpenGL rendering without a display, by EGL.
 
-Nothing else of wayfarer needs OpenGL, so it is looked for here, when a film is asked for, and not when the engine is
-imported.
+``mujoco.Renderer`` would draw with what the variable ``MUJOCO_GL`` said when the engine was imported: without it, on a
+screen. Nothing else of wayfarer needs OpenGL, so it is looked for when a film is asked for.
 """
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from ctypes.util import find_library
-from importlib import import_module
 
 import mujoco
 import numpy as np
@@ -18,32 +15,14 @@ from numpy.typing import NDArray
 
 from wayfarer.errors import BadInput, kind_and_text
 from wayfarer.experiments.film.camera import View
-from wayfarer.experiments.film.scenery import Scenery
+from wayfarer.experiments.film.footage import FilmedTick
+from wayfarer.experiments.film.scenery import EARTH, Scenery
 
-# How MuJoCo can draw off screen, the first the better, and the system library that each needs.
-BACKENDS = {"egl": "EGL", "osmesa": "OSMesa"}
 INSTALL = "apt install libegl1 libgl1-mesa-dri"
-MOST_GEOMS = 12_000
 FADED = 0.22  # how much is left of a tree that stands before the rover
 FADES_WITHIN_M = 0.35
-
-Image = NDArray[np.uint8]  # rows, columns, red green blue
-
-
-def backend() -> str:
-    """Return how to draw: what ``MUJOCO_GL`` says, or the first that the system has.
-
-    Raises:
-        BadInput: there is none; the text says what to install.
-    """
-    asked = os.environ.get("MUJOCO_GL", "").strip().lower()
-    if asked and asked not in BACKENDS:
-        raise BadInput(f"--video draws without a screen, and MUJOCO_GL={asked} cannot: unset it, or set egl or osmesa")
-    for name in [asked] if asked else BACKENDS:
-        if find_library(BACKENDS[name]):
-            return name
-    wanted = f"lib{BACKENDS[asked]}, as MUJOCO_GL={asked} asks" if asked else "libEGL or libOSMesa"
-    raise BadInput(f"--video draws with OpenGL, and the system has no {wanted}: {INSTALL}")
+MARKS_IN_SIGHT_M = 8.0
+MOST_MARKS = 10_000  # at a time, the latest: a rover that drives 1,000 m in a pocket leaves 70,000
 
 
 @contextmanager
@@ -53,12 +32,13 @@ def opengl(width: int, height: int) -> Iterator[None]:
     Raises:
         BadInput: it cannot; the text says what to install.
     """
-    name = backend()
     try:
-        context = import_module(f"mujoco.{name}").GLContext(width, height)
+        from mujoco.egl import GLContext  # raises where the system has no EGL
+
+        context = GLContext(width, height)
         context.make_current()
     except Exception as error:  # of PyOpenGL, of MuJoCo, or of a library that is half there
-        raise BadInput(f"--video cannot draw with {name} ({kind_and_text(error)}): {INSTALL}") from error
+        raise BadInput(f"--video cannot draw with OpenGL ({kind_and_text(error)}): {INSTALL}") from error
     try:
         yield
     finally:
@@ -69,49 +49,49 @@ class Screen:
     """Draws a scenery; OpenGL must be there until it is closed."""
 
     def __init__(self, scenery: Scenery, width: int, height: int) -> None:
-        self._scenery = scenery
-        self._model = scenery.model
-        self.data = mujoco.MjData(self._model)
-        self.scene = mujoco.MjvScene(self._model, maxgeom=MOST_GEOMS)
-        for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_FOG):
-            self.scene.flags[flag] = True
-        self.scene.flags[mujoco.mjtRndFlag.mjRND_HAZE] = False
-        self._option, self._camera = mujoco.MjvOption(), mujoco.MjvCamera()
+        self._scenery, self._model = scenery, scenery.model
+        self._data, self._option = mujoco.MjData(self._model), mujoco.MjvOption()
+        self._scene = mujoco.MjvScene(self._model, maxgeom=self._model.ngeom)
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_FOG], self._scene.flags[mujoco.mjtRndFlag.mjRND_HAZE] = True, False
         self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
         self._rectangle = mujoco.MjrRect(0, 0, width, height)
-        self._pixels = np.empty((height, width, 3), np.uint8)
 
-    def place(self, joints: NDArray[np.float64], view: View) -> None:
-        """Put the rover and the camera where they are; what else is to be drawn is then added to ``scene``."""
-        self.data.qpos[:] = joints
-        mujoco.mj_kinematics(self._model, self.data)
-        mujoco.mj_camlight(self._model, self.data)
-        camera = self._camera
+    def draw(self, tick: FilmedTick, view: View) -> NDArray[np.uint8]:
+        """Return the picture of a moment: rows, columns, red green blue."""
+        self._show_marks(tick)
+        self._fade_trees(view)
+        self._data.qpos[:] = tick.joints
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_camlight(self._model, self._data)
+        camera = mujoco.MjvCamera()
         camera.lookat[:] = view.at_m
         camera.azimuth, camera.elevation, camera.distance = view.azimuth_deg, -view.elevation_deg, view.distance_m
         everything = mujoco.mjtCatBit.mjCAT_ALL.value
-        mujoco.mjv_updateScene(self._model, self.data, self._option, None, camera, everything, self.scene)
-        for light in self.scene.lights[: self.scene.nlight]:
-            if light.castshadow:
-                light.pos[:] = self._scenery.sun_m(joints[:3])
-        self._fade(self._scenery.trees_before(view.eye_m, joints[:3], FADES_WITHIN_M))
-
-    def draw(self) -> Image:
-        """Return the picture; good until the next one."""
-        mujoco.mjr_render(self._rectangle, self.scene, self._context)
-        mujoco.mjr_readPixels(self._pixels, None, self._rectangle, self._context)
-        return self._pixels[::-1]
+        mujoco.mjv_updateScene(self._model, self._data, self._option, None, camera, everything, self._scene)
+        mujoco.mjr_render(self._rectangle, self._scene, self._context)
+        pixels = np.empty((self._rectangle.height, self._rectangle.width, 3), np.uint8)
+        mujoco.mjr_readPixels(pixels, None, self._rectangle, self._context)
+        return pixels[::-1]  # OpenGL counts rows from below
 
     def close(self) -> None:
         """Give back what OpenGL holds for it, while that is still there: freed later, it would be another film's."""
         self._context.free()
 
-    def _fade(self, trees: set[int]) -> None:
-        """Let the rover be seen through trees."""
-        if not trees:
-            return
-        kind = mujoco.mjtObj.mjOBJ_GEOM
-        for geom in self.scene.geoms[: self.scene.ngeom]:
-            if geom.objtype == kind and geom.objid in trees:
-                geom.rgba[3] = FADED
+    def _show_marks(self, tick: FilmedTick) -> None:
+        """Show the marks that tyres have left by now, where they are near; MuJoCo skips what is quite transparent."""
+        scenery, model = self._scenery, self._model
+        away_m = np.linalg.norm(model.geom_pos[scenery.marks, :2] - tick.joints[:2], axis=1)
+        there = np.flatnonzero((scenery.marks_s <= tick.t_s) & (away_m < MARKS_IN_SIGHT_M))
+        latest = there[np.argsort(scenery.marks_s[there])[-MOST_MARKS:]]
+        model.geom_rgba[scenery.marks, 3] = 0.0
+        model.geom_rgba[scenery.marks[latest], 3] = EARTH[3]
+
+    def _fade_trees(self, view: View) -> None:
+        """Let the rover be seen through trees between it and the camera."""
+        trees, azimuth = self._scenery.trees, np.radians(view.azimuth_deg)
+        to_camera = -np.array((np.cos(azimuth), np.sin(azimuth)))
+        from_rover_m = self._model.geom_pos[trees, :2] - view.at_m[:2]
+        along_m, aside_m = from_rover_m @ to_camera, from_rover_m @ (to_camera[1], -to_camera[0])
+        between = (along_m > 0.0) & (along_m < view.distance_m) & (np.abs(aside_m) < FADES_WITHIN_M)
+        self._model.geom_rgba[trees, 3] = np.where(between, FADED, 1.0)

@@ -1,17 +1,24 @@
-"""Figures with one row per algorithm, sorted by groups, over a logarithmic axis or over percent."""
+"""Figures with one row per algorithm over a logarithmic axis or over percent, sorted by groups.
+
+The groups are the paper's three, and a fourth for all others.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from bokeh.models import CustomJSTicker, FixedTicker, NumeralTickFormatter
 from bokeh.models.annotations import Label, Span
 
-from wayfarer.experiments.report.groups import Group, short
+from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, plot
+
+TITLES = {"pledge": "Pledge-inspired", "stochastic": "Stochastic", "reactive": "Reactive"}  # as in the paper's figure
+OTHERS = "Others"
+LONGEST_NAME = 18  # letters; a longer name would take the place of the data
 
 HEADING = 0.55  # rows that a group's name takes
 MARGINS_PX = 60  # the axis below, and the legend's place
@@ -28,6 +35,26 @@ if (end > 5 * start) return within(steps);
 const step = steps.find((each) => (end - start) / each <= 7);
 return within([...Array(9).keys()].map((at) => (Math.floor(start / step) + at) * step));
 """
+
+
+class Group(NamedTuple):
+    """Algorithms of one kind."""
+
+    title: str
+    algorithms: list[str]
+
+
+def grouped(algorithms: Iterable[str]) -> list[Group]:
+    """Return the groups that occur, in the paper's order."""
+    members: dict[str, list[str]] = {title: [] for title in (*TITLES.values(), OTHERS)}
+    for name in algorithms:
+        members[TITLES[CATALOGUE[name].family] if name in CATALOGUE else OTHERS].append(name)
+    return [Group(title, names) for title, names in members.items() if names]
+
+
+def short(name: str) -> str:
+    """Return a name that fits beside an axis: of ``package.module:attribute`` the end says the most."""
+    return name if len(name) <= LONGEST_NAME else "…" + name[1 - LONGEST_NAME :]
 
 
 @dataclass

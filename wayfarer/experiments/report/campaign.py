@@ -2,30 +2,36 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
-from importlib.resources import files
 from pathlib import Path
 
 from rich.console import Console
 
 from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Campaign
-from wayfarer.experiments.entrapment_cause import entrapment
 from wayfarer.experiments.progress_bar import shown_progress
 from wayfarer.experiments.report import words
+from wayfarer.experiments.report.algorithm_rows import grouped
 from wayfarer.experiments.report.escape_figure import escape_figures
 from wayfarer.experiments.report.load_results import CampaignResults, read_results
 from wayfarer.experiments.report.paths_figure import failures_figure, paths_figure
-from wayfarer.experiments.report.ratio_figure import ratio_figure
-from wayfarer.experiments.report.table import causes_table, ratios_table, results_table
-from wayfarer.experiments.report.trials_map import DrawnTrial, trials_map
+from wayfarer.experiments.report.ratio_figure import ratio_figure, ratios_table
+from wayfarer.experiments.report.trial_map import trial_map
 from wayfarer.experiments.report.worst_trials import RerunTrial, choose, run_again
+from wayfarer.experiments.tables import (
+    NAME_COLUMN,
+    OUTCOME_COLUMNS,
+    PAPER_FIGURES,
+    PATH_COLUMNS,
+    PaperColumn,
+    fault_columns,
+    lines_of,
+)
 from wayfarer.views.page import html
 from wayfarer.views.page.frame import PAGE, write_page
 from wayfarer.views.page.plots import Figure, Plots
 
-(_viewer_of,) = html.macros("wayfarer.experiments.report", "viewer")
+TABLE_CAPTION = "Success with its 95 % interval; path: of the successes; time and anomalies: mean a trial."
 
 
 def write_report(
@@ -42,8 +48,7 @@ def write_report(
     """
     results, plots = read_results(folder), Plots()
     body = [*_overview(results, plots), *_worst(results, plots, gallery, jobs, allow_code=allow_code)]
-    script = (files("wayfarer.experiments.report") / "trials.js").read_text(encoding="utf-8")
-    return write_page(folder / PAGE, words.title(results), body, plots, script, out=out)
+    return write_page(folder / PAGE, words.title(results), body, plots, out=out)
 
 
 def _overview(results: CampaignResults, plots: Plots) -> Iterator[str]:
@@ -63,18 +68,32 @@ def _overview(results: CampaignResults, plots: Plots) -> Iterator[str]:
         ),
         drawn(failures_figure(summaries), words.FAILURES_CAPTION, words.failures_alt(results)),
     )
-    yield html.section("Results beside the paper's", results_table(results), *map(html.paragraph, words.LEGEND))
+    yield html.section("Results beside the paper's", _results_table(results), *map(html.paragraph, words.LEGEND))
     yield html.section(
-        "Who has escaped by which path",
+        "Escapes by path length",
         html.paragraph(words.ESCAPE),
         html.panels(drawn(figure, alt=words.escape_alt(results)) for figure in escape_figures(rows)),
     )
     heading = "Path over shortest path"
     if results.shortest_paths_m:
         figure = drawn(ratio_figure(rows), words.ratio_caption(results), words.ratio_alt(results))
-        yield html.section(heading, figure, ratios_table(results))
+        yield html.section(heading, figure, ratios_table(rows))
     else:
         yield html.section(heading, html.paragraph(words.NO_SHORTEST_PATHS))
+
+
+def _results_table(results: CampaignResults) -> str:
+    """Return a row for each algorithm, under its group, with a row of the paper's below where the paper has one."""
+    columns = (NAME_COLUMN, *OUTCOME_COLUMNS, *fault_columns(results.summaries.values()), *PATH_COLUMNS)
+    return html.table(TABLE_CAPTION, [column.title for column in columns], _results_rows(results, columns))
+
+
+def _results_rows(results: CampaignResults, columns: Sequence[PaperColumn]) -> Iterator[tuple[str, list[str]]]:
+    for group in grouped(results.settings.algorithms):
+        yield "group", [group.title, *[""] * (len(columns) - 1)]
+        for name in group.algorithms:
+            for whose, cells in lines_of(results.summaries[name], columns, PAPER_FIGURES):
+                yield whose, [cell.strip() for cell in cells]
 
 
 def _worst(results: CampaignResults, plots: Plots, count: int, jobs: int, *, allow_code: bool) -> Iterator[str]:
@@ -89,37 +108,22 @@ def _worst(results: CampaignResults, plots: Plots, count: int, jobs: int, *, all
     except BadInput as reason:
         yield html.section(heading, html.paragraph(words.no_gallery(reason)))
         return
-    with shown_progress(Console(stderr=True), 0, Counter(row.algorithm for row in rows), jobs) as progress:
+    with shown_progress(Console(stderr=True), 0, len(rows)) as progress:
         ran = run_again(campaign, rows, jobs, progress)
-    trials = [_drawn(campaign, again) for again in ran if again.trajectory is not None]
-    yield html.section(heading, *_viewer(trials, plots), *_not_drawn(ran, results.settings.version))
-    causes = [(trial.row.algorithm, trial.entrapped.why) for trial in trials if trial.entrapped]
-    if causes:
-        yield html.section("Why trials were entrapped", html.paragraph(words.ENTRAPPED), causes_table(causes))
+    yield html.section(heading, *_gallery(campaign, ran, plots), *_not_drawn(ran, results.settings.version))
 
 
-def _drawn(campaign: Campaign, again: RerunTrial) -> DrawnTrial:
-    row, trajectory, forest = again.row, again.trajectory, campaign.make_forest(again.row.trial)
-    assert trajectory is not None
-    found = entrapment(forest, campaign.rover, trajectory) if row.outcome == "entrapped" else None
-    return DrawnTrial(row, forest, trajectory, found)
-
-
-def _viewer(trials: Sequence[DrawnTrial], plots: Plots) -> Iterator[str]:
-    """Yield the list of the trials, and the map that shows the one that is chosen."""
-    if not trials:
-        return
-    yield html.paragraph(words.GALLERY)
-    yield html.layers("Show", words.trial_layers())
-    named = [(words.trial_name(trial.row), _texts(trial)) for trial in trials]
-    figure = html.figure(plots.place(trials_map(trials)), words.MAP_CAPTION)
-    yield _viewer_of(named, words.BUTTONS, figure)
-
-
-def _texts(trial: DrawnTrial) -> Iterator[str]:
-    yield words.trial_text(trial.row, len(trial.trajectory.slips_m))
-    if trial.entrapped:
-        yield words.entrapped_text(trial.entrapped)
+def _gallery(campaign: Campaign, ran: Sequence[RerunTrial], plots: Plots) -> Iterator[str]:
+    """Yield the maps of the trials beside each other, under one key for all."""
+    maps = []
+    for row, trajectory, _ in ran:
+        if trajectory is not None:
+            drawn = trial_map(f"{row.algorithm}-{row.trial}", campaign.make_forest(row.trial), trajectory)
+            maps.append(html.figure(plots.place(drawn), words.trial_text(row, len(trajectory.slips_m))))
+    if maps:
+        yield html.paragraph(words.GALLERY)
+        yield html.layers("Show", words.trial_layers())
+        yield html.panels(maps)
 
 
 def _not_drawn(ran: Sequence[RerunTrial], version: str) -> Iterator[str]:

@@ -11,8 +11,7 @@ from bokeh.models.annotations import Legend, LegendItem
 from bokeh.plotting import ColumnDataSource
 
 from wayfarer.experiments.outcome import SUCCESSES
-from wayfarer.experiments.report.algorithm_rows import SVG, plain_numbers, span_of
-from wayfarer.experiments.report.groups import Group, grouped, short
+from wayfarer.experiments.report.algorithm_rows import SVG, Group, grouped, plain_numbers, short, span_of
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, hover, plot, source
@@ -68,7 +67,7 @@ def escape_curve(rows: Sequence[TrialRow]) -> Curve:
 
 
 def escape_figures(by_algorithm: Mapping[str, Sequence[TrialRow]]) -> list[Figure]:
-    """Return the figure of each group: who has escaped by which path. They are zoomed together."""
+    """Return the figure of each group: escapes by path length. They are zoomed together."""
     curves = {name: escape_curve(rows) for name, rows in by_algorithm.items()}
     escaped_m = [path_m for curve in curves.values() for path_m in curve.escaped_m]
     span_m = span_of(escaped_m or [path_m for curve in curves.values() for path_m in curve.failed_m])

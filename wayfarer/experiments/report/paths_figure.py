@@ -10,8 +10,7 @@ import numpy as np
 from bokeh.models.annotations import Span
 
 from wayfarer.experiments.outcome import SUCCESSES
-from wayfarer.experiments.report.algorithm_rows import Rows, lay_out, plain_numbers, rows_plot, span_of
-from wayfarer.experiments.report.groups import grouped
+from wayfarer.experiments.report.algorithm_rows import Rows, grouped, lay_out, plain_numbers, rows_plot, span_of
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import AlgorithmSummary
 from wayfarer.experiments.tables import PAPER_FIGURES, mean_and_sd, number_text

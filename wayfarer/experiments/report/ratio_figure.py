@@ -1,4 +1,4 @@
-"""Figure: path length over the shortest path; a failed trial counts as infinite."""
+"""Figure and table: path length over the shortest path; a failed trial counts as infinite."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 from bokeh.models import FixedTicker, NumeralTickFormatter
 
 from wayfarer.experiments.outcome import SUCCESSES
-from wayfarer.experiments.report.algorithm_rows import EDGE, lay_out, rows_plot
-from wayfarer.experiments.report.groups import grouped
+from wayfarer.experiments.report.algorithm_rows import EDGE, grouped, lay_out, rows_plot
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.views import palette
+from wayfarer.views.page import html
 from wayfarer.views.page.plots import Figure, hover, source
 
 ROW_PX = 28
@@ -87,3 +87,14 @@ def ratio_figure(by_algorithm: Mapping[str, Sequence[TrialRow]]) -> Figure:
 def _doublings(high: float) -> list[float]:
     """Return 1, 2, 4, ... up to the first at or above ``high``, and to 8 at least."""
     return [2.0**power for power in range(max(4, math.ceil(math.log2(high)) + 1))]
+
+
+def ratios_table(by_algorithm: Mapping[str, Sequence[TrialRow]]) -> str:
+    """Return the median ratio of each algorithm, and the shares of its trials within some multiples."""
+    known = {name: found for name, rows in by_algorithm.items() if (found := ratios(rows))}
+    rows = [
+        ("", [name, times(quantile(found, 0.5)), *(f"{within_percent(found, m):.1f} %" for m in WITHIN)])
+        for name, found in known.items()
+    ]
+    head = ["algorithm", "median", *(f"within {multiple:g} {TIMES}" for multiple in WITHIN)]
+    return html.table("Share of the trials that got out within a multiple of the shortest path.", head, rows)

@@ -8,8 +8,7 @@ from pathlib import Path
 from wayfarer.experiments.report import words
 from wayfarer.experiments.report.escape_figure import colour_of
 from wayfarer.experiments.report.load_results import SweepResults, read_sweep
-from wayfarer.experiments.report.sweep_curves import curves_figures, known_measures
-from wayfarer.experiments.report.sweep_maps import maps_figures
+from wayfarer.experiments.report.sweep_figures import curves_figures, known_measures, maps_figures
 from wayfarer.experiments.sweep.axes import Value
 from wayfarer.experiments.sweep.measures import MEASURES, spl_difference
 from wayfarer.views.page import html

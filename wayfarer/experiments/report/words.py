@@ -7,7 +7,6 @@ from collections.abc import Iterator
 
 from wayfarer import __version__
 from wayfarer.errors import BadInput
-from wayfarer.experiments.entrapment_cause import EXPLAINED, Entrapment
 from wayfarer.experiments.outcome import SUCCESSES
 from wayfarer.experiments.report.load_results import CampaignResults, CampaignSettings
 from wayfarer.experiments.report.ratio_figure import quantile, ratios
@@ -42,18 +41,8 @@ NOTHING_TO_DRAW = "No trial is drawn."
 GALLERY = (
     "Failures first, then the longest paths; each algorithm is drawn once before one is drawn again. These are "
     "therefore not typical trials but the worst. Each was run again for its drawing and gave the result in trials.csv, "
-    "digit for digit. Choose one to see its forest and its path."
-)
-BUTTONS = ("previous", "next", "whole forest", "where it was entrapped")
-MAP_CAPTION = (
-    "Trunks and trees are to scale, north is up. Triangle: start, points to the goal; cross: end; green line: goal "
-    "line; broken square: the area that an entrapped rover stayed in during the second half of its trial."
-)
-ENTRAPPED = (
-    "Of the trials that are drawn above; --gallery N draws N of them. A cause is found from the second half of what "
-    "each rover drove, and the first one from the left that fits is counted: "
-    + "; ".join(f"{why}: {text}" for why, text in EXPLAINED.items())
-    + "."
+    "digit for digit. Trunks and trees are to scale, north is up. Triangle: start, points to the goal; cross: end; "
+    "green line: goal line."
 )
 
 
@@ -136,11 +125,6 @@ def ratio_alt(results: CampaignResults) -> str:
     return "Path over shortest path by algorithm. " + "; ".join(parts)
 
 
-def trial_name(row: TrialRow) -> str:
-    """Name a trial with how it ended."""
-    return f"{row.algorithm}, trial {row.trial}: {ending(row)}"
-
-
 def trial_text(row: TrialRow, slips: int) -> str:
     """Say which trial a drawing shows, and how it ended."""
     share = ""
@@ -157,15 +141,6 @@ def trial_layers() -> Iterator[html.PlotLayer]:
     for phase, colour in palette.PHASE_COLOURS.items():
         yield html.PlotLayer(phase, PHASE_TEXTS[phase], colour)
     yield html.PlotLayer("slips", "Slips", palette.ANOMALY)
-
-
-def entrapped_text(found: Entrapment) -> str:
-    """Say why a trial was entrapped, and by which figures."""
-    turned = "" if found.turned is None else f", {found.turned:.0%} of the turns asked for in the open"
-    return (
-        f"{str(found.why).capitalize()}. It kept to {found.extent_m:.1f} m, touched something "
-        f"for {found.touching:.0%} of the time{turned}, and {found.new:.0%} of its places were new."
-    )
 
 
 def no_gallery(reason: BadInput) -> str:

@@ -30,7 +30,7 @@ PARTS = "parts."  # a driver knows its keys; not all of them stand in the file
 
 
 @dataclass(frozen=True, slots=True)
-class OwnKeys:
+class CampaignKeys:
     """The campaign's own settings."""
 
     slip_mean_m: Metres
@@ -45,9 +45,9 @@ class ForestKeys:
     trees_per_ha: Annotated[float, Interval(ge=0, le=1000)]
 
 
-OWN = tuple(field.name for field in fields(OwnKeys))
+CAMPAIGN = tuple(field.name for field in fields(CampaignKeys))
 FOREST = tuple(field.name for field in fields(ForestKeys))
-PHYSICS = tuple(field.name for field in fields(Physics) if field.name not in OWN)
+PHYSICS = tuple(field.name for field in fields(Physics) if field.name not in CAMPAIGN)
 
 
 def current(campaign: Campaign) -> dict[str, Any]:
@@ -56,7 +56,7 @@ def current(campaign: Campaign) -> dict[str, Any]:
     length_m, width_m = (rover[each] for each in BODY)
     return {
         FOOTPRINT: length_m if length_m == width_m else None,
-        **{name: getattr(campaign, name) for name in OWN},
+        **{name: getattr(campaign, name) for name in CAMPAIGN},
         **{WORLD + name: getattr(campaign, name) for name in FOREST},
         **{WORLD + name: getattr(campaign.physics, name) for name in PHYSICS},
         **rover,
@@ -86,8 +86,8 @@ def laid_over_campaign(campaign: Campaign, values: Mapping[str, Value]) -> Campa
     Raises:
         BadConfig: a value is out of its range, or two do not go together; the text names the key and what is allowed.
     """
-    now_own, now_forest = ({name: getattr(campaign, name) for name in names} for names in (OWN, FOREST))
-    own = validated(OwnKeys, now_own | _under("", OWN, values))
+    now_campaign, now_forest = ({name: getattr(campaign, name) for name in names} for names in (CAMPAIGN, FOREST))
+    own = validated(CampaignKeys, now_campaign | _under("", CAMPAIGN, values))
     forest = validated(ForestKeys, now_forest | _under(WORLD, FOREST, values), WORLD)
     physics = validated(Physics, asdict(campaign.physics) | _under(WORLD, PHYSICS, values), WORLD)
     rover = campaign.rover
@@ -102,7 +102,7 @@ def _under(prefix: str, names: tuple[str, ...], values: Mapping[str, Value]) -> 
 
 def _of_rover(values: Mapping[str, Value]) -> dict[str, Value]:
     """Return the keys that are of the rover file; a footprint stands for two."""
-    plain = {key: value for key, value in values.items() if key not in OWN and not key.startswith(WORLD)}
+    plain = {key: value for key, value in values.items() if key not in CAMPAIGN and not key.startswith(WORLD)}
     if FOOTPRINT in plain:
         plain |= dict.fromkeys(BODY, plain.pop(FOOTPRINT))
     return plain

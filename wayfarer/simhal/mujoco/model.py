@@ -48,10 +48,10 @@ if mujoco.get_mju_user_warning() is None:
     mujoco.set_mju_user_warning(lambda _text: None)
 
 
-def build_model(
+def build_spec(
     body: WheeledBody, terrain: Terrain, field: HeightField | None, obstacles: list[Obstacle], step_s: float = STEP_S
 ) -> Any:
-    """Return the compiled model: geom 0 is the ground, then come the obstacles, then the rover's body and wheels.
+    """Return the model to compile: geom 0 is the ground, then come the obstacles, then the rover's body and wheels.
 
     Wheels and motors are in the order front left, rear left, front right, rear right.
     """
@@ -67,7 +67,7 @@ def build_model(
     _add_ground(spec, field, _surface(terrain.friction))
     _add_obstacles(spec, obstacles, _surface(terrain.friction))
     _add_rover(spec, body, terrain)
-    return spec.compile()
+    return spec
 
 
 def _surface(friction: float) -> dict[str, Any]:
@@ -159,7 +159,7 @@ def _add_motor(spec: Any, joint: str, stall_n_m: float, free_rad_s: float) -> No
 class Contacts:
     """The rover's contacts with the ground and with ``obstacles``, the first ``felt`` of which a bumper feels.
 
-    Geoms are in the order of ``build_model``.
+    Geoms are in the order of ``build_spec``.
     """
 
     def __init__(self, data: Any, obstacles: Sequence[Obstacle], felt: int) -> None:

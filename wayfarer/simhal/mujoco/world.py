@@ -16,7 +16,7 @@ import numpy as np
 
 from wayfarer.simhal.mujoco.ground import Mud, WheelFriction, rough_ground
 from wayfarer.simhal.mujoco.kinematics import Displacement, gravity_m_s2, pose_of, shove_n
-from wayfarer.simhal.mujoco.model import ROVER, STEP_S, Contacts, build_model, raise_unstable
+from wayfarer.simhal.mujoco.model import ROVER, STEP_S, Contacts, build_spec, raise_unstable
 from wayfarer.simhal.mujoco.placement import Placement
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.random_streams import RandomStreams
@@ -80,7 +80,8 @@ class MujocoWorld:
         # What passes under the belly is there for the wheels, but nothing that a bumper feels.
         felt = obstacles_of(forest, body.clearance_m)
         obstacles = felt + low_trunks_of(forest, body.clearance_m)
-        self.model = build_model(body, terrain, field, obstacles, step_s)
+        self.spec = build_spec(body, terrain, field, obstacles, step_s)
+        self.model = self.spec.compile()
         self.data = mujoco.MjData(self.model)
         self._warned = self.data.warning.number  # how often the engine has warned of each trouble
         self._rover = self.model.body(ROVER).id

@@ -48,40 +48,16 @@ def shortest_path_m(forest: Forest, rover_width_m: float = ROVER_WIDTH_M) -> flo
     return length_m if length_m < inf else None
 
 
-def is_closed(forest: Forest, rover_width_m: float = ROVER_WIDTH_M) -> bool:
-    """Return whether a rover of that width can get neither to the goal line nor to any edge of the world."""
-    start_x_m, start_y_m = forest.start_m
-    from_start_m = np.hypot(CENTRES_M - start_x_m, CENTRES_M[:, np.newaxis] - start_y_m)
-    travelled_m = _wave_m(from_start_m, _blocked(forest, rover_width_m / 2.0))
-    if travelled_m is None:
-        return True
-    goal = travelled_m[_row_before(forest.goal_y_m)]
-    ends_m = np.concatenate((goal, travelled_m[0], travelled_m[:, 0], travelled_m[:, -1]))
-    return bool(np.isinf(ends_m).all())
-
-
 def _march_m(from_start_m: Lengths, closed: Mask, goal_y_m: float) -> float:
     """Return the length of the shortest path through cells that are not closed; infinite for none."""
-    travelled_m = _wave_m(from_start_m, closed)
-    if travelled_m is None:
+    try:
+        wave_m = skfmm.distance(np.ma.MaskedArray(from_start_m - SOURCE_RADIUS_M, closed), dx=CELL_M)
+    except ValueError:  # the wave has no cell to start from, or none to go to
         return inf
-    last_row = _row_before(goal_y_m)
+    travelled_m = np.ma.filled(wave_m, inf)  # infinite where the wave does not come
+    last_row = max(0, int(np.searchsorted(CENTRES_M, goal_y_m)) - 1)  # the last one before the goal line
     arrival_m = float(travelled_m[last_row].min())
     return arrival_m + SOURCE_RADIUS_M + goal_y_m - float(CENTRES_M[last_row])
-
-
-def _wave_m(from_start_m: Lengths, closed: Mask) -> Lengths | None:
-    """Return how far a wave travels from the start to each cell, infinite where it does not come; None for none."""
-    try:
-        travelled_m = skfmm.distance(np.ma.MaskedArray(from_start_m - SOURCE_RADIUS_M, closed), dx=CELL_M)
-    except ValueError:  # the wave has no cell to start from, or none to go to
-        return None
-    return np.ma.filled(travelled_m, inf)
-
-
-def _row_before(goal_y_m: float) -> int:
-    """Return the last row of cells before the goal line."""
-    return max(0, int(np.searchsorted(CENTRES_M, goal_y_m)) - 1)
 
 
 def _blocked(forest: Forest, half_width_m: float) -> Mask:

@@ -1,8 +1,8 @@
-"""Forests seen from above, to scale."""
+"""A forest seen from above, to scale."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from math import atan2, hypot
 from typing import Any
 
@@ -16,27 +16,23 @@ from wayfarer.views.page.plots import Figure, source
 Row = tuple[float, ...]
 
 
-def draw_forests(map_: Figure, forests: Sequence[Forest]) -> None:
-    """Draw trunks with their round ends, trees, goal lines, and the edges of the worlds.
-
-    The column ``number`` has the number of the forest, by which a filter shows one of many.
-    """
-
-    def columns(rows_of: Callable[[Forest], Iterable[Row]], *names: str) -> ColumnDataSource:
-        rows = [(number, *row) for number, forest in enumerate(forests) for row in rows_of(forest)]
-        table = np.array(rows, dtype=np.float64).reshape(-1, 1 + len(names))
-        return source(**dict(zip(("number", *names), table.T, strict=True)))
-
+def draw_forest(map_: Figure, forest: Forest) -> None:
+    """Draw trunks with their round ends, trees, the goal line, and the edges of the world."""
     trunk: Any = {"color": palette.TRUNK, "line_color": None}
-    map_.rect(
-        "x", "y", "length", "thick", "angle", source=columns(_trunks, "x", "y", "length", "thick", "angle"), **trunk
-    )
-    map_.circle("x", "y", "radius", source=columns(_trunk_ends, "x", "y", "radius"), **trunk)
-    map_.circle("x", "y", "radius", source=columns(_trees, "x", "y", "radius"), color=palette.TREE, line_color=None)
-    goals = columns(lambda forest: [(0.0, WORLD_SIZE_M, forest.goal_y_m)], "x", "end", "y")
-    map_.segment("x", "y", "end", "y", source=goals, line_color=palette.GOAL_LINE, line_width=3)
-    edges = columns(lambda _: [(WORLD_SIZE_M / 2.0, WORLD_SIZE_M)], "middle", "side")
-    map_.rect("middle", "middle", "side", "side", source=edges, fill_color=None, line_color=palette.GREY)
+    trunks = _columns(_trunks(forest), "x", "y", "length", "thick", "angle")
+    map_.rect("x", "y", "length", "thick", "angle", source=trunks, **trunk)
+    map_.circle("x", "y", "radius", source=_columns(_trunk_ends(forest), "x", "y", "radius"), **trunk)
+    trees = _columns(((*tree_m, forest.tree_radius_m) for tree_m in forest.trees_m), "x", "y", "radius")
+    map_.circle("x", "y", "radius", source=trees, color=palette.TREE, line_color=None)
+    goal_m = forest.goal_y_m
+    map_.segment([0.0], [goal_m], [WORLD_SIZE_M], [goal_m], line_color=palette.GOAL_LINE, line_width=3)
+    middle_m = [WORLD_SIZE_M / 2.0]
+    map_.rect(middle_m, middle_m, WORLD_SIZE_M, WORLD_SIZE_M, fill_color=None, line_color=palette.GREY)
+
+
+def _columns(rows: Iterable[Row], *names: str) -> ColumnDataSource:
+    table = np.array(list(rows), dtype=np.float64).reshape(-1, len(names))
+    return source(**dict(zip(names, table.T, strict=True)))
 
 
 def _trunks(forest: Forest) -> Iterator[Row]:
@@ -50,7 +46,3 @@ def _trunk_ends(forest: Forest) -> Iterator[Row]:
     for trunk, diameter_m in forest.thick_trunks:
         yield trunk.x0_m, trunk.y0_m, diameter_m / 2.0
         yield trunk.x1_m, trunk.y1_m, diameter_m / 2.0
-
-
-def _trees(forest: Forest) -> Iterator[Row]:
-    return ((*tree_m, forest.tree_radius_m) for tree_m in forest.trees_m)

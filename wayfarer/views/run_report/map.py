@@ -13,7 +13,7 @@ from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, hover, layer, plot, source
 from wayfarer.views.run_report.data import PHASES, Floats
 from wayfarer.views.run_report.events import EDGE, LOOK, columns, event_marks
-from wayfarer.views.run_report.forest import draw_forests
+from wayfarer.views.run_report.forest import draw_forest
 from wayfarer.views.run_report.series import pieces
 from wayfarer.views.run_report.track import TimedPath, Track
 
@@ -32,7 +32,8 @@ def map_plot(tracks: Sequence[Track]) -> Figure:
     map_ = plot("map", None, "map", sizing_mode="scale_width", aspect_ratio=1.0, match_aspect=True)
     map_.min_border_left = 40  # as wide as its numbers, whichever they are
     map_.xaxis.axis_label = "metres east; upwards: metres north"
-    draw_forests(map_, [track.forest for track in tracks[:1] if track.forest])
+    if tracks and tracks[0].forest:
+        draw_forest(map_, tracks[0].forest)
     side_m = _leave_room(map_, tracks)
     for at, track in enumerate(tracks):
         colours = palette.PHASE_COLOURS if len(tracks) == 1 else dict.fromkeys(PHASES, palette.RUNS[at])
