@@ -59,7 +59,7 @@ def test_response_says_what_the_rover_does_and_until_when() -> None:
 
 
 def test_response_of_a_rover_among_people_is_another_one() -> None:
-    assert response_text("degrade", "motion_gone").startswith("it drives at most 3 m ahead")
+    assert response_text("degrade", "motion_gone").startswith("it drives a stride ahead")
     assert response_text("fault", "motion_gone") == "it stops and disarms, until somebody arms the rover again"
     assert response_text("hold", "motion_stale") == "it stands, until the motion sensor sees the ground again"
 

@@ -123,7 +123,7 @@ def test_page_says_since_when_what_the_rover_does_and_until_when(model: PageMode
         log.tick(tick(t_s, level=level, cause=cause))
     state = model.state()
     assert state["cause_for_s"] == 11.0
-    assert state["response_text"].startswith("it drives at most 3 m ahead at a time")
+    assert state["response_text"].startswith("it drives a stride ahead")
     assert state["response_text"].endswith(", until the motion sensor sees the ground again")
     log.event("disarmed", 112.0, reason="asked")
     assert model.state()["response_text"] == "", "a rover that is disarmed does nothing"

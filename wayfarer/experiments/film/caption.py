@@ -9,8 +9,8 @@ from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.views import palette
 
 SHADE = (16, 18, 14, 185)
-WHITE, QUIET = "#f5f5ee", "#cdcdc0"
-WOOD, LEAF, WAY = "#bca078", "#78965c", "#ff8a24"
+WHITE, QUIET = (245, 245, 238), (205, 205, 192)
+WOOD, LEAF, WAY = (188, 160, 120), (120, 150, 92), (255, 138, 36)
 FINER = 3  # the map is drawn so many times larger, for smooth lines
 # Of the picture's height.
 MAP, MARGIN, TEXT = 0.31, 0.03, 0.037
