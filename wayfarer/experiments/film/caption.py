@@ -42,7 +42,9 @@ class Caption:
         shown = self._map_at(tick)
         picture.paste(shown, (picture.width - margin - self._map_px, margin), shown)
 
-    def _write_state(self, draw: ImageDraw.ImageDraw, height: int, tick: FilmedTick, label: str, colour: str) -> None:
+    def _write_state(
+        self, draw: ImageDraw.ImageDraw, height: int, tick: FilmedTick, label: str, colour: str | tuple[int, int, int]
+    ) -> None:
         """Write time, phase with a spot of its colour, and path length on a shaded bar."""
         text_px, left = self._text_px, self._margin
         top = height - left - 2.0 * text_px
