@@ -37,9 +37,9 @@ class Odometer:
         self._commanded_m += abs(interval.forward_m)
         if motion is not None:
             self._take(motion)
-        covered_m = max(self._read_m + self._share * self._commanded_m - self.covered_m, 0.0)
-        self.covered_m += covered_m
-        ahead_m = covered_m if interval.forward_m >= 0.0 else -covered_m
+        before_m = self.covered_m
+        self.covered_m = max(self._read_m + self._share * self._commanded_m, before_m)
+        ahead_m = self.covered_m - before_m if interval.forward_m >= 0.0 else before_m - self.covered_m
         if motion is None:
             self._assumed_m += ahead_m
             return ahead_m, 0.0
