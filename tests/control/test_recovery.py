@@ -86,6 +86,21 @@ def test_one_side_alone_does_not_back_the_body_further_up_what_is_behind() -> No
     assert gains.compensate(back, (Anomaly.NOSE_UP,)) == WheelCommand(0.0, -1.0)
 
 
+@pytest.mark.parametrize(
+    ("wheels", "climbs", "descends"),
+    [
+        (WheelCommand(0.4, -0.4), Anomaly.NOSE_DOWN, Anomaly.NOSE_UP),
+        (WheelCommand(-0.4, 0.4), Anomaly.NOSE_UP, Anomaly.NOSE_DOWN),
+        (WheelCommand(-0.4, -0.4), Anomaly.NOSE_DOWN, Anomaly.NOSE_UP),
+    ],
+)
+def test_weak_side_is_not_compensated_up_a_trunk(wheels: WheelCommand, climbs: Anomaly, descends: Anomaly) -> None:
+    """It may be healthy, and held: 27 of 1,000 Levy walks tipped backwards at full duty of a healthy side."""
+    gains = SideGains(1.0, 0.4)
+    assert gains.compensate(wheels, (climbs,)) == wheels
+    assert gains.compensate(wheels, (descends,)) == gains.compensate(wheels)
+
+
 async def to_and_fro(bench: Bench, for_s: float) -> None:
     """Drive half a metre ahead and back, again and again: each way is a free run."""
     for n in range(round(for_s / TICK_S)):

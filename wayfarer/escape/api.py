@@ -126,18 +126,21 @@ class SideGains(NamedTuple):
         ground takes up the turn, else in an arc. So it turns the body towards the dead side ahead, and away from it
         backwards. The heading loop of the manoeuvres finds the duty at which the body goes straight.
 
-        Such a body cannot turn on the spot away from what it has climbed. Where ``anomalies`` say that a turn or a
-        drive back would push it further up until it tips, the side drives the other way. The algorithm itself ends a
-        drive ahead with the nose up.
+        Where ``anomalies`` say that this would push the body further up what it has climbed, until it tips, a single
+        side drives the other way: it cannot turn the body on the spot. A side that is only weak is not compensated
+        then. It may be healthy, and held. The algorithm itself ends a drive ahead with the nose up.
         """
         left, right = wheels
-        if self.left > 0.0 < self.right:
-            left, right = left / self.left, right / self.right
-        else:
+        drags = self.left <= 0.0 or self.right <= 0.0
+        if drags:
             left, right = (0.0, 2.0 * right) if self.left <= 0.0 else (2.0 * left, 0.0)
-            turns, ahead = wheels.left * wheels.right < 0.0, left + right > 0.0
-            if (Anomaly.NOSE_UP in anomalies and turns and ahead) or (Anomaly.NOSE_DOWN in anomalies and not ahead):
-                left, right = -left, -right
+        else:
+            left, right = left / self.left, right / self.right
+        turns, ahead = wheels.left * wheels.right < 0.0, left + right > 0.0
+        if (Anomaly.NOSE_UP in anomalies and turns and ahead) or (Anomaly.NOSE_DOWN in anomalies and not ahead):
+            if not drags:
+                return wheels
+            left, right = -left, -right
         most = max(abs(left), abs(right), 1.0)
         return WheelCommand(left / most, right / most)
 
