@@ -141,13 +141,12 @@ def test_shipped_rover_is_found_by_its_name(monkeypatch: pytest.MonkeyPatch) -> 
         (BUSES + THUNDERBORG + "duty_limit = nan\n", r"\[parts\.motors\] cannot be used"),
     ],
 )
-def test_broken_rover_file_is_refused_in_one_line_because_no_daemon_can_have_driven_by_it(
-    rover_file: Path, text: str, why: str
-) -> None:
+def test_broken_rover_file_without_a_record_is_refused_in_one_line(rover_file: Path, text: str, why: str) -> None:
     rover_file.write_text(text, encoding="latin-1")
     with pytest.raises(BadInput, match=rf"rover\.toml: {why}") as refused:
         stop_motors(str(rover_file))
     assert "\n" not in str(refused.value)
+    assert str(refused.value).endswith("; no stop is certain: switch the motors' power off")
 
 
 @pytest.mark.parametrize("where", ['address = "x"', "address = 0x1G", "bus = 3.5.1", 'address = 0x17 "'])

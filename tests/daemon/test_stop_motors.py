@@ -167,6 +167,19 @@ def test_daemon_is_asked_to_stop_and_what_it_still_sent_is_taken_back(
     assert bench.by_i2c.commanded == STILL
 
 
+@pytest.mark.parametrize("text", ["a = = 3", "[parts.motors]\ndriver = 'no_such'\n"])
+def test_daemon_is_asked_to_stop_though_neither_record_nor_rover_file_can_be_used(
+    rover_file: Path, path: Path, monkeypatch: pytest.MonkeyPatch, text: str
+) -> None:
+    """It began with a file that was whole then."""
+    rover_file.write_text(text, encoding="utf-8")
+    asked = ask_that(monkeypatch, path, dict)
+    with pytest.raises(BadInput) as refused:
+        stop_motors(str(rover_file))
+    assert str(refused.value).endswith(f"; the daemon at {path} says that it stops")
+    assert len(asked) == 1
+
+
 def test_daemon_whose_socket_is_known_twice_is_asked_once(
     rover_file: Path, monkeypatch: pytest.MonkeyPatch, path: Path
 ) -> None:
@@ -248,7 +261,7 @@ def test_real_path_is_told_to_stop(rover_file: Path, path: Path) -> None:
     [
         (THUNDERBORG, 0, "says that the wheels are stopped\n", ""),
         (THUNDERBORG + "address = 0x17\n", 1, "", "power off\n"),
-        ("", 2, "", "this rover has no wheels to stop\n"),
+        ("", 2, "", "no stop is certain: switch the motors' power off\n"),
     ],
     ids=["stopped", "silent board", "no motors"],
 )

@@ -88,6 +88,16 @@ def test_nobody_is_given_an_impossible_reading_to_believe(forward_m: float, qual
     assert rover.detector.motion[1:4] == (0.0, 0.0, 0.0)
 
 
+@pytest.mark.parametrize("late_s", [1.0, -0.5, nan])
+def test_reading_of_an_impossible_time_is_given_to_nobody(late_s: float) -> None:
+    """One such reading of 300 m ended a mission at its radius."""
+    rover = started()
+    rover.tick(FULL, STEP_M)
+    t_s = rover.t_s + TICK_S
+    rover.sees(Snapshot(t_s, rover.compass, MotionReading(t_s + late_s, 300.0, 0.0, 0.8), None), FULL)
+    assert rover.detector.motion is None
+
+
 def test_impossible_speed_is_no_evidence_of_motion() -> None:
     rover = started()
     rover.drive(4)

@@ -298,6 +298,18 @@ def test_self_test_finds_a_side_that_does_the_opposite(
     assert chassis.sides.conditions == (Condition.DRIVE_REVERSED,)
 
 
+@pytest.mark.parametrize("late_ticks", [4, 6, 8, 10])
+@pytest.mark.parametrize("gains", [REVERSED_LEFT, (1.0, -1.0)])
+def test_reversed_side_is_not_taken_for_a_dead_one_where_the_compass_lags_and_nothing_is_seen(
+    gains: tuple[float, float], late_ticks: int
+) -> None:
+    chassis = Chassis(gains)
+    chassis.blind, chassis.late_ticks = True, late_ticks
+    if not chassis.test():
+        chassis.test(THOROUGH_SELF_TEST)
+    assert Condition.DRIVE_REVERSED in chassis.sides.conditions
+
+
 def test_self_test_on_ground_that_holds_every_turn_is_judged_by_the_distance() -> None:
     chassis = Chassis(DEAD_LEFT)
     chassis.grip = 0.6

@@ -57,7 +57,7 @@ async def _stop(driven: DrivenBoard) -> str:
     motors: DriveMotors = driver(settings, buses)
     try:
         await motors.stop()
-        agreed = await asyncio.to_thread(_ask_daemons)
+        agreed = await asyncio.to_thread(ask_daemons)
         other = other_commander(device_of(buses_name, settings))
         if agreed or other:
             for _ in range(round(AGAIN_S / AGAIN_EVERY_S)):
@@ -102,7 +102,7 @@ async def _why_not_open(motors: DriveMotors) -> None:
         raise WayfarerError(f"no stop could be sent, switch the motors' power off: {error}") from None
 
 
-def _ask_daemons() -> dict[Path, bool]:
+def ask_daemons() -> dict[Path, bool]:
     """Ask every daemon that this user may reach to stop; return for each socket whether the daemon agreed.
 
     Not only the daemon of the record: one whose record was rejected may drive this board as well.

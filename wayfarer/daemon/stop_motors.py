@@ -2,8 +2,8 @@
 
 Which motors a daemon drives is in its record (``daemon/socket/driven.py``), and nowhere else: the rover file may have
 changed since it began. The motors of the rover file are stopped as well. They may be other ones by now, which nobody
-has recorded; a stop is harmless for both. The rover file is used as it is: one that is broken is refused, because no
-daemon can have begun with it.
+has recorded; a stop is harmless for both. The rover file is used as it is, and one that is broken is refused. Where no
+board was stopped, the daemons are asked.
 
 Both can name code to import. Root runs it with the rights of the user who wrote it, and only if nobody else can have
 written it. Code of a rover file comes last, because it may hang or end this process.
@@ -24,7 +24,7 @@ from typing import NamedTuple
 from wayfarer.config.rover_path import ROVER_FILE_BYTES, rover_path
 from wayfarer.daemon.socket.driven import DrivenBoard, known_records, read_record
 from wayfarer.daemon.socket.paths import OTHERS_WRITE
-from wayfarer.daemon.stop_board import stop_board
+from wayfarer.daemon.stop_board import ask_daemons, stop_board
 from wayfarer.errors import BadConfig, BadInput, WayfarerError, kind_and_text, one_line
 from wayfarer.files.regular_file import open_regular
 
@@ -81,11 +81,24 @@ def stop_motors(name_or_path: str) -> str:
     results = [_stopped(board) for board in sorted(boards, key=lambda board: board.order)] + unusable
     text = "; ".join(result.text for result in results)
     codes = {result.exit_code for result in results}
+    if not boards or codes == {2}:
+        text += f"; {_asked()}"
     if 1 in codes:
         raise WayfarerError(text)
     if 0 not in codes:
         raise BadInput(text)
     return text
+
+
+def _asked() -> str:
+    """Ask the daemons that this user may reach to stop, where no board was stopped; say what came of it.
+
+    A daemon may have begun with a file that was whole then, and its record may be lost, or not be readable.
+    """
+    agreed = ", ".join(str(place) for place, agrees in ask_daemons().items() if agrees)
+    return (
+        f"the daemon at {agreed} says that it stops" if agreed else "no stop is certain: switch the motors' power off"
+    )
 
 
 def _add(boards: list[BoardToStop], new: BoardToStop) -> None:

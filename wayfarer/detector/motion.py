@@ -126,6 +126,7 @@ class MotionMonitor:
     def _take(self, t_s: float, reading: MotionReading, conditions: list[Condition]) -> None:
         read_t_s, forward_m, right_m, quality, signed = reading
         if not self._spoke_t_s < read_t_s <= t_s:
+            self.reading = None
             return  # an impossible time, or not later than the last reading or the start of the run
         dt_s, self._spoke_t_s = read_t_s - self._spoke_t_s, read_t_s
         commanded_m, self._commanded_m = self._commanded_m, 0.0

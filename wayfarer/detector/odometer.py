@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from wayfarer.detector.motion import MOST_SHARE
 from wayfarer.hal import MotionReading
 from wayfarer.safety.tick_interval import TickInterval
+
+# No rover goes so far from one reading to the next: after a long silence a sensor may add up what it did not see.
+READING_MAX_M: Final = 1.0
 
 
 class Odometer:
@@ -44,7 +49,8 @@ class Odometer:
             self._assumed_m += ahead_m
             return ahead_m, 0.0
         assumed_m, self._assumed_m = self._assumed_m, 0.0
-        if motion.signed and self._quality_min <= motion.quality:
+        known = motion.signed and self._quality_min <= motion.quality
+        if known and max(abs(motion.forward_m), abs(motion.right_m)) <= READING_MAX_M:
             return motion.forward_m - assumed_m, motion.right_m
         return ahead_m, 0.0
 

@@ -11,6 +11,7 @@ PUSHES_FROM: Final = 0.1  # duty from which a side counts as commanded
 TURNS: Final = (1.0, -1.0, -1.0, 1.0)  # clockwise positive
 MOVES: Final = (1.0, -1.0, 1.0, -1.0)
 FIRST: Final = 0
+AHEAD: Final = (0, 2)
 BEFORE: Final = -1  # the first pulse
 # A response is clear from this share of what ideal ground gives; so is one that is the opposite of what was commanded.
 # A turn the other way counts only from so many degrees: the motors' field may bend the heading as far.
@@ -97,13 +98,15 @@ class SelfTest:
         turned, moved = [0.0] * 4, [0.0] * 4
         counts = [self._counts(pulse, lag_ticks) for pulse in range(4)]
         # The motors' field bends the heading for as long as they run, which may look like a turn the other way that is
-        # shown late. A turn is still there once they stand.
+        # shown late. A turn is still there once they stand: seen in the pulse ahead, because its own late turn may hide
+        # that of the pulse back.
         shown_deg, stays_deg = self._shown_deg(lag_ticks), self._shown_deg(0)
         for pulse, duty_s in enumerate(self._duty_s):
             if duty_s > 0.0:
                 moved[pulse] = self._moved_m[pulse] * MOVES[pulse] / (duty_s * m_s_per_duty)
                 turned_deg = shown_deg[pulse] * TURNS[pulse]
-                opposes = max(turned_deg, stays_deg[pulse] * TURNS[pulse]) <= -OPPOSES_DEG
+                stays = pulse not in AHEAD or stays_deg[pulse] * TURNS[pulse] <= -OPPOSES_DEG
+                opposes = turned_deg <= -OPPOSES_DEG and stays
                 if counts[pulse] and (turned_deg >= 0.0 or opposes):
                     turned[pulse] = turned_deg / (duty_s * deg_s_per_duty)
         return _response(turned[:2], moved[:2], counts[:2]), _response(turned[2:], moved[2:], counts[2:])

@@ -117,6 +117,7 @@ class TurnController:
             self._latest_deg_s = 0.0
             gained_deg -= self.lag.pending_deg
             self.lag.forget()
+            self._past.clear()
             self.begin_manoeuvre()
             return gained_deg
         duty = self._duty if applied is None else (applied.left - applied.right) / 2.0

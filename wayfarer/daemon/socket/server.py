@@ -129,7 +129,8 @@ class ControlServer:
         talk.add_done_callback(lambda talk: places.pop(talk, None))
         if len(self._reserve) > self._limits.clients:
             first = next(iter(self._reserve))
-            del self._reserve[first]
+            # It fits into the kernel's buffer, so nothing waits for the client to read it.
+            self._reserve.pop(first).write(error_reply("too many clients: this one was here longest, connect again"))
             first.cancel()
 
     async def _serve(self, reader: StreamReader, writer: StreamWriter, is_reserved: bool) -> None:

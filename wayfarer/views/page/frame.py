@@ -59,7 +59,7 @@ def _document(title: str, body: Iterable[str], plots: Plots | None, script: str)
         title=title,
         style=palette.css() + _own("page.css"),
         body=body,
-        plots=plots and plots.to_json().replace("</", "<\\/"),  # else a text in it could end the element
+        plots=plots and plots.to_json().replace("<", "\\u003c"),  # else a text in it could end the element
         scripts=(bokeh_js(), script, _own("page.js")) if plots else (),
     )
 
