@@ -199,7 +199,7 @@ def line_in(name_or_path: str, key: str) -> int | None:
     return line_of(_text_of(name_or_path), key)
 
 
-def with_place(name_or_path: str, said: str) -> str:
+def with_location(name_or_path: str, said: str) -> str:
     """Return what is wrong with a key, found after the file was read, with the file before it and the line after."""
     return f"{name_or_path}: {with_short_keys(said)}{at_line(_text_of(name_or_path), said)}"
 

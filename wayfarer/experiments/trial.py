@@ -131,7 +131,9 @@ async def _run(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
             setup.injector.end()
     result = _result(spec, outcome_of(setup.outcome_monitor, counters, end), setup, counters)
     if helped := setup.intervention_counter:
-        result = result._replace(interventions=helped.interventions, overturned=helped.flips, off_wheels=helped.hangs)
+        result = result._replace(
+            interventions=helped.interventions, overturned=helped.flips, off_wheels=helped.high_centred
+        )
     for drawn in (setup.terrain, setup.slope):
         if drawn:
             result = result._replace(**drawn._asdict())
