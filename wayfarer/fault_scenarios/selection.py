@@ -17,9 +17,6 @@ Selected = tuple[list[Scenario], list[Result]]
 """The scenarios that can be run, and the others as skipped."""
 
 
-RENAMED = {"compass-begins-anew": "compass-restarts"}  # since 0.1.0
-
-
 def without_covered_by_tests(rows: Sequence[Row]) -> Selected:
     """Select what simulated time can show; the others are skipped, with the test that holds each."""
     elsewhere = [
@@ -50,14 +47,12 @@ def chosen(rows: Sequence[Row], asked: str) -> list[Row]:
     """Return what a comma-separated list of names and row numbers asks for, in the order of ``rows``.
 
     Raises:
-        BadInput: there is no such row, or a scenario has another name now.
+        BadInput: there is no such row.
         UnknownName: no such scenario; the text offers the nearest names.
     """
     wanted: list[Row] = []
     for item in filter(None, map(str.strip, asked.split(","))):
         found = [row for row in rows if item in {row.name, str(row.row)}]
-        if item in RENAMED:
-            raise BadInput(f"scenario '{item}' is called {RENAMED[item]} now")
         if not found and item.isdecimal():
             raise BadInput(f"no scenario and no test has row {item}; --list shows all rows")
         if not found:
