@@ -17,8 +17,7 @@ from wayfarer.safety.conditions import Condition
 from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.grounds import GroundName
-from wayfarer.simhal.world.physics import changed
+from wayfarer.simhal.world.physics import GroundName, changed
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 if TYPE_CHECKING:

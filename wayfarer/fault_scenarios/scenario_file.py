@@ -22,8 +22,18 @@ from wayfarer.config.rover_file import RoverConfig
 from wayfarer.config.rover_overlay import laid_over
 from wayfarer.config.rover_path import is_rover_file
 from wayfarer.errors import BadConfig, BadInput, UnknownName, one_line
-from wayfarer.fault_scenarios.scenario import Command, Duration, Expectation, Line, Moment, ResponseLevel, Scenario
-from wayfarer.fault_scenarios.scenario_rover import OVERLAY, misfit, rover_of
+from wayfarer.fault_scenarios.scenario import (
+    OVERLAY,
+    Command,
+    Duration,
+    Expectation,
+    Line,
+    Moment,
+    ResponseLevel,
+    Scenario,
+    misfit,
+    rover_of,
+)
 from wayfarer.files.regular_file import read_regular
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, PositionFix
 from wayfarer.simhal.faults.kinds import KINDS, Fault
