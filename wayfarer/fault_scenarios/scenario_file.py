@@ -16,7 +16,7 @@ from typing import Annotated, Any, NamedTuple, get_type_hints
 
 from annotated_types import MinLen
 
-from wayfarer.config.messages import at_line, validated
+from wayfarer.config.messages import located, validated
 from wayfarer.config.registry import find_algorithm
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.config.rover_overlay import laid_over
@@ -66,7 +66,7 @@ class _FileLocation(NamedTuple):
 
     def error(self, said: str) -> BadConfig:
         """Return what is wrong, with its line: the key's, or that of the table which lacks it."""
-        return BadConfig(one_line(f"{self.where}: {said}") + at_line(self.text, said, self.section, self.shown))
+        return BadConfig(located(self.where, self.text, said, self.section, self.shown))
 
     def check(self, kind: Any, table: dict[str, Any]) -> Any:
         """Return a table as a dataclass.
