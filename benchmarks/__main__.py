@@ -18,7 +18,7 @@ from benchmarks import calibration, command, daemon, detector, disk, gps, memory
 from benchmarks.breakdown import print_breakdown
 from benchmarks.figures import HEADER, Figure, print_table
 from benchmarks.soak import print_soak
-from wayfarer.cli.version import version_text
+from wayfarer.cli import version_text
 from wayfarer.config.rover_file import load_rover
 
 

@@ -17,7 +17,7 @@ from benchmarks.detector_score import NOTHING, DetectorScorer, Score
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.escape.api import Anomaly
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
-from wayfarer.fault_scenarios.batch import run_batch
+from wayfarer.fault_scenarios.runner import run_batch
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.world import Slope

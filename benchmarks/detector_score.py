@@ -121,7 +121,7 @@ class DetectorScorer(PartialLog):
             moved_m = world.forward_m - world.reverse_m
             self._speed_m_s = (moved_m - self._seen_m) / (world.t_s - self._seen_s)
             self._seen_s, self._seen_m = world.t_s, moved_m
-        something = world.touch is not None or world.hangs or world.body_faults.snagged
+        something = world.touch is not None or world.high_centred or world.body_faults.snagged
         along_m_s = self._speed_m_s if driven_m_s > 0.0 else -self._speed_m_s
         return something and along_m_s < self._config.detector.immobilised_below * abs(driven_m_s)
 

@@ -38,8 +38,7 @@ from wayfarer.errors import NotArmed
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.fault_scenarios.catalogue import catalogue
 from wayfarer.fault_scenarios.safety_rules import Invariants
-from wayfarer.fault_scenarios.scenario import Scenario
-from wayfarer.fault_scenarios.scenario_rover import misfit
+from wayfarer.fault_scenarios.scenario import Scenario, misfit
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.simhal.build_rover import Depth

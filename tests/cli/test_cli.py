@@ -11,7 +11,7 @@ import pytest
 
 from tests.conftest import Run, refusal
 from tests.experiments import fake_trials
-from wayfarer.cli.version import version_text
+from wayfarer.cli import version_text
 from wayfarer.errors import BadReading, MissingPart
 from wayfarer.experiments.trial import TrialResult
 from wayfarer.experiments.trial_setup import TrialSpec

@@ -17,7 +17,7 @@ from tests.conftest import Run
 from tests.daemon import played
 from tests.views.text.records import HEADER, drive, event, numbered, outcome, write
 from wayfarer import cli
-from wayfarer.cli import Described
+from wayfarer.cli.listing import Described
 from wayfarer.commissioning.checks import Finding
 from wayfarer.experiments.paired_statistics import Comparison, Difference
 from wayfarer.experiments.rows import TrialRow

@@ -10,7 +10,7 @@ from typing import get_args
 from tests.conftest import Run
 from wayfarer.cli.sim import Ground
 from wayfarer.fieldlog.reader import read_header
-from wayfarer.simhal.world.grounds import GroundName
+from wayfarer.simhal.world.physics import GroundName
 
 MAZE = ("sim", "--scenario", "extended-maze", "--rover", "forestrover", "--jobs", "1")
 

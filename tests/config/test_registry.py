@@ -13,7 +13,7 @@ from tests import fake_plugins
 from wayfarer.config import registry
 from wayfarer.config.registry import algorithm_names, driver_names, find_algorithm, find_driver
 from wayfarer.errors import BadInput, UnknownName
-from wayfarer.escape.catalogue import BUILT_IN, CATALOGUE, REMOVED
+from wayfarer.escape.catalogue import BUILT_IN, CATALOGUE
 
 
 @pytest.fixture
@@ -87,21 +87,6 @@ def test_module_that_fails_while_it_is_imported_is_bad_input(tmp_path: Path, mon
     monkeypatch.delitem(sys.modules, "half_written_plugin", raising=False)
     with pytest.raises(BadInput, match="half_written_plugin"):
         find_algorithm("half_written_plugin:it")
-
-
-@pytest.mark.parametrize("name", sorted(REMOVED))
-def test_removed_algorithm_is_refused_with_where_its_figures_are(name: str) -> None:
-    said = f"algorithm '{name}' was removed: .*docs/better-escape.md"
-    with pytest.raises(BadInput, match=said) as caught:
-        find_algorithm(name)
-    assert "\n" not in str(caught.value)
-    assert name not in algorithm_names()
-
-
-def test_installed_algorithm_may_take_the_name_of_a_removed_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    point = EntryPoint("guarded-pledge", "tests.fake_plugins:spiral", registry.ALGORITHM_GROUP)
-    monkeypatch.setattr(registry, "entry_points", lambda *, group: [point])
-    assert find_algorithm("guarded-pledge").summary == fake_plugins.spiral.summary
 
 
 def test_unknown_names_offer_the_nearest() -> None:

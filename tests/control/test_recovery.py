@@ -19,7 +19,7 @@ from wayfarer.safety.conditions import Condition
 from wayfarer.safety.entrapment import UNSEEN_S
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.world import Drive
-from wayfarer.simhal.world.grounds import GroundName
+from wayfarer.simhal.world.physics import GroundName
 
 
 class Seen(PartialLog):

@@ -12,12 +12,11 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
 from tests.drivers.benches import now_s
-from tests.drivers.test_pmw3901_burst import DARK, LIMIT_COUNTS_S, NORMAL, STANDING
+from tests.drivers.test_pmw3901_registers import DARK, LIMIT_COUNTS_S, NORMAL, STANDING
 from tests.simhal.chips.bench import Driven
 from tests.virtual import run_virtually, virtual
 from wayfarer.drivers.pmw3901 import PMW3901, Axis, PMW3901Settings
-from wayfarer.drivers.pmw3901_burst import FRAME_S
-from wayfarer.drivers.pmw3901_table import trim
+from wayfarer.drivers.pmw3901_registers import FRAME_S, trim
 from wayfarer.errors import BadReading, NotResponding, WrongPart
 from wayfarer.hal import MotionSensor
 from wayfarer.simhal.buses import FakeBuses, FakeSPI, SPIChip

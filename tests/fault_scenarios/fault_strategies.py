@@ -18,8 +18,7 @@ from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.fault_scenarios.missions import SMALL_PICTURES
 from wayfarer.fault_scenarios.runner import RunResult
-from wayfarer.fault_scenarios.scenario import Command, Expectation, ResponseLevel, Scenario
-from wayfarer.fault_scenarios.scenario_rover import misfit
+from wayfarer.fault_scenarios.scenario import Command, Expectation, ResponseLevel, Scenario, misfit
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.faults.kinds import KINDS, Fault
 

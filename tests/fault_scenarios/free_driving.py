@@ -25,7 +25,7 @@ from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.hal import WheelCommand
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.world.forest import CLEARING
-from wayfarer.simhal.world.grounds import GroundName
+from wayfarer.simhal.world.physics import GroundName
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 if TYPE_CHECKING:

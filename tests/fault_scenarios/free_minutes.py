@@ -19,7 +19,7 @@ from wayfarer.simhal.drawn_ranges import Range
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.world import Drive
 from wayfarer.simhal.mujoco.terrain import Terrains
-from wayfarer.simhal.world.grounds import GroundName
+from wayfarer.simhal.world.physics import GroundName
 
 ROVERS = ("sim", "forestrover", "minirover")
 FRICTIONS = (0.1, 0.15, 0.3, 0.5, 0.8)

@@ -12,7 +12,7 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.safety.conditions import Condition
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.world import Drive
-from wayfarer.simhal.world.grounds import GroundName
+from wayfarer.simhal.world.physics import GroundName
 
 pytest.importorskip("mujoco", reason="MuJoCo is not installed")  # here, for its first import starts a process
 

@@ -10,9 +10,8 @@ import pytest
 
 from tests.config import rover_texts
 from wayfarer.errors import BadInput
-from wayfarer.fault_scenarios.scenario import Command, Expectation, ResponseLevel, Scenario
+from wayfarer.fault_scenarios.scenario import Command, Expectation, ResponseLevel, Scenario, rover_of
 from wayfarer.fault_scenarios.scenario_file import FILE_BYTES, read_scenarios
-from wayfarer.fault_scenarios.scenario_rover import rover_of
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.faults.bus import Nack
 from wayfarer.simhal.faults.kinds import Fault

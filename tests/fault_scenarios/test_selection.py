@@ -7,13 +7,11 @@ from dataclasses import replace
 
 import pytest
 
-from wayfarer.errors import BadInput
 from wayfarer.fault_scenarios.catalogue import ROWS, catalogue
 from wayfarer.fault_scenarios.catalogue.covered_by_tests import FaultTest
 from wayfarer.fault_scenarios.result import Row
 from wayfarer.fault_scenarios.scenario import Expectation, ResponseLevel, Scenario
 from wayfarer.fault_scenarios.selection import (
-    RENAMED,
     chosen,
     on_another_rover,
     without_covered_by_tests,
@@ -80,12 +78,3 @@ def test_catalogue_tries_every_row_and_names_each_scenario_once() -> None:
     assert {row.row for row in rows} == set(range(1, ROWS + 1))
     assert sorted({row.name for row in rows}) == sorted(row.name for row in rows)
     assert [row.row for row in rows] == sorted(row.row or 0 for row in rows)
-
-
-@pytest.mark.parametrize(("old", "new"), RENAMED.items())
-def test_old_name_is_refused_with_the_new_one(old: str, new: str) -> None:
-    names = {row.name for row in catalogue()}
-    assert new in names
-    assert old not in names
-    with pytest.raises(BadInput, match=f"scenario '{old}' is called {new} now"):
-        chosen(catalogue(), old)

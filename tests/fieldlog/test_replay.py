@@ -211,7 +211,6 @@ def test_log_that_was_cut_off_agrees_up_to_there(run: Path) -> None:
     ("change", "said"),
     [
         ({"algorithm": "no-such"}, "run cannot be replayed: unknown algorithm 'no-such'"),
-        ({"algorithm": "guarded-pledge"}, "run cannot be replayed: algorithm 'guarded-pledge' was removed"),
         ({"part": 2}, "begins with part 2"),
         ({"schema": 1}, "has schema 1, this wayfarer replays those from 2"),
         ({"config": {"name": "x", "speed": 3}}, "its own settings"),

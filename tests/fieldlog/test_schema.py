@@ -36,8 +36,7 @@ from wayfarer.simhal.faults.world import Slope
 from wayfarer.simhal.mujoco.terrain import Terrains
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.generate import generate_forest
-from wayfarer.simhal.world.grounds import GroundName
-from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.physics import GroundName, Physics
 from wayfarer.simhal.world.slope import Slopes
 from wayfarer.simhal.world.world import World
 from wayfarer.views.text import run_summariser

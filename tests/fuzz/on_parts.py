@@ -174,8 +174,7 @@ async def _read_motion(part: PMW3901 | CameraMotion) -> None:
 
 FLOW = Target(
     "pmw3901",
-    [*(f"wayfarer.drivers.pmw3901_burst:{name}" for name in ("decode", "quality", "contradiction")),
-     "wayfarer.drivers.pmw3901:_along", "wayfarer.drivers.pmw3901:PMW3901", "wayfarer.drivers.pmw3901_table"],
+    ["wayfarer.drivers.pmw3901:_along", "wayfarer.drivers.pmw3901:PMW3901", "wayfarer.drivers.pmw3901_registers"],
     lambda kept: FAULTS,
     lambda: _driven(lambda faults: PMW3901(PMW3901Settings(), Wire(_flow_answer, faults)), _read_motion),  # type: ignore[arg-type]
 )  # fmt: skip

@@ -8,7 +8,7 @@ from tests.fuzz.covered import Covered
 from tests.fuzz.engine import fuzz_cases
 from tests.fuzz.target import Target
 from tests.fuzz.targets import TARGETS
-from wayfarer.cli.version import is_compiled
+from wayfarer.cli import is_compiled
 
 SLOW_BELOW = 10  # few cases are quick where each takes long
 

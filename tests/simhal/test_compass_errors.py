@@ -15,8 +15,8 @@ from wayfarer.angles import wrap180
 from wayfarer.config.rover_file import load_rover
 from wayfarer.hal import CompassReading, WheelCommand
 from wayfarer.simhal.build_rover import Depth, build
-from wayfarer.simhal.compass_errors import compass_errs
 from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.sensor_errors import compass_errs
 from wayfarer.simhal.sensor_models import HeadingSensorModel
 from wayfarer.simhal.world.forest import CLEARING
 from wayfarer.simhal.world.physics import Physics

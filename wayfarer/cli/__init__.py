@@ -10,24 +10,22 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Iterable
 from functools import cache, partial
+from importlib.machinery import EXTENSION_SUFFIXES
+from importlib.util import find_spec
 from io import TextIOWrapper
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import typer
 
-from wayfarer.cli import commissioning, compare, control, demo, faults, logs, replay, report, rover, sim, sweep
+from wayfarer import __version__
+from wayfarer.cli import commissioning, compare, control, demo, faults, listing, logs, replay, report, rover, sim, sweep
 from wayfarer.cli.help_texts import HelpCommand, HelpGroup
-from wayfarer.cli.options import AsJson, examples
-from wayfarer.cli.version import version_text
-from wayfarer.errors import BadInput, WayfarerError
+from wayfarer.cli.options import examples
+from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.printable import clean
 from wayfarer.views.text.colour import painted
-
-if TYPE_CHECKING:
-    from rich.table import Table
 
 BAD_INPUT = 2
 READER_GONE = 128 + signal.SIGPIPE  # what a shell reports of a program that SIGPIPE has ended
@@ -65,6 +63,7 @@ command(rich_help_panel=AFTERWARDS, epilog=report.EXAMPLES)(report.report)
 command(rich_help_panel=AFTERWARDS, epilog=compare.EXAMPLES)(compare.compare)
 command(rich_help_panel=AFTERWARDS, epilog=replay.EXAMPLES)(replay.replay)
 command("install-service", rich_help_panel=ROVER)(commissioning.install_service)
+command("list")(listing.list_names)
 
 
 def main() -> None:
@@ -115,6 +114,17 @@ def _fail(text: str, exit_code: int) -> int:
     return exit_code
 
 
+def version_text() -> str:
+    """Return the version in words, such as ``wayfarer 0.1.0 (compiled)``."""
+    return f"wayfarer {__version__} ({'compiled' if is_compiled() else 'pure Python'})"
+
+
+def is_compiled() -> bool:
+    """Return whether the control tick runs as C, which does the same faster; see ``hatch_build.py``."""
+    controller = find_spec("wayfarer.control.controller")
+    return controller is not None and str(controller.origin).endswith(tuple(EXTENSION_SUFFIXES))
+
+
 def _print_version(asked: bool) -> None:
     if asked:
         print(version_text())
@@ -130,66 +140,3 @@ def _root(
     ] = False,
 ) -> None:
     """Drive a rover out of a forest without vision: compass, tilt and stall detection only."""
-
-
-class Described(NamedTuple):
-    """An algorithm in words."""
-
-    name: str
-    family: str
-    needs: tuple[str, ...]
-    summary: str
-
-
-@command("list")
-def list_names(
-    *,
-    conditions: Annotated[
-        bool, typer.Option("--conditions", help="List what can be wrong with a rover, and what it does about it.")
-    ] = False,
-    as_json: AsJson = False,
-) -> None:
-    """List all algorithms, rovers and drivers, also those of installed third-party packages."""
-    from rich.console import Console
-
-    from wayfarer.cli.conditions import print_conditions
-    from wayfarer.config.registry import algorithm_names, driver_names
-    from wayfarer.config.rover_file import rover_names
-    from wayfarer.views.text.scripting import print_json
-
-    if conditions:
-        print_conditions(as_json=as_json)
-        return
-    algorithms = list(map(_described, algorithm_names()))
-    if as_json:
-        print_json({"algorithms": algorithms, "rovers": rover_names(), "drivers": driver_names()})
-        return
-    console = Console()
-    console.print(_algorithm_table(algorithms))
-    console.print()
-    console.print("rovers: ", ", ".join(rover_names()) or "none", highlight=False)
-    console.print("drivers:", ", ".join(driver_names()) or "none", highlight=False)
-
-
-def _algorithm_table(algorithms: Iterable[Described]) -> Table:
-    from wayfarer.views.text.terminal_table import Column, table
-
-    columns: list[Column[Described]] = [
-        Column("algorithm", lambda each: each.name, left=True),
-        Column("family", lambda each: each.family, left=True),
-        Column("needs", lambda each: ", ".join(each.needs), left=True),
-        Column("what it does", lambda each: each.summary, left=True, wraps=True),
-    ]
-    return table(columns, algorithms)
-
-
-def _described(name: str) -> Described:
-    """Say what an algorithm is; a third party's that cannot be loaded must not hide the others."""
-    from wayfarer.config.registry import find_algorithm
-
-    try:
-        found = find_algorithm(name)
-    except BadInput as error:
-        return Described(name, "", (), f"cannot be loaded: {error}")
-    origin = "" if found.origin == "wayfarer" else f" (from {found.origin})"
-    return Described(name, found.family, tuple(sorted(found.requires)), found.summary + origin)

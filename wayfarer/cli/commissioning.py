@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from wayfarer.cli import completion
-from wayfarer.cli.log_folder import log_folder
-from wayfarer.cli.options import Config, Logs
+from wayfarer.cli.options import Config, Logs, complete_rovers, log_folder
 from wayfarer.cli.rover import chosen_rover
 from wayfarer.views.text.colour import painted
 from wayfarer.views.text.scripting import print_json, say_next
@@ -93,7 +91,7 @@ def install_service(
         str | None,
         typer.Option(
             metavar="NAME|FILE",
-            autocompletion=completion.rovers,
+            autocompletion=complete_rovers,
             help="The rover that /etc/wayfarer/rover.toml is made from, if it does not exist yet.",
         ),
     ] = None,

@@ -7,9 +7,8 @@ from typing import Annotated
 
 import typer
 
-from wayfarer.cli import completion
 from wayfarer.cli.extras import require
-from wayfarer.cli.options import AsJson, examples
+from wayfarer.cli.options import AsJson, complete_algorithm, examples
 
 EXAMPLES = examples(
     "wayfarer sim --algorithm forest-pledge,pledge --trials 500 --spl --out results && wayfarer compare results",
@@ -24,7 +23,7 @@ def compare(
         str,
         typer.Option(
             metavar="ALGORITHM",
-            autocompletion=completion.algorithm,
+            autocompletion=complete_algorithm,
             help="The algorithm that the others are compared with.",
         ),
     ] = "forest-pledge",

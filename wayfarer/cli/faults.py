@@ -7,9 +7,8 @@ from typing import Annotated
 
 import typer
 
-from wayfarer.cli import completion
 from wayfarer.cli.extras import require
-from wayfarer.cli.options import AsJson, examples, refuse
+from wayfarer.cli.options import AsJson, complete_fault_scenarios, complete_rovers, examples, refuse
 from wayfarer.cli.trial_options import Jobs
 from wayfarer.errors import BadInput, MissingPackage
 
@@ -26,7 +25,7 @@ Only = Annotated[
     str | None,
     typer.Option(
         metavar="NAME[,NAME...]|ROW",
-        autocompletion=completion.fault_scenarios,
+        autocompletion=complete_fault_scenarios,
         help="Run these scenarios, or rows of the catalogue.",
     ),
 ]
@@ -34,7 +33,7 @@ OnRover = Annotated[
     str | None,
     typer.Option(
         metavar="NAME|FILE",
-        autocompletion=completion.rovers,
+        autocompletion=complete_rovers,
         help="Run them on this rover; those that need parts it does not have are skipped.",
     ),
 ]

@@ -14,11 +14,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wayfarer.cli import completion
 from wayfarer.cli.extras import require
 from wayfarer.cli.help_texts import HelpCommand, HelpGroup
-from wayfarer.cli.log_folder import log_folder
-from wayfarer.cli.options import AsJson, Logs, examples
+from wayfarer.cli.options import AsJson, Logs, complete_runs, examples, log_folder
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import find_run, newest_run, run_title
 from wayfarer.views.export.export import ExportFormat, Output
@@ -54,7 +52,7 @@ FORMATS_HELP = f"{'; '.join(f'{form}: {form.meaning}' for form in ExportFormat)}
 Run = Annotated[
     str | None,
     typer.Argument(
-        metavar="RUN", autocompletion=completion.runs, help="Number, folder or file of a run. (default: the newest run)"
+        metavar="RUN", autocompletion=complete_runs, help="Number, folder or file of a run. (default: the newest run)"
     ),
 ]
 
@@ -178,7 +176,7 @@ def check(
         list[str] | None,
         typer.Argument(
             metavar="RUN",
-            autocompletion=completion.runs,
+            autocompletion=complete_runs,
             help="Numbers, folders or files of runs. (default: the newest run)",
         ),
     ] = None,

@@ -1,16 +1,73 @@
-"""Options, help texts and refusals that several commands share."""
+"""Options that several commands share, their help and refusals, and what a shell offers for their values.
+
+``--install-completion`` sets up the shell. What begins with no value that is offered is completed as a file, by the
+shell itself. No ``complete_`` function may fail or print: it would stand in the line that a person is typing.
+"""
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from wayfarer.cli import completion
-from wayfarer.cli.log_folder import OWN_LOGS, SYSTEM_LOGS
-from wayfarer.config.rover_path import ROVER_FILE
+from wayfarer.config.rover_path import ROVER_FILE, STATE_FOLDER
 from wayfarer.errors import BadInput
+
+SYSTEM_LOGS = STATE_FOLDER / "field_logs"
+OWN_LOGS = Path("field_logs")
+
+
+def log_folder(logs: Path | None) -> Path:
+    """Return where runs are logged: in ``--logs``, else where the system keeps them if this user may write there."""
+    if logs is not None:
+        return logs
+    return SYSTEM_LOGS if os.access(SYSTEM_LOGS.parent, os.W_OK) else OWN_LOGS
+
+
+def complete_runs(ctx: typer.Context) -> list[str]:
+    """Return the numbers of the runs in the folder that ``--logs`` names so far; a run without one has its name."""
+    from wayfarer.fieldlog.folders import run_folders, short_name
+
+    try:
+        found = run_folders(log_folder(ctx.params.get("logs")))
+    except BadInput:
+        return []
+    return [short_name(run) for run in found]
+
+
+def complete_rovers() -> list[str]:
+    """Return the built-in rovers."""
+    from wayfarer.config.rover_file import rover_names
+
+    return rover_names()
+
+
+def complete_algorithm() -> list[str]:
+    """Return all algorithms, also those of installed packages."""
+    from wayfarer.config.registry import algorithm_names
+
+    return algorithm_names()
+
+
+def complete_algorithms(incomplete: str) -> list[str]:
+    """Return the lists of algorithms that go on from the one typed so far; ``paper`` is all ten of the paper."""
+    return _next_in_list(incomplete, [*complete_algorithm(), "paper"])
+
+
+def complete_fault_scenarios(incomplete: str) -> list[str]:
+    """Return the lists of fault scenarios that go on from the one typed so far."""
+    from wayfarer.fault_scenarios.catalogue import catalogue
+
+    return _next_in_list(incomplete, [each.name for each in catalogue()])
+
+
+def _next_in_list(incomplete: str, names: Iterable[str]) -> list[str]:
+    before, comma, _ = incomplete.rpartition(",")
+    return [f"{before}{comma}{name}" for name in names]
+
 
 Logs = Annotated[
     Path | None,
@@ -23,12 +80,12 @@ Config = Annotated[
     str | None,
     typer.Option(
         metavar="NAME|FILE",
-        autocompletion=completion.rovers,
+        autocompletion=complete_rovers,
         help=f"Name of a built-in rover, or a rover file (TOML). (default: {ROVER_FILE})",
     ),
 ]
 AlgorithmOption = Annotated[
-    str, typer.Option(metavar="NAME", autocompletion=completion.algorithm, help="Escape algorithm; see wayfarer list.")
+    str, typer.Option(metavar="NAME", autocompletion=complete_algorithm, help="Escape algorithm; see wayfarer list.")
 ]
 AllowCode = Annotated[
     bool,

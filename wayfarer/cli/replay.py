@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wayfarer.cli import completion
-from wayfarer.cli.log_folder import log_folder
-from wayfarer.cli.options import AllowCode, AsJson, Logs, examples
+from wayfarer.cli.options import AllowCode, AsJson, Logs, complete_rovers, complete_runs, examples, log_folder
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import find_run, run_title
 from wayfarer.fieldlog.printable import clean
@@ -31,7 +29,7 @@ def replay(
     runs: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="RUN", autocompletion=completion.runs, help="Numbers or folders. (default: the newest run)"
+            metavar="RUN", autocompletion=complete_runs, help="Numbers or folders. (default: the newest run)"
         ),
     ] = None,
     *,
@@ -39,7 +37,7 @@ def replay(
         str | None,
         typer.Option(
             metavar="NAME|FILE",
-            autocompletion=completion.rovers,
+            autocompletion=complete_rovers,
             help="Use the settings of this rover file instead of those in the log.",
         ),
     ] = None,

@@ -7,10 +7,8 @@ from typing import Annotated
 
 import typer
 
-from wayfarer.cli import completion
 from wayfarer.cli.extras import require
-from wayfarer.cli.log_folder import log_folder
-from wayfarer.cli.options import AllowCode, Logs, examples
+from wayfarer.cli.options import AllowCode, Logs, complete_runs, examples, log_folder
 from wayfarer.cli.trial_options import Jobs
 from wayfarer.errors import BadInput
 from wayfarer.views.text.scripting import say_next
@@ -30,7 +28,7 @@ def report(
         str,
         typer.Argument(
             metavar="RUN|DIR",
-            autocompletion=completion.runs,
+            autocompletion=complete_runs,
             help="A run, or a folder that `wayfarer sim --out` or `wayfarer sweep --out` wrote.",
         ),
     ] = "last",

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wayfarer.cli.extras import require
-from wayfarer.cli.log_folder import log_folder
-from wayfarer.cli.options import AlgorithmOption, Config, Logs, examples, refuse
+from wayfarer.cli.options import AlgorithmOption, Config, Logs, examples, log_folder, refuse
 from wayfarer.cli.trial_options import DepthName
 from wayfarer.cli.viewer_options import Foxglove, FoxglovePort, Live, LiveHost, LivePort, viewers
 from wayfarer.config.rover_path import ROVER_FILE

@@ -33,7 +33,7 @@ ONE_TRIAL = "One trial again"
 MUJOCO = "Physics mujoco"
 
 Site = Literal["extended-maze", "dense-obstruction", "forest-escape"]  # the names of ``simhal.world.sites``
-Ground = Literal["ideal", "leaf-litter", "dry-soil", "mud"]  # the names of ``simhal.world.grounds``
+Ground = Literal["ideal", "leaf-litter", "dry-soil", "mud"]  # the names of ``simhal.world.physics``
 
 Trials = Annotated[int, typer.Option(min=1, max=1_000_000, metavar="N", help="Trials of each algorithm.")]
 ScenarioOption = Annotated[
@@ -181,12 +181,12 @@ def sim(
         _refuse_beside_cluster(jobs, trial, log)
     _require(in_mujoco, video, out, cluster)
     from wayfarer.experiments import commands, sim_command
-    from wayfarer.simhal.world import grounds
+    from wayfarer.simhal.world.physics import GroundName
 
     campaign = options.campaign_of(
         algorithm=algorithm, rover=rover, anomaly_source=anomaly_source, forests=forests, senses=senses,
         trials=trials, seed=seed, slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth,
-        terrains=commands.terrains(terrain) if in_mujoco else None, ground=grounds.GroundName(ground),
+        terrains=commands.terrains(terrain) if in_mujoco else None, ground=GroundName(ground),
         slopes=commands.slopes({"slope_deg": slope_deg, "slope_direction_deg": slope_direction_deg}),
     )  # fmt: skip
     if scenario:

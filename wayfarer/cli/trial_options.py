@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from wayfarer.cli import completion
+from wayfarer.cli.options import complete_algorithms, complete_rovers
 
 if TYPE_CHECKING:
     from wayfarer.experiments.campaign import Campaign
@@ -29,7 +29,7 @@ AlgorithmNames = Annotated[
     str,
     typer.Option(
         metavar="NAME[,NAME...]",
-        autocompletion=completion.algorithms,
+        autocompletion=complete_algorithms,
         help="Escape algorithms; 'paper' means all ten of the paper. A name given twice runs once.",
     ),
 ]
@@ -44,7 +44,7 @@ Forests = Annotated[
 RoverName = Annotated[
     str,
     typer.Option(
-        metavar="NAME|FILE", autocompletion=completion.rovers, help="Name of a built-in rover, or a rover file (TOML)."
+        metavar="NAME|FILE", autocompletion=complete_rovers, help="Name of a built-in rover, or a rover file (TOML)."
     ),
 ]
 Seed = Annotated[int, typer.Option(min=0, metavar="N", help="Random seed of the campaign.")]

@@ -39,5 +39,5 @@ class Chassis:
         return tuple(key for key in asked if getattr(self, key) is None)
 
 
-AT_A_BRANCH = ("ground_clearance_m", "weight_kg", "motors_n_m")  # what climbing one, as at a site, asks for
-ON_WHEELS = ("weight_kg", "motors_n_m", "wheel_radius_m", "height_m")  # what a body with wheels is made of
+CLIMBING_KEYS = ("ground_clearance_m", "weight_kg", "motors_n_m")  # what climbing a branch, as at a site, needs
+WHEEL_KEYS = ("weight_kg", "motors_n_m", "wheel_radius_m", "height_m")  # what a simulated body with wheels needs

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from wayfarer.config.calibration_file import Calibration
 from wayfarer.config.registry import make_buses
-from wayfarer.config.rover_file import RoverConfig, part_settings, with_place
+from wayfarer.config.rover_file import RoverConfig, part_settings, with_location
 from wayfarer.errors import BadConfig, BadInput
 from wayfarer.hal import MotionReading, MotionSensor, Rover, error_counts_of
 
@@ -34,11 +34,11 @@ def connect(config: RoverConfig, where: str, calibration: Calibration = UNCALIBR
     try:
         buses: Buses = make_buses(config.buses)
     except BadInput as error:
-        raise BadConfig(with_place(where, f"key 'buses': {error}")) from None
+        raise BadConfig(with_location(where, f"key 'buses': {error}")) from None
     try:
         return buses, assemble(config, buses, calibration)
     except BadConfig as error:
-        raise BadConfig(with_place(where, str(error))) from None
+        raise BadConfig(with_location(where, str(error))) from None
 
 
 def assemble(config: RoverConfig, buses: Buses, calibration: Calibration = UNCALIBRATED) -> Rover:

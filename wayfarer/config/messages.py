@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import json
 import re
+import tomllib
+from bisect import bisect_left
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from difflib import get_close_matches
 from functools import cache
 from math import isfinite
@@ -14,15 +17,14 @@ from annotated_types import Interval
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError, with_config
 from pydantic_core import ErrorDetails
 
-from wayfarer.errors import BadConfig
+from wayfarer.errors import BadConfig, one_line
 
 T = TypeVar("T")
 
 _UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
 _OUT_OF_RANGE = {"greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number"}
-_SECTION = re.compile(r"(\[+)\s*([^\]]+?)\s*\]")
-_KEY = re.compile(r"[\"']?([\w-]+)[\"']?\s*=")
 _NAMED = re.compile(r"(?:unknown )?key '([^']+)'")
+_VALUE_LINES_MAX = 100  # of one value, from no source: each line costs a reading of all before it
 _SHOWN = 80  # characters of a value, or a key, that is quoted
 _LONG_KEY = re.compile(rf"'([^']{{{_SHOWN},}})'")
 
@@ -80,11 +82,6 @@ def explain(problem: ErrorDetails, model: Any, prefix: str = "") -> str:
     return f"key '{dotted}' = {shown(problem['input'])}: {wanted}{allowed}"
 
 
-def with_short_keys(said: str) -> str:
-    """Return an explanation in which the middle of each long quoted key is left out."""
-    return _LONG_KEY.sub(lambda quoted: f"'{quoted[1][: _SHOWN // 2]}...{quoted[1][-_SHOWN // 4 :]}'", said)
-
-
 def shown(value: object) -> str:
     """Return a value as it is quoted to a person: the middle of a long one is left out."""
     return shortened(repr(value))
@@ -95,56 +92,63 @@ def shortened(text: str) -> str:
     return text if len(text) <= _SHOWN else f"{text[: _SHOWN // 2]}...{text[-_SHOWN // 4 :]}"
 
 
-def at_line(text: str, said: str, section: str = "", prefix: str = "") -> str:
-    """Return where in a file's text the key is that an explanation names, or the table that lacks it.
+def located(where: str, text: str, said: str, section: str = "", prefix: str = "") -> str:
+    """Return an explanation as one line, after the file and before the line of the key, or of the table that lacks it.
 
-    ``section`` is the table that was explained, as ``line_of`` counts it, and ``prefix`` what stands before its keys.
+    ``section`` is the table of ``text`` that was explained, as ``line_of`` counts it, and ``prefix`` what stands before
+    its keys in the explanation.
     """
-    key = f"{section}.{(named_key(said) or '').removeprefix(prefix)}".strip(".")
-    while key:
-        if number := line_of(text, key):
-            return f" (line {number})"
-        key = key.rpartition(".")[0]
-    return ""
-
-
-def named_key(said: str) -> str | None:
-    """Return the key that an explanation names."""
     named = _NAMED.match(said)
-    return named and named[1]
+    dotted = f"{section}.{named[1].removeprefix(prefix) if named else ''}"
+    keys = [key for key in dotted.split(".") if key]
+    numbers = (line_of(text, ".".join(keys[:depth])) for depth in range(len(keys), 0, -1))
+    number = next(filter(None, numbers), None)
+    return one_line(f"{where}: {with_short_keys(said)}{f' (line {number})' if number else ''}")
 
 
 def line_of(text: str, dotted: str) -> int | None:
-    """Return the number of the line on which a key or a table begins, None where no line has it plainly.
+    """Return the number of the line of valid TOML on which a key or a table begins, None where it is not there.
 
     A table begins where one within it does: ``[parts.motors]`` begins ``parts``.
     Of an array of tables each has its number, from 0: ``scenario.1.fault.0.kind``.
+
+    ``tomllib`` tells no lines. But what stands before the end of any statement is a file too; so the key is in the
+    statement with which it appears first, and bisection finds that in a few readings.
     """
-    section, arrays = "", dict[str, int]()
-    for number, line in enumerate(text.splitlines(), 1):
-        if found := _SECTION.match(line.strip()):
-            section = _numbered(found[2], arrays, another=found[1] == "[[")
-            if f"{section}.".startswith(f"{dotted}."):
-                return number
-        elif (found := _KEY.match(line.strip())) and _dotted(section, found[1]) == dotted:
-            return number
-    return None
+    lines, keys = text.split("\n"), dotted.split(".")
+    ends = _statement_ends(lines)
+    found = bisect_left(ends, True, key=lambda end: _has(_read(lines[:end]), keys))
+    return ends[found - 1] + 1 if found < len(ends) else None
 
 
-def _numbered(header: str, arrays: dict[str, int], *, another: bool) -> str:
-    """Return a table's name with the number of each array of tables in it; ``arrays`` has the newest of each."""
-    section, names = "", [name.strip() for name in header.split(".")]
-    for depth, name in enumerate(names, 1):
-        section = _dotted(section, name)
-        if another and depth == len(names):
-            arrays[section] = arrays.get(section, -1) + 1
-        if section in arrays:
-            section = f"{section}.{arrays[section]}"
-    return section
+def _statement_ends(lines: list[str]) -> list[int]:
+    """Return after how many lines a statement ends, from 0 on, up to the first value that is too long to look for."""
+    ends = [0]
+    for number in range(1, len(lines) + 1):
+        if number - ends[-1] > _VALUE_LINES_MAX:
+            break
+        with suppress(ValueError, RecursionError):  # raised within a value of several lines
+            _read(lines[ends[-1] : number])
+            ends.append(number)
+    return ends
 
 
-def _dotted(section: str, key: str) -> str:
-    return f"{section}.{key}" if section else key
+def _read(lines: list[str]) -> dict[str, Any]:
+    return tomllib.loads("\n".join(lines) + "\n")
+
+
+def _has(table: Any, keys: list[str]) -> bool:
+    try:
+        for key in keys:
+            table = table[int(key)] if isinstance(table, list) else table[key]
+    except (LookupError, TypeError, ValueError):
+        return False
+    return True
+
+
+def with_short_keys(said: str) -> str:
+    """Return an explanation in which the middle of each long quoted key is left out."""
+    return _LONG_KEY.sub(lambda quoted: f"'{quoted[1][: _SHOWN // 2]}...{quoted[1][-_SHOWN // 4 :]}'", said)
 
 
 def _section_model(model: Any, section: list[str]) -> Any:

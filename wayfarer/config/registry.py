@@ -13,7 +13,7 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from wayfarer.errors import BadInput, UnknownName, WayfarerError, kind_and_text, one_line
-from wayfarer.escape.catalogue import BUILT_IN, REMOVED, Algorithm
+from wayfarer.escape.catalogue import BUILT_IN, Algorithm
 
 ALGORITHM_GROUP = "wayfarer.algorithms"
 DRIVER_GROUP = "wayfarer.drivers"
@@ -44,17 +44,11 @@ def find_algorithm(name: str) -> Algorithm:
 
     Raises:
         UnknownName: nothing of that name; the text offers the nearest ones.
-        BadInput: the name was removed, the module cannot be imported, or what it gives is no ``Algorithm``.
+        BadInput: the module cannot be imported, or what it gives is no ``Algorithm``.
     """
     if name in BUILT_IN:
         return BUILT_IN[name]
-    installed = installed_points(ALGORITHM_GROUP)
-    if name in REMOVED and name not in installed:
-        raise BadInput(
-            f"algorithm '{name}' was removed: no measurement showed a gain over forest-pledge; use nose-pledge "
-            "(docs/better-escape.md has the figures)"
-        )
-    found, origin = _find("algorithm", name, installed, algorithm_names())
+    found, origin = _find("algorithm", name, installed_points(ALGORITHM_GROUP), algorithm_names())
     if not isinstance(found, Algorithm):
         raise BadInput(f"algorithm '{name}': {origin} is not a wayfarer.escape.catalogue.Algorithm")
     return replace(found, origin=origin)

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from wayfarer.config.chassis import Chassis
 from wayfarer.config.log_settings import LogSettings
-from wayfarer.config.messages import at_line, line_of, shown, validated, with_short_keys
+from wayfarer.config.messages import line_of, located, shown, validated
 from wayfarer.config.registry import check_buses, driver_names, find_driver
 from wayfarer.config.rover_path import ROVER_FILE_BYTES, SHIPPED, is_rover_file, rover_path
 from wayfarer.config.wiring import wiring_conflict
@@ -199,9 +199,9 @@ def line_in(name_or_path: str, key: str) -> int | None:
     return line_of(_text_of(name_or_path), key)
 
 
-def with_place(name_or_path: str, said: str) -> str:
+def with_location(name_or_path: str, said: str) -> str:
     """Return what is wrong with a key, found after the file was read, with the file before it and the line after."""
-    return f"{name_or_path}: {with_short_keys(said)}{at_line(_text_of(name_or_path), said)}"
+    return located(name_or_path, _text_of(name_or_path), said)
 
 
 def _text_of(name_or_path: str) -> str:
@@ -219,7 +219,6 @@ def parse_rover(name_or_path: str, text: str) -> RoverConfig:
         # The end of line lets the parser name the line of an error that is at the very end.
         return validated(RoverConfig, tomllib.loads(text + "\n"))
     except BadConfig as error:
-        said = str(error)
-        raise BadConfig(one_line(f"{where}: {with_short_keys(said)}{at_line(text, said)}")) from None
+        raise BadConfig(located(where, text, str(error))) from None
     except (ValueError, RecursionError) as error:  # tomllib: syntax, endless numbers, brackets without end
         raise BadConfig(one_line(f"{where}: not valid TOML: {error}")) from None

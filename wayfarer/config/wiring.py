@@ -23,7 +23,7 @@ class BusRequest(NamedTuple):
     name: str
 
 
-class NotedBuses:
+class RecordingBuses:
     """Implements ``drivers.buses.Buses`` for drivers that are made and never opened; ``asked`` is what they want."""
 
     def __init__(self) -> None:
@@ -81,9 +81,9 @@ def wiring_conflict(parts: Iterable[tuple[str, Any, Any]]) -> str | None:
     return None
 
 
-def buses_asked(driver: Any, settings: Any) -> list[BusRequest]:
+def required_buses(driver: Any, settings: Any) -> list[BusRequest]:
     """Return the buses that a driver asks for when it is made."""
-    buses = NotedBuses()
+    buses = RecordingBuses()
     with suppress(Exception):  # a third party's may fail without a real bus: what it asked for until then counts
         driver(settings, buses)
     return buses.asked
@@ -94,7 +94,7 @@ def _places(part: str, driver: Any, settings: Any) -> list[_PartAddress]:
     address = getattr(settings, "address", None)
     return [
         _PartAddress(part, chip, _key(part, settings, wire), wire, address if wire.kind == I2C else None)
-        for wire in buses_asked(driver, settings)
+        for wire in required_buses(driver, settings)
     ]
 
 

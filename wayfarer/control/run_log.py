@@ -1,11 +1,18 @@
-"""The interface of a log of a run; a base for logs that keep only a part of it; and one that passes it to several."""
+"""The interface of a log of a run, and small logs for it.
+
+There is a base for logs that keep only a part of a run, one that passes a run to several logs, and one that notes the
+retry counters of drivers, so that a loose wire shows early.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Protocol
 
 from wayfarer.control.tick_record import TickRecord
-from wayfarer.hal import MotorHealth, PositionFix, WheelCommand
+from wayfarer.hal import Driver, HasErrorCounts, MotorHealth, PositionFix, WheelCommand
+
+NOTE_HZ = 1.0  # of the retry counters; from no source
 
 
 class RunLog(Protocol):
@@ -76,3 +83,24 @@ class Tee:
         """Write the outcome and end the logs."""
         for log in self._logs:
             log.close(reason, text)
+
+
+class DriverCounters:
+    """Writes an event for each part whose counts have changed since the last ``note``.
+
+    ``counting`` are the parts that count errors, with the counts noted last.
+    """
+
+    def __init__(self, parts: Iterable[Driver], log: RunLog) -> None:
+        self.counting: dict[HasErrorCounts, dict[str, int]] = {
+            part: {} for part in parts if isinstance(part, HasErrorCounts)
+        }
+        self._log = log
+
+    def note(self, t_s: float) -> None:
+        """Write an event for each part whose counts have changed."""
+        for part, noted in self.counting.items():
+            counts = {what: count for what, count in part.error_counts.items() if count}
+            if counts != noted:
+                self.counting[part] = counts
+                self._log.event("part_troubles", t_s, part=part.name, counts=counts)

@@ -17,10 +17,9 @@ from contextlib import suppress
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.board_watch import BoardWatch
 from wayfarer.control.controller import Controller, Mode
-from wayfarer.control.driver_counters import NOTE_HZ, DriverCounters
 from wayfarer.control.latest import SensorBuffers
 from wayfarer.control.rate import Rate
-from wayfarer.control.run_log import RunLog
+from wayfarer.control.run_log import NOTE_HZ, DriverCounters, RunLog
 from wayfarer.control.sensors import keep_sampling, sensor_tasks
 from wayfarer.control.shutdown import Shutdown, run_uncancellable
 from wayfarer.control.stale_command_guard import StaleCommandGuard

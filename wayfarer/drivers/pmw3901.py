@@ -19,9 +19,8 @@ from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Interval
 
-from wayfarer.drivers import pmw3901_table as table
+from wayfarer.drivers import pmw3901_registers as registers
 from wayfarer.drivers.buses import Buses
-from wayfarer.drivers.pmw3901_burst import Burst, contradiction, decode, quality
 from wayfarer.errors import BadReading, NotResponding, WrongPart
 from wayfarer.hal import MotionReading
 
@@ -129,7 +128,7 @@ class PMW3901:
             BadReading: an impossible displacement, caused by garbage on the bus.
         """
         is_first, settings, burst = self._is_first, self._settings, await self._burst()
-        scale, good = self._m_per_count, quality(burst, settings.squal_full) * (not is_first)
+        scale, good = self._m_per_count, registers.quality(burst, settings.squal_full) * (not is_first)
         forward, right = _along(settings.forward, burst), _along(settings.right, burst)
         return MotionReading(self._read_t_s, forward * scale, right * scale, good)
 
@@ -142,7 +141,7 @@ class PMW3901:
         burst = await self._burst()
         return burst.dx, burst.dy
 
-    async def _burst(self) -> Burst:
+    async def _burst(self) -> registers.Burst:
         loop = asyncio.get_running_loop()
         asked_t_s = loop.time()
         (answer,) = await self._bus.transfer(b"\x16" + bytes(12))
@@ -150,7 +149,7 @@ class PMW3901:
         # The counts began at some moment in the previous transfer and end in this one: allow for late answers.
         longest_s, since_s = t_s - self._asked_t_s, t_s - self._read_t_s
         self._asked_t_s, self._read_t_s = asked_t_s, t_s
-        burst = decode(answer[1:])
+        burst = registers.decode(answer[1:])
         if burst.observation != RUNNING:
             raise self._silence(answer[1:]) or NotResponding(
                 f"{self.name}: has stopped (observation 0x{burst.observation:02X}, not 0x{RUNNING:02X}); "
@@ -159,7 +158,7 @@ class PMW3901:
         is_first, self._is_first = self._is_first, False
         if is_first:  # the counts of an unknown time, with the motion during the start-up
             return burst
-        if what := contradiction(burst, longest_s, self._limit_counts_s):
+        if what := registers.contradiction(burst, longest_s, self._limit_counts_s):
             self.error_counts["garbage rejected"] += 1
             raise BadReading(
                 f"{self.name}: ({burst.dx}, {burst.dy}): {what}; noise on the SPI wires, keep them short; "
@@ -185,17 +184,17 @@ class PMW3901:
 
     async def _configure(self) -> None:
         """Write the start-up table (hardware.md 2.3), with its reads and choices."""
-        await self._write(*table.WAKE)
+        await self._write(*registers.WAKE)
         await self._probe()
-        await self._write(*(table.LONG if await self._read(0x67) & 0x80 else table.SHORT), *table.ASK_TRIM)
+        await self._write(*(registers.LONG if await self._read(0x67) & 0x80 else registers.SHORT), *registers.ASK_TRIM)
         if await self._read(0x73) == 0x00:
-            trim = table.trim(await self._read(0x70), await self._read(0x71))
-            await self._write(*table.ALLOW_TRIM, *trim)
-        await self._write(*table.TUNE)
+            trim = registers.trim(await self._read(0x70), await self._read(0x71))
+            await self._write(*registers.ALLOW_TRIM, *trim)
+        await self._write(*registers.TUNE)
         await asyncio.sleep(SETTLE_S)
-        await self._write(*table.START)
+        await self._write(*registers.START)
         await asyncio.sleep(START_S)
-        await self._write(*(table.LED_ON if self._settings.led else table.LED_OFF))
+        await self._write(*(registers.LED_ON if self._settings.led else registers.LED_OFF))
 
     async def _probe(self) -> None:
         """Write until the chip confirms, three times at most.
@@ -203,7 +202,7 @@ class PMW3901:
         A chip that never confirms may still run: the drivers of Pimoroni and PX4 do not ask. ``_observe`` checks it.
         """
         for _ in range(PROBE_TRIES):
-            await self._write(*table.PROBE)
+            await self._write(*registers.PROBE)
             if await self._read(0x47) == 0x08:
                 return
 
@@ -236,7 +235,7 @@ class PMW3901:
         )
 
 
-def _along(axis: Axis, burst: Burst) -> int:
+def _along(axis: Axis, burst: registers.Burst) -> int:
     """Return the counts along a signed axis of the chip."""
     counts = burst.dx if axis[1] == "x" else burst.dy
     return counts if axis[0] == "+" else -counts

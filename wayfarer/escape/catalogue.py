@@ -140,5 +140,3 @@ CATALOGUE: Mapping[str, Algorithm] = {row.name: row for row in _ROWS}
 """The ten of the paper."""
 BEYOND_THE_PAPER: Mapping[str, Algorithm] = {row.name: row for row in _ROWS_BEYOND}
 BUILT_IN: Mapping[str, Algorithm] = {**CATALOGUE, **BEYOND_THE_PAPER}
-REMOVED = frozenset({"guarded-pledge", "confirmed-pledge", "switching-pledge", "scheduled-pledge"})
-"""Names of 0.1.0 that old logs and scripts may still have; ``docs/better-escape.md`` says why they went."""

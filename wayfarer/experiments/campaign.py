@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from wayfarer import __version__
 from wayfarer.simhal.world.forest import TREES_PER_HA, Forest
-from wayfarer.simhal.world.grounds import GroundName
-from wayfarer.simhal.world.physics import PHYSICS, Physics
+from wayfarer.simhal.world.physics import PHYSICS, GroundName, Physics
 
 if TYPE_CHECKING:  # a trial needs the whole simulator: only the workers pay for importing it
     from wayfarer.config.rover_file import RoverConfig

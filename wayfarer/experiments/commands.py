@@ -8,16 +8,15 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wayfarer.config.chassis import AT_A_BRANCH
+from wayfarer.config.chassis import CLIMBING_KEYS
 from wayfarer.config.messages import validated
 from wayfarer.config.registry import find_algorithm
-from wayfarer.config.rover_file import RoverConfig, with_place
+from wayfarer.config.rover_file import RoverConfig, with_location
 from wayfarer.errors import BadConfig, BadInput, MissingPackage, UnknownName, one_line
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.campaign import Campaign
 from wayfarer.simhal.drawn_ranges import Range, parse_range
-from wayfarer.simhal.world.grounds import GroundName
-from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.physics import GroundName, Physics
 from wayfarer.simhal.world.senses import FIELD, Senses
 
 if TYPE_CHECKING:
@@ -170,7 +169,7 @@ def check_rover(config: RoverConfig, depth: str, where: str) -> None:
 
     if missing := [part for part in NEEDED if part not in config.parts]:
         lacks = f"rover '{config.name}' has no [parts.{missing[0]}], so there is no driver to run; use --depth device"
-        raise BadConfig(with_place(where, f"key 'parts.{missing[0]}' is missing: {lacks}"))
+        raise BadConfig(with_location(where, f"key 'parts.{missing[0]}' is missing: {lacks}"))
     if why := missing_package(config, Depth.BUS):
         raise MissingPackage(f"{why}; or use --depth device")
     streams = RandomStreams(0)
@@ -178,7 +177,7 @@ def check_rover(config: RoverConfig, depth: str, where: str) -> None:
     try:
         bus_depth(world, streams, config, lambda: 0.0, FakeBuses())
     except BadConfig as error:
-        raise BadConfig(with_place(where, str(error))) from None
+        raise BadConfig(with_location(where, str(error))) from None
     except ChipMisuse as error:
         raise BadConfig(f"{where}: {error}; correct its parts") from None
 
@@ -189,7 +188,7 @@ def at_site(campaign: Campaign, scenario: str) -> Campaign:
     Raises:
         BadConfig: the rover's file does not say how it meets a branch.
     """
-    if missing := campaign.rover.chassis.missing(AT_A_BRANCH):
+    if missing := campaign.rover.chassis.missing(CLIMBING_KEYS):
         raise BadConfig(
             f"rover '{campaign.rover.name}' has no chassis.{missing[0]}, which --scenario needs for branches;"
             " use --rover forestrover or minirover, or add the key to [chassis] of its file, as in their files"

@@ -95,18 +95,18 @@ class InterventionCounter:
         self._tip_deg = tip_deg
         self._then = then
         self.flips = 0
-        self.hangs = 0
+        self.high_centred = 0
 
     @property
     def interventions(self) -> int:
         """How often the rover was helped: turned over, or off its wheels."""
-        return self.flips + self.hangs
+        return self.flips + self.high_centred
 
     def watch(self, world: SimulatedWorld) -> None:
         """Put a rover back on its wheels."""
         flipped = abs(world.pitch_deg) >= self._tip_deg or abs(world.roll_deg) >= self._tip_deg
-        if flipped or world.hangs:
+        if flipped or world.high_centred:
             self.flips += flipped
-            self.hangs += not flipped
+            self.high_centred += not flipped
             world.pull_back(PULLED_BACK_M)
         self._then(world)

@@ -17,8 +17,7 @@ from wayfarer.safety.conditions import Condition
 from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.grounds import GroundName
-from wayfarer.simhal.world.physics import changed
+from wayfarer.simhal.world.physics import GroundName, changed
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 if TYPE_CHECKING:
@@ -131,7 +130,9 @@ async def _run(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
             setup.injector.end()
     result = _result(spec, outcome_of(setup.outcome_monitor, counters, end), setup, counters)
     if helped := setup.intervention_counter:
-        result = result._replace(interventions=helped.interventions, overturned=helped.flips, off_wheels=helped.hangs)
+        result = result._replace(
+            interventions=helped.interventions, overturned=helped.flips, off_wheels=helped.high_centred
+        )
     for drawn in (setup.terrain, setup.slope):
         if drawn:
             result = result._replace(**drawn._asdict())

@@ -17,8 +17,7 @@ from wayfarer.hal import Rover
 from wayfarer.simhal.build_rover import Depth, build
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
-from wayfarer.simhal.world.grounds import FRICTIONS, GroundName
-from wayfarer.simhal.world.physics import PHYSICS, Physics
+from wayfarer.simhal.world.physics import FRICTIONS, PHYSICS, GroundName, Physics
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 from wayfarer.simhal.world.skid_steering import SkidSteering
 from wayfarer.simhal.world.wheeled_body import body_of

@@ -16,10 +16,9 @@ from wayfarer.experiments.commands import INTERRUPTED, make_empty_folder
 from wayfarer.experiments.executors import Stopped
 from wayfarer.experiments.progress_bar import say
 from wayfarer.experiments.rows import rounded_values
-from wayfarer.fault_scenarios.batch import run_batch
 from wayfarer.fault_scenarios.judge import judge
 from wayfarer.fault_scenarios.result import Result, not_run
-from wayfarer.fault_scenarios.runner import RunResult, run_scenario, run_without_faults, without_faults
+from wayfarer.fault_scenarios.runner import RunResult, run_batch, run_scenario, run_without_faults, without_faults
 from wayfarer.fault_scenarios.scenario import Scenario
 from wayfarer.fault_scenarios.table import print_results
 from wayfarer.files.atomic_file import write_atomically

@@ -1,12 +1,17 @@
-"""Runs a scenario in virtual time: with its faults, and again without them for comparison."""
+"""Runs scenarios in virtual time: one with its faults, and again without them for comparison; or many on all cores."""
 
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor
+from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
+
+from rich.console import Console
 
 from wayfarer.commissioning.checks import HostEnvironment
 from wayfarer.control.run_log import RunLog, Tee
@@ -14,13 +19,16 @@ from wayfarer.control.supervisor import first_cause
 from wayfarer.daemon.arming_inspection import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import Refused
-from wayfarer.errors import NotArmed
+from wayfarer.errors import NotArmed, WayfarerError
+from wayfarer.experiments.commands import cores
+from wayfarer.experiments.executors import DoneT, TaskT, stream
+from wayfarer.experiments.progress_bar import shown_count
+from wayfarer.experiments.run_campaign import stop_on_signals
 from wayfarer.experiments.trial import field_log
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.fault_scenarios.recorder import RunRecorder
 from wayfarer.fault_scenarios.safety_rules import Invariants
-from wayfarer.fault_scenarios.scenario import Command, Expectation, ResponseLevel, Scenario
-from wayfarer.fault_scenarios.scenario_rover import rover_of
+from wayfarer.fault_scenarios.scenario import Command, Expectation, ResponseLevel, Scenario, rover_of
 from wayfarer.hal import Rover
 from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
@@ -133,3 +141,32 @@ async def _ask(setup: TrialSetup, commands: tuple[Command, ...], log: RunLog) ->
 def _inspect(setup: TrialSetup) -> RunningInspection:
     nowhere = Path()
     return RunningInspection(setup.config, setup.rover, HostEnvironment(nowhere, nowhere, (), 0.0), setup.supervisor)
+
+
+def run_batch(run: Callable[[TaskT], DoneT], tasks: Sequence[TaskT], jobs: int | None, what: str) -> Iterator[DoneT]:
+    """Yield what ``run`` returns for each task, in the order of completion; progress is shown on stderr.
+
+    Args:
+        run: is sent to the worker processes.
+        tasks: what to run.
+        jobs: the number of processes, None for one a core.
+        what: what the tasks are called, in plural.
+
+    Raises:
+        Stopped: a signal asked for it.
+        WayfarerError: a worker died.
+    """
+    done = 0
+    try:
+        with (
+            stop_on_signals() as stop,
+            closing(stream(run, tasks, jobs or cores(), stop)) as running,
+            shown_count(Console(stderr=True), 0, len(tasks), what) as advance,
+        ):
+            for result in running:
+                yield result
+                done += 1
+                advance()
+    except BrokenExecutor as error:
+        text = f"a worker process died after {done} {what}, most likely for lack of memory: try fewer --jobs"
+        raise WayfarerError(text) from error

@@ -1,4 +1,7 @@
-"""A scenario as data: the rover, the faults and their times, operator commands, and expectations."""
+"""A scenario as data: the rover, the faults and their times, operator commands, and expectations.
+
+Its rover is a rover file with the scenario's settings laid over it; ``misfit`` says whether a fault applies to it.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +13,16 @@ from typing import Annotated, Any, Literal
 from annotated_types import Interval, MaxLen, MinLen
 from pydantic import Field
 
+from wayfarer.config.factory import NEEDED
+from wayfarer.config.rover_file import RoverConfig, load_rover
+from wayfarer.config.rover_overlay import laid_over
 from wayfarer.safety.conditions import Level
 from wayfarer.simhal.build_rover import Depth
-from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.faults.bus import BusFault
+from wayfarer.simhal.faults.kinds import Fault, misplaced
 
 LONGEST_S = 3600.0  # of a scenario
+OVERLAY = "settings"  # the table's name in a scenario file
 
 Moment = Annotated[float, Interval(ge=0, le=LONGEST_S)]
 Duration = Annotated[float, Interval(gt=0, le=LONGEST_S)]
@@ -100,3 +108,25 @@ class Scenario:
     clearing: bool = False
     commands: tuple[Command, ...] = (Command(0.0, "arm", 0.0),)
     settings: dict[str, Any] | None = None
+
+
+def rover_of(scenario: Scenario) -> RoverConfig:
+    """Return the scenario's rover, with what the scenario lays over it.
+
+    Raises:
+        UnknownName: no shipped rover of that name.
+        BadConfig: its file, or what is laid over it, is not right.
+    """
+    config = load_rover(scenario.rover)
+    return laid_over(config, scenario.settings, f"{OVERLAY}.") if scenario.settings else config
+
+
+def misfit(config: RoverConfig, depth: Depth, fault: Fault) -> str | None:
+    """Return why a fault does not apply to a rover at a depth, None where it can."""
+    if isinstance(fault.params, BusFault) and depth is not Depth.BUS:
+        return f"kind '{fault.kind}' happens on a bus: it needs depth = \"bus\""
+    if depth is Depth.BUS and (missing := [part for part in NEEDED if part not in config.parts]):
+        return f"rover '{config.name}' has no [parts.{missing[0]}], so no driver to run; it needs depth = \"device\""
+    if config.parts and fault.target not in {"world", "process", *config.parts}:
+        return f"rover '{config.name}' has no [parts.{fault.target}]"
+    return misplaced(fault, config) if isinstance(fault.params, BusFault) else None

@@ -16,14 +16,24 @@ from typing import Annotated, Any, NamedTuple, get_type_hints
 
 from annotated_types import MinLen
 
-from wayfarer.config.messages import at_line, validated
+from wayfarer.config.messages import located, validated
 from wayfarer.config.registry import find_algorithm
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.config.rover_overlay import laid_over
 from wayfarer.config.rover_path import is_rover_file
 from wayfarer.errors import BadConfig, BadInput, UnknownName, one_line
-from wayfarer.fault_scenarios.scenario import Command, Duration, Expectation, Line, Moment, ResponseLevel, Scenario
-from wayfarer.fault_scenarios.scenario_rover import OVERLAY, misfit, rover_of
+from wayfarer.fault_scenarios.scenario import (
+    OVERLAY,
+    Command,
+    Duration,
+    Expectation,
+    Line,
+    Moment,
+    ResponseLevel,
+    Scenario,
+    misfit,
+    rover_of,
+)
 from wayfarer.files.regular_file import read_regular
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, PositionFix
 from wayfarer.simhal.faults.kinds import KINDS, Fault
@@ -56,7 +66,7 @@ class _FileLocation(NamedTuple):
 
     def error(self, said: str) -> BadConfig:
         """Return what is wrong, with its line: the key's, or that of the table which lacks it."""
-        return BadConfig(one_line(f"{self.where}: {said}") + at_line(self.text, said, self.section, self.shown))
+        return BadConfig(located(self.where, self.text, said, self.section, self.shown))
 
     def check(self, kind: Any, table: dict[str, Any]) -> Any:
         """Return a table as a dataclass.

@@ -9,15 +9,11 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput, UnknownName
 from wayfarer.fault_scenarios.catalogue.covered_by_tests import FaultTest
 from wayfarer.fault_scenarios.result import Result, Row, not_run
-from wayfarer.fault_scenarios.scenario import Scenario
-from wayfarer.fault_scenarios.scenario_rover import misfit, rover_of
+from wayfarer.fault_scenarios.scenario import Scenario, misfit, rover_of
 from wayfarer.simhal.build_rover import missing_package
 
 Selected = tuple[list[Scenario], list[Result]]
 """The scenarios that can be run, and the others as skipped."""
-
-
-RENAMED = {"compass-begins-anew": "compass-restarts"}  # since 0.1.0
 
 
 def without_covered_by_tests(rows: Sequence[Row]) -> Selected:
@@ -50,14 +46,12 @@ def chosen(rows: Sequence[Row], asked: str) -> list[Row]:
     """Return what a comma-separated list of names and row numbers asks for, in the order of ``rows``.
 
     Raises:
-        BadInput: there is no such row, or a scenario has another name now.
+        BadInput: there is no such row.
         UnknownName: no such scenario; the text offers the nearest names.
     """
     wanted: list[Row] = []
     for item in filter(None, map(str.strip, asked.split(","))):
         found = [row for row in rows if item in {row.name, str(row.row)}]
-        if item in RENAMED:
-            raise BadInput(f"scenario '{item}' is called {RENAMED[item]} now")
         if not found and item.isdecimal():
             raise BadInput(f"no scenario and no test has row {item}; --list shows all rows")
         if not found:

@@ -16,9 +16,9 @@ from wayfarer.experiments.executors import Stopped
 from wayfarer.experiments.progress_bar import say
 from wayfarer.experiments.rows import rounded_values
 from wayfarer.experiments.tables import number_text
-from wayfarer.fault_scenarios.batch import run_batch
 from wayfarer.fault_scenarios.command import store_rows
 from wayfarer.fault_scenarios.missions import DURATIONS_S, MissionRunner, Strike, Striking
+from wayfarer.fault_scenarios.runner import run_batch
 from wayfarer.fault_scenarios.table import section
 from wayfarer.safety.conditions import Condition
 from wayfarer.views.text.scripting import print_json

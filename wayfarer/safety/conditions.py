@@ -16,7 +16,7 @@ from typing import Final
 class Level(IntEnum):
     """Severity of a condition. The motor board's own deadman (S4) acts without wayfarer and is not listed."""
 
-    WELL = -1
+    WELL = -1  # nothing is wrong; logs record the names in lower case, so they stay
     NOTE = 0  # S0: written to the log
     DEGRADE = 1  # S1: continue with limits
     HOLD = 2  # S2: wheels zero, resumes when the condition clears

@@ -10,9 +10,8 @@ from typing import Final
 
 from mypy_extensions import mypyc_attr
 
-from wayfarer.simhal.compass_errors import CompassErrors, compass_errs
-from wayfarer.simhal.flow_errors import SQUAL_SEEN, blind_ground, flow_scale
 from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.sensor_errors import SQUAL_SEEN, CompassErrors, blind_ground, compass_errs, flow_scale
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 # PMW3901 at 0.1 m above ground: 0.213 mm a count (hardware.md 8.2).

@@ -11,7 +11,7 @@ from wayfarer.experiments.results_folder import swept_values
 from wayfarer.experiments.sweep.axes import Axis, Value
 from wayfarer.experiments.sweep.grid import Sweep, make_sweep
 from wayfarer.experiments.sweep.keys import current, laid_over_campaign
-from wayfarer.simhal.world.grounds import GroundName
+from wayfarer.simhal.world.physics import GroundName
 
 BASE = campaign_of(4)
 

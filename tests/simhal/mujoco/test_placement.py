@@ -1,4 +1,4 @@
-"""A rover that hangs is put down where it touches nothing."""
+"""A rover that is high-centred is put down where it touches nothing."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_pulling_back_frees_a_body_from_what_it_lies_on(forest: Forest, snagged:
     put_down_m = world.x_m, world.y_m
     assert hypot(put_down_m[0] - 25.0, put_down_m[1] - 12.5) < 2.0 * BODY.length_m
     world.advance_to(2.0)
-    assert not world.hangs
+    assert not world.high_centred
     assert world.touch is None
     assert (world.pitch_deg, world.roll_deg) == pytest.approx((0.0, 0.0), abs=0.1)
     assert (world.x_m, world.y_m) == pytest.approx(put_down_m, abs=0.002)

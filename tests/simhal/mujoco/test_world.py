@@ -18,7 +18,7 @@ from wayfarer.simhal.faults.kinds import KINDS
 from wayfarer.simhal.faults.world import Drive, Slip, Slope, WorldFault
 from wayfarer.simhal.mujoco.ground import MUD_FRICTION
 from wayfarer.simhal.mujoco.model import Unstable
-from wayfarer.simhal.mujoco.world import LOOK_EVERY, MujocoWorld
+from wayfarer.simhal.mujoco.world import OBSERVE_EVERY_STEPS, MujocoWorld
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSensorModel, HeadingSensorModel
 from wayfarer.simhal.world.forest import CLEARING
@@ -72,7 +72,7 @@ def test_watcher_looks_every_few_steps_and_sees_the_world() -> None:
     world.after_step = watch
     for t_s in (0.05, 0.05, 0.3):
         world.advance_to(t_s)
-    assert seen == list(range(LOOK_EVERY, 76, LOOK_EVERY))
+    assert seen == list(range(OBSERVE_EVERY_STEPS, 76, OBSERVE_EVERY_STEPS))
 
 
 def test_deadman_stops_the_wheels_in_time() -> None:
@@ -162,9 +162,9 @@ def test_shove_moves_a_body_whose_wheels_stand_still() -> None:
 def test_body_on_its_belly_hangs_after_a_while() -> None:
     world = rover_on(0.8, forest=trunk_across(12.5, 0.06))  # put down on it
     world.advance_to(2.0)
-    assert not world.hangs
+    assert not world.high_centred
     world.advance_to(8.0)
-    assert world.hangs
+    assert world.high_centred
 
 
 def test_what_the_engine_warns_of_is_an_error_and_no_outcome_and_no_file(

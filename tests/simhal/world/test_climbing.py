@@ -9,7 +9,7 @@ from math import degrees
 import pytest
 
 from tests.simhal.clearing import STEADY
-from wayfarer.config.chassis import AT_A_BRANCH, Chassis
+from wayfarer.config.chassis import CLIMBING_KEYS, Chassis
 from wayfarer.config.rover_file import load_rover
 from wayfarer.experiments.outcome import InterventionCounter
 from wayfarer.simhal.random_streams import RandomStreams
@@ -73,7 +73,7 @@ def test_strength_follows_from_the_papers_table(rover: str, strength: float) -> 
 
 
 def test_chassis_with_a_gap_says_which() -> None:
-    assert Chassis(ground_clearance_m=0.1).missing(AT_A_BRANCH) == ("weight_kg", "motors_n_m")
+    assert Chassis(ground_clearance_m=0.1).missing(CLIMBING_KEYS) == ("weight_kg", "motors_n_m")
     with pytest.raises(ValueError, match="weight_kg, motors_n_m"):
         Climbing(ROVER.vehicle, Chassis(ground_clearance_m=0.1), STEADY, RandomStreams(0))
 
@@ -89,13 +89,15 @@ def test_faster_rover_is_lifted_higher_at_contact() -> None:
 
 def test_rover_that_climbs_a_branch_is_off_its_wheels_and_is_helped() -> None:
     world, seen = world_of(0.06, stronger=20.0), []
-    intervention_counter = InterventionCounter(STEADY.tip_deg, lambda at: seen.append((at.y_m, at.pitch_deg, at.hangs)))
+    intervention_counter = InterventionCounter(
+        STEADY.tip_deg, lambda at: seen.append((at.y_m, at.pitch_deg, at.high_centred))
+    )
     world.after_step = intervention_counter.watch
     list(steps(world, 4.0))
-    assert intervention_counter.hangs > 0
+    assert intervention_counter.high_centred > 0
     assert intervention_counter.flips == 0
-    assert intervention_counter.interventions == intervention_counter.hangs
-    assert not any(hangs for _, _, hangs in seen)  # put back before the outcome monitor looks
+    assert intervention_counter.interventions == intervention_counter.high_centred
+    assert not any(high_centred for _, _, high_centred in seen)  # put back before the outcome monitor looks
 
 
 def test_overturned_rover_is_put_back_level_near_by_with_the_same_heading() -> None:
@@ -107,7 +109,7 @@ def test_overturned_rover_is_put_back_level_near_by_with_the_same_heading() -> N
         if intervention_counter.flips:
             break
     assert intervention_counter.flips == 1
-    assert (world.pitch_deg, world.hangs, degrees(world.heading_rad)) == (0.0, False, 0.0)
+    assert (world.pitch_deg, world.high_centred, degrees(world.heading_rad)) == (0.0, False, 0.0)
     assert before_m - 0.16 < world.y_m < before_m - 0.05
 
 

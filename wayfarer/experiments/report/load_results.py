@@ -33,8 +33,7 @@ from wayfarer.experiments.sweep.axes import MOST_AXES, MOST_DIGITS, Value
 from wayfarer.experiments.sweep.grid import MOST_TRIALS
 from wayfarer.files.regular_file import read_regular
 from wayfarer.simhal.mujoco.terrain import terrains_of
-from wayfarer.simhal.world.grounds import GroundName
-from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.physics import GroundName, Physics
 from wayfarer.simhal.world.slope import slopes_of
 
 ModelT = TypeVar("ModelT", bound=BaseModel)

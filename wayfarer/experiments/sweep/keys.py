@@ -20,8 +20,7 @@ from wayfarer.errors import BadInput, UnknownName
 from wayfarer.experiments.campaign import Campaign
 from wayfarer.experiments.sweep.axes import Value
 from wayfarer.setting_ranges import Metres
-from wayfarer.simhal.world.grounds import GroundName
-from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.physics import GroundName, Physics
 
 FOOTPRINT = "footprint_m"
 BODY = ("vehicle.length_m", "vehicle.width_m")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from wayfarer.config.rover_file import RoverConfig, part_settings
-from wayfarer.config.wiring import I2C, SERIAL, SPI, buses_asked
+from wayfarer.config.wiring import I2C, SERIAL, SPI, required_buses
 from wayfarer.simhal.chip_wiring import driver_name
 from wayfarer.simhal.faults.bus_hang import Hang
 from wayfarer.simhal.faults.wires import FaultyBuses, FaultyWire
@@ -57,7 +57,7 @@ def is_on(part: str, places: tuple[str, ...], config: RoverConfig) -> bool:
 def _bus_of(part: str, table: Mapping[str, Any]) -> tuple[str, str, Any]:
     """Return the kind and name of the bus that a part is on, and the part's settings; no name where it is on none."""
     driver, settings = part_settings(part, table)
-    for kind, name in buses_asked(driver, settings):
+    for kind, name in required_buses(driver, settings):
         if kind != I2C or hasattr(settings, "address"):
             return kind, name, settings
     name = getattr(settings, "camera", "")

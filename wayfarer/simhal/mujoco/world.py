@@ -1,8 +1,8 @@
 """The world in MuJoCo: the same interface as ``simhal.world.world.World``, with wheels that grip and slip.
 
-The engine takes steps of ``model.STEP_S``; every ``LOOK_EVERY`` of them the world looks round: what touches, what is
-under the wheels, and the outcome monitor. What is read in between is where the body is, never what was seen last, so
-that nothing depends on the order and the rates in which parts ask.
+The engine takes steps of ``model.STEP_S``; every ``OBSERVE_EVERY_STEPS`` of them the world looks round: what
+touches, what is under the wheels, and the outcome monitor. What is read in between is where the body is, never what was
+seen last, so that nothing depends on the order and the rates in which parts ask.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ from wayfarer.simhal.world.simulated_world import (
 from wayfarer.simhal.world.slope import hillside_of
 from wayfarer.simhal.world.wheeled_body import WheeledBody
 
-LOOK_EVERY = 5  # steps: 20 ms, well within a control tick
+OBSERVE_EVERY_STEPS = 5  # steps: 20 ms, well within a control tick
 SETTLES_S = 0.5  # for which a rover that is put down comes to rest on its tyres before anything counts
 # Wheels slip when the ground passes less than half as fast as their rims, and not by a rounding error.
 SLIPS_BELOW_SHARE, SLIPS_ABOVE_M_S = 0.5, 0.1
-HANGS_AFTER_S = 5.0  # on its belly, with too few wheels to drive off; from no source
+HIGH_CENTRED_AFTER_S = 5.0  # on its belly, with too few wheels to drive off; from no source
 
 
 class MujocoWorld:
@@ -66,7 +66,7 @@ class MujocoWorld:
     ) -> None:
         self.physics, self.terrain, self.body = physics, terrain, body
         self.touch: Touch | None = None
-        self.hangs = False
+        self.high_centred = False
         self.field_deg = self.ground_pitch_deg = self.ground_roll_deg = 0.0
         self.battery_v = FULL_BATTERY_V
         self.deadman_at_s = inf
@@ -92,7 +92,7 @@ class MujocoWorld:
         self._placement = Placement(self.model, self.data, body, field, self._contacts)
         self._slips = self._tilts = False
         self._hillside = hillside_of(physics, forest)
-        self._hanging_s = 0.0
+        self._high_centred_s = 0.0
         self._displacement = Displacement()
         self._sides = streams.generator("world.rover").normal(1.0, physics.side_gain_sd, 2).tolist()
         self._put_down(*forest.start_m, radians(forest.heading_deg))
@@ -190,7 +190,7 @@ class MujocoWorld:
 
     def _run_to(self, steps: int) -> None:
         while self.steps < steps:
-            looks_at = (self.steps // LOOK_EVERY + 1) * LOOK_EVERY
+            looks_at = (self.steps // OBSERVE_EVERY_STEPS + 1) * OBSERVE_EVERY_STEPS
             upto = min(steps, looks_at)
             mujoco.mj_step(self.model, self.data, upto - self.steps)
             self.steps = upto
@@ -208,7 +208,7 @@ class MujocoWorld:
         if self._warned.any() or self.x_m != self.x_m:  # NaN
             raise_unstable(self.data, self.t_s)
         ahead_m = self._displacement.look(self._pose)
-        speed_m_s = ahead_m / (LOOK_EVERY * self._step_s)
+        speed_m_s = ahead_m / (OBSERVE_EVERY_STEPS * self._step_s)
         self._feel_contacts()
         self._feel_slip(speed_m_s)
         if self._mud.anywhere:
@@ -222,8 +222,8 @@ class MujocoWorld:
         """Note what the body touches, and whether it lies on its belly."""
         touched, hanging = self._contacts.feel()
         self.touch = touched and Touch(touched, side_of(touched, self.x_m, self.y_m, self.heading_rad))
-        self._hanging_s = self._hanging_s + LOOK_EVERY * self._step_s if hanging else 0.0
-        self.hangs = self._hanging_s >= HANGS_AFTER_S
+        self._high_centred_s = self._high_centred_s + OBSERVE_EVERY_STEPS * self._step_s if hanging else 0.0
+        self.high_centred = self._high_centred_s >= HIGH_CENTRED_AFTER_S
 
     def _feel_slip(self, speed_m_s: float) -> None:
         rims_m_s = sum(self.data.qvel[6:10].tolist()) / 4.0 * self.body.wheel_radius_m
@@ -255,7 +255,7 @@ class MujocoWorld:
             return False
         state = np.empty(mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_INTEGRATION))
         mujoco.mj_getState(self.model, self.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
-        mujoco.mj_step(self.model, self.data, LOOK_EVERY)
+        mujoco.mj_step(self.model, self.data, OBSERVE_EVERY_STEPS)
         clear = not self._contacts.with_obstacles()
         mujoco.mj_setState(self.model, self.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
         return clear
@@ -270,7 +270,7 @@ class MujocoWorld:
         mujoco.mj_step(self.model, self.data, round(SETTLES_S / self._step_s))
         self.data.qvel[:] = 0.0
         self._hold(self.body_faults.snagged)
-        self.touch, self.hangs, self._hanging_s = None, False, 0.0
+        self.touch, self.high_centred, self._high_centred_s = None, False, 0.0
         self._read_pose()
         if self._hillside is not None:
             self._tilt_ground()

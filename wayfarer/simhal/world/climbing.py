@@ -10,7 +10,7 @@ from math import asin, atan, degrees, radians, sin
 from typing import Final
 
 from wayfarer.clamp import clamp
-from wayfarer.config.chassis import AT_A_BRANCH, STANDARD_GRAVITY_M_S2, Chassis
+from wayfarer.config.chassis import CLIMBING_KEYS, STANDARD_GRAVITY_M_S2, Chassis
 from wayfarer.escape.api import Vehicle
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.collision import BodyOutline, Obstacle, ObstacleGrid, low_trunks_of
@@ -33,7 +33,7 @@ class Climbing:
     def __init__(self, vehicle: Vehicle, chassis: Chassis, physics: Physics, streams: RandomStreams) -> None:
         clearance_m, weight_kg, motors_n_m = chassis.ground_clearance_m, chassis.weight_kg, chassis.motors_n_m
         if clearance_m is None or weight_kg is None or motors_n_m is None:
-            raise ValueError(f"the chassis does not give {', '.join(chassis.missing(AT_A_BRANCH))}")
+            raise ValueError(f"the chassis does not give {', '.join(chassis.missing(CLIMBING_KEYS))}")
         self.clearance_m = clearance_m
         self._length_m = vehicle.length_m
         self.strength = motors_n_m / (weight_kg * STANDARD_GRAVITY_M_S2 * vehicle.length_m / 2.0)

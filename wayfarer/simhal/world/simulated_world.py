@@ -82,7 +82,7 @@ class SimulatedWorld(Protocol):
     pitch_deg: float
     roll_deg: float
     touch: Touch | None
-    hangs: bool
+    high_centred: bool  # it lies on its belly, and its wheels are off the ground
     body_faults: BodyFaults
     commanded: tuple[float, float]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import hypot
 from typing import Final, NamedTuple
 
-from wayfarer.config.chassis import ON_WHEELS, Chassis
+from wayfarer.config.chassis import WHEEL_KEYS, Chassis
 from wayfarer.errors import BadConfig
 from wayfarer.escape.api import Vehicle
 
@@ -79,12 +79,12 @@ def body_of(name: str, vehicle: Vehicle, chassis: Chassis, asked_by: str) -> Whe
     Raises:
         BadConfig: its file does not give all that a body with wheels needs, or gives what cannot be built.
     """
-    if missing := chassis.missing(ON_WHEELS):
+    if missing := chassis.missing(WHEEL_KEYS):
         raise BadConfig(
             f"rover '{name}' has no chassis.{missing[0]}, and {asked_by} needs a body with wheels;"
             " use --rover sim, forestrover or minirover, or add [chassis] to its file, as in their files"
         )
-    weight_kg, motors_n_m, radius_m, height_m = (getattr(chassis, key) for key in ON_WHEELS)
+    weight_kg, motors_n_m, radius_m, height_m = (getattr(chassis, key) for key in WHEEL_KEYS)
     given_m = chassis.ground_clearance_m
     clearance_m = CLEARANCE_PER_RADIUS * radius_m if given_m is None else given_m
     if not 4.0 * radius_m < vehicle.length_m:

@@ -85,7 +85,7 @@ class World:
         self.right_m = 0.0  # this body never slides sideways
         self.touch: Touch | None = None
         self.slipping = False
-        self.hangs = False
+        self.high_centred = False
         self.field_deg = 0.0
         self.ground_pitch_deg = self.ground_roll_deg = 0.0
         self.battery_v = FULL_BATTERY_V
@@ -153,7 +153,7 @@ class World:
         self.x_m, self.y_m, self.heading_rad = x_m, y_m, radians(heading_deg)
         self.touch, self._free_m = None, 0.0
         self.pitch_deg = self.roll_deg = 0.0
-        self.hangs = False
+        self.high_centred = False
 
     def pull_back(self, distance_m: float) -> None:
         """Put the body level on the ground, as far behind where it is as is free up to that distance."""
@@ -314,7 +314,7 @@ class World:
                 self.pitch_deg = pitch_deg + duty * self.physics.climb_deg_s * self._step_s
             else:
                 self.pitch_deg = pitch_deg + self._climb(self._climbing, duty, first=first)
-                self.hangs = self._climbing.is_on(hit, self.pitch_deg)
+                self.high_centred = self._climbing.is_on(hit, self.pitch_deg)
         self._left_m_s = self._right_m_s = 0.0
 
     def _climb(self, climbing: Climbing, duty: float, *, first: bool) -> float:

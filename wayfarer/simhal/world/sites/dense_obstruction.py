@@ -34,7 +34,7 @@ def lay(draw: Draw) -> SiteLayout:
     ground.keep_free(CLEAR_M)
     x_m, y_m = START_M
     around = Box(x_m - RING_M[1], y_m - RING_M[1], x_m + RING_M[1], y_m + RING_M[1])
-    ground.stand_trees(TREES, around, draw, clear_m=1.2)
+    ground.place_trees(TREES, around, draw, clear_m=1.2)
     return ground
 
 

@@ -33,7 +33,7 @@ def lay(draw: Draw) -> SiteLayout:
     for _ in range(TWIGS):
         middle_m = draw(around.west_m, around.east_m), draw(around.south_m, around.north_m)
         ground.lay_branch(middle_m, draw(0.0, 180.0), draw(*TWIG_M), draw(*TWIG_DIAMETER_M))
-    ground.stand_trees(TREES, around, draw, clear_m=1.0)
+    ground.place_trees(TREES, around, draw, clear_m=1.0)
     return ground
 
 

@@ -25,7 +25,7 @@ def lay(draw: Draw) -> SiteLayout:
             middle_m = draw(WORLD.west_m, WORLD.east_m), draw(WORLD.south_m, WORLD.north_m)
             ground.lay_branch(middle_m, draw(0.0, 180.0), draw(*length_m), draw(*diameter_m))
     ground.keep_free(CLEAR_M)
-    ground.stand_trees(TREES, WORLD, draw, clear_m=1.5)
+    ground.place_trees(TREES, WORLD, draw, clear_m=1.5)
     return ground
 
 

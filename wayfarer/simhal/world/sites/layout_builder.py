@@ -40,7 +40,7 @@ class SiteLayout:
             if trunk.distance_m(*self.start_m) > radius_m + diameter_m / 2.0
         ]
 
-    def stand_trees(self, count: int, within: Box, draw: Draw, clear_m: float) -> None:
+    def place_trees(self, count: int, within: Box, draw: Draw, clear_m: float) -> None:
         """Stand trees that touch nothing and leave the start a clearing of radius ``clear_m``.
 
         A place that has no room is left empty: dense ground has fewer trees.

@@ -7,7 +7,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from wayfarer.drivers.pmw3901 import PMW3901Settings
-from wayfarer.drivers.pmw3901_burst import Burst, contradiction, decode, quality
+from wayfarer.drivers.pmw3901_registers import Burst, contradiction, decode, quality
 
 NORMAL = bytes.fromhex("B0 BF 05 00 FB FF 4C 55 A0 1E 02 58")  # hardware.md 8.2
 STANDING = bytes.fromhex("30 BF 00 00 00 00 4C 55 A0 1E 02 58")

@@ -1,0 +1,121 @@
+"""``wayfarer list``: algorithms, rovers and drivers; what can be wrong with a rover, what it does, and what ends it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+import typer
+
+from wayfarer.cli.options import AsJson
+from wayfarer.errors import BadInput
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from wayfarer.safety.conditions import Condition
+    from wayfarer.safety.responses import Response
+
+
+class Described(NamedTuple):
+    """An algorithm in words."""
+
+    name: str
+    family: str
+    needs: tuple[str, ...]
+    summary: str
+
+
+def list_names(
+    *,
+    conditions: Annotated[
+        bool, typer.Option("--conditions", help="List what can be wrong with a rover, and what it does about it.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """List all algorithms, rovers and drivers, also those of installed third-party packages."""
+    from rich.console import Console
+
+    from wayfarer.config.registry import algorithm_names, driver_names
+    from wayfarer.config.rover_file import rover_names
+    from wayfarer.views.text.scripting import print_json
+
+    if conditions:
+        _print_conditions(as_json=as_json)
+        return
+    algorithms = list(map(_algorithm_in_words, algorithm_names()))
+    if as_json:
+        print_json({"algorithms": algorithms, "rovers": rover_names(), "drivers": driver_names()})
+        return
+    console = Console()
+    console.print(_algorithm_table(algorithms))
+    console.print()
+    console.print("rovers: ", ", ".join(rover_names()) or "none", highlight=False)
+    console.print("drivers:", ", ".join(driver_names()) or "none", highlight=False)
+
+
+def _algorithm_table(algorithms: Iterable[Described]) -> Table:
+    from wayfarer.views.text.terminal_table import Column, table
+
+    columns: list[Column[Described]] = [
+        Column("algorithm", lambda each: each.name, left=True),
+        Column("family", lambda each: each.family, left=True),
+        Column("needs", lambda each: ", ".join(each.needs), left=True),
+        Column("what it does", lambda each: each.summary, left=True, wraps=True),
+    ]
+    return table(columns, algorithms)
+
+
+def _algorithm_in_words(name: str) -> Described:
+    """Say what an algorithm is; a third party's that cannot be loaded must not hide the others."""
+    from wayfarer.config.registry import find_algorithm
+
+    try:
+        found = find_algorithm(name)
+    except BadInput as error:
+        return Described(name, "", (), f"cannot be loaded: {error}")
+    origin = "" if found.origin == "wayfarer" else f" (from {found.origin})"
+    return Described(name, found.family, tuple(sorted(found.requires)), found.summary + origin)
+
+
+def _print_conditions(*, as_json: bool) -> None:
+    """Print the table of conditions, the dangers first."""
+    from rich.console import Console
+
+    from wayfarer.safety.responses import RESPONSES, Kind
+    from wayfarer.views.text.scripting import print_json
+    from wayfarer.views.text.terminal_table import Column, table
+
+    if as_json:
+        print_json({"conditions": [_condition_in_words(*item) for item in RESPONSES.items()]})
+        return
+    columns: list[Column[Mapping[str, Any]]] = [
+        Column("condition", lambda row: row["condition"], left=True),
+        Column("level", lambda row: row["level"], left=True),
+        Column("among people", lambda row: row["among_people"], left=True, wraps=True),
+        Column("what is wrong, what the rover does, and until when", _sentences, left=True, wraps=True),
+    ]
+    console = Console()
+    for kind in Kind:
+        rows = (_condition_in_words(*item) for item in RESPONSES.items() if item[1].kind is kind)
+        console.print(f"{kind.value}: {kind.meaning}", highlight=False)
+        console.print(table(columns, rows))
+        console.print()
+
+
+def _condition_in_words(condition: Condition, row: Response) -> dict[str, str]:
+    return {
+        "condition": condition.value,
+        "level": row.level.name.lower(),
+        "among_people": row.level_among_people.name.lower(),
+        "kind": row.kind.value,
+        "what": row.what,
+        "does": row.does,
+        "ends_when": row.ends_when,
+    }
+
+
+def _sentences(row: Mapping[str, Any]) -> str:
+    from wayfarer.fieldlog.wording import sentence
+
+    return f"{sentence(row['what'])}. The rover {row['does']}. Until: {row['ends_when']}."
