@@ -159,8 +159,8 @@ def summary(
 ) -> None:
     """Summarise a run: distance, duration, anomalies, and where the rover is likely to be."""
     from wayfarer.fieldlog.reader import RunReader
-    from wayfarer.views.text.run_summariser import summarise
     from wayfarer.views.text.scripting import print_json
+    from wayfarer.views.text.summary import summarise
     from wayfarer.views.text.summary_text import summary_text
 
     reader = RunReader(find_run(run, log_folder(logs)))

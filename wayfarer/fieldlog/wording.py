@@ -1,7 +1,7 @@
 """Texts for what happened in a run, in one line of a terminal. Pure.
 
-The one place for them: terminal, journal, live page, Foxglove, reports and exports take them from here. Those for
-control ticks are in ``tick_wording``.
+The one place for them: terminal, journal, live page, Foxglove, reports and exports take them from here. The words for
+names of phases, anomalies, levels and conditions are in ``vocabulary``.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from wayfarer.fieldlog.printable import clean
 from wayfarer.fieldlog.run_events import Ended, FaultInjected, Silence, event_name
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Fix
-from wayfarer.fieldlog.vocabulary import CAUSE_TEXTS, PART_TEXTS, disarmed_text, ends_text, level_text
+from wayfarer.fieldlog.vocabulary import disarmed_text, ends_text, in_words, level_text
 
 
 class Tone(Enum):
@@ -192,9 +192,7 @@ OPTIONAL = re.compile(r"\[(.*?)\]")
 MISSING = {"goal_heading_deg": "straight ahead", "dropped": "Some records"}  # else ``UNKNOWN``
 WORDS: Mapping[str, Callable[[Any], str]] = {
     "goal_heading_deg": lambda angle_deg: f"towards {whole_deg(angle_deg)} degrees",
-    "part": lambda part: PART_TEXTS.get(part, clean(part)),
-    "sensor": lambda sensor: PART_TEXTS.get(sensor, clean(sensor)),
-    "cause": lambda cause: CAUSE_TEXTS.get(cause, clean(cause)),
+    **dict.fromkeys(("part", "sensor", "cause"), lambda name: clean(in_words(name))),
     "reason": lambda reason: clean(disarmed_text(reason).replace("_", " ")),
     "counts": lambda counts: _value(counts).replace("_", " "),
     "dropped": lambda count: plural(count, "record"),

@@ -53,7 +53,7 @@ from wayfarer.views.run_report.tables import (
     settings_table,
 )
 from wayfarer.views.run_report.track import track_of, tracks_of
-from wayfarer.views.text.run_summariser import summarise
+from wayfarer.views.text.summary import summarise
 from wayfarer.views.text.summary_text import summary_facts
 
 HOSTILE = "</script><script>alert('&')</script>"
@@ -168,7 +168,7 @@ def test_conditions_are_told_with_their_time_and_response_while_the_rover_was_ar
     blind = {"level": "degrade", "cause": "motion_lost"}
     ticks = [tick(0.05 * at, **(blind if at >= 20 else {})) for at in range(61)]
     told = text_of(conditions_table(data_of(tmp_path / "armed", HEADER, ARMED, *ticks)))
-    assert "The motion sensor's picture has been too poor for seconds 0:00:02.0 it drives at most 3 m" in told
+    assert "The motion sensor's picture has been too poor for seconds 0:00:02.0 it drives a stride ahead" in told
     told = text_of(conditions_table(data_of(tmp_path / "disarmed", HEADER, *ticks)))
     assert told == "While it was armed, nothing was wrong with the rover itself."
 

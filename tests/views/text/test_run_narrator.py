@@ -38,9 +38,9 @@ def test_change_of_phase_is_a_line_with_what_was_felt() -> None:
     )
     assert lines == [
         "0:00:01.00  follow     heading   0  counter   +0     0.5 m",
-        "0:00:01.10  back_off   heading   0  counter   -0     0.6 m  it stalled on its way to the goal",
+        "0:00:01.10  back_off   heading   0  counter   -0     0.6 m  stalled while following the goal",
         "1:02:05.00  no ticks for 3723.8 s",
-        "1:02:05.00  probe      heading   0  counter +390     3.2 m  it took too long while turning away",
+        "1:02:05.00  probe      heading   0  counter +390     3.2 m  took too long turning away",
     ]
 
 
@@ -80,13 +80,13 @@ def test_change_of_phase_is_a_sentence_where_only_changes_are_told() -> None:
         verbosity=Verbosity.CHANGES,
     )
     assert [line[12:] for line in lines] == [
-        "Stopped",
-        "Follows the goal heading (heading 0, 1.0 m)",
-        "Backs off, because it stalled on its way to the goal (heading 272, 12.3 m)",
-        "It stalled and it touched something while backing off (heading 0, 12.3 m)",
-        "Turns away, because the back-off was done (heading 0, 12.8 m)",
-        "Probes: drives ahead in a curve, because it took too long while turning away, nose up (heading 0, 13.2 m)",
-        "spin, because of joy (heading 0, 13.7 m)",
+        "Standing",
+        "Following the goal (heading 0, 1.0 m)",
+        "Backing off: stalled while following the goal (heading 272, 12.3 m)",
+        "Stalled and touching something while backing off (heading 0, 12.3 m)",
+        "Turning away: finished backing off (heading 0, 12.8 m)",
+        "Probing in a curve: took too long turning away, nose up (heading 0, 13.2 m)",
+        "spin: of joy (heading 0, 13.7 m)",
     ]
 
 
@@ -150,7 +150,7 @@ def test_time_without_ticks_is_told_when_it_is_over() -> None:
     lines = told(tick(1.0), tick(4.5, phase="back_off", why="follow.anomaly"), verbosity=Verbosity.CHANGES)
     assert lines[1:] == [
         "0:00:04.50  no ticks for 3.5 s",
-        "0:00:04.50  Backs off, because there was an anomaly on its way to the goal (heading 0, 2.2 m)",
+        "0:00:04.50  Backing off: anomaly while following the goal (heading 0, 2.2 m)",
     ]
 
 

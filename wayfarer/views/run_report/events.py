@@ -7,7 +7,7 @@ from math import radians
 from typing import Any, NamedTuple
 
 from wayfarer.fieldlog.run_events import Noted, Silence
-from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS
+from wayfarer.fieldlog.vocabulary import in_words
 from wayfarer.fieldlog.wording import Tone, event_text, event_tone, silence_text
 from wayfarer.views import palette
 from wayfarer.views.page.html import PlotLayer
@@ -52,7 +52,7 @@ def event_marks(data: RunData) -> list[EventMark]:
 def _anomalies(data: RunData) -> Iterator[EventMark]:
     for onset in data.onsets:
         shape, turned_deg = palette.ANOMALY_MARKERS[onset.kind]
-        yield EventMark(onset.elapsed_s, "anomaly", ANOMALY_TEXTS[onset.kind], shape, turned_deg)
+        yield EventMark(onset.elapsed_s, "anomaly", in_words(onset.kind), shape, turned_deg)
 
 
 def _events(data: RunData) -> Iterator[EventMark]:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from wayfarer.fieldlog import vocabulary
 from wayfarer.fieldlog.folders import run_title
 from wayfarer.views import palette
 from wayfarer.views.page import html
@@ -101,8 +100,7 @@ def _map(tracks: Sequence[Track], names: Sequence[str], plots: Plots) -> Iterato
 def _layers(tracks: Sequence[Track]) -> Iterator[html.PlotLayer]:
     """Yield what can be switched off: of one run also its phases."""
     if len(tracks) == 1:
-        for phase, colour in palette.PHASE_COLOURS.items():
-            yield html.PlotLayer(phase, vocabulary.PHASE_TEXTS[phase], colour)
+        yield from html.phase_layers()
     if any(track.reckoned for track in tracks):
         yield html.PlotLayer("reckoned", "dead reckoning", palette.RECKONED, shown=len(tracks) == 1)
     if any(track.fixes for track in tracks):

@@ -21,17 +21,21 @@ from wayfarer.fieldlog.run_events import (
     RunBegan,
     Silence,
 )
-from wayfarer.fieldlog.tick_wording import aim_text, anomaly_text, phase_text, reason_text, state_text, tick_text
 from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Tick
+from wayfarer.fieldlog.vocabulary import because, in_words, met
 from wayfarer.fieldlog.wording import (
+    NOTHING,
     Tone,
+    detail_text,
     event_text,
     event_tone,
     fault_text,
     outcome_text,
     place_text,
     run_text,
+    sentence,
     silence_text,
+    whole_deg,
 )
 
 STATUS_S = 5.0  # a line at least so often while the rover drives
@@ -92,17 +96,21 @@ class RunNarrator:
 
     def _tick(self, tick: Tick, change: Change | None) -> Iterable[Told]:
         if self._verbosity is Verbosity.TICKS:
-            return [(tick_text(tick), Tone.PLAIN)]
+            return [(_tick_text(tick), Tone.PLAIN)]
         if self._verbosity is Verbosity.CHANGES:
-            tell = phase_text if isinstance(change, PhaseChanged) else anomaly_text
-            return [] if change is None else [(tell(tick), Tone.PHASE)]
+            return [] if change is None else [(_change_text(change, tick), Tone.PHASE)]
         due_s = STANDING_S if tick.phase == "halt" else STATUS_S
         if change is None and tick.t_s - self._status_t_s < due_s:
             return []
         self._status_t_s = tick.t_s
-        if change is not None:
-            return [(f"{state_text(tick)}  {reason_text(tick)}".rstrip(), Tone.PHASE)]
-        return [(f"{state_text(tick)}  {aim_text(tick, self._battery_v)}".rstrip(), Tone.QUIET)]
+        about, tone = (self._aim(tick), Tone.QUIET) if change is None else (reason_text(tick), Tone.PHASE)
+        return [(f"{_state(tick)}  {about}".rstrip(), tone)]
+
+    def _aim(self, tick: Tick) -> str:
+        """Return the goal heading and the battery, as far as they are known."""
+        goal_deg, battery_v = tick.goal_heading_deg, self._battery_v
+        told = [] if goal_deg is None else [f"goal {whole_deg(goal_deg)}"]
+        return ", ".join(told if battery_v is None else [*told, f"{battery_v:.1f} V"])
 
     def _fix(self, fix: Fix) -> Iterable[Told]:
         if fix.t_s - self._position_t_s < STANDING_S:
@@ -136,3 +144,61 @@ def happened(event: RunEvent) -> Iterator[Told]:
                 yield f"the log begins with part {header.part}: earlier parts are missing", Tone.WARNING
         case Ended():
             yield outcome_text(event), Tone.END
+
+
+# -- control ticks ---------------------------------------------------------------------------------------------------
+
+
+def reason_text(tick: Tick) -> str:
+    """Return why the rover does something else from this tick on, and the anomalies that it meets."""
+    why = tick.why if tick.why and tick.why != tick.phase else ""  # in later ticks of a phase it is the phase's name
+    return because(why, tick.anomalies)
+
+
+def further_texts(tick: Tick) -> list[str]:
+    """Return what the log has of a tick under keys that no view names."""
+    return [detail_text(key, value) for key, value in tick.further.items() if value not in NOTHING]
+
+
+def _change_text(change: Change, tick: Tick) -> str:
+    """Say what the rover does from this tick on, and why; or what it meets, where that changes nothing."""
+    if isinstance(change, PhaseChanged):
+        told = ": ".join(filter(None, [in_words(tick.phase or "?"), reason_text(tick)]))
+    else:
+        told = sentence(met(tick.anomalies, tick.phase))
+    heading = "" if tick.heading_deg is None else _heading(tick)
+    where = ", ".join(filter(None, [heading, _travelled(tick)]))
+    return f"{told} ({where})" if where else told
+
+
+def _state(tick: Tick) -> str:
+    """Return phase, heading, counter and distance, in columns."""
+    counter = "" if tick.counter_deg is None else f"counter {tick.counter_deg:+4.0f}"
+    return f"{_phase_heading(tick)}  {counter:<12}  {_travelled(tick):>8}"
+
+
+def _phase_heading(tick: Tick) -> str:
+    return f"{tick.phase or '?':<9}  {_heading(tick, 3):<11}"
+
+
+def _heading(tick: Tick, width: int = 0) -> str:
+    return "no heading" if tick.heading_deg is None else f"heading {whole_deg(tick.heading_deg):>{width}}"
+
+
+def _travelled(tick: Tick) -> str:
+    return "" if tick.travelled_m is None else f"{tick.travelled_m:.1f} m"
+
+
+def _tick_text(tick: Tick) -> str:
+    """Say everything about a single tick that fits a line."""
+    held = f"{tick.level}: {in_words(tick.cause)}" if tick.cause else ""
+    wheels = (
+        f"wanted {_duties(tick.wanted_left, tick.wanted_right)}, "
+        f"applied {_duties(tick.applied_left, tick.applied_right)}"
+    )
+    told = filter(None, [reason_text(tick), held, *further_texts(tick)])
+    return ", ".join([f"{_phase_heading(tick)}  {wheels}", *told])
+
+
+def _duties(*duties: float | None) -> str:
+    return "/".join("?" if duty is None else f"{duty:+.2f}" for duty in duties)
