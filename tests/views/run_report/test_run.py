@@ -109,7 +109,7 @@ def test_page_is_whole_needs_nothing_else_and_has_all_tables(eventful: tuple[Run
         assert table(data) in page
 
 
-def test_marks_are_numbered_in_list_map_and_time_lines(eventful: tuple[RunData, str]) -> None:
+def test_marks_are_numbered_in_list_map_and_time_series(eventful: tuple[RunData, str]) -> None:
     _, page = eventful
     assert f"mark 1: hit log 0:00:02.0 mark 2: {HOSTILE}" in unescape(text_of(page))
     assert drawn(page).count('["mark 1: hit log","mark 2: ') == 2
@@ -121,7 +121,7 @@ def test_trouble_stands_out_and_an_operators_hold_does_not(eventful: tuple[RunDa
     assert trouble.startswith("Wheels held until this clears: the compass is silent. This ends when ")
 
 
-def test_held_wheels_the_battery_and_a_new_key_are_in_the_time_lines(eventful: tuple[RunData, str]) -> None:
+def test_held_wheels_the_battery_and_a_new_key_are_in_the_time_series(eventful: tuple[RunData, str]) -> None:
     _, page = eventful
     assert '"Wheels held until this clears, for 1.0 s"' in drawn(page)
     assert {"battery, V", "moon_deg"} <= set(titles(page))
@@ -235,7 +235,7 @@ def test_log_without_ticks_says_so(tmp_path: Path) -> None:
     assert words.NO_WAY in text_of(page)
 
 
-def test_log_without_a_heading_still_has_time_lines(tmp_path: Path) -> None:
+def test_log_without_a_heading_still_has_time_series(tmp_path: Path) -> None:
     page = page_of(tmp_path, HEADER, *(tick(0.05 * step, heading_deg=None) for step in range(40)), OUTCOME)
     assert words.NO_WAY in text_of(page)
     assert {"speed, m/s", "duty"} <= set(titles(page))

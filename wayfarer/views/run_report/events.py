@@ -17,7 +17,7 @@ LAYERS = (
     PlotLayer("anomaly", "anomalies", palette.ANOMALY),
     PlotLayer("mark", "marks", palette.EDGE),
     PlotLayer("trouble", "trouble", palette.TROUBLE),
-    PlotLayer("person", "by hand", palette.PERSON),
+    PlotLayer("person", "operator", palette.PERSON),
     PlotLayer("other", "other", palette.GREY, shown=False),
 )
 
@@ -62,8 +62,8 @@ def _events(data: RunData) -> Iterator[EventMark]:
         elif event.name == "mark":
             yield EventMark(event.elapsed_s, "mark", event_words(event), "hex")
         else:
-            by_hand = event_tone(event.record) is Tone.PERSON
-            layer = "trouble" if is_trouble(event) else "person" if by_hand else "other"
+            asked_for = event_tone(event.record) is Tone.PERSON
+            layer = "trouble" if is_trouble(event) else "person" if asked_for else "other"
             yield EventMark(event.elapsed_s, layer, event_words(event))
 
 

@@ -22,7 +22,7 @@ from wayfarer.views.text.summary_text import summary_facts
 (_place,) = html.macros("wayfarer.views.run_report", "place")
 
 NO_WAY = "The log has no heading, so the path of the rover is unknown."
-NO_TICKS = "No time lines: the log has no control ticks, or ticks without values."
+NO_TICKS = "No time series: the log has no control ticks, or ticks without values."
 NO_FOREST = "The log is of a simulated run, but its forest or its true path is missing or cannot be read."
 LAST_GOALS = 5  # as many stand in the header
 BANDS = "Colours behind the lines: what the rover did; none: it stood."
@@ -74,7 +74,7 @@ def number_of(run: Path) -> str:
 
 
 def panels_text(runs: Sequence[RunData]) -> str:
-    """Explain the time lines; two runs have no colours behind them."""
+    """Explain the time series; two runs have no colours behind them."""
     return f"{BANDS} {PANELS}" if len(runs) == 1 else PANELS
 
 

@@ -34,7 +34,7 @@ def summary_facts(run: str, summary: RunSummary, damage: Damage, *, utc: bool = 
         ("escapes", [_escapes(summary)]),
         ("battery", [_battery(summary)]),
         ("failures", [counted({**_sensors(summary), **summary.failures})]),
-        ("by hand", _by_hand(summary)),
+        ("operator", _operator(summary)),
         ("clock", [_clock(summary)]),
         ("ticks", [_ticks(summary)]),
         ("log", [_log(summary, damage)]),
@@ -121,7 +121,7 @@ def _sensors(summary: RunSummary) -> dict[str, int]:
     return {f"{sensor} did not answer": count for sensor, count in summary.sensor_failures.items()}
 
 
-def _by_hand(summary: RunSummary) -> Iterator[str]:
+def _operator(summary: RunSummary) -> Iterator[str]:
     asked = {"marks": len(summary.marks), "holds": summary.holds, "new goals": summary.goals}
     yield counted(asked)
     yield from (f"{duration_text(mark.at_s)} {mark.text}" for mark in summary.marks)
