@@ -22,7 +22,7 @@ from wayfarer.fieldlog.run_events import (
     Silence,
 )
 from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Tick
-from wayfarer.fieldlog.vocabulary import because, in_words, met
+from wayfarer.fieldlog.vocabulary import PHASE_TEXTS, because, in_words, met
 from wayfarer.fieldlog.wording import (
     NOTHING,
     Tone,
@@ -40,13 +40,14 @@ from wayfarer.fieldlog.wording import (
 
 STATUS_S = 5.0  # a line at least so often while the rover drives
 STANDING_S = 60.0  # and while it stands: enough to see that it lives
+WIDEST = max(map(len, PHASE_TEXTS.values()))  # characters
 
 Told = tuple[str, Tone]
 Change = PhaseChanged | AnomalyBegan
 
 
 class Verbosity(Enum):
-    """What is told of the control ticks: changes in sentences, changes and a status in columns, or every tick."""
+    """What is told of the control ticks: changes, changes and a status now and then, or every tick."""
 
     CHANGES = "changes"
     STATUS = "status"
@@ -97,20 +98,17 @@ class RunNarrator:
     def _tick(self, tick: Tick, change: Change | None) -> Iterable[Told]:
         if self._verbosity is Verbosity.TICKS:
             return [(_tick_text(tick), Tone.PLAIN)]
-        if self._verbosity is Verbosity.CHANGES:
-            return [] if change is None else [(_change_text(change, tick), Tone.PHASE)]
         due_s = STANDING_S if tick.phase == "halt" else STATUS_S
         if change is None and tick.t_s - self._status_t_s < due_s:
             return []
         self._status_t_s = tick.t_s
-        about, tone = (self._aim(tick), Tone.QUIET) if change is None else (reason_text(tick), Tone.PHASE)
-        return [(f"{_state(tick)}  {about}".rstrip(), tone)]
+        return [(self._status(tick), Tone.QUIET)] if change is None else [(_change_text(change, tick), Tone.PHASE)]
 
-    def _aim(self, tick: Tick) -> str:
-        """Return the goal heading and the battery, as far as they are known."""
-        goal_deg, battery_v = tick.goal_heading_deg, self._battery_v
-        told = [] if goal_deg is None else [f"goal {whole_deg(goal_deg)}"]
-        return ", ".join(told if battery_v is None else [*told, f"{battery_v:.1f} V"])
+    def _status(self, tick: Tick) -> str:
+        """Say how the rover is doing, with the goal heading and the battery as far as they are known."""
+        goal = "" if tick.goal_heading_deg is None else f"goal {whole_deg(tick.goal_heading_deg)}"
+        battery = "" if self._battery_v is None else f"{self._battery_v:.1f} V"
+        return ", ".join(filter(None, [_placed(_doing(tick), tick), goal, battery]))
 
     def _fix(self, fix: Fix) -> Iterable[Told]:
         if fix.t_s - self._position_t_s < STANDING_S:
@@ -163,41 +161,31 @@ def further_texts(tick: Tick) -> list[str]:
 def _change_text(change: Change, tick: Tick) -> str:
     """Say what the rover does from this tick on, and why; or what it meets, where that changes nothing."""
     if isinstance(change, PhaseChanged):
-        told = ": ".join(filter(None, [in_words(tick.phase or "?"), reason_text(tick)]))
-    else:
-        told = sentence(met(tick.anomalies, tick.phase))
-    heading = "" if tick.heading_deg is None else _heading(tick)
-    where = ", ".join(filter(None, [heading, _travelled(tick)]))
-    return f"{told} ({where})" if where else told
+        return _placed(": ".join(filter(None, [_doing(tick), reason_text(tick)])), tick)
+    return _placed(sentence(met(tick.anomalies, tick.phase)), tick)
 
 
-def _state(tick: Tick) -> str:
-    """Return phase, heading, counter and distance, in columns."""
-    counter = "" if tick.counter_deg is None else f"counter {tick.counter_deg:+4.0f}"
-    return f"{_phase_heading(tick)}  {counter:<12}  {_travelled(tick):>8}"
+def _doing(tick: Tick) -> str:
+    return in_words(tick.phase or "?")
 
 
-def _phase_heading(tick: Tick) -> str:
-    return f"{tick.phase or '?':<9}  {_heading(tick, 3):<11}"
-
-
-def _heading(tick: Tick, width: int = 0) -> str:
-    return "no heading" if tick.heading_deg is None else f"heading {whole_deg(tick.heading_deg):>{width}}"
-
-
-def _travelled(tick: Tick) -> str:
-    return "" if tick.travelled_m is None else f"{tick.travelled_m:.1f} m"
+def _placed(told: str, tick: Tick) -> str:
+    """Add the heading, the counter C and the commanded distance, as far as they are known."""
+    heading = "" if tick.heading_deg is None else f"heading {whole_deg(tick.heading_deg)}"
+    counter = "" if tick.counter_deg is None else f"C {round(tick.counter_deg):+}"
+    travelled = "" if tick.travelled_m is None else f"{tick.travelled_m:.1f} m"
+    known = ", ".join(filter(None, [heading, counter, travelled]))
+    return f"{told} ({known})" if known else told
 
 
 def _tick_text(tick: Tick) -> str:
-    """Say everything about a single tick that fits a line."""
+    """Say everything about a single tick that fits a line; phase and heading stand in columns."""
+    heading = "no heading" if tick.heading_deg is None else f"heading {whole_deg(tick.heading_deg):>3}"
+    wanted, applied = _duties(tick.wanted_left, tick.wanted_right), _duties(tick.applied_left, tick.applied_right)
+    wheels = f"wanted {wanted}, applied {applied}"
     held = f"{tick.level}: {in_words(tick.cause)}" if tick.cause else ""
-    wheels = (
-        f"wanted {_duties(tick.wanted_left, tick.wanted_right)}, "
-        f"applied {_duties(tick.applied_left, tick.applied_right)}"
-    )
     told = filter(None, [reason_text(tick), held, *further_texts(tick)])
-    return ", ".join([f"{_phase_heading(tick)}  {wheels}", *told])
+    return ", ".join([f"{_doing(tick):<{WIDEST}}  {heading:<11}  {wheels}", *told])
 
 
 def _duties(*duties: float | None) -> str:
