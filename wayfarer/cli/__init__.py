@@ -23,7 +23,7 @@ from wayfarer.cli.help_texts import HelpCommand, HelpGroup
 from wayfarer.cli.options import AsJson, examples
 from wayfarer.cli.version import version_text
 from wayfarer.errors import BadInput, WayfarerError
-from wayfarer.fieldlog.printable import clean
+from wayfarer.fieldlog.printable import escape_control_chars
 from wayfarer.views.text.colour import painted
 
 if TYPE_CHECKING:
@@ -111,7 +111,8 @@ def _command() -> Any:
 
 def _fail(text: str, exit_code: int) -> int:
     if text:  # there is none where the help was the answer
-        print(painted("wayfarer:", "fault", sys.stderr), clean(" ".join(text.splitlines())), file=sys.stderr)
+        line = escape_control_chars(" ".join(text.splitlines()))
+        print(painted("wayfarer:", "fault", sys.stderr), line, file=sys.stderr)
     return exit_code
 
 

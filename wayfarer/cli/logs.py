@@ -35,7 +35,7 @@ STDOUT = Path("-")
 
 # What became of a run or its log, by the tone in which it is shown.
 TONES = {
-    "goes on": "phase", "cut off": "warning", "unreadable": "fault",
+    "running": "phase", "cut off": "warning", "unreadable": "fault",
     "COMPLETE": "good", "PARTIAL": "warning", "UNREADABLE": "fault",
 }  # fmt: skip
 

@@ -13,7 +13,7 @@ from wayfarer.cli.log_folder import log_folder
 from wayfarer.cli.options import AllowCode, AsJson, Logs, examples
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import find_run, run_title
-from wayfarer.fieldlog.printable import clean
+from wayfarer.fieldlog.printable import escape_control_chars
 
 if TYPE_CHECKING:
     from wayfarer.fieldlog.replay import Replay
@@ -64,7 +64,7 @@ def replay(
             result = replay_run(folder, settings, allow_code=allow_code)
         except BadInput as error:
             codes.add(BAD_INPUT)
-            print("wayfarer:", clean(str(error)), file=sys.stderr)
+            print("wayfarer:", escape_control_chars(str(error)), file=sys.stderr)
             continue
         replays.append({"run": run_title(folder), **result._asdict()})
         if not as_json:

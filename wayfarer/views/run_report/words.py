@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from wayfarer.fieldlog.fields import duration_text
 from wayfarer.fieldlog.folders import short_name
-from wayfarer.fieldlog.printable import clean
+from wayfarer.fieldlog.printable import escape_control_chars
 from wayfarer.fieldlog.wording import whole_deg
 from wayfarer.views.page import html
 from wayfarer.views.run_report.data import RunData
@@ -70,7 +70,7 @@ def _goal(data: RunData) -> str:
 
 def number_of(run: Path) -> str:
     """Return what a run is called in short: its number, else its folder."""
-    return clean(short_name(run.resolve()))
+    return escape_control_chars(short_name(run.resolve()))
 
 
 def panels_text(runs: Sequence[RunData]) -> str:
