@@ -29,10 +29,9 @@ from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.replay import DecisionDifference, Replay
 from wayfarer.fieldlog.run_state import LowBattery
 from wayfarer.fieldlog.typed import Fix
-from wayfarer.views.text.last_position import LastPosition, RangeBearing
 from wayfarer.views.text.listing import RunRow
 from wayfarer.views.text.scripting import print_json
-from wayfarer.views.text.summary import Mark, PeriodPercentiles, RunSummary
+from wayfarer.views.text.summary import LastPosition, Mark, PeriodPercentiles, RangeBearing, RunSummary
 
 FIELD_LOGS = Path(cli.__file__).parents[2] / "field_logs"
 tables = cache(read_tables)

@@ -152,7 +152,7 @@ def test_status_says_the_most_important_first() -> None:
     assert status_text(STATUS).splitlines() == [
         "minirover armed (dry run)",
         "health    well",
-        "doing     Drives straight ahead (forest-pledge), counter 30, stalled",
+        "doing     Driving straight ahead (forest-pledge), counter 30, stalled",
         "heading   0, goal 20, pitch +2, roll -1",
         "mission   61 s, 12.3 m commanded",
         "battery   12.0 V",

@@ -38,7 +38,7 @@ from wayfarer.hal import MotorHealth, Rover, WheelCommand
 from wayfarer.safety.settings import BoardSettings
 from wayfarer.safety.supply import DIPS_S
 from wayfarer.simhal.build_rover import Depth
-from wayfarer.views.text.run_summariser import summarise
+from wayfarer.views.text.summary import summarise
 
 SIM = load_rover("sim")
 

@@ -39,7 +39,7 @@ from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import GroundName, Physics
 from wayfarer.simhal.world.slope import Slopes
 from wayfarer.simhal.world.world import World
-from wayfarer.views.text import run_summariser
+from wayfarer.views.text import summary
 
 README = Path(__file__).resolve().parents[2] / "field_logs" / "README.md"
 CODE = Path(wayfarer.__file__).parent
@@ -190,6 +190,6 @@ def test_page_names_every_kind_of_record_and_the_version_of_the_schema() -> None
 
 
 def test_tools_over_logs_know_only_events_that_there_are() -> None:
-    known = wording.PERSON | wording.WARNINGS | wording.FAULTS | run_summariser.FAILURES
+    known = wording.PERSON | wording.WARNINGS | wording.FAULTS | summary.FAILURES
     assert known <= set(documented_events())
     assert set(wording.SENTENCES) == set(documented_events())

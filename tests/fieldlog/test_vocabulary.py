@@ -8,12 +8,15 @@ from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.escape.phases import WHY
 from wayfarer.fieldlog.vocabulary import (
     ANOMALY_TEXTS,
-    CAUSE_TEXTS,
+    CONDITION_TEXTS,
+    LADDER_TEXTS,
     LEVEL_TEXTS,
+    PART_TEXTS,
     PHASE_TEXTS,
     because,
     disarmed_text,
     ends_text,
+    in_words,
     level_text,
     response_text,
 )
@@ -24,24 +27,30 @@ def test_every_phase_anomaly_level_and_condition_has_words() -> None:
     assert set(PHASE_TEXTS) == {phase.value for phase in Phase}
     assert set(ANOMALY_TEXTS) == {anomaly.value for anomaly in Anomaly}
     assert set(LEVEL_TEXTS) == {level.name.lower() for level in Level}
-    assert set(CAUSE_TEXTS) == {condition.value for condition in Condition}
+    assert set(CONDITION_TEXTS) == {condition.value for condition in Condition}
+
+
+def test_no_name_means_two_things() -> None:
+    tables = (PHASE_TEXTS, ANOMALY_TEXTS, CONDITION_TEXTS, PART_TEXTS, LADDER_TEXTS)
+    assert all(in_words(name) == text for table in tables for name, text in table.items())
 
 
 def test_every_reason_is_a_whole_text_of_its_own() -> None:
-    told = {why: because(why, ()) for why in WHY.values()}
+    told = {why: in_words(why) for why in WHY.values()}
     assert not any("{" in text or text == why for why, text in told.items())
     assert len(set(told.values())) >= len(told) - 2 * (len(Phase) - 1), "only C and the heading name no phase"
 
 
 def test_anomaly_says_what_it_was() -> None:
-    assert because("probe.anomaly", ["nose_up", "touched"]) == "its nose was up and it touched something while probing"
-    assert because("probe.anomaly", []) == "there was an anomaly while probing"
+    assert because("probe.anomaly", ["nose_up", "touched"]) == "nose up and touching something while probing in a curve"
+    assert because("probe.anomaly", []) == "anomaly while probing in a curve"
 
 
 def test_what_a_third_party_calls_a_reason_is_told_as_it_is() -> None:
-    for why in ("spiral.out", "", "probe", "probe.dizzy", "a.b.c"):
-        assert because(why, ["immobilised"]) == why
-    assert because("follow.anomaly", ["wet"]) == "it met wet on its way to the goal"
+    for why in ("spiral.out", "", "probe.dizzy", "a.b.c"):
+        assert because(why, []) == why
+    assert because("spiral.out", ["nose_up"]) == "spiral.out, nose up"
+    assert because("follow.anomaly", ["wet"]) == "wet while following the goal"
 
 
 def test_hold_that_a_person_asked_for_ends_with_resume_and_any_other_by_itself() -> None:
@@ -70,8 +79,8 @@ def test_names_of_another_version_have_no_response(level: object, cause: object)
 
 
 def test_reason_to_disarm_names_conditions_in_words() -> None:
-    assert disarmed_text("fault: compass_lost") == f"fault: {CAUSE_TEXTS['compass_lost']}"
+    assert disarmed_text("fault: compass_lost") == f"fault: {CONDITION_TEXTS['compass_lost']}"
     assert disarmed_text("not armed: overturned, motion_gone") == (
-        f"not armed: {CAUSE_TEXTS['overturned']}, {CAUSE_TEXTS['motion_gone']}"
+        f"not armed: {CONDITION_TEXTS['overturned']}, {CONDITION_TEXTS['motion_gone']}"
     )
     assert disarmed_text("requested by a person") == "requested by a person"

@@ -25,7 +25,7 @@ from wayfarer.views.export.export import ExportFormat, Output, export
 from wayfarer.views.run_report.load_run import read_run
 from wayfarer.views.text.listing import lines, rows
 from wayfarer.views.text.run_narrator import Verbosity
-from wayfarer.views.text.run_summariser import summarise
+from wayfarer.views.text.summary import summarise
 from wayfarer.views.text.summary_text import summary_text
 from wayfarer.views.text.tail import RunTail
 from wayfarer.views.text.verdict import check_log
@@ -126,10 +126,9 @@ STORY = Target(
     "log",
     ["wayfarer.fieldlog.reader", "wayfarer.fieldlog.lines", "wayfarer.fieldlog.kinds",
      "wayfarer.fieldlog.run_fold", "wayfarer.fieldlog.typed", "wayfarer.fieldlog.header",
-     "wayfarer.fieldlog.run_events", "wayfarer.views.text.run_summariser", "wayfarer.fieldlog.fields",
+     "wayfarer.fieldlog.run_events", "wayfarer.views.text.summary", "wayfarer.fieldlog.fields",
      "wayfarer.views.text.listing", "wayfarer.views.text.run_narrator", "wayfarer.views.text.summary_text",
-     "wayfarer.views.text.verdict", "wayfarer.fieldlog.wording", "wayfarer.views.text.last_position",
-     "wayfarer.fieldlog.tick_wording",
+     "wayfarer.views.text.verdict", "wayfarer.fieldlog.wording", "wayfarer.fieldlog.vocabulary",
      "wayfarer.fieldlog.dead_reckoning", "wayfarer.views.text.tail:RunTail"],
     lambda kept: logs_of(KINDS, kept),
     lambda: _runs(_tell),
@@ -156,7 +155,7 @@ EXPORT = Target(
     ["wayfarer.views.export.tables", "wayfarer.views.export.gps_places", "wayfarer.views.export.gpx",
      "wayfarer.views.export.parquet",
      "wayfarer.views.export.geojson", "wayfarer.views.foxglove.mcap_file",
-     "wayfarer.views.foxglove.channels", "wayfarer.views.foxglove.notes", "wayfarer.views.foxglove.path",
+     "wayfarer.views.foxglove.channels",
      "wayfarer.views.foxglove.plots", "wayfarer.views.foxglove.scene",
      "wayfarer.views.trail"],
     lambda kept: logs_of(KINDS, kept),

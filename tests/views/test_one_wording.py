@@ -48,12 +48,11 @@ def live_page(*records: Record) -> str:
 
 def foxglove(*records: Record) -> str:
     pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
-    from wayfarer.views.foxglove.notes import KINDS, notes
+    from wayfarer.views.foxglove.channels import LOG_NAMES, log_texts
 
     fold = RunFold()
-    happened = [each for taken in records for each in fold.take(taken) if isinstance(each, KINDS)]
-    told = [message for each in happened for message in notes(each)]
-    return told[-1].text
+    events = [each for taken in records for each in fold.take(taken) if type(each) in LOG_NAMES]
+    return [text for each in events for text, _ in log_texts(each)][-1]
 
 
 def csv(*records: Record) -> str:

@@ -24,7 +24,7 @@ from wayfarer.cli import commissioning, compare, control, demo, faults, listing,
 from wayfarer.cli.help_texts import HelpCommand, HelpGroup
 from wayfarer.cli.options import examples
 from wayfarer.errors import WayfarerError
-from wayfarer.fieldlog.printable import clean
+from wayfarer.fieldlog.printable import escape_control_chars
 from wayfarer.views.text.colour import painted
 
 BAD_INPUT = 2
@@ -110,7 +110,8 @@ def _command() -> Any:
 
 def _fail(text: str, exit_code: int) -> int:
     if text:  # there is none where the help was the answer
-        print(painted("wayfarer:", "fault", sys.stderr), clean(" ".join(text.splitlines())), file=sys.stderr)
+        line = escape_control_chars(" ".join(text.splitlines()))
+        print(painted("wayfarer:", "fault", sys.stderr), line, file=sys.stderr)
     return exit_code
 
 

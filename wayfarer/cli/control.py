@@ -11,7 +11,7 @@ import typer
 from wayfarer.angles import wrap360
 from wayfarer.cli.options import AsJson
 from wayfarer.errors import WayfarerError
-from wayfarer.fieldlog.printable import clean_document
+from wayfarer.fieldlog.printable import escape_document
 from wayfarer.views.text.scripting import print_json, say_next
 
 ANSWER_S = 5.0
@@ -117,8 +117,8 @@ def _as_this_version() -> Iterator[None]:
 
 def _ask(do: str, **keys: object) -> dict[str, Any]:
     """Return the daemon's answer, fit for a terminal."""
-    cleaned: dict[str, Any] = clean_document(_answer(do, **keys))
-    return cleaned
+    answer: dict[str, Any] = escape_document(_answer(do, **keys))
+    return answer
 
 
 def _answer(do: str, **keys: object) -> dict[str, Any]:

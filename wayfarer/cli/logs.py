@@ -33,7 +33,7 @@ STDOUT = Path("-")
 
 # What became of a run or its log, by the tone in which it is shown.
 TONES = {
-    "goes on": "phase", "cut off": "warning", "unreadable": "fault",
+    "running": "phase", "cut off": "warning", "unreadable": "fault",
     "COMPLETE": "good", "PARTIAL": "warning", "UNREADABLE": "fault",
 }  # fmt: skip
 
@@ -157,8 +157,8 @@ def summary(
 ) -> None:
     """Summarise a run: distance, duration, anomalies, and where the rover is likely to be."""
     from wayfarer.fieldlog.reader import RunReader
-    from wayfarer.views.text.run_summariser import summarise
     from wayfarer.views.text.scripting import print_json
+    from wayfarer.views.text.summary import summarise
     from wayfarer.views.text.summary_text import summary_text
 
     reader = RunReader(find_run(run, log_folder(logs)))

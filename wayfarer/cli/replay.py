@@ -11,7 +11,7 @@ import typer
 from wayfarer.cli.options import AllowCode, AsJson, Logs, complete_rovers, complete_runs, examples, log_folder
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import find_run, run_title
-from wayfarer.fieldlog.printable import clean
+from wayfarer.fieldlog.printable import escape_control_chars
 
 if TYPE_CHECKING:
     from wayfarer.fieldlog.replay import Replay
@@ -62,7 +62,7 @@ def replay(
             result = replay_run(folder, settings, allow_code=allow_code)
         except BadInput as error:
             codes.add(BAD_INPUT)
-            print("wayfarer:", clean(str(error)), file=sys.stderr)
+            print("wayfarer:", escape_control_chars(str(error)), file=sys.stderr)
             continue
         replays.append({"run": run_title(folder), **result._asdict()})
         if not as_json:

@@ -54,7 +54,7 @@ def report(
     """Write report.html for a run (default: the newest one), for two runs beside each other, a campaign or a sweep."""
     require("a report")
     from wayfarer.fieldlog.folders import find_run
-    from wayfarer.fieldlog.printable import clean
+    from wayfarer.fieldlog.printable import escape_control_chars
     from wayfarer.views.run_report.run import write_comparison, write_run_report
 
     folder = log_folder(logs)
@@ -64,7 +64,7 @@ def report(
         page = write_run_report(run, out)
     else:
         page = _of_trials(Path(what), out, gallery, jobs, allow_code=allow_code)
-    print(f"the report is {clean(str(page))}")
+    print(f"the report is {escape_control_chars(str(page))}")
     say_next("xdg-open", page)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from wayfarer.fieldlog.fields import duration_text
-from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS, CAUSE_TEXTS, PHASE_TEXTS, disarmed_text
+from wayfarer.fieldlog.vocabulary import disarmed_text, in_words
 from wayfarer.fieldlog.wording import marks, whole_deg
 from wayfarer.views.text.colour import painted
 
@@ -44,7 +44,7 @@ def _marks(status: Mapping[str, Any]) -> str:
 
 
 def _health(status: Mapping[str, Any]) -> str:
-    conditions = [CAUSE_TEXTS.get(condition, condition) for condition in status["conditions"]]
+    conditions = [in_words(condition) for condition in status["conditions"]]
     since = f" (for {duration_text(status['cause_for_s'])})" if "cause_for_s" in status else ""
     wrong = f"{', '.join([*conditions, *status['motor_faults']])}{since}"
     return painted(wrong, "warning") if wrong else painted("well", "good")
@@ -53,9 +53,9 @@ def _health(status: Mapping[str, Any]) -> str:
 def _doing(status: Mapping[str, Any]) -> str:
     if status["mode"] != "armed":
         return ""
-    seen = [ANOMALY_TEXTS.get(anomaly, anomaly) for anomaly in status.get("anomalies") or ()]
+    seen = [in_words(anomaly) for anomaly in status.get("anomalies") or ()]
     counter = f"counter {status.get('counter_deg', 0):.0f}"
-    phase = PHASE_TEXTS.get(status["phase"], status["phase"])
+    phase = in_words(status["phase"])
     return ", ".join([f"{phase} ({status['algorithm']})", counter, *seen])
 
 

@@ -10,7 +10,7 @@ from wayfarer.commissioning.checks.api import HostEnvironment, Inspection
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import NotResponding
-from wayfarer.fieldlog.vocabulary import PART_TEXTS
+from wayfarer.fieldlog.vocabulary import in_words
 from wayfarer.hal import MotorHealth, Rover
 
 FRESH_S = 1.0
@@ -41,7 +41,5 @@ class RunningInspection(Inspection):
             raise NotResponding("the rover's parts are still being opened: try again in some seconds")
         reading = self._supervisor.buffers.motion.latest if sense == "motion" else getattr(last, sense)
         if reading is None or asyncio.get_running_loop().time() - reading.t_s > FRESH_S:
-            raise NotResponding(
-                f"the {PART_TEXTS.get(sense, sense)} has said nothing for {FRESH_S:g} s; see the log for why"
-            )
+            raise NotResponding(f"the {in_words(sense)} has said nothing for {FRESH_S:g} s; see the log for why")
         return reading

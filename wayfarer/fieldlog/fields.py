@@ -10,9 +10,10 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from wayfarer.fieldlog.printable import clean
+from wayfarer.fieldlog.printable import escape_control_chars
 
-ABSURD = 1e10  # no time, distance, angle or voltage of a run comes near it: bytes of a number beyond it were changed
+# No time, distance, angle or voltage of a run comes near it: bytes of a number beyond it were changed.
+MAX_PLAUSIBLE = 1e10
 ELAPSED_DECIMALS = 6  # microseconds: a clock that has run for 31 years (``schema.SINCE_BOOT``) still counts them
 # 2024-01-01: a clock that was never set stands before, at 1970 or at the day its system image was made.
 CLOCK_SET_S = 1_704_067_200.0
@@ -21,12 +22,12 @@ CLOCK_SET_S = 1_704_067_200.0
 def number(record: Mapping[str, Any], key: str) -> float | None:
     """Return a number, or None; none is NaN, or so large that sums of them overflow."""
     value = record.get(key)
-    if isinstance(value, int | float) and -ABSURD < value < ABSURD and not isinstance(value, bool):
+    if isinstance(value, int | float) and -MAX_PLAUSIBLE < value < MAX_PLAUSIBLE and not isinstance(value, bool):
         return value
     return None
 
 
-def whole(record: Mapping[str, Any], key: str) -> int | None:
+def integer(record: Mapping[str, Any], key: str) -> int | None:
     """Return a whole number, such as a seed with all its digits, or None."""
     value = record.get(key)
     return value if isinstance(value, int) and not isinstance(value, bool) else None
@@ -35,7 +36,7 @@ def whole(record: Mapping[str, Any], key: str) -> int | None:
 def safe_text(record: Mapping[str, Any], key: str) -> str | None:
     """Return a text that is fit for a terminal, or None."""
     value = record.get(key)
-    return clean(value) if isinstance(value, str) else None
+    return escape_control_chars(value) if isinstance(value, str) else None
 
 
 def table(record: Mapping[str, Any], key: str) -> dict[str, Any]:
@@ -55,7 +56,7 @@ def setting(header: Mapping[str, Any], *keys: str) -> float | None:
 
 def duration_text(seconds: float | None, decimals: int = 0) -> str:
     """Return a time since the beginning, or a duration, as ``1:23:45``; empty where it is not known."""
-    if seconds is None or not abs(seconds) < ABSURD:
+    if seconds is None or not abs(seconds) < MAX_PLAUSIBLE:
         return ""
     tick = 10**decimals
     ticks = int(abs(seconds) * tick + 0.5)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from wayfarer.fieldlog.fields import number, setting, table, whole
+from wayfarer.fieldlog.fields import integer, number, setting, table
 from wayfarer.fieldlog.schema import COUNT, NUMBER, Count, Flag, Lasting, Metres, Record, Table, Text, Values, fields_of
 
 
@@ -46,7 +46,7 @@ class Header:
     @property
     def seed(self) -> int | None:
         """Return the seed, a number of any size."""
-        return whole(self.record, "seed")
+        return integer(self.record, "seed")
 
     @property
     def world(self) -> Record | None:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import newest_run
 from wayfarer.fieldlog.lines import Numbers, parse
-from wayfarer.fieldlog.printable import clean
+from wayfarer.fieldlog.printable import escape_control_chars
 from wayfarer.fieldlog.reader import log_segments
 from wayfarer.fieldlog.schema import Record
 from wayfarer.files.regular_file import open_regular
@@ -42,11 +42,11 @@ def unfinished_run(logs: Path) -> UnfinishedRun | None:
 
 
 def _unfinished(run: Path) -> UnfinishedRun | None:
-    name = clean(run.name)
+    name = escape_control_chars(run.name)
     try:
         tail = end_of_log(log_segments(run))
     except BadInput as error:
-        return UnfinishedRun(name, error=clean(str(error)))
+        return UnfinishedRun(name, error=escape_control_chars(str(error)))
     except OSError as error:
         return UnfinishedRun(name, error=error.strerror)
     if not tail:

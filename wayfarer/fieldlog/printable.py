@@ -6,17 +6,17 @@ from collections.abc import Mapping
 from typing import Any
 
 
-def clean(text: str) -> str:
+def escape_control_chars(text: str) -> str:
     """Return a text without anything that a terminal obeys: those characters are written out."""
     if text.isprintable():
         return text
     return "".join(each if each.isprintable() else each.encode("unicode_escape").decode() for each in text)
 
 
-def clean_document(document: Any) -> Any:
-    """Return what came as JSON with all its texts cleaned, at any depth; names of keys stay as they are."""
+def escape_document(document: Any) -> Any:
+    """Return what came as JSON with all its texts escaped, at any depth; names of keys stay as they are."""
     if isinstance(document, str):
-        return clean(document)
+        return escape_control_chars(document)
     if isinstance(document, Mapping):
-        return {key: clean_document(each) for key, each in document.items()}
-    return [clean_document(each) for each in document] if isinstance(document, list) else document
+        return {key: escape_document(each) for key, each in document.items()}
+    return [escape_document(each) for each in document] if isinstance(document, list) else document

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
-from wayfarer.fieldlog.printable import clean
+from wayfarer.fieldlog.printable import escape_control_chars
 
 Record = dict[str, Any]
 SCHEMA = 3  # each line has a checksum; schema 2 had none, and is read
@@ -75,7 +75,7 @@ def fields_of(kind: type, record: Record) -> dict[str, Any]:
 
 def _fit(value: Any) -> Any:
     if isinstance(value, str):
-        return clean(value)
+        return escape_control_chars(value)
     if isinstance(value, list | tuple):  # from a file, or from the log that writes it
-        return tuple(clean(each) for each in value if isinstance(each, str)) if value else ()
+        return tuple(escape_control_chars(each) for each in value if isinstance(each, str)) if value else ()
     return value

@@ -1,4 +1,4 @@
-"""What the names of phases, anomalies, levels and conditions in a log mean, in words for people. Pure.
+"""The words for each phase, anomaly, level, condition and reason in a log: one for each name. Pure.
 
 The one place for these words, with ``safety.responses``, which has those of the conditions: terminal, journal, live
 page, Foxglove and reports take them from here.
@@ -6,75 +6,58 @@ page, Foxglove and reports take them from here.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.escape.phases import PhaseEvent
 from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.responses import RESPONSES, Said, said_of
 
+
+def _clause(text: str) -> str:
+    """Return a label as a part of a sentence."""
+    return text[:1].lower() + text[1:]
+
+
+# What the rover is doing. With a small letter they also follow "while" and "finished" (``_EVENT_TEXTS``).
 PHASE_TEXTS: Mapping[str, str] = {
-    Phase.FOLLOW.value: "Follows the goal heading",
-    Phase.BACK_OFF.value: "Backs off",
-    Phase.TURN_AWAY.value: "Turns away",
-    Phase.PROBE.value: "Probes: drives ahead in a curve",
-    Phase.STRIDE.value: "Drives straight ahead",
-    Phase.HALT.value: "Stopped",
+    Phase.FOLLOW.value: "Following the goal",
+    Phase.BACK_OFF.value: "Backing off",
+    Phase.TURN_AWAY.value: "Turning away",
+    Phase.PROBE.value: "Probing in a curve",
+    Phase.STRIDE.value: "Driving straight ahead",
+    Phase.HALT.value: "Standing",
 }
 
-_WHILE: Mapping[str, str] = {
-    Phase.FOLLOW.value: "on its way to the goal",
-    Phase.BACK_OFF.value: "while backing off",
-    Phase.TURN_AWAY.value: "while turning away",
-    Phase.PROBE.value: "while probing",
-    Phase.STRIDE.value: "while driving straight ahead",
-    Phase.HALT.value: "while stopped",
-}
-
-_AFTER: Mapping[str, str] = {
-    Phase.FOLLOW.value: "the goal heading was followed",
-    Phase.BACK_OFF.value: "the back-off was done",
-    Phase.TURN_AWAY.value: "the turn was done",
-    Phase.PROBE.value: "the probe was driven",
-    Phase.STRIDE.value: "the straight stretch was driven",
-    Phase.HALT.value: "it was stopped",
-}
-
-PHASE_EVENT_TEXTS: Mapping[str, str] = {
-    PhaseEvent.ANOMALY.value: "there was an anomaly {during}",
-    PhaseEvent.DONE.value: "{after}",
-    PhaseEvent.UNWOUND.value: "the turn counter C is back at zero",
-    PhaseEvent.REALIGNED.value: "the heading is the goal heading again",
-    PhaseEvent.EXHAUSTED.value: "it took too long {during}",
-    PhaseEvent.OVERWOUND.value: "C exceeded three turns {during} and was reset",
-}
-
-LADDER_TEXTS: Mapping[str, str] = {
-    "ladder.other_side": "no progress: it tries the other side",
-    "ladder.full_duty": "no progress: it tries full duty",
-    "ladder.rock": "no progress: it rocks ahead and back",
-    "ladder.long_back": "no progress: it goes a long way back",
-    "ladder.random_turn": "no progress: it tries a random turn",
-    "ladder.blind_detour": "driven long without sight: it drives back, turns at random and drives on",
-}
-
+# What the rover is, while it is in a phase: "nose up while backing off".
 ANOMALY_TEXTS: Mapping[str, str] = {
     Anomaly.IMMOBILISED.value: "stalled",
     Anomaly.NOSE_UP.value: "nose up",
     Anomaly.NOSE_DOWN.value: "nose down",
     Anomaly.RIGHT_DOWN.value: "right side down",
     Anomaly.LEFT_DOWN.value: "left side down",
-    Anomaly.TOUCHED.value: "touches something",
+    Anomaly.TOUCHED.value: "touching something",
 }
 
-_MET: Mapping[str, str] = {
-    Anomaly.IMMOBILISED.value: "it stalled",
-    Anomaly.NOSE_UP.value: "its nose was up",
-    Anomaly.NOSE_DOWN.value: "its nose was down",
-    Anomaly.RIGHT_DOWN.value: "its right side was down",
-    Anomaly.LEFT_DOWN.value: "its left side was down",
-    Anomaly.TOUCHED.value: "it touched something",
+_EVENT_TEXTS: Mapping[str, str] = {
+    PhaseEvent.ANOMALY.value: "anomaly while {phase}",
+    PhaseEvent.DONE.value: "finished {phase}",
+    PhaseEvent.UNWOUND.value: "the turn counter C is back at zero",
+    PhaseEvent.REALIGNED.value: "the heading is the goal heading again",
+    PhaseEvent.EXHAUSTED.value: "took too long {phase}",
+    PhaseEvent.OVERWOUND.value: "C exceeded three turns while {phase} and was reset",
 }
+
+LADDER_TEXTS: Mapping[str, str] = {
+    "ladder.other_side": "no progress, so it tries the other side",
+    "ladder.full_duty": "no progress, so it tries full duty",
+    "ladder.rock": "no progress, so it rocks ahead and back",
+    "ladder.long_back": "no progress, so it goes a long way back",
+    "ladder.random_turn": "no progress, so it tries a random turn",
+    "ladder.blind_detour": "driven long without sight, so it drives back, turns at random and drives on",
+}
+
+CONDITION_TEXTS: Mapping[str, str] = {condition.value: row.what for condition, row in RESPONSES.items()}
 
 PART_TEXTS: Mapping[str, str] = {  # those whose name in a rover file is no word for a thing
     "motion": "motion sensor",
@@ -90,7 +73,24 @@ LEVEL_TEXTS: Mapping[str, str] = {
     Level.FAULT.name.lower(): "Fault: stopped until re-armed",
 }
 
-CAUSE_TEXTS: Mapping[str, str] = {condition.value: row.what for condition, row in RESPONSES.items()}
+# Why a phase ended, as ``why`` of the tick after it names it: ``probe.unwound``.
+_REASONS: Mapping[str, str] = {
+    f"{phase}.{event}": text.format(phase=_clause(doing))
+    for phase, doing in PHASE_TEXTS.items()
+    for event, text in _EVENT_TEXTS.items()
+}
+
+_WORDS: Mapping[str, str] = {
+    **PHASE_TEXTS, **ANOMALY_TEXTS, **CONDITION_TEXTS, **PART_TEXTS, **LADDER_TEXTS, **_REASONS,
+}  # fmt: skip
+
+
+def in_words(name: str) -> str:
+    """Return the words for the name of a phase, an anomaly, a condition, a part or a reason.
+
+    A name that is unknown is returned as it is: a third party's algorithm or a newer wayfarer may give any.
+    """
+    return _WORDS.get(name, name)
 
 
 def level_text(level: str, cause: str | None) -> str:
@@ -128,26 +128,17 @@ def _said(level: object, cause: object) -> Said | None:
 def disarmed_text(reason: str) -> str:
     """Return why a rover was disarmed, as ``fault: compass_lost``, with its conditions in words."""
     what, colon, conditions = reason.partition(": ")
-    return f"{what}{colon}{', '.join(CAUSE_TEXTS.get(each, each) for each in conditions.split(', '))}"
+    return f"{what}{colon}{', '.join(map(in_words, conditions.split(', ')))}"
 
 
 def met(anomalies: Iterable[str], phase: str | None) -> str:
-    """Say which anomalies a rover met and what it did then; names that are unknown as they are."""
-    told = " and ".join(_MET.get(anomaly, f"it met {anomaly}") for anomaly in anomalies)
-    return f"{told} {_WHILE.get(phase or '', f'in {phase}')}"
+    """Say which anomalies a rover met, and what it was doing."""
+    return f"{' and '.join(map(in_words, anomalies))} while {_clause(in_words(phase or '?'))}"
 
 
-def because(why: str, anomalies: Iterable[str]) -> str:
-    """Return what began a phase, given the ``why`` of its first tick, as ``probe.anomaly``, and what was wrong then.
-
-    A third party's algorithm may give any other text: it is returned as it is.
-    """
-    if why in LADDER_TEXTS:
-        return LADDER_TEXTS[why]
+def because(why: str, anomalies: Collection[str]) -> str:
+    """Return what began a phase, given the ``why`` of its first tick and the anomalies in it."""
     phase, _, event = why.partition(".")
-    if phase not in _WHILE or event not in PHASE_EVENT_TEXTS:
-        return why
-    found = tuple(anomalies)
-    if event == PhaseEvent.ANOMALY.value and found:
-        return met(found, phase)
-    return PHASE_EVENT_TEXTS[event].format(during=_WHILE[phase], after=_AFTER[phase])
+    if anomalies and event == PhaseEvent.ANOMALY.value:
+        return met(anomalies, phase)
+    return ", ".join(filter(None, map(in_words, [why, *anomalies])))

@@ -1,7 +1,7 @@
 """Texts for what happened in a run, in one line of a terminal. Pure.
 
-The one place for them: terminal, journal, live page, Foxglove, reports and exports take them from here. Those for
-control ticks are in ``tick_wording``.
+The one place for them: terminal, journal, live page, Foxglove, reports and exports take them from here. The words for
+names of phases, anomalies, levels and conditions are in ``vocabulary``.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from enum import Enum
 from itertools import starmap
 from typing import Any
 
-from wayfarer.fieldlog.fields import ABSURD, local_time
+from wayfarer.fieldlog.fields import MAX_PLAUSIBLE, local_time
 from wayfarer.fieldlog.header import Header
-from wayfarer.fieldlog.printable import clean
+from wayfarer.fieldlog.printable import escape_control_chars
 from wayfarer.fieldlog.run_events import Ended, FaultInjected, Silence, event_name
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Fix
-from wayfarer.fieldlog.vocabulary import CAUSE_TEXTS, PART_TEXTS, disarmed_text, ends_text, level_text
+from wayfarer.fieldlog.vocabulary import disarmed_text, ends_text, in_words, level_text
 
 
 class Tone(Enum):
@@ -72,7 +72,7 @@ def event_text(event: Record) -> str:
         details["ends_when"] = ends_text(event.get("level"), event.get("cause"))
     if what in SENTENCES:
         template = UNREADABLE_RUN if what == "unclean_shutdown" and "error" in details else SENTENCES[what]
-        return ", ".join([_filled(template, details), *starmap(detail_text, details.items())])
+        return escape_control_chars(", ".join([_filled(template, details), *starmap(detail_text, details.items())]))
     told = [detail_text(key.removeprefix(f"{what}_"), value) for key, value in details.items()]
     return f"{what.replace('_', ' ')}{': ' if told else ''}{', '.join(told)}"
 
@@ -105,11 +105,11 @@ def detail_text(key: str, value: object) -> str:
     """Return a detail as a person says it: ``start_delay_s`` 10 is a start delay of 10 s."""
     stem, _, unit = key.rpartition("_")
     text = _degrees(value) if unit == "deg" else _value(value)
-    if key in BARE:
-        return text
     if stem and unit in UNITS:
-        return f"{clean(stem).replace('_', ' ')} {text} {UNITS[unit]}"
-    return f"{clean(key).replace('_', ' ')} {text}"
+        text = f"{stem.replace('_', ' ')} {text} {UNITS[unit]}"
+    elif key not in BARE:
+        text = f"{key.replace('_', ' ')} {text}"
+    return escape_control_chars(text)
 
 
 def sentence(clause: str) -> str:
@@ -141,10 +141,10 @@ def whole_deg(angle_deg: float) -> str:
 
 def _value(value: object) -> str:
     if isinstance(value, float):
-        return f"{value:.0f}" if 1e3 <= abs(value) < ABSURD else f"{value:.4g}"
+        return f"{value:.0f}" if 1e3 <= abs(value) < MAX_PLAUSIBLE else f"{value:.4g}"
     if isinstance(value, dict) and all(isinstance(count, int) for count in value.values()):
-        return clean(", ".join(f"{count} {what}" for what, count in value.items()))
-    return clean(", ".join(map(str, value)) if isinstance(value, list) else str(value))
+        return ", ".join(f"{count} {what}" for what, count in value.items())
+    return ", ".join(map(str, value)) if isinstance(value, list) else str(value)
 
 
 def _degrees(value: object) -> str:
@@ -192,10 +192,8 @@ OPTIONAL = re.compile(r"\[(.*?)\]")
 MISSING = {"goal_heading_deg": "straight ahead", "dropped": "Some records"}  # else ``UNKNOWN``
 WORDS: Mapping[str, Callable[[Any], str]] = {
     "goal_heading_deg": lambda angle_deg: f"towards {whole_deg(angle_deg)} degrees",
-    "part": lambda part: PART_TEXTS.get(part, clean(part)),
-    "sensor": lambda sensor: PART_TEXTS.get(sensor, clean(sensor)),
-    "cause": lambda cause: CAUSE_TEXTS.get(cause, clean(cause)),
-    "reason": lambda reason: clean(disarmed_text(reason).replace("_", " ")),
+    **dict.fromkeys(("part", "sensor", "cause"), in_words),
+    "reason": lambda reason: disarmed_text(reason).replace("_", " "),
     "counts": lambda counts: _value(counts).replace("_", " "),
     "dropped": lambda count: plural(count, "record"),
     "last_t_wall": lambda wall_s: local_time(wall_s, " at %Y-%m-%d %H:%M:%S"),
@@ -217,7 +215,7 @@ def _word(key: str, details: Mapping[str, Any]) -> Any:
         return MISSING.get(key, UNKNOWN)
     value = details[key]
     if key == "level":
-        return clean(level_text(value, details.get("cause")))
+        return level_text(value, details.get("cause"))
     if key in WORDS:
         return WORDS[key](value)
     return value if isinstance(value, int | float) else _value(value)

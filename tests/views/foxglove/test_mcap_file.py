@@ -197,8 +197,8 @@ def test_log_panel_tells_events_by_their_severity(tmp_path: Path) -> None:
     assert lines == [
         (info, "run of forestrover, forest-pledge, wayfarer 9.9"),
         (info, "Mark: hit log"),
-        (warning, "It stalled on its way to the goal"),
-        (warning, "Its nose was up while backing off"),
+        (warning, "Stalled while following the goal"),
+        (warning, "Nose up while backing off"),
         (warning, f"Wheels held until this clears: the compass is silent. This ends when {COMPASS_IS_BACK}"),
         (error, "The motors did not answer: no answer"),
         (info, "made up tomorrow"),

@@ -253,7 +253,7 @@ def test_disarmed_page_says_how_to_arm_in_place_of_a_button_that_would_be_refuse
 def test_log_is_in_words_controls_have_names_and_states_are_spoken(browser_page: OpenPage, daemon: Daemon) -> None:
     page = look(browser_page, daemon).page
     daemon.arm()
-    page.locator("#lines li", has_text="Backs off, because it stalled").wait_for(timeout=60_000)
+    page.locator("#lines li", has_text="Backing off: stalled").wait_for(timeout=60_000)
     lines = page.locator("#lines li span").all_inner_texts()
     assert any(line.startswith("Armed: drives towards 0 degrees") for line in lines)
     in_words = [line for line in lines if "stood still" not in line]  # that names functions, on a busy computer

@@ -74,10 +74,10 @@ def test_demo_says_what_is_seen_and_everything_fits_a_finger(browser_page: OpenP
     page = opened.page
     page.locator("#demo", has_text="A rover without vision").wait_for()
     page.locator("#pace", has_text="Shown 6 times as fast").wait_for()
-    page.locator("#legend li", has_text="Probes").wait_for(timeout=30_000)
+    page.locator("#legend li", has_text="Probing").wait_for(timeout=30_000)
     told = page.locator("#legend li").all_inner_texts()
     for what in (
-        "the rover", "Stopped", "Follows the goal heading", "Backs off", "Turns away", "Probes", "something stopped it",
+        "the rover", "Standing", "Following the goal", "Backing off", "Turning away", "Probing", "something stopped it",
         "fallen trunk", "standing tree", "edge of the forest", "start",
     ):  # fmt: skip
         assert any(text.startswith(what) for text in told), (what, told)

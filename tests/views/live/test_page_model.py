@@ -80,7 +80,7 @@ def test_phase_is_told_in_words_with_what_began_it(model: PageModel) -> None:
     for t_s, why in ((100.05, "follow.anomaly"), (100.10, "back_off")):
         log.tick(tick(t_s, phase=Phase.BACK_OFF, why=why, anomalies=(Anomaly.IMMOBILISED,)))
     state = model.state()
-    assert (state["phase_text"], state["why_text"]) == ("Backs off", "it stalled on its way to the goal")
+    assert (state["phase_text"], state["why_text"]) == ("Backing off", "stalled while following the goal")
     assert state["anomalies"] == ["stalled"]
     assert state["counts"] == [["stalled", 1]], "an anomaly that lasts is one"
 

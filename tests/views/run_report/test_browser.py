@@ -71,7 +71,7 @@ def test_page_shows_plots_and_tables_and_does_not_overflow(
     assert shown.page.locator("tbody tr").count() == 2 + 1 + 3
     assert shown.page.locator("li", has_text="<b>a mark</b>").is_visible()
     assert shown.page.locator("a[href^='geo:']").is_visible()
-    assert read(shown.page, "phase") == "Follows the goal heading"  # the cursor begins at the end
+    assert read(shown.page, "phase") == "Following the goal"  # the cursor begins at the end
     assert shown.overflow_px() == 0
     assert shown.trouble == []
 
@@ -83,7 +83,7 @@ def test_slider_moves_the_cursor_through_map_panels_and_values(
     shown = plotted(browser_page, write_run_report(runs[0]), viewport)
     shown.page.locator(".cursor input").fill("2.2")
     assert read(shown.page, "time") == "0:00:02.2"
-    assert read(shown.page, "phase") == "Backs off"
+    assert read(shown.page, "phase") == "Backing off"
     assert read(shown.page, "commanded") == "1.00 m/s"
     lines = f"{MODELS}.filter((model) => model.tags.includes('cursor'))"
     assert shown.page.evaluate(f"{lines}.map((line) => line.location)") == [2.2] * 6
@@ -133,8 +133,8 @@ def test_two_runs_share_the_cursor(runs: list[Path], browser_page: OpenPage, vie
     shown.page.locator(".cursor input").fill("1.0")
     assert read(shown.page, "heading") == "17: 0 °, 18: 90 °"
     shown.page.locator(".cursor input").fill("2.9")
-    assert read(shown.page, "phase") == "17: Probes: drives ahead in a curve, 18: Follows the goal heading"
+    assert read(shown.page, "phase") == "17: Probing in a curve, 18: Following the goal"
     shown.page.locator(".cursor input").fill("3.3")
-    assert read(shown.page, "phase") == "17: Probes: drives ahead in a curve, 18: unknown"  # the second run has ended
+    assert read(shown.page, "phase") == "17: Probing in a curve, 18: unknown"  # the second run has ended
     assert shown.overflow_px() == 0
     assert shown.trouble == []

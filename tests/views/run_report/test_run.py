@@ -53,7 +53,7 @@ from wayfarer.views.run_report.tables import (
     settings_table,
 )
 from wayfarer.views.run_report.track import track_of, tracks_of
-from wayfarer.views.text.run_summariser import summarise
+from wayfarer.views.text.summary import summarise
 from wayfarer.views.text.summary_text import summary_facts
 
 HOSTILE = "</script><script>alert('&')</script>"
@@ -109,7 +109,7 @@ def test_page_is_whole_needs_nothing_else_and_has_all_tables(eventful: tuple[Run
         assert table(data) in page
 
 
-def test_marks_are_numbered_in_list_map_and_time_lines(eventful: tuple[RunData, str]) -> None:
+def test_marks_are_numbered_in_list_map_and_time_series(eventful: tuple[RunData, str]) -> None:
     _, page = eventful
     assert f"mark 1: hit log 0:00:02.0 mark 2: {HOSTILE}" in unescape(text_of(page))
     assert drawn(page).count('["mark 1: hit log","mark 2: ') == 2
@@ -121,7 +121,7 @@ def test_trouble_stands_out_and_an_operators_hold_does_not(eventful: tuple[RunDa
     assert trouble.startswith("Wheels held until this clears: the compass is silent. This ends when ")
 
 
-def test_held_wheels_the_battery_and_a_new_key_are_in_the_time_lines(eventful: tuple[RunData, str]) -> None:
+def test_held_wheels_the_battery_and_a_new_key_are_in_the_time_series(eventful: tuple[RunData, str]) -> None:
     _, page = eventful
     assert '"Wheels held until this clears, for 1.0 s"' in drawn(page)
     assert {"battery, V", "moon_deg"} <= set(titles(page))
@@ -168,7 +168,7 @@ def test_conditions_are_told_with_their_time_and_response_while_the_rover_was_ar
     blind = {"level": "degrade", "cause": "motion_lost"}
     ticks = [tick(0.05 * at, **(blind if at >= 20 else {})) for at in range(61)]
     told = text_of(conditions_table(data_of(tmp_path / "armed", HEADER, ARMED, *ticks)))
-    assert "The motion sensor's picture has been too poor for seconds 0:00:02.0 it drives at most 3 m" in told
+    assert "The motion sensor's picture has been too poor for seconds 0:00:02.0 it drives a stride ahead" in told
     told = text_of(conditions_table(data_of(tmp_path / "disarmed", HEADER, *ticks)))
     assert told == "While it was armed, nothing was wrong with the rover itself."
 
@@ -235,7 +235,7 @@ def test_log_without_ticks_says_so(tmp_path: Path) -> None:
     assert words.NO_WAY in text_of(page)
 
 
-def test_log_without_a_heading_still_has_time_lines(tmp_path: Path) -> None:
+def test_log_without_a_heading_still_has_time_series(tmp_path: Path) -> None:
     page = page_of(tmp_path, HEADER, *(tick(0.05 * step, heading_deg=None) for step in range(40)), OUTCOME)
     assert words.NO_WAY in text_of(page)
     assert {"speed, m/s", "duty"} <= set(titles(page))

@@ -16,8 +16,7 @@ from wayfarer.fieldlog.lines import sealed
 from wayfarer.fieldlog.reader import Damage, RunReader, read_header
 from wayfarer.fieldlog.schema import Record
 from wayfarer.views.text.listing import rows
-from wayfarer.views.text.run_summariser import summarise
-from wayfarer.views.text.summary import RunSummary
+from wayfarer.views.text.summary import RunSummary, summarise
 from wayfarer.views.text.summary_text import summary_text
 from wayfarer.views.text.tail import RunTail
 from wayfarer.views.text.verdict import NO_OUTCOME, LogIntegrity, check_log

@@ -37,7 +37,7 @@ def test_row_says_what_became_of_a_run(tmp_path: Path) -> None:
 def test_run_without_an_outcome_goes_on_or_was_cut_off(tmp_path: Path) -> None:
     run = write(tmp_path / RUN, [HEADER, tick(1.0)])
     os.utime(run / "run.jsonl", (5000.0, 5000.0))
-    assert row(tmp_path, now_wall_s=5001.0).outcome == "goes on"
+    assert row(tmp_path, now_wall_s=5001.0).outcome == "running"
     assert row(tmp_path, now_wall_s=5060.0).outcome == "cut off"
 
 

@@ -37,23 +37,23 @@ def test_change_of_phase_is_a_line_with_what_was_felt() -> None:
         tick(3725.0, phase="probe", why="turn_away.exhausted", counter_deg=390.0, travelled_m=3.25),
     )
     assert lines == [
-        "0:00:01.00  follow     heading   0  counter   +0     0.5 m",
-        "0:00:01.10  back_off   heading   0  counter   -0     0.6 m  it stalled on its way to the goal",
+        "0:00:01.00  Following the goal (heading 0, C +0, 0.5 m)",
+        "0:00:01.10  Backing off: stalled while following the goal (heading 0, C +0, 0.6 m)",
         "1:02:05.00  no ticks for 3723.8 s",
-        "1:02:05.00  probe      heading   0  counter +390     3.2 m  it took too long while turning away",
+        "1:02:05.00  Probing in a curve: took too long turning away (heading 0, C +390, 3.2 m)",
     ]
 
 
 def test_anomaly_that_changes_no_phase_is_a_line_once() -> None:
     felt = [tick(1.0 + count / 20, phase="turn_away", anomalies=["nose_up"] if count > 2 else []) for count in range(9)]
-    assert [line.endswith("nose up") for line in told(*felt)] == [False, True]
+    assert ["Nose up while turning away" in line for line in told(*felt)] == [False, True]
 
 
 def test_status_comes_every_few_seconds_and_seldom_while_the_rover_stands() -> None:
     battery = record("board", 0.0, battery_v=12.04, faults=[])
     assert told(battery, *drive(0.0, 12.0))[2:] == [
-        "0:00:05.00  follow     heading   0  counter   +0     2.5 m  goal 0, 12.0 V",
-        "0:00:10.00  follow     heading   0  counter   +0     5.0 m  goal 0, 12.0 V",
+        "0:00:05.00  Following the goal (heading 0, C +0, 2.5 m), goal 0, 12.0 V",
+        "0:00:10.00  Following the goal (heading 0, C +0, 5.0 m), goal 0, 12.0 V",
     ]
     assert len(told(*drive(0.0, 121.0, phase="halt"))) == 3
 
@@ -66,7 +66,7 @@ def test_status_is_not_wider_than_a_terminal() -> None:
     assert len(lines[-1]) <= 80
 
 
-def test_change_of_phase_is_a_sentence_where_only_changes_are_told() -> None:
+def test_change_is_a_sentence_with_its_reason_where_only_changes_are_told() -> None:
     stalled = {"anomalies": ["immobilised"], "heading_deg": 271.6}
     lines = told(
         tick(1.0, phase="halt", why="halt", travelled_m=None, heading_deg=None),
@@ -80,13 +80,13 @@ def test_change_of_phase_is_a_sentence_where_only_changes_are_told() -> None:
         verbosity=Verbosity.CHANGES,
     )
     assert [line[12:] for line in lines] == [
-        "Stopped",
-        "Follows the goal heading (heading 0, 1.0 m)",
-        "Backs off, because it stalled on its way to the goal (heading 272, 12.3 m)",
-        "It stalled and it touched something while backing off (heading 0, 12.3 m)",
-        "Turns away, because the back-off was done (heading 0, 12.8 m)",
-        "Probes: drives ahead in a curve, because it took too long while turning away, nose up (heading 0, 13.2 m)",
-        "spin, because of joy (heading 0, 13.7 m)",
+        "Standing (C +0)",
+        "Following the goal (heading 0, C +0, 1.0 m)",
+        "Backing off: stalled while following the goal (heading 272, C +0, 12.3 m)",
+        "Stalled and touching something while backing off (heading 0, C +0, 12.3 m)",
+        "Turning away: finished backing off (heading 0, C +0, 12.8 m)",
+        "Probing in a curve: took too long turning away, nose up (heading 0, C +0, 13.2 m)",
+        "spin: of joy (heading 0, C +0, 13.7 m)",
     ]
 
 
@@ -150,7 +150,7 @@ def test_time_without_ticks_is_told_when_it_is_over() -> None:
     lines = told(tick(1.0), tick(4.5, phase="back_off", why="follow.anomaly"), verbosity=Verbosity.CHANGES)
     assert lines[1:] == [
         "0:00:04.50  no ticks for 3.5 s",
-        "0:00:04.50  Backs off, because there was an anomaly on its way to the goal (heading 0, 2.2 m)",
+        "0:00:04.50  Backing off: anomaly while following the goal (heading 0, C +0, 2.2 m)",
     ]
 
 
@@ -159,7 +159,7 @@ def test_what_the_log_says_of_missing_records_is_not_said_again() -> None:
     gap = event("log_gap", 1.35, dropped=7)
     assert told(records[0], gap, *records[8:])[1:3] == [
         "0:00:01.35  7 records could not be written into the log",
-        "0:00:01.35  follow     heading   0  counter   +0     0.7 m",
+        "0:00:01.35  Following the goal (heading 0, C +0, 0.7 m)",
     ]
     assert "8 records are missing" in told(records[0], gap, *records[9:])[2]
 
@@ -173,9 +173,10 @@ def test_every_tick_is_told_when_asked_for() -> None:
     held = tick(0.1, cause="compass_stale", level="hold", applied_left=0.0)
     lines = told(*drive(0.0, 0.1), held, verbosity=Verbosity.TICKS)
     assert lines == [
-        "0:00:00.00  follow     heading   0  wanted +0.50/+0.50, applied +0.50/+0.50",
-        "0:00:00.05  follow     heading   0  wanted +0.50/+0.50, applied +0.50/+0.50",
-        "0:00:00.10  follow     heading   0  wanted +0.50/+0.50, applied +0.00/+0.50, hold: the compass is silent",
+        "0:00:00.00  Following the goal      heading   0  wanted +0.50/+0.50, applied +0.50/+0.50",
+        "0:00:00.05  Following the goal      heading   0  wanted +0.50/+0.50, applied +0.50/+0.50",
+        "0:00:00.10  Following the goal      heading   0  wanted +0.50/+0.50, applied +0.00/+0.50, hold: the compass "
+        "is silent",
     ]
 
 

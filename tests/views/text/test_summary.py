@@ -10,8 +10,7 @@ from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, numbere
 from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.run_state import LowBattery
 from wayfarer.fieldlog.schema import Record
-from wayfarer.views.text.run_summariser import summarise
-from wayfarer.views.text.summary import Mark, RunSummary
+from wayfarer.views.text.summary import Mark, RunSummary, summarise
 from wayfarer.views.text.summary_text import summary_text
 from wayfarer.views.text.verdict import NO_OUTCOME
 

@@ -27,10 +27,12 @@ from wayfarer.experiments.tables import (
     fault_columns,
     lines_of,
 )
+from wayfarer.views import palette
 from wayfarer.views.page import html
 from wayfarer.views.page.frame import PAGE, write_page
 from wayfarer.views.page.plots import Figure, Plots
 
+SLIPS = html.PlotLayer("slips", "Slips", palette.ANOMALY)
 TABLE_CAPTION = "Success with its 95 % interval; path: of the successes; time and anomalies: mean a trial."
 
 
@@ -64,19 +66,19 @@ def _overview(results: CampaignResults, plots: Plots) -> Iterator[str]:
         drawn(
             paths_figure(rows, summaries, results.shortest_paths_m),
             words.paths_caption(results),
-            words.paths_alt(results),
+            "Path length by algorithm",
         ),
-        drawn(failures_figure(summaries), words.FAILURES_CAPTION, words.failures_alt(results)),
+        drawn(failures_figure(summaries), words.FAILURES_CAPTION, "Trials that did not get out, by algorithm"),
     )
     yield html.section("Results beside the paper's", _results_table(results), *map(html.paragraph, words.LEGEND))
     yield html.section(
         "Escapes by path length",
         html.paragraph(words.ESCAPE),
-        html.panels(drawn(figure, alt=words.escape_alt(results)) for figure in escape_figures(rows)),
+        html.panels(drawn(figure, alt="Share of escaped trials by path length") for figure in escape_figures(rows)),
     )
     heading = "Path over shortest path"
     if results.shortest_paths_m:
-        figure = drawn(ratio_figure(rows), words.ratio_caption(results), words.ratio_alt(results))
+        figure = drawn(ratio_figure(rows), words.ratio_caption(results), "Path over shortest path")
         yield html.section(heading, figure, ratios_table(rows))
     else:
         yield html.section(heading, html.paragraph(words.NO_SHORTEST_PATHS))
@@ -101,12 +103,12 @@ def _worst(results: CampaignResults, plots: Plots, count: int, jobs: int, *, all
     heading = "The worst trials, seen from above"
     rows = choose(results.by_algorithm, count)
     if not rows:
-        yield html.section(heading, html.paragraph(words.NOTHING_TO_DRAW))
+        yield html.section(heading, html.paragraph("No trial is drawn."))
         return
     try:
         campaign = results.rebuild(allow_code=allow_code)
     except BadInput as reason:
-        yield html.section(heading, html.paragraph(words.no_gallery(reason)))
+        yield html.section(heading, html.paragraph(f"No trial is drawn: {reason}."))
         return
     with shown_progress(Console(stderr=True), 0, len(rows)) as progress:
         ran = run_again(campaign, rows, jobs, progress)
@@ -122,7 +124,7 @@ def _gallery(campaign: Campaign, ran: Sequence[RerunTrial], plots: Plots) -> Ite
             maps.append(html.figure(plots.place(drawn), words.trial_text(row, len(trajectory.slips_m))))
     if maps:
         yield html.paragraph(words.GALLERY)
-        yield html.layers("Show", words.trial_layers())
+        yield html.layers("Show", [*html.phase_layers(), SLIPS])
         yield html.panels(maps)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.trajectory import Trajectory, TrajectoryPoint
-from wayfarer.fieldlog.vocabulary import PHASE_TEXTS
+from wayfarer.fieldlog.vocabulary import in_words
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, hover, layer, plot, source
@@ -35,7 +35,7 @@ def trial_map(name: str, forest: Forest, trajectory: Trajectory) -> Figure:
                 line_width=2, line_join="round",
             )  # fmt: skip
             layer(phase.value, line)
-            made.add_tools(hover([line], ("phase", PHASE_TEXTS[phase.value]), AFTER, *PLACE, line_policy="nearest"))
+            made.add_tools(hover([line], ("phase", in_words(phase.value)), AFTER, *PLACE, line_policy="nearest"))
     x_m, y_m = np.reshape(trajectory.slips_m, (-1, 2)).T
     slips = made.scatter("x", "y", source=source(x=x_m, y=y_m), size=6, fill_color=palette.ANOMALY, **EDGE)
     layer("slips", slips)

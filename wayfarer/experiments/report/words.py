@@ -6,17 +6,12 @@ import statistics
 from collections.abc import Iterator
 
 from wayfarer import __version__
-from wayfarer.errors import BadInput
 from wayfarer.experiments.outcome import SUCCESSES
 from wayfarer.experiments.report.load_results import CampaignResults, CampaignSettings
-from wayfarer.experiments.report.ratio_figure import quantile, ratios
 from wayfarer.experiments.report.worst_trials import ending
 from wayfarer.experiments.rows import TrialRow
-from wayfarer.fieldlog.vocabulary import PHASE_TEXTS
 from wayfarer.fieldlog.wording import plural
 from wayfarer.simhal.world.physics import changed
-from wayfarer.views import palette
-from wayfarer.views.page import html
 
 LEGEND = (
     "Success: the rover reached the destination line or left the map over another edge, which the paper counts as an "
@@ -37,7 +32,6 @@ NO_SHORTEST_PATHS = (
     "The shortest paths of these forests are not known. Run the campaign again with --spl, which computes them, or "
     "with a file of forests that gives shortest_path_m."
 )
-NOTHING_TO_DRAW = "No trial is drawn."
 GALLERY = (
     "Failures first, then the longest paths; each algorithm is drawn once before one is drawn again. These are "
     "therefore not typical trials but the worst. Each was run again for its drawing and gave the result in trials.csv, "
@@ -87,24 +81,6 @@ def paths_caption(results: CampaignResults) -> str:
     )
 
 
-def paths_alt(results: CampaignResults) -> str:
-    """Say in words what the figure of paths shows."""
-    parts = [f"{name}: median path {_metres(summary.path_median_m)}" for name, summary in results.summaries.items()]
-    return "Path length by algorithm. " + "; ".join(parts)
-
-
-def failures_alt(results: CampaignResults) -> str:
-    """Say in words what the figure of failures shows."""
-    parts = [f"{name}: {100 - summary.success_percent:.1f} %" for name, summary in results.summaries.items()]
-    return "Share of trials that did not get out, by algorithm. " + "; ".join(parts)
-
-
-def escape_alt(results: CampaignResults) -> str:
-    """Say in words what the figures of escapes show."""
-    parts = [f"{name} ends at {summary.success_percent:.1f} %" for name, summary in results.summaries.items()]
-    return "Cumulative share of escaped trials over path length. " + "; ".join(parts)
-
-
 def ratio_caption(results: CampaignResults) -> str:
     """Explain the figure of ratios."""
     of_all = (
@@ -118,13 +94,6 @@ def ratio_caption(results: CampaignResults) -> str:
     )
 
 
-def ratio_alt(results: CampaignResults) -> str:
-    """Say in words what the figure of ratios shows."""
-    known = {name: found for name, rows in results.by_algorithm.items() if (found := ratios(rows))}
-    parts = [f"{name}: median {quantile(found, 0.5):.1f} times" for name, found in known.items()]
-    return "Path over shortest path by algorithm. " + "; ".join(parts)
-
-
 def trial_text(row: TrialRow, slips: int) -> str:
     """Say which trial a drawing shows, and how it ended."""
     share = ""
@@ -134,18 +103,6 @@ def trial_text(row: TrialRow, slips: int) -> str:
         f"{row.algorithm}, trial {row.trial} (forest {row.forest}, noise {row.noise}): {ending(row)}{share}. "
         f"{row.anomalies} anomalies, {slips} slips."
     )
-
-
-def trial_layers() -> Iterator[html.PlotLayer]:
-    """Yield the boxes that hide parts of the path, which are the key to its colours too."""
-    for phase, colour in palette.PHASE_COLOURS.items():
-        yield html.PlotLayer(phase, PHASE_TEXTS[phase], colour)
-    yield html.PlotLayer("slips", "Slips", palette.ANOMALY)
-
-
-def no_gallery(reason: BadInput) -> str:
-    """Say why no trial is drawn."""
-    return f"No trial is drawn: {reason}."
 
 
 def not_drawn(version: str) -> str:
@@ -158,7 +115,3 @@ def not_drawn(version: str) -> str:
 
 def _drawn(low: float, high: float) -> str:
     return f"{low:g}" if low == high else f"{low:g} to {high:g}, drawn for each trial"
-
-
-def _metres(value: float | None) -> str:
-    return "unknown" if value is None else f"{value:.1f} m"

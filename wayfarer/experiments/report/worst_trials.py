@@ -98,5 +98,5 @@ def _difference(row: TrialRow, again: TrialRow) -> str:
 
 def ending(row: TrialRow) -> str:
     """Say how a trial ended, and after which path."""
-    outcome = {"left_bounds": "out over another edge"}.get(row.outcome, row.outcome)
+    outcome = row.outcome.replace("_", " ")
     return outcome if row.path_m is None else f"{outcome} after {row.path_m:.1f} m"

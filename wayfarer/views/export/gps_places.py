@@ -25,7 +25,7 @@ from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.run_events import AnomalyBegan, Ended, Noted
 from wayfarer.fieldlog.run_fold import HELD, RunFold
 from wayfarer.fieldlog.typed import Fix, RunEvent, Tick
-from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS, CAUSE_TEXTS
+from wayfarer.fieldlog.vocabulary import in_words
 from wayfarer.fieldlog.wording import event_text, outcome_text, run_text, whole_deg
 from wayfarer.views.export.wall_time import read_clock_zero_s
 
@@ -111,7 +111,7 @@ def read_places(run: Path, form: str) -> Places:
 
 def _happened(events: Sequence[RunEvent]) -> Iterator[PlacedEvent]:
     """Give what has a place of what a record tells; anomalies that begin at the same tick are one."""
-    begun = [ANOMALY_TEXTS.get(event.kind, event.kind) for event in events if isinstance(event, AnomalyBegan)]
+    begun = [in_words(event.kind) for event in events if isinstance(event, AnomalyBegan)]
     if begun:
         yield PlacedEvent("anomaly", ", ".join(begun), events[0].t_s, events[0].elapsed_s)
     for event in events:
@@ -120,7 +120,7 @@ def _happened(events: Sequence[RunEvent]) -> Iterator[PlacedEvent]:
                 yield PlacedEvent("mark", event_text(record), event.t_s, event.elapsed_s)
             case Noted(name="health", record={"level": str(level), **told}) if level in HELD:
                 cause = safe_text(told, "cause") or "unknown"
-                yield PlacedEvent(level, f"{level}: {CAUSE_TEXTS.get(cause, cause)}", event.t_s, event.elapsed_s)
+                yield PlacedEvent(level, f"{level}: {in_words(cause)}", event.t_s, event.elapsed_s)
             case Ended():
                 yield PlacedEvent("end", outcome_text(event), event.t_s, event.elapsed_s)
 

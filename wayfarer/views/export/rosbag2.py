@@ -33,7 +33,7 @@ from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Fix, Tick
-from wayfarer.fieldlog.vocabulary import CAUSE_TEXTS, level_text
+from wayfarer.fieldlog.vocabulary import in_words, level_text
 from wayfarer.views.enu import enu_rotation
 from wayfarer.views.export.wall_time import SECOND_NS, nanoseconds, read_clock_zero_s
 
@@ -164,7 +164,7 @@ class RosMessages:
         status = DiagnosticStatus(
             level=DIAGNOSTIC_LEVELS.get(level, DiagnosticStatus.STALE),
             name="wayfarer: gate",
-            message=": ".join(filter(None, [level_text(level, cause), CAUSE_TEXTS.get(cause or "", cause)])),
+            message=": ".join(filter(None, [level_text(level, cause), in_words(cause or "")])),
             hardware_id=self._fold.state.header.rover or "",
             values=[KeyValue(key, value) for key, value in values.items()],
         )

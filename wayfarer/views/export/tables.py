@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from wayfarer.fieldlog.kinds import KEYS, READINGS
-from wayfarer.fieldlog.printable import clean
+from wayfarer.fieldlog.printable import escape_control_chars
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.run_events import Ended, FaultInjected, Noted
 from wayfarer.fieldlog.run_fold import RunFold
@@ -147,7 +147,7 @@ def _flat(values: Mapping[str, Any], prefix: str) -> Row:
 
 @lru_cache(maxsize=1000)
 def _title(prefix: str, key: str) -> str:
-    return clean(prefix + key)
+    return escape_control_chars(prefix + key)
 
 
 def cell(value: object) -> str:
@@ -158,7 +158,7 @@ def cell(value: object) -> str:
         return repr(value)
     if isinstance(value, bool):
         return str(int(value))
-    return clean("; ".join(map(str, value)) if isinstance(value, list) else str(value))
+    return escape_control_chars("; ".join(map(str, value)) if isinstance(value, list) else str(value))
 
 
 def _spreadsheet_cell(value: object) -> str:

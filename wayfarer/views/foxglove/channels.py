@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
@@ -16,22 +16,34 @@ from foxglove.messages import (
     LocationFix,
     LocationFixPositionCovarianceType,
     Log,
+    LogLevel,
     SceneUpdate,
     Timestamp,
 )
 
 from wayfarer.fieldlog.header import Header
-from wayfarer.fieldlog.run_events import Ended, RunBegan
+from wayfarer.fieldlog.run_events import (
+    AnomalyBegan,
+    BoardFaults,
+    Ended,
+    FaultInjected,
+    Gap,
+    Noted,
+    PowerChanged,
+    RunBegan,
+    Silence,
+)
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Fix, RunEvent, Tick, Truth
+from wayfarer.fieldlog.vocabulary import met
+from wayfarer.fieldlog.wording import Tone, sentence
 from wayfarer.views.export.wall_time import SECOND_NS, nanoseconds
-from wayfarer.views.foxglove.notes import KINDS, notes
-from wayfarer.views.foxglove.path import DrawnPath
 from wayfarer.views.foxglove.plots import FURTHER, PLOTS, Plot
 from wayfarer.views.foxglove.scene import (
     ROVER,
     TRUTH,
+    DrawnPath,
     body_scene,
     forest_scene,
     orientation,
@@ -39,6 +51,14 @@ from wayfarer.views.foxglove.scene import (
     point,
     transform,
 )
+from wayfarer.views.text.run_narrator import happened
+
+# What the log panel tells, by the names under which it can be filtered; the other channels show the rest.
+LOG_NAMES: Mapping[type[RunEvent], str] = {
+    RunBegan: "run", AnomalyBegan: "anomaly", BoardFaults: "board", PowerChanged: "power", Gap: "gap",
+    Silence: "silence", FaultInjected: "fault", Ended: "outcome", Noted: "event",
+}  # fmt: skip
+LOG_LEVELS: Mapping[Tone, LogLevel] = {Tone.WARNING: LogLevel.Warning, Tone.FAULT: LogLevel.Error}
 
 # The SDK logs through Python's logging, for instance when a viewer disconnects; by default that would be printed.
 logging.getLogger("foxglove").addHandler(logging.NullHandler())
@@ -112,7 +132,7 @@ class Channels:
 
     def _add_log(self, context: Context) -> None:
         channel = LogChannel("/log", context=context)
-        for kind in KINDS:
+        for kind in LOG_NAMES:
             self._rows[kind].append((channel, _lines))
 
     def _add_scene(self, context: Context) -> None:
@@ -162,9 +182,17 @@ def _further(tick: Tick, _at: MessageTime) -> Iterator[bytes]:
         yield orjson.dumps(further)
 
 
+def log_texts(event: RunEvent) -> Iterator[tuple[str, Tone]]:
+    """Yield what the log panel tells of an event, in the words of a terminal."""
+    if isinstance(event, AnomalyBegan):  # a terminal tells it with its tick
+        yield sentence(met([event.kind], event.phase)), Tone.WARNING
+    yield from happened(event)
+
+
 def _lines(event: RunEvent, at: MessageTime) -> Iterator[Log]:
-    for told in notes(event):
-        yield Log(timestamp=at.stamp, level=told.level, name=told.name, message=told.text)
+    name = event.name if isinstance(event, Noted) else LOG_NAMES[type(event)]
+    for text, tone in log_texts(event):
+        yield Log(timestamp=at.stamp, level=LOG_LEVELS.get(tone, LogLevel.Info), name=name, message=text)
 
 
 def _pose(tick: Tick, at: MessageTime) -> Iterator[FrameTransform]:

@@ -24,6 +24,7 @@ from foxglove.messages import (
 
 from wayfarer.views import palette
 from wayfarer.views.enu import enu_rotation
+from wayfarer.views.trail import Trail
 
 MAP, ROVER, TRUTH = "map", "rover", "truth"  # frames: the world, the rover as it believes to be, and as it is
 
@@ -37,6 +38,31 @@ def _colour(name: str, opaque: float = 1.0) -> Color:
 COLOURS = {ROVER: _colour(palette.BLUE, 0.8), TRUTH: _colour(palette.ORANGE, 0.8)}
 TREE_HEIGHT_M, BODY_HEIGHT_M, LINE_M = 2.0, 0.25, 0.05  # only for the eye: nothing in a log says how high or thick
 GOAL_HALF_LENGTH_M = 25.0  # to either side of the start: the simulated forest's half width
+
+POINTS = 1000  # of a path, at most: 20 kB a message, and drawn again in a fraction of a millisecond
+SPACING_M = 0.1  # of the first hundred metres: a quarter of a rover's length
+DRAW_EVERY_S = 1.0  # a path is drawn whole each time, so that the newest message is all that a viewer needs
+
+
+class DrawnPath(Trail):
+    """The path of a frame so far, which is drawn now and then."""
+
+    def __init__(self) -> None:
+        super().__init__(POINTS, SPACING_M)
+        self._drawn_s = float("-inf")
+        self._grown = False
+
+    def grow(self, x_m: float, y_m: float) -> None:
+        """Lengthen the path."""
+        self._grown |= self.add(x_m, y_m)
+        self.thin()
+
+    def is_due(self, t_s: float) -> bool:
+        """Return whether it has grown and is due to be drawn; then it counts as drawn."""
+        due = self._grown and t_s >= self._drawn_s + DRAW_EVERY_S
+        if due:
+            self._drawn_s, self._grown = t_s, False
+        return due
 
 
 def orientation(heading_deg: float, pitch_deg: float = 0.0, roll_deg: float = 0.0) -> Quaternion:

@@ -18,18 +18,9 @@ from wayfarer.fieldlog.run_events import AnomalyBegan, Ended, PhaseChanged, RunB
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.sensor_status import SensorStatus
-from wayfarer.fieldlog.tick_wording import further_texts, why_text
 from wayfarer.fieldlog.typed import RunEvent, Tick, Truth
-from wayfarer.fieldlog.vocabulary import (
-    ANOMALY_TEXTS,
-    CAUSE_TEXTS,
-    PHASE_TEXTS,
-    because,
-    disarmed_text,
-    level_text,
-    response_text,
-)
-from wayfarer.views.text.run_narrator import RunNarrator, Verbosity
+from wayfarer.fieldlog.vocabulary import disarmed_text, in_words, level_text, response_text
+from wayfarer.views.text.run_narrator import RunNarrator, Verbosity, further_texts, reason_text
 from wayfarer.views.trail import Trail
 
 LINES = 200  # about the run; half an hour of a rover that drives
@@ -98,11 +89,11 @@ class PageModel:
             "why_disarmed": disarmed_text(run.why_disarmed),
             "held": run.operator_hold,
             "phase": phase,
-            "phase_text": PHASE_TEXTS.get(phase, phase),
+            "phase_text": in_words(phase),
             "why_text": self._why,
             "level": level,
             "level_text": level_text(level, tick.cause),
-            "cause_text": CAUSE_TEXTS.get(tick.cause, tick.cause) if tick.cause else "",
+            "cause_text": in_words(tick.cause) if tick.cause else "",
             "cause_for_s": round(run.elapsed_s - run.cause_since_s, 1) if tick.cause else None,
             "response_text": response_text(tick.level, tick.cause) if run.mode == "armed" else "",
             "heading_deg": tick.heading_deg,
@@ -112,8 +103,8 @@ class PageModel:
             "episodes": tick.episodes,
             "further": ", ".join(further_texts(tick))[:FURTHER_CHARS],
             "goal_heading_deg": run.goal_heading_deg,
-            "anomalies": [ANOMALY_TEXTS.get(kind, kind) for kind in tick.anomalies],
-            "counts": [[ANOMALY_TEXTS.get(kind, kind), count] for kind, count in run.anomalies.most_common()],
+            "anomalies": [in_words(kind) for kind in tick.anomalies],
+            "counts": [[in_words(kind), count] for kind, count in run.anomalies.most_common()],
             "wheels": [tick.applied_left, tick.applied_right],
             "mission_s": round(run.mission_s, 1),
             "mission_m": round(run.mission_m, 2),
@@ -132,11 +123,10 @@ class PageModel:
             case Truth():
                 self._move(event.x_m, event.y_m, event.heading_deg)
             case PhaseChanged():
-                tick = self._fold.state.tick
-                self._why = because(why_text(tick), tick.anomalies)
+                self._why = reason_text(self._fold.state.tick)
                 self._tell("phases", self._phases, [round(event.t_s, 2), event.phase or ""])
             case AnomalyBegan(kind=kind) if self._place is not None:
-                self._tell("marks", self._marks, [*self._place[:2], ANOMALY_TEXTS.get(kind, kind)])
+                self._tell("marks", self._marks, [*self._place[:2], in_words(kind)])
             case RunBegan(header=header):
                 self._about = _about(header)
             case Ended():

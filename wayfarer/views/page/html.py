@@ -5,12 +5,15 @@ A macro escapes the plain text that it is given, and returns Markup, which no ot
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from importlib.resources import files
 from typing import NamedTuple
 
 from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
+
+from wayfarer.fieldlog.vocabulary import in_words
+from wayfarer.views import palette
 
 Block = Callable[..., Markup]
 _ENVIRONMENT = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined)
@@ -23,6 +26,12 @@ class PlotLayer(NamedTuple):
     text: str
     colour: str
     shown: bool = True
+
+
+def phase_layers() -> Iterator[PlotLayer]:
+    """Yield a layer for each phase that is drawn in a path; their boxes are the key to its colours too."""
+    for phase, colour in palette.PHASE_COLOURS.items():
+        yield PlotLayer(phase, in_words(phase), colour)
 
 
 def template(package: str, name: str) -> Template:

@@ -1,1 +1,1 @@
-"""The HTML report of one run: a map of the path, and time lines; drawn with Bokeh."""
+"""The HTML report of one run: a map of the path, and time series; drawn with Bokeh."""

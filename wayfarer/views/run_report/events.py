@@ -7,7 +7,7 @@ from math import radians
 from typing import Any, NamedTuple
 
 from wayfarer.fieldlog.run_events import Noted, Silence
-from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS
+from wayfarer.fieldlog.vocabulary import in_words
 from wayfarer.fieldlog.wording import Tone, event_text, event_tone, silence_text
 from wayfarer.views import palette
 from wayfarer.views.page.html import PlotLayer
@@ -17,7 +17,7 @@ LAYERS = (
     PlotLayer("anomaly", "anomalies", palette.ANOMALY),
     PlotLayer("mark", "marks", palette.EDGE),
     PlotLayer("trouble", "trouble", palette.TROUBLE),
-    PlotLayer("person", "by hand", palette.PERSON),
+    PlotLayer("person", "operator", palette.PERSON),
     PlotLayer("other", "other", palette.GREY, shown=False),
 )
 
@@ -52,7 +52,7 @@ def event_marks(data: RunData) -> list[EventMark]:
 def _anomalies(data: RunData) -> Iterator[EventMark]:
     for onset in data.onsets:
         shape, turned_deg = palette.ANOMALY_MARKERS[onset.kind]
-        yield EventMark(onset.elapsed_s, "anomaly", ANOMALY_TEXTS[onset.kind], shape, turned_deg)
+        yield EventMark(onset.elapsed_s, "anomaly", in_words(onset.kind), shape, turned_deg)
 
 
 def _events(data: RunData) -> Iterator[EventMark]:
@@ -62,8 +62,8 @@ def _events(data: RunData) -> Iterator[EventMark]:
         elif event.name == "mark":
             yield EventMark(event.elapsed_s, "mark", event_words(event), "hex")
         else:
-            by_hand = event_tone(event.record) is Tone.PERSON
-            layer = "trouble" if is_trouble(event) else "person" if by_hand else "other"
+            asked_for = event_tone(event.record) is Tone.PERSON
+            layer = "trouble" if is_trouble(event) else "person" if asked_for else "other"
             yield EventMark(event.elapsed_s, layer, event_words(event))
 
 

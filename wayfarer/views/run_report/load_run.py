@@ -18,7 +18,7 @@ from wayfarer.fieldlog.run_events import AnomalyBegan, Noted, Silence
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Tick, Truth, or_nan
 from wayfarer.views.run_report.data import LEVEL_NUMBERS, PHASES, Columns, MapFix, RunData
-from wayfarer.views.text.run_summariser import RunSummariser
+from wayfarer.views.text.summary import RunSummariser
 
 ANOMALY_KINDS = frozenset(anomaly.value for anomaly in Anomaly)
 PHASE_INDEX = {phase: float(index) for index, phase in enumerate(PHASES)}

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wayfarer.fieldlog.printable import clean
+from wayfarer.fieldlog.printable import escape_control_chars
 from wayfarer.views import palette
 from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.series import Line, at_ticks, breaks, broken
@@ -93,7 +93,8 @@ def _tilt_limits(data: RunData) -> list[float]:
 def panels_of(runs: Sequence[RunData]) -> list[Panel]:
     """Return all panels of some runs: those of the table, and one for each further number of the log."""
     names = dict.fromkeys(name for data in runs for name in data.further)
-    return [*PANELS, *(Panel(clean(name), "", 2, (Quantity(clean(name), _further(name)),)) for name in names)]
+    further = ((escape_control_chars(name), _further(name)) for name in names)
+    return [*PANELS, *(Panel(title, "", 2, (Quantity(title, line),)) for title, line in further)]
 
 
 DASHED: Mapping[str, Any] = {"line_dash": [5, 3]}

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from wayfarer.fieldlog import vocabulary
 from wayfarer.fieldlog.folders import run_title
 from wayfarer.views import palette
 from wayfarer.views.page import html
@@ -75,18 +74,18 @@ def _drawn(runs: Sequence[RunData], names: Sequence[str], plots: Plots) -> Marku
     """Return the map, the time panels, and the cursor that they share; it begins at the end, with how that was."""
     track_map = list(_map(tracks_of(runs), names, plots))
     panels = list(draw_panels(runs, plots))
-    time_lines = [html.paragraph(words.panels_text(runs)), *panels] if panels else [html.paragraph(words.NO_TICKS)]
+    time_series = [html.paragraph(words.panels_text(runs)), *panels] if panels else [html.paragraph(words.NO_TICKS)]
     ends_s = [data.summary.lasted_s for data in runs]
     end_s = max(1.0, *ends_s)
     told = [{"name": name, "end": end_s} for name, end_s in zip(names, ends_s, strict=True)]
-    return _run(track_map, time_lines, told, end_s)
+    return _run(track_map, time_series, told, end_s)
 
 
 def _map(tracks: Sequence[Track], names: Sequence[str], plots: Plots) -> Iterator[Markup]:
     if not any(track.data.has_way or track.reckoned for track in tracks):
         yield html.paragraph(words.NO_WAY)
         return
-    yield html.layers("Shown on the map and in the time lines", _layers(tracks))
+    yield html.layers("Shown on the map and in the time series", _layers(tracks))
     if len(tracks) > 1:
         yield html.key("", zip(names, palette.RUNS, strict=True))
     yield html.figure(plots.place(map_plot(tracks)), words.track_caption(tracks))
@@ -101,8 +100,7 @@ def _map(tracks: Sequence[Track], names: Sequence[str], plots: Plots) -> Iterato
 def _layers(tracks: Sequence[Track]) -> Iterator[html.PlotLayer]:
     """Yield what can be switched off: of one run also its phases."""
     if len(tracks) == 1:
-        for phase, colour in palette.PHASE_COLOURS.items():
-            yield html.PlotLayer(phase, vocabulary.PHASE_TEXTS[phase], colour)
+        yield from html.phase_layers()
     if any(track.reckoned for track in tracks):
         yield html.PlotLayer("reckoned", "dead reckoning", palette.RECKONED, shown=len(tracks) == 1)
     if any(track.fixes for track in tracks):

@@ -11,7 +11,7 @@ from wayfarer.config.rover_overlay import flat
 from wayfarer.fieldlog.episodes import Episode
 from wayfarer.fieldlog.fields import duration_text, table
 from wayfarer.fieldlog.sensor_status import SensorStatus
-from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS, CAUSE_TEXTS, because, response_text
+from wayfarer.fieldlog.vocabulary import in_words, response_text
 from wayfarer.fieldlog.wording import sentence
 from wayfarer.views.page import html
 from wayfarer.views.run_report import words
@@ -32,7 +32,7 @@ def anomalies_table(data: RunData) -> Markup:
     rows = []
     for kind, count in sorted(counts.items(), key=lambda item: -item[1]):
         often = f"{count / hundred_m:.1f}" if hundred_m > 0.0 else ""
-        rows.append(("", (ANOMALY_TEXTS.get(kind, kind), f"{count}", f"{count / total:.0%}", often)))
+        rows.append(("", (in_words(kind), f"{count}", f"{count / total:.0%}", often)))
     caption = "Anomalies by cause. Each is counted when it begins."
     return html.table(caption, ("cause", "times", "share", "in 100 m"), rows)
 
@@ -48,7 +48,7 @@ def episodes_table(data: RunData) -> Markup:
 
 
 def _episode(number: int, episode: Episode) -> Sequence[str]:
-    ended = because(episode.ended_by or "the end of the log", ()).replace("_", " ")
+    ended = in_words(episode.ended_by or "the end of the log").replace("_", " ")
     lasted_s = episode.end_s - episode.start_s
     began = duration_text(episode.start_s, 1)
     return f"{number}", began, episode.side, f"{episode.turns}", f"{lasted_s:.1f}", f"{episode.metres:.1f}", ended
@@ -58,7 +58,7 @@ def conditions_table(data: RunData) -> Markup:
     """Return for how long which condition limited or stopped an armed rover, and what it did about that."""
     times_s = [("hold", data.summary.held_s), ("degrade", data.summary.limited_s)]
     rows = [
-        ("", (sentence(CAUSE_TEXTS.get(cause, cause)), duration_text(for_s, 1), response_text(level, cause)))
+        ("", (sentence(in_words(cause)), duration_text(for_s, 1), response_text(level, cause)))
         for level, by_cause in times_s
         for cause, for_s in by_cause.items()
     ]

@@ -11,7 +11,7 @@ from bokeh.models.annotations import Span
 from bokeh.models.renderers import GlyphRenderer
 from bokeh.plotting import ColumnDataSource
 
-from wayfarer.fieldlog import vocabulary
+from wayfarer.fieldlog.vocabulary import LEVEL_TEXTS, in_words
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, hover, layer, plot, source
 from wayfarer.views.run_report.data import LEVEL_NUMBERS, PHASES, RunData
@@ -117,7 +117,7 @@ def _held(made: Figure, data: RunData, row: int) -> Iterator[GlyphRenderer[Any]]
     for level, colour in palette.LEVEL_COLOURS.items():
         bars = [each for each in held if each.value == LEVEL_NUMBERS[level]]
         if bars:
-            words = [f"{vocabulary.LEVEL_TEXTS[level]}, for {each.end_s - each.start_s:.1f} s" for each in bars]
+            words = [f"{LEVEL_TEXTS[level]}, for {each.end_s - each.start_s:.1f} s" for each in bars]
             begins_s = [each.start_s for each in bars]
             times = source(t=begins_s, right=[each.end_s for each in bars], what=words)
             yield made.hbar(y=row, left="t", right="right", height=0.6, source=times, color=colour)
@@ -125,8 +125,8 @@ def _held(made: Figure, data: RunData, row: int) -> Iterator[GlyphRenderer[Any]]
 
 def _states(made: Figure, run: int, data: RunData) -> None:
     """Put in, unseen, what the cursor reads of phase and level: where each changes."""
-    phases = {index: vocabulary.PHASE_TEXTS[phase] for index, phase in enumerate(PHASES)}
-    levels = {int(value): vocabulary.LEVEL_TEXTS[level] for level, value in LEVEL_NUMBERS.items()}
+    phases = {index: in_words(phase) for index, phase in enumerate(PHASES)}
+    levels = {int(value): LEVEL_TEXTS[level] for level, value in LEVEL_NUMBERS.items()}
     for name, words in (("phase", phases), ("level", levels)):
         bands = spans(data.ticks, data.ticks[name])
         changes = source(x=[band.start_s for band in bands], value=[words[int(band.value)] for band in bands])

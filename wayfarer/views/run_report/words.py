@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from wayfarer.fieldlog.fields import duration_text
 from wayfarer.fieldlog.folders import short_name
-from wayfarer.fieldlog.printable import clean
+from wayfarer.fieldlog.printable import escape_control_chars
 from wayfarer.fieldlog.wording import whole_deg
 from wayfarer.views.page import html
 from wayfarer.views.run_report.data import RunData
@@ -22,7 +22,7 @@ from wayfarer.views.text.summary_text import summary_facts
 (_place,) = html.macros("wayfarer.views.run_report", "place")
 
 NO_WAY = "The log has no heading, so the path of the rover is unknown."
-NO_TICKS = "No time lines: the log has no control ticks, or ticks without values."
+NO_TICKS = "No time series: the log has no control ticks, or ticks without values."
 NO_FOREST = "The log is of a simulated run, but its forest or its true path is missing or cannot be read."
 LAST_GOALS = 5  # as many stand in the header
 BANDS = "Colours behind the lines: what the rover did; none: it stood."
@@ -70,11 +70,11 @@ def _goal(data: RunData) -> str:
 
 def number_of(run: Path) -> str:
     """Return what a run is called in short: its number, else its folder."""
-    return clean(short_name(run.resolve()))
+    return escape_control_chars(short_name(run.resolve()))
 
 
 def panels_text(runs: Sequence[RunData]) -> str:
-    """Explain the time lines; two runs have no colours behind them."""
+    """Explain the time series; two runs have no colours behind them."""
     return f"{BANDS} {PANELS}" if len(runs) == 1 else PANELS
 
 

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.disk import MB
-from wayfarer.fieldlog.fields import began_wall_s, duration_text, local_time, number, safe_text, whole
+from wayfarer.fieldlog.fields import began_wall_s, duration_text, integer, local_time, number, safe_text
 from wayfarer.fieldlog.folders import run_folders, run_number
 from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.last_run import end_of_log
-from wayfarer.fieldlog.printable import clean
+from wayfarer.fieldlog.printable import escape_control_chars
 from wayfarer.fieldlog.reader import first_record, log_segments, read_header
 from wayfarer.fieldlog.schema import Record
 
@@ -25,7 +25,7 @@ class RunRow(NamedTuple):
 
     ``run`` is the name of the folder and ``number`` the number in it. ``trial`` is the number of a simulated trial,
     which has virtual time and no ``began_wall_s``, seconds since 1970. ``outcome`` is the reason why it ended, or
-    ``goes on``, ``cut off`` or ``unreadable``. ``episodes`` are those of the last mission, as the
+    ``running``, ``cut off`` or ``unreadable``. ``episodes`` are those of the last mission, as the
     algorithm counted them.
     """
 
@@ -103,7 +103,7 @@ def _cell(text: str, title: str, width: int) -> str:
 
 
 def _row(run: Path, now_wall_s: float) -> RunRow:
-    title, count = clean(run.name), run_number(run)
+    title, count = escape_control_chars(run.name), run_number(run)
     try:
         segments = log_segments(run)
         size_bytes, written_s = sum(segment.stat().st_size for segment in segments), segments[-1].stat().st_mtime
@@ -122,7 +122,7 @@ def _row(run: Path, now_wall_s: float) -> RunRow:
         header.simulated,
         header.dry_run,
         number(tick, "travelled_m"),
-        whole(tick, "episodes"),
+        integer(tick, "episodes"),
         _outcome(last.get("outcome"), alive=abs(now_wall_s - written_s) < ALIVE_S),
         size_bytes,
     )
@@ -138,7 +138,7 @@ def _header(run: Path, first: Record) -> Header:
 
 def _outcome(outcome: Record | None, *, alive: bool) -> str:
     if outcome is None:
-        return "goes on" if alive else "cut off"
+        return "running" if alive else "cut off"
     return safe_text(outcome, "reason") or "unknown"
 
 

@@ -21,28 +21,33 @@ from wayfarer.fieldlog.run_events import (
     RunBegan,
     Silence,
 )
-from wayfarer.fieldlog.tick_wording import aim_text, anomaly_text, phase_text, reason_text, state_text, tick_text
 from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Tick
+from wayfarer.fieldlog.vocabulary import PHASE_TEXTS, because, in_words, met
 from wayfarer.fieldlog.wording import (
+    NOTHING,
     Tone,
+    detail_text,
     event_text,
     event_tone,
     fault_text,
     outcome_text,
     place_text,
     run_text,
+    sentence,
     silence_text,
+    whole_deg,
 )
 
 STATUS_S = 5.0  # a line at least so often while the rover drives
 STANDING_S = 60.0  # and while it stands: enough to see that it lives
+WIDEST = max(map(len, PHASE_TEXTS.values()))  # characters
 
 Told = tuple[str, Tone]
 Change = PhaseChanged | AnomalyBegan
 
 
 class Verbosity(Enum):
-    """What is told of the control ticks: changes in sentences, changes and a status in columns, or every tick."""
+    """What is told of the control ticks: changes, changes and a status now and then, or every tick."""
 
     CHANGES = "changes"
     STATUS = "status"
@@ -92,17 +97,18 @@ class RunNarrator:
 
     def _tick(self, tick: Tick, change: Change | None) -> Iterable[Told]:
         if self._verbosity is Verbosity.TICKS:
-            return [(tick_text(tick), Tone.PLAIN)]
-        if self._verbosity is Verbosity.CHANGES:
-            tell = phase_text if isinstance(change, PhaseChanged) else anomaly_text
-            return [] if change is None else [(tell(tick), Tone.PHASE)]
+            return [(_tick_text(tick), Tone.PLAIN)]
         due_s = STANDING_S if tick.phase == "halt" else STATUS_S
         if change is None and tick.t_s - self._status_t_s < due_s:
             return []
         self._status_t_s = tick.t_s
-        if change is not None:
-            return [(f"{state_text(tick)}  {reason_text(tick)}".rstrip(), Tone.PHASE)]
-        return [(f"{state_text(tick)}  {aim_text(tick, self._battery_v)}".rstrip(), Tone.QUIET)]
+        return [(self._status(tick), Tone.QUIET)] if change is None else [(_change_text(change, tick), Tone.PHASE)]
+
+    def _status(self, tick: Tick) -> str:
+        """Say how the rover is doing, with the goal heading and the battery as far as they are known."""
+        goal = "" if tick.goal_heading_deg is None else f"goal {whole_deg(tick.goal_heading_deg)}"
+        battery = "" if self._battery_v is None else f"{self._battery_v:.1f} V"
+        return ", ".join(filter(None, [_placed(_doing(tick), tick), goal, battery]))
 
     def _fix(self, fix: Fix) -> Iterable[Told]:
         if fix.t_s - self._position_t_s < STANDING_S:
@@ -136,3 +142,51 @@ def happened(event: RunEvent) -> Iterator[Told]:
                 yield f"the log begins with part {header.part}: earlier parts are missing", Tone.WARNING
         case Ended():
             yield outcome_text(event), Tone.END
+
+
+# -- control ticks ---------------------------------------------------------------------------------------------------
+
+
+def reason_text(tick: Tick) -> str:
+    """Return why the rover does something else from this tick on, and the anomalies that it meets."""
+    why = tick.why if tick.why and tick.why != tick.phase else ""  # in later ticks of a phase it is the phase's name
+    return because(why, tick.anomalies)
+
+
+def further_texts(tick: Tick) -> list[str]:
+    """Return what the log has of a tick under keys that no view names."""
+    return [detail_text(key, value) for key, value in tick.further.items() if value not in NOTHING]
+
+
+def _change_text(change: Change, tick: Tick) -> str:
+    """Say what the rover does from this tick on, and why; or what it meets, where that changes nothing."""
+    if isinstance(change, PhaseChanged):
+        return _placed(": ".join(filter(None, [_doing(tick), reason_text(tick)])), tick)
+    return _placed(sentence(met(tick.anomalies, tick.phase)), tick)
+
+
+def _doing(tick: Tick) -> str:
+    return in_words(tick.phase or "?")
+
+
+def _placed(told: str, tick: Tick) -> str:
+    """Add the heading, the counter C and the commanded distance, as far as they are known."""
+    heading = "" if tick.heading_deg is None else f"heading {whole_deg(tick.heading_deg)}"
+    counter = "" if tick.counter_deg is None else f"C {round(tick.counter_deg):+}"
+    travelled = "" if tick.travelled_m is None else f"{tick.travelled_m:.1f} m"
+    known = ", ".join(filter(None, [heading, counter, travelled]))
+    return f"{told} ({known})" if known else told
+
+
+def _tick_text(tick: Tick) -> str:
+    """Say everything about a single tick that fits a line; phase and heading stand in columns."""
+    heading = "no heading" if tick.heading_deg is None else f"heading {whole_deg(tick.heading_deg):>3}"
+    wanted, applied = _duties(tick.wanted_left, tick.wanted_right), _duties(tick.applied_left, tick.applied_right)
+    wheels = f"wanted {wanted}, applied {applied}"
+    held = f"{tick.level}: {in_words(tick.cause)}" if tick.cause else ""
+    told = filter(None, [reason_text(tick), held, *further_texts(tick)])
+    return ", ".join([f"{_doing(tick):<{WIDEST}}  {heading:<11}  {wheels}", *told])
+
+
+def _duties(*duties: float | None) -> str:
+    return "/".join("?" if duty is None else f"{duty:+.2f}" for duty in duties)

@@ -15,7 +15,7 @@ from enum import Enum
 from math import isfinite
 from typing import Any
 
-from wayfarer.fieldlog.printable import clean
+from wayfarer.fieldlog.printable import escape_control_chars
 
 
 def print_json(document: object) -> None:
@@ -25,7 +25,7 @@ def print_json(document: object) -> None:
 
 def say_next(*words: object) -> None:
     """Print the command that comes next, its words quoted for a shell and fit for a terminal."""
-    print("Next:", shlex.join(clean(str(word)) for word in words), file=sys.stderr)
+    print("Next:", shlex.join(escape_control_chars(str(word)) for word in words), file=sys.stderr)
 
 
 def _plain(value: Any) -> Any:

@@ -7,10 +7,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from wayfarer.escape.phases import PhaseEvent
 from wayfarer.fieldlog.fields import duration_text, local_time
 from wayfarer.fieldlog.reader import Damage
-from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS, CAUSE_TEXTS, because
+from wayfarer.fieldlog.vocabulary import in_words
 from wayfarer.fieldlog.wording import place_text, plural, whole_deg
-from wayfarer.views.text.last_position import LastPosition, RangeBearing
-from wayfarer.views.text.summary import RunSummary
+from wayfarer.views.text.summary import LastPosition, RangeBearing, RunSummary
 from wayfarer.views.text.verdict import NO_OUTCOME
 
 
@@ -31,11 +30,11 @@ def summary_facts(run: str, summary: RunSummary, damage: Damage, *, utc: bool = 
         ("where", where_lines(summary.where, damage.missing)),
         ("time", _time(summary, utc=utc)),
         ("distance", [distance_line(summary)]),
-        ("anomalies", [counted({ANOMALY_TEXTS.get(kind, kind): count for kind, count in summary.anomalies.items()})]),
+        ("anomalies", [counted({in_words(kind): count for kind, count in summary.anomalies.items()})]),
         ("escapes", [_escapes(summary)]),
         ("battery", [_battery(summary)]),
         ("failures", [counted({**_sensors(summary), **summary.failures})]),
-        ("by hand", _by_hand(summary)),
+        ("operator", _operator(summary)),
         ("clock", [_clock(summary)]),
         ("ticks", [_ticks(summary)]),
         ("log", [_log(summary, damage)]),
@@ -81,9 +80,7 @@ def _time(summary: RunSummary, *, utc: bool) -> Iterator[str]:
     lasted, armed = duration_text(summary.lasted_s), duration_text(summary.armed_s)
     yield f"{lasted} in all{_began(summary, utc=utc)}; armed for {armed}"
     for how, times_s in (("held", summary.held_s), ("drove with limits", summary.limited_s)):
-        yield from (
-            f"{how} for {duration_text(for_s, 1)}: {CAUSE_TEXTS.get(cause, cause)}" for cause, for_s in times_s.items()
-        )
+        yield from (f"{how} for {duration_text(for_s, 1)}: {in_words(cause)}" for cause, for_s in times_s.items())
 
 
 def _began(summary: RunSummary, *, utc: bool) -> str:
@@ -108,7 +105,7 @@ def counted(counts: Mapping[str, int]) -> str:
 def _escapes(summary: RunSummary) -> str:
     if not summary.ticks:
         return ""
-    ended = {because(f"{phase}.{PhaseEvent.EXHAUSTED.value}", ()): count for phase, count in summary.exhausted.items()}
+    ended = {in_words(f"{phase}.{PhaseEvent.EXHAUSTED.value}"): count for phase, count in summary.exhausted.items()}
     return "; ".join(filter(None, [f"episodes {summary.episodes}, backed off {summary.recoveries}", counted(ended)]))
 
 
@@ -124,7 +121,7 @@ def _sensors(summary: RunSummary) -> dict[str, int]:
     return {f"{sensor} did not answer": count for sensor, count in summary.sensor_failures.items()}
 
 
-def _by_hand(summary: RunSummary) -> Iterator[str]:
+def _operator(summary: RunSummary) -> Iterator[str]:
     asked = {"marks": len(summary.marks), "holds": summary.holds, "new goals": summary.goals}
     yield counted(asked)
     yield from (f"{duration_text(mark.at_s)} {mark.text}" for mark in summary.marks)
