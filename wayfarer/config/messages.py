@@ -14,7 +14,7 @@ from annotated_types import Interval
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError, with_config
 from pydantic_core import ErrorDetails
 
-from wayfarer.errors import BadConfig
+from wayfarer.errors import BadConfig, one_line
 
 T = TypeVar("T")
 
@@ -55,7 +55,8 @@ def most_telling(error: ValidationError) -> ErrorDetails:
 def key_and_problem(error: ValidationError) -> str:
     """Say in short what is wrong with a file that wayfarer itself has written."""
     problem = most_telling(error)
-    return f"{shortened('.'.join(map(str, problem['loc']))) or 'the file'}: {problem['msg']}"
+    key = one_line(".".join(map(str, problem["loc"])))
+    return f"{shortened(key) or 'the file'}: {problem['msg']}"
 
 
 def explain(problem: ErrorDetails, model: Any, prefix: str = "") -> str:
