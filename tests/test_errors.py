@@ -22,6 +22,11 @@ def test_unknown_name_lists_all_where_none_is_near() -> None:
     assert str(UnknownName("rover", "zzz", ["sim", "mini"])) == "unknown rover 'zzz': known: mini, sim"
 
 
+def test_unknown_name_with_a_line_break_is_one_line() -> None:
+    """Found by ``tests/fuzz``: such a verb came over the control socket."""
+    assert "\n" not in str(UnknownName("verb", "st\nop", ["stop"]))
+
+
 def test_wrong_part_says_what_answered() -> None:
     error = WrongPart("i2c-1 0x60", expected="CMPS14 version 7", got="version 3")
     assert (error.expected, error.got) == ("CMPS14 version 7", "version 3")

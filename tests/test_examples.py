@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import re
 import runpy
 import subprocess
@@ -22,7 +21,6 @@ pytestmark = pytest.mark.process  # a second and more each: not a unit test's
 FOLDER = Path(__file__).parents[1] / "examples"
 EXAMPLES = sorted(path.stem for path in FOLDER.glob("*.py"))
 LONG = "failsafe_under_a_planner"  # has another stack's planner and rover in it as well
-LINES = range(5, 21)  # beside imports
 
 # What each example prints, as regular expressions that are found in this order.
 PRINTS = {
@@ -67,14 +65,6 @@ def test_example_runs_as_a_program_of_its_own() -> None:
     command = [sys.executable, str(FOLDER / "trial_in_a_forest.py")]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert (done.stdout.startswith("layout 7"), done.stderr) == (True, "")
-
-
-@pytest.mark.parametrize("name", [name for name in EXAMPLES if name != LONG])
-def test_example_is_short(name: str) -> None:
-    source = (FOLDER / f"{name}.py").read_text()
-    imports = [part for part in ast.parse(source).body if isinstance(part, ast.Import | ast.ImportFrom)]
-    lines = source.splitlines()[imports[-1].end_lineno :]
-    assert len([line for line in lines if line.strip()]) in LINES
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""The files for people say what is so: paths that are there, one version, hooks that run what the CI runs."""
+"""The files for people say what is so: paths that are there, one version."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from wayfarer import __version__
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted(path.relative_to(ROOT).as_posix() for folder in (".", "*") for path in ROOT.glob(f"{folder}/*.md"))
-CACHES = re.compile(r" --no-cache| --cache-dir \S+")
 
 
 def text_of(name: str) -> str:
@@ -42,34 +41,12 @@ def test_link_to_another_page_leads_to_a_heading_there(page: str) -> None:
         assert heading in {"", *(re.sub(r"[^\w -]", "", each.lower()).replace(" ", "-") for each in headings)}
 
 
-def test_architecture_has_the_picture_of_the_imports_in_250_lines() -> None:
+def test_architecture_has_the_picture_of_the_imports() -> None:
     text = text_of("ARCHITECTURE.md")
     picture = text.partition("```\n")[2].partition("```")[0]
     assert [line.replace(",", "").split() for line in picture.splitlines()] == LAYERS
-    assert len(text.splitlines()) <= 250
-
-
-@pytest.mark.parametrize(
-    ("file", "names"),
-    [
-        ("wayfarer/escape/catalogue.py", ["_ROWS_BEYOND", "_ROWS"]),
-        ("wayfarer/config/registry.py", ["BUILT_IN_DRIVERS"]),
-        ("wayfarer/simhal/chip_wiring.py", ["BUILT_IN_CHIPS", "class SimulatedChip"]),
-        ("wayfarer/simhal/faults/fault_kind.py", ["class FaultKind", "def listed", "def changed", "def added"]),
-        ("wayfarer/fieldlog/log.py", ["def tick_fields"]),
-        ("wayfarer/fieldlog/schema.py", ["SCHEMA"]),
-    ],
-)
-def test_name_that_a_recipe_names_is_in_its_file(file: str, names: list[str]) -> None:
-    assert all(re.search(rf"^{name}\b", text_of(file), re.MULTILINE) for name in names)
 
 
 def test_changelog_and_citation_have_the_version() -> None:
     assert re.search(rf"^## \[{re.escape(__version__)}\] - \d{{4}}-\d\d-\d\d$", text_of("CHANGELOG.md"), re.MULTILINE)
     assert re.search(rf"^version: {re.escape(__version__)}$", text_of("CITATION.cff"), re.MULTILINE)
-
-
-def test_hooks_before_a_commit_are_what_the_ci_runs() -> None:
-    hooks = re.findall(r"entry: (.+)", text_of(".pre-commit-config.yaml"))
-    commands = re.findall(r"^(?:ruff|mypy)\b.*$", text_of(".ci/run"), re.MULTILINE)
-    assert hooks == [CACHES.sub("", command) for command in commands]

@@ -7,17 +7,13 @@ import multiprocessing
 import os
 import subprocess
 from collections.abc import Callable
-from pathlib import Path
-from types import SimpleNamespace
-from typing import cast
 
 import pytest
 
-from tests.tiers import LIMIT_S, PROCESS_FOLDERS, pytest_ignore_collect, pytest_xdist_auto_num_workers
+from tests.tiers import LIMIT_S
 
 pytest_plugins = ["pytester"]
 
-NUMBER = "PYTEST_XDIST_AUTO_NUM_WORKERS"
 NO_PROCESS = "a unit test starts no process: mark it @pytest.mark.process"
 STARTS: dict[str, Callable[[], object]] = {
     "subprocess": lambda: subprocess.run(["true"], check=True),
@@ -88,15 +84,6 @@ def test_test_is_in_the_longest_tier_that_it_is_marked_with_and_in_no_other(suit
     assert [line.removeprefix("test_suite.py::") for line in lines if "::" in line] == TIERS[tier]
 
 
-@pytest.mark.parametrize(("asked", "left_out"), [("unit", True), ("process", None), ("not long", None), ("", None)])
-def test_folders_of_drawn_pages_are_left_out_where_unit_tests_alone_are_asked_for(
-    asked: str, left_out: bool | None
-) -> None:
-    config = cast(pytest.Config, SimpleNamespace(getoption={"markexpr": asked}.get))
-    assert {pytest_ignore_collect(folder, config) for folder in PROCESS_FOLDERS} == {left_out}
-    assert pytest_ignore_collect(Path(__file__).parent / "views", config) is None
-
-
 def test_only_unit_tests_fail_that_start_a_process(suite: pytest.Pytester) -> None:
     done = suite.runpytest_inprocess("-p", "no:cacheprovider")
     done.assert_outcomes(passed=5, failed=1, errors=1)
@@ -111,17 +98,3 @@ def test_test_that_hangs_fails_after_the_limit_of_its_tier(
     done = suite.runpytest_inprocess("-p", "no:cacheprovider")
     done.assert_outcomes(failed=1)
     done.stdout.fnmatch_lines("*Timeout (>0.1s)*")
-
-
-@pytest.mark.parametrize(
-    ("expression", "number", "workers"), [("not long", None, 4), ("unit", None, None), ("not long", "1", None)]
-)
-def test_there_are_more_workers_than_cores_where_processes_are_waited_for(
-    expression: str, number: str | None, workers: int | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
-    monkeypatch.delenv(NUMBER, raising=False)
-    if number is not None:
-        monkeypatch.setenv(NUMBER, number)
-    config = SimpleNamespace(getoption={"markexpr": expression}.__getitem__)
-    assert pytest_xdist_auto_num_workers(cast(pytest.Config, config)) == workers

@@ -2,7 +2,7 @@
 
 unit     virtual time or none at all, in pytest's own process
 process  a real process: daemon, systemd, gpsd, browser, kernel shim, workers of a campaign; and pages that are drawn
-long     above about 10 s: soak, kills at random instants, replay of a campaign, planted leaks, minutes of fuzzing
+long     above about 10 s: soak, kills at random instants, replay of a campaign, planted leaks, many damaged inputs
 
 Plain ``pytest`` leaves out ``long``; ``pytest -m unit`` takes one tier. A unit test that starts a process fails.
 

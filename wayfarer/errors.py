@@ -78,7 +78,7 @@ class UnknownName(BadInput):
         known = sorted(known)
         near = get_close_matches(name, known, n=3, cutoff=0.4)
         hint = f"did you mean {' or '.join(near)}?" if near else f"known: {', '.join(known)}"
-        super().__init__(f"unknown {kind} '{name}': {hint}")
+        super().__init__(f"unknown {kind} '{one_line(name)}': {hint}")
 
 
 class DriverError(WayfarerError):

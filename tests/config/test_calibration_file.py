@@ -86,6 +86,14 @@ def test_a_broken_file_is_refused_with_its_name_and_the_reason(tmp_path: Path, t
     assert "\n" not in str(refused.value)
 
 
+def test_a_key_with_a_line_break_is_refused_in_one_line(tmp_path: Path) -> None:
+    """Found by ``tests/fuzz``."""
+    (tmp_path / FILE_NAME).write_text('{"a\\nb": null}')
+    with pytest.raises(BadInput) as refused:
+        load(tmp_path / FILE_NAME)
+    assert "\n" not in str(refused.value)
+
+
 def test_a_folder_in_the_files_place_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="cannot be read"):
         load(tmp_path)

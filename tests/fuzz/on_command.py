@@ -74,9 +74,7 @@ def _socket_in(folder: Path) -> Iterator[None]:
 
 COMMAND = Target(
     "command",
-    ["wayfarer.cli:run", "wayfarer.cli:_fail", "wayfarer.cli.control", "wayfarer.fieldlog.folders:find_run",
-     "wayfarer.fieldlog.folders:_run_at"],
-    lambda kept: ASKING | LOOKING,
+    ASKING | LOOKING,
     _commanded,
     quick=10,
 )  # fmt: skip
@@ -112,8 +110,7 @@ def _answered() -> Iterator[Try]:
 
 ANSWER = Target(
     "answer",
-    ["wayfarer.cli.control", "wayfarer.cli.status_text"],
-    lambda kept: st.one_of(
+    st.one_of(
         *(
             st.tuples(st.just(verb), json_of([reply], 3).map(lambda reply: as_json(reply) + b"\n"))
             for verb, reply in ASKED
@@ -156,12 +153,6 @@ def _environment(environment: Mapping[str, str]) -> str:
 
 ENVIRONMENT = Target(
     "environment",
-    [
-        "wayfarer.daemon.watchdog:SystemdNotifier",
-        "wayfarer.daemon.watchdog:watchdog_period_s",
-        "wayfarer.config.calibration_file:calibration_file",
-        "wayfarer.daemon.socket.paths:known_sockets",
-    ],
-    lambda kept: ENVIRONMENTS,
+    ENVIRONMENTS,
     lambda: nullcontext(_environment),
 )

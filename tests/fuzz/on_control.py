@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from tests.daemon.socket.fake_daemon import FakeDaemon, open_files, serve
 from tests.fuzz.damage import as_json, bytes_of, json_of
-from tests.fuzz.target import Case, Target, Try, reading, shape
+from tests.fuzz.target import Target, Try, reading, shape
 from wayfarer.daemon.socket.client import ask
 from wayfarer.daemon.socket.protocol import REQUEST_BYTES, VERBS, check, ok_reply, read_line
 from wayfarer.daemon.socket.server import SocketLimits
@@ -38,7 +38,7 @@ MOST_OPEN = 20  # files and sockets more than before: each client has two ends h
 LONG_S = 20.0  # this machine may be busy
 
 
-def _lines(kept: Sequence[Case] = ()) -> st.SearchStrategy[bytes]:
+def _lines() -> st.SearchStrategy[bytes]:
     damaged = bytes_of([b"".join(LINES), *LINES], WORDS)
     return damaged | json_of(REQUESTS, 3).map(lambda request: as_json(request) + b"\n")
 
@@ -48,12 +48,7 @@ def _lines(kept: Sequence[Case] = ()) -> st.SearchStrategy[bytes]:
 
 PROTOCOL = Target(
     "protocol",
-    [
-        "wayfarer.daemon.socket.protocol:read_line",
-        "wayfarer.daemon.socket.protocol:check",
-        "wayfarer.daemon.socket.protocol:_checked",
-    ],
-    _lines,
+    _lines(),
     lambda: nullcontext(lambda line: reading(lambda: f"{check(read_line(line)).do} is asked for")),
 )
 
@@ -135,10 +130,7 @@ def _word(line: bytes) -> str:
 
 SERVER = Target(
     "server",
-    ["wayfarer.daemon.socket.server:ControlServer",
-     "wayfarer.daemon.socket.protocol:perform", "wayfarer.daemon.socket.protocol:ok_reply",
-     "wayfarer.daemon.socket.protocol:error_reply"],
-    lambda kept: CLIENTS,
+    CLIENTS,
     _served,
     quick=20,
 )  # fmt: skip
@@ -193,12 +185,7 @@ def _asked() -> Iterator[Try]:
 
 CLIENT = Target(
     "client",
-    [
-        "wayfarer.daemon.socket.client:ask",
-        "wayfarer.daemon.socket.client:_exchange",
-        "wayfarer.daemon.socket.client:_read_reply",
-    ],
-    lambda kept: st.tuples(
+    st.tuples(
         bytes_of([ok_reply({"mode": "disarmed"}), ok_reply({"log": "x" * 60_000})], [b'"ok"', b"true", b'"why"'])
         | json_of(REPLIES, 3).map(lambda reply: as_json(reply) + b"\n"),
         st.booleans(),

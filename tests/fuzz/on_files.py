@@ -6,7 +6,7 @@ import dataclasses
 import json
 import tempfile
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from math import isfinite
 from pathlib import Path
@@ -114,8 +114,7 @@ def _toml_value(value: Any) -> str:
 
 ROVER = Target(
     "rover",
-    ["wayfarer.config.rover_file", "wayfarer.config.messages"],
-    lambda kept: bytes_of([b"", *ROVERS, *kept], WORDS) | json_of(ROVER_TABLES).map(_toml),
+    bytes_of([b"", *ROVERS], WORDS) | json_of(ROVER_TABLES).map(_toml),
     lambda: reading_a_file("rover.toml", _load_rover),
 )
 
@@ -163,8 +162,7 @@ def _stopping() -> Iterator[Try]:
 
 STOPPING = Target(
     "stop-motors",
-    ["wayfarer.daemon.stop_motors:motors_of", "wayfarer.daemon.stop_board:stop_board"],
-    lambda kept: st.builds(
+    st.builds(
         lambda *pieces: b"".join(pieces),
         st.just(f'buses = "{Wheels.__module__}:Wheels"\n'.encode()),
         bytes_of([b"", *ROVERS], WORDS, 2),
@@ -184,8 +182,7 @@ def _load_calibration(path: Path) -> str:
 
 CALIBRATIONS = Target(
     "calibration",
-    ["wayfarer.config.calibration_file:load"],
-    lambda kept: bytes_of([as_json(CALIBRATION), *kept]) | json_of([CALIBRATION]).map(as_json),
+    bytes_of([as_json(CALIBRATION)]) | json_of([CALIBRATION]).map(as_json),
     lambda: reading_a_file(calibration_file.FILE_NAME, _load_calibration),
 )
 
@@ -196,8 +193,7 @@ SCENARIO_FILES = [path.read_bytes() for path in (Path(tests.fault_scenarios.__fi
 
 SCENARIO = Target(
     "scenario",
-    ["wayfarer.fault_scenarios.scenario_file"],
-    lambda kept: bytes_of([*SCENARIO_FILES, *kept], [b"[[scenario.fault]]", b"kind", b"target", b"settings"]),
+    bytes_of(SCENARIO_FILES, [b"[[scenario.fault]]", b"kind", b"target", b"settings"]),
     lambda: reading_a_file("faults.toml", lambda path: f"{len(read_scenarios(path))} scenarios"),
 )
 
@@ -223,9 +219,7 @@ def _read_forests(path: Path) -> str:
 
 FOREST = Target(
     "forest",
-    ["wayfarer.simhal.world.forest_file:forests_in", "wayfarer.simhal.world.forest_file:from_row",
-     "wayfarer.simhal.world.forest_file:_object_of", "wayfarer.simhal.world.forest:check_forest"],
-    lambda kept: bytes_of([FOREST_FILE, *kept]) | st.lists(json_of(FORESTS_ROWS), max_size=3).map(
+    bytes_of([FOREST_FILE]) | st.lists(json_of(FORESTS_ROWS), max_size=3).map(
         lambda rows: b"\n".join(map(as_json, rows))
     ),
     lambda: reading_a_file("forests.jsonl", _read_forests),
@@ -258,7 +252,7 @@ def _partial(rows: bytes) -> bytes:
     return NAMES + b"".join(b"%b,%08x\n" % (row, crc32(row)) for row in rows.splitlines())
 
 
-def _campaigns(kept: Sequence[Case]) -> st.SearchStrategy[Case]:
+def _campaigns() -> st.SearchStrategy[Case]:
     settings = bytes_of([json.dumps(CAMPAIGN).encode()], most=2) | json_of([CAMPAIGN, WITH_FORESTS], 2).map(as_json)
     partial = bytes_of([_partial(FINISHED)], CELLS, 3) | bytes_of([FINISHED], CELLS, 3).map(_partial)
     tables = {TRIALS: bytes_of([TABLE], CELLS, 3), PARTIAL: partial}
@@ -295,10 +289,6 @@ def _read_folder(files: dict[str, bytes]) -> str:
 
 RESULTS = Target(
     "results",
-    ["wayfarer.experiments.results_folder:ResultsFolder._claim", "wayfarer.experiments.store",
-     "wayfarer.experiments.results_folder:_refuse_another", "wayfarer.config.rover_overlay:flat",
-     "wayfarer.experiments.results_folder:ResultsFolder._trials", "wayfarer.experiments.rows:parse_row",
-     "wayfarer.experiments.rows:_value", "wayfarer.experiments.report.load_results"],
-    _campaigns,
+    _campaigns(),
     lambda: nullcontext(_read_folder),
 )  # fmt: skip

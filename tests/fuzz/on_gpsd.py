@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from math import isfinite
 
@@ -22,7 +22,7 @@ LONG_S = 20.0  # this machine may be busy
 SAID = VERSION + b"".join(map(report, range(4)))
 
 
-def _conversations(kept: Sequence[Case]) -> st.SearchStrategy[Case]:
+def _conversations() -> st.SearchStrategy[Case]:
     whole = st.just(VERSION)
     lines = st.lists(json_of(REPORTS, 2).map(lambda value: as_json(value) + b"\n"), max_size=5).map(b"".join)
     return st.lists(bytes_of([SAID, report(9)], most=3), max_size=3) | st.tuples(whole, lines).map(list)
@@ -85,4 +85,4 @@ def _checked(fix: PositionFix | None) -> PositionFix | None:
     return fix
 
 
-GPSD = Target("gpsd", ["wayfarer.drivers.gpsd"], _conversations, _called)
+GPSD = Target("gpsd", _conversations(), _called)

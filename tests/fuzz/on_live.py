@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import base64
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
 
 from hypothesis import strategies as st
@@ -54,7 +54,7 @@ def frame(payload: bytes, told: bytes = b"") -> bytes:
     return bytes([is_last * 128 | opcode]) + size + mask + masked
 
 
-def _conversations(kept: Sequence[Case]) -> st.SearchStrategy[Case]:
+def _conversations() -> st.SearchStrategy[Case]:
     messages = json_of(MESSAGES, 2).map(as_json) | bytes_of(list(map(as_json, MESSAGES)), [b'"do"', b'"seen"'], 3)
     frames = st.lists(st.builds(frame, messages, st.binary(max_size=4)), max_size=5).map(b"".join)
     sent = st.builds(lambda sent, end: CONNECT + sent + end, frames, st.sampled_from((frame(b"", CLOSE), b"")))
@@ -127,10 +127,7 @@ async def _heard(reader: asyncio.StreamReader, quiet_s: float) -> bytes:
 
 LIVE = Target(
     "live",
-    ["wayfarer.views.live.client_session", "wayfarer.views.live.server:LivePage._answer",
-     "wayfarer.views.live.server:LivePage._answer_page", "wayfarer.views.live.server:LivePage._answer_socket",
-     "wayfarer.views.live.server:_plain", "wayfarer.views.live.broadcaster:PageViewer.acknowledge"],
-    _conversations,
+    _conversations(),
     _shown,
     quick=20,
 )  # fmt: skip
@@ -153,7 +150,6 @@ def _judge(peer: str, headers: dict[str, str], token: str) -> str:
 
 ACCESS = Target(
     "access",
-    ["wayfarer.views.live.access"],
-    lambda kept: st.tuples(TEXT | st.ip_addresses().map(str), HEADERS, TEXT),
+    st.tuples(TEXT | st.ip_addresses().map(str), HEADERS, TEXT),
     lambda: nullcontext(lambda visitor: reading(lambda: _judge(*visitor))),
 )

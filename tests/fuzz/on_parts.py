@@ -139,10 +139,7 @@ async def _read_compass(part: CMPS14) -> None:
 
 COMPASS = Target(
     "cmps14",
-    [*(f"wayfarer.drivers.cmps14_registers:{name}" for name in (
-        "decode", "flaw", "_garbled", "has_strange_pitch", "_has_strange_roll",
-    )), "wayfarer.drivers.cmps14:CMPS14"],
-    lambda kept: FAULTS,
+    FAULTS,
     lambda: _driven(
         lambda faults: CMPS14(
             CMPS14Settings(heading_offset_deg=-180.0, reverse_pitch=True, swap_pitch_roll=bool(len(faults) % 2)),
@@ -174,8 +171,7 @@ async def _read_motion(part: PMW3901 | CameraMotion) -> None:
 
 FLOW = Target(
     "pmw3901",
-    ["wayfarer.drivers.pmw3901:_along", "wayfarer.drivers.pmw3901:PMW3901", "wayfarer.drivers.pmw3901_registers"],
-    lambda kept: FAULTS,
+    FAULTS,
     lambda: _driven(lambda faults: PMW3901(PMW3901Settings(), Wire(_flow_answer, faults)), _read_motion),  # type: ignore[arg-type]
 )  # fmt: skip
 
@@ -206,14 +202,12 @@ async def _use_light(part: ThunderBorgLight) -> None:
 
 BOARD = Target(
     "thunderborg",
-    ["wayfarer.drivers.thunderborg", "wayfarer.drivers.levels:MotorLevels"],
-    lambda kept: FAULTS,
+    FAULTS,
     lambda: _driven(lambda faults: ThunderBorg(ThunderBorgSettings(), Wire(_board_answer, faults)), _use_board),  # type: ignore[arg-type]
 )
 LIGHT = Target(
     "thunderborg-light",
-    ["wayfarer.drivers.thunderborg_light"],
-    lambda kept: FAULTS,
+    FAULTS,
     lambda: _driven(
         lambda faults: ThunderBorgLight(ThunderBorgLightSettings(), Wire(_board_answer, faults)),  # type: ignore[arg-type]
         _use_light,
@@ -261,7 +255,6 @@ def _camera(told: list[bytes]) -> CameraMotion:
 
 CAMERA = Target(
     "camera",
-    ["wayfarer.drivers.camera_motion:CameraMotion", "wayfarer.drivers.camera_motion:_change"],
-    lambda kept: st.lists(st.binary(max_size=6), max_size=READS),
+    st.lists(st.binary(max_size=6), max_size=READS),
     lambda: _driven(_camera, _read_motion),
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Any, NamedTuple
 
@@ -18,19 +18,17 @@ Try = Callable[[Case], str]
 class Target(NamedTuple):
     """One reader.
 
-    name: for the command line.
-    covers: the modules whose lines count, or a function or class of one as ``module:name``.
-    cases: makes cases, given those that reached something new.
+    name: for the test's name.
+    cases: makes cases.
     opened: sets up what the tries need, and yields what is done with a case: it returns the outcome in a few words, or
         raises because of a bug.
-    quick: how many cases a test tries.
+    quick: how many cases a test of the tier ``unit`` tries.
     """
 
     name: str
-    covers: Sequence[str]
-    cases: Callable[[Sequence[Case]], SearchStrategy[Case]]
+    cases: SearchStrategy[Case]
     opened: Callable[[], AbstractContextManager[Try]]
-    quick: int = 30
+    quick: int = 60
 
 
 def refused(error: WayfarerError) -> str:

@@ -1,31 +1,50 @@
-"""A few cases of every target, the same ones in each run."""
+"""No case of a reader ends in an error that it does not know; the same cases in each run."""
 
 from __future__ import annotations
 
+from collections import Counter
+
 import pytest
+from hypothesis import HealthCheck, given, settings
 
-from tests.fuzz.covered import Covered
-from tests.fuzz.engine import fuzz_cases
-from tests.fuzz.target import Target
-from tests.fuzz.targets import TARGETS
-from wayfarer.cli import is_compiled
+from tests.fuzz import on_command, on_control, on_files, on_gpsd, on_live, on_logs, on_parts
+from tests.fuzz.damage import DEPTH, as_json, changed, damaged, nested
+from tests.fuzz.target import Case, Target
 
+MODULES = (on_control, on_files, on_logs, on_parts, on_gpsd, on_live, on_command)
+TARGETS = [each for module in MODULES for each in vars(module).values() if isinstance(each, Target)]
+LONG_TIMES = 40  # as many cases in the tier ``long``: minutes, from no source
 SLOW_BELOW = 10  # few cases are quick where each takes long
 
-PARAMETERS = [
-    pytest.param(target, id=target.name, marks=[pytest.mark.long] * (target.quick < SLOW_BELOW)) for target in TARGETS
+QUICK = [
+    pytest.param(target, target.quick, id=target.name, marks=[pytest.mark.long] * (target.quick < SLOW_BELOW))
+    for target in TARGETS
+]
+MANY = [
+    pytest.param(target, LONG_TIMES * target.quick, id=f"{target.name}-many", marks=pytest.mark.long)
+    for target in TARGETS
 ]
 
 
-@pytest.mark.parametrize("target", PARAMETERS)
-def test_no_case_of_a_reader_ends_in_an_error_that_it_does_not_know(target: Target) -> None:
-    found = fuzz_cases(target, target.quick)
-    assert found.error is None, repr(found.case)
-    assert found.cases >= target.quick // 2
-    assert len(found.outcomes) > 1 or target.quick < SLOW_BELOW
+@pytest.mark.parametrize(("target", "cases"), [*QUICK, *MANY])
+def test_no_case_of_a_reader_ends_in_an_error_that_it_does_not_know(target: Target, cases: int) -> None:
+    outcomes: Counter[str] = Counter()
+    with target.opened() as attempt:
+
+        @settings(max_examples=cases, database=None, suppress_health_check=list(HealthCheck))
+        @given(target.cases)
+        def attempt_one(case: Case) -> None:
+            outcomes[attempt(case)] += 1
+
+        attempt_one()
+    assert outcomes.total() >= cases // 2
+    assert len(outcomes) > 1 or cases < SLOW_BELOW
 
 
-@pytest.mark.skipif(is_compiled(), reason="only lines of Python are counted")
-def test_what_a_target_is_to_reach_exists() -> None:
-    for target in TARGETS:
-        assert Covered(target.covers).missing, target.name
+def test_nothing_is_damaged_where_nothing_is_told() -> None:
+    assert damaged((b"x",), (), b"\x01\x02", b"") == b"\x01\x02"
+    assert changed(b'{"a":[1,2]}', b"") == {"a": [1, 2]}
+
+
+def test_json_may_be_deeper_than_orjson_writes() -> None:
+    assert as_json(nested("x")).count(b"[") == DEPTH

@@ -57,7 +57,8 @@ def most_telling(error: ValidationError) -> ErrorDetails:
 def key_and_problem(error: ValidationError) -> str:
     """Say in short what is wrong with a file that wayfarer itself has written."""
     problem = most_telling(error)
-    return f"{shortened('.'.join(map(str, problem['loc']))) or 'the file'}: {problem['msg']}"
+    key = one_line(".".join(map(str, problem["loc"])))
+    return f"{shortened(key) or 'the file'}: {problem['msg']}"
 
 
 def explain(problem: ErrorDetails, model: Any, prefix: str = "") -> str:
