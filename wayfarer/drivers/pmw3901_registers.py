@@ -59,7 +59,7 @@ def contradiction(burst: Burst, longest_s: float, limit_counts_s: float) -> str 
 
 Writes: TypeAlias = tuple[tuple[int, int], ...]
 
-TRIM_MAX = 0x3F
+TRIM_MAX: Final = 0x3F
 
 
 def _writes(text: str) -> Writes:
@@ -68,13 +68,13 @@ def _writes(text: str) -> Writes:
     return tuple((int(register, 16), int(value, 16)) for register, value in pairs)
 
 
-WAKE = _writes("7F=00 55=01 50=07  7F=0E")
-PROBE = _writes("43=10")  # repeated until register 47 says 08
-LONG = _writes("48=04")  # where bit 7 of register 67 is set
-SHORT = _writes("48=02")
-ASK_TRIM = _writes("7F=00 51=7B 50=00 55=00  7F=0E")
-ALLOW_TRIM = _writes("7F=00 61=AD 51=70  7F=0E")
-TUNE = _writes("""
+WAKE: Final = _writes("7F=00 55=01 50=07  7F=0E")
+PROBE: Final = _writes("43=10")  # repeated until register 47 says 08
+LONG: Final = _writes("48=04")  # where bit 7 of register 67 is set
+SHORT: Final = _writes("48=02")
+ASK_TRIM: Final = _writes("7F=00 51=7B 50=00 55=00  7F=0E")
+ALLOW_TRIM: Final = _writes("7F=00 61=AD 51=70  7F=0E")
+TUNE: Final = _writes("""
     7F=00 61=AD
     7F=03 40=00
     7F=05 41=B3 43=F1 45=14 5B=32 5F=34 7B=08
@@ -89,15 +89,15 @@ TUNE = _writes("""
     7F=10 5B=02
     7F=07 40=41 70=00
 """)
-START = _writes("""
+START: Final = _writes("""
     32=44
     7F=07 40=40
     7F=06 62=F0 63=00
     7F=0D 48=C0 6F=D5
     7F=00 5B=A0 4E=A8 5A=50 40=80
 """)
-LED_ON = _writes("7F=14 6F=1C  7F=00")
-LED_OFF = _writes("7F=14 6F=00  7F=00")
+LED_ON: Final = _writes("7F=14 6F=1C  7F=00")
+LED_OFF: Final = _writes("7F=14 6F=00  7F=00")
 
 
 def trim(c1: int, c2: int) -> Writes:
