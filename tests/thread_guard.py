@@ -9,6 +9,7 @@ from contextlib import contextmanager
 import pytest
 
 PATIENCE_S = 5.0  # with a thread that was told to end
+SHARED = "shared"  # begins the name of a thread that ends with a fixture of several tests
 
 
 @contextmanager
@@ -25,6 +26,8 @@ def no_thread_left() -> Iterator[None]:
 
 def _is_ours(thread: threading.Thread) -> bool:
     """Return whether it runs a function of this repository; those of libraries end when they like."""
+    if thread.name.startswith(SHARED):
+        return False
     target = vars(thread).get("_target")  # gone once it has ended
     return getattr(target, "__module__", "").partition(".")[0] in {"wayfarer", "tests", "benchmarks"}
 

@@ -24,6 +24,7 @@ from typing import Any, Self
 from tests.system.hil_buses import HilSerial
 from tests.system.nspawn import in_own_mounts
 from tests.system.subprocesses import HARDWARE_PRIORITY, put_thread_first
+from tests.thread_guard import SHARED
 
 SHIM = Path(__file__).with_name("ioctl_shim.c")
 NULL = os.makedev(1, 3)
@@ -106,7 +107,9 @@ class SerialLine:
         tty.setraw(self._near)
         self.path = os.ttyname(self._near)
         self._unplugged = threading.Event()
-        self._thread = threading.Thread(target=self._carry, args=(HilSerial(str(bench), port),))
+        self._thread = threading.Thread(
+            target=self._carry, args=(HilSerial(str(bench), port),), name=f"{SHARED} serial line"
+        )
         self._thread.start()
 
     def _carry(self, to: HilSerial) -> None:
