@@ -11,13 +11,16 @@ from typing import Any
 
 
 def hear_interrupts() -> None:
-    """Have SIGINT be heard, by what is started from now on too.
+    """Have SIGINT and SIGHUP be heard, by what is started from now on too.
 
-    A shell that is no terminal's starts its background jobs with SIGINT ignored. What is ignored stays so in a child,
-    which would never end by the SIGINT that its test sends; what has a handler is the default in a child.
+    A shell that is no terminal's starts its background jobs with SIGINT ignored, and nohup ignores SIGHUP. What is
+    ignored stays so in a child, which would never end by the signal that its test sends; what has a handler is the
+    default in a child.
     """
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 @contextmanager
