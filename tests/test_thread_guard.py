@@ -10,8 +10,10 @@ from tests import thread_guard
 from tests.thread_guard import no_thread_left
 
 
-def start(until: threading.Event) -> None:
-    threading.Thread(target=lambda: until.wait(), name="forgotten", daemon=True).start()
+def start(until: threading.Event) -> threading.Thread:
+    thread = threading.Thread(target=lambda: until.wait(), name="forgotten", daemon=True)
+    thread.start()
+    return thread
 
 
 def test_thread_that_does_not_end_fails_the_test(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -25,5 +27,6 @@ def test_thread_that_does_not_end_fails_the_test(monkeypatch: pytest.MonkeyPatch
 def test_thread_that_was_told_to_end_is_waited_for() -> None:
     ends = threading.Event()
     with no_thread_left():
-        start(ends)
+        thread = start(ends)
         threading.Timer(0.05, ends.set).start()
+    assert not thread.is_alive()

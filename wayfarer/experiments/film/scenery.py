@@ -118,7 +118,7 @@ def _add_trees(spec: Any, forest: Forest, rng: Generator) -> None:
     outside_m = around_m[np.abs(around_m - WORLD_SIZE_M / 2.0).max(axis=1) > WORLD_SIZE_M / 2.0 + 1.5]
     for number, (x_m, y_m) in enumerate([*forest.trees_m, *outside_m.tolist()]):
         stands = Rotation.from_euler("xyz", (*rng.normal(0.0, TREE_LEAN, 2), rng.uniform(0.0, 2.0 * pi)))
-        # A colour of its own takes the place of the material's, so that one tree alone can be made transparent.
+        # Each tree has a separate colour in place of the material's, so that one tree alone can be made transparent.
         spec.worldbody.add_geom(
             type=MESH, meshname=f"tree{number % TREE_KINDS}", material="bark", rgba=(1.0, 1.0, 1.0, 1.0),
             pos=(x_m, y_m, 0.0), quat=stands.as_quat(scalar_first=True),
