@@ -260,12 +260,6 @@ async def test_mounting_is_undone_by_the_settings(
 
 
 @virtual
-async def test_calibration_gets_the_counts_of_the_chip_itself() -> None:
-    flow = await opened(Canned(NORMAL), PMW3901Settings(forward="+x", right="+y", height_m=0.3))
-    assert await flow.counts() == (5, -5)
-
-
-@virtual
 async def test_spike_is_dropped_and_the_next_reading_is_good() -> None:
     flow = await opened(PMW3901Chip(Driven((0, 0), (469, 0), (8, 0)), now_s))
     await flow.read()

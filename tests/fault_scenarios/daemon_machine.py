@@ -38,8 +38,7 @@ from tests.fault_scenarios.fault_strategies import (
     ready_for,
 )
 from wayfarer.commissioning.checks import ARMING, CALIBRATED, HostEnvironment
-from wayfarer.config.rover_file import load_rover
-from wayfarer.config.rover_overlay import laid_over
+from wayfarer.config.rover_file import laid_over, load_rover
 from wayfarer.control.controller import Mode
 from wayfarer.control.supervisor import first_cause
 from wayfarer.daemon.arming_inspection import RunningInspection

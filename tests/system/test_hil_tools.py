@@ -17,7 +17,7 @@ from tests.system.killer import after_death
 from tests.system.log_recovery import cut_off, numbered_twice, read_back
 from tests.system.subprocesses import DAEMON_PRIORITY, STARTING_NICENESS, put_first, python, starting
 from tests.system.wheel_history import Commands, first_stop, spans, stop_after, told_to_turn
-from wayfarer.drivers.worker import Worker
+from wayfarer.drivers.threaded import Worker
 from wayfarer.errors import NotResponding
 
 HEADER = '{"record":"run","t_s":0.0,"schema":2}\n'

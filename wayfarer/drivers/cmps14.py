@@ -40,6 +40,8 @@ _COMMAND_GAP_S = 0.02  # data sheet page 3: after each byte of a command
 OPEN_S = 4 * _COMMAND_GAP_S  # switching background calibration off
 _ERASE_SETTLE_S = 0.6  # published drivers wait 0.3 to 0.6 s
 _CONFIG_FIXED, _CONFIG_BITS = 0x80, 0x97
+# What ``configure`` takes (page 3): accelerometer and magnetometer without periodic saving, or nothing.
+LEARN, OFF = 0x83, 0x80
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +106,7 @@ class CMPS14:
             raise WrongPart(self.name, "a CMPS14", got)
         self._check(block)
         if not self._settings.background_calibration:
-            await self.configure(_CONFIG_FIXED)
+            await self.configure(OFF)
 
     async def close(self) -> None:
         """Nothing to release."""

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from tests.commissioning.checks.rigs import Flow, Rig, Script
 from wayfarer.commissioning.calibrate import calibrate
-from wayfarer.commissioning.calibrate.response import Sample, rate_deg_s, speed_gain, turn_response
+from wayfarer.commissioning.calibrate.free_ground import Sample, rate_deg_s, speed_gain, turn_response
 from wayfarer.commissioning.manual_drive import RATE_HZ
 from wayfarer.config.calibration_file import Calibration, FlowEntry, MotorsEntry, TurningEntry, TurnResponse, stamp
 from wayfarer.config.factory import calibrated

@@ -229,10 +229,10 @@ class Rig:
 class ChipRig(Rig):
     """The rover with the real driver of its compass and of one of two motor boards, over simulated chips."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, compass_chip: type[CMPS14Chip] = CMPS14Chip) -> None:
         super().__init__(folder)
         self.buses = FakeBuses()
-        self.compass_chip = CMPS14Chip(HeadingSensorModel(self.world, RandomStreams(0)), now_s)
+        self.compass_chip = compass_chip(HeadingSensorModel(self.world, RandomStreams(0)), now_s)
         self.thunderborg = ThunderBorgChip(self.world, now_s)
         self.sabertooth = SabertoothChip(self.world, now_s)
         self.buses.i2c("/dev/i2c-1").attach(0x60, self.compass_chip)

@@ -10,9 +10,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
-from wayfarer.commissioning.calibrate.compass import calibrate_compass
+from wayfarer.commissioning.calibrate.compass import calibrate_compass, calibrate_motors
 from wayfarer.commissioning.calibrate.flow import calibrate_flow
-from wayfarer.commissioning.calibrate.motors import calibrate_motors
 from wayfarer.commissioning.calibrate.turning import calibrate_turning
 from wayfarer.commissioning.checks.api import HostEnvironment, StandaloneInspection
 from wayfarer.commissioning.manual_drive import Operator

@@ -12,8 +12,14 @@ from collections.abc import Iterator, Sequence
 from math import ceil, degrees
 from statistics import fmean
 
-from wayfarer.commissioning.calibrate.free_ground import REST_S, FreeGround
-from wayfarer.commissioning.calibrate.response import TURNS_FROM_DEG_S, rate_deg_s, speed_gain, turn_response
+from wayfarer.commissioning.calibrate.free_ground import (
+    REST_S,
+    TURNS_FROM_DEG_S,
+    FreeGround,
+    rate_deg_s,
+    speed_gain,
+    turn_response,
+)
 from wayfarer.commissioning.checks.api import StandaloneInspection
 from wayfarer.commissioning.checks.calibrated import EASE_TURNING
 from wayfarer.commissioning.manual_drive import Operator
