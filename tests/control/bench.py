@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from tests.workshop import AHEAD, VEHICLE, EventLog
+from tests.kit.workshop import AHEAD, VEHICLE, EventLog
 from wayfarer.angles import METRES_PER_DEG
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.controller import Controller, Mode, WheelMotors

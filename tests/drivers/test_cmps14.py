@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.drivers.benches import now_s
+from tests.kit.boards import now_s
 from tests.simhal.chips.bench import Held
 from tests.virtual import virtual
 from wayfarer.angles import wrap180

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from tests.drivers.benches import now_s
 from tests.drivers.test_pmw3901_registers import DARK, LIMIT_COUNTS_S, NORMAL, STANDING
+from tests.kit.boards import now_s
 from tests.simhal.chips.bench import Driven
 from tests.virtual import run_virtually, virtual
 from wayfarer.drivers.pmw3901 import PMW3901, Axis, PMW3901Settings

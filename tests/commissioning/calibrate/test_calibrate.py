@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.commissioning.checks.rigs import ChipRig, Rig, Script, push_by_hand
+from tests.kit.rover import ChipRig, Rig, Script, push_by_hand
 from tests.virtual import run_virtually
 from wayfarer.commissioning import checks
 from wayfarer.commissioning.calibrate import STEPS, calibrate

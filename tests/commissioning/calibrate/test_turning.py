@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.commissioning.checks.rigs import Flow, Rig, Script
+from tests.kit.rover import Flow, Rig, Script
 from wayfarer.commissioning.calibrate import calibrate
 from wayfarer.commissioning.calibrate.free_ground import Sample, rate_deg_s, speed_gain, turn_response
 from wayfarer.commissioning.manual_drive import RATE_HZ

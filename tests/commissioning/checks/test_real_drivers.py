@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.commissioning.checks.rigs import ChipRig, Script
+from tests.kit.rover import ChipRig, Script
 from tests.virtual import run_virtually
 from wayfarer.commissioning.checks import CheckVerdict, Finding, parts, run_checks
 from wayfarer.drivers.sabertooth import SabertoothSettings

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from tests.commissioning.checks.rigs import Rig
+from tests.kit.rover import Rig
 from wayfarer.commissioning.checks import CheckVerdict, Finding, system
 from wayfarer.config.rover_file import LogSettings, load_rover
 

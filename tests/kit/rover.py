@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from tests.drivers.benches import now_s
+from tests.kit.boards import now_s
 from tests.simhal.clearing import STEADY, VEHICLE
 from tests.virtual import run_virtually
 from wayfarer.commissioning.calibrate import Operator, Step, calibrate
