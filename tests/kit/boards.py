@@ -8,7 +8,7 @@ from typing import Any, Self
 from tests.simhal.clearing import steady_world
 from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
 from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
-from wayfarer.drivers.thunderborg_light import ThunderBorgLight, ThunderBorgLightSettings
+from wayfarer.drivers.thunderborg_board import ThunderBorgLight, ThunderBorgLightSettings
 from wayfarer.errors import NotResponding
 from wayfarer.hal import DriveMotors
 from wayfarer.simhal.buses import FakeBuses, FakeSerial
