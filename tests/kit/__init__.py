@@ -2,6 +2,7 @@
 
 * ``boards``: the real driver of a motor board over its simulated chip; the wire between them can be troubled.
 * ``rover``: a simulated rover whose parts can be broken, on blocks or on the ground, and a person with a script.
+* ``motors``: motors that turn no wheel and remember what they were told.
 * ``workshop``: a supervisor over parts that do nothing but write down what was done to them, and when.
 
 The senses and clocks of chips without a driver are in ``tests/simhal/chips/bench.py``; a daemon as a process over
