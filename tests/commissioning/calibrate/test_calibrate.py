@@ -16,11 +16,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.kit.rover import ChipRig, Rig, Script, push_by_hand
-from tests.virtual import run_virtually
 from wayfarer.commissioning import checks
 from wayfarer.commissioning.calibrate import STEPS, calibrate
-from wayfarer.commissioning.calibrate.compass import calibrate_motors, residual_deg
-from wayfarer.config.calibration_file import Calibration, FlowEntry, MotorsEntry, stamp
+from wayfarer.commissioning.calibrate.compass import residual_deg
+from wayfarer.config.calibration_file import Calibration, FlowEntry, stamp
 from wayfarer.drivers.camera_motion import CameraMotion, CameraMotionSettings
 from wayfarer.drivers.cmps14 import LEARN, OFF
 from wayfarer.errors import BadInput, NotResponding, WayfarerError
@@ -318,14 +317,9 @@ def test_duty_grows_slowly_and_commands_never_pause(rig: Rig) -> None:
 
 
 def test_a_limited_rover_is_measured_within_its_limit(rig: Rig) -> None:
+    rig.set(safety={"duty_max": 0.3})
     rig.compass.bias_deg = lambda: 20.0 * rig.world.commanded[0]
-
-    async def main() -> MotorsEntry | None:
-        await rig.motors.open()
-        await rig.compass.open()
-        return await calibrate_motors(rig.motors, rig.compass, person(rig), 0.0, duty_max=0.3)
-
-    found = run_virtually(main())
+    found = rig.calibrate(person(rig), "motors").motors
     assert rig.world.most == pytest.approx(0.3, abs=0.01)
     assert found is not None
     assert (found.shift_half_deg, found.shift_full_deg) == pytest.approx((3.0, 6.0), abs=1.0)

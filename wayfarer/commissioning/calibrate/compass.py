@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 from wayfarer.angles import circular_mean, wrap180
+from wayfarer.commissioning.checks.api import StandaloneInspection
 from wayfarer.commissioning.manual_drive import RATE_HZ, Operator, sample_headings, wheels_stopped_after
 from wayfarer.config.calibration_file import CompassEntry, MotorsEntry, stamp
 from wayfarer.control.rate import Rate
@@ -46,14 +47,15 @@ QUARTERS = (
 )
 
 
-async def calibrate_compass(compass: Compass, operator: Operator, t_wall: float) -> CompassEntry:
-    """Guide a person through calibrating an open compass.
+async def calibrate_compass(inspection: StandaloneInspection, operator: Operator) -> CompassEntry:
+    """Guide a person through calibrating the rover's compass, which is open.
 
     Raises:
         DriverError: it stopped answering.
         WayfarerError: it cannot be calibrated here; the text says why. It is left as it was, or as far as it got, with
             calibration off.
     """
+    compass = inspection.rover.compass
     await operator.wait(PREPARE)
     if isinstance(compass, CMPS14):
         await _teach(compass, operator)
@@ -67,7 +69,7 @@ async def calibrate_compass(compass: Compass, operator: Operator, t_wall: float)
         )
     level = (await compass.read()).calibration
     await operator.say(f"Quarter turns were off by {error_deg:.1f}° on average.")
-    return CompassEntry(**stamp(compass.name, t_wall), level=level or 0, residual_deg=error_deg)
+    return CompassEntry(**stamp(compass.name, inspection.host.t_wall), level=level or 0, residual_deg=error_deg)
 
 
 async def _teach(compass: CMPS14, operator: Operator) -> None:
@@ -131,16 +133,15 @@ ON_BLOCKS = (
 )
 
 
-async def calibrate_motors(
-    motors: DriveMotors, compass: Compass, operator: Operator, t_wall: float, duty_max: float
-) -> MotorsEntry | None:
-    """Measure the shift of an open compass at half and full duty of open motors; None where the person declines.
+async def calibrate_motors(inspection: StandaloneInspection, operator: Operator) -> MotorsEntry | None:
+    """Measure the shift of the heading at half and at full duty; None where the person declines.
 
-    Full is ``duty_max``, ``safety.duty_max`` of the rover file: a mission never uses more.
+    Compass and motors are open. Full is ``safety.duty_max`` of the rover file: a mission never uses more.
 
     Raises:
         DriverError: one of them stopped answering; the wheels were stopped.
     """
+    motors, compass, duty_max = inspection.rover.motors, inspection.rover.compass, inspection.config.safety.duty_max
     if not await operator.ask(ON_BLOCKS):
         return None
     async with wheels_stopped_after(motors):
@@ -157,7 +158,10 @@ async def calibrate_motors(
             f"That is too much: {SHIFT_MAX_DEG:g}° are allowed. Raise the compass on a mast and twist the motor wires."
         )
     return MotorsEntry(
-        **stamp(motors.name, t_wall), shift_half_deg=shift_half_deg, shift_full_deg=shift_full_deg, passed=passed
+        **stamp(motors.name, inspection.host.t_wall),
+        shift_half_deg=shift_half_deg,
+        shift_full_deg=shift_full_deg,
+        passed=passed,
     )
 
 
