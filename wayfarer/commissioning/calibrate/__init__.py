@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 from wayfarer.commissioning.calibrate.compass import calibrate_compass, calibrate_motors
 from wayfarer.commissioning.calibrate.flow import calibrate_flow
 from wayfarer.commissioning.calibrate.turning import calibrate_turning
 from wayfarer.commissioning.checks.api import HostEnvironment, StandaloneInspection
 from wayfarer.commissioning.manual_drive import Operator
-from wayfarer.config.calibration_file import Calibration, Entry, load, save
+from wayfarer.config.calibration_file import Calibration, load, save
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.hal import Rover
 
@@ -24,9 +24,8 @@ __all__ = ["STEPS", "Operator", "Step", "calibrate"]
 Step = Literal["compass", "flow", "motors", "turning"]
 STEPS: tuple[Step, ...] = ("compass", "flow", "motors", "turning")
 
-_Measure = Callable[[StandaloneInspection, Operator], Awaitable[Entry | None]]
-# The parts that each step opens, and what measures it with them: None where the person declines.
-_STEPS: Mapping[Step, tuple[tuple[str, ...], _Measure]] = {
+# The parts that each step opens, and what measures it with them and returns its entry: None where the person declines.
+_STEPS: Mapping[Step, tuple[tuple[str, ...], Callable[[StandaloneInspection, Operator], Awaitable[Any]]]] = {
     "compass": (("compass",), calibrate_compass),
     "flow": (("motion",), calibrate_flow),
     "motors": (("compass", "motors"), calibrate_motors),
@@ -64,8 +63,8 @@ async def calibrate(
     return calibration
 
 
-async def _measure(step: Step, inspection: StandaloneInspection, operator: Operator) -> Entry | None:
-    """Return what a step found; None where the person declined, or the rover has no such part."""
+async def _measure(step: Step, inspection: StandaloneInspection, operator: Operator) -> Any:
+    """Return the entry that a step found; None where the person declined, or the rover has no such part."""
     parts, measure = _STEPS[step]
     if any(part not in inspection.rover.parts for part in parts):
         return None
