@@ -90,6 +90,7 @@ class Board(Breakable, SimMotors):
     health_now = MotorHealth(12.0, ())
     fails_at = 10**9
     stop_takes_s = 0.0
+    halts = 0
 
     def __init__(self, world: World) -> None:
         super().__init__(world)
@@ -106,6 +107,10 @@ class Board(Breakable, SimMotors):
     async def stop(self) -> None:
         await asyncio.sleep(self.stop_takes_s)
         await super().stop()
+
+    def halt(self) -> None:
+        self.halts += 1
+        super().halt()
 
     async def read_back(self) -> WheelCommand | None:  # type: ignore[override]
         now_s = asyncio.get_running_loop().time()
