@@ -26,9 +26,7 @@ from typing import Any, NamedTuple
 
 from benchmarks.figures import print_table
 from wayfarer.commissioning.checks import HostEnvironment
-from wayfarer.config.log_settings import LogSettings
-from wayfarer.config.rover_file import RoverConfig, load_rover
-from wayfarer.config.rover_overlay import laid_over
+from wayfarer.config.rover_file import LogSettings, RoverConfig, laid_over, load_rover
 from wayfarer.control.controller import Mode
 from wayfarer.control.run_log import Tee
 from wayfarer.daemon.arming_inspection import RunningInspection

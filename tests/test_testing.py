@@ -14,7 +14,7 @@ from typing import Any, cast
 
 import pytest
 
-from tests.control.bench import Motors
+from tests.kit.motors import Motors
 from tests.simhal.clearing import steady_world
 from tests.virtual import run_virtually
 from wayfarer.config.rover_file import load_rover

@@ -12,9 +12,9 @@ import pytest
 import typer
 
 from tests.cli.json_schema import keys_of, keys_of_class, read_tables, wrong
-from tests.commissioning.checks.rigs import Rig
 from tests.conftest import Run
 from tests.daemon import played
+from tests.kit.rover import Rig
 from tests.views.text.records import HEADER, drive, event, numbered, outcome, write
 from wayfarer import cli
 from wayfarer.cli.listing import Described

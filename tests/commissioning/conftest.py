@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.commissioning.checks.rigs import Rig
+from tests.kit.rover import Rig
 
 
 @pytest.fixture

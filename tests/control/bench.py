@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from tests.workshop import AHEAD, VEHICLE, EventLog
+from tests.kit.motors import Motors
+from tests.kit.workshop import AHEAD, VEHICLE, EventLog
 from wayfarer.angles import METRES_PER_DEG
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.controller import Controller, Mode, WheelMotors
 from wayfarer.control.latest import SensorBuffers
 from wayfarer.detector import Detector
-from wayfarer.errors import DriverError
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase
 from wayfarer.hal import CompassReading, MotorHealth, PositionFix, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
@@ -20,39 +20,6 @@ from wayfarer.safety.settings import BoardSettings, EntrapmentSettings, SafetySe
 TICK_S = 0.05
 BOARD = BoardSettings(battery_low_v=11.0, battery_critical_v=10.0, battery_low_s=0.5, battery_critical_s=0.5)
 HOME = PositionFix(0.0, 52.0, 13.0, 3.0)
-
-
-class Motors:
-    """Remembers each command, and how often it was halted; ``error`` is raised instead while it is set."""
-
-    name = "bench motors"
-    deadman_s: float | None = None
-
-    def __init__(self) -> None:
-        self.commands: list[WheelCommand] = []
-        self.halts = 0
-        self.error: DriverError | None = None
-
-    async def drive(self, command: WheelCommand) -> WheelCommand:
-        if self.error is not None:
-            raise self.error
-        self.commands.append(command)
-        return command
-
-    async def open(self) -> None: ...
-
-    async def close(self) -> None: ...
-
-    async def stop(self) -> None: ...
-
-    def halt(self) -> None:
-        self.halts += 1
-
-    async def read_back(self) -> WheelCommand | None:
-        return None
-
-    async def health(self) -> MotorHealth:
-        return MotorHealth(None, ())
 
 
 class Wanting:

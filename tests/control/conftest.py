@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.workshop import Workshop
+from tests.kit.workshop import Workshop
 
 
 @pytest.fixture

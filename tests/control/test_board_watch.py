@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 
 from tests.control.test_supervisor import Armer
-from tests.workshop import Motors, Script, Workshop, assert_wheels_stopped_first, breaking, drive, mending
+from tests.kit.workshop import Motors, Script, Workshop, assert_wheels_stopped_first, breaking, drive, mending
 from wayfarer.control.board_watch import REOPEN_AFTER_MAX_S, REOPEN_AFTER_S
 from wayfarer.errors import NotResponding
 from wayfarer.hal import STOP

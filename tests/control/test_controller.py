@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from tests.control.bench import TICK_S, Bench
-from tests.workshop import AHEAD, VEHICLE
+from tests.kit.workshop import AHEAD, VEHICLE
 from wayfarer.control.controller import Mode
 from wayfarer.control.status_light import YELLOW, colour
 from wayfarer.errors import NotResponding

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.control.bench import TICK_S, Bench
-from tests.workshop import AHEAD
+from tests.kit.workshop import AHEAD
 from wayfarer.control.controller import Mode
 from wayfarer.errors import NotResponding, PowerLost
 from wayfarer.hal import STOP, MotionReading

@@ -9,8 +9,7 @@ from typing import Any
 
 import pytest
 
-from tests.virtual import virtual
-from tests.workshop import (
+from tests.kit.workshop import (
     PARTS,
     Compass,
     Contact,
@@ -21,6 +20,7 @@ from tests.workshop import (
     breaking,
     drive,
 )
+from tests.virtual import virtual
 from wayfarer.control.shutdown import run_uncancellable
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import NotResponding
@@ -189,7 +189,7 @@ class ClingingCompass(Compass):
 
 
 def test_wheels_stop_at_once_even_if_a_sensor_does_not_let_go(shop: Workshop, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tests.workshop.Compass", ClingingCompass)
+    monkeypatch.setattr("tests.kit.workshop.Compass", ClingingCompass)
     drive(shop, for_s=1.0)
     assert shop.times("motors.stop")[0] == pytest.approx(1.0, abs=0.1)
     assert shop.times("compass.close")[0] > 30.0

@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from tests.drivers.benches import stall
+from tests.kit.boards import stall
 from tests.simhal.clearing import steady_world
 from tests.virtual import virtual
 from wayfarer.control.stale_command_guard import StaleCommandGuard

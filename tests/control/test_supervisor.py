@@ -10,8 +10,7 @@ from typing import Any
 
 import pytest
 
-from tests.virtual import virtual
-from tests.workshop import (
+from tests.kit.workshop import (
     PARTS,
     Contact,
     Light,
@@ -25,6 +24,7 @@ from tests.workshop import (
     mending,
     supervisor,
 )
+from tests.virtual import virtual
 from wayfarer.control.controller import Mode
 from wayfarer.control.latest import SensorBuffers
 from wayfarer.control.run_log import PartialLog

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import pytest
 
-from tests.workshop import (
+from tests.kit.workshop import (
     AHEAD,
     Contact,
     Handler,
@@ -250,8 +250,8 @@ class SuspendedHandler(Handler):
 
 
 def test_decision_amid_which_the_process_was_suspended_turns_no_wheel(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tests.workshop.Motors", RecordingMotors)
-    monkeypatch.setattr("tests.workshop.Handler", SuspendedHandler)
+    monkeypatch.setattr("tests.kit.workshop.Motors", RecordingMotors)
+    monkeypatch.setattr("tests.kit.workshop.Handler", SuspendedHandler)
     monkeypatch.setattr(RecordingMotors, "told", [])
     monkeypatch.setattr(SuspendedHandler, "suspended_at_s", 0.0)
     drive(Workshop(), for_s=6.0)

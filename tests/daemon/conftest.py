@@ -9,9 +9,9 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-from tests.commissioning.checks.rigs import Rig
 from tests.daemon.left_turning import AHEAD, bench
 from tests.daemon.played import Run
+from tests.kit.rover import Rig
 
 
 class Listener:

@@ -10,9 +10,9 @@ from typing import Any
 
 import orjson
 
-from tests.commissioning.checks.rigs import Rig
+from tests.kit.rover import Rig
+from tests.kit.workshop import EventLog
 from tests.virtual import virtual
-from tests.workshop import EventLog
 from wayfarer.commissioning.checks import ARMING
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.daemon.arming_inspection import RunningInspection

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from tests.commissioning.checks.rigs import T_WALL, Rig
 from tests.daemon.played import DELAY_S, Run, played
+from tests.kit.rover import T_WALL, Rig
 from tests.virtual import virtual
 from wayfarer.commissioning.checks.deadman import keep_proof
 from wayfarer.config.calibration_file import MotorsEntry, stamp

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.commissioning.checks.rigs import Rig
 from tests.daemon.played import Run, played
+from tests.kit.rover import Rig
 from tests.virtual import virtual
 from wayfarer.commissioning.checks import CheckVerdict, run_checks
 from wayfarer.commissioning.checks.parts import contact

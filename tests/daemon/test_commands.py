@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.commissioning.checks.rigs import Rig
 from tests.daemon.played import DELAY_S, Run, played
+from tests.kit.rover import Rig
 from tests.virtual import virtual
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import VERBS, Refused

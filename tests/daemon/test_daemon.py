@@ -19,8 +19,8 @@ import pytest
 
 from tests.daemon.conftest import Listener
 from tests.fieldlog.disks import FailingCall
+from tests.kit.workshop import Overriding
 from tests.views.text.records import HEADER, drive, event, numbered, write
-from tests.workshop import Overriding
 from wayfarer.commissioning.checks import Check, Finding, Inspection, system
 from wayfarer.commissioning.checks.api import fail
 from wayfarer.config.rover_file import load_rover

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.drivers.benches import now_s
+from tests.kit.boards import now_s
 from tests.simhal.chips.bench import Held
 from tests.virtual import virtual
 from wayfarer.angles import wrap180
@@ -32,17 +32,12 @@ ATTITUDE = (2734, -123, 45)  # heading, pitch and roll of ``USUAL``, in tenths o
 
 
 class TroubledI2C(FakeI2C):
-    """Keeps what was written, and when. The next block reads go wrong as told, those of one byte go well."""
+    """The next block reads go wrong as told, those of one byte go well."""
 
     troubles: tuple[Trouble, ...] = ()
     writes_left: int | None = None  # until one is not acknowledged
 
-    def __init__(self, name: str) -> None:
-        super().__init__(name)
-        self.writes: list[tuple[float, bytes]] = []
-
     async def write(self, address: int, data: bytes) -> None:
-        self.writes.append((now_s(), data))
         if self.writes_left is not None:
             self.writes_left = self.writes_left - 1 if self.writes_left else None
             if self.writes_left is None:
@@ -362,12 +357,3 @@ async def test_configuration_that_was_cut_short_is_not_taken_for_the_argument_of
     assert bench.chip.config == 0x83
     await compass.configure(0x80)
     assert (bench.chip.config, bench.chip.ignored) == (0x80, [])
-
-
-@pytest.mark.parametrize("config", [0x00, 0x03, 0x88, 0xA0, 0xFF, 0x180, -1])
-@virtual
-async def test_undefined_configuration_is_not_sent(config: int) -> None:
-    bench = Bench()
-    with pytest.raises(ValueError, match="bit 7 must be set"):
-        await bench.compass.configure(config)
-    assert bench.bus.writes == []

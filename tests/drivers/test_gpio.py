@@ -1,4 +1,4 @@
-"""What is true of every part at GPIO pins: bumper, light and motors."""
+"""Parts at GPIO pins: what is true of all of them, of a bumper, and of a light. Motors: ``test_gpio_motors.py``."""
 
 from __future__ import annotations
 
@@ -8,13 +8,15 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tests.virtual import virtual
 from wayfarer.drivers.bumper import Bumper, BumperSettings
 from wayfarer.drivers.gpio_light import GpioLight, GpioLightSettings
 from wayfarer.drivers.gpio_motors import GpioMotors, GpioMotorsSettings
 from wayfarer.errors import NotResponding
-from wayfarer.hal import STOP, Colour, ContactSensor, DriveMotors, StatusLight
+from wayfarer.hal import STOP, Colour, ContactSensor, DriveMotors, Side, StatusLight
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.testing import check_contact_sensor, check_motors, check_status_light
 
@@ -132,3 +134,133 @@ async def test_other_warnings_about_pins_are_let_through(monkeypatch: pytest.Mon
     monkeypatch.setattr(GpioLight, "_make", lambda *_: warnings.warn(slow, stacklevel=1) or {})
     with pytest.warns(gpiozero.PWMSoftwareFallback, match="slow"):
         await light().open()
+
+
+# -- bumper ------------------------------------------------------------------------------------------------------------
+
+PIN_OF = {Side.FRONT: 5, Side.LEFT: 6, Side.RIGHT: 12, Side.REAR: 13}
+ALL_ROUND = BumperSettings(front=5, left=6, right=12, rear=13)
+
+
+async def opened_bumper(settings: BumperSettings = ALL_ROUND) -> Bumper:
+    bumper = Bumper(settings, FakeBuses())
+    await bumper.open()
+    return bumper
+
+
+def press(board: Any, side: Side) -> None:
+    board.pin(PIN_OF[side]).drive_low()
+
+
+def let_go(board: Any, side: Side) -> None:
+    board.pin(PIN_OF[side]).drive_high()
+
+
+@given(
+    touches=st.lists(
+        st.tuples(
+            st.sets(st.sampled_from(Side)),  # pressed and let go between two reads
+            st.sets(st.sampled_from(Side)),  # held over the read
+        ),
+        max_size=8,
+    )
+)
+@virtual
+async def test_every_press_is_reported_once_let_go_and_as_long_as_it_is_held(
+    board: Any, touches: list[tuple[set[Side], set[Side]]]
+) -> None:
+    held: set[Side] = set()
+    bumper = await opened_bumper()
+    for taps, holds in touches:
+        tapped = taps - held
+        for side in tapped:
+            press(board, side)
+            let_go(board, side)
+        for side in held - holds:
+            let_go(board, side)
+        for side in holds - held:
+            press(board, side)
+        held = holds
+        sides = (await bumper.read()).sides
+        assert set(sides) == held | tapped
+        assert len(set(sides)) == len(sides)
+        assert set((await bumper.read()).sides) == held
+    await bumper.close()
+
+
+@virtual
+async def test_a_side_that_is_pressed_already_at_opening_is_reported(
+    board: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left = board.pin(PIN_OF[Side.LEFT])
+    monkeypatch.setattr(left, "_get_state", lambda: False)  # a mock pin follows its pull at opening; a switch wins
+    bumper = await opened_bumper()
+    assert (await bumper.read()).sides == (Side.LEFT,)
+    assert (await bumper.read()).sides == (Side.LEFT,)
+
+
+@virtual
+async def test_presses_of_an_earlier_opening_are_forgotten(board: Any) -> None:
+    bumper = await opened_bumper()
+    press(board, Side.REAR)
+    let_go(board, Side.REAR)
+    await bumper.open()
+    assert (await bumper.read()).sides == ()
+
+
+@virtual
+async def test_switches_to_3_3_volt_are_pressed_when_high(board: Any) -> None:
+    bumper = await opened_bumper(BumperSettings(right=12, pull_up=False))
+    assert (await bumper.read()).sides == ()
+    board.pin(12).drive_high()
+    assert (await bumper.read()).sides == (Side.RIGHT,)
+
+
+# -- light -------------------------------------------------------------------------------------------------------------
+
+SHARES = st.floats(0, 1)
+LIGHTS = st.builds(
+    GpioLightSettings,
+    red=st.sampled_from((16, None)),
+    green=st.sampled_from((20, None)),
+    blue=st.just(21),
+    active_high=st.booleans(),
+)
+
+
+def shining(board: Any, settings: GpioLightSettings) -> set[str]:
+    return {part for part, pin in settings.pins.items() if board.pin(pin).state == settings.active_high}
+
+
+@pytest.mark.parametrize(
+    ("settings", "colour", "lit"),
+    [
+        (GpioLightSettings(red=16, green=20, blue=21), Colour(1.0, 0.3, 0.0), {"red", "green"}),
+        (GpioLightSettings(red=16, green=20, blue=21), Colour(0.0, 0.0, 1.0), {"blue"}),
+        (GpioLightSettings(red=16, blue=21), Colour(0.2, 1.0, 0.0), {"red"}),
+        (GpioLightSettings(red=16, blue=21), Colour(0.0, 1.0, 0.0), {"red", "blue"}),  # a colour that it has not
+    ],
+)
+@virtual
+async def test_each_part_of_the_colour_is_a_pin(
+    board: Any, settings: GpioLightSettings, colour: Colour, lit: set[str]
+) -> None:
+    light = GpioLight(settings, FakeBuses())
+    await light.open()
+    assert shining(board, settings) == set()
+    await light.show(colour)
+    assert shining(board, settings) == lit
+
+
+@given(colour=st.builds(Colour, SHARES, SHARES, SHARES), settings=LIGHTS)
+@virtual
+async def test_a_light_is_dark_only_for_the_dark_colour(
+    board: Any, colour: Colour, settings: GpioLightSettings
+) -> None:
+    light = GpioLight(settings, FakeBuses())
+    await light.open()
+    await light.show(colour)
+    assert bool(shining(board, settings)) == any(colour)
+    await light.show(Colour(0.0, 0.0, 0.0))
+    assert shining(board, settings) == set()
+    await light.close()

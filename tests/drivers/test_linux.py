@@ -156,7 +156,7 @@ async def test_frame_is_the_luma_without_padding_and_chroma_and_is_our_own(
 ) -> None:
     time = asyncio.get_running_loop().time
     began_s = time()
-    frame = await picture(buses, "1", exposure_us=8000)
+    frame = await picture(buses, "1")
     await buses.close()
     assert began_s <= frame.t_s <= time()
     assert frame.luma.shape == (HEIGHT, WIDTH)
@@ -168,20 +168,19 @@ async def test_frame_is_the_luma_without_padding_and_chroma_and_is_our_own(
     assert asked(camera)[-5:] == [
         "start", "capture_request", "capture_request().make_array", "capture_request().release", "close",
     ]  # fmt: skip
-    configuration = camera.create_video_configuration.call_args.kwargs
-    assert configuration["lores"] == {"size": (WIDTH, HEIGHT), "format": "YUV420"}
-    assert configuration["controls"] == {
-        "FrameDurationLimits": (100_000, 100_000),
-        "ExposureTime": 8000,
-        "AnalogueGain": 1.0,
-    }
 
 
-async def test_exposure_is_left_to_the_camera_where_none_is_given(buses: LinuxBuses, picamera: MagicMock) -> None:
-    await picture(buses, rate_hz=20.0)
+@pytest.mark.parametrize(
+    ("exposure_us", "fixed"), [(8000, {"ExposureTime": 8000, "AnalogueGain": 1.0}), (None, {})], ids=["fixed", "left"]
+)
+async def test_camera_is_told_size_rate_and_exposure(
+    buses: LinuxBuses, picamera: MagicMock, exposure_us: int | None, fixed: dict[str, object]
+) -> None:
+    await picture(buses, rate_hz=10.0, exposure_us=exposure_us)
     await buses.close()
     configuration = picamera.return_value.create_video_configuration.call_args.kwargs
-    assert configuration["controls"] == {"FrameDurationLimits": (50_000, 50_000)}
+    assert configuration["lores"] == {"size": (WIDTH, HEIGHT), "format": "YUV420"}
+    assert configuration["controls"] == {"FrameDurationLimits": (100_000, 100_000)} | fixed
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from tests.drivers.benches import now_s
-from tests.drivers.motor_boards import MotorBench, SabertoothBench, ThunderBorgBench
+from tests.kit.boards import MotorBench, SabertoothBench, ThunderBorgBench, now_s
 from tests.virtual import virtual
 from wayfarer.hal import STOP, DriveMotors, WheelCommand
 from wayfarer.simhal.parts import SimMotors

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from tests.drivers.benches import now_s
 from tests.drivers.test_pmw3901_registers import DARK, LIMIT_COUNTS_S, NORMAL, STANDING
+from tests.kit.boards import now_s
 from tests.simhal.chips.bench import Driven
 from tests.virtual import run_virtually, virtual
 from wayfarer.drivers.pmw3901 import PMW3901, Axis, PMW3901Settings
@@ -257,12 +257,6 @@ async def test_mounting_is_undone_by_the_settings(
     settings = PMW3901Settings(forward=forward, right=right, rad_per_count=0.001, height_m=1.0)
     flow = await opened(PMW3901Chip(Driven((20, 3)), now_s, mounting=mounting), settings)
     assert (await flow.read())[1:3] == pytest.approx((0.020, 0.003))
-
-
-@virtual
-async def test_calibration_gets_the_counts_of_the_chip_itself() -> None:
-    flow = await opened(Canned(NORMAL), PMW3901Settings(forward="+x", right="+y", height_m=0.3))
-    assert await flow.counts() == (5, -5)
 
 
 @virtual

@@ -133,7 +133,7 @@ def test_spi_device_gets_its_mode_and_speed_by_its_own_name_or_that_of_a_link(si
 def test_parts_at_gpio_pins_work(oldest: Path) -> None:
     """Their own tests, which are over gpiozero's mock of the pins, run with this Python's anyway."""
     folder = Path(__file__).parent
-    modules = [folder / f"test_{name}.py" for name in ("gpio", "gpio_motors", "gpio_light", "bumper")]
+    modules = [folder / f"test_{name}.py" for name in ("gpio", "gpio_motors")]
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-n0", *modules],
         env=os.environ | {"PYTHONPATH": str(oldest)}, cwd=folder, capture_output=True, text=True, check=False,

@@ -15,7 +15,7 @@ import pytest
 
 from tests.drivers.real_site import I2C, SERIAL, SPI, RealSite, each_forestrover, each_site
 from tests.system.hil_setup import BUSY, STARTS, wait_for
-from tests.system.wheel_history import first_stop, spans, stop_after
+from tests.system.measures import first_stop, spans, stop_after
 from wayfarer.daemon.socket.protocol import Refused
 
 pytestmark = pytest.mark.process

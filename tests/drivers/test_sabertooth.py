@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from tests.drivers.motor_boards import SabertoothBench
+from tests.kit.boards import SabertoothBench
 from tests.virtual import virtual
 from wayfarer.drivers import sabertooth
 from wayfarer.drivers.sabertooth import SabertoothSettings

@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 
-from tests.drivers.benches import stall
-from tests.drivers.motor_boards import ThunderBorgBench
+from tests.kit.boards import ThunderBorgBench, stall
 from tests.virtual import virtual
 from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
 from wayfarer.errors import BadReading, NotResponding, PowerLost, WrongPart

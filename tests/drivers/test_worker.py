@@ -11,7 +11,7 @@ from collections.abc import AsyncIterator, Callable
 import pytest
 
 from wayfarer.drivers.buses import CLOSE_WAIT_S
-from wayfarer.drivers.worker import Worker
+from wayfarer.drivers.threaded import Worker
 from wayfarer.errors import NotResponding
 
 DEADLINE_S = 0.2  # a thread of a busy computer begins a job within it

@@ -25,7 +25,6 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 
-from tests.commissioning.checks.rigs import T_WALL
 from tests.fault_scenarios.fault_strategies import (
     PLACES,
     REFUSALS,
@@ -37,9 +36,9 @@ from tests.fault_scenarios.fault_strategies import (
     quick_settings,
     ready_for,
 )
+from tests.kit.rover import T_WALL
 from wayfarer.commissioning.checks import ARMING, CALIBRATED, HostEnvironment
-from wayfarer.config.rover_file import load_rover
-from wayfarer.config.rover_overlay import laid_over
+from wayfarer.config.rover_file import laid_over, load_rover
 from wayfarer.control.controller import Mode
 from wayfarer.control.supervisor import first_cause
 from wayfarer.daemon.arming_inspection import RunningInspection

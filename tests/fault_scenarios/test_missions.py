@@ -7,8 +7,7 @@ from math import inf
 
 import pytest
 
-from wayfarer.config.rover_file import load_rover
-from wayfarer.config.rover_overlay import laid_over
+from wayfarer.config.rover_file import laid_over, load_rover
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.trial import run_trial
 from wayfarer.experiments.trial_setup import TrialSpec

@@ -14,7 +14,7 @@ from itertools import count
 from pathlib import Path
 
 from tests.fieldlog.lines import event, header, tick
-from wayfarer.config.log_settings import LogSettings
+from wayfarer.config.rover_file import LogSettings
 from wayfarer.fieldlog import writer_thread
 from wayfarer.fieldlog.folders import new_run_folder
 from wayfarer.fieldlog.writer import RunFiles

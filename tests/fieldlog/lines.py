@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
-from wayfarer.config.log_settings import LogSettings
+from wayfarer.config.rover_file import LogSettings
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.fieldlog.lines import sealed
 from wayfarer.fieldlog.reader import RunReader, log_segments

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from tests.fieldlog.disks import files_no_longer_than, small_disk
 from tests.fieldlog.lines import Log, event, gaps, header, numbers, tick, torn_lines, write
-from wayfarer.config.log_settings import LogSettings
+from wayfarer.config.rover_file import LogSettings
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import new_run_folder
 

@@ -14,9 +14,9 @@ from typing import Any
 
 import pytest
 
+from tests.kit.workshop import Overriding
 from tests.views.text.records import SAMPLE_LOGS
 from tests.virtual import virtual
-from tests.workshop import Overriding
 from wayfarer import cli
 from wayfarer.cli.replay import replay_text
 from wayfarer.config.rover_file import RoverConfig, load_rover

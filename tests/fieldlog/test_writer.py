@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from tests.fieldlog.disks import FailingCall, files_no_longer_than
 from tests.fieldlog.lines import SMALL, Log, event, gaps, header, numbers, read, tick, write
-from wayfarer.config.log_settings import UNLIMITED, LogSettings
+from wayfarer.config.rover_file import UNLIMITED, LogSettings
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.reader import log_segments, read_header
 

@@ -23,7 +23,7 @@ from wayfarer.drivers.camera_motion import CameraMotion, CameraMotionSettings
 from wayfarer.drivers.cmps14 import CMPS14, CMPS14Settings
 from wayfarer.drivers.pmw3901 import PMW3901, PMW3901Settings
 from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
-from wayfarer.drivers.thunderborg_light import ThunderBorgLight, ThunderBorgLightSettings
+from wayfarer.drivers.thunderborg_board import ThunderBorgLight, ThunderBorgLightSettings
 from wayfarer.errors import DriverError, NotResponding
 from wayfarer.hal import Colour, CompassReading, MotionReading, MotorHealth, WheelCommand
 from wayfarer.simhal.buses import FakeBuses

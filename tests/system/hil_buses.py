@@ -14,7 +14,6 @@ import orjson
 
 from wayfarer.drivers.linux import LinuxBuses
 from wayfarer.drivers.threaded import ThreadedI2C, ThreadedSerial, ThreadedSPI
-from wayfarer.errors import BadInput
 
 SOCKET_VARIABLE = "WAYFARER_BENCH"
 
@@ -115,22 +114,7 @@ class HilBuses(LinuxBuses):
         """Return a serial port of the bench; its speed is not simulated."""
         return self._once(name, lambda: ThreadedSerial(name, partial(HilSerial, self._path, name)))
 
-    def camera(self, name: str, *, width: int, height: int, rate_hz: float, exposure_us: int | None) -> Any:
-        """Refuse.
-
-        Raises:
-            BadInput: always; a real camera would not see the simulated world.
-        """
-        raise BadInput(f"camera {name}: the HIL server has no camera; name another [parts.motion]")
-
 
 def buses() -> HilBuses:
-    """Return the buses of the bench at ``$WAYFARER_BENCH``.
-
-    Raises:
-        BadInput: the variable is not set.
-    """
-    path = os.environ.get(SOCKET_VARIABLE)
-    if not path:
-        raise BadInput(f"{SOCKET_VARIABLE} is not set: it names the socket of python -m tests.system.hil_server")
-    return HilBuses(path)
+    """Return the buses of the bench at ``$WAYFARER_BENCH``."""
+    return HilBuses(os.environ[SOCKET_VARIABLE])

@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from tests.system.hil_buses import SOCKET_VARIABLE, HilConnection, HilI2C, HilSerial
+from tests.system.measures import Commands, stop_after
 from tests.system.subprocesses import HARDWARE_PRIORITY, WAYFARER, command, put_first, starting
-from tests.system.wheel_history import Commands, stop_after
 from wayfarer.daemon.socket.client import ask
 from wayfarer.daemon.socket.paths import SOCKET_NAME
 from wayfarer.drivers.sabertooth import packet

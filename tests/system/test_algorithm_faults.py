@@ -5,9 +5,8 @@ from __future__ import annotations
 import resource
 
 from tests.system import buggy_algorithms
-from tests.system.bounds import bound_s
 from tests.system.hil_setup import MARGIN_S, PATIENCE_S, Site
-from tests.system.wheel_history import first_stop
+from tests.system.measures import bound_s, first_stop
 from wayfarer.safety.gate import STALL_LIMIT_S
 
 ALGORITHMS = buggy_algorithms.__name__

@@ -7,7 +7,7 @@ import re
 import pytest
 
 from tests.system.hil_setup import UNPROVED, Site, wait_for
-from tests.system.wheel_history import told_to_turn
+from tests.system.measures import told_to_turn
 from wayfarer.commissioning.checks.deadman import board_settings
 from wayfarer.config.calibration_file import FILE_NAME, Calibration, CompassEntry, DeadmanEntry, save, stamp
 from wayfarer.config.rover_file import load_rover

@@ -14,9 +14,8 @@ from random import Random
 
 import pytest
 
-from tests.system.bounds import bound_s
 from tests.system.hil_setup import DEADMAN_S, Site, wait_for
-from tests.system.wheel_history import stop_after, told_to_turn
+from tests.system.measures import bound_s, stop_after, told_to_turn
 
 KILLS = int(os.environ.get("KILLS", "6"))  # half of them on each rover; each takes about three seconds
 LATEST_S = 0.5  # from the board's loss of power to the kill: longer than the health poll needs to see it

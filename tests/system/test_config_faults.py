@@ -19,12 +19,7 @@ HUGE_LINE_BYTES = 900_000  # a file may have a million
 # What stands in the file instead of the line CRUISE, and what the one line on the terminal must say besides its number.
 BAD_LINES = {
     "unknown key": ("cruse_m_s = 0.42", ("escape.cruse_m_s", "did you mean 'cruise_m_s'")),
-    "wrong type": ('cruise_m_s = "fast"', ("escape.cruise_m_s", "a valid number")),
-    "NaN": ("cruise_m_s = nan", ("escape.cruise_m_s", "allowed is")),
     "out of range": ("cruise_m_s = -1", ("escape.cruise_m_s", "allowed is")),
-    "huge number": ("cruise_m_s = 1e300", ("escape.cruise_m_s", "allowed is")),
-    "twice": (f"{CRUISE}\n{CRUISE}", ("Cannot overwrite a value",)),
-    "no TOML": ("cruise_m_s = = 0.42", ("not valid TOML",)),
     "huge line": ("a" * HUGE_LINE_BYTES, ("not valid TOML",)),
 }
 

@@ -90,13 +90,6 @@ async def next_fix(client: Gpsd, after_s: float) -> PositionFix:
     raise AssertionError("no fix came")
 
 
-def test_sentences_are_those_of_the_vector() -> None:
-    assert epoch(0).splitlines() == [
-        "$GPRMC,120000.00,A,5130.1000,N,00007.5000,W,2.00,090.0,200725,,,A*72",
-        "$GPGGA,120000.00,5130.1000,N,00007.5000,W,1,08,0.9,35.0,M,46.0,M,,*4C",
-    ]
-
-
 async def test_fixes_come_while_gpsd_runs_and_its_death_is_noticed(daemon: Daemon) -> None:
     await opened(daemon)
     try:

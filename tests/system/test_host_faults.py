@@ -7,9 +7,8 @@ import time
 from collections.abc import Iterator
 
 from tests.system import broken_os
-from tests.system.bounds import bound_s
 from tests.system.hil_setup import Site
-from tests.system.jitter import jitter
+from tests.system.measures import bound_s, jitter
 from tests.system.subprocesses import MAIN, python
 
 ILL = python(f"from {broken_os.__name__} import patch_os; patch_os(); {MAIN}")

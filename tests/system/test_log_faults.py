@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from tests.fieldlog.disks import small_disk
-from tests.system.bounds import bound_s
 from tests.system.hil_setup import Site, wait_for
+from tests.system.measures import bound_s
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.fieldlog.folders import FILE_NAME, run_folders
 from wayfarer.fieldlog.reader import RunReader

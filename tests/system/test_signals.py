@@ -17,7 +17,7 @@ from signal import Signals
 import pytest
 
 from tests.system.hil_setup import MARGIN_S, PATIENCE_S, Site, hil_site, wait_for
-from tests.system.wheel_history import stop_after, told_to_turn
+from tests.system.measures import stop_after, told_to_turn
 from wayfarer.daemon.signals import ENDING, IGNORED, SUSPENDING, name_of
 
 BY_PYTHON = {Signals.SIGPIPE, Signals.SIGXFSZ}  # ignored from the start of every Python process

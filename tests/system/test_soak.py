@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks.soak import LOG, MAY_GROW, Beside, Sample, growth, soak
+from benchmarks.soak import Beside, growth, soak
 from wayfarer.experiments.trial_setup import TrialSetup
 
 MINUTES_S = 20 * 60.0
@@ -63,30 +63,3 @@ async def waits_for_ever() -> None:
 def test_leak_that_was_planted_is_found(what: str, leaks: Beside) -> None:
     samples, _ = soak(SHORT_S, leaks)
     assert [text.split()[0] for text in growth(samples) if not text.startswith("rss")] == [what]
-
-
-QUIET = Sample(0.0, 60.0, 100_000, 8, 10, 1.0, 0, 0, 0)
-
-
-def over_a_day(**of_the_last: float) -> list[Sample]:
-    """Samples of a day in which nothing changes but the last."""
-    samples = [QUIET._replace(t_s=float(hour)) for hour in range(1, 25)]
-    return [*samples[:-1], samples[-1]._replace(**of_the_last)]  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("name", MAY_GROW)
-def test_growth_beyond_what_is_allowed_is_told_and_less_is_not(name: str) -> None:
-    before = getattr(QUIET, name)
-    assert growth(over_a_day(**{name: before + MAY_GROW[name]})) == []
-    (told,) = growth(over_a_day(**{name: before + MAY_GROW[name] + 1}))
-    assert told.startswith(f"{name} grew from {before:g} to ")
-
-
-def test_growth_while_it_warms_up_is_none() -> None:
-    samples = over_a_day()
-    samples[:4] = [sample._replace(rss_mb=20.0, blocks=1000) for sample in samples[:4]]
-    assert growth(samples) == []
-
-
-def test_log_beyond_its_cap_is_told() -> None:
-    assert growth(over_a_day(log_mb=LOG.run_mb + 1.0)) == ["the log took 21.0 MB of 20"]

@@ -13,7 +13,7 @@ from contextlib import ExitStack, suppress
 import pytest
 
 from tests.system.hil_setup import Site, wait_for
-from tests.system.jitter import jitter
+from tests.system.measures import jitter
 from wayfarer.daemon.socket.protocol import Refused
 
 QUIET_S = ABUSE_S = 2.5

@@ -12,9 +12,8 @@ import time
 import pytest
 
 from tests.system import buggy_algorithms
-from tests.system.bounds import bound_s
 from tests.system.hil_setup import DEADMAN_S, MARGIN_S, PATIENCE_S, Site, wait_for
-from tests.system.wheel_history import stop_after
+from tests.system.measures import bound_s, stop_after
 
 pytestmark = pytest.mark.parametrize("site", sorted(DEADMAN_S), indirect=True)
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
+from tests.kit.motors import Motors
 from wayfarer.drivers.buses import Buses
-from wayfarer.hal import STOP, MotorHealth, WheelCommand
+from wayfarer.hal import STOP, WheelCommand
 
 TOLD = Path("/var/lib/wayfarer/wheels.txt")
 
@@ -17,21 +18,15 @@ class NoSettings:
     """Nothing to set."""
 
 
-class Wheels:
+class Wheels(Motors):
     """Implements ``hal.DriveMotors``."""
 
     part: ClassVar[str] = "motors"
     Settings = NoSettings
-    deadman_s: float | None = None
+    name = f"wheels in {TOLD}"
 
     def __init__(self, settings: NoSettings, buses: Buses) -> None:
-        self.name = f"wheels in {TOLD}"
-
-    async def open(self) -> None:
-        pass
-
-    async def close(self) -> None:
-        pass
+        super().__init__()
 
     async def drive(self, command: WheelCommand) -> WheelCommand:
         self._write(f"drive {command.left} {command.right}")
@@ -45,9 +40,6 @@ class Wheels:
 
     async def read_back(self) -> WheelCommand | None:
         return STOP
-
-    async def health(self) -> MotorHealth:
-        return MotorHealth(None, ())
 
     def _write(self, told: str) -> None:
         with TOLD.open("a", encoding="utf-8") as file:

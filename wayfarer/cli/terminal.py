@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import typer
 
-from wayfarer.drivers.worker import Worker
+from wayfarer.drivers.threaded import Worker
 from wayfarer.errors import BadInput
 
 T = TypeVar("T")

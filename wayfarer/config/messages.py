@@ -26,7 +26,7 @@ _OUT_OF_RANGE = {"greater_than", "greater_than_equal", "less_than", "less_than_e
 _NAMED = re.compile(r"(?:unknown )?key '([^']+)'")
 _VALUE_LINES_MAX = 100  # of one value, from no source: each line costs a reading of all before it
 _SHOWN = 80  # characters of a value, or a key, that is quoted
-_LONG_KEY = re.compile(rf"'([^']{{{_SHOWN},}})'")
+_LONG_KEY = re.compile(rf"'([^']{{{_SHOWN + 1},}})'")
 
 
 def validated(kind: type[T], table: Mapping[str, Any], prefix: str = "") -> T:
@@ -39,7 +39,7 @@ def validated(kind: type[T], table: Mapping[str, Any], prefix: str = "") -> T:
         # By way of JSON, because pydantic's strict mode takes tables for dataclasses from there only.
         checked: T = _adapter(cast(Any, kind)).validate_json(json.dumps(table, default=str), strict=True)
     except ValidationError as error:
-        raise BadConfig(explain(most_telling(error), kind, prefix)) from None
+        raise BadConfig(explain(error, kind, prefix)) from None
     return checked
 
 
@@ -49,20 +49,21 @@ def _adapter(kind: Any) -> TypeAdapter[Any]:
     return TypeAdapter(kind if issubclass(kind, BaseModel) else with_config(ConfigDict(extra="forbid"))(kind))
 
 
-def most_telling(error: ValidationError) -> ErrorDetails:
+def _most_specific(error: ValidationError) -> ErrorDetails:
     """Return one problem of several: a mistyped key before the key that it leaves missing."""
     return min(error.errors(), key=lambda problem: problem["type"] not in _UNKNOWN)
 
 
 def key_and_problem(error: ValidationError) -> str:
     """Say in short what is wrong with a file that wayfarer itself has written."""
-    problem = most_telling(error)
+    problem = _most_specific(error)
     key = one_line(".".join(map(str, problem["loc"])))
     return f"{shortened(key) or 'the file'}: {problem['msg']}"
 
 
-def explain(problem: ErrorDetails, model: Any, prefix: str = "") -> str:
+def explain(error: ValidationError, model: Any, prefix: str = "") -> str:
     """Say what is wrong with one key of a model or a settings class; ``prefix`` is put before the key."""
+    problem = _most_specific(error)
     text = problem["msg"].removeprefix("Value error, ")
     if not problem["loc"]:
         return f"key '{prefix[:-1]}': {text}" if prefix else text
@@ -149,7 +150,7 @@ def _has(table: Any, keys: list[str]) -> bool:
 
 def with_short_keys(said: str) -> str:
     """Return an explanation in which the middle of each long quoted key is left out."""
-    return _LONG_KEY.sub(lambda quoted: f"'{quoted[1][: _SHOWN // 2]}...{quoted[1][-_SHOWN // 4 :]}'", said)
+    return _LONG_KEY.sub(lambda quoted: f"'{shortened(quoted[1])}'", said)
 
 
 def _section_model(model: Any, section: list[str]) -> Any:

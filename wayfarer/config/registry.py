@@ -29,7 +29,7 @@ BUILT_IN_DRIVERS: Mapping[str, str] = {
     "pmw3901": "wayfarer.drivers.pmw3901:PMW3901",
     "sabertooth": "wayfarer.drivers.sabertooth:Sabertooth",
     "thunderborg": "wayfarer.drivers.thunderborg:ThunderBorg",
-    "thunderborg_light": "wayfarer.drivers.thunderborg_light:ThunderBorgLight",
+    "thunderborg_light": "wayfarer.drivers.thunderborg_board:ThunderBorgLight",
 }
 BUILT_IN_BUSES: Mapping[str, str] = {"linux": "wayfarer.drivers.linux:LinuxBuses"}
 

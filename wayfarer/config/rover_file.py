@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from typing import Any, Literal, Self
+from dataclasses import dataclass
+from math import inf
+from typing import Annotated, Any, Literal, Self
 
+from annotated_types import Interval
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from wayfarer.config.chassis import Chassis
-from wayfarer.config.log_settings import LogSettings
 from wayfarer.config.messages import line_of, located, shown, validated
 from wayfarer.config.registry import check_buses, driver_names, find_driver
 from wayfarer.config.rover_path import ROVER_FILE_BYTES, SHIPPED, is_rover_file, rover_path
@@ -33,6 +35,26 @@ _STALL_MARGIN = 1.5  # the stall guard waits for so many control periods at leas
 _COMMANDS_PER_DEADMAN = 2  # one command may be lost or late, and a healthy rover drives on
 _TEXT_MAX = 255  # bytes of a text, as Linux allows in a file's name (NAME_MAX)
 _TEXT = "utf-8-sig"  # some editors begin a file with a byte order mark
+
+
+@dataclass(frozen=True, slots=True)
+class LogSettings:
+    """Limits of one run's log, in MB (1,000,000 bytes). At 20 Hz a run writes 14 kB a second: 50 MB an hour.
+
+    A file of ``part_mb`` is an hour, small enough for an editor and for a phone's connection, and far below the 4 GB
+    that a file may have on FAT. A run of more than ``run_mb``, which is most of a day and should be several parts,
+    loses its oldest parts but the first, which says how it began: a daemon that stands disarmed for weeks must not fill
+    the card. With less than ``free_mb`` left on the disk only events are written: the computer needs that to boot and
+    to let a person log in. A rover is armed only where a part fits beside it.
+    """
+
+    part_mb: Annotated[float, Interval(ge=1, le=2000)] = 50.0
+    run_mb: Annotated[float, Interval(ge=10, le=1_000_000)] = 1000.0
+    free_mb: Annotated[float, Interval(ge=0, le=100_000)] = 100.0
+
+
+# One file, whatever the disk is like: the same simulated trial writes the same bytes everywhere.
+UNLIMITED = LogSettings(part_mb=inf, run_mb=inf, free_mb=0.0)
 
 
 class Rates(BaseModel):
@@ -222,3 +244,28 @@ def parse_rover(name_or_path: str, text: str) -> RoverConfig:
         raise BadConfig(located(where, text, str(error))) from None
     except (ValueError, RecursionError) as error:  # tomllib: syntax, endless numbers, brackets without end
         raise BadConfig(one_line(f"{where}: not valid TOML: {error}")) from None
+
+
+def laid_over(config: RoverConfig, settings: Mapping[str, Any], prefix: str = "") -> RoverConfig:
+    """Return a rover with some settings changed, as validated as a rover file; an error puts ``prefix`` before a key.
+
+    Raises:
+        BadConfig: the text names the key and what is allowed.
+    """
+    return validated(RoverConfig, _merged(config.model_dump(mode="json"), settings), prefix)
+
+
+def _merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    """Return two tables as one, where the upper one counts; tables within them are merged too."""
+    merged = dict(below)
+    for key, value in above.items():
+        under = merged.get(key)
+        merged[key] = _merged(under, value) if isinstance(under, Mapping) and isinstance(value, Mapping) else value
+    return merged
+
+
+def flat(value: Any, name: str = "") -> dict[str, Any]:
+    """Return tables within tables by their dotted names, as ``detector.tilt_deg``."""
+    if not isinstance(value, dict):
+        return {name: value}
+    return {key: leaf for k, v in value.items() for key, leaf in flat(v, f"{name}.{k}" if name else k).items()}

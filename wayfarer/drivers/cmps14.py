@@ -39,7 +39,8 @@ _CONFIGURE, _STORE, _ERASE = b"\x98\x95\x99", b"\xf0\xf5\xf6", b"\xe0\xe5\xe2"
 _COMMAND_GAP_S = 0.02  # data sheet page 3: after each byte of a command
 OPEN_S = 4 * _COMMAND_GAP_S  # switching background calibration off
 _ERASE_SETTLE_S = 0.6  # published drivers wait 0.3 to 0.6 s
-_CONFIG_FIXED, _CONFIG_BITS = 0x80, 0x97
+# What ``configure`` takes (page 3): accelerometer and magnetometer without periodic saving, or nothing.
+LEARN, OFF = 0x83, 0x80
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +105,7 @@ class CMPS14:
             raise WrongPart(self.name, "a CMPS14", got)
         self._check(block)
         if not self._settings.background_calibration:
-            await self.configure(_CONFIG_FIXED)
+            await self.configure(OFF)
 
     async def close(self) -> None:
         """Nothing to release."""
@@ -146,11 +147,8 @@ class CMPS14:
         argument is sent first in this case; a chip that does not wait for one ignores it.
 
         Raises:
-            ValueError: bits that the data sheet does not define.
             NotResponding: a byte was not acknowledged; repeat the whole command.
         """
-        if config & ~_CONFIG_BITS or not config & _CONFIG_FIXED:
-            raise ValueError(f"calibration config 0x{config:02X}: bit 7 must be set, bits 3, 5 and 6 have no meaning")
         argument = bytes((config,))
         awaited, self._argument_awaited = argument if self._argument_awaited else b"", True
         await self._command(awaited + _CONFIGURE + argument)

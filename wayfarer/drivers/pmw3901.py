@@ -132,15 +132,6 @@ class PMW3901:
         forward, right = _along(settings.forward, burst), _along(settings.right, burst)
         return MotionReading(self._read_t_s, forward * scale, right * scale, good)
 
-    async def counts(self) -> tuple[int, int]:
-        """Return the displacement since the previous read along the chip's own x and y, in counts: for calibration.
-
-        Raises:
-            DriverError: as ``read``.
-        """
-        burst = await self._burst()
-        return burst.dx, burst.dy
-
     async def _burst(self) -> registers.Burst:
         loop = asyncio.get_running_loop()
         asked_t_s = loop.time()

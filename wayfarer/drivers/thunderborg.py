@@ -1,36 +1,28 @@
 """PiBorg ThunderBorg: the motor board of a MonsterBorg, on I2C.
 
-Commands, levels and the form of a request are those of PiBorg's own ThunderBorg.py, the only documentation. A request
-is a write, a stop and a read of 6 bytes: the echo of the command, the answer, and filler.
+Commands and levels are those of PiBorg's own ThunderBorg.py, the only documentation; ``thunderborg_board.py`` sends
+them.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from enum import IntEnum
-from typing import Annotated, ClassVar, Literal, NamedTuple, TypeVar
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 from annotated_types import Interval
 
-from wayfarer.drivers.buses import Buses, I2CBus
+from wayfarer.drivers.buses import Buses
 from wayfarer.drivers.levels import MotorLevels
-from wayfarer.errors import BadReading, DriverError, NotResponding, PowerLost, WrongPart
+from wayfarer.drivers.thunderborg_board import CHIP, DEFAULT_ADDRESS, Opcode, ThunderBorgLink
+from wayfarer.errors import BadReading, NotResponding, PowerLost
 from wayfarer.hal import STOP, MotorHealth, WheelCommand
 
-T = TypeVar("T")
-
-DEFAULT_ADDRESS = 0x15
 DEADMAN_S = 0.25  # "every 1/4 of a second"; the precision is not documented
 FULL_LEVEL = 255
 
-_ID = 0x15  # identifies the kind of board: a board with another address still answers this
 _FORWARD, _REVERSE = 1, 2
-_REPLY_BYTES = 6
-_RETRIES = 2  # PiBorg asks three times for a right echo; here also for writes that are not acknowledged
-_RETRY_WITHIN_S = 0.1  # after this no retry: the bus hangs, or the process was suspended
 _FAILSAFE_TRIES = 5  # as PiBorg's own MonsterBorg scripts
 _FULL_VOLTS, _FULL_RAW = 36.3, 1023
 
@@ -38,99 +30,6 @@ _DOES_NOT_ARM = (
     f"the failsafe does not arm: {_FAILSAFE_TRIES} times switched on, and it still reads off; nothing would stop the "
     "wheels if this computer failed: switch the board off and on, shorten the I2C cable"
 )
-
-
-class Opcode(IntEnum):
-    """The commands of the board, with the numbers of ThunderBorg.py."""
-
-    SET_BOTH_LEDS = 5
-    SET_LEDS_SHOW_BATTERY = 6
-    SET_A_FORWARD = 8
-    SET_A_REVERSE = 9
-    GET_A = 10
-    SET_B_FORWARD = 11
-    SET_B_REVERSE = 12
-    GET_B = 13
-    ALL_OFF = 14
-    GET_DRIVE_FAULT_A = 15
-    GET_DRIVE_FAULT_B = 16
-    SET_FAILSAFE = 19
-    GET_FAILSAFE = 20
-    GET_BATTERY = 21
-    GET_ID = 153
-
-
-class ThunderBorgLink:
-    """Writes and requests to one ThunderBorg, for the drivers of its motors and lights; counts its ``retries``."""
-
-    def __init__(self, bus: I2CBus, address: int) -> None:
-        self.where = f"ThunderBorg at 0x{address:02X} on {bus.name}"
-        self._bus = bus
-        self._address = address
-        self.retries = 0
-
-    async def write(self, *data: int) -> None:
-        """Send a command and its data.
-
-        Raises:
-            NotResponding: not acknowledged three times.
-        """
-        await self._retry(lambda: self._bus.write(self._address, bytes(data)))
-
-    async def request(self, command: int, count: int) -> bytes:
-        """Return the first ``count`` bytes of the answer.
-
-        Raises:
-            NotResponding: not acknowledged three times.
-            BadReading: three answers to something else.
-        """
-        return (await self._retry(lambda: self._ask_once(command)))[:count]
-
-    async def identify(self) -> None:
-        """Make sure that a ThunderBorg answers.
-
-        Raises:
-            NotResponding: nothing acknowledges.
-            WrongPart: something else does.
-        """
-        expected = "a ThunderBorg (id 0x15)"
-        try:
-            (board,) = await self.request(Opcode.GET_ID, 1)
-        except BadReading as error:
-            raise WrongPart(self.where, expected, "no echo of the request") from error
-        if board != _ID:
-            raise WrongPart(self.where, expected, f"id 0x{board:02X}")
-
-    def post(self, *data: int) -> None:
-        """Send a command without waiting, from any thread; it never raises."""
-        self._bus.post(self._address, bytes(data))
-
-    async def _ask_once(self, command: int) -> bytes:
-        echo, *answer = await self._bus.write_then_read(self._address, bytes((command,)), _REPLY_BYTES)
-        if echo != command:
-            raise BadReading(
-                f"{self.where}: asked 0x{command:02X}, answered to 0x{echo:02X}; noise on the wires, or another "
-                "program talks to the board: shorten the I2C cable, stop the other program"
-            )
-        return bytes(answer)
-
-    async def _retry(self, transfer: Callable[[], Awaitable[T]]) -> T:
-        clock = asyncio.get_running_loop().time
-        ends_s = clock() + _RETRY_WITHIN_S
-        for _ in range(_RETRIES):
-            try:
-                return await transfer()
-            except DriverError as error:
-                if clock() > ends_s:
-                    raise NotResponding(f"{self.where}: no answer in time ({error})") from error
-            self.retries += 1
-        try:
-            return await transfer()
-        except NotResponding as error:
-            raise NotResponding(
-                f"{self.where}: no answer ({error}); battery off or flat, or a loose plug: check the board's power "
-                "switch and its I2C cable"
-            ) from error
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +84,7 @@ class ThunderBorg:
     """
 
     part: ClassVar[str] = "motors"
-    chip: ClassVar[str] = "ThunderBorg"  # its lights are another driver's, at the same address
+    chip: ClassVar[str] = CHIP
     Settings = ThunderBorgSettings
 
     def __init__(self, settings: ThunderBorgSettings, buses: Buses) -> None:

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from wayfarer.config.messages import shortened, shown
-from wayfarer.config.rover_overlay import flat
+from wayfarer.config.rover_file import flat
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.experiments.campaign import Tasks
 from wayfarer.experiments.rows import TrialRow, columns_of, csv_line

@@ -12,8 +12,7 @@ from dataclasses import replace
 from math import inf
 from typing import Any, NamedTuple
 
-from wayfarer.config.rover_file import RoverConfig
-from wayfarer.config.rover_overlay import laid_over
+from wayfarer.config.rover_file import RoverConfig, laid_over
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.supervisor import first_cause
 from wayfarer.control.tick_record import TickRecord

@@ -14,8 +14,7 @@ from annotated_types import Interval, MaxLen, MinLen
 from pydantic import Field
 
 from wayfarer.config.factory import NEEDED
-from wayfarer.config.rover_file import RoverConfig, load_rover
-from wayfarer.config.rover_overlay import laid_over
+from wayfarer.config.rover_file import RoverConfig, laid_over, load_rover
 from wayfarer.safety.conditions import Level
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.faults.bus import BusFault

@@ -18,8 +18,7 @@ from annotated_types import MinLen
 
 from wayfarer.config.messages import located, validated
 from wayfarer.config.registry import find_algorithm
-from wayfarer.config.rover_file import RoverConfig
-from wayfarer.config.rover_overlay import laid_over
+from wayfarer.config.rover_file import RoverConfig, laid_over
 from wayfarer.config.rover_path import is_rover_file
 from wayfarer.errors import BadConfig, BadInput, UnknownName, one_line
 from wayfarer.fault_scenarios.scenario import (

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import orjson
 from pydantic import ValidationError
 
-from wayfarer.config.messages import explain, most_telling
+from wayfarer.config.messages import explain
 from wayfarer.config.registry import find_algorithm, refuse_code
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.controller import Controller, Mode
@@ -204,7 +204,7 @@ def _config_of(header: Record) -> RoverConfig:
     try:
         return RoverConfig.model_validate_json(orjson.dumps({**header["config"], "parts": {}}), strict=True)
     except ValidationError as error:
-        said = explain(most_telling(error), RoverConfig)
+        said = explain(error, RoverConfig)
         raise BadInput(f"its own settings are not valid: {said}; give others with --config") from None
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import orjson
 
-from wayfarer.config.log_settings import LogSettings
+from wayfarer.config.rover_file import LogSettings
 from wayfarer.fieldlog.disk import MB
 from wayfarer.fieldlog.folders import FILE_NAME, older_segments, segment_path
 from wayfarer.fieldlog.lines import sealed_at

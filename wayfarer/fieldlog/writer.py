@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from wayfarer.config.log_settings import UNLIMITED, LogSettings
+from wayfarer.config.rover_file import UNLIMITED, LogSettings
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.disk import DRIVES_ON, DiskTrouble, error_advice, free_mb
 from wayfarer.fieldlog.lines import sealed_at

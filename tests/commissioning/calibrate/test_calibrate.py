@@ -9,54 +9,67 @@ from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from math import pi
-from types import SimpleNamespace
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.commissioning.checks.rigs import Needle, Rig, Script, push_by_hand
-from tests.virtual import run_virtually
+from tests.kit.rover import ChipRig, Rig, Script, push_by_hand
 from wayfarer.commissioning import checks
 from wayfarer.commissioning.calibrate import STEPS, calibrate
-from wayfarer.commissioning.calibrate.compass import LEARN, OFF, CalibratableCompass, CompassLevels, residual_deg
-from wayfarer.commissioning.calibrate.motors import calibrate_motors
-from wayfarer.config.calibration_file import Calibration, FlowEntry, MotorsEntry, stamp
-from wayfarer.errors import BadInput, BadReading, NotResponding, WayfarerError
+from wayfarer.commissioning.calibrate.compass import residual_deg
+from wayfarer.config.calibration_file import Calibration, FlowEntry, stamp
+from wayfarer.drivers.camera_motion import CameraMotion, CameraMotionSettings
+from wayfarer.drivers.cmps14 import LEARN, OFF
+from wayfarer.errors import BadInput, NotResponding, WayfarerError
 from wayfarer.hal import MotionReading
-from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.buses import FakeBuses
+from wayfarer.simhal.chips.cmps14 import CALIBRATED, CMPS14Chip
 
 
-class Teachable(Needle):
+class LearningChip(CMPS14Chip):
     """A compass whose levels rise with each look while it may learn, unless it is stubborn."""
 
-    config = OFF
     looks = 0
     stubborn = False
-    fails_at = -1
-    look_error: Exception = BadReading("a shifted block")
+    lost_looks = range(0)
+    is_silent = False  # in the lost looks; else they give garbage
+    commands = ""
 
-    def __init__(self, rig: Rig) -> None:
-        super().__init__(rig.world, RandomStreams(0))
-        self.said: list[str] = []
-
-    async def calibration(self) -> CompassLevels:
-        assert self.config == LEARN, "levels rise only while the compass may learn"
+    def read(self, count: int) -> bytes:
+        if self.config != LEARN:
+            return super().read(count)
         self.looks += 1
-        if self.looks == self.fails_at:
-            raise self.look_error
         level = 1 if self.stubborn else min(3, self.looks // 2)
-        return SimpleNamespace(accel=level, mag=min(level, self.looks // 4))
+        self.calibration = 0b11_00_00_00 | level << 2 | min(level, self.looks // 4)
+        if self.looks not in self.lost_looks:
+            return super().read(count)
+        if self.is_silent:
+            raise NotResponding("gone")
+        return bytes(count)
 
-    async def configure(self, config: int) -> None:
-        self.config = config
-        self.said.append(f"{config:02X}")
+    def write(self, data: bytes) -> None:
+        self.commands += data[1:].hex()
+        super().write(data)
 
-    async def store_profile(self) -> None:
-        self.said.append("store")
 
-    async def erase_profile(self) -> None:
-        self.said.append("erase")
+# What the driver writes for each, as on page 3 of the data sheet.
+ERASE, LEARNING, STORE, STOP_LEARNING = "e0e5e2", "98959983", "f0f5f6", "98959980"
+
+
+class LearningRig(ChipRig):
+    """A rover whose compass learns."""
+
+    compass_chip: LearningChip
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder, LearningChip)
+
+
+@pytest.fixture
+def learning(tmp_path: Path) -> LearningRig:
+    return LearningRig(tmp_path)
 
 
 def person(rig: Rig, answers: dict[str, bool] | None = None, turn_deg: float = 90.0, push_m: float = 2.0) -> Script:
@@ -71,15 +84,7 @@ def person(rig: Rig, answers: dict[str, bool] | None = None, turn_deg: float = 9
     return Script(rig.world, answers or {}, {"Turn it to the right": turn, "Push it straight ahead": push})
 
 
-def give_compass(rig: Rig) -> Teachable:
-    compass = Teachable(rig)
-    rig.compass = compass
-    rig.rover = replace(rig.rover, compass=compass)
-    return compass
-
-
 def test_all_steps_are_measured_and_saved_with_date_and_part(rig: Rig) -> None:
-    give_compass(rig)
     found = rig.calibrate(person(rig), *STEPS)
     assert rig.kept == found
     assert found.compass is not None
@@ -118,44 +123,45 @@ def test_a_broken_file_is_not_overwritten(rig: Rig) -> None:
 
 
 @pytest.mark.parametrize("forget", [True, False])
-def test_the_compass_learns_stores_and_learns_no_more(rig: Rig, forget: bool) -> None:
-    compass, someone = give_compass(rig), person(rig, {"Forget": forget})
-    found = rig.calibrate(someone, "compass").compass
-    assert compass.said == [*["erase"] * forget, "83", "store", "80"]
+def test_the_compass_learns_stores_and_learns_no_more(learning: LearningRig, forget: bool) -> None:
+    chip, someone = learning.compass_chip, person(learning, {"Forget": forget})
+    found = learning.calibrate(someone, "compass").compass
+    assert chip.commands == STOP_LEARNING + ERASE * forget + LEARNING + STORE + STOP_LEARNING
+    assert (chip.config, chip.profile, chip.ignored) == (OFF, CALIBRATED, [])
     assert found is not None
-    assert (found.level, found.residual_deg < 1.0) == (3, True)
+    assert found.part.startswith("CMPS14")
+    assert (found.level, found.residual_deg < 2.0) == (3, True)
     shown = [text for text in someone.told if text.startswith("field")]
     assert shown[0] == "field 0 of 3, tilt 0 of 3"
     assert shown[-1] == "field 3 of 3, tilt 3 of 3"
     assert len(shown) == len(set(shown))
-    assert rig.world.most == 0.0
+    assert learning.world.most == 0.0
 
 
-def test_a_compass_that_never_gets_there_stores_nothing_and_stops_learning(rig: Rig) -> None:
-    compass = give_compass(rig)
-    compass.stubborn = True
+def test_a_compass_that_never_gets_there_stores_nothing_and_stops_learning(learning: LearningRig) -> None:
+    learning.compass_chip.stubborn = True
     with pytest.raises(WayfarerError, match="not calibrated within 300 s"):
-        rig.calibrate(person(rig), "compass")
-    assert compass.said == ["erase", "83", "80"]
-    assert not rig.host.calibration_file.exists()
+        learning.calibrate(person(learning), "compass")
+    assert learning.compass_chip.commands == STOP_LEARNING + ERASE + LEARNING + STOP_LEARNING
+    assert not learning.host.calibration_file.exists()
 
 
-def test_one_bad_reading_while_it_is_turned_about_is_passed_over(rig: Rig) -> None:
-    compass = give_compass(rig)
-    compass.fails_at = 3
-    assert rig.calibrate(person(rig), "compass").compass is not None
-
-
-def test_a_compass_that_falls_silent_stops_learning_if_it_hears(rig: Rig) -> None:
-    compass = give_compass(rig)
-    compass.fails_at, compass.look_error = 3, NotResponding("gone")
-    with pytest.raises(NotResponding):
-        rig.calibrate(person(rig), "compass")
-    assert compass.said[-1] == "80"
+@pytest.mark.parametrize("silent", [False, True])
+def test_garbage_while_it_is_turned_about_is_passed_over_and_silence_ends_the_learning(
+    learning: LearningRig, silent: bool
+) -> None:
+    chip = learning.compass_chip
+    chip.lost_looks, chip.is_silent = range(3, 5), silent  # the driver reads twice
+    if silent:
+        with pytest.raises(NotResponding):
+            learning.calibrate(person(learning), "compass")
+    else:
+        assert learning.calibrate(person(learning), "compass").compass is not None
+    assert chip.commands.endswith(STOP_LEARNING)
+    assert (STORE in chip.commands) is not silent
 
 
 def test_a_compass_without_commands_is_only_measured(rig: Rig) -> None:
-    assert not isinstance(rig.compass, CalibratableCompass)
     someone = person(rig)
     assert rig.calibrate(someone, "compass").compass is not None
     assert any("accepts no calibration" in text for text in someone.told)
@@ -233,18 +239,16 @@ def test_a_distance_that_is_none_is_refused(rig: Rig, metres: float) -> None:
         rig.calibrate(someone, "flow")
 
 
-class Watching:
+class Watching(CameraMotion):
     """A camera that looks ahead: its picture changes by noise, and with every step of the world."""
 
-    name = "camera 0"
-
     def __init__(self, rig: Rig, noise: float, per_m: float) -> None:
+        settings = CameraMotionSettings(method="difference", difference_still=1.0, difference_moving=2.0)
+        super().__init__(settings, FakeBuses())
         self._world, self._noise, self._per_m = rig.world, noise, per_m
         self._seen_m = 0.0
 
     async def open(self) -> None: ...
-
-    async def close(self) -> None: ...
 
     async def read(self) -> MotionReading:
         return MotionReading(asyncio.get_running_loop().time(), 0.0, 0.0, 1.0, signed=False)
@@ -260,7 +264,7 @@ def test_camera_that_only_sees_change_gets_the_numbers_for_its_rover_file(rig: R
     someone = person(rig)
     found = rig.calibrate(someone, "flow").flow
     assert found is not None
-    assert (found.part, found.scale) == ("camera 0", 1.0)
+    assert (found.part, found.scale) == ("camera 0 as motion sensor", 1.0)
     said = next(line for line in someone.told if "difference_still" in line)
     still, moving, speed_m_s = (float(number) for number in re.findall(r"= ([0-9.]+)", said))
     assert still == 1.5
@@ -313,14 +317,9 @@ def test_duty_grows_slowly_and_commands_never_pause(rig: Rig) -> None:
 
 
 def test_a_limited_rover_is_measured_within_its_limit(rig: Rig) -> None:
+    rig.set(safety={"duty_max": 0.3})
     rig.compass.bias_deg = lambda: 20.0 * rig.world.commanded[0]
-
-    async def main() -> MotorsEntry | None:
-        await rig.motors.open()
-        await rig.compass.open()
-        return await calibrate_motors(rig.motors, rig.compass, person(rig), 0.0, duty_max=0.3)
-
-    found = run_virtually(main())
+    found = rig.calibrate(person(rig), "motors").motors
     assert rig.world.most == pytest.approx(0.3, abs=0.01)
     assert found is not None
     assert (found.shift_half_deg, found.shift_full_deg) == pytest.approx((3.0, 6.0), abs=1.0)

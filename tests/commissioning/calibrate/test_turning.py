@@ -12,9 +12,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.commissioning.checks.rigs import Flow, Rig, Script
+from tests.kit.rover import Flow, Rig, Script
 from wayfarer.commissioning.calibrate import calibrate
-from wayfarer.commissioning.calibrate.response import Sample, rate_deg_s, speed_gain, turn_response
+from wayfarer.commissioning.calibrate.free_ground import Sample, rate_deg_s, speed_gain, turn_response
+from wayfarer.commissioning.calibrate.turning import ARCS, table
 from wayfarer.commissioning.manual_drive import RATE_HZ
 from wayfarer.config.calibration_file import Calibration, FlowEntry, MotorsEntry, TurningEntry, TurnResponse, stamp
 from wayfarer.config.factory import calibrated
@@ -113,8 +114,6 @@ def test_rover_that_cannot_turn_is_told_what_to_do_and_left_as_its_file_says(rig
 
 def test_uneven_sides_are_told(rig: Rig) -> None:
     def told(one: float, other: float) -> bool:
-        from wayfarer.commissioning.calibrate.turning import table
-
         ways = [TurnResponse(stood_at_duty=0.3, from_duty=0.3, deg_s_per_duty=rate) for rate in (one, other)]
         entry = TurningEntry(
             **stamp("p", 1.0), ground="", duty_max=1.0, clockwise=ways[0], anticlockwise=ways[1], arc=None, speed=None
@@ -192,6 +191,12 @@ def test_board_that_may_not_stop_the_wheels_by_itself_drives_no_rover_on_the_gro
     with pytest.raises(WayfarerError, match=why):
         take(rig)
     assert rig.world.most == 0.0
+
+
+def test_wheels_are_stopped_after_each_drive(rig: Rig) -> None:
+    measured(rig)
+    drives = 2 + 2 * ARCS + 2  # on the spot both ways, each arc and the straight line there and back
+    assert rig.motors.halts >= drives
 
 
 def test_rover_that_tilts_is_stopped(rig: Rig) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.commissioning.checks.rigs import Rig
+from tests.kit.rover import Rig
 from tests.virtual import run_virtually
 from wayfarer.commissioning.checks import CheckVerdict, Finding, Inspection, passed, run_checks
 from wayfarer.commissioning.checks.api import fail, ok, skipped, warn

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from tests.commissioning.checks.rigs import T_WALL, ChipRig, Rig, Script
 from tests.commissioning.checks.test_parts import whole_calibration
+from tests.kit.rover import T_WALL, ChipRig, Rig, Script
 from tests.virtual import run_virtually
 from wayfarer.commissioning.checks import CALIBRATED, CheckVerdict, Finding, check, deadman, parts
 from wayfarer.commissioning.checks.deadman import board_settings, keep_proof, proved

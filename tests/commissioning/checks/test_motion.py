@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from tests.commissioning.checks.rigs import Rig, Script, push_by_hand
+from tests.kit.rover import Rig, Script, push_by_hand
 from tests.virtual import run_virtually
 from wayfarer.commissioning.checks import CheckVerdict, Finding, Inspection, check
 from wayfarer.commissioning.checks.api import ok

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import pytest
 
-from tests.commissioning.checks.rigs import T_WALL, Rig
+from tests.kit.rover import T_WALL, Rig
 from tests.virtual import run_virtually
 from wayfarer.commissioning.checks import (
     ARMING,

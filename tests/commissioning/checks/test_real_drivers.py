@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import asyncio
-from math import inf, pi
+from math import inf
 from pathlib import Path
 
 import pytest
 
-from tests.commissioning.checks.rigs import ChipRig, Script
+from tests.kit.rover import ChipRig, Script
 from tests.virtual import run_virtually
-from wayfarer.commissioning.calibrate import calibrate
-from wayfarer.commissioning.calibrate.compass import OFF
 from wayfarer.commissioning.checks import CheckVerdict, Finding, parts, run_checks
 from wayfarer.drivers.sabertooth import SabertoothSettings
 from wayfarer.hal import WheelCommand
-from wayfarer.simhal.chips.cmps14 import CALIBRATED
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
 
 either = pytest.mark.parametrize(("acts", "verdict"), [(True, CheckVerdict.OK), (False, CheckVerdict.FAIL)])
@@ -76,24 +73,3 @@ def test_real_parts_answer_their_checks_and_a_fault_of_the_last_mission_is_found
     well, fault = run_virtually(look())
     assert {finding.verdict for finding in well} == {CheckVerdict.OK}, well
     assert fault.verdict is CheckVerdict.FAIL
-
-
-def test_a_real_compass_is_taught_by_its_own_commands(rig: ChipRig) -> None:
-    """The levels rise five seconds after turning began; the profile is kept, and learning is off."""
-    chip = rig.compass_chip
-
-    async def turn() -> None:
-        rig.world.heading_rad += pi / 2
-
-    someone = Script(rig.world, {}, {"Turn it to the right": turn})
-
-    async def main() -> None:
-        chip.calibration = chip.profile = 0
-        asyncio.get_running_loop().call_later(5.0, setattr, chip, "calibration", CALIBRATED)
-        found = await calibrate(rig.config, rig.rover, rig.host, someone, ["compass"])
-        assert found.compass is not None
-        assert found.compass.residual_deg < 2.0
-        assert found.compass.part.startswith("CMPS14")
-
-    run_virtually(main())
-    assert (chip.config, chip.profile, chip.ignored) == (OFF, CALIBRATED, [])

@@ -12,10 +12,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from tests.commissioning.checks.rigs import Rig
+from tests.kit.rover import Rig
 from wayfarer.commissioning.checks import CheckVerdict, Finding, system
-from wayfarer.config.log_settings import LogSettings
-from wayfarer.config.rover_file import load_rover
+from wayfarer.config.rover_file import LogSettings, load_rover
 
 
 def look_at_device(rig: Rig, name: str) -> Finding:

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from tests.simhal.chips.bench import BoardBench
 from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
-from wayfarer.drivers.thunderborg_light import ThunderBorgLight, ThunderBorgLightSettings
+from wayfarer.drivers.thunderborg_board import ThunderBorgLight, ThunderBorgLightSettings
 from wayfarer.errors import PowerLost
 from wayfarer.hal import Colour, WheelCommand
 from wayfarer.simhal.buses import FakeBuses

@@ -13,8 +13,7 @@ import pytest
 
 from tests.virtual import virtual
 from wayfarer.config.factory import assemble
-from wayfarer.config.rover_file import RoverConfig, load_rover
-from wayfarer.config.rover_overlay import laid_over
+from wayfarer.config.rover_file import RoverConfig, laid_over, load_rover
 from wayfarer.control.supervisor import first_cause
 from wayfarer.errors import BadInput, NotResponding, WrongPart
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.commissioning.checks.rigs import T_WALL
+from tests.kit.rover import T_WALL
 from tests.simhal.mujoco.fields import A_M, B_M, CONFIG, least_turning_duty, rover_on
 from tests.virtual import run_virtually
 from wayfarer.commissioning.calibrate import calibrate

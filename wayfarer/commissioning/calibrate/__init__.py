@@ -6,13 +6,12 @@ compass keeps its own profile besides.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
-from wayfarer.commissioning.calibrate.compass import calibrate_compass
+from wayfarer.commissioning.calibrate.compass import calibrate_compass, calibrate_motors
 from wayfarer.commissioning.calibrate.flow import calibrate_flow
-from wayfarer.commissioning.calibrate.motors import calibrate_motors
 from wayfarer.commissioning.calibrate.turning import calibrate_turning
 from wayfarer.commissioning.checks.api import HostEnvironment, StandaloneInspection
 from wayfarer.commissioning.manual_drive import Operator
@@ -24,6 +23,14 @@ __all__ = ["STEPS", "Operator", "Step", "calibrate"]
 
 Step = Literal["compass", "flow", "motors", "turning"]
 STEPS: tuple[Step, ...] = ("compass", "flow", "motors", "turning")
+
+# The parts that each step opens, and what measures it with them and returns its entry: None where the person declines.
+_STEPS: Mapping[Step, tuple[tuple[str, ...], Callable[[StandaloneInspection, Operator], Awaitable[Any]]]] = {
+    "compass": (("compass",), calibrate_compass),
+    "flow": (("motion",), calibrate_flow),
+    "motors": (("compass", "motors"), calibrate_motors),
+    "turning": (("compass", "motors"), calibrate_turning),
+}
 
 
 async def calibrate(
@@ -46,30 +53,21 @@ async def calibrate(
     calibration = load(host.calibration_file)
     async with StandaloneInspection(config, rover, host) as inspection:
         for step in steps:
-            before, calibration = calibration, await _take(step, calibration, inspection, operator)
-            if calibration is before:
+            entry = await _measure(step, inspection, operator)
+            if entry is None:
                 await operator.say(f"{step}: left as it was.")
                 continue
+            calibration = replace(calibration, **{step: entry})
             save(host.calibration_file, calibration)
             await operator.say(f"{step}: saved in {host.calibration_file}.")
     return calibration
 
 
-async def _take(step: Step, known: Calibration, inspection: StandaloneInspection, operator: Operator) -> Calibration:
-    """Return what is known after a step; the same where the person declined, or the rover has no such part."""
-    rover, t_wall = inspection.rover, inspection.host.t_wall
-    if step == "flow":
-        if rover.motion is None:
-            return known
-        await inspection.open("motion")
-        flow = await calibrate_flow(rover.motion, operator, inspection.config.detector.quality_min, t_wall)
-        return replace(known, flow=flow)
-    await inspection.open("compass")
-    if step == "compass":
-        return replace(known, compass=await calibrate_compass(rover.compass, operator, t_wall))
-    await inspection.open("motors")
-    if step == "turning":
-        turning = await calibrate_turning(known, inspection, operator)
-        return known if turning is None else replace(known, turning=turning)
-    shift = await calibrate_motors(rover.motors, rover.compass, operator, t_wall, inspection.config.safety.duty_max)
-    return known if shift is None else replace(known, motors=shift)
+async def _measure(step: Step, inspection: StandaloneInspection, operator: Operator) -> Any:
+    """Return the entry that a step found; None where the person declined, or the rover has no such part."""
+    parts, measure = _STEPS[step]
+    if any(part not in inspection.rover.parts for part in parts):
+        return None
+    for part in parts:
+        await inspection.open(part)
+    return await measure(inspection, operator)

@@ -12,15 +12,14 @@ from __future__ import annotations
 
 import asyncio
 from statistics import median
-from typing import Protocol, runtime_checkable
 
-from wayfarer.commissioning.calibrate.response import UNSEEN_MAX
-from wayfarer.commissioning.checks.api import CheckVerdict
+from wayfarer.commissioning.calibrate.free_ground import UNSEEN_MAX
+from wayfarer.commissioning.checks.api import CheckVerdict, StandaloneInspection
 from wayfarer.commissioning.checks.motion import judge_push
 from wayfarer.commissioning.manual_drive import Operator, measure_push, sample_during
 from wayfarer.config.calibration_file import SCALE_MAX, SCALE_MIN, FlowEntry, stamp
+from wayfarer.drivers.camera_motion import CameraMotion
 from wayfarer.errors import BadInput, WayfarerError
-from wayfarer.hal import MotionReading, MotionSensor
 
 DISTANCE_M = 2.0
 DISTANCE_MIN_M, DISTANCE_MAX_M = 0.5, 50.0
@@ -28,35 +27,24 @@ STILL_S = 2.0  # of a camera at rest; at 10 pictures a second: 20 of them
 TIMES_STILL_MIN = 2.0  # less change than that is not told from noise
 
 
-@runtime_checkable
-class ChangeSensor(Protocol):
-    """A motion sensor that can say how much its picture changes; see ``drivers.camera_motion``."""
-
-    name: str
-
-    async def read(self) -> MotionReading:
-        """Return a reading; one that is not ``signed`` says only that something changed."""
-
-    async def change(self) -> float:
-        """Return the mean change of a pixel since the picture before, in grey levels."""
-
-
-async def calibrate_flow(motion: MotionSensor, operator: Operator, quality_min: float, t_wall: float) -> FlowEntry:
-    """Guide a person through a push; the open sensor must be read as it is, without an earlier scale.
+async def calibrate_flow(inspection: StandaloneInspection, operator: Operator) -> FlowEntry:
+    """Guide a person through a push; the motion sensor is open, and is read as it is, without an earlier scale.
 
     Raises:
         BadInput: a distance that is none.
         DriverError: the sensor stopped answering.
         WayfarerError: what it saw cannot be used; the text says why and what to do.
     """
+    motion, t_wall = inspection.rover.motion, inspection.host.t_wall
+    assert motion is not None  # this step is for rovers that have one
     distance_m = await operator.number("How many metres are you going to push it, along a measured line?", DISTANCE_M)
     if not DISTANCE_MIN_M <= distance_m <= DISTANCE_MAX_M:
         raise BadInput(f"a push of {distance_m:g} m: {DISTANCE_MIN_M:g} to {DISTANCE_MAX_M:g} m are allowed")
     await operator.wait("Set the rover at the line's start, wheels free, and step behind it.")
-    if isinstance(motion, ChangeSensor) and not (await motion.read()).signed:
+    if isinstance(motion, CameraMotion) and not (await motion.read()).signed:
         return await _calibrate_picture(motion, operator, distance_m, t_wall)
     told = operator.wait(f"Push it straight ahead by {distance_m:g} m, at a slow walk, and stop there.")
-    seen = await measure_push(motion.read, told, quality_min)
+    seen = await measure_push(motion.read, told, inspection.config.detector.quality_min)
     finding = judge_push(seen)
     if finding.verdict is CheckVerdict.FAIL:
         raise WayfarerError(f"{motion.name}: {finding.found}; {finding.cause}: {finding.remedy}")
@@ -74,7 +62,7 @@ async def calibrate_flow(motion: MotionSensor, operator: Operator, quality_min: 
     return FlowEntry(**stamp(motion.name, t_wall), scale=scale)
 
 
-async def _calibrate_picture(motion: ChangeSensor, operator: Operator, distance_m: float, t_wall: float) -> FlowEntry:
+async def _calibrate_picture(motion: CameraMotion, operator: Operator, distance_m: float, t_wall: float) -> FlowEntry:
     """Guide a person through standing still and a push, and say what to write into the rover file.
 
     Raises:

@@ -12,12 +12,18 @@ from collections.abc import Iterator, Sequence
 from math import ceil, degrees
 from statistics import fmean
 
-from wayfarer.commissioning.calibrate.free_ground import REST_S, FreeGround
-from wayfarer.commissioning.calibrate.response import TURNS_FROM_DEG_S, rate_deg_s, speed_gain, turn_response
+from wayfarer.commissioning.calibrate.free_ground import (
+    REST_S,
+    TURNS_FROM_DEG_S,
+    FreeGround,
+    rate_deg_s,
+    speed_gain,
+    turn_response,
+)
 from wayfarer.commissioning.checks.api import StandaloneInspection
 from wayfarer.commissioning.checks.calibrated import EASE_TURNING
 from wayfarer.commissioning.manual_drive import Operator
-from wayfarer.config.calibration_file import GROUND_MAX, Calibration, SpeedGain, TurningEntry, TurnResponse, stamp
+from wayfarer.config.calibration_file import GROUND_MAX, Calibration, SpeedGain, TurningEntry, TurnResponse, load, stamp
 from wayfarer.config.factory import calibrated
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import WayfarerError
@@ -38,14 +44,11 @@ ON_FREE_GROUND = (
 )
 
 
-async def calibrate_turning(
-    known: Calibration, inspection: StandaloneInspection, operator: Operator
-) -> TurningEntry | None:
+async def calibrate_turning(inspection: StandaloneInspection, operator: Operator) -> TurningEntry | None:
     """Measure an open rover's turn response and gain of speed; None where the person declines.
 
     Args:
-        known: what was calibrated before, for the scale of the motion sensor.
-        inspection: the rover, compass and motors open.
+        inspection: the rover, compass and motors open; the scale of its motion sensor is in its calibration file.
         operator: agrees before a wheel turns, and names the ground.
 
     Raises:
@@ -54,7 +57,7 @@ async def calibrate_turning(
             were stopped.
     """
     config = inspection.config
-    motion, flow = inspection.rover.motion, known.flow
+    motion, flow = inspection.rover.motion, load(inspection.host.calibration_file).flow
     ground = FreeGround(inspection, flow.scale if flow and motion and flow.part == motion.name else 1.0)
     await ground.refuse_unsafe()
     drives_s = 2 * STEPS * (SETTLES_S + WATCHED_S) + 2 * ARCS * (ARC_SETTLES_S + WATCHED_S + REST_S) + 2 * AHEAD_S

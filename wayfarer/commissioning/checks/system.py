@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.commissioning.checks.api import Finding, HostEnvironment, Inspection, fail, ok, skipped, warn
-from wayfarer.config.log_settings import LogSettings
-from wayfarer.config.rover_file import RoverConfig, line_in, part_settings
+from wayfarer.config.rover_file import LogSettings, RoverConfig, line_in, part_settings
 from wayfarer.errors import BadConfig
 from wayfarer.fieldlog.disk import free_mb
 from wayfarer.fieldlog.fields import CLOCK_SET_S

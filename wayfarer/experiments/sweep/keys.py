@@ -15,7 +15,7 @@ from typing import Annotated, Any
 from annotated_types import Interval
 
 from wayfarer.config.messages import validated
-from wayfarer.config.rover_overlay import flat, laid_over
+from wayfarer.config.rover_file import flat, laid_over
 from wayfarer.errors import BadInput, UnknownName
 from wayfarer.experiments.campaign import Campaign
 from wayfarer.experiments.sweep.axes import Value

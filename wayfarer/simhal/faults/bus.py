@@ -14,7 +14,7 @@ from annotated_types import Interval
 from wayfarer.config.wiring import I2C, SERIAL
 from wayfarer.drivers.buses import Frame
 from wayfarer.drivers.pmw3901_registers import MOTION_BIT
-from wayfarer.drivers.thunderborg import Opcode
+from wayfarer.drivers.thunderborg_board import Opcode
 from wayfarer.setting_ranges import Fraction
 from wayfarer.simhal.chips.pmw3901 import BURST
 from wayfarer.simhal.faults.fault_kind import FaultKind, changed, listed

@@ -1,4 +1,4 @@
-"""A hanging bus, as a driver sees it through the worker thread (``drivers.worker``)."""
+"""A hanging bus, as a driver sees it through the worker thread (``drivers.threaded``)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, TypeVar
 
-from wayfarer.drivers.worker import POSTED_MAX, TRANSFER_DEADLINE_S
+from wayfarer.drivers.threaded import POSTED_MAX, TRANSFER_DEADLINE_S
 from wayfarer.errors import NotResponding
 
 T = TypeVar("T")

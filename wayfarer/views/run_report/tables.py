@@ -7,7 +7,7 @@ from math import isnan
 
 from markupsafe import Markup
 
-from wayfarer.config.rover_overlay import flat
+from wayfarer.config.rover_file import flat
 from wayfarer.fieldlog.episodes import Episode
 from wayfarer.fieldlog.fields import duration_text, table
 from wayfarer.fieldlog.sensor_status import SensorStatus

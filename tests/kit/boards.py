@@ -2,20 +2,36 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import Any, Self
 
-from tests.drivers.benches import now_s
 from tests.simhal.clearing import steady_world
 from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
 from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
-from wayfarer.drivers.thunderborg_light import ThunderBorgLight, ThunderBorgLightSettings
+from wayfarer.drivers.thunderborg_board import ThunderBorgLight, ThunderBorgLightSettings
 from wayfarer.errors import NotResponding
 from wayfarer.hal import DriveMotors
 from wayfarer.simhal.buses import FakeBuses, FakeSerial
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 WIRING = ("left", "reverse_left", "reverse_right")
+
+
+def now_s() -> float:
+    """The time on the loop, and zero before it runs: a fixture makes its chips before that."""
+    try:
+        return asyncio.get_running_loop().time()
+    except RuntimeError:
+        return 0.0
+
+
+def stall(for_s: float) -> None:
+    """Let time pass without the loop, as in a process that is suspended."""
+    loop = asyncio.get_running_loop()
+    assert isinstance(loop, VirtualLoop)
+    loop.stall(for_s)
 
 
 class MotorBench:

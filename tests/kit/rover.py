@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from tests.drivers.benches import now_s
+from tests.kit.boards import now_s
 from tests.simhal.clearing import STEADY, VEHICLE
 from tests.virtual import run_virtually
 from wayfarer.commissioning.calibrate import Operator, Step, calibrate
@@ -60,39 +60,57 @@ class WatchedWorld(World):
         super().command(left, right)
 
 
-class Board(SimMotors):
+class Breakable:
+    """A part that does not answer while it is ``dead``; ``error`` is what it raises then."""
+
+    name: str
+    dead = False
+    error: BaseException | None = None
+
+    async def open(self) -> None:
+        self.refuse_if_dead()
+        await super().open()  # type: ignore[misc]  # the simulated part's, which this is mixed into
+
+    def refuse_if_dead(self) -> None:
+        if self.dead:
+            raise self.failure
+
+    @property
+    def failure(self) -> BaseException:
+        return self.error or NotResponding(f"{self.name}: no answer")
+
+
+class Board(Breakable, SimMotors):
     """A motor board with a deadman that works or not, can be asked or not, and may fall silent at its n-th command."""
 
     name = "board at 0x15 on /dev/i2c-1"
     deadman_s: float | None = 0.25
     trips = True
     tells = True
-    dead = False
     health_now = MotorHealth(12.0, ())
     fails_at = 10**9
     stop_takes_s = 0.0
-    error: BaseException = NotResponding("board at 0x15 on /dev/i2c-1: no answer")
+    halts = 0
 
     def __init__(self, world: World) -> None:
         super().__init__(world)
         self._heard_s = 0.0
         self.commands: list[WheelCommand] = []
 
-    async def open(self) -> None:
-        if self.dead:
-            raise self.error
-        await super().open()
-
     async def drive(self, command: WheelCommand) -> WheelCommand:
         self.commands.append(command)
         if len(self.commands) >= self.fails_at:
-            raise self.error
+            raise self.failure
         self._heard_s = self._time()
         return await super().drive(command)
 
     async def stop(self) -> None:
         await asyncio.sleep(self.stop_takes_s)
         await super().stop()
+
+    def halt(self) -> None:
+        self.halts += 1
+        super().halt()
 
     async def read_back(self) -> WheelCommand | None:  # type: ignore[override]
         now_s = asyncio.get_running_loop().time()
@@ -104,47 +122,31 @@ class Board(SimMotors):
         return self.health_now
 
 
-class Needle(SimCompass):
+class Needle(Breakable, SimCompass):
     """A compass that reads what the test says, where it says something."""
 
     name = "CMPS14 at 0x60 on /dev/i2c-1"
     level: int | None = 3
     tilt_deg = 0.0
     bias_deg: Callable[[], float] = staticmethod(lambda: 0.0)
-    dead = False
-    error: Exception = NotResponding("CMPS14 at 0x60 on /dev/i2c-1: no answer")
-
-    async def open(self) -> None:
-        if self.dead:
-            raise self.error
-        await super().open()
 
     async def read(self) -> CompassReading:
-        if self.dead:
-            raise self.error
+        self.refuse_if_dead()
         reading = await super().read()
         heading_deg = (reading.heading_deg + self.bias_deg()) % 360.0
         return reading._replace(heading_deg=heading_deg, roll_deg=self.tilt_deg, calibration=self.level)
 
 
-class Flow(SimFlow):
+class Flow(Breakable, SimFlow):
     """A motion sensor mounted, and seeing, as the test says; on blocks the ground does not move."""
 
     name = "PMW3901 on /dev/spidev0.1"
     quality = 0.8
     ahead, aside = 1.0, 0.0
     on_blocks = False
-    dead = False
-    error: Exception = NotResponding("PMW3901 on /dev/spidev0.1: no answer")
-
-    async def open(self) -> None:
-        if self.dead:
-            raise self.error
-        await super().open()
 
     async def read(self) -> MotionReading:
-        if self.dead:
-            raise self.error
+        self.refuse_if_dead()
         reading = await super().read()
         forward_m = 0.0 if self.on_blocks else reading.forward_m
         return reading._replace(forward_m=self.ahead * forward_m, right_m=self.aside * forward_m, quality=self.quality)
@@ -229,10 +231,10 @@ class Rig:
 class ChipRig(Rig):
     """The rover with the real driver of its compass and of one of two motor boards, over simulated chips."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, compass_chip: type[CMPS14Chip] = CMPS14Chip) -> None:
         super().__init__(folder)
         self.buses = FakeBuses()
-        self.compass_chip = CMPS14Chip(HeadingSensorModel(self.world, RandomStreams(0)), now_s)
+        self.compass_chip = compass_chip(HeadingSensorModel(self.world, RandomStreams(0)), now_s)
         self.thunderborg = ThunderBorgChip(self.world, now_s)
         self.sabertooth = SabertoothChip(self.world, now_s)
         self.buses.i2c("/dev/i2c-1").attach(0x60, self.compass_chip)
