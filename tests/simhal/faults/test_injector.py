@@ -18,7 +18,7 @@ from wayfarer.config.rover_overlay import laid_over
 from wayfarer.control.supervisor import first_cause
 from wayfarer.errors import BadInput, NotResponding, WrongPart
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
-from wayfarer.fault_scenarios.first_difference import first_difference
+from wayfarer.fault_scenarios.judge import first_difference
 from wayfarer.fault_scenarios.recorder import RunRecorder
 from wayfarer.hal import CompassReading
 from wayfarer.simhal.build_rover import Depth
