@@ -169,7 +169,7 @@ def test_of_the_simulator_only_what_builds_a_rover_knows_the_drivers() -> None:
         if any(within(name, "drivers") and not within(name, "drivers.buses") for name in wayfarer_modules(module))
     }
     injected = {module for module in modules_of("simhal") if within(module, "simhal.faults")}
-    assert users - injected == {f"wayfarer.simhal.{each}" for each in ("built_in_chips", "mounting")}
+    assert users - injected == {"wayfarer.simhal.built_in_chips"}
 
 
 def test_pure_modules_know_no_clock_no_loop_and_no_files() -> None:

@@ -17,7 +17,7 @@ from tests.conftest import Run, refusal
 from tests.fault_scenarios import kinds_page
 from tests.system.hil_setup import wait_for
 from wayfarer import cli
-from wayfarer.fault_scenarios.catalogue.covered_by_tests import COVERED_BY_TESTS
+from wayfarer.fault_scenarios.catalogue import covered_by_tests
 from wayfarer.fault_scenarios.runner import RunResult, run_scenario
 from wayfarer.fault_scenarios.scenario import Scenario
 from wayfarer.fieldlog.reader import RunReader
@@ -178,14 +178,14 @@ def test_row_that_a_test_holds_names_the_test(asked: str, run: Run) -> None:
     code, out, err = run("faults", "--only", asked)
     assert code == 2
     assert out == ""
-    test = COVERED_BY_TESTS["sigkill"].test
+    test = covered_by_tests()["sigkill"].test
     assert err == f"wayfarer: sigkill: covered by a test in wayfarer's checkout: pytest -m '' {test}\n"
 
 
 def test_row_of_a_scenario_and_a_test_runs_the_one_and_names_the_other(run: Run) -> None:
     code, out, _ = run("faults", "--only", "task-crash,algorithm-raises")
     assert code == 0
-    assert COVERED_BY_TESTS["algorithm-raises"].test in "".join(out.split())
+    assert covered_by_tests()["algorithm-raises"].test in "".join(out.split())
     assert out.splitlines()[-2:] == [
         "1 of 1 scenarios as expected: 1 in virtual time; 1 skipped",
         "0 of 1 rows of the catalogue as expected; 1 not fully tested",

@@ -23,7 +23,7 @@ from wayfarer.experiments.paired_statistics import Comparison, Difference
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.run_campaign import ComputeCost
 from wayfarer.experiments.statistics import AlgorithmSummary, Estimate
-from wayfarer.fault_scenarios.result import Result
+from wayfarer.fault_scenarios.results import Result
 from wayfarer.fault_scenarios.survival import MissionLine
 from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.replay import DecisionDifference, Replay

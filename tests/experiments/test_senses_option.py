@@ -13,8 +13,7 @@ from tests.simhal.commands import facts_of, succeed
 from wayfarer.errors import BadInput
 from wayfarer.experiments.commands import senses
 from wayfarer.experiments.report.load_results import read_results
-from wayfarer.simhal.world.physics import PHYSICS
-from wayfarer.simhal.world.senses import FIELD
+from wayfarer.simhal.world.physics import FIELD, PHYSICS
 
 SIM = ("sim", "--jobs", "1", "--trials", "1", "--budget-m", "5")
 BLIND = (*SIM, "--senses", "blind_share=0.3,blind_quality=0.4")

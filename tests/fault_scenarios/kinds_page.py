@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from annotated_types import Interval
 
-from wayfarer.fault_scenarios.catalogue.covered_by_tests import COVERED_BY_TESTS
+from wayfarer.fault_scenarios.catalogue import covered_by_tests
 from wayfarer.simhal.faults.bus import BusFault
 from wayfarer.simhal.faults.fault_kind import FaultKind
 from wayfarer.simhal.faults.kinds import KINDS
@@ -32,7 +32,7 @@ def _layer(kind: type[FaultKind]) -> str:
 def held() -> list[str]:
     return [
         f"| {each.row} | `{each.name}` | {each.about} | {each.level} | {seconds(each.within_s)} | `{each.test}` |"
-        for each in COVERED_BY_TESTS.values()
+        for each in covered_by_tests().values()
     ]
 
 

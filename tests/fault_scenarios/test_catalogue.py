@@ -10,8 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from wayfarer.fault_scenarios.catalogue import catalogue
-from wayfarer.fault_scenarios.catalogue.covered_by_tests import COVERED_BY_TESTS, FaultTest
+from wayfarer.fault_scenarios.catalogue import FaultTest, catalogue, covered_by_tests
 from wayfarer.fault_scenarios.command import ScenarioRunner
 from wayfarer.fault_scenarios.judge import judge
 from wayfarer.fault_scenarios.recorder import RunRecorder
@@ -40,7 +39,7 @@ def rows() -> list[object]:
     return [pytest.param(each.name, marks=long if each.rover == CAMERA_ROVER else []) for each in ordered]
 
 
-@pytest.mark.parametrize("fault", COVERED_BY_TESTS.values(), ids=COVERED_BY_TESTS)
+@pytest.mark.parametrize("fault", covered_by_tests().values(), ids=covered_by_tests())
 def test_test_that_holds_a_fault_is_there(fault: FaultTest) -> None:
     file, _, function = fault.test.partition("::")
     module = ast.parse((CHECKOUT / file).read_text(encoding="utf-8"))

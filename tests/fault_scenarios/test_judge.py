@@ -9,7 +9,7 @@ from math import inf
 import pytest
 
 from wayfarer.fault_scenarios.judge import STOOD_ALREADY, judge
-from wayfarer.fault_scenarios.result import Result, Tried
+from wayfarer.fault_scenarios.results import Result, Tried
 from wayfarer.fault_scenarios.runner import RunResult, run_scenario, run_without_faults
 from wayfarer.fault_scenarios.scenario import Command, Expectation, ResponseLevel, Scenario
 from wayfarer.simhal.build_rover import Depth

@@ -7,9 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from wayfarer.fault_scenarios.catalogue import ROWS, catalogue
-from wayfarer.fault_scenarios.catalogue.covered_by_tests import FaultTest
-from wayfarer.fault_scenarios.result import Row
+from wayfarer.fault_scenarios.catalogue import ROWS, FaultTest, catalogue
+from wayfarer.fault_scenarios.results import Row
 from wayfarer.fault_scenarios.scenario import Expectation, ResponseLevel, Scenario
 from wayfarer.fault_scenarios.selection import (
     chosen,
@@ -29,7 +28,7 @@ LOOSE = scenario("loose", 2, Fault(1.0, 1.0, "compass", "nack"))
 DARK = scenario("dark", 15, Fault(1.0, 1.0, "motion", "dark"))
 BUMPED = scenario("bumped", 15, Fault(1.0, 1.0, "contact", "silent"))
 KILLED = FaultTest(
-    "killed", 35, "it is killed", "S4 stops", ResponseLevel.DEADMAN, 0.3, "tests/test_it.py::test_killed"
+    "killed", 35, "it is killed", "S4 stops", ResponseLevel.DEADMAN, "tests/test_it.py::test_killed", 0.3
 )
 SCENARIOS = [LOOSE, DARK, BUMPED]
 ALL: list[Row] = [*SCENARIOS, KILLED]

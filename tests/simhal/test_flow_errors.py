@@ -17,8 +17,7 @@ from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.hal import MotionReading, WheelCommand
 from wayfarer.simhal.build_rover import Depth, build
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.sensor_errors import BlindGround, flow_scale
-from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSensorModel
+from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, BlindGround, FlowSensorModel, flow_scale
 from wayfarer.simhal.world.forest import CLEARING, WORLD_SIZE_M
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import PHYSICS, Physics

@@ -11,7 +11,7 @@ from statistics import median, quantiles
 from typing import NamedTuple, TypeAlias
 
 from wayfarer.errors import BadInput
-from wayfarer.fault_scenarios.catalogue.covered_by_tests import COVERED_BY_TESTS
+from wayfarer.fault_scenarios.catalogue import covered_by_tests
 from wayfarer.fieldlog.folders import FILE_NAME, run_folders, run_number
 from wayfarer.fieldlog.reader import RunReader
 
@@ -24,7 +24,7 @@ Commands: TypeAlias = list[tuple[float, float, float]]
 
 def bound_s(fault: str) -> float:
     """Return within which time the fault catalogue wants an answer to a fault that a test holds."""
-    within_s = COVERED_BY_TESTS[fault].within_s
+    within_s = covered_by_tests()[fault].within_s
     assert within_s is not None
     return within_s
 

@@ -98,7 +98,7 @@ def _run(
     from wayfarer.experiments.progress_bar import say
     from wayfarer.fault_scenarios.catalogue import ROWS, catalogue
     from wayfarer.fault_scenarios.command import run_scenarios
-    from wayfarer.fault_scenarios.result import Result
+    from wayfarer.fault_scenarios.results import Result, print_list, skipped_lines
     from wayfarer.fault_scenarios.scenario_file import read_scenarios
     from wayfarer.fault_scenarios.selection import (
         chosen,
@@ -106,7 +106,6 @@ def _run(
         without_covered_by_tests,
         without_missing_packages,
     )
-    from wayfarer.fault_scenarios.table import print_list, skipped_lines
     from wayfarer.views.text.scripting import print_json
 
     rows = list(read_scenarios(scenario) if scenario else catalogue())

@@ -18,8 +18,8 @@ BEFORE: Final = -1  # the first pulse
 CLEAR: Final = 0.4
 OPPOSES_DEG: Final = 5.0
 BODY_LAG_S: Final = 0.1  # of the body behind its wheels, as ``escape.turn_control.LAG_S``
-# The longest lag of a compass that is looked for: 0.5 s (``simhal.world.senses.FIELD``) and a body slower than most. It
-# must stay below the time from one pulse to the next, 0.7 s.
+# The longest lag of a compass that is looked for: 0.5 s (``simhal.world.physics.FIELD``) and a body slower than most.
+# It must stay below the time from one pulse to the next, 0.7 s.
 COMPASS_LAG_MAX_S: Final = 0.6
 SHOWN_S: Final = 0.35  # a pulse and the lag of the body: how long a turn must be watched
 

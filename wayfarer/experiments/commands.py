@@ -16,8 +16,7 @@ from wayfarer.errors import BadConfig, BadInput, MissingPackage, UnknownName, on
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.campaign import Campaign
 from wayfarer.simhal.drawn_ranges import Range, parse_range
-from wayfarer.simhal.world.physics import GroundName, Physics
-from wayfarer.simhal.world.senses import FIELD, Senses
+from wayfarer.simhal.world.physics import FIELD, GroundName, Physics, Senses
 
 if TYPE_CHECKING:
     from wayfarer.simhal.mujoco.terrain import Terrains

@@ -1,21 +1,28 @@
-"""Judges a scenario: did the fault take effect, how severe was the response, and how long did it take."""
+"""Judges a scenario: did the fault take effect, how severe was the response, and how long did it take.
+
+A fault takes effect where the field code reads something that it would not have read without it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import pairwise
+from collections.abc import Iterator, Sequence
+from itertools import pairwise, zip_longest
 from math import inf
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
-from wayfarer.fault_scenarios.first_difference import FaultEffect, first_difference
-from wayfarer.fault_scenarios.result import Result, not_run
+from wayfarer.fault_scenarios.recorder import RunRecorder
+from wayfarer.fault_scenarios.results import Result, not_run
 from wayfarer.fault_scenarios.runner import RunResult
 from wayfarer.fault_scenarios.scenario import RESPONSE_LEVELS, Expectation, ResponseLevel, Scenario
+from wayfarer.hal import Snapshot
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.responses import LEVELS
 from wayfarer.simhal.faults.bus import Nack
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.process import LoopStall
+
+T = TypeVar("T")
+_Pair = tuple[float, T | None, T | None]
 
 ROUNDING_S = 1e-6
 STOOD_ALREADY = "the wheels were stopped already"
@@ -189,3 +196,60 @@ def _cuts_for_s(fault: Fault) -> float:
         return fault.params.by_s
     sure = not isinstance(fault.params, Nack) or fault.params == Nack()
     return fault.for_s if fault.target == "motors" and fault.kind in _CUT_OFF and sure else 0.0
+
+
+class FaultEffect(NamedTuple):
+    """What is different, and when, in seconds on the runs' clock."""
+
+    t_s: float
+    what: str
+
+
+def first_difference(recorder: RunRecorder, well: RunRecorder) -> FaultEffect | None:
+    """Return the first difference between a run with a fault and the same run without, None where there is none."""
+    return min(_differences(recorder, well), key=lambda difference: difference.t_s, default=None)
+
+
+def _differences(recorder: RunRecorder, well: RunRecorder) -> Iterator[FaultEffect]:
+    """Give the first difference of each kind, those that tell most first."""
+    ticks = [(tick.t_s, tick.snapshot) for tick in recorder.ticks]
+    well_ticks = [(tick.t_s, tick.snapshot) for tick in well.ticks]
+    for t_s, now, then in _first(ticks, well_ticks, recorder.ended_s):
+        yield FaultEffect(t_s, _of_snapshots(now, then))
+    for t_s, _, _ in _first(recorder.boards, well.boards, recorder.ended_s):
+        yield FaultEffect(t_s, "answer of the motor board")
+    fixes, well_fixes = ([(fix.t_s, fix) for fix in each.fixes if fix is not None] for each in (recorder, well))
+    for t_s, _, _ in _first(fixes, well_fixes, recorder.ended_s):
+        yield FaultEffect(t_s, "position")
+    events, well_events = ([(each.t_s, each) for each in log.events] for log in (recorder, well))
+    for t_s, event, well_event in _first(events, well_events, recorder.ended_s):
+        if there := event or well_event:
+            yield FaultEffect(t_s, f"{'' if event else 'no '}event {there.name}")
+
+
+def _first(run: Sequence[tuple[float, T]], well: Sequence[tuple[float, T]], ended_s: float) -> Iterator[_Pair[T]]:
+    """Give the first items of two runs that are not the same, with the time; None where one run has no more."""
+    for item, well_item in zip_longest(run, well):
+        if item is None:
+            yield min(well_item[0], ended_s), None, well_item[1]
+        elif well_item is None or item[1] != well_item[1]:
+            yield item[0], item[1], well_item and well_item[1]
+        else:
+            continue
+        return
+
+
+def _of_snapshots(now: Snapshot | None, then: Snapshot | None) -> str:
+    if now is None or then is None:
+        return "no further control tick" if now is None else "a further control tick"
+    for part in ("compass", "motion", "contact"):
+        read, well = getattr(now, part), getattr(then, part)
+        if read == well:
+            continue
+        if read is None or well is None:
+            return f"{part}: {'no' if read is None else 'a'} reading"
+        # A reading's time is the last to name: an older reading is another one in all its numbers.
+        names = [name for name in (*read._fields[1:], "t_s") if getattr(read, name) != getattr(well, name)]
+        late = read.t_s < well.t_s
+        return f"{part}: an older reading" if late else f"{part}.{names[0]}"
+    return "time of the control tick"

@@ -20,10 +20,9 @@ from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.outcome import SUCCESSES
 from wayfarer.experiments.trial import run_watched
 from wayfarer.experiments.trial_setup import TrialSpec
-from wayfarer.fault_scenarios.result import Result, Row, not_run
+from wayfarer.fault_scenarios.results import Result, Row, not_run, with_names
 from wayfarer.fault_scenarios.scenario import Scenario, rover_of
 from wayfarer.fault_scenarios.selection import on_another_rover, without_covered_by_tests, without_missing_packages
-from wayfarer.fault_scenarios.table import with_names
 from wayfarer.safety.conditions import Level
 from wayfarer.safety.responses import levels_for
 from wayfarer.simhal.build_rover import Depth

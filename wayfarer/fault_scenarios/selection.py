@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput, UnknownName
-from wayfarer.fault_scenarios.catalogue.covered_by_tests import FaultTest
-from wayfarer.fault_scenarios.result import Result, Row, not_run
+from wayfarer.fault_scenarios.catalogue import FaultTest
+from wayfarer.fault_scenarios.results import Result, Row, not_run
 from wayfarer.fault_scenarios.scenario import Scenario, misfit, rover_of
 from wayfarer.simhal.build_rover import missing_package
 

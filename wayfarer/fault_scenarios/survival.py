@@ -18,8 +18,8 @@ from wayfarer.experiments.rows import rounded_values
 from wayfarer.experiments.tables import number_text
 from wayfarer.fault_scenarios.command import store_rows
 from wayfarer.fault_scenarios.missions import DURATIONS_S, MissionRunner, Strike, Striking
+from wayfarer.fault_scenarios.results import section
 from wayfarer.fault_scenarios.runner import run_batch
-from wayfarer.fault_scenarios.table import section
 from wayfarer.safety.conditions import Condition
 from wayfarer.views.text.scripting import print_json
 from wayfarer.views.text.summary_text import counted

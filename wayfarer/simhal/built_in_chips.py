@@ -1,7 +1,11 @@
-"""The simulated chips of the built-in drivers: which chip, with which settings, on which bus."""
+"""The simulated chips of the built-in drivers: which chip, with which settings, on which bus.
+
+Sensors are mounted as the rover file says, so that the driver's settings undo it.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from wayfarer.drivers import cmps14, pmw3901, sabertooth, thunderborg
@@ -15,10 +19,41 @@ from wayfarer.simhal.chips.cmps14 import CMPS14Chip
 from wayfarer.simhal.chips.pmw3901 import PMW3901Chip
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
-from wayfarer.simhal.mounting import MountedCompass, mounted
-from wayfarer.simhal.sensor_models import FlowSensorModel
+from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.sensor_models import FlowSensorModel, HeadingSensorModel
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 GROUND_M_PER_PIXEL = 0.0015  # of the simulated camera, where the rover file gives none
+
+
+class MountedCompass(HeadingSensorModel):
+    """What a compass feels that is mounted as the rover file says: the driver's settings, undone."""
+
+    def __init__(self, world: SimulatedWorld, streams: RandomStreams, settings: CMPS14Settings) -> None:
+        super().__init__(world, streams)
+        self._settings = settings
+
+    def sample(self, t_s: float) -> tuple[int, int, int]:
+        """Return heading, pitch and roll in the part's own frame, in tenths of a degree."""
+        heading, pitch, roll = super().sample(t_s)
+        settings = self._settings
+        pitch = -pitch if settings.reverse_pitch else pitch
+        roll = -roll if settings.reverse_roll else roll
+        if settings.swap_pitch_roll:
+            pitch, roll = roll, pitch
+        return (heading - round(settings.heading_offset_deg * 10.0)) % 3600, pitch, roll
+
+
+def mounted(settings: PMW3901Settings) -> Callable[[int, int], tuple[int, int]]:
+    """Return the flow chip's x and y for a displacement forward and right, mounted as the rover file says."""
+    forward_is_x = settings.forward[1] == "x"
+    forward_sign, right_sign = (1 if axis[0] == "+" else -1 for axis in (settings.forward, settings.right))
+
+    def turned(forward: int, right: int) -> tuple[int, int]:
+        forward, right = forward * forward_sign, right * right_sign
+        return (forward, right) if forward_is_x else (right, forward)
+
+    return turned
 
 
 def _attach_cmps14(settings: CMPS14Settings, wiring: ChipWiring) -> None:

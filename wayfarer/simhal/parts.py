@@ -14,8 +14,7 @@ from mypy_extensions import mypyc_attr
 from wayfarer.angles import coordinates_deg
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, MotorHealth, PositionFix, WheelCommand
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.sensor_errors import SQUAL_FULL
-from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSensorModel, HeadingSensorModel
+from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, SQUAL_FULL, FlowSensorModel, HeadingSensorModel
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 DEADMAN_S: Final = 0.3  # as forestrover.toml sets its Sabertooth's

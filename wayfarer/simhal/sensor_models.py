@@ -1,22 +1,141 @@
 """Sensor models: what each simulated sensor measures of the world, in chip units, for both depths.
 
-A sense is sampled once for each reading that a driver takes, so both depths draw the same chance in the same order.
+A sense is sampled once for each reading that a driver takes, so both depths draw the same chance in the same order. In
+the field a compass also has errors of iron, the motors' field, a gyro with a dead band, vibration and lag, and a flow
+sensor those of a false height above the ground and of ground on which it sees nothing (``physics.Senses``).
 """
 
 from __future__ import annotations
 
-from math import degrees
+from collections import deque
+from math import ceil, degrees, exp, radians, remainder, sin, tau
 from typing import Final
 
 from mypy_extensions import mypyc_attr
 
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.sensor_errors import SQUAL_SEEN, CompassErrors, blind_ground, compass_errs, flow_scale
-from wayfarer.simhal.world.simulated_world import SimulatedWorld
+from wayfarer.simhal.world.forest import WORLD_SIZE_M
+from wayfarer.simhal.world.physics import Senses
+from wayfarer.simhal.world.simulated_world import ROUNDING_S, SimulatedWorld
 
+Attitude = tuple[float, float, float]  # heading in radians, pitch and roll in degrees
+
+SQUAL_FULL: Final = 95  # what the driver of a PMW3901 takes as quality 1, by default
+SQUAL_SEEN: Final = 76  # of ordinary ground
 # PMW3901 at 0.1 m above ground: 0.213 mm a count (hardware.md 8.2).
 FLOW_M_PER_COUNT: Final = 0.00213195 * 0.1
 TENTHS_PER_RAD: Final = degrees(10.0)
+
+
+def compass_errs(senses: Senses) -> bool:
+    """Return whether a compass has any of these errors."""
+    return bool(
+        senses.hard_iron_deg
+        or senses.soft_iron_deg
+        or senses.motor_field_deg
+        or senses.compass_freezes_below_deg_s
+        or senses.tilt_vibration_deg
+        or senses.compass_lag_s
+    )
+
+
+class CompassErrors:
+    """What a compass makes of a world's attitude, each time that it is asked.
+
+    The errors come in the order in which a reading does: the field at the sensor is bent, the heading is fused with the
+    gyro, the tilt is shaken, and all of it is late.
+    """
+
+    def __init__(self, world: SimulatedWorld, streams: RandomStreams) -> None:
+        senses = world.physics
+        self._world = world
+        self._hard_rad, self._soft_rad = radians(senses.hard_iron_deg), radians(senses.soft_iron_deg)
+        self._motor_rad = radians(senses.motor_field_deg)
+        phases = streams.generator("compass.field").uniform(0.0, tau, 4).tolist()
+        self._hard_phase, self._soft_phase, self._left_phase, self._right_phase = phases
+        self._freezes_below_rad_s = radians(senses.compass_freezes_below_deg_s)
+        self._shaken_deg = streams.normal("compass.vibration", senses.tilt_vibration_deg)
+        self._lag_s = senses.compass_lag_s
+        self._earlier: deque[tuple[float, Attitude]] = deque()
+        self._looked_s, self._heading_rad = world.t_s, world.heading_rad
+        self._bent_rad = self._fused_rad = self._bent(world.heading_rad)
+
+    def attitude(self) -> Attitude:
+        """Return what the compass feels now: heading in radians, pitch and roll in degrees."""
+        world = self._world
+        heading_rad, pitch_deg, roll_deg = world.attitude()
+        left, right = world.commanded
+        duty = (abs(left) + abs(right)) / 2.0
+        fused_rad = self._fuse(heading_rad)
+        felt = fused_rad, pitch_deg + duty * self._shaken_deg(), roll_deg + duty * self._shaken_deg()
+        return self._late(felt) if self._lag_s else felt
+
+    def _bent(self, heading_rad: float) -> float:
+        """Return the magnetic heading of a body with this heading."""
+        left, right = self._world.commanded
+        return (
+            heading_rad
+            + self._hard_rad * sin(heading_rad + self._hard_phase)
+            + self._soft_rad * sin(2.0 * heading_rad + self._soft_phase)
+            + self._motor_rad * left * sin(heading_rad + self._left_phase)
+            + self._motor_rad * right * sin(heading_rad + self._right_phase)
+        )
+
+    def _fuse(self, heading_rad: float) -> float:
+        """Return the heading with what it has changed since the last look, unless the gyro noticed no turn."""
+        bent_rad, t_s = self._bent(heading_rad), self._world.t_s
+        if not self._freezes_below_rad_s:
+            return bent_rad
+        turned_rad = remainder(heading_rad - self._heading_rad, tau)
+        if abs(turned_rad) >= self._freezes_below_rad_s * (t_s - self._looked_s):
+            self._fused_rad += remainder(bent_rad - self._bent_rad, tau)
+        self._looked_s, self._heading_rad, self._bent_rad = t_s, heading_rad, bent_rad
+        return self._fused_rad
+
+    def _late(self, felt: Attitude) -> Attitude:
+        """Return what was felt that long ago; at the beginning, what was felt first."""
+        earlier, t_s = self._earlier, self._world.t_s
+        earlier.append((t_s, felt))
+        while len(earlier) > 1 and earlier[1][0] <= t_s - self._lag_s + ROUNDING_S:
+            earlier.popleft()
+        return earlier[0][1]
+
+
+class BlindGround:
+    """Where a flow sensor sees nothing: square cells that depend on the trial alone, so that a place stays blind.
+
+    A larger share adds cells to those of a smaller one. Beyond the edges of the world the pattern repeats. The cell of
+    the start is never blind: a rover that sees nothing is not armed.
+    """
+
+    def __init__(self, world: SimulatedWorld, streams: RandomStreams) -> None:
+        senses = world.physics
+        self._world = world
+        self._cell_m = senses.blind_cell_m
+        self._side = side = ceil(WORLD_SIZE_M / senses.blind_cell_m)
+        drawn = streams.generator("flow.blind").random(side * side) < senses.blind_share
+        self._cells = bytearray(drawn.tobytes())
+        self._cells[self._cell_under()] = False
+        self.squal = round(senses.blind_quality * SQUAL_FULL)  # as the sensor reports it there
+
+    def is_under(self) -> bool:
+        """Return whether the body stands on such a cell."""
+        return bool(self._cells[self._cell_under()])
+
+    def _cell_under(self) -> int:
+        column, row = int(self._world.x_m // self._cell_m), int(self._world.y_m // self._cell_m)
+        return row % self._side * self._side + column % self._side
+
+
+def blind_ground(world: SimulatedWorld, streams: RandomStreams) -> BlindGround | None:
+    """Return where the sensor sees nothing, None where it sees all of the ground."""
+    return BlindGround(world, streams) if world.physics.blind_share else None
+
+
+def flow_scale(senses: Senses, streams: RandomStreams) -> float:
+    """Return this trial's factor on each displacement, which is above 0."""
+    sd = senses.flow_scale_sd
+    return exp(float(streams.generator("flow.scale").normal(0.0, sd))) if sd else 1.0
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)

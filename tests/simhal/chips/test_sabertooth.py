@@ -40,10 +40,6 @@ def bench() -> Bench:
         ("80 01 7F 00", -127, 0),
         ("80 04 40 44", 0, 64),
         ("80 05 40 45", 0, -64),
-        ("80 06 40 46", 0, 0),
-        ("80 06 7F 05", 127, 0),
-        ("80 06 00 06", -127, 0),
-        ("80 07 7F 06", 0, 127),
         (f"{BOTH_AHEAD} 80 00 00 00 80 04 00 04", 0, 0),
     ],
 )
@@ -96,56 +92,22 @@ def test_after_noise_the_next_packet_is_taken(bench: Bench, noise: str, dropped:
     assert (bench.chip.levels, bench.chip.dropped) == ((0, 64), dropped)
 
 
-@pytest.mark.parametrize("sent", ["80 12 00 12", "80 02 79 7B", "80 0F 05 14", "80 10 00 10", "80 10 51 61"])
+@pytest.mark.parametrize("sent", ["80 12 00 12", "80 02 79 7B", "80 0F 05 14", "80 08 40 48"])
 def test_what_the_board_does_not_know_is_a_mistake(bench: Bench, sent: str) -> None:
     with pytest.raises(ChipMisuse, match="command"):
         bench.send(sent)
 
 
-# -- mixed mode ------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("drive", "turn", "m1", "m2"),
-    [
-        ("80 08 40 48", "80 0A 20 2A", 96, 32),
-        ("80 08 40 48", "80 0B 20 2B", 32, 96),
-        ("80 09 40 49", "80 0A 20 2A", -32, -96),
-        ("80 08 7F 07", "80 0A 20 2A", 127, 95),
-        ("80 0C 7F 0B", "80 0D 40 4D", 127, 127),
-    ],
-)
-def test_mixed_mode_moves_when_drive_and_turn_have_come(bench: Bench, drive: str, turn: str, m1: int, m2: int) -> None:
-    for first, second in ((drive, turn), (turn, drive)):
-        bench.chip.power_cycle()
-        bench.send(first)
-        assert bench.chip.levels == (0, 0)
-        bench.send(second)
-        assert bench.chip.levels == (m1, m2)
-
-
-def test_changing_the_set_of_commands_stops_the_motors_until_both_are_refreshed(bench: Bench) -> None:
-    bench.send(BOTH_AHEAD)
-    bench.send("80 08 40 48")
-    assert bench.world.commanded == STILL
-    bench.send("80 0A 00 0A")
-    assert bench.chip.levels == (64, 64)
-    bench.send("80 00 40 40")
-    assert bench.world.commanded == STILL
-    bench.send("80 05 40 45")
-    assert bench.chip.levels == (64, -64)
-
-
 # -- settings and power ----------------------------------------------------------------------------------------------
 
 
-def test_settings_are_kept_and_those_of_them_that_persist_outlive_the_power(bench: Bench) -> None:
-    bench.send("80 0E 05 13 80 02 14 16 80 03 40 43 80 11 03 14 80 10 0E 1E 80 0F 04 13")
-    assert bench.chip.settings == {14: 5, 2: 20, 3: 64, 17: 3, 16: 14, 15: 4}
+def test_settings_are_kept_and_the_baud_rate_outlives_the_power(bench: Bench) -> None:
+    bench.send("80 0E 05 13 80 02 14 16 80 0F 04 13")
+    assert bench.chip.settings == {14: 5, 2: 20, 15: 4}
     bench.send(BOTH_AHEAD)
     bench.send("80 00")
     bench.chip.power_cycle()
-    assert bench.chip.settings == {17: 3, 16: 14, 15: 4}
+    assert bench.chip.settings == {15: 4}
     assert bench.world.commanded == STILL
     bench.send("7F 7F")
     assert bench.world.commanded == STILL

@@ -17,19 +17,18 @@ from wayfarer.config.rover_file import RoverConfig, laid_over, load_rover
 from wayfarer.control.supervisor import first_cause
 from wayfarer.errors import BadInput, NotResponding, WrongPart
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
-from wayfarer.fault_scenarios.first_difference import first_difference
+from wayfarer.fault_scenarios.judge import first_difference
 from wayfarer.fault_scenarios.recorder import RunRecorder
 from wayfarer.hal import CompassReading
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.faults.bus import BusFault, LostBytes, Nack
-from wayfarer.simhal.faults.bus_hang import Hang
 from wayfarer.simhal.faults.faulty_part import FaultyPart
 from wayfarer.simhal.faults.injector import Injector
 from wayfarer.simhal.faults.kinds import KINDS, Fault, misplaced
 from wayfarer.simhal.faults.readings import Drifts, Frozen, LateAnswer, Saturated
 from wayfarer.simhal.faults.wired_part import WiredPart, wired_part
-from wayfarer.simhal.faults.wires import FaultyWire
+from wayfarer.simhal.faults.wires import FaultyWire, Hang
 from wayfarer.simhal.faults.world import DeadBand, Drive, Slope
 from wayfarer.simhal.world.forest import CLEARING
 

@@ -19,8 +19,7 @@ from wayfarer.simhal.world.forest_file import forests_in
 from wayfarer.simhal.world.generate import Draw
 from wayfarer.simhal.world.shortest_path import shortest_path_m
 from wayfarer.simhal.world.sites import SITES
-from wayfarer.simhal.world.sites.field_site import FieldSite
-from wayfarer.simhal.world.sites.layout_builder import SiteLayout
+from wayfarer.simhal.world.sites.field_site import FieldSite, SiteLayout
 
 FOREST_ROVER, MINI_ROVER = (load_rover(name).vehicle for name in ("forestrover", "minirover"))
 

@@ -16,10 +16,10 @@ from wayfarer.drivers.buses import Frame
 from wayfarer.drivers.pmw3901_registers import MOTION_BIT
 from wayfarer.drivers.thunderborg_board import Opcode
 from wayfarer.setting_ranges import Fraction
+from wayfarer.simhal.built_in_chips import mounted
 from wayfarer.simhal.chips.pmw3901 import BURST
 from wayfarer.simhal.faults.fault_kind import FaultKind, changed, listed
 from wayfarer.simhal.faults.wired_part import ANSWERING, CAMERA, CHIPS, WiredPart
-from wayfarer.simhal.mounting import mounted
 
 Byte = Annotated[int, Interval(ge=0, le=255)]
 

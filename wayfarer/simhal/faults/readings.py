@@ -76,20 +76,10 @@ class Frozen(ReadingFault):
 
 @dataclass(frozen=True)
 class Offset(ValueFault):
-    """A value is off by ``by``, in the unit of the reading's own field."""
+    """A value is off by ``by``, in the unit of the reading's own field, in one reading of ``every``."""
 
     by: float = 90.0
-
-    def change(self, _: FaultyPart, __: Random) -> Change:
-        return self.each(lambda value: value + self.by)
-
-
-@dataclass(frozen=True)
-class Jumps(ValueFault):
-    """A value is off by ``by`` in one reading of ``every``, and right in between."""
-
-    by: float = 90.0
-    every: Annotated[int, Interval(ge=1, le=1000)] = 2
+    every: Annotated[int, Interval(ge=1, le=1000)] = 1
 
     def change(self, _: FaultyPart, __: Random) -> Change:
         numbers = count(1)

@@ -9,8 +9,7 @@ from typing import Any
 from wayfarer.config.rover_file import RoverConfig, part_settings
 from wayfarer.config.wiring import I2C, SERIAL, SPI, required_buses
 from wayfarer.simhal.chip_wiring import driver_name
-from wayfarer.simhal.faults.bus_hang import Hang
-from wayfarer.simhal.faults.wires import FaultyBuses, FaultyWire
+from wayfarer.simhal.faults.wires import FaultyBuses, FaultyWire, Hang
 
 CAMERA = "a camera"
 ANSWERING = (I2C, SPI)

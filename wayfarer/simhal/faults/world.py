@@ -77,30 +77,6 @@ class MagneticAnomaly(WorldFault):
 
 
 @dataclass(frozen=True)
-class MotorField(WorldFault):
-    """The motors' current bends the magnetic field: by ``bias_deg`` at full duty, in proportion below."""
-
-    bias_deg: SignedDegrees = 15.0
-
-    @contextmanager
-    def effect(self, world: SimulatedWorld, _: Random) -> Iterator[None]:
-        """Bend the field by what the motors draw: looked at before each of the world's steps ends."""
-        after_step, bent_deg = world.after_step, 0.0
-
-        def bend(moved: SimulatedWorld) -> None:
-            nonlocal bent_deg
-            now_deg = self.bias_deg * (abs(world.commanded[0]) + abs(world.commanded[1])) / 2
-            world.field_deg += now_deg - bent_deg
-            bent_deg = now_deg
-            after_step(moved)
-
-        world.after_step = bend
-        yield
-        world.after_step = after_step
-        world.field_deg -= bent_deg
-
-
-@dataclass(frozen=True)
 class Slope(WorldFault):
     """The ground tilts the body, nose up and right side down positive; 180 is upside down."""
 

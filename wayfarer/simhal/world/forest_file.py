@@ -25,7 +25,7 @@ from typing import Annotated
 from annotated_types import Interval
 from pydantic import BaseModel, ConfigDict
 
-from wayfarer.config.messages import shown, validated, with_short_keys
+from wayfarer.config.messages import validated, with_short_keys
 from wayfarer.errors import BadConfig, BadForest, one_line
 from wayfarer.files.regular_file import read_regular
 from wayfarer.setting_ranges import Metres
@@ -120,23 +120,11 @@ def from_row(row: Mapping[str, object]) -> Forest:
 
 def _object_of(line: bytes) -> Mapping[str, object]:
     try:
-        row: Mapping[str, object] = json.loads(line.decode("utf-8"), object_pairs_hook=_without_duplicates)
-    except UnicodeDecodeError as error:
-        raise BadForest(f"not UTF-8 at byte {error.start}, expected text") from None
+        row: Mapping[str, object] = json.loads(line.decode("utf-8"))
     except json.JSONDecodeError as error:
         raise BadForest(f"not JSON at column {error.colno}: {error.msg}, expected one JSON object") from None
-    except (ValueError, RecursionError) as error:  # a number of thousands of digits, thousands of brackets
+    except (ValueError, RecursionError) as error:  # no UTF-8, a number of thousands of digits, thousands of brackets
         raise BadForest(f"not JSON that can be read: {error}, expected one JSON object") from None
-    return row
-
-
-def _without_duplicates(pairs: list[tuple[str, object]]) -> dict[str, object]:
-    """Return the pairs as a dictionary; JSON itself would let the last of two equal keys win."""
-    row: dict[str, object] = {}
-    for key, value in pairs:
-        if key in row:
-            raise BadForest(f"{shown(key)}: duplicate key, expected each key once")
-        row[key] = value
     return row
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from wayfarer.drivers.buses import Frame
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.sensor_errors import blind_ground, flow_scale
+from wayfarer.simhal.sensor_models import blind_ground, flow_scale
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 TILE_PX: Final = 512  # a power of two, so that wrapping is a mask

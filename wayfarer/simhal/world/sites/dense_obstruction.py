@@ -6,8 +6,7 @@ from math import cos, pi, radians, sin, sqrt
 
 from wayfarer.simhal.world.collision import Box
 from wayfarer.simhal.world.generate import Draw
-from wayfarer.simhal.world.sites.field_site import FieldSite
-from wayfarer.simhal.world.sites.layout_builder import SiteLayout
+from wayfarer.simhal.world.sites.field_site import FieldSite, SiteLayout
 
 START_M = (25.0, 20.0)
 AHEAD_M = 5.0  # to the destination line, beyond the clutter

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from wayfarer.simhal.world.collision import Box
 from wayfarer.simhal.world.generate import Draw
-from wayfarer.simhal.world.sites.field_site import FieldSite
-from wayfarer.simhal.world.sites.layout_builder import SiteLayout
+from wayfarer.simhal.world.sites.field_site import FieldSite, SiteLayout
 
 START_M = (25.0, 20.0)
 AHEAD_M = 7.0  # to the destination line: MiniRover took 51 s (paper), in which it drives 15 m at most

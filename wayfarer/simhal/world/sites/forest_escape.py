@@ -5,8 +5,7 @@ from __future__ import annotations
 from wayfarer.simhal.world.collision import Box
 from wayfarer.simhal.world.forest import WORLD_SIZE_M
 from wayfarer.simhal.world.generate import Draw
-from wayfarer.simhal.world.sites.field_site import FieldSite
-from wayfarer.simhal.world.sites.layout_builder import SiteLayout
+from wayfarer.simhal.world.sites.field_site import FieldSite, SiteLayout
 
 START_M = (25.0, 2.5)
 AHEAD_M = 45.0  # paper: the shortest distance to the path

@@ -7,9 +7,8 @@ import io
 import pytest
 from rich.console import Console
 
-from wayfarer.fault_scenarios.result import Result, Tried
+from wayfarer.fault_scenarios.results import Result, Tried, print_results, skipped_lines, summed_up
 from wayfarer.fault_scenarios.scenario import ResponseLevel
-from wayfarer.fault_scenarios.table import print_results, skipped_lines, summed_up
 
 MET = Result(
     "compass-answers-45-ms-late", 9, "answers come late", Tried.SIMULATED, "reject",
