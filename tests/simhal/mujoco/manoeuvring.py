@@ -106,7 +106,8 @@ def _drive(config: RoverConfig, friction: float, torque_scale: float, episodes: 
                 travelled_m, odometer.covered_m,
             )
         )  # fmt: skip
-        wheels, phase = gate.limit(decision.wheels, armed=True), decision.phase
+        wheels = gate.update((), lambda wanted=decision.wheels: wanted, armed=True)
+        phase = decision.phase
         world.command(*wheels)
         places.append(Place(phase, decision.why, world.path_m, heading_deg))
     return places

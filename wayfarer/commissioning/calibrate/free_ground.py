@@ -72,7 +72,8 @@ class FreeGround:
         """
         rate, samples = Rate(RATE_HZ), []
         for _ in range(round(for_s * RATE_HZ)):
-            await self._inspection.rover.motors.drive(self._gate.limit(wanted, armed=True))
+            wheels = self._gate.update((), lambda: wanted, armed=True)
+            await self._inspection.rover.motors.drive(wheels)
             await rate.wait()
             samples.append(await self._sense())
         return samples
