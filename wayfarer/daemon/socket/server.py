@@ -4,11 +4,9 @@ All resources of clients are bounded: connections, length of a line, time to sen
 Requests are answered on the loop itself, but only one in each turn of the loop, so that many requests cannot delay the
 tick. Every error in a request becomes a refusal, and the server continues.
 
-A ``stop``, ``hold`` or ``disarm`` always gets in. As many places as all clients may have are reserved for these three:
-a client that comes while the others are in use gets a reserved place, and is refused everything else. If the reserved
-places are in use as well, the new client takes that of the one that came first: it is silent, has sent half a line, or
-does not read. Accepting a client takes a turn of the loop, as answering does. So a request that is there is answered
-before its client can be pushed out, however many others come.
+A new client always gets in, so a ``stop`` does: where all places are taken, it gets that of the client that came first,
+which is silent, has sent half a line, does not read, or can ask again. Accepting a client takes a turn of the loop, as
+answering does. So a request that is there is answered before its client can be pushed out, however many others come.
 """
 
 from __future__ import annotations
@@ -25,7 +23,6 @@ from typing import NamedTuple, Self
 
 from wayfarer.daemon.socket.paths import peer_uid
 from wayfarer.daemon.socket.protocol import (
-    ALWAYS_ANSWERED,
     REQUEST_BYTES,
     Commands,
     Refused,
@@ -44,7 +41,7 @@ _NO_FILES_S = 0.1  # until accepting is tried again, where the process has no fi
 class SocketLimits(NamedTuple):
     """Limits for one client, and for all together; field.md, fault 50."""
 
-    clients: int = 16  # and as many reserved places
+    clients: int = 32
     wait_s: float = 60.0  # for a whole line, and for a client to read its reply; a lost client keeps its place so long
 
 
@@ -82,8 +79,7 @@ class ControlServer:
         self._declination_deg = declination_deg
         self._on_error = on_error
         self._limits = limits
-        self._clients: dict[asyncio.Task[None], StreamWriter] = {}
-        self._reserve: dict[asyncio.Task[None], StreamWriter] = {}  # in the order in which they came
+        self._clients: dict[asyncio.Task[None], StreamWriter] = {}  # in the order in which they came
         self._turn = asyncio.Lock()
 
     async def __aenter__(self) -> Self:
@@ -94,7 +90,7 @@ class ControlServer:
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
     ) -> None:
-        clients = self._clients | self._reserve
+        clients = self._clients.copy()
         tasks = [self._accepting, *clients]
         for task in tasks:
             task.cancel()
@@ -122,21 +118,20 @@ class ControlServer:
             await asyncio.sleep(0)
 
     def _admit(self, reader: StreamReader, writer: StreamWriter) -> None:
-        """Begin to serve a new client, at a reserved place if the others are in use."""
-        places = self._clients if len(self._clients) < self._limits.clients else self._reserve
-        talk = asyncio.create_task(self._serve(reader, writer, places is self._reserve), name="control client")
-        places[talk] = writer
-        talk.add_done_callback(lambda talk: places.pop(talk, None))
-        if len(self._reserve) > self._limits.clients:
-            first = next(iter(self._reserve))
+        """Begin to serve a new client, in place of the first one where there is none left."""
+        new = asyncio.create_task(self._serve(reader, writer), name="control client")
+        self._clients[new] = writer
+        new.add_done_callback(lambda client: self._clients.pop(client, None))
+        if len(self._clients) > self._limits.clients:
+            first = next(iter(self._clients))
             # It fits into the kernel's buffer, so nothing waits for the client to read it.
-            self._reserve.pop(first).write(error_reply("too many clients: this one was here longest, connect again"))
+            self._clients.pop(first).write(error_reply("too many clients: this one was here longest, connect again"))
             first.cancel()
 
-    async def _serve(self, reader: StreamReader, writer: StreamWriter, is_reserved: bool) -> None:
+    async def _serve(self, reader: StreamReader, writer: StreamWriter) -> None:
         writer.transport.set_write_buffer_limits(0)  # drain() then waits until nothing is left here
         try:
-            await self._answer_all(reader, writer, is_reserved)
+            await self._answer_all(reader, writer)
         except OSError:
             pass  # the client went away, or would not read
         except Exception as error:
@@ -144,7 +139,7 @@ class ControlServer:
         finally:
             writer.transport.abort()  # close() would wait for a client that does not read
 
-    async def _answer_all(self, reader: StreamReader, writer: StreamWriter, is_reserved: bool) -> None:
+    async def _answer_all(self, reader: StreamReader, writer: StreamWriter) -> None:
         try:
             if (user := peer_uid(writer.get_extra_info("socket"))) not in {os.geteuid(), 0}:
                 raise Refused(
@@ -152,7 +147,7 @@ class ControlServer:
                 )
             while line := await self._next_line(reader):
                 await self._take_turn()
-                await self._send(writer, await self._answer(line, is_reserved))
+                await self._send(writer, await self._answer(line))
         except Refused as refusal:
             await self._send(writer, error_reply(str(refusal)))
 
@@ -176,26 +171,16 @@ class ControlServer:
                 raise Refused("the line does not end: send an end of line after each request") from None
             return b""
 
-    async def _answer(self, line: bytes, is_reserved: bool) -> bytes:
-        """Return the reply to a line.
-
-        Raises:
-            Refused: the client has a reserved place, which is not for this request.
-        """
+    async def _answer(self, line: bytes) -> bytes:
+        """Carry out the request of a line, and return the reply."""
         try:
-            request = check(read_line(line))
-            if not is_reserved or request.do in ALWAYS_ANSWERED:
-                return ok_reply(await perform(request, self._commands, self._declination_deg))
+            return ok_reply(await perform(check(read_line(line)), self._commands, self._declination_deg))
         except WayfarerError as refusal:
             return error_reply(str(refusal))
         except Exception as error:
             self._on_error(error)
             text = f"{type(error).__name__}: {error}"[:200]
             return error_reply(f"an error inside wayfarer ({text}): ask for the status before you go on")
-        raise Refused(
-            f"{self._limits.clients} clients are connected, which is the limit, and only {', '.join(ALWAYS_ANSWERED)}"
-            " are answered beyond it: end one of them, or try again"
-        )
 
     async def _send(self, writer: StreamWriter, reply: bytes) -> None:
         """Send a line, at most ``wait_s`` long; both ways to fail, TimeoutError and ConnectionError, are OSErrors."""
