@@ -20,7 +20,7 @@ import wayfarer
 from wayfarer.config.rover_file import load_rover, parse_rover, rover_text
 from wayfarer.config.rover_path import ROVER_FILE, STATE_FOLDER
 from wayfarer.errors import BadInput, one_line
-from wayfarer.files.atomic_file import write_atomically
+from wayfarer.files import write_atomically
 
 HERE = Path("/")
 UNIT = Path("etc/systemd/system/wayfarer.service")

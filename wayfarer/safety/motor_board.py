@@ -14,8 +14,8 @@ from typing import Final
 
 from wayfarer.hal import MotorHealth, WheelCommand
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.debounce import Debounce
 from wayfarer.safety.settings import BoardSettings
+from wayfarer.safety.tick_interval import Debounce
 
 SAME_DUTY: Final = 0.01  # a step of the coarsest board known, a Sabertooth's 1/127, and a bit
 

@@ -18,8 +18,8 @@ from wayfarer.commissioning.manual_drive import RATE_HZ, wheels_stopped_after
 from wayfarer.control.rate import Rate
 from wayfarer.errors import WayfarerError
 from wayfarer.hal import CompassReading, WheelCommand
-from wayfarer.safety.debounce import Debounce
 from wayfarer.safety.gate import Gate
+from wayfarer.safety.tick_interval import Debounce
 
 REST_S = 1.0  # between drives: from 1 m/s on the most slippery ground (a friction of 0.1) a body slides for a second
 MUST_NOT_FAIL = (parts.motor_board, parts.motor_faults, parts.battery, deadman.proved)
