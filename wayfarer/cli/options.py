@@ -102,12 +102,30 @@ def examples(*commands: str) -> str:
     return "\n".join(["Examples:", *commands])
 
 
-def refuse(*mistakes: tuple[object, str]) -> None:
-    """Refuse options that do not go together: of each mistake, whether it was made and what to say of it.
+Pairs = Iterable[tuple[str, str]]
+
+
+def check_together(ctx: typer.Context, *, needs: Pairs = (), excludes: Pairs = ()) -> None:
+    """Refuse options that do not go together.
+
+    Args:
+        ctx: of the command. An option is given if its value is neither None nor False.
+        needs: of each pair, the first option has no effect without the second. An option is named as its parameter,
+            such as ``live_port``, or with one of its values, such as ``physics mujoco``.
+        excludes: of each pair, only one option may be given.
 
     Raises:
-        BadInput: one was made; of several the first is told.
+        BadInput: two of them do not go together; of several such pairs the first is told.
     """
-    for made, why in mistakes:
-        if made:
-            raise BadInput(why)
+    given = {name for name, value in ctx.params.items() if value is not None and value is not False}
+    given |= {f"{name} {value}" for name, value in ctx.params.items() if isinstance(value, str)}
+    for name, needed in needs:
+        if name in given and needed not in given:
+            raise BadInput(f"{_option(name)} has no effect without {_option(needed)}: add that, or leave it out")
+    for name, other in excludes:
+        if name in given and other in given:
+            raise BadInput(f"{_option(name)} and {_option(other)} do not go together: leave one of them out")
+
+
+def _option(name: str) -> str:
+    return f"--{name.replace('_', '-')}"

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from wayfarer.cli.extras import require
-from wayfarer.cli.options import refuse
 from wayfarer.views.foxglove import PORT as FOXGLOVE_PORT
 from wayfarer.views.live import HOST, PORT
 
@@ -48,6 +47,10 @@ FoxglovePort = Annotated[
 ]
 
 
+# For ``options.check_together``.
+NEEDS = (("live_host", "live"), ("live_port", "live"), ("foxglove_port", "foxglove"))
+
+
 class Viewers(NamedTuple):
     """The viewers of a run, and their addresses by the keys of ``wayfarer status``."""
 
@@ -61,20 +64,9 @@ def viewers(
     """Return the viewers of a run, and print their addresses; their ports are bound from now on.
 
     Raises:
-        BadInput: a port cannot be had, or options do not go together.
+        BadInput: a port cannot be had.
         WayfarerError: a package is missing.
     """
-    asks_page = live_host is not None or live_port is not None
-    refuse(
-        (
-            asks_page and not live,
-            "--live-host and --live-port say where the live page is: add --live, or leave them out",
-        ),
-        (
-            foxglove_port is not None and not foxglove,
-            "--foxglove-port says where Foxglove is served: add --foxglove, or leave it out",
-        ),
-    )
     found = Viewers([], {})
     if live:
         page = live_page(live_host, live_port)
