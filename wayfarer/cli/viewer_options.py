@@ -11,7 +11,7 @@ from wayfarer.views.foxglove import PORT as FOXGLOVE_PORT
 from wayfarer.views.live import HOST, PORT
 
 if TYPE_CHECKING:
-    from wayfarer.daemon.viewer import Viewer
+    from wayfarer.daemon.daemon import Viewer
     from wayfarer.views.live.demo_controls import DemoControls
     from wayfarer.views.live.server import LivePage
 

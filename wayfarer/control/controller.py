@@ -161,7 +161,7 @@ class Controller:
             self.mission.position(fix)
 
     def power(self, t_s: float, flags: int | None) -> None:
-        """Take the power flags of the computer's firmware, None where there are none; see ``supply.SupplyMonitor``."""
+        """Take the power flags of the computer's firmware, None where there are none; see ``power.SupplyMonitor``."""
         self.power_reports.power(t_s, flags)
 
     @property
