@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from wayfarer.cli.extras import require
-from wayfarer.cli.options import AsJson, check_together, complete_fault_scenarios, complete_rovers, examples
+from wayfarer.cli.options import AsJson, check_together, examples, rover_option
 from wayfarer.cli.trial_options import Jobs
 from wayfarer.errors import BadInput, MissingPackage
 
@@ -25,17 +25,12 @@ Only = Annotated[
     str | None,
     typer.Option(
         metavar="NAME[,NAME...]|ROW",
-        autocompletion=complete_fault_scenarios,
         help="Run these scenarios, or rows of the catalogue.",
     ),
 ]
 OnRover = Annotated[
     str | None,
-    typer.Option(
-        metavar="NAME|FILE",
-        autocompletion=complete_rovers,
-        help="Run them on this rover; those that need parts it does not have are skipped.",
-    ),
+    rover_option("Run them on this rover; those that need parts it does not have are skipped."),
 ]
 ScenarioFile = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Run the scenarios of this TOML file instead of the catalogue.")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wayfarer.cli.extras import require
-from wayfarer.cli.options import AsJson, Logs, complete_runs, examples, log_folder
+from wayfarer.cli.options import AsJson, Logs, examples, log_folder, run_argument
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import find_run, newest_run, run_title
 from wayfarer.views.export.export import ExportFormat, Output
@@ -49,9 +49,7 @@ FORMATS_HELP = f"{'; '.join(f'{form}: {form.meaning}' for form in ExportFormat)}
 
 Run = Annotated[
     str | None,
-    typer.Argument(
-        metavar="RUN", autocompletion=complete_runs, help="Number, folder or file of a run. (default: the newest run)"
-    ),
+    run_argument("Number, folder or file of a run. (default: the newest run)"),
 ]
 
 
@@ -172,11 +170,7 @@ def summary(
 def check(
     runs: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="RUN",
-            autocompletion=complete_runs,
-            help="Numbers, folders or files of runs. (default: the newest run)",
-        ),
+        run_argument("Numbers, folders or files of runs. (default: the newest run)"),
     ] = None,
     *,
     logs: Logs = None,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -64,28 +64,25 @@ GroundOption = Annotated[
         "the wheels slip on leaf-litter, dry-soil and mud.",
     ),
 ]
+
+
+def _terrain_option(unit: str, help_text: str) -> Any:
+    """Return an option for a value that is fixed, or drawn for each trial."""
+    return typer.Option(metavar=f"{unit}|MIN:MAX", help=help_text, rich_help_panel=MUJOCO)
+
+
 Friction = Annotated[
     str | None,
-    typer.Option(
-        metavar="MU|MIN:MAX",
-        help="Friction of tyres on ground and bark, fixed or drawn for each trial. (default: 0.5)",
-        rich_help_panel=MUJOCO,
-    ),
+    _terrain_option("MU", "Friction of tyres on ground and bark, fixed or drawn for each trial. (default: 0.5)"),
 ]
 RoughnessM = Annotated[
-    str | None,
-    typer.Option(
-        metavar="M|MIN:MAX",
-        help="Standard deviation of the ground's height; slower above 0. (default: 0)",
-        rich_help_panel=MUJOCO,
-    ),
+    str | None, _terrain_option("M", "Standard deviation of the ground's height; slower above 0. (default: 0)")
 ]
 TorqueScale = Annotated[
     str | None,
-    typer.Option(
-        metavar="X|MIN:MAX",
-        help="Stall torque divided by the rover file's chassis.motors_n_m; 3 if that is the rated torque. (default: 1)",
-        rich_help_panel=MUJOCO,
+    _terrain_option(
+        "X",
+        "Stall torque divided by the rover file's chassis.motors_n_m; 3 if that is the rated torque. (default: 1)",
     ),
 ]
 SlopeDeg = Annotated[

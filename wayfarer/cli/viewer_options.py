@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -17,6 +17,11 @@ if TYPE_CHECKING:
 
 LOOKING_ON = "Viewers"
 
+
+def _port_option(help_text: str) -> Any:
+    return typer.Option(min=0, max=65535, metavar="N", help=help_text, rich_help_panel=LOOKING_ON)
+
+
 Live = Annotated[bool, typer.Option("--live", help="Serve the live page.", rich_help_panel=LOOKING_ON)]
 LiveHost = Annotated[
     str | None,
@@ -26,25 +31,11 @@ LiveHost = Annotated[
         rich_help_panel=LOOKING_ON,
     ),
 ]
-LivePort = Annotated[
-    int | None,
-    typer.Option(
-        min=0,
-        max=65535,
-        metavar="N",
-        help=f"Port of the page; 0 chooses a free one. (default: {PORT})",
-        rich_help_panel=LOOKING_ON,
-    ),
-]
+LivePort = Annotated[int | None, _port_option(f"Port of the page; 0 chooses a free one. (default: {PORT})")]
 Foxglove = Annotated[
     bool, typer.Option("--foxglove", help="Serve data to Foxglove on this computer.", rich_help_panel=LOOKING_ON)
 ]
-FoxglovePort = Annotated[
-    int | None,
-    typer.Option(
-        min=0, max=65535, metavar="N", help=f"Port for Foxglove. (default: {FOXGLOVE_PORT})", rich_help_panel=LOOKING_ON
-    ),
-]
+FoxglovePort = Annotated[int | None, _port_option(f"Port for Foxglove. (default: {FOXGLOVE_PORT})")]
 
 
 # For ``options.check_together``.
