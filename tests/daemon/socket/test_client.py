@@ -17,7 +17,6 @@ from tests.daemon.socket.fake_daemon import FakeDaemon, serve, until
 from wayfarer.daemon.socket import client
 from wayfarer.daemon.socket.client import NoDaemon, ask
 from wayfarer.daemon.socket.protocol import Refused
-from wayfarer.daemon.socket.server import SocketLimits
 from wayfarer.errors import BadInput, WayfarerError
 
 STATUS = {"do": "status"}
@@ -63,7 +62,7 @@ async def test_refusal_is_raised_with_its_reason(path: Path, daemon: FakeDaemon)
 
 async def test_client_that_is_pushed_out_hears_why(path: Path, daemon: FakeDaemon) -> None:
     daemon.waits.clear()
-    async with serve(daemon, path, SocketLimits(clients=1)):
+    async with serve(daemon, path, clients=1):
         pushed_out = asyncio.create_task(asyncio.to_thread(ask, {"do": "arm"}, path))
         await until(lambda: daemon.told)
         assert await asyncio.to_thread(ask, STATUS, path) == {"mode": "disarmed"}

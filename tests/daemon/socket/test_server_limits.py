@@ -16,9 +16,7 @@ import pytest
 from tests.daemon.socket.fake_daemon import STATUS, FakeDaemon, RawClient, answers, open_files, serve, until
 from wayfarer.daemon.socket.client import ask
 from wayfarer.daemon.socket.protocol import REQUEST_BYTES
-from wayfarer.daemon.socket.server import LIMITS, SocketLimits
-
-QUICK = SocketLimits(wait_s=0.05)
+from wayfarer.daemon.socket.server import CLIENTS
 
 
 async def test_line_of_just_the_limit_is_read_and_one_byte_more_is_refused(path: Path, daemon: FakeDaemon) -> None:
@@ -35,7 +33,7 @@ async def test_line_of_just_the_limit_is_read_and_one_byte_more_is_refused(path:
 
 
 async def test_byte_after_byte_does_not_prolong_a_line(path: Path, daemon: FakeDaemon) -> None:
-    async with serve(daemon, path, QUICK):
+    async with serve(daemon, path, wait_s=0.05):
         with socket.socket(socket.AF_UNIX) as slow:
             slow.connect(str(path))
             slow.setblocking(False)
@@ -49,7 +47,7 @@ async def test_byte_after_byte_does_not_prolong_a_line(path: Path, daemon: FakeD
 
 
 async def test_idle_client_is_closed(path: Path, daemon: FakeDaemon) -> None:
-    async with serve(daemon, path, QUICK), RawClient(path) as client:
+    async with serve(daemon, path, wait_s=0.05), RawClient(path) as client:
         assert (await client.reply_to(STATUS))["ok"]
         assert (await client.reply())["why"].startswith("no whole line within 0.05 s: ")
         assert await client.is_closed()
@@ -66,7 +64,7 @@ async def test_line_cut_off_by_the_client_is_not_obeyed(path: Path, daemon: Fake
 async def test_client_that_came_first_gives_up_its_place_and_hears_why(path: Path, daemon: FakeDaemon) -> None:
     """Whatever it does: here it waits for its arming, which is given up with it."""
     daemon.waits.clear()
-    async with serve(daemon, path, SocketLimits(clients=2)), RawClient(path) as busy, RawClient(path) as begun:
+    async with serve(daemon, path, clients=2), RawClient(path) as busy, RawClient(path) as begun:
         busy.writer.write(b'{"do": "arm"}\n')
         await until(lambda: daemon.told)
         begun.writer.write(STATUS[:9])
@@ -91,7 +89,7 @@ HOGS = {
 async def test_clients_that_take_all_places_keep_nobody_out(path: Path, daemon: FakeDaemon, said: bytes) -> None:
     daemon.answers = {"text": "x" * 1000}
     async with serve(daemon, path):
-        hogs = [await RawClient(path).__aenter__() for _ in range(LIMITS.clients)]
+        hogs = [await RawClient(path).__aenter__() for _ in range(CLIENTS)]
         for hog in hogs:
             hog.writer.write(said)
         await asyncio.sleep(0.02)
@@ -142,7 +140,7 @@ async def test_flood_of_new_clients_refuses_no_stop(path: Path, daemon: FakeDaem
 
 async def test_client_that_never_reads_is_dropped_and_holds_nothing(path: Path, daemon: FakeDaemon) -> None:
     daemon.answers = {"text": "x" * 60_000}
-    async with serve(daemon, path, QUICK) as serving:
+    async with serve(daemon, path, wait_s=0.05) as serving:
         before = open_files()
         with socket.socket(socket.AF_UNIX) as deaf:
             deaf.connect(str(path))
@@ -189,13 +187,13 @@ async def test_clients_that_come_together_all_get_in(path: Path, daemon: FakeDae
 
 async def test_a_thousand_connections_leave_the_server_as_it_was(path: Path, daemon: FakeDaemon) -> None:
     async with serve(daemon, path) as serving:
-        clients = [await RawClient(path).__aenter__() for _ in range(LIMITS.clients)]
+        clients = [await RawClient(path).__aenter__() for _ in range(CLIENTS)]
         for _ in range(968):
             clients.append(await RawClient(path).__aenter__())
             dropped = clients.pop(0)
             assert await dropped.is_closed()
             await dropped.__aexit__()
-        assert len(serving._clients) == LIMITS.clients
+        assert len(serving._clients) == CLIENTS
         for client in clients:
             await client.__aexit__()
         await until(lambda: not serving._clients)

@@ -19,7 +19,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import NamedTuple, Self
+from typing import Self
 
 from wayfarer.daemon.socket.paths import peer_uid
 from wayfarer.daemon.socket.protocol import (
@@ -34,18 +34,10 @@ from wayfarer.daemon.socket.protocol import (
 )
 from wayfarer.errors import BadInput, WayfarerError
 
+CLIENTS = 32  # at once; field.md, fault 50
+WAIT_S = 60.0  # for a whole line, and for a client to read its reply; field.md, fault 50
 _QUEUE = 128  # clients that wait in the kernel to be accepted; from no source
 _NO_FILES_S = 0.1  # until accepting is tried again, where the process has no file descriptor left for it
-
-
-class SocketLimits(NamedTuple):
-    """Limits for one client, and for all together; field.md, fault 50."""
-
-    clients: int = 32
-    wait_s: float = 60.0  # for a whole line, and for a client to read its reply; a lost client keeps its place so long
-
-
-LIMITS = SocketLimits()
 
 
 class ControlServer:
@@ -59,7 +51,8 @@ class ControlServer:
         commands: what the daemon can do.
         declination_deg: of magnetic from true north, east positive; None where it is not configured.
         on_error: is called with every error that is not meant for the client, a bug. It must not raise.
-        limits: the resources that clients may use.
+        clients: how many may be connected at once.
+        wait_s: how long a client may take to send a line, and to read its reply.
 
     Raises:
         BadInput: the socket cannot be made.
@@ -72,13 +65,15 @@ class ControlServer:
         *,
         declination_deg: float | None,
         on_error: Callable[[Exception], None],
-        limits: SocketLimits = LIMITS,
+        clients: int = CLIENTS,
+        wait_s: float = WAIT_S,
     ) -> None:
         self._path = path
         self._commands = commands
         self._declination_deg = declination_deg
         self._on_error = on_error
-        self._limits = limits
+        self._places = clients
+        self._wait_s = wait_s
         self._clients: dict[asyncio.Task[None], StreamWriter] = {}  # in the order in which they came
         self._turn = asyncio.Lock()
 
@@ -122,7 +117,7 @@ class ControlServer:
         new = asyncio.create_task(self._serve(reader, writer), name="control client")
         self._clients[new] = writer
         new.add_done_callback(lambda client: self._clients.pop(client, None))
-        if len(self._clients) > self._limits.clients:
+        if len(self._clients) > self._places:
             first = next(iter(self._clients))
             # It fits into the kernel's buffer, so nothing waits for the client to read it.
             self._clients.pop(first).write(error_reply("too many clients: this one was here longest, connect again"))
@@ -158,12 +153,10 @@ class ControlServer:
             Refused: the line is too long, too slow or has no end; the connection cannot continue after that.
         """
         try:
-            async with asyncio.timeout(self._limits.wait_s):
+            async with asyncio.timeout(self._wait_s):
                 return await reader.readuntil(b"\n")
         except TimeoutError:
-            raise Refused(
-                f"no whole line within {self._limits.wait_s:g} s: the connection is closed, connect again"
-            ) from None
+            raise Refused(f"no whole line within {self._wait_s:g} s: the connection is closed, connect again") from None
         except LimitOverrunError:
             raise Refused(f"a line has {REQUEST_BYTES} bytes at most: the connection is closed") from None
         except IncompleteReadError as error:
@@ -185,7 +178,7 @@ class ControlServer:
     async def _send(self, writer: StreamWriter, reply: bytes) -> None:
         """Send a line, at most ``wait_s`` long; both ways to fail, TimeoutError and ConnectionError, are OSErrors."""
         writer.write(reply)
-        async with asyncio.timeout(self._limits.wait_s):
+        async with asyncio.timeout(self._wait_s):
             await writer.drain()
 
 
