@@ -30,7 +30,7 @@ BAD_INPUT = {
     "sim --trial -1": "--trial",
     "sim --trials 5 --trial 5": "0 to 4",
     "sim --trial 1 --algorithm pledge,oo-react": "one of pledge, oo-react",
-    "sim --trial 1 --out out": "--trial and --out",
+    "sim --trial 0 --out out": "--trial and --out",
     "sim --log logs --out out --resume": "--log and --resume",
     "sim --resume": "--out",
     "sim --friction 0.3 --out out": "--physics mujoco",

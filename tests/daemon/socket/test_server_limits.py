@@ -185,6 +185,21 @@ async def test_clients_that_come_together_all_get_in(path: Path, daemon: FakeDae
     assert all(orjson.loads(answer)["ok"] for answer in answers)
 
 
+async def test_request_that_is_there_is_answered_before_its_client_is_pushed_out(
+    path: Path, daemon: FakeDaemon
+) -> None:
+    async with serve(daemon, path, clients=8):
+        clients = [socket.socket(socket.AF_UNIX) for _ in range(60)]
+        for number, client in enumerate(clients):
+            client.setblocking(False)
+            client.connect(str(path))
+            client.send(b'{"do": "mark", "text": "%d"}\n' % number + STATUS * 100)
+        await until(lambda: daemon.told.count(("status",)) > 700)
+        for client in clients:
+            client.close()
+    assert {each[1] for each in daemon.told if each[0] == "mark"} == {str(number) for number in range(60)}
+
+
 async def test_a_thousand_connections_leave_the_server_as_it_was(path: Path, daemon: FakeDaemon) -> None:
     async with serve(daemon, path) as serving:
         clients = [await RawClient(path).__aenter__() for _ in range(CLIENTS)]
