@@ -13,7 +13,7 @@ from wayfarer.control.power_reports import PowerReports
 from wayfarer.control.run_log import PartialLog
 from wayfarer.hal import STOP, MotorHealth, WheelCommand
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.motor_board import SAME_DUTY
+from wayfarer.safety.power import SAME_DUTY
 from wayfarer.safety.settings import BoardSettings
 
 WELL = MotorHealth(12.0, ())

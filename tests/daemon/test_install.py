@@ -7,6 +7,7 @@ import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from subprocess import CompletedProcess
+from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -30,7 +31,7 @@ def environment(folder: Path) -> Path:
 @pytest.fixture
 def python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The interpreter of an environment that the service's user can reach, as pytest's own folders are not."""
-    monkeypatch.setattr(install, "check_reachable", lambda executable, python: None)
+    monkeypatch.setattr(install, "OWN_FOLDERS", ())
     return environment(tmp_path / "opt/wayfarer/bin")
 
 
@@ -168,7 +169,7 @@ def test_files_and_folders_can_be_read_by_the_service_whatever_the_umask(
     folder = root / "var/lib/wayfarer"
     assert {mode(root / file) for file in (UNIT, ROVER_FILE)} == {0o644}
     assert {mode(each) for each in ((root / UNIT).parent, (root / ROVER_FILE).parent, folder)} == {0o755}
-    assert given[-1] == ["chown", "--recursive", "--no-dereference", "wayfarer:wayfarer", str(folder)]
+    assert given[-3] == ["chown", "--recursive", "--no-dereference", "wayfarer:wayfarer", str(folder)]
 
 
 def test_rover_file_may_be_ones_own(root: Path, python: Path, tmp_path: Path) -> None:
@@ -209,67 +210,38 @@ def test_rover_file_that_is_there_and_unusable_is_told_at_once(root: Path, pytho
         installed(root, python, None)
 
 
-def made_user(root: Path, uid: int) -> None:
-    with (root / "etc/passwd").open("a", encoding="utf-8") as file:
-        file.write(f"wayfarer:x:{uid}:{uid}::/var/lib/wayfarer:/usr/sbin/nologin\n")
-
-
-@pytest.mark.parametrize(
-    ("closed", "closed_mode", "remedy"),
-    [
-        (ROVER_FILE, 0o600, "chmod o+r"),
-        (ROVER_FILE, 0o640, "chmod o+r"),
-        ("etc/wayfarer", 0o700, "chmod o+x"),
-        ("etc", 0o750, "chmod o+x"),
-    ],
-)
-def test_rover_file_that_the_service_could_not_read_is_told_and_nothing_is_enabled(
-    root: Path, python: Path, given: list[list[str]], closed: str, closed_mode: int, remedy: str
+@pytest.mark.parametrize(("asked", "remedy"), [("test", "namei -l"), ("--version", "/opt/wayfarer")])
+def test_what_the_service_s_user_could_not_do_is_told_and_nothing_is_enabled(
+    root: Path, python: Path, given: list[list[str]], monkeypatch: pytest.MonkeyPatch, asked: str, remedy: str
 ) -> None:
-    installed(root, python)
-    (root / UNIT).unlink()
-    given.clear()
-    (root / closed).chmod(closed_mode)
-    said: list[str] = []
-    with pytest.raises(BadInput) as caught:
-        install.install(None, root, python, said.append)
-    (root / closed).chmod(0o755)
-    assert str(caught.value) == (
-        f"{root / ROVER_FILE}: the user 'wayfarer' could not read it, because {root / closed} is closed to it (mode "
-        f"{closed_mode:04o}): sudo {remedy} {root / closed}, then give install-service again"
-    )
-    assert said == [f"kept {root / ROVER_FILE}"]
-    assert given == []
+    def give(command: list[str], **_: object) -> CompletedProcess[str]:
+        return CompletedProcess(command, int(asked in command), "", "")
+
+    monkeypatch.setattr(subprocess, "run", give)
+    with pytest.raises(BadInput, match=f"the user 'wayfarer' could not do this: .*{asked}.*{remedy}"):
+        installed(root, python)
     assert not (root / UNIT).exists()
 
 
-def test_rover_file_of_the_service_s_own_user_or_group_is_readable(root: Path, python: Path) -> None:
-    installed(root, python)
-    path = root / ROVER_FILE
-    path.chmod(0o600)
-    made_user(root, path.stat().st_uid)
-    installed(root, python, None)
-    path.chmod(0o040)
-    with pytest.raises(BadInput, match=r"mode 0040\): sudo chmod u\+r"):
-        installed(root, python, None)
-
-
-@pytest.mark.parametrize(
-    ("line", "readable"), [("i2c:x:{}:\n", True), ("crew:x:{}:pi,wayfarer\n", True), ("crew:x:{}:pi\n", False)]
-)
-def test_group_of_the_rover_file_counts_where_the_service_is_in_it(
-    root: Path, python: Path, line: str, readable: bool
-) -> None:
-    installed(root, python)
-    path = root / ROVER_FILE
-    path.chmod(0o640)
-    made_user(root, 54_321)
-    (root / "etc/group").write_text(line.format(path.stat().st_gid), encoding="utf-8")
-    if readable:
-        installed(root, python, None)
-    else:
-        with pytest.raises(BadInput, match=r"sudo chmod o\+r"):
-            installed(root, python, None)
+@pytest.mark.process
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can try what another user may")
+@pytest.mark.parametrize(("closed", "to"), [(None, 0), ("rover.toml", 0o600), ("etc", 0o750), ("bin", 0o700)])
+def test_what_the_service_s_user_may_is_tried(monkeypatch: pytest.MonkeyPatch, closed: str | None, to: int) -> None:
+    monkeypatch.setattr(install, "USER", "nobody")
+    with TemporaryDirectory(dir="/tmp") as folder:
+        there = Path(folder)
+        executable = environment(there / "bin").with_name("wayfarer")
+        rover_file = there / "etc/rover.toml"
+        rover_file.parent.mkdir()
+        rover_file.touch(0o644)
+        for each in (there, there / "etc", there / "bin"):
+            each.chmod(0o755)
+        if closed is None:
+            install.try_as_user(rover_file, executable)
+            return
+        (rover_file if closed == "rover.toml" else there / closed).chmod(to)
+        with pytest.raises(BadInput, match="/bin/wayfarer" if closed == "bin" else "rover.toml"):
+            install.try_as_user(rover_file, executable)
 
 
 def test_interrupted_writing_leaves_the_old_unit(root: Path, python: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -302,18 +274,12 @@ def test_path_that_systemd_would_read_otherwise_is_refused(tmp_path: Path, folde
         install.unit_text(tmp_path, environment(tmp_path / folder))
 
 
-def test_environment_below_tmp_is_refused() -> None:
+def test_environment_that_the_service_cannot_see_is_refused(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(install, "OWN_FOLDERS", (tmp_path,))
     with pytest.raises(BadInput, match="install into /opt/wayfarer"):
-        install.check_reachable(Path("/tmp/venv/bin/wayfarer"), Path("/usr/bin/python3"))
-
-
-def test_environment_behind_a_closed_folder_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(install, "OWN_FOLDERS", ())
-    home = tmp_path / "home/pi"
-    interpreter = environment(home / "venv/bin")
-    home.chmod(0o700)
-    with pytest.raises(BadInput, match=f"because {home} is closed to others"):
-        install.check_reachable(interpreter.with_name("wayfarer"), interpreter)
+        install.unit_text(root, environment(tmp_path / "venv/bin"))
 
 
 def test_rover_file_is_read_once(root: Path, python: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -91,12 +91,13 @@ def test_stop_that_the_algorithm_asked_for_needs_no_reason(monkeypatch: Patch) -
 
 def gate_drives(monkeypatch: Patch, when: Callable[[Gate], bool] = lambda _: True) -> None:
     """A gate that lets the wheels turn, whatever is wrong."""
-    honest = Gate.limit
+    honest = Gate.update
 
-    def limit(self: Gate, wanted: WheelCommand, *, armed: bool) -> WheelCommand:
-        return AHEAD if when(self) else honest(self, wanted, armed=armed)
+    def update(self: Gate, *arguments: Any, armed: bool) -> WheelCommand:
+        applied = honest(self, *arguments, armed=armed)
+        return AHEAD if when(self) else applied
 
-    monkeypatch.setattr(Gate, "limit", limit)
+    monkeypatch.setattr(Gate, "update", update)
 
 
 def gate_drives_in_a_hold(monkeypatch: Patch) -> None:
@@ -217,13 +218,14 @@ def detector_is_blind_to_age(monkeypatch: Patch) -> None:
 
 
 def gate_stops_once_for_nothing(monkeypatch: Patch) -> None:
-    limit = Gate.limit
+    honest = Gate.update
 
-    def moody(self: Gate, wanted: WheelCommand, *, armed: bool) -> WheelCommand:
+    def moody(self: Gate, *arguments: Any, armed: bool) -> WheelCommand:
         self.calls = getattr(self, "calls", 0) + 1  # type: ignore[attr-defined]
-        return STOP if self.calls == 60 else limit(self, wanted, armed=armed)  # type: ignore[attr-defined]
+        applied = honest(self, *arguments, armed=armed)
+        return STOP if self.calls == 60 else applied  # type: ignore[attr-defined]
 
-    monkeypatch.setattr(Gate, "limit", moody)
+    monkeypatch.setattr(Gate, "update", moody)
 
 
 def hold_is_not_told(monkeypatch: Patch) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import inf
+from typing import Any
 
 import pytest
 from hypothesis import Phase
@@ -62,12 +63,13 @@ def test_machine_lets_a_motor_board_heal_and_the_rover_drives_on(kind: str) -> N
 @breaks_the_product
 @pytest.mark.long
 def test_gate_that_forgets_to_hold_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    honest = Gate.limit
+    honest = Gate.update
 
-    def limit(self: Gate, wanted: WheelCommand, *, armed: bool) -> WheelCommand:
-        return WheelCommand(0.3, 0.3) if armed else honest(self, wanted, armed=armed)
+    def update(self: Gate, *arguments: Any, armed: bool) -> WheelCommand:
+        applied = honest(self, *arguments, armed=armed)
+        return WheelCommand(0.3, 0.3) if armed else applied
 
-    monkeypatch.setattr(Gate, "limit", limit)
+    monkeypatch.setattr(Gate, "update", update)
     with pytest.raises(AssertionError, match="rule 2: motion commanded"):
         find()
 

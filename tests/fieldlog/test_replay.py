@@ -35,8 +35,8 @@ from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.replay import Replay, replay
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import MotorHealth, Rover, WheelCommand
+from wayfarer.safety.power import DIPS_S
 from wayfarer.safety.settings import BoardSettings
-from wayfarer.safety.supply import DIPS_S
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.views.text.summary import summarise
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from wayfarer.errors import BadInput
-from wayfarer.files.atomic_file import atomic_file
+from wayfarer.files import atomic_file
 
 
 def write(path: Path, text: str = "new", *, follow_symlink: bool = False) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from wayfarer.files.regular_file import open_regular, open_to_append, read_regular
+from wayfarer.files import open_regular, open_to_append, read_regular
 
 
 def test_ordinary_file_is_read_also_through_a_symlink(tmp_path: Path) -> None:

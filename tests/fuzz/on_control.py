@@ -19,7 +19,6 @@ from tests.fuzz.damage import as_json, bytes_of, json_of
 from tests.fuzz.target import Target, Try, reading, shape
 from wayfarer.daemon.socket.client import ask
 from wayfarer.daemon.socket.protocol import REQUEST_BYTES, VERBS, check, ok_reply, read_line
-from wayfarer.daemon.socket.server import SocketLimits
 
 REQUESTS = [
     {"do": "status"}, {"do": "arm", "heading_deg": 12.5, "north": "true"}, {"do": "goal", "heading_deg": 0},
@@ -33,7 +32,6 @@ WORDS = [
     b"\n\n",
     *(f'"{verb}"'.encode() for verb in VERBS),
 ]
-LIMITS = SocketLimits(clients=4, wait_s=0.5)
 MOST_OPEN = 20  # files and sockets more than before: each client has two ends here
 LONG_S = 20.0  # this machine may be busy
 
@@ -74,7 +72,7 @@ def _served() -> Iterator[Try]:
     daemon = FakeDaemon()
     with tempfile.TemporaryDirectory(prefix="wf-") as folder, asyncio.Runner() as runner:
         path = Path(folder) / "control.sock"
-        server = serve(daemon, path, LIMITS)
+        server = serve(daemon, path, clients=4, wait_s=0.5)
         runner.run(server.__aenter__())
         open_before = open_files()
 

@@ -32,9 +32,8 @@ def gate(**settings: Any) -> Gate:
 
 
 def update(gate_: Gate, wanted: WheelCommand, conditions: tuple[Condition, ...], *, armed: bool) -> WheelCommand:
-    """One tick of the gate."""
-    gate_.judge(conditions)
-    return gate_.limit(wanted, armed=armed)
+    """One tick of the gate, by an algorithm that always wants the same."""
+    return gate_.update(conditions, lambda: wanted, armed=armed)
 
 
 def at_full_duty() -> Gate:
@@ -56,8 +55,10 @@ def test_rover_among_people_holds_for_a_sense_that_another_goes_on_without() -> 
         Condition.MOTORS_FAILED, Condition.BOARD_FAULT,
     }  # fmt: skip
     for each in lost:
-        assert not among_people.judge((each,))
-        assert alone.judge((each,)) is (each not in {Condition.MOTORS_FAILED, Condition.BOARD_FAULT})
+        for gate_ in (among_people, alone):
+            update(gate_, AHEAD, (each,), armed=True)
+        assert among_people.holds
+        assert alone.holds is (each in {Condition.MOTORS_FAILED, Condition.BOARD_FAULT})
     assert not [each for each in Condition if among_people.levels[each] < alone.levels[each]]
 
 
@@ -77,10 +78,15 @@ def test_wheels_never_turn_while_disarmed_held_or_faulted(
         if cleared:
             gate_.clear_fault()
             faulted = False
-        may_turn = gate_.judge(conditions)
-        applied = gate_.limit(wanted, armed=armed)
+        asked: list[WheelCommand] = []
+
+        def decide(wanted: WheelCommand = wanted, asked: list[WheelCommand] = asked) -> WheelCommand:
+            asked.append(wanted)
+            return wanted
+
+        applied = gate_.update(conditions, decide, armed=armed)
         holds = faulted or any(condition in STOPPING for condition in conditions)
-        assert may_turn == (not holds)
+        assert bool(asked) == (armed and not holds), "a manoeuvre waits while the wheels are held"
         faulted |= any(LEVELS[condition] is Level.FAULT for condition in conditions)
         if not armed or holds or faulted:
             assert applied == STOP

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from functools import cache, partial
+from functools import cache
 from importlib.machinery import EXTENSION_SUFFIXES
 from importlib.util import find_spec
 from io import TextIOWrapper
@@ -21,7 +21,6 @@ import typer
 
 from wayfarer import __version__
 from wayfarer.cli import commissioning, compare, control, demo, faults, listing, logs, replay, report, rover, sim, sweep
-from wayfarer.cli.help_texts import HelpCommand, HelpGroup
 from wayfarer.cli.options import examples
 from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.printable import escape_control_chars
@@ -40,8 +39,8 @@ EXAMPLES = examples(
     "wayfarer run --sim",
     "wayfarer sim --help",
 )
-app = typer.Typer(cls=HelpGroup, no_args_is_help=True, pretty_exceptions_enable=False)
-command = partial(app.command, cls=HelpCommand)
+app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
+command = app.command
 command(epilog=demo.EXAMPLES)(demo.demo)
 command(epilog=sim.EXAMPLES)(sim.sim)
 command(epilog=sweep.EXAMPLES)(sweep.sweep)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from wayfarer.cli.options import Config, Logs, complete_rovers, log_folder
+from wayfarer.cli.options import Config, Logs, log_folder, rover_option
 from wayfarer.cli.rover import chosen_rover
 from wayfarer.views.text.colour import painted
 from wayfarer.views.text.scripting import print_json, say_next
@@ -89,11 +89,7 @@ def install_service(
     *,
     rover: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME|FILE",
-            autocompletion=complete_rovers,
-            help="The rover that /etc/wayfarer/rover.toml is made from, if it does not exist yet.",
-        ),
+        rover_option("The rover that /etc/wayfarer/rover.toml is made from, if it does not exist yet."),
     ] = None,
     root: Annotated[
         Path, typer.Option(metavar="DIR", help="Root folder of the system to install into, such as a mounted SD card.")

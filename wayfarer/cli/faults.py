@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from wayfarer.cli.extras import require
-from wayfarer.cli.options import AsJson, complete_fault_scenarios, complete_rovers, examples, refuse
+from wayfarer.cli.options import AsJson, check_together, examples, rover_option
 from wayfarer.cli.trial_options import Jobs
 from wayfarer.errors import BadInput, MissingPackage
 
@@ -25,17 +25,12 @@ Only = Annotated[
     str | None,
     typer.Option(
         metavar="NAME[,NAME...]|ROW",
-        autocompletion=complete_fault_scenarios,
         help="Run these scenarios, or rows of the catalogue.",
     ),
 ]
 OnRover = Annotated[
     str | None,
-    typer.Option(
-        metavar="NAME|FILE",
-        autocompletion=complete_rovers,
-        help="Run them on this rover; those that need parts it does not have are skipped.",
-    ),
+    rover_option("Run them on this rover; those that need parts it does not have are skipped."),
 ]
 ScenarioFile = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Run the scenarios of this TOML file instead of the catalogue.")
@@ -61,6 +56,7 @@ Seed = Annotated[
 
 
 def faults(
+    ctx: typer.Context,
     *,
     only: Only = None,
     rover: OnRover = None,
@@ -73,10 +69,9 @@ def faults(
     as_json: AsJson = False,
 ) -> None:
     """Inject each fault of the catalogue into a simulated rover, and check its response against a time bound."""
-    refuse(
-        (missions is not None and show, "--missions has its own trials; leave out --list"),
-        (missions is None and seed is not None, "--seed is of --missions; add that, or leave it out"),
-    )
+    check_together(ctx, needs=[("seed", "missions")])
+    if missions is not None and show:
+        raise BadInput("--missions has its own trials; leave out --list")
     require("simulating")
     if missions is not None:
         raise typer.Exit(_missions(missions, only, rover, scenario, out, jobs, seed or 0, as_json=as_json))

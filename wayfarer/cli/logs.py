@@ -7,7 +7,6 @@ import sys
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Annotated
@@ -15,8 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wayfarer.cli.extras import require
-from wayfarer.cli.help_texts import HelpCommand, HelpGroup
-from wayfarer.cli.options import AsJson, Logs, complete_runs, examples, log_folder
+from wayfarer.cli.options import AsJson, Logs, examples, log_folder, run_argument
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import find_run, newest_run, run_title
 from wayfarer.views.export.export import ExportFormat, Output
@@ -44,16 +42,14 @@ EXAMPLES = examples(
     "wayfarer logs export 17 --format csv",
     "wayfarer logs export 17 --format gpx",
 )
-app = typer.Typer(cls=HelpGroup, no_args_is_help=True, epilog=EXAMPLES)
-command = partial(app.command, cls=HelpCommand)
+app = typer.Typer(no_args_is_help=True, epilog=EXAMPLES)
+command = app.command
 
 FORMATS_HELP = f"{'; '.join(f'{form}: {form.meaning}' for form in ExportFormat)}. (default: by FILE's ending, or csv)"
 
 Run = Annotated[
     str | None,
-    typer.Argument(
-        metavar="RUN", autocompletion=complete_runs, help="Number, folder or file of a run. (default: the newest run)"
-    ),
+    run_argument("Number, folder or file of a run. (default: the newest run)"),
 ]
 
 
@@ -174,11 +170,7 @@ def summary(
 def check(
     runs: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="RUN",
-            autocompletion=complete_runs,
-            help="Numbers, folders or files of runs. (default: the newest run)",
-        ),
+        run_argument("Numbers, folders or files of runs. (default: the newest run)"),
     ] = None,
     *,
     logs: Logs = None,
@@ -204,7 +196,7 @@ def check(
 def export(
     run: Run = None,
     *,
-    form: Annotated[ExportFormat | None, typer.Option("--format", help=FORMATS_HELP)] = None,
+    form: Annotated[ExportFormat | None, typer.Option("--format", metavar="FORMAT", help=FORMATS_HELP)] = None,
     out: Annotated[
         Path | None,
         typer.Option(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -52,21 +52,14 @@ def complete_algorithm() -> list[str]:
     return algorithm_names()
 
 
-def complete_algorithms(incomplete: str) -> list[str]:
-    """Return the lists of algorithms that go on from the one typed so far; ``paper`` is all ten of the paper."""
-    return _next_in_list(incomplete, [*complete_algorithm(), "paper"])
+def rover_option(help_text: str) -> Any:
+    """Return an option that takes the name of a built-in rover, or a rover file."""
+    return typer.Option(metavar="NAME|FILE", autocompletion=complete_rovers, help=help_text)
 
 
-def complete_fault_scenarios(incomplete: str) -> list[str]:
-    """Return the lists of fault scenarios that go on from the one typed so far."""
-    from wayfarer.fault_scenarios.catalogue import catalogue
-
-    return _next_in_list(incomplete, [each.name for each in catalogue()])
-
-
-def _next_in_list(incomplete: str, names: Iterable[str]) -> list[str]:
-    before, comma, _ = incomplete.rpartition(",")
-    return [f"{before}{comma}{name}" for name in names]
+def run_argument(help_text: str) -> Any:
+    """Return an argument that takes a run."""
+    return typer.Argument(metavar="RUN", autocompletion=complete_runs, help=help_text)
 
 
 Logs = Annotated[
@@ -78,11 +71,7 @@ Logs = Annotated[
 ]
 Config = Annotated[
     str | None,
-    typer.Option(
-        metavar="NAME|FILE",
-        autocompletion=complete_rovers,
-        help=f"Name of a built-in rover, or a rover file (TOML). (default: {ROVER_FILE})",
-    ),
+    rover_option(f"Name of a built-in rover, or a rover file (TOML). (default: {ROVER_FILE})"),
 ]
 AlgorithmOption = Annotated[
     str, typer.Option(metavar="NAME", autocompletion=complete_algorithm, help="Escape algorithm; see wayfarer list.")
@@ -102,12 +91,30 @@ def examples(*commands: str) -> str:
     return "\n".join(["Examples:", *commands])
 
 
-def refuse(*mistakes: tuple[object, str]) -> None:
-    """Refuse options that do not go together: of each mistake, whether it was made and what to say of it.
+Pairs = Iterable[tuple[str, str]]
+
+
+def check_together(ctx: typer.Context, *, needs: Pairs = (), excludes: Pairs = ()) -> None:
+    """Refuse options that do not go together.
+
+    Args:
+        ctx: of the command. An option is given if its value is neither None nor False.
+        needs: of each pair, the first option has no effect without the second. An option is named as its parameter,
+            such as ``live_port``, or with one of its values, such as ``physics mujoco``.
+        excludes: of each pair, only one option may be given.
 
     Raises:
-        BadInput: one was made; of several the first is told.
+        BadInput: two of them do not go together; of several such pairs the first is told.
     """
-    for made, why in mistakes:
-        if made:
-            raise BadInput(why)
+    given = {name for name, value in ctx.params.items() if value is not None and value is not False}
+    given |= {f"{name} {value}" for name, value in ctx.params.items() if isinstance(value, str)}
+    for name, needed in needs:
+        if name in given and needed not in given:
+            raise BadInput(f"{_option(name)} has no effect without {_option(needed)}: add that, or leave it out")
+    for name, other in excludes:
+        if name in given and other in given:
+            raise BadInput(f"{_option(name)} and {_option(other)} do not go together: leave one of them out")
+
+
+def _option(name: str) -> str:
+    return f"--{name.replace('_', '-')}"

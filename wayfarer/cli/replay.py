@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wayfarer.cli.options import AllowCode, AsJson, Logs, complete_rovers, complete_runs, examples, log_folder
+from wayfarer.cli.options import AllowCode, AsJson, Logs, examples, log_folder, rover_option, run_argument
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import find_run, run_title
 from wayfarer.fieldlog.printable import escape_control_chars
@@ -28,18 +28,12 @@ EXAMPLES = examples(
 def replay(
     runs: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="RUN", autocompletion=complete_runs, help="Numbers or folders. (default: the newest run)"
-        ),
+        run_argument("Numbers or folders. (default: the newest run)"),
     ] = None,
     *,
     config: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME|FILE",
-            autocompletion=complete_rovers,
-            help="Use the settings of this rover file instead of those in the log.",
-        ),
+        rover_option("Use the settings of this rover file instead of those in the log."),
     ] = None,
     allow_code: AllowCode = False,
     logs: Logs = None,

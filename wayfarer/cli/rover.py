@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wayfarer.cli.extras import require
-from wayfarer.cli.options import AlgorithmOption, Config, Logs, examples, log_folder, refuse
+from wayfarer.cli.options import AlgorithmOption, Config, Logs, check_together, examples, log_folder
 from wayfarer.cli.trial_options import DepthName
-from wayfarer.cli.viewer_options import Foxglove, FoxglovePort, Live, LiveHost, LivePort, viewers
+from wayfarer.cli.viewer_options import NEEDS, Foxglove, FoxglovePort, Live, LiveHost, LivePort, viewers
 from wayfarer.config.rover_path import ROVER_FILE
 from wayfarer.errors import BadInput
 
@@ -32,6 +32,7 @@ RUN_EXAMPLES = examples(
 
 
 def run(
+    ctx: typer.Context,
     *,
     config: Config = None,
     sim: Annotated[bool, typer.Option("--sim", help="Run on the simulated rover, in real time.")] = False,
@@ -60,10 +61,7 @@ def run(
     from wayfarer.daemon.socket.paths import daemon_socket
     from wayfarer.views.text.console import Console
 
-    asks_simulation = depth is not None or seed is not None
-    refuse(
-        (asks_simulation and not sim, "--depth and --seed are for the simulated rover: add --sim, or leave them out")
-    )
+    check_together(ctx, needs=(("depth", "sim"), ("seed", "sim"), *NEEDS))
     name = chosen_rover(config, default="sim" if sim else None)
     loaded = load_rover(name)
     folder = log_folder(logs)

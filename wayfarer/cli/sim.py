@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
 from wayfarer.cli import trial_options as options
 from wayfarer.cli.extras import require
-from wayfarer.cli.options import AsJson, examples, refuse
+from wayfarer.cli.options import AsJson, check_together, examples
 from wayfarer.cli.trial_options import RUNNING, PhysicsName
 
 EXAMPLES = examples(
@@ -64,28 +64,25 @@ GroundOption = Annotated[
         "the wheels slip on leaf-litter, dry-soil and mud.",
     ),
 ]
+
+
+def _terrain_option(unit: str, help_text: str) -> Any:
+    """Return an option for a value that is fixed, or drawn for each trial."""
+    return typer.Option(metavar=f"{unit}|MIN:MAX", help=help_text, rich_help_panel=MUJOCO)
+
+
 Friction = Annotated[
     str | None,
-    typer.Option(
-        metavar="MU|MIN:MAX",
-        help="Friction of tyres on ground and bark, fixed or drawn for each trial. (default: 0.5)",
-        rich_help_panel=MUJOCO,
-    ),
+    _terrain_option("MU", "Friction of tyres on ground and bark, fixed or drawn for each trial. (default: 0.5)"),
 ]
 RoughnessM = Annotated[
-    str | None,
-    typer.Option(
-        metavar="M|MIN:MAX",
-        help="Standard deviation of the ground's height; slower above 0. (default: 0)",
-        rich_help_panel=MUJOCO,
-    ),
+    str | None, _terrain_option("M", "Standard deviation of the ground's height; slower above 0. (default: 0)")
 ]
 TorqueScale = Annotated[
     str | None,
-    typer.Option(
-        metavar="X|MIN:MAX",
-        help="Stall torque divided by the rover file's chassis.motors_n_m; 3 if that is the rated torque. (default: 1)",
-        rich_help_panel=MUJOCO,
+    _terrain_option(
+        "X",
+        "Stall torque divided by the rover file's chassis.motors_n_m; 3 if that is the rated torque. (default: 1)",
     ),
 ]
 SlopeDeg = Annotated[
@@ -135,7 +132,31 @@ VideoSpeed = Annotated[
 ]
 
 
+# Of each pair, the first option has no effect without the second.
+NEEDS = (
+    ("resume", "out"),
+    ("friction", "physics mujoco"),
+    ("roughness_m", "physics mujoco"),
+    ("torque_scale", "physics mujoco"),
+    ("video", "physics mujoco"),
+    ("video", "trial"),
+    ("video_speed", "video"),
+)
+EXCLUDES = (
+    ("log", "resume"),  # each trial that is logged has to run again
+    ("trial", "out"),  # one trial prints its row, and writes no folder
+    ("scenario", "forests"),  # a site draws its own layouts
+    ("ground leaf-litter", "physics mujoco"),  # which has --friction instead
+    ("ground dry-soil", "physics mujoco"),
+    ("ground mud", "physics mujoco"),
+    ("jobs", "cluster"),
+    ("trial", "cluster"),
+    ("log", "cluster"),  # logs would be written on the machines of the cluster
+)
+
+
 def sim(
+    ctx: typer.Context,
     *,
     trials: Trials = 1000,
     algorithm: options.AlgorithmNames = "forest-pledge",
@@ -167,22 +188,13 @@ def sim(
     as_json: AsJson = False,
 ) -> None:
     """Run the rover's code in simulated forests, and print success rate and path length per algorithm."""
-    terrain = {"friction": friction, "roughness_m": roughness_m, "torque_scale": torque_scale}
+    check_together(ctx, needs=NEEDS, excludes=EXCLUDES)
     in_mujoco = physics == "mujoco"
-    refuse(
-        (resume and not out, "--resume continues the campaign in a folder; name it with --out DIR"),
-        (log and resume, "--log needs every trial to run again; leave out --resume, or --log"),
-        (out and trial is not None, "--trial runs one trial and prints its row, and writes no folder; leave out --out"),
-        (scenario and forests, "--scenario draws its own layouts; leave out --forests, or --scenario"),
-    )
-    _refuse_odd_physics(in_mujoco, ground, terrain)
-    _refuse_what_cannot_be_filmed(in_mujoco, trial, video, video_speed)
-    if cluster is not None:
-        _refuse_beside_cluster(jobs, trial, log)
     _require(in_mujoco, video, out, cluster)
     from wayfarer.experiments import commands, sim_command
     from wayfarer.simhal.world.physics import GroundName
 
+    terrain = {"friction": friction, "roughness_m": roughness_m, "torque_scale": torque_scale}
     campaign = options.campaign_of(
         algorithm=algorithm, rover=rover, anomaly_source=anomaly_source, forests=forests, senses=senses,
         trials=trials, seed=seed, slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth,
@@ -215,31 +227,3 @@ def _require(in_mujoco: bool, video: Path | None, out: Path | None, cluster: str
         require("keeping results")
     if cluster is not None:
         require("a cluster")
-
-
-def _refuse_odd_physics(in_mujoco: bool, ground: str, terrain: dict[str, str | None]) -> None:
-    given = [f"--{name.replace('_', '-')}" for name, text in terrain.items() if text is not None]
-    only_there = "has an effect only with --physics mujoco; add that, or leave it out"
-    instead = "belongs to physics-light; with --physics mujoco use --friction, or leave it out"
-    refuse(
-        (given and not in_mujoco, f"{' '.join(given[:1])} {only_there}"),
-        (in_mujoco and ground != "ideal", f"--ground {ground} {instead}"),
-    )
-
-
-def _refuse_what_cannot_be_filmed(
-    in_mujoco: bool, trial: int | None, video: Path | None, video_speed: float | None
-) -> None:
-    refuse(
-        (video_speed is not None and not video, "--video-speed needs a film; name its file with --video FILE"),
-        (video and not in_mujoco, "--video works only with MuJoCo; add --physics mujoco"),
-        (video and trial is None, "--video films one trial; choose it with --trial N"),
-    )
-
-
-def _refuse_beside_cluster(jobs: int | None, trial: int | None, log: Path | None) -> None:
-    refuse(
-        (jobs is not None, "--jobs sets local processes, and --cluster uses remote workers; leave one of them out"),
-        (trial is not None, "--trial runs one trial here; leave out --cluster"),
-        (log, "--log would be written on the machines of the cluster; leave out --log, or --cluster"),
-    )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from wayfarer.cli.options import complete_algorithms, complete_rovers
+from wayfarer.cli.options import complete_algorithm, rover_option
 
 if TYPE_CHECKING:
     from wayfarer.experiments.campaign import Campaign
@@ -29,7 +29,7 @@ AlgorithmNames = Annotated[
     str,
     typer.Option(
         metavar="NAME[,NAME...]",
-        autocompletion=complete_algorithms,
+        autocompletion=complete_algorithm,
         help="Escape algorithms; 'paper' means all ten of the paper. A name given twice runs once.",
     ),
 ]
@@ -41,12 +41,7 @@ Forests = Annotated[
         "(default: generated layouts, each with two noise seeds)",
     ),
 ]
-RoverName = Annotated[
-    str,
-    typer.Option(
-        metavar="NAME|FILE", autocompletion=complete_rovers, help="Name of a built-in rover, or a rover file (TOML)."
-    ),
-]
+RoverName = Annotated[str, rover_option("Name of a built-in rover, or a rover file (TOML).")]
 Seed = Annotated[int, typer.Option(min=0, metavar="N", help="Random seed of the campaign.")]
 SlipMeanM = Annotated[float, typer.Option(callback=_positive, metavar="M", help="Mean distance between slip events.")]
 BudgetM = Annotated[

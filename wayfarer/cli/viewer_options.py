@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
 from wayfarer.cli.extras import require
-from wayfarer.cli.options import refuse
 from wayfarer.views.foxglove import PORT as FOXGLOVE_PORT
 from wayfarer.views.live import HOST, PORT
 
 if TYPE_CHECKING:
-    from wayfarer.daemon.viewer import Viewer
+    from wayfarer.daemon.daemon import Viewer
     from wayfarer.views.live.demo_controls import DemoControls
     from wayfarer.views.live.server import LivePage
 
 LOOKING_ON = "Viewers"
+
+
+def _port_option(help_text: str) -> Any:
+    return typer.Option(min=0, max=65535, metavar="N", help=help_text, rich_help_panel=LOOKING_ON)
+
 
 Live = Annotated[bool, typer.Option("--live", help="Serve the live page.", rich_help_panel=LOOKING_ON)]
 LiveHost = Annotated[
@@ -27,25 +31,15 @@ LiveHost = Annotated[
         rich_help_panel=LOOKING_ON,
     ),
 ]
-LivePort = Annotated[
-    int | None,
-    typer.Option(
-        min=0,
-        max=65535,
-        metavar="N",
-        help=f"Port of the page; 0 chooses a free one. (default: {PORT})",
-        rich_help_panel=LOOKING_ON,
-    ),
-]
+LivePort = Annotated[int | None, _port_option(f"Port of the page; 0 chooses a free one. (default: {PORT})")]
 Foxglove = Annotated[
     bool, typer.Option("--foxglove", help="Serve data to Foxglove on this computer.", rich_help_panel=LOOKING_ON)
 ]
-FoxglovePort = Annotated[
-    int | None,
-    typer.Option(
-        min=0, max=65535, metavar="N", help=f"Port for Foxglove. (default: {FOXGLOVE_PORT})", rich_help_panel=LOOKING_ON
-    ),
-]
+FoxglovePort = Annotated[int | None, _port_option(f"Port for Foxglove. (default: {FOXGLOVE_PORT})")]
+
+
+# For ``options.check_together``.
+NEEDS = (("live_host", "live"), ("live_port", "live"), ("foxglove_port", "foxglove"))
 
 
 class Viewers(NamedTuple):
@@ -61,20 +55,9 @@ def viewers(
     """Return the viewers of a run, and print their addresses; their ports are bound from now on.
 
     Raises:
-        BadInput: a port cannot be had, or options do not go together.
+        BadInput: a port cannot be had.
         WayfarerError: a package is missing.
     """
-    asks_page = live_host is not None or live_port is not None
-    refuse(
-        (
-            asks_page and not live,
-            "--live-host and --live-port say where the live page is: add --live, or leave them out",
-        ),
-        (
-            foxglove_port is not None and not foxglove,
-            "--foxglove-port says where Foxglove is served: add --foxglove, or leave it out",
-        ),
-    )
     found = Viewers([], {})
     if live:
         page = live_page(live_host, live_port)

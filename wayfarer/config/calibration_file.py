@@ -25,8 +25,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from wayfarer.config.messages import key_and_problem
 from wayfarer.config.rover_path import STATE_FOLDER
 from wayfarer.errors import BadInput, WayfarerError
-from wayfarer.files.atomic_file import write_atomically
-from wayfarer.files.regular_file import read_regular
+from wayfarer.files import read_regular, write_atomically
 from wayfarer.setting_ranges import DegreesOrZero
 
 FILE_NAME = "calibration.json"

@@ -24,7 +24,7 @@ from wayfarer.config.wiring import wiring_conflict
 from wayfarer.detector import DetectorSettings
 from wayfarer.errors import BadConfig, BadInput, UnknownName, one_line
 from wayfarer.escape.api import EscapeSettings, Vehicle
-from wayfarer.files.regular_file import read_regular
+from wayfarer.files import read_regular
 from wayfarer.safety.gate import STALL_LIMIT_S
 from wayfarer.safety.settings import BoardSettings, EntrapmentSettings, SafetySettings
 from wayfarer.setting_ranges import Hertz

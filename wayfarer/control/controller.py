@@ -2,7 +2,7 @@
 
 A tick always has the same order::
 
-    readings -> detector -> gate.judge -> escape handler -> gate.limit -> motors -> log
+    readings -> detector -> gate.update, which asks the escape handler -> motors -> log
 
 Each stage fills in its part of one ``TickRecord``.
 
@@ -13,6 +13,7 @@ a time limit continues where it was.
 from __future__ import annotations
 
 from enum import Enum
+from functools import partial
 from typing import Final, Protocol
 
 from wayfarer.config.rover_file import RoverConfig
@@ -160,7 +161,7 @@ class Controller:
             self.mission.position(fix)
 
     def power(self, t_s: float, flags: int | None) -> None:
-        """Take the power flags of the computer's firmware, None where there are none; see ``supply.SupplyMonitor``."""
+        """Take the power flags of the computer's firmware, None where there are none; see ``power.SupplyMonitor``."""
         self.power_reports.power(t_s, flags)
 
     @property
@@ -197,12 +198,11 @@ class Controller:
             self._continue_arming(tick, self._arming)
         observation = tick.observation = self._observe(tick)
         armed = self.mode is _ARMED
-        if not gate.judge(conditions):
+        wheels = gate.update(conditions, partial(self._wanted_wheels, tick), armed=armed)
+        if gate.holds:
             self._held_s += tick.dt_s
-        elif armed and observation is not None:
-            tick.decision = self._decide(tick, observation)
         try:
-            applied = _checked(await self._motors.drive(gate.limit(tick.decision.wheels, armed=armed)))
+            applied = _checked(await self._motors.drive(wheels))
         except DriverError as error:
             applied = self._lose_motors(t_s, error)
         self._applied = tick.applied = applied
@@ -218,6 +218,12 @@ class Controller:
             mission.advance(tick.forward_m, ahead_m, observation.heading_deg, right_m)
             if self.end is None:
                 self.end = mission.end(t_s)
+
+    def _wanted_wheels(self, tick: TickRecord) -> WheelCommand:
+        """Decide, once there has been a heading, and return the duties that are wanted."""
+        if tick.observation is not None:
+            tick.decision = self._decide(tick, tick.observation)
+        return tick.decision.wheels
 
     def _decide(self, tick: TickRecord, observation: Observation) -> Decision:
         """Return the decision of the algorithm, or of what has taken the wheels from it; its clock stands then."""

@@ -12,9 +12,8 @@ from functools import partial
 from wayfarer.control.run_log import RunLog
 from wayfarer.hal import STOP, MotorHealth, WheelCommand
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.motor_board import MotorBoardMonitor
+from wayfarer.safety.power import MotorBoardMonitor, SupplyMonitor, meaning
 from wayfarer.safety.settings import BoardSettings
-from wayfarer.safety.supply import SupplyMonitor, meaning
 
 
 class PowerReports:

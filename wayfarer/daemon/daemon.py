@@ -7,12 +7,12 @@ import hashlib
 import os
 import signal
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from contextlib import AsyncExitStack
+from contextlib import AbstractAsyncContextManager, AsyncExitStack
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from random import Random
-from typing import Any
+from typing import Any, Protocol
 
 import orjson
 
@@ -31,9 +31,9 @@ from wayfarer.daemon.motors_lock import motors_device, motors_lock
 from wayfarer.daemon.signals import handle_signals
 from wayfarer.daemon.socket.driven import DrivenBoard, remove_record, write_record
 from wayfarer.daemon.socket.paths import single_daemon
+from wayfarer.daemon.socket.protocol import Commands
 from wayfarer.daemon.socket.server import ControlServer
 from wayfarer.daemon.stderr_writer import StderrWriter
-from wayfarer.daemon.viewer import Viewer
 from wayfarer.daemon.watchdog import StallGuard, SystemdNotifier, WatchdogFeed, feed_watchdog, watchdog_period_s
 from wayfarer.errors import WayfarerError
 from wayfarer.escape.catalogue import Algorithm
@@ -67,6 +67,16 @@ class RoverSetup:
     close_buses: Callable[[], Awaitable[None]] | None = None
     world: Mapping[str, Any] | None = None
     ground_truth_log: Callable[[FieldLog], RunLog] | None = None
+
+
+class Viewer(Protocol):
+    """The live page or Foxglove: gets every record of the run's log, and may serve clients on the daemon's loop."""
+
+    def show(self, record: Record) -> None:
+        """Take a record as it is written, the first one before anything is open. Must not wait, nor change it."""
+
+    def serving(self, commands: Commands) -> AbstractAsyncContextManager[None]:
+        """Serve clients while entered; ``commands`` are those of the control socket."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import os
 import re
-import stat
 import subprocess
 import sys
 from collections.abc import Callable
@@ -21,7 +20,7 @@ import wayfarer
 from wayfarer.config.rover_file import load_rover, parse_rover, rover_text
 from wayfarer.config.rover_path import ROVER_FILE, STATE_FOLDER
 from wayfarer.errors import BadInput, one_line
-from wayfarer.files.atomic_file import write_atomically
+from wayfarer.files import write_atomically
 
 HERE = Path("/")
 UNIT = Path("etc/systemd/system/wayfarer.service")
@@ -51,14 +50,15 @@ def unit_text(root: Path = HERE, python: Path = Path(sys.executable)) -> str:
         python: the interpreter of the environment that has wayfarer; its ``wayfarer`` command is what the unit starts.
 
     Raises:
-        BadInput: there is no such command, or the service's user could not reach it.
+        BadInput: there is no such command, or the service could not see it.
     """
     executable = python.parent / "wayfarer"
     if not os.access(executable, os.X_OK):
         raise BadInput(f"{executable}: no such command; install wayfarer into the environment of {python} first")
     if not re.fullmatch(r"[\w/.+@-]+", str(executable), re.ASCII):
         raise BadInput(f"{executable}: a unit file cannot hold this path unquoted; choose one without spaces or signs")
-    check_reachable(executable, python)
+    if any(executable.is_relative_to(folder) for folder in OWN_FOLDERS):
+        raise BadInput(f"{executable}: the service has its own /tmp and cannot see this; install into /opt/wayfarer")
     return _template().replace("@WAYFARER@", str(executable)).replace("@GROUPS@", " ".join(_groups(root)))
 
 
@@ -83,10 +83,10 @@ def install(
     unit, rover_file = unit_text(root, python), root / ROVER_FILE.relative_to("/")
     try:
         say(_place_rover_file(rover, rover_file))
-        refuse_unreadable(rover_file, root)
         if here:
             say(_make_user(root))
             _make_state_folder(root / STATE_FOLDER.relative_to("/"))
+            try_as_user(rover_file, python.parent / "wayfarer")
         _make_folder((root / UNIT).parent)
         write_atomically(root / UNIT, unit, mode=READABLE, follow_symlink=True)  # a masked unit stays masked
     except OSError as error:
@@ -95,54 +95,21 @@ def install(
     say(NEXT_STEPS if here else NEXT_STEPS_THERE.format(command=python.parent / "wayfarer"))
 
 
-def check_reachable(executable: Path, python: Path) -> None:
-    """Refuse what would end in a bare "Permission denied" or "No such file" in the journal.
+def try_as_user(rover_file: Path, executable: Path) -> None:
+    """Try as the service's user what would otherwise end in a bare "Permission denied" at each start.
 
     Raises:
-        BadInput: the service's user could not run the command, or its interpreter; the text says where instead.
+        BadInput: the user cannot read the rover file, or cannot run the command; the text says what to do.
     """
-    if any(executable.is_relative_to(folder) for folder in OWN_FOLDERS):
-        raise BadInput(f"{executable}: the service has its own /tmp and cannot see this; install into /opt/wayfarer")
-    for path in (executable, python.resolve()):
-        for step in (path, *path.parents):
-            if not step.stat().st_mode & stat.S_IXOTH:
-                raise BadInput(
-                    f"{path}: the user '{USER}' could not run it, because {step} is closed to others; "
-                    "install into an environment such as /opt/wayfarer, made with the distribution's python3"
-                )
-
-
-def refuse_unreadable(path: Path, root: Path) -> None:
-    """Refuse a rover file that the service's user could not read: the service would end at each start.
-
-    Access lists (ACLs) beyond the mode are not looked at.
-
-    Raises:
-        BadInput: the text says which file or folder is closed, to whom it belongs, and what to do.
-    """
-    uid, gids = _identity(root)
-    path, root = path.resolve(), root.resolve()
-    for step in (*reversed(path.parents), path):
-        if not step.is_relative_to(root):
-            continue
-        about = step.stat()
-        shift = 6 if about.st_uid == uid else 3 if about.st_gid in gids else 0  # owner, group, others: the first counts
-        need, letter = (stat.S_IXOTH, "x") if step.is_dir() else (stat.S_IROTH, "r")
-        if not about.st_mode >> shift & need:
-            who = {6: "u", 3: "g", 0: "o"}[shift]
-            raise BadInput(
-                f"{path}: the user '{USER}' could not read it, because {step} is closed to it (mode "
-                f"{stat.S_IMODE(about.st_mode):04o}): sudo chmod {who}+{letter} {step}, then give install-service again"
-            )
-
-
-def _identity(root: Path) -> tuple[int | None, set[int]]:
-    """Return the number of the service's user and of its groups; of a user who is still to be made, what is known."""
-    groups = _entries(root / "etc/group")
-    fields = _entries(root / "etc/passwd").get(USER)
-    joined = {name for name, entry in groups.items() if name in GROUPS or USER in entry[-1].split(",")}
-    gids = {int(groups[name][1]) for name in joined}
-    return (int(fields[1]), gids | {int(fields[2])}) if fields else (None, gids)
+    reads = (["test", "-r", str(rover_file)], f"let others read it, and enter its folders: see namei -l {rover_file}")
+    runs = (
+        [str(executable), "--version"],
+        "install into an environment such as /opt/wayfarer, made with the distribution's python3",
+    )
+    for command, remedy in (reads, runs):
+        done = subprocess.run(["runuser", "-u", USER, "--", *command], capture_output=True, check=False, cwd="/")
+        if done.returncode != 0:
+            raise BadInput(f"the user '{USER}' could not do this: {' '.join(command)}; {remedy}")
 
 
 def _template() -> str:

@@ -26,7 +26,7 @@ from wayfarer.daemon.socket.driven import DrivenBoard, known_records, read_recor
 from wayfarer.daemon.socket.paths import OTHERS_WRITE
 from wayfarer.daemon.stop_board import ask_daemons, stop_board
 from wayfarer.errors import BadConfig, BadInput, WayfarerError, kind_and_text, one_line
-from wayfarer.files.regular_file import open_regular
+from wayfarer.files import open_regular
 
 HELPER_TIMEOUT_S = 15.0  # for a process with another user's rights: TimeoutStopSec in the unit
 MAX_OUTPUT = 500  # characters of what such a process writes that are shown; from no source

@@ -9,7 +9,7 @@ from wayfarer.angles import wrap180
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.hal import CompassReading
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.debounce import Debounce
+from wayfarer.safety.tick_interval import Debounce
 
 # Headings that differ by no more count as equal: two steps of a CMPS14's 0.1 degrees.
 DITHER_DEG: Final = 0.2

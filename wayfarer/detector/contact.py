@@ -8,7 +8,7 @@ from wayfarer.detector.settings import DetectorSettings
 from wayfarer.escape.api import Anomaly
 from wayfarer.hal import ContactReading
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.debounce import Debounce
+from wayfarer.safety.tick_interval import Debounce
 
 
 class ContactMonitor:

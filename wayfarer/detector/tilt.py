@@ -10,7 +10,7 @@ from wayfarer.detector.settings import DetectorSettings
 from wayfarer.escape.api import Anomaly
 from wayfarer.hal import CompassReading
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.debounce import Debounce
+from wayfarer.safety.tick_interval import Debounce
 
 TILTS: Final = (Anomaly.NOSE_UP, Anomaly.NOSE_DOWN, Anomaly.RIGHT_DOWN, Anomaly.LEFT_DOWN)
 

@@ -9,11 +9,14 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
+from typing import TYPE_CHECKING
 
 from wayfarer.daemon.socket.protocol import Commands
-from wayfarer.daemon.viewer import Viewer
 from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.schema import Record
+
+if TYPE_CHECKING:
+    from wayfarer.daemon.daemon import Viewer
 
 GOAL_HEADING_DEG = 0.0  # generated forests are left to the north
 

@@ -40,7 +40,7 @@ class _Run(NamedTuple):
 
 
 class Demo:
-    """Runs that follow each other; implements ``daemon.viewer.Viewer`` and ``views.live.demo_controls.DemoControls``.
+    """Runs that follow each other; implements ``daemon.daemon.Viewer`` and ``views.live.demo_controls.DemoControls``.
 
     ``time_scale`` is that of every run's loop. ``watched`` is set for the run that is on when a viewer has opened
     the page.

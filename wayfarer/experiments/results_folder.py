@@ -27,8 +27,7 @@ from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.experiments.campaign import Tasks
 from wayfarer.experiments.rows import TrialRow, columns_of, csv_line
 from wayfarer.experiments.store import CHECKSUM, TrialStore
-from wayfarer.files.atomic_file import atomic_file, write_atomically
-from wayfarer.files.regular_file import open_regular, open_to_append, read_regular
+from wayfarer.files import atomic_file, open_regular, open_to_append, read_regular, write_atomically
 
 SETTINGS = "campaign.json"
 SWEEP_SETTINGS = "sweep.json"

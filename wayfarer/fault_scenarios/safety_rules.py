@@ -31,7 +31,7 @@ from wayfarer.experiments.trial_setup import TrialSetup
 from wayfarer.fault_scenarios.recorder import after_each_step
 from wayfarer.hal import STOP, CompassReading, Side, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
-from wayfarer.safety.motor_board import SAME_DUTY
+from wayfarer.safety.power import SAME_DUTY
 from wayfarer.safety.responses import levels_for
 from wayfarer.simhal.chip_wiring import MotorBoard
 from wayfarer.simhal.faults.bus import BusFault

@@ -33,7 +33,7 @@ from wayfarer.fault_scenarios.scenario import (
     misfit,
     rover_of,
 )
-from wayfarer.files.regular_file import read_regular
+from wayfarer.files import read_regular
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, PositionFix
 from wayfarer.simhal.faults.kinds import KINDS, Fault
 

@@ -12,7 +12,7 @@ from wayfarer.fieldlog.lines import Numbers, parse
 from wayfarer.fieldlog.printable import escape_control_chars
 from wayfarer.fieldlog.reader import log_segments
 from wayfarer.fieldlog.schema import Record
-from wayfarer.files.regular_file import open_regular
+from wayfarer.files import open_regular
 
 TAIL_BYTES = 65_536  # about a hundred ticks: the last one, the outcome and what stood between them
 MODES = ("arming", "armed", "disarmed")  # each begins with the event of its name

@@ -23,7 +23,7 @@ from wayfarer.fieldlog.folders import FILE_NAME, older_segments
 from wayfarer.fieldlog.kinds import is_newer
 from wayfarer.fieldlog.lines import LINE_BYTES, Numbers, parse
 from wayfarer.fieldlog.schema import SCHEMA, Record
-from wayfarer.files.regular_file import open_regular
+from wayfarer.files import open_regular
 
 READ_BYTES = 262_144  # read from the disk at once
 # What is read of a part of a log, at most: twice what ``part_mb`` may be, and more than a simulated trial writes.

@@ -18,7 +18,7 @@ from wayfarer.config.rover_file import LogSettings
 from wayfarer.fieldlog.disk import MB
 from wayfarer.fieldlog.folders import FILE_NAME, older_segments, segment_path
 from wayfarer.fieldlog.lines import sealed_at
-from wayfarer.files.atomic_file import sync_folder
+from wayfarer.files import sync_folder
 
 # Appending: whatever else happens to the file, a line never lands in the middle of it.
 FLAGS = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC

@@ -6,7 +6,7 @@ the rover is re-armed. A command that passes is limited in duty and in the growt
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import isfinite
 from typing import Final
 
@@ -23,7 +23,7 @@ UNSTABLE_SHARE: Final = 0.5  # and while it sags again and again: about 0.7 of w
 class Gate:
     """Limits commands, holds the wheels, and latches faults.
 
-    Call ``judge``, then ``limit``, once a tick. ``cause`` is the worst condition, ``level`` its severity. ``levels``
+    ``cause`` is the worst condition, ``level`` its severity, ``holds`` whether it keeps the wheels at zero. ``levels``
     are the severities of this rover's conditions.
     """
 
@@ -35,24 +35,32 @@ class Gate:
         self._fault: Condition | None = None
         self.level = Level.WELL
         self.cause: Condition | None = None
-        self._holds = False
+        self.holds = False
 
     def clear_fault(self) -> None:
         """Forget the latched fault; only arming does this."""
         self._fault = None
         self._judge(())
 
-    def judge(self, conditions: Sequence[Condition]) -> bool:
-        """Take this tick's conditions; return whether they let the wheels turn."""
+    def update(
+        self, conditions: Sequence[Condition], decide: Callable[[], WheelCommand], *, armed: bool
+    ) -> WheelCommand:
+        """Return what the wheels may get for one tick.
+
+        Args:
+            conditions: of this tick.
+            decide: returns the wanted duties; it is asked only if the wheels may turn, so that a manoeuvre waits.
+            armed: whether the rover is armed.
+        """
         if conditions or self.cause is not None:
             self._judge(conditions)
-        return not self._holds
-
-    def limit(self, wanted: WheelCommand, *, armed: bool) -> WheelCommand:
-        """Return what the wheels may get for one tick."""
-        if self._holds or not armed:
+        if self.holds or not armed:
             self._left = self._right = 0.0
             return STOP
+        return self._limit(decide())
+
+    def _limit(self, wanted: WheelCommand) -> WheelCommand:
+        """Limit both sides; a command that is no number stops the wheels and is a fault."""
         left, right = wanted
         step, most = self._step, self._most
         if (  # nearly every command ends here; written so that NaN does not
@@ -67,8 +75,8 @@ class Gate:
             self._judge((Condition.DECISION_INVALID,))
             self._left = self._right = 0.0
             return STOP
-        self._left = self._limit(left, self._left)
-        self._right = self._limit(right, self._right)
+        self._left = self._limit_side(left, self._left)
+        self._right = self._limit_side(right, self._right)
         return WheelCommand(self._left, self._right)
 
     def _judge(self, conditions: Sequence[Condition]) -> None:
@@ -76,11 +84,11 @@ class Gate:
         self.cause = self._fault or worst(conditions, self.levels)
         self.level = self.levels[self.cause] if self.cause is not None else Level.WELL
         self._most = self._duty_max * _supply_share(conditions)
-        self._holds = self.level >= Level.HOLD
+        self.holds = self.level >= Level.HOLD
         if self.level is Level.FAULT:
             self._fault = self.cause
 
-    def _limit(self, wanted: float, last: float) -> float:
+    def _limit_side(self, wanted: float, last: float) -> float:
         """Limit one side in duty and in growth; zero, and less duty of the same sign, pass at once."""
         step, most = self._step, self._most
         if wanted > 0.0:

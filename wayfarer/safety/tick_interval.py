@@ -1,4 +1,4 @@
-"""The interval between two control ticks: its length, and the wheel commands in it. Pure.
+"""The interval between two control ticks, its length and the wheel commands in it, and what must last for ticks. Pure.
 
 It is calculated once a tick. Detector, entrapment and mission all use it, so that none of them counts time in which the
 wheels were not driven.
@@ -62,3 +62,22 @@ class IntervalTimer:
         driven_s = tick.driven_s = dt_s if dt_s < self._late_s else self._late_s
         left, right = tick.commanded
         tick.forward_m = (left + right) * self._half_speed_m_s * driven_s
+
+
+class Debounce:
+    """Holds back a condition until it has lasted for ``for_s``."""
+
+    __slots__ = ("_for_s", "_since_s")
+
+    def __init__(self, for_s: float) -> None:
+        self._for_s = for_s - ROUNDING_S
+        self._since_s: float | None = None
+
+    def update(self, t_s: float, present: bool) -> bool:
+        """Return whether it has been present, without a gap, for long enough."""
+        if not present:
+            self._since_s = None
+            return False
+        if self._since_s is None:
+            self._since_s = t_s
+        return t_s - self._since_s >= self._for_s

@@ -14,7 +14,7 @@ import orjson
 
 from tests.children import child
 from wayfarer.daemon.socket.protocol import Details, Refused
-from wayfarer.daemon.socket.server import LIMITS, ControlServer, SocketLimits
+from wayfarer.daemon.socket.server import ControlServer
 
 STATUS = b'{"do": "status"}\n'
 
@@ -63,10 +63,8 @@ class FakeDaemon:
         return {}
 
 
-def serve(
-    daemon: FakeDaemon, path: Path, limits: SocketLimits = LIMITS, declination_deg: float | None = 3.5
-) -> ControlServer:
-    return ControlServer(path, daemon, declination_deg=declination_deg, on_error=daemon.errors.append, limits=limits)
+def serve(daemon: FakeDaemon, path: Path, declination_deg: float | None = 3.5, **limits: Any) -> ControlServer:
+    return ControlServer(path, daemon, declination_deg=declination_deg, on_error=daemon.errors.append, **limits)
 
 
 def open_files() -> int:

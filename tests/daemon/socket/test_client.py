@@ -13,11 +13,10 @@ from typing import Any
 
 import pytest
 
-from tests.daemon.socket.fake_daemon import FakeDaemon, RawClient, serve, until
+from tests.daemon.socket.fake_daemon import FakeDaemon, serve, until
 from wayfarer.daemon.socket import client
 from wayfarer.daemon.socket.client import NoDaemon, ask
 from wayfarer.daemon.socket.protocol import Refused
-from wayfarer.daemon.socket.server import SocketLimits
 from wayfarer.errors import BadInput, WayfarerError
 
 STATUS = {"do": "status"}
@@ -61,14 +60,14 @@ async def test_refusal_is_raised_with_its_reason(path: Path, daemon: FakeDaemon)
             await asyncio.to_thread(ask, {"do": "hold"}, path)
 
 
-async def test_client_that_is_turned_away_hears_why(path: Path, daemon: FakeDaemon) -> None:
+async def test_client_that_is_pushed_out_hears_why(path: Path, daemon: FakeDaemon) -> None:
     daemon.waits.clear()
-    async with serve(daemon, path, SocketLimits(clients=1)), RawClient(path) as first:
-        first.writer.write(b'{"do": "arm"}\n')
+    async with serve(daemon, path, clients=1):
+        pushed_out = asyncio.create_task(asyncio.to_thread(ask, {"do": "arm"}, path))
         await until(lambda: daemon.told)
-        for _ in range(20):  # whether the request was sent before or after the door closed
-            with pytest.raises(Refused, match="1 clients are connected, which is the limit"):
-                await asyncio.to_thread(ask, STATUS, path)
+        assert await asyncio.to_thread(ask, STATUS, path) == {"mode": "disarmed"}
+        with pytest.raises(Refused, match="too many clients"):
+            await pushed_out
 
 
 async def test_daemon_is_found_where_it_may_be(path: Path, daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch) -> None:

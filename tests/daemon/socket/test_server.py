@@ -14,7 +14,6 @@ from tests.daemon.socket.fake_daemon import STATUS, FakeDaemon, RawClient, answe
 from wayfarer.daemon.socket import server
 from wayfarer.daemon.socket.paths import peer_uid
 from wayfarer.daemon.socket.protocol import Refused
-from wayfarer.daemon.socket.server import SocketLimits
 from wayfarer.errors import BadInput, NotResponding
 
 # -- answering -----------------------------------------------------------------------------------------------------
@@ -145,10 +144,8 @@ def test_peer_is_who_the_kernel_says() -> None:
 # -- begin and end -------------------------------------------------------------------------------------------------
 
 
-async def test_end_of_the_server_closes_its_clients_those_at_reserved_places_too(
-    path: Path, daemon: FakeDaemon
-) -> None:
-    async with serve(daemon, path, SocketLimits(clients=1)):
+async def test_end_of_the_server_closes_its_clients(path: Path, daemon: FakeDaemon) -> None:
+    async with serve(daemon, path):
         clients = [await RawClient(path).__aenter__() for _ in range(2)]
         for client in clients:
             assert (await client.reply_to(b'{"do": "stop"}\n'))["ok"]

@@ -16,16 +16,7 @@ import pytest
 from tests.daemon.socket.fake_daemon import STATUS, FakeDaemon, RawClient, answers, open_files, serve, until
 from wayfarer.daemon.socket.client import ask
 from wayfarer.daemon.socket.protocol import REQUEST_BYTES
-from wayfarer.daemon.socket.server import SocketLimits
-
-QUICK = SocketLimits(wait_s=0.05)
-
-
-async def until_answered(path: Path) -> None:
-    """Ask until a client that has just left has given up its place."""
-    async with asyncio.timeout(2.0):
-        while not await answers(path):  # noqa: ASYNC110  (nothing there tells of it)
-            await asyncio.sleep(0.002)
+from wayfarer.daemon.socket.server import CLIENTS
 
 
 async def test_line_of_just_the_limit_is_read_and_one_byte_more_is_refused(path: Path, daemon: FakeDaemon) -> None:
@@ -42,7 +33,7 @@ async def test_line_of_just_the_limit_is_read_and_one_byte_more_is_refused(path:
 
 
 async def test_byte_after_byte_does_not_prolong_a_line(path: Path, daemon: FakeDaemon) -> None:
-    async with serve(daemon, path, QUICK):
+    async with serve(daemon, path, wait_s=0.05):
         with socket.socket(socket.AF_UNIX) as slow:
             slow.connect(str(path))
             slow.setblocking(False)
@@ -56,7 +47,7 @@ async def test_byte_after_byte_does_not_prolong_a_line(path: Path, daemon: FakeD
 
 
 async def test_idle_client_is_closed(path: Path, daemon: FakeDaemon) -> None:
-    async with serve(daemon, path, QUICK), RawClient(path) as client:
+    async with serve(daemon, path, wait_s=0.05), RawClient(path) as client:
         assert (await client.reply_to(STATUS))["ok"]
         assert (await client.reply())["why"].startswith("no whole line within 0.05 s: ")
         assert await client.is_closed()
@@ -70,45 +61,22 @@ async def test_line_cut_off_by_the_client_is_not_obeyed(path: Path, daemon: Fake
     assert daemon.told == []
 
 
-@pytest.mark.parametrize("verb", ["stop", "disarm"])
-async def test_client_beyond_the_limit_may_stop_the_wheels_and_nothing_else(
-    path: Path, daemon: FakeDaemon, verb: str
-) -> None:
-    async with serve(daemon, path, SocketLimits(clients=2)), RawClient(path) as first:
-        assert (await first.reply_to(STATUS))["ok"]
-        async with RawClient(path) as second:
-            assert (await second.reply_to(STATUS))["ok"]
-            async with RawClient(path) as third:
-                assert (await third.reply_to(b'{"do": "%s"}\n' % verb.encode()))["ok"]
-                why = (await third.reply_to(STATUS))["why"]
-                assert why.startswith("2 clients are connected, which is the limit, and only stop, hold, disarm are ")
-                assert await third.is_closed()
-            assert (await second.reply_to(STATUS))["ok"], "nobody loses a place"
-        await until_answered(path)
-
-
-async def test_hold_beyond_the_limit_is_asked_of_the_daemon(path: Path, daemon: FakeDaemon) -> None:
-    async with serve(daemon, path, SocketLimits(clients=1)), RawClient(path), RawClient(path) as second:
-        assert (await second.reply_to(b'{"do": "hold"}\n'))["why"] == str(daemon.fails_with)
-
-
-async def test_reserved_place_goes_to_the_next_one_and_the_others_keep_theirs(path: Path, daemon: FakeDaemon) -> None:
+async def test_client_that_came_first_gives_up_its_place_and_hears_why(path: Path, daemon: FakeDaemon) -> None:
+    """Whatever it does: here it waits for its arming, which is given up with it."""
     daemon.waits.clear()
-    async with serve(daemon, path, SocketLimits(clients=2)), RawClient(path) as busy, RawClient(path) as begun:
+    async with serve(daemon, path, clients=2), RawClient(path) as busy, RawClient(path) as begun:
         busy.writer.write(b'{"do": "arm"}\n')
         await until(lambda: daemon.told)
         begun.writer.write(STATUS[:9])
-        async with RawClient(path) as third, RawClient(path) as fourth, RawClient(path) as fifth:
-            assert await third.is_closed()
-            for client in (fourth, fifth):
-                assert (await client.reply_to(b'{"do": "stop"}\n'))["ok"]
-        begun.writer.write(STATUS[9:])
-        assert (await begun.reply())["ok"]
-        daemon.waits.set()
-        assert (await busy.reply())["ok"]
+        async with RawClient(path) as third:
+            assert (await third.reply_to(b'{"do": "stop"}\n'))["ok"]
+            assert (await busy.reply())["why"].startswith("too many clients: this one was here longest")
+            assert await busy.is_closed()
+            begun.writer.write(STATUS[9:])
+            assert (await begun.reply())["ok"], "the others keep theirs"
 
 
-# What 16 clients may do that they never end; the last asks for more than it reads.
+# What as many clients as there are places may do that they never end; the last asks for more than it reads.
 HOGS = {
     "nothing": b"",
     "half a line": b"{",
@@ -118,16 +86,16 @@ HOGS = {
 
 
 @pytest.mark.parametrize("said", HOGS.values(), ids=HOGS)
-async def test_clients_that_take_all_places_keep_no_stop_out(path: Path, daemon: FakeDaemon, said: bytes) -> None:
+async def test_clients_that_take_all_places_keep_nobody_out(path: Path, daemon: FakeDaemon, said: bytes) -> None:
     daemon.answers = {"text": "x" * 1000}
     async with serve(daemon, path):
-        hogs = [await RawClient(path).__aenter__() for _ in range(16)]
+        hogs = [await RawClient(path).__aenter__() for _ in range(CLIENTS)]
         for hog in hogs:
             hog.writer.write(said)
         await asyncio.sleep(0.02)
-        for _ in range(3):
+        for verb in (b"stop", b"disarm", b"status", b"arm"):
             async with RawClient(path) as client:
-                assert await client.reply_to(b'{"do": "stop"}\n') == {"ok": True}
+                assert (await client.reply_to(b'{"do": "%s"}\n' % verb))["ok"]
         for hog in hogs:
             await hog.__aexit__()
 
@@ -172,7 +140,7 @@ async def test_flood_of_new_clients_refuses_no_stop(path: Path, daemon: FakeDaem
 
 async def test_client_that_never_reads_is_dropped_and_holds_nothing(path: Path, daemon: FakeDaemon) -> None:
     daemon.answers = {"text": "x" * 60_000}
-    async with serve(daemon, path, QUICK) as serving:
+    async with serve(daemon, path, wait_s=0.05) as serving:
         before = open_files()
         with socket.socket(socket.AF_UNIX) as deaf:
             deaf.connect(str(path))
@@ -217,16 +185,31 @@ async def test_clients_that_come_together_all_get_in(path: Path, daemon: FakeDae
     assert all(orjson.loads(answer)["ok"] for answer in answers)
 
 
+async def test_request_that_is_there_is_answered_before_its_client_is_pushed_out(
+    path: Path, daemon: FakeDaemon
+) -> None:
+    async with serve(daemon, path, clients=8):
+        clients = [socket.socket(socket.AF_UNIX) for _ in range(60)]
+        for number, client in enumerate(clients):
+            client.setblocking(False)
+            client.connect(str(path))
+            client.send(b'{"do": "mark", "text": "%d"}\n' % number + STATUS * 100)
+        await until(lambda: daemon.told.count(("status",)) > 700)
+        for client in clients:
+            client.close()
+    assert {each[1] for each in daemon.told if each[0] == "mark"} == {str(number) for number in range(60)}
+
+
 async def test_a_thousand_connections_leave_the_server_as_it_was(path: Path, daemon: FakeDaemon) -> None:
     async with serve(daemon, path) as serving:
-        clients = [await RawClient(path).__aenter__() for _ in range(32)]
+        clients = [await RawClient(path).__aenter__() for _ in range(CLIENTS)]
         for _ in range(968):
             clients.append(await RawClient(path).__aenter__())
-            dropped = clients.pop(16)
+            dropped = clients.pop(0)
             assert await dropped.is_closed()
             await dropped.__aexit__()
-        assert (len(serving._clients), len(serving._reserve)) == (16, 16)
+        assert len(serving._clients) == CLIENTS
         for client in clients:
             await client.__aexit__()
-        await until(lambda: not serving._clients and not serving._reserve)
+        await until(lambda: not serving._clients)
         assert await answers(path)

@@ -27,8 +27,8 @@ from wayfarer.config.calibration_file import SLOPE_MIN, SpeedGain, TurnResponse
 from wayfarer.control.rate import Rate
 from wayfarer.errors import WayfarerError
 from wayfarer.hal import CompassReading, WheelCommand
-from wayfarer.safety.debounce import Debounce
 from wayfarer.safety.gate import Gate
+from wayfarer.safety.tick_interval import Debounce
 
 REST_S = 1.0  # between drives: from 1 m/s on the most slippery ground (a friction of 0.1) a body slides for a second
 MUST_NOT_FAIL = (parts.motor_board, parts.motor_faults, parts.battery, deadman.proved)
@@ -99,7 +99,8 @@ class FreeGround:
         """
         rate, samples = Rate(RATE_HZ), []
         for _ in range(round(for_s * RATE_HZ)):
-            await self._inspection.rover.motors.drive(self._gate.limit(wanted, armed=True))
+            wheels = self._gate.update((), lambda: wanted, armed=True)
+            await self._inspection.rover.motors.drive(wheels)
             await rate.wait()
             samples.append(await self._sense())
         return samples

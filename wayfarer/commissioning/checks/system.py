@@ -17,12 +17,12 @@ from wayfarer.config.rover_file import LogSettings, RoverConfig, line_in, part_s
 from wayfarer.errors import BadConfig
 from wayfarer.fieldlog.disk import free_mb
 from wayfarer.fieldlog.fields import CLOCK_SET_S
-from wayfarer.safety.supply import SLOWED_NOW, UNDER_VOLTAGE_NOW, UNDER_VOLTAGE_SINCE_BOOT
+from wayfarer.safety.power import SLOWED_NOW, UNDER_VOLTAGE_NOW, UNDER_VOLTAGE_SINCE_BOOT
 
 # The debug connector of a Raspberry Pi 5, which its /dev/serial0 leads to. Second hand, from the issue tracker of the
 # Raspberry Pi documentation (issue 3239, pull request 3294).
 PI5_DEBUG_PORT = "ttyAMA10"
-# The firmware's power and heat flags (``wayfarer.safety.supply``), in hexadecimal.
+# The firmware's power and heat flags (``wayfarer.safety.power``), in hexadecimal.
 THROTTLED = "/sys/devices/platform/soc/soc:firmware/get_throttled"
 
 
@@ -152,7 +152,7 @@ def system_text(path: str, root: Path = Path("/")) -> str | None:
 
 
 def power_flags(root: Path = Path("/")) -> int | None:
-    """Return the flags of ``wayfarer.safety.supply``, None where the computer does not report it."""
+    """Return the flags of ``wayfarer.safety.power``, None where the computer does not report it."""
     try:
         return int(system_text(THROTTLED, root) or "", 16)
     except ValueError:

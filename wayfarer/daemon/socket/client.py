@@ -49,7 +49,10 @@ def ask(request: Mapping[str, object], path: Path | None = None, timeout_s: floa
         try:
             reply = _exchange(connection, line + b"\n")
         except BlockingIOError:
-            raise _no_answer(place, timeout_s) from None
+            raise WayfarerError(
+                f"{place}: the daemon did not answer within {timeout_s:g} s, so it may hang: if the rover moves, switch"
+                " off its motors, then restart the daemon"
+            ) from None
         except OSError as error:
             raise WayfarerError(f"{place}: the daemon closed the connection ({error.strerror}): see its log") from None
     return _read_reply(place, reply)
@@ -115,13 +118,6 @@ def _exchange(connection: socket.socket, line: bytes) -> bytes:
             break
         reply += received
     return reply
-
-
-def _no_answer(place: Path, timeout_s: float) -> WayfarerError:
-    return WayfarerError(
-        f"{place}: the daemon did not answer within {timeout_s:g} s, so it may hang: if the rover moves, switch off"
-        " its motors, then restart the daemon"
-    )
 
 
 def _read_reply(place: Path, reply: bytes) -> dict[str, Any]:

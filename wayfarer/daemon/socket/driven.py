@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from wayfarer.daemon.socket import paths
 from wayfarer.errors import BadInput
-from wayfarer.files.atomic_file import write_atomically
+from wayfarer.files import write_atomically
 
 NAME = "motors.json"
 MAX_BYTES = 65_536

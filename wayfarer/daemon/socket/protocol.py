@@ -26,7 +26,6 @@ TEXT_CHARACTERS = 500
 REQUEST_BYTES = 8_192
 REPLY_BYTES = 65_536
 NORTHS = ("magnetic", "true")
-ALWAYS_ANSWERED = ("stop", "hold", "disarm")  # however many clients there are: they stop the wheels
 
 Details = Mapping[str, object]
 

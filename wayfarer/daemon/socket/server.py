@@ -4,11 +4,9 @@ All resources of clients are bounded: connections, length of a line, time to sen
 Requests are answered on the loop itself, but only one in each turn of the loop, so that many requests cannot delay the
 tick. Every error in a request becomes a refusal, and the server continues.
 
-A ``stop``, ``hold`` or ``disarm`` always gets in. As many places as all clients may have are reserved for these three:
-a client that comes while the others are in use gets a reserved place, and is refused everything else. If the reserved
-places are in use as well, the new client takes that of the one that came first: it is silent, has sent half a line, or
-does not read. Accepting a client takes a turn of the loop, as answering does. So a request that is there is answered
-before its client can be pushed out, however many others come.
+A new client always gets in, so a ``stop`` does: where all places are taken, it gets that of the client that came first,
+which is silent, has sent half a line, does not read, or can ask again. Accepting a client takes a turn of the loop, as
+answering does. So a request that is there is answered before its client can be pushed out, however many others come.
 """
 
 from __future__ import annotations
@@ -21,11 +19,10 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import NamedTuple, Self
+from typing import Self
 
 from wayfarer.daemon.socket.paths import peer_uid
 from wayfarer.daemon.socket.protocol import (
-    ALWAYS_ANSWERED,
     REQUEST_BYTES,
     Commands,
     Refused,
@@ -37,18 +34,10 @@ from wayfarer.daemon.socket.protocol import (
 )
 from wayfarer.errors import BadInput, WayfarerError
 
+CLIENTS = 32  # at once; field.md, fault 50
+WAIT_S = 60.0  # for a whole line, and for a client to read its reply; field.md, fault 50
 _QUEUE = 128  # clients that wait in the kernel to be accepted; from no source
 _NO_FILES_S = 0.1  # until accepting is tried again, where the process has no file descriptor left for it
-
-
-class SocketLimits(NamedTuple):
-    """Limits for one client, and for all together; field.md, fault 50."""
-
-    clients: int = 16  # and as many reserved places
-    wait_s: float = 60.0  # for a whole line, and for a client to read its reply; a lost client keeps its place so long
-
-
-LIMITS = SocketLimits()
 
 
 class ControlServer:
@@ -62,7 +51,8 @@ class ControlServer:
         commands: what the daemon can do.
         declination_deg: of magnetic from true north, east positive; None where it is not configured.
         on_error: is called with every error that is not meant for the client, a bug. It must not raise.
-        limits: the resources that clients may use.
+        clients: how many may be connected at once.
+        wait_s: how long a client may take to send a line, and to read its reply.
 
     Raises:
         BadInput: the socket cannot be made.
@@ -75,15 +65,16 @@ class ControlServer:
         *,
         declination_deg: float | None,
         on_error: Callable[[Exception], None],
-        limits: SocketLimits = LIMITS,
+        clients: int = CLIENTS,
+        wait_s: float = WAIT_S,
     ) -> None:
         self._path = path
         self._commands = commands
         self._declination_deg = declination_deg
         self._on_error = on_error
-        self._limits = limits
-        self._clients: dict[asyncio.Task[None], StreamWriter] = {}
-        self._reserve: dict[asyncio.Task[None], StreamWriter] = {}  # in the order in which they came
+        self._places = clients
+        self._wait_s = wait_s
+        self._clients: dict[asyncio.Task[None], StreamWriter] = {}  # in the order in which they came
         self._turn = asyncio.Lock()
 
     async def __aenter__(self) -> Self:
@@ -94,7 +85,7 @@ class ControlServer:
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
     ) -> None:
-        clients = self._clients | self._reserve
+        clients = self._clients.copy()
         tasks = [self._accepting, *clients]
         for task in tasks:
             task.cancel()
@@ -122,21 +113,20 @@ class ControlServer:
             await asyncio.sleep(0)
 
     def _admit(self, reader: StreamReader, writer: StreamWriter) -> None:
-        """Begin to serve a new client, at a reserved place if the others are in use."""
-        places = self._clients if len(self._clients) < self._limits.clients else self._reserve
-        talk = asyncio.create_task(self._serve(reader, writer, places is self._reserve), name="control client")
-        places[talk] = writer
-        talk.add_done_callback(lambda talk: places.pop(talk, None))
-        if len(self._reserve) > self._limits.clients:
-            first = next(iter(self._reserve))
+        """Begin to serve a new client, in place of the first one where there is none left."""
+        new = asyncio.create_task(self._serve(reader, writer), name="control client")
+        self._clients[new] = writer
+        new.add_done_callback(lambda client: self._clients.pop(client, None))
+        if len(self._clients) > self._places:
+            first = next(iter(self._clients))
             # It fits into the kernel's buffer, so nothing waits for the client to read it.
-            self._reserve.pop(first).write(error_reply("too many clients: this one was here longest, connect again"))
+            self._clients.pop(first).write(error_reply("too many clients: this one was here longest, connect again"))
             first.cancel()
 
-    async def _serve(self, reader: StreamReader, writer: StreamWriter, is_reserved: bool) -> None:
+    async def _serve(self, reader: StreamReader, writer: StreamWriter) -> None:
         writer.transport.set_write_buffer_limits(0)  # drain() then waits until nothing is left here
         try:
-            await self._answer_all(reader, writer, is_reserved)
+            await self._answer_all(reader, writer)
         except OSError:
             pass  # the client went away, or would not read
         except Exception as error:
@@ -144,7 +134,7 @@ class ControlServer:
         finally:
             writer.transport.abort()  # close() would wait for a client that does not read
 
-    async def _answer_all(self, reader: StreamReader, writer: StreamWriter, is_reserved: bool) -> None:
+    async def _answer_all(self, reader: StreamReader, writer: StreamWriter) -> None:
         try:
             if (user := peer_uid(writer.get_extra_info("socket"))) not in {os.geteuid(), 0}:
                 raise Refused(
@@ -152,7 +142,7 @@ class ControlServer:
                 )
             while line := await self._next_line(reader):
                 await self._take_turn()
-                await self._send(writer, await self._answer(line, is_reserved))
+                await self._send(writer, await self._answer(line))
         except Refused as refusal:
             await self._send(writer, error_reply(str(refusal)))
 
@@ -163,12 +153,10 @@ class ControlServer:
             Refused: the line is too long, too slow or has no end; the connection cannot continue after that.
         """
         try:
-            async with asyncio.timeout(self._limits.wait_s):
+            async with asyncio.timeout(self._wait_s):
                 return await reader.readuntil(b"\n")
         except TimeoutError:
-            raise Refused(
-                f"no whole line within {self._limits.wait_s:g} s: the connection is closed, connect again"
-            ) from None
+            raise Refused(f"no whole line within {self._wait_s:g} s: the connection is closed, connect again") from None
         except LimitOverrunError:
             raise Refused(f"a line has {REQUEST_BYTES} bytes at most: the connection is closed") from None
         except IncompleteReadError as error:
@@ -176,31 +164,21 @@ class ControlServer:
                 raise Refused("the line does not end: send an end of line after each request") from None
             return b""
 
-    async def _answer(self, line: bytes, is_reserved: bool) -> bytes:
-        """Return the reply to a line.
-
-        Raises:
-            Refused: the client has a reserved place, which is not for this request.
-        """
+    async def _answer(self, line: bytes) -> bytes:
+        """Carry out the request of a line, and return the reply."""
         try:
-            request = check(read_line(line))
-            if not is_reserved or request.do in ALWAYS_ANSWERED:
-                return ok_reply(await perform(request, self._commands, self._declination_deg))
+            return ok_reply(await perform(check(read_line(line)), self._commands, self._declination_deg))
         except WayfarerError as refusal:
             return error_reply(str(refusal))
         except Exception as error:
             self._on_error(error)
             text = f"{type(error).__name__}: {error}"[:200]
             return error_reply(f"an error inside wayfarer ({text}): ask for the status before you go on")
-        raise Refused(
-            f"{self._limits.clients} clients are connected, which is the limit, and only {', '.join(ALWAYS_ANSWERED)}"
-            " are answered beyond it: end one of them, or try again"
-        )
 
     async def _send(self, writer: StreamWriter, reply: bytes) -> None:
         """Send a line, at most ``wait_s`` long; both ways to fail, TimeoutError and ConnectionError, are OSErrors."""
         writer.write(reply)
-        async with asyncio.timeout(self._limits.wait_s):
+        async with asyncio.timeout(self._wait_s):
             await writer.drain()
 
 

@@ -21,7 +21,7 @@ from wayfarer.experiments.film.camera import views
 from wayfarer.experiments.film.caption import Caption
 from wayfarer.experiments.film.footage import Footage
 from wayfarer.experiments.film.scenery import scenery_of
-from wayfarer.files.atomic_file import atomic_file
+from wayfarer.files import atomic_file
 from wayfarer.simhal.world.collision import obstacles_of
 
 DRAWN = (960, 540)

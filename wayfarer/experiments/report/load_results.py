@@ -31,7 +31,7 @@ from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import AlgorithmSummary, summarise
 from wayfarer.experiments.sweep.axes import MOST_AXES, MOST_DIGITS, Value
 from wayfarer.experiments.sweep.grid import MOST_TRIALS
-from wayfarer.files.regular_file import read_regular
+from wayfarer.files import read_regular
 from wayfarer.simhal.mujoco.terrain import terrains_of
 from wayfarer.simhal.world.physics import GroundName, Physics
 from wayfarer.simhal.world.slope import slopes_of

@@ -27,7 +27,7 @@ from pydantic import BaseModel, ConfigDict
 
 from wayfarer.config.messages import validated, with_short_keys
 from wayfarer.errors import BadConfig, BadForest, one_line
-from wayfarer.files.regular_file import read_regular
+from wayfarer.files import read_regular
 from wayfarer.setting_ranges import Metres
 from wayfarer.simhal.world.forest import Coordinate, Forest, Trunk, check_forest
 

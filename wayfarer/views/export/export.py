@@ -11,7 +11,7 @@ from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
 from wayfarer.errors import BadInput
-from wayfarer.files.atomic_file import atomic_file, atomic_folder
+from wayfarer.files import atomic_file, atomic_folder
 
 if TYPE_CHECKING:
     from wayfarer.fieldlog.reader import Damage

@@ -24,7 +24,7 @@ END_S = 0.5  # of the 2 s in which a run must end
 
 
 class FoxgloveLive:
-    """Shows a run to Foxglove; implements ``daemon.viewer.Viewer``.
+    """Shows a run to Foxglove; implements ``daemon.daemon.Viewer``.
 
     Whatever clients do, the daemon only writes lines into a pipe, and drops what does not fit; ``server`` says why.
 

@@ -34,7 +34,7 @@ _clients.propagate = False
 
 
 class LivePage:
-    """Shows a run to browsers; implements ``daemon.viewer.Viewer``.
+    """Shows a run to browsers; implements ``daemon.daemon.Viewer``.
 
     ``url`` is the address to open.
 
@@ -71,7 +71,7 @@ class LivePage:
         self._socket.close()
 
     def show(self, record: Record) -> None:
-        """Take a record; see ``daemon.viewer.Viewer``."""
+        """Take a record; see ``daemon.daemon.Viewer``."""
         if self._model.take(record):
             self._soon.set()
 
@@ -88,7 +88,7 @@ class LivePage:
 
     @asynccontextmanager
     async def serving(self, commands: Commands) -> AsyncIterator[None]:
-        """Serve while entered; see ``daemon.viewer.Viewer``. The last records are still sent at the end."""
+        """Serve while entered; see ``daemon.daemon.Viewer``. The last records are still sent at the end."""
         self._commands = commands
         loop = asyncio.get_running_loop()
         self._http = web.Server(self._answer, access_log=None, logger=_clients, lingering_time=0.0)

@@ -10,7 +10,7 @@ from pathlib import Path
 from bokeh.resources import Resources
 
 from wayfarer.errors import BadInput
-from wayfarer.files.atomic_file import write_atomically
+from wayfarer.files import write_atomically
 from wayfarer.views import palette
 from wayfarer.views.page.html import template
 from wayfarer.views.page.plots import Plots

@@ -17,7 +17,7 @@ from wayfarer.fieldlog.kinds import is_newer
 from wayfarer.fieldlog.lines import LINE_BYTES, Numbers, parse
 from wayfarer.fieldlog.reader import first_record, log_segments, refuse_newer
 from wayfarer.fieldlog.schema import Record
-from wayfarer.files.regular_file import open_regular
+from wayfarer.files import open_regular
 
 RECENT_BYTES = 65_536  # where following begins: some seconds back, however long the run is
 CHUNK_BYTES = 65_536

@@ -1,23 +1,37 @@
-"""Conditions from the motor board's reports: battery, drive faults, duties. Pure: time is an input.
+"""Conditions from the power: what the motor board and the computer's supply report. Pure: time is an input.
 
 The voltage of a battery drops under load, so it counts only once it has stayed below its limit for a while. Without
 limits it is only logged: they depend on the chemistry, and some boards (Sabertooth) do not measure it.
 
 A board that reports twice in a row other duties than it was commanded does not obey (fault catalogue, faults 23 and
 30). Twice, because a stop may have been sent between command and report.
+
+A supply of the computer whose voltage drops when the motors start can reset it. So the rover continues with less duty
+while the voltage is too low, and holds for a while if it drops repeatedly.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
+from math import inf
 from typing import Final
 
 from wayfarer.hal import MotorHealth, WheelCommand
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.debounce import Debounce
 from wayfarer.safety.settings import BoardSettings
+from wayfarer.safety.tick_interval import Debounce
 
 SAME_DUTY: Final = 0.01  # a step of the coarsest board known, a Sabertooth's 1/127, and a bit
+# The firmware's power and heat flags of a Raspberry Pi: bits 0 to 3 are the state now, 16 to 19 what happened since
+# boot (field.md 4).
+UNDER_VOLTAGE_NOW: Final = 0x1
+SLOWED_NOW: Final = 0xE
+UNDER_VOLTAGE_SINCE_BOOT: Final = 0x10000
+SLOWED_SINCE_BOOT: Final = 0xE0000
+# "Repeated 3x/min": fault catalogue, fault 32.
+DIPS: Final = 3
+DIPS_S: Final = 60.0
 
 
 class MotorBoardMonitor:
@@ -69,3 +83,42 @@ class MotorBoardMonitor:
 def _were_commanded(duties: WheelCommand, applied: Sequence[WheelCommand]) -> bool:
     """Return whether each side's duty was commanded; NaN never was."""
     return all(any(abs(duty - command[side]) <= SAME_DUTY for command in applied) for side, duty in enumerate(duties))
+
+
+class SupplyMonitor:
+    """Turns the firmware's flags into conditions; ``flags`` are the latest, None where the computer does not report it.
+
+    ``noticed`` says whether the voltage has dropped so far: before that there is no condition.
+    """
+
+    def __init__(self) -> None:
+        self.flags: int | None = None
+        self.noticed = False
+        self._dips_s = deque([-inf] * DIPS, maxlen=DIPS)
+
+    def update(self, t_s: float, flags: int | None) -> None:
+        """Take the flags as they are at ``t_s``."""
+        was_low, self.flags = self._is_low, flags
+        if self._is_low and not was_low:
+            self._dips_s.append(t_s)
+            self.noticed = True
+
+    def conditions(self, t_s: float) -> tuple[Condition, ...]:
+        """Return the conditions at ``t_s``: less duty while the voltage is low, a hold while it drops too often."""
+        low = (Condition.UNDERVOLTAGE,) if self._is_low else ()
+        return (*low, Condition.POWER_UNSTABLE) if t_s - self._dips_s[0] < DIPS_S else low
+
+    @property
+    def _is_low(self) -> bool:
+        return bool((self.flags or 0) & UNDER_VOLTAGE_NOW)
+
+
+def meaning(flags: int) -> str:
+    """Return the meaning of flags, in words."""
+    said = {
+        UNDER_VOLTAGE_NOW: "under-voltage now",
+        SLOWED_NOW: "slowed down now",
+        UNDER_VOLTAGE_SINCE_BOOT: "under-voltage since boot",
+        SLOWED_SINCE_BOOT: "slowed down since boot",
+    }
+    return ", ".join(text for bits, text in said.items() if flags & bits) or "all well"
