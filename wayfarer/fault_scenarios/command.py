@@ -22,7 +22,7 @@ from wayfarer.fault_scenarios.runner import RunResult, run_batch, run_scenario, 
 from wayfarer.fault_scenarios.scenario import Scenario
 from wayfarer.fault_scenarios.table import print_results
 from wayfarer.files.atomic_file import write_atomically
-from wayfarer.views.export.spreadsheet import without_formulas
+from wayfarer.views.export.tables import without_formulas
 from wayfarer.views.text.scripting import print_json, say_next
 
 CSV_FILE, JSON_FILE = "results.csv", "results.json"

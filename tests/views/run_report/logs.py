@@ -11,8 +11,7 @@ from typing import Any
 from tests.views.text import records
 from tests.views.text.records import event, numbered, outcome, record, write
 from wayfarer.fieldlog.schema import Record
-from wayfarer.views.run_report.data import RunData
-from wayfarer.views.run_report.load_run import read_run
+from wayfarer.views.run_report.data import RunData, read_run
 from wayfarer.views.run_report.run import write_run_report
 
 HEADER: Record = records.HEADER | {

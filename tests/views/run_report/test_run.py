@@ -37,9 +37,8 @@ from wayfarer.errors import BadInput
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.schema import Record
 from wayfarer.views.run_report import words
-from wayfarer.views.run_report.data import RunData
+from wayfarer.views.run_report.data import RunData, read_run
 from wayfarer.views.run_report.events import event_marks, is_trouble
-from wayfarer.views.run_report.load_run import read_run
 from wayfarer.views.run_report.map import map_plot
 from wayfarer.views.run_report.quantities import PANELS, panels_of
 from wayfarer.views.run_report.run import write_comparison, write_run_report

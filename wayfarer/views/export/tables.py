@@ -3,12 +3,17 @@
 ``csv_rows`` has flat columns with units. ``elapsed_s`` is the time by which all tools name a moment. Columns of
 ``tick`` keep their names, readings are flattened (``compass_heading_deg``), and what other records say stands in the
 row of the first tick after it, under the record's name (``board_battery_v``, ``truth_x_m``); events are joined in
-``event``. Records after the last tick are in one more row. No text is a formula to a spreadsheet.
+``event``. Records after the last tick are in one more row.
+
+A spreadsheet runs a cell that begins with ``=``, ``+``, ``-`` or ``@``: ``=HYPERLINK(...)`` sends what is in the table
+to its author. Logs and scenarios may come from somebody else, so an apostrophe goes before such a text, as OWASP
+recommends (https://owasp.org/www-community/attacks/CSV_Injection). A number, which may begin with a sign, is none.
 """
 
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Container, Iterable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -22,7 +27,6 @@ from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record, Values
 from wayfarer.fieldlog.typed import Tick
 from wayfarer.fieldlog.wording import event_text, fault_text, outcome_text
-from wayfarer.views.export.spreadsheet import without_formulas
 
 # What readings and other records say, under their names.
 PART_COLUMNS: Mapping[str, Values] = {
@@ -41,6 +45,12 @@ COLUMNS = (
 )  # fmt: skip
 STAMP = ("t_s", "t_wall", "n")
 WORDS = {"run", "event", "fault", "outcome"}  # what is told in words, or is in every part of a log
+_NUMBER = r"[+-](?:[0-9]+\.?[0-9]*(?:e[+-]?[0-9]+)?|inf)"
+# Where the decimal separator is a comma, spreadsheets begin a cell after each semicolon, some after a tab. Full-width
+# signs count too.
+_FORMULA = re.compile(
+    rf"(?:^|(?<=[;\t\r\n]))(?=[\t\r\n]|\s*[=+\-@\uff1d\uff0b\uff0d\uff20])(?!\s*{_NUMBER}\s*(?:;|\Z))"
+)
 Row = dict[str, Any]  # by column: a number, a flag, a text, a list of these, or None
 
 
@@ -164,3 +174,9 @@ def cell(value: object) -> str:
 def _spreadsheet_cell(value: object) -> str:
     text = cell(value)
     return without_formulas(text) if isinstance(value, str | list) else text
+
+
+@lru_cache(maxsize=1000)
+def without_formulas(text: str) -> str:
+    """Return the text of a cell, or of a column's title, so that a spreadsheet shows it and runs nothing."""
+    return _FORMULA.sub("'", text)

@@ -14,9 +14,8 @@ from wayfarer.views.page import html
 from wayfarer.views.page.frame import PAGE, write_page
 from wayfarer.views.page.plots import Plots
 from wayfarer.views.run_report import words
-from wayfarer.views.run_report.data import RunData
+from wayfarer.views.run_report.data import RunData, read_run
 from wayfarer.views.run_report.events import LAYERS
-from wayfarer.views.run_report.load_run import read_run
 from wayfarer.views.run_report.map import map_plot
 from wayfarer.views.run_report.panels import draw_panels
 from wayfarer.views.run_report.tables import (
