@@ -39,7 +39,7 @@ def test_each_tick_is_a_row_with_flat_columns(tmp_path: Path) -> None:
 
 
 def test_every_table_has_the_same_columns_and_another_memory_is_added(tmp_path: Path) -> None:
-    assert tuple(rows(table(tmp_path, *drive(0.0, 1.0)))[0]) == COLUMNS
+    assert tuple(rows(table(tmp_path, *drive(0.0, 1.0)))[0]) == tuple(COLUMNS)
     assert tuple(rows(table(tmp_path / "2", tick(0.0), tick(1.0, mood="good")))[0]) == (*COLUMNS, "mood")
 
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TextIO
@@ -24,7 +24,7 @@ from wayfarer.fieldlog.printable import escape_control_chars
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.run_events import Ended, FaultInjected, Noted
 from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.fieldlog.schema import Record, Values
+from wayfarer.fieldlog.schema import ANY_NUMBER, STAMP, TEXT, Record, Values
 from wayfarer.fieldlog.typed import Tick
 from wayfarer.fieldlog.wording import event_text, fault_text, outcome_text
 
@@ -34,16 +34,23 @@ PART_COLUMNS: Mapping[str, Values] = {
     for kind in ("compass", "motion", "contact", "board", "position", "computer", "truth")
     for key, values in {**KEYS, **READINGS}[kind].items()
 }
-# Always there and in this order, so that the tables of two runs can be put below each other.
-COLUMNS = (
-    "elapsed_s", "t_s", "t_wall", "n", "event",
-    "phase", "why", "anomalies", "heading_deg", "goal_heading_deg", "pitch_deg", "roll_deg", "travelled_m",
-    "covered_m", "reckoned_north_m", "reckoned_east_m",
-    "wanted_left", "wanted_right", "applied_left", "applied_right", "level", "cause",
-    "counter_deg", "side", "turn_deg", "episodes", "blocked_turns", "turn_from_duty", "decision_t_s",
-    *PART_COLUMNS,
-)  # fmt: skip
-STAMP = ("t_s", "t_wall", "n")
+_KNOWN: Mapping[str, Values] = {
+    **STAMP, "event": TEXT, **dict.fromkeys(("elapsed_s", "reckoned_north_m", "reckoned_east_m"), ANY_NUMBER),
+    **KEYS["tick"], **PART_COLUMNS,
+}  # fmt: skip
+# Always there and in this order, so that the tables of two runs can be put below each other; with the values that the
+# log's schema knows, None for what an algorithm remembers.
+COLUMNS: Mapping[str, Values | None] = {
+    name: _KNOWN.get(name)
+    for name in (
+        "elapsed_s", "t_s", "t_wall", "n", "event",
+        "phase", "why", "anomalies", "heading_deg", "goal_heading_deg", "pitch_deg", "roll_deg", "travelled_m",
+        "covered_m", "reckoned_north_m", "reckoned_east_m",
+        "wanted_left", "wanted_right", "applied_left", "applied_right", "level", "cause",
+        "counter_deg", "side", "turn_deg", "episodes", "blocked_turns", "turn_from_duty", "decision_t_s",
+        *PART_COLUMNS,
+    )
+}  # fmt: skip
 WORDS = {"run", "event", "fault", "outcome"}  # what is told in words, or is in every part of a log
 _NUMBER = r"[+-](?:[0-9]+\.?[0-9]*(?:e[+-]?[0-9]+)?|inf)"
 # Where the decimal separator is a comma, spreadsheets begin a cell after each semicolon, some after a tab. Full-width
@@ -68,18 +75,18 @@ def write_csv(run: Path, file: TextIO) -> Damage:
 
 def csv_rows(records: Iterable[Record], further: Iterable[str] = ()) -> Iterator[list[str]]:
     """Give the titles, then a row for each tick; ``further`` are columns beyond those that every table has."""
-    columns = [*COLUMNS, *further]
+    columns = dict.fromkeys([*COLUMNS, *further])
     yield [without_formulas(column) for column in columns]
     for row in table_rows(records):
         yield [_spreadsheet_cell(row.get(column)) for column in columns]
 
 
-def further_columns(records: Iterable[Record], known: Container[str] = frozenset(COLUMNS)) -> dict[str, set[type]]:
-    """Return columns that are not known, as those of another algorithm's memory, with the types of their values."""
+def further_columns(records: Iterable[Record]) -> dict[str, set[type]]:
+    """Return the columns whose values the log's schema does not know, as an algorithm's memory, with their types."""
     found: dict[str, set[type]] = {}
     for record in records:
         for column, value in _columns_of(record).items():
-            if column not in known:
+            if COLUMNS.get(column) is None:
                 found.setdefault(column, set()).add(type(value))
     return found
 
