@@ -12,8 +12,7 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 from wayfarer.angles import wrap180
-from wayfarer.fieldlog.kinds import KEYS
-from wayfarer.fieldlog.schema import ANY_NUMBER
+from wayfarer.fieldlog.schema import ANY_NUMBER, Values, keys_of
 from wayfarer.fieldlog.typed import Board, Computer, RunEvent, Tick, Truth
 from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS, response_text
 
@@ -29,8 +28,9 @@ class Plot(NamedTuple):
 
     def schema(self, topic: str) -> dict[str, Any]:
         """Return the channel's JSON schema; of the types only plain ones, which every reader of schemas knows."""
+        keys = keys_of(self.view)
         properties = {
-            name: {"type": _kind(KINDS[self.view], name), "description": meaning}
+            name: {"type": _json_type(name, keys.get(name, ANY_NUMBER)), "description": meaning}
             for name, meaning in self.fields.items()
         }
         name = f"wayfarer.{topic.removeprefix('/')}"
@@ -47,15 +47,13 @@ FURTHER: Mapping[str, Any] = {
     "title": "wayfarer.further",
     "description": "Other keys of a tick's record, such as the memory of another algorithm.",
 }
-KINDS: Mapping[type[RunEvent], str] = {Tick: "tick", Board: "board", Computer: "computer", Truth: "truth"}
 
 
-def _kind(record: str, name: str) -> str:
+def _json_type(name: str, values: Values) -> str:
     """Return the type of a field in JSON schema, from the log's schema; what an algorithm remembers are numbers."""
-    types = KEYS[record].get(name, ANY_NUMBER).types
-    if bool in types or name in ANOMALY_TEXTS:
+    if bool in values.types or name in ANOMALY_TEXTS:
         return "boolean"
-    return "string" if str in types or list in types or name == "response" else "number"
+    return "string" if str in values.types or list in values.types or name == "response" else "number"
 
 
 def _is_known(value: object) -> bool:
