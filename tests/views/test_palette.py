@@ -76,12 +76,6 @@ def test_phases_and_dead_reckoning_are_told_apart_by_every_eye(eye: str) -> None
     assert {pair: apart for pair, apart in near.items() if apart < APART} == {}
 
 
-def test_a_colour_that_cannot_be_told_apart_is_seen() -> None:
-    """The test above can fail: red and green to an eye without green cones."""
-    red, green = (seen(colour, EYES["deuteranopia"]) for colour in ("#A05000", "#707000"))
-    assert np.linalg.norm(red - green) < APART < np.linalg.norm(linear("#A05000") - linear("#707000"))
-
-
 def test_every_phase_that_moves_and_every_anomaly_has_a_look() -> None:
     assert set(palette.PHASE_COLOURS) == {phase.value for phase in Phase} - {Phase.HALT.value}
     assert set(palette.ANOMALY_MARKERS) == {anomaly.value for anomaly in Anomaly}
