@@ -22,7 +22,7 @@ NOTHING = "none"  # a separate state: in a strip of states, a missing value woul
 class Plot(NamedTuple):
     """One channel: the view of the records that it shows, what it is about, and its fields with their meanings."""
 
-    view: type[RunEvent]
+    view: type[Any]
     meaning: str
     fields: Mapping[str, str]
 
