@@ -12,7 +12,8 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 from wayfarer.angles import wrap180
-from wayfarer.fieldlog.schema import ANY_NUMBER, Values, keys_of
+from wayfarer.fieldlog.kinds import KEYS
+from wayfarer.fieldlog.schema import ANY_NUMBER
 from wayfarer.fieldlog.typed import Board, Computer, RunEvent, Tick, Truth
 from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS, response_text
 
@@ -22,15 +23,14 @@ NOTHING = "none"  # a separate state: in a strip of states, a missing value woul
 class Plot(NamedTuple):
     """One channel: the view of the records that it shows, what it is about, and its fields with their meanings."""
 
-    view: type[Any]
+    view: type[RunEvent]
     meaning: str
     fields: Mapping[str, str]
 
     def schema(self, topic: str) -> dict[str, Any]:
         """Return the channel's JSON schema; of the types only plain ones, which every reader of schemas knows."""
-        keys = keys_of(self.view)
         properties = {
-            name: {"type": _json_type(name, keys.get(name, ANY_NUMBER)), "description": meaning}
+            name: {"type": _kind(KINDS[self.view], name), "description": meaning}
             for name, meaning in self.fields.items()
         }
         name = f"wayfarer.{topic.removeprefix('/')}"
@@ -47,13 +47,15 @@ FURTHER: Mapping[str, Any] = {
     "title": "wayfarer.further",
     "description": "Other keys of a tick's record, such as the memory of another algorithm.",
 }
+KINDS: Mapping[type[RunEvent], str] = {Tick: "tick", Board: "board", Computer: "computer", Truth: "truth"}
 
 
-def _json_type(name: str, values: Values) -> str:
+def _kind(record: str, name: str) -> str:
     """Return the type of a field in JSON schema, from the log's schema; what an algorithm remembers are numbers."""
-    if bool in values.types or name in ANOMALY_TEXTS:
+    types = KEYS[record].get(name, ANY_NUMBER).types
+    if bool in types or name in ANOMALY_TEXTS:
         return "boolean"
-    return "string" if str in values.types or list in values.types or name == "response" else "number"
+    return "string" if str in types or list in types or name == "response" else "number"
 
 
 def _is_known(value: object) -> bool:
