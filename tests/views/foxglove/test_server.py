@@ -24,6 +24,10 @@ from wayfarer.fieldlog.schema import Record
 from wayfarer.views.foxglove.server import CONNECTIONS, FoxgloveServer
 
 PROTOCOL = "foxglove.sdk.v1"
+UPGRADE = (
+    b"GET / HTTP/1.1\r\nHost: rover\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+    b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Protocol: foxglove.sdk.v1\r\n\r\n"
+)
 MESSAGE, TIME = 1, 2  # the first byte of what the server sends
 PATIENCE_S = 10.0
 Message = tuple[str, int, dict[str, Any]]
@@ -175,17 +179,13 @@ async def test_viewer_that_ceases_to_read_holds_up_nobody() -> None:
             assert "/pose" in await client.see(live, "/pose")
 
 
-LOST_VIEWER = """
-import socket, struct, sys, threading
+LOST_VIEWER = f"""
+import socket, struct, threading
 from wayfarer.views.foxglove.server import FoxgloveServer
 
 live = FoxgloveServer(port=0)
 with socket.create_connection(("127.0.0.1", live.port)) as viewer:
-    viewer.sendall(
-        b"GET / HTTP/1.1\\r\\nHost: rover\\r\\nUpgrade: websocket\\r\\nConnection: Upgrade\\r\\n"
-        b"Sec-WebSocket-Version: 13\\r\\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\\r\\n"
-        b"Sec-WebSocket-Protocol: foxglove.sdk.v1\\r\\n\\r\\n"
-    )
+    viewer.sendall({UPGRADE!r})
     assert viewer.recv(12) == b"HTTP/1.1 101"
     viewer.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # the wireless is gone
 threading.Event().wait(0.3)
