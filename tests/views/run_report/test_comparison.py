@@ -21,9 +21,8 @@ from tests.views.run_report.logs import (
 )
 from wayfarer.cli import report as command
 from wayfarer.errors import BadInput
-from wayfarer.views.run_report import words
-from wayfarer.views.run_report.run import write_comparison, write_run_report
-from wayfarer.views.run_report.tables import settings_table
+from wayfarer.views.run_report.run import number_of, write_comparison, write_run_report
+from wayfarer.views.run_report.tables import SAME_SETTINGS, settings_table
 from wayfarer.views.run_report.track import tracks_of
 
 
@@ -45,7 +44,7 @@ def test_two_runs_stand_beside_each_other_with_what_changed(tmp_path: Path) -> N
 def test_folder_that_only_begins_with_a_number_is_not_called_by_it(tmp_path: Path) -> None:
     """``wayfarer logs list`` and the names of runs in commands know it by the folder's name too."""
     daemons, own = tmp_path / "00017-20261121T061405Z", tmp_path / "17-foo"
-    assert [words.number_of(run) for run in (daemons, own)] == ["17", "17-foo"]
+    assert [number_of(run) for run in (daemons, own)] == ["17", "17-foo"]
 
 
 def test_runs_whose_maps_nothing_joins_begin_at_one_place(tmp_path: Path) -> None:
@@ -58,7 +57,7 @@ def test_runs_whose_maps_nothing_joins_begin_at_one_place(tmp_path: Path) -> Non
 
 def test_same_rover_file_is_said_to_be_the_same(tmp_path: Path) -> None:
     runs = [data_of(tmp_path / name, HEADER, *drive(1.0), OUTCOME) for name in "ab"]
-    assert words.SAME_SETTINGS in settings_table(runs, ["17", "18"])
+    assert SAME_SETTINGS in settings_table(runs, ["17", "18"])
 
 
 @pytest.mark.parametrize(("content", "said"), [(b"hello\n", "nothing in this log can be read"), (None, r"run\.jsonl")])

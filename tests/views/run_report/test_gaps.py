@@ -28,24 +28,25 @@ from tests.views.run_report.logs import (
 )
 from tests.views.text.records import event, record
 from wayfarer.fieldlog.schema import Record
-from wayfarer.views.run_report import words
 from wayfarer.views.run_report.data import read_run
 from wayfarer.views.run_report.events import event_marks, is_trouble
 from wayfarer.views.run_report.map import map_plot
 from wayfarer.views.run_report.quantities import panels_of
+from wayfarer.views.run_report.run import GAPS, NO_TICKS, NO_WAY, track_caption
+from wayfarer.views.run_report.tables import run_facts
 from wayfarer.views.run_report.track import track_of
 
 
 def test_log_without_ticks_says_so(tmp_path: Path) -> None:
     page = page_of(tmp_path, HEADER, event("opened", 0.1, parts=["compass"]), OUTCOME)
     check_page(page)
-    assert words.NO_TICKS in text_of(page)
-    assert words.NO_WAY in text_of(page)
+    assert NO_TICKS in text_of(page)
+    assert NO_WAY in text_of(page)
 
 
 def test_log_without_a_heading_still_has_time_series(tmp_path: Path) -> None:
     page = page_of(tmp_path, HEADER, *(tick(0.05 * step, heading_deg=None) for step in range(40)), OUTCOME)
-    assert words.NO_WAY in text_of(page)
+    assert NO_WAY in text_of(page)
     assert {"speed, m/s", "duty"} <= set(titles(page))
 
 
@@ -54,7 +55,7 @@ def test_lost_beginning_is_no_start(tmp_path: Path) -> None:
         """Whether the map has a star at the start, and whether it says that something is lost."""
         track = track_of(data_of(tmp_path / name, *records))
         scatters: Any = map_plot([track]).select({"type": Scatter})
-        return "star" in {each.marker for each in scatters}, words.GAPS in words.track_caption([track])
+        return "star" in {each.marker for each in scatters}, GAPS in track_caption([track])
 
     assert on_map("late", {**HEADER, "part": 2}, *without(drive(), 0, 40)) == (False, False)
     assert on_map("headless", *without(drive(), 0, 40)) == (False, False)
@@ -65,7 +66,7 @@ def test_lost_beginning_is_no_start(tmp_path: Path) -> None:
 def test_ticks_that_are_few_or_say_nothing_make_a_page(tmp_path: Path) -> None:
     bare = [{"record": "tick", "t_s": 100.0 + step} for step in range(3)]
     header = {"record": "run", "t_s": 100.0, "schema": 2}
-    assert words.NO_TICKS in text_of(page_of(tmp_path / "even", header, *bare))
+    assert NO_TICKS in text_of(page_of(tmp_path / "even", header, *bare))
     check_page(page_of(tmp_path / "uneven", header, *bare, tick(3.01)))
     check_page(page_of(tmp_path / "one", HEADER, tick(0.0)))
 
@@ -97,7 +98,7 @@ def test_battery_is_not_drawn_across_a_silence_of_the_board(tmp_path: Path) -> N
 
 def test_goals_are_those_that_the_rover_took(tmp_path: Path) -> None:
     def goal(name: str, *records: Record) -> str:
-        return dict(words.facts(data_of(tmp_path / name, HEADER, *records, OUTCOME), name))["goal"]
+        return dict(run_facts(data_of(tmp_path / name, HEADER, *records, OUTCOME), name))["goal"]
 
     ticks = drive()
     armed = [event("armed", 1.0, goal_heading_deg=20.0), event("goal", 2.0, goal_heading_deg=359.7)]

@@ -30,9 +30,8 @@ from tests.views.run_report.logs import (
 )
 from tests.views.text.records import event, record
 from wayfarer.fieldlog.reader import RunReader
-from wayfarer.views.run_report import words
 from wayfarer.views.run_report.data import RunData, read_run
-from wayfarer.views.run_report.run import write_run_report
+from wayfarer.views.run_report.run import NO_FOREST, write_run_report
 from wayfarer.views.run_report.tables import (
     anomalies_table,
     conditions_table,
@@ -189,4 +188,4 @@ def test_simulated_run_shows_the_forest_and_how_far_dead_reckoning_drifted(tmp_p
 def test_simulated_run_whose_forest_cannot_be_read_says_so(tmp_path: Path, world: object) -> None:
     truth = record("truth", 0.0, x_m=25.0, y_m=12.5)
     page = page_of(tmp_path, {**HEADER, "simulated": True, "world": world}, truth, *drive(), OUTCOME)
-    assert words.NO_FOREST in text_of(page)
+    assert NO_FOREST in text_of(page)
