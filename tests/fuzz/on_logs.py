@@ -22,7 +22,7 @@ from wayfarer.errors import BadInput
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.replay import replay
 from wayfarer.views.export.export import ExportFormat, Output, export
-from wayfarer.views.run_report.load_run import read_run
+from wayfarer.views.run_report.data import read_run
 from wayfarer.views.text.listing import lines, rows
 from wayfarer.views.text.run_narrator import Verbosity
 from wayfarer.views.text.summary import summarise

@@ -21,7 +21,7 @@ from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.schema import Record
 from wayfarer.views.foxglove.mcap_file import write_mcap
 from wayfarer.views.live.page_model import PageModel
-from wayfarer.views.run_report.load_run import read_run
+from wayfarer.views.run_report.data import read_run
 from wayfarer.views.text.summary import summarise
 
 (SAMPLE,) = SAMPLE_LOGS.glob("00001-*")

@@ -21,7 +21,7 @@ from wayfarer.fault_scenarios.results import Result, not_run, print_results
 from wayfarer.fault_scenarios.runner import RunResult, run_batch, run_scenario, run_without_faults, without_faults
 from wayfarer.fault_scenarios.scenario import Scenario
 from wayfarer.files import write_atomically
-from wayfarer.views.export.spreadsheet import without_formulas
+from wayfarer.views.export.tables import without_formulas
 from wayfarer.views.text.scripting import print_json, say_next
 
 CSV_FILE, JSON_FILE = "results.csv", "results.json"

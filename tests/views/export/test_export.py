@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from pkgutil import resolve_name
 
 import pytest
 
 from tests.fieldlog.disks import files_no_longer_than
 from tests.views.text.records import HEADER, drive, record, tick, write
 from wayfarer.cli.extras import NEEDS
-from wayfarer.cli.logs import FORMATS_HELP
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.schema import Record
 from wayfarer.views.export.export import ExportFormat, Output, export
@@ -82,7 +80,5 @@ def test_log_without_a_wall_time_is_refused_where_a_message_needs_one(tmp_path: 
 
 
 @pytest.mark.parametrize("form", ExportFormat)
-def test_every_format_has_its_writer_and_what_it_needs(form: ExportFormat) -> None:
-    assert callable(resolve_name(f"wayfarer.views.{form.writer}"))
+def test_what_a_format_needs_has_an_extra(form: ExportFormat) -> None:
     assert form.needs is None or form.needs in NEEDS
-    assert form.meaning in FORMATS_HELP

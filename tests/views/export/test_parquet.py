@@ -71,7 +71,7 @@ def test_column_that_every_table_has_is_of_one_type(tmp_path: Path, name: str, k
     assert told[name].to_pylist() == [value]
     bare = table(tmp_path / "bare", tick(0.0, episodes=None))
     assert bare.schema.field(name).type == kind
-    assert tuple(bare.column_names) == COLUMNS
+    assert tuple(bare.column_names) == tuple(COLUMNS)
 
 
 def test_another_algorithms_memory_has_the_type_of_its_values(tmp_path: Path) -> None:

@@ -15,15 +15,11 @@ from rosbags.highlevel import AnyReader
 
 from tests.views.test_enu import Vector, body_axis
 from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, outcome, record, tick, write
-from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput
-from wayfarer.experiments.trial import run_trial
-from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Tick
-from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.views.enu import enu_rotation
 from wayfarer.views.export.export import ExportFormat, export
 from wayfarer.views.export.wall_time import nanoseconds
@@ -59,9 +55,8 @@ def by_mcap(bag: Path) -> Messages:
 
 
 def exported(folder: Path, *records: Record) -> Messages:
-    run, bag = folder / "run", folder / "17.rosbag2"
-    header = HEADER | {"config": {"vehicle": VEHICLE}}
-    assert export(write(run, [header, *records]), ExportFormat.rosbag2, bag, overwrite=False) == Damage()
+    bag, header = folder / "17.rosbag2", HEADER | {"config": {"vehicle": VEHICLE}}
+    assert export(write(folder / "run", [header, *records]), ExportFormat.rosbag2, bag, overwrite=False) == Damage()
     return by_mcap(bag)
 
 
@@ -76,17 +71,9 @@ def turned(q: Any, axis: Vector) -> Vector:
     return body_axis([q.x, q.y, q.z, q.w], axis)
 
 
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The log of a simulated trial with a few episodes."""
-    folder = tmp_path_factory.mktemp("run")
-    run_trial(TrialSpec(3, "forest-pledge", generate_forest(1, 0, 0), 5, load_rover("sim"), budget_m=25.0), folder)
-    return folder
-
-
-def test_two_readers_read_the_same_of_a_whole_run(run: Path, tmp_path: Path) -> None:
+def test_two_readers_read_the_same_of_a_whole_run(trial_log: Path, tmp_path: Path) -> None:
     bag = tmp_path / "17.rosbag2"
-    assert export(run, ExportFormat.rosbag2, bag, overwrite=False) == Damage()
+    assert export(trial_log, ExportFormat.rosbag2, bag, overwrite=False) == Damage()
     assert {each.name for each in bag.iterdir()} == {"metadata.yaml", "17.rosbag2.mcap"}
     first, second = by_rosbags(bag), by_mcap(bag)
     assert first.keys() == second.keys() == {"/imu/data", "/odom", "/cmd_vel", "/diagnostics"}
@@ -98,11 +85,11 @@ def test_two_readers_read_the_same_of_a_whole_run(run: Path, tmp_path: Path) -> 
         )  # fmt: skip
 
 
-def test_odometry_is_dead_reckoning_and_its_twist_adds_up_to_it(run: Path, tmp_path: Path) -> None:
+def test_odometry_is_dead_reckoning_and_its_twist_adds_up_to_it(trial_log: Path, tmp_path: Path) -> None:
     bag = tmp_path / "17.rosbag2"
-    export(run, ExportFormat.rosbag2, bag, overwrite=False)
+    export(trial_log, ExportFormat.rosbag2, bag, overwrite=False)
     fold = RunFold()
-    told = [event for each in RunReader(run) for event in fold.take(each)]
+    told = [event for each in RunReader(trial_log) for event in fold.take(each)]
     places = [event.place for event in told if isinstance(event, Tick) and event.place]
     messages = [message for _, message in by_mcap(bag)["/odom"]]
     assert len(messages) == len(places) - 1

@@ -11,7 +11,7 @@ import pytest
 from tests.views.text.records import HEADER, drive, event, outcome, record, tick, write
 from wayfarer.fieldlog.schema import Record
 from wayfarer.views.export.export import ExportFormat
-from wayfarer.views.export.tables import COLUMNS
+from wayfarer.views.export.tables import COLUMNS, without_formulas
 
 COMPASS = {"t_s": 101.0, "heading_deg": 3.0, "pitch_deg": 1.0, "roll_deg": -1.0, "calibration": None}
 CONTACT = {"t_s": 101.0, "sides": ["front", "left"], "obstacle_bearing_deg": 80.0}
@@ -39,7 +39,7 @@ def test_each_tick_is_a_row_with_flat_columns(tmp_path: Path) -> None:
 
 
 def test_every_table_has_the_same_columns_and_another_memory_is_added(tmp_path: Path) -> None:
-    assert tuple(rows(table(tmp_path, *drive(0.0, 1.0)))[0]) == COLUMNS
+    assert tuple(rows(table(tmp_path, *drive(0.0, 1.0)))[0]) == tuple(COLUMNS)
     assert tuple(rows(table(tmp_path / "2", tick(0.0), tick(1.0, mood="good")))[0]) == (*COLUMNS, "mood")
 
 
@@ -93,3 +93,34 @@ def test_path_is_in_the_table(tmp_path: Path) -> None:
     assert (last["reckoned_north_m"], last["reckoned_east_m"]) == ("0.0", "2.0")
     (lost,) = rows(table(tmp_path / "2", tick(0.0, heading_deg=None)))
     assert (lost["reckoned_north_m"], lost["reckoned_east_m"]) == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ('=HYPERLINK("http://x")', '\'=HYPERLINK("http://x")'),
+        ("+1+1", "'+1+1"),
+        ("-1+1", "'-1+1"),
+        ("@SUM(1)", "'@SUM(1)"),
+        ("\uff1d1", "'\uff1d1"),
+        (" =1", "' =1"),
+        ("\t=1", "'\t'=1"),  # some begin a cell after a tab
+        ("a\t=1", "a\t'=1"),
+        ("\ttext", "'\ttext"),
+        ("\rtext", "'\r" + "text"),
+        ("blocked;=1", "blocked;'=1"),
+        ("blocked; @x; -y", "blocked;' @x;' -y"),
+        ("blocked\n=1", "blocked\n'=1"),
+        ("-1.5\n=1", "'-1.5\n'=1"),
+    ],
+)
+def test_what_a_spreadsheet_would_run_is_quoted(text: str, shown: str) -> None:
+    assert without_formulas(text) == shown
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "blocked", "nose_up; touched", "a=b", "Mark: =1", "-1.5", "+2", "-1e-05", "-inf", "-1.5; -2", "wheels; -0.5"],
+)
+def test_other_texts_and_numbers_stay(text: str) -> None:
+    assert without_formulas(text) == text

@@ -14,7 +14,7 @@ from typing import cast
 import pytest
 
 from tests.views.foxglove.logs import tick
-from tests.views.foxglove.test_server import connected
+from tests.views.foxglove.test_server import UPGRADE, connected
 from tests.views.live.daemons import poll, running
 from wayfarer.cli.viewer_options import viewers
 from wayfarer.daemon.socket.protocol import Commands
@@ -26,10 +26,6 @@ pytestmark = pytest.mark.process
 
 COMMANDS = cast(Commands, None)  # a viewer that only shows has no use for them
 RUN_ENDS_S = 2.0  # README: after SIGTERM
-UPGRADE = (
-    b"GET / HTTP/1.1\r\nHost: rover\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
-    b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Protocol: foxglove.sdk.v1\r\n\r\n"
-)
 SAID = (b"", UPGRADE[:40], UPGRADE)  # by clients that say nothing, half a request, and that read nothing
 
 

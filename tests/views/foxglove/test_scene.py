@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from foxglove.messages import FrameTransform, SceneUpdate, Timestamp
 
-from tests.views.foxglove.protobuf import Descriptors
+from tests.views.foxglove.readers import Descriptors
 from tests.views.test_enu import AHEAD, Vector, body_axis
 from wayfarer.views.foxglove.scene import body_scene, forest_scene, orientation, transform
 

@@ -10,7 +10,6 @@ import sys
 from base64 import b64decode
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from pathlib import Path
 from struct import unpack_from
 from typing import Any, Protocol
 
@@ -18,13 +17,17 @@ import pytest
 from aiohttp import ClientConnectionError, ClientSession, ClientWebSocketResponse, ClientWSTimeout, WSMsgType
 
 from tests.views.foxglove.logs import HEADER, tick
-from tests.views.foxglove.protobuf import Descriptors
+from tests.views.foxglove.readers import Descriptors
 from tests.views.foxglove.test_scene import WORLD
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.schema import Record
 from wayfarer.views.foxglove.server import CONNECTIONS, FoxgloveServer
 
 PROTOCOL = "foxglove.sdk.v1"
+UPGRADE = (
+    b"GET / HTTP/1.1\r\nHost: rover\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+    b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Protocol: foxglove.sdk.v1\r\n\r\n"
+)
 MESSAGE, TIME = 1, 2  # the first byte of what the server sends
 PATIENCE_S = 10.0
 Message = tuple[str, int, dict[str, Any]]
@@ -164,8 +167,6 @@ async def test_web_page_from_elsewhere_is_let_in_as_the_docs_say() -> None:
         session.ws_connect(address(live.port), protocols=[PROTOCOL], headers=foreign) as websocket,
     ):
         assert (await websocket.receive_json(timeout=PATIENCE_S))["op"] == "serverInfo"
-    said = (Path(__file__).parents[3] / "docs" / "foxglove.md").read_text(encoding="utf-8")
-    assert "Any web page in a browser on that computer can read the track" in said
 
 
 async def test_viewer_that_ceases_to_read_holds_up_nobody() -> None:
@@ -178,17 +179,13 @@ async def test_viewer_that_ceases_to_read_holds_up_nobody() -> None:
             assert "/pose" in await client.see(live, "/pose")
 
 
-LOST_VIEWER = """
-import socket, struct, sys, threading
+LOST_VIEWER = f"""
+import socket, struct, threading
 from wayfarer.views.foxglove.server import FoxgloveServer
 
 live = FoxgloveServer(port=0)
 with socket.create_connection(("127.0.0.1", live.port)) as viewer:
-    viewer.sendall(
-        b"GET / HTTP/1.1\\r\\nHost: rover\\r\\nUpgrade: websocket\\r\\nConnection: Upgrade\\r\\n"
-        b"Sec-WebSocket-Version: 13\\r\\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\\r\\n"
-        b"Sec-WebSocket-Protocol: foxglove.sdk.v1\\r\\n\\r\\n"
-    )
+    viewer.sendall({UPGRADE!r})
     assert viewer.recv(12) == b"HTTP/1.1 101"
     viewer.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # the wireless is gone
 threading.Event().wait(0.3)
@@ -226,15 +223,6 @@ async def test_connections_beyond_the_limit_are_all_closed_and_viewers_come_back
                 writer.close()
             async with connected(live.port) as again:
                 assert "/pose" in await again.see(live, "/pose")
-
-
-def test_port_in_use_is_one_line_before_anything_runs(taken_port: int) -> None:
-    with pytest.raises(BadInput) as refused:
-        FoxgloveServer(port=taken_port)
-    assert str(refused.value) == (
-        f"port {taken_port} on 127.0.0.1 is in use; "
-        "see what has it with ss -ltnp, or choose another with --foxglove-port"
-    )
 
 
 def test_address_of_another_computer_is_refused_with_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -142,15 +142,15 @@ async def test_page_is_one_file_that_may_load_nothing_and_run_nothing_else(site:
     assert (response.status, response.content_type) == (200, "text/html")
 
 
-@pytest.mark.parametrize("path", ["favicon.ico", "page/page.css", "ws/", "../server.py", "%2e%2e/server.py", "static/"])
-async def test_there_is_nothing_else(site: Site, path: str) -> None:
-    async with site.client.get(URL(site.url + path, encoded=True)) as response:
-        assert response.status == 404
+PATHS = ("favicon.ico", "page/page.css", "ws/", "../server.py", "%2e%2e/server.py", "static/")
+METHODS = ("POST", "PUT", "DELETE", "OPTIONS", "HEAD")
 
 
-@pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS", "HEAD"])
-async def test_it_is_only_read(site: Site, method: str) -> None:
-    async with site.client.request(method, site.url, data=b"x" * 100) as response:
+@pytest.mark.parametrize(
+    ("method", "path"), [*(("GET", path) for path in PATHS), *((method, "") for method in METHODS)]
+)
+async def test_there_is_nothing_else_and_it_is_only_read(site: Site, method: str, path: str) -> None:
+    async with site.client.request(method, URL(site.url + path, encoded=True), data=b"x" * 100) as response:
         assert response.status == 404
 
 

@@ -8,12 +8,14 @@ from html import unescape
 from pathlib import Path
 from typing import Any
 
+from tests.views.page.outline import Outline
 from tests.views.text import records
 from tests.views.text.records import event, numbered, outcome, record, write
 from wayfarer.fieldlog.schema import Record
-from wayfarer.views.run_report.data import RunData
-from wayfarer.views.run_report.load_run import read_run
+from wayfarer.views.run_report.data import RunData, read_run
+from wayfarer.views.run_report.quantities import PANELS
 from wayfarer.views.run_report.run import write_run_report
+from wayfarer.views.run_report.series import Line
 
 HEADER: Record = records.HEADER | {
     "config": {
@@ -58,6 +60,16 @@ def episode() -> list[Record]:
     return ticks
 
 
+def by_time(*all_records: Record) -> list[Record]:
+    return sorted(all_records, key=lambda each: float(each["t_s"]))
+
+
+def simulated_drive() -> list[Record]:
+    """A drive in a simulated forest, and where the rover truly was: a metre and a half a second to the north."""
+    truth = [record("truth", 0.2 * step, x_m=25.0, y_m=12.5 + 0.3 * step, heading_deg=0.0) for step in range(20)]
+    return [{**HEADER, "simulated": True, "world": WORLD}, *by_time(*drive(), *truth)]
+
+
 def without(all_records: Iterable[Record], first: int, end: int) -> list[Record]:
     """Records with their numbers, and a part of them lost."""
     found = numbered(all_records)
@@ -80,6 +92,19 @@ def page_of(tmp_path: Path, *all_records: Record, tail: bytes = b"") -> str:
 def data_of(tmp_path: Path, *all_records: Record) -> RunData:
     """What the page is made of, not drawn."""
     return read_run(write_log(tmp_path / "00001-run", all_records))
+
+
+def check_page(page: str) -> None:
+    """A page is whole, and asks no network for anything."""
+    assert all(re.match(r"geo:|https://www\.openstreetmap\.org/", link) for link in Outline(page).links)
+    assert "@import" not in bare(page)
+    assert "url(" not in bare(page)
+
+
+def line_of(name: str, data: RunData) -> Line | None:
+    """A line of the time panels; None where the log does not have it."""
+    (quantity,) = (each for panel in PANELS for each in panel.quantities if each.name == name)
+    return quantity.line(data)
 
 
 def bare(page: str) -> str:

@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Page
 
 from tests.browser import SIZES, OpenPage, drag, plotted
-from tests.views.run_report.logs import ARMED, HEADER, OUTCOME, episode, fix, tick, write_log
+from tests.views.run_report.logs import ARMED, HEADER, OUTCOME, by_time, episode, fix, tick, write_log
 from tests.views.text.records import event, outcome
 from wayfarer.views.run_report.run import write_comparison, write_run_report
 
@@ -22,8 +22,7 @@ TEXT = "<b>a mark</b> without an end" + "d" * 120
 def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """A run with an episode and a mark, and one that turned east."""
     folder = tmp_path_factory.mktemp("runs")
-    first = [HEADER, ARMED, *episode(), fix(2.0, 2.0), event("mark", 4.5, text=TEXT), OUTCOME]
-    first.sort(key=lambda each: float(each["t_s"]))
+    first = by_time(HEADER, ARMED, *episode(), fix(2.0, 2.0), event("mark", 4.5, text=TEXT), OUTCOME)
     second = [HEADER, ARMED, *(tick(0.05 * at, heading_deg=90.0) for at in range(60)), outcome(2.95)]
     return [write_log(folder / f"0001{each}-20261121T061405Z", records) for each, records in ((7, first), (8, second))]
 

@@ -93,7 +93,6 @@ def flipped(record: Record, was: bytes, becomes: bytes) -> list[Record | bytes]:
 @pytest.mark.parametrize(
     ("records", "damage"),
     [
-        ([*LONG[: MIDDLE + 1], *LONG[MIDDLE:]], Damage(disordered=1)),
         ([*LONG[: MIDDLE + 1], *LONG[50:100], *LONG[MIDDLE + 1 :]], Damage(disordered=50)),
         ([*LONG, *LONG], Damage(disordered=len(LONG) - 1)),
         (
@@ -102,8 +101,6 @@ def flipped(record: Record, was: bytes, becomes: bytes) -> list[Record | bytes]:
         ),
         (changed(LONG[MIDDLE], t_s=LONG[MIDDLE]["t_s"] + 1e9), Damage(wrong=1, missing=1)),
         (flipped(LONG[MIDDLE], b'"t_s":1', b'"t_s":9'), Damage(changed=1, missing=1)),
-        (flipped(LONG[MIDDLE], b'"t_s":1', b'"t_s":0.1'), Damage(changed=1, missing=1)),
-        (flipped(LONG[MIDDLE], b'"n":', b'"n":900'), Damage(changed=1, missing=1)),
         (changed(LONG[MIDDLE], heading_deg=1e308), Damage(wrong=1, missing=1)),
         (changed(LONG[MIDDLE], travelled_m="far"), Damage(wrong=1, missing=1)),
         (changed(LONG[MIDDLE], applied_left=True), Damage(wrong=1, missing=1)),

@@ -6,7 +6,7 @@ every run, so that runs can be read together. What an algorithm remembers are nu
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -14,15 +14,12 @@ from typing import Any, BinaryIO
 import pyarrow as pa
 from pyarrow import parquet
 
-from wayfarer.fieldlog.kinds import KEYS
 from wayfarer.fieldlog.reader import Damage, RunReader
-from wayfarer.fieldlog.schema import ANY_NUMBER, STAMP, TEXT, Values
-from wayfarer.views.export.tables import COLUMNS, PART_COLUMNS, cell, further_columns, table_rows
+from wayfarer.fieldlog.schema import Values
+from wayfarer.views.export.tables import COLUMNS, cell, further_columns, table_rows
 
 BLOCK_ROWS = 10_000  # that are in memory at once: 500 s of ticks at 20 Hz
 INT64 = range(-(2**63), 2**63)
-
-
 FLAG, WHOLE, REAL, WORDS = pa.bool_(), pa.int64(), pa.float64(), pa.string()
 
 
@@ -34,7 +31,7 @@ def write_parquet(run: Path, file: BinaryIO) -> Damage:
         OSError: the file takes no more.
     """
     reader = RunReader(run)
-    columns = _columns(further_columns(reader, KNOWN))
+    columns = _columns(further_columns(reader))
     schema = pa.schema(columns)
     rows = table_rows(RunReader(run))
     with parquet.ParquetWriter(file, schema) as table:
@@ -59,8 +56,8 @@ def _held(kind: pa.DataType, value: Any) -> Any:
 
 def _columns(further: Mapping[str, set[type]]) -> dict[str, pa.DataType]:
     """Return the columns of a table with their types: those of the log's schema, or what stands in the log."""
-    names = dict.fromkeys([*COLUMNS, *further])
-    return {name: KNOWN.get(name) or _holding(further.get(name, set())) for name in names}
+    known = {name: _of(values) if values else _holding(further.get(name, set())) for name, values in COLUMNS.items()}
+    return known | {name: _holding(types) for name, types in further.items() if name not in COLUMNS}
 
 
 def _holding(types: set[type]) -> pa.DataType:
@@ -76,15 +73,3 @@ def _of(values: Values) -> pa.DataType:
     if str in values.types or list in values.types:
         return WORDS
     return REAL if float in values.types else WHOLE
-
-
-def _known() -> Iterator[tuple[str, Values]]:
-    """Give the columns whose values the log's schema knows."""
-    yield from STAMP.items()
-    yield "event", TEXT
-    yield from ((name, ANY_NUMBER) for name in ("elapsed_s", "reckoned_north_m", "reckoned_east_m"))
-    yield from KEYS["tick"].items()
-    yield from PART_COLUMNS.items()
-
-
-KNOWN = {name: _of(values) for name, values in _known() if name in COLUMNS}

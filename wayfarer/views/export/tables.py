@@ -3,13 +3,18 @@
 ``csv_rows`` has flat columns with units. ``elapsed_s`` is the time by which all tools name a moment. Columns of
 ``tick`` keep their names, readings are flattened (``compass_heading_deg``), and what other records say stands in the
 row of the first tick after it, under the record's name (``board_battery_v``, ``truth_x_m``); events are joined in
-``event``. Records after the last tick are in one more row. No text is a formula to a spreadsheet.
+``event``. Records after the last tick are in one more row.
+
+A spreadsheet runs a cell that begins with ``=``, ``+``, ``-`` or ``@``: ``=HYPERLINK(...)`` sends what is in the table
+to its author. Logs and scenarios may come from somebody else, so an apostrophe goes before such a text, as OWASP
+recommends (https://owasp.org/www-community/attacks/CSV_Injection). A number, which may begin with a sign, is none.
 """
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Container, Iterable, Iterator, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TextIO
@@ -19,10 +24,9 @@ from wayfarer.fieldlog.printable import escape_control_chars
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.run_events import Ended, FaultInjected, Noted
 from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.fieldlog.schema import Record, Values
+from wayfarer.fieldlog.schema import ANY_NUMBER, STAMP, TEXT, Record, Values
 from wayfarer.fieldlog.typed import Tick
 from wayfarer.fieldlog.wording import event_text, fault_text, outcome_text
-from wayfarer.views.export.spreadsheet import without_formulas
 
 # What readings and other records say, under their names.
 PART_COLUMNS: Mapping[str, Values] = {
@@ -30,17 +34,30 @@ PART_COLUMNS: Mapping[str, Values] = {
     for kind in ("compass", "motion", "contact", "board", "position", "computer", "truth")
     for key, values in {**KEYS, **READINGS}[kind].items()
 }
-# Always there and in this order, so that the tables of two runs can be put below each other.
-COLUMNS = (
-    "elapsed_s", "t_s", "t_wall", "n", "event",
-    "phase", "why", "anomalies", "heading_deg", "goal_heading_deg", "pitch_deg", "roll_deg", "travelled_m",
-    "covered_m", "reckoned_north_m", "reckoned_east_m",
-    "wanted_left", "wanted_right", "applied_left", "applied_right", "level", "cause",
-    "counter_deg", "side", "turn_deg", "episodes", "blocked_turns", "turn_from_duty", "decision_t_s",
-    *PART_COLUMNS,
-)  # fmt: skip
-STAMP = ("t_s", "t_wall", "n")
+_KNOWN: Mapping[str, Values] = {
+    **STAMP, "event": TEXT, **dict.fromkeys(("elapsed_s", "reckoned_north_m", "reckoned_east_m"), ANY_NUMBER),
+    **KEYS["tick"], **PART_COLUMNS,
+}  # fmt: skip
+# Always there and in this order, so that the tables of two runs can be put below each other; with the values that the
+# log's schema knows, None for what an algorithm remembers.
+COLUMNS: Mapping[str, Values | None] = {
+    name: _KNOWN.get(name)
+    for name in (
+        "elapsed_s", "t_s", "t_wall", "n", "event",
+        "phase", "why", "anomalies", "heading_deg", "goal_heading_deg", "pitch_deg", "roll_deg", "travelled_m",
+        "covered_m", "reckoned_north_m", "reckoned_east_m",
+        "wanted_left", "wanted_right", "applied_left", "applied_right", "level", "cause",
+        "counter_deg", "side", "turn_deg", "episodes", "blocked_turns", "turn_from_duty", "decision_t_s",
+        *PART_COLUMNS,
+    )
+}  # fmt: skip
 WORDS = {"run", "event", "fault", "outcome"}  # what is told in words, or is in every part of a log
+_NUMBER = r"[+-](?:[0-9]+\.?[0-9]*(?:e[+-]?[0-9]+)?|inf)"
+# Where the decimal separator is a comma, spreadsheets begin a cell after each semicolon, some after a tab. Full-width
+# signs count too.
+_FORMULA = re.compile(
+    rf"(?:^|(?<=[;\t\r\n]))(?=[\t\r\n]|\s*[=+\-@\uff1d\uff0b\uff0d\uff20])(?!\s*{_NUMBER}\s*(?:;|\Z))"
+)
 Row = dict[str, Any]  # by column: a number, a flag, a text, a list of these, or None
 
 
@@ -58,18 +75,18 @@ def write_csv(run: Path, file: TextIO) -> Damage:
 
 def csv_rows(records: Iterable[Record], further: Iterable[str] = ()) -> Iterator[list[str]]:
     """Give the titles, then a row for each tick; ``further`` are columns beyond those that every table has."""
-    columns = [*COLUMNS, *further]
+    columns = dict.fromkeys([*COLUMNS, *further])
     yield [without_formulas(column) for column in columns]
     for row in table_rows(records):
         yield [_spreadsheet_cell(row.get(column)) for column in columns]
 
 
-def further_columns(records: Iterable[Record], known: Container[str] = frozenset(COLUMNS)) -> dict[str, set[type]]:
-    """Return columns that are not known, as those of another algorithm's memory, with the types of their values."""
+def further_columns(records: Iterable[Record]) -> dict[str, set[type]]:
+    """Return the columns whose values the log's schema does not know, as an algorithm's memory, with their types."""
     found: dict[str, set[type]] = {}
     for record in records:
         for column, value in _columns_of(record).items():
-            if column not in known:
+            if COLUMNS.get(column) is None:
                 found.setdefault(column, set()).add(type(value))
     return found
 
@@ -164,3 +181,9 @@ def cell(value: object) -> str:
 def _spreadsheet_cell(value: object) -> str:
     text = cell(value)
     return without_formulas(text) if isinstance(value, str | list) else text
+
+
+@lru_cache(maxsize=1000)
+def without_formulas(text: str) -> str:
+    """Return the text of a cell, or of a column's title, so that a spreadsheet shows it and runs nothing."""
+    return _FORMULA.sub("'", text)

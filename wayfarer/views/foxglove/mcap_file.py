@@ -55,17 +55,14 @@ class _Sink:
             raise self._error
 
     def write(self, data: bytes | bytearray) -> int:
-        """Write."""
         with self._remembered():
             return self._file.write(data)
 
     def seek(self, offset: int, whence: int = 0) -> int:
-        """Seek."""
         with self._remembered():
             return self._file.seek(offset, whence)
 
     def flush(self) -> None:
-        """Flush."""
         with self._remembered():
             self._file.flush()
 

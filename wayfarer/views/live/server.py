@@ -222,7 +222,6 @@ class _RejectedConnection(asyncio.Protocol):
     """Ends a connection for which there is no room."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """End it."""
         transport.close()
 
 

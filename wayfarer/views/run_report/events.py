@@ -8,10 +8,11 @@ from typing import Any, NamedTuple
 
 from wayfarer.fieldlog.run_events import Noted, Silence
 from wayfarer.fieldlog.vocabulary import in_words
-from wayfarer.fieldlog.wording import Tone, event_text, event_tone, silence_text
+from wayfarer.fieldlog.wording import Tone
 from wayfarer.views import palette
 from wayfarer.views.page.html import PlotLayer
 from wayfarer.views.run_report.data import RunData
+from wayfarer.views.text.run_narrator import happened
 
 LAYERS = (
     PlotLayer("anomaly", "anomalies", palette.ANOMALY),
@@ -20,8 +21,6 @@ LAYERS = (
     PlotLayer("person", "operator", palette.PERSON),
     PlotLayer("other", "other", palette.GREY, shown=False),
 )
-
-
 EDGE: Mapping[str, Any] = {"line_color": palette.EDGE, "line_width": 0.8}
 LOOK: Mapping[str, Any] = {"marker": "shape", "angle": "turned", **EDGE}
 
@@ -57,28 +56,33 @@ def _anomalies(data: RunData) -> Iterator[EventMark]:
 
 def _events(data: RunData) -> Iterator[EventMark]:
     for event in data.events:
-        if isinstance(event, Silence):
-            yield EventMark(event.began_s, "trouble", event_words(event))
-        elif event.name == "mark":
-            yield EventMark(event.elapsed_s, "mark", event_words(event), "hex")
+        at_s = event.began_s if isinstance(event, Silence) else event.elapsed_s
+        text = event_words(event)
+        if _is_mark(event):
+            yield EventMark(at_s, "mark", text, "hex")
+        elif is_trouble(event):
+            yield EventMark(at_s, "trouble", text)
         else:
-            asked_for = event_tone(event.record) is Tone.PERSON
-            layer = "trouble" if is_trouble(event) else "person" if asked_for else "other"
-            yield EventMark(event.elapsed_s, layer, event_words(event))
+            yield EventMark(at_s, "person" if _told(event)[1] is Tone.PERSON else "other", text)
 
 
 def event_words(event: Noted | Silence) -> str:
-    """Return an event in words; a person's mark with its number."""
-    if isinstance(event, Silence):
-        return silence_text(event)
-    if event.name == "mark":
+    """Return an event in the words of a terminal; a person's mark with its number."""
+    if isinstance(event, Noted) and _is_mark(event):
         return f"mark {event.number}: {event.text}".rstrip(": ")
-    return event_text(event.record)
+    return _told(event)[0]
 
 
 def is_trouble(event: Noted | Silence) -> bool:
     """Return whether an event tells of something that went wrong; a hold that an operator asked for did not."""
-    if isinstance(event, Silence):
-        return True
-    tone = event_tone(event.record)
-    return tone in (Tone.WARNING, Tone.FAULT) and event.record.get("cause") != "operator_hold"
+    operator_hold = isinstance(event, Noted) and event.record.get("cause") == "operator_hold"
+    return _told(event)[1] in (Tone.WARNING, Tone.FAULT) and not operator_hold
+
+
+def _is_mark(event: Noted | Silence) -> bool:
+    return isinstance(event, Noted) and event.name == "mark"
+
+
+def _told(event: Noted | Silence) -> tuple[str, Tone]:
+    ((text, tone),) = happened(event)  # of these two kinds always one line
+    return text, tone

@@ -1,4 +1,7 @@
-"""The time panels of one run or of two: they share the range of time, the cursor and the background."""
+"""The time panels of one run or of two: they share the range of time, the cursor and the background.
+
+Behind the lines are the phases as bands and the events as lines; the first panel is that of the events.
+"""
 
 from __future__ import annotations
 
@@ -7,27 +10,31 @@ from math import isnan
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from bokeh.models import CustomJSTickFormatter, DataRange1d, Range1d
+from bokeh.models import AdaptiveTicker, CustomJSTickFormatter, DataRange1d, Range1d
 from bokeh.models.annotations import Span
+from bokeh.models.renderers import GlyphRenderer
+from bokeh.plotting import ColumnDataSource
 from markupsafe import Markup
 
+from wayfarer.fieldlog.vocabulary import LEVEL_TEXTS, in_words
 from wayfarer.views import palette
 from wayfarer.views.page import html
-from wayfarer.views.page.plots import Figure, Plots, hover, source
-from wayfarer.views.run_report.data import RunData
+from wayfarer.views.page.plots import Figure, Plots, hover, layer, plot, source
+from wayfarer.views.run_report.data import LEVEL_NUMBERS, PHASES, RunData
+from wayfarer.views.run_report.events import LAYERS, LOOK, columns, event_marks
 from wayfarer.views.run_report.quantities import Panel, panels_of
-from wayfarer.views.run_report.series import Line, around, thinned
-from wayfarer.views.run_report.time_axis import (
-    PanelBackground,
-    background,
-    events_panel,
-    panel_background,
-    time_panel,
-    time_range,
-)
+from wayfarer.views.run_report.series import Line, around, spans, thinned
 
 HEIGHT_PX = 120
 LOG_FROM = 8.0  # times the usual period: then the axis is logarithmic
+SHADE = 0.16  # of a phase's colour, behind the lines
+ROW_PX, AXIS_PX = 18, 26
+NARROWEST_S = 1.0  # of what can be zoomed to: ticks are whole seconds
+CLOCK = """
+const two = (part) => String(part).padStart(2, "0");
+const minutes = Math.floor(tick / 60), seconds = two(tick % 60);
+return minutes < 60 ? `${minutes}:${seconds}` : `${Math.floor(minutes / 60)}:${two(minutes % 60)}:${seconds}`;
+"""
 
 
 class PanelLine(NamedTuple):
@@ -44,8 +51,8 @@ def draw_panels(runs: Sequence[RunData], plots: Plots) -> Iterator[Markup]:
     found = [(panel, lines) for panel in panels_of(runs) if (lines := list(_lines_of(panel, runs)))]
     if not found:
         return
-    time, shared = time_range(runs), [panel_background(data) for data in runs]
-    yield html.key("events", []) + plots.place(events_panel(runs, time, shared))
+    time, shared = _time_range(runs), [_panel_background(data) for data in runs]
+    yield html.key("events", []) + plots.place(_events_panel(runs, time, shared))
     for panel, lines in found:
         key = [(each.name, each.look["line_color"]) for each in lines if len(runs) == 1]
         title = f"{panel.title}, {panel.unit}" if panel.unit else panel.title
@@ -64,8 +71,8 @@ def _lines_of(panel: Panel, runs: Sequence[RunData]) -> Iterator[PanelLine]:
 def _draw(
     panel: Panel, lines: Sequence[PanelLine], runs: Sequence[RunData], time: Range1d, shared: Sequence[PanelBackground]
 ) -> Figure:
-    made = time_panel(panel.title, HEIGHT_PX, time, y_axis_type=_axis_type(panel, lines))
-    background(made, shared)
+    made = _time_panel(panel.title, HEIGHT_PX, time, y_axis_type=_axis_type(panel, lines))
+    _background(made, shared)
     centre = panel.centre(runs[0]) if panel.centre else None
     renderers = []
     for run, name, line, look in lines:
@@ -93,3 +100,112 @@ def _draw(
 def _axis_type(panel: Panel, lines: Sequence[PanelLine]) -> Literal["linear", "log"]:
     values = np.concatenate([each.line[1] for each in lines])
     return "log" if panel.unit == "ms" and np.nanmax(values) > LOG_FROM * np.nanmedian(values) else "linear"
+
+
+# -- what all panels have, and the panel of events ------------------------------------------------------------------
+
+
+def _time_range(runs: Sequence[RunData]) -> Range1d:
+    """Return the range that all panels share: the longest of the runs, which all begin at 0."""
+    end_s = max([1.0, *(data.summary.lasted_s for data in runs)])
+    return Range1d(start=0.0, end=end_s, bounds=(0.0, end_s), min_interval=min(end_s, NARROWEST_S))
+
+
+def _time_panel(name: str, height_px: int, time: Range1d, **settings: Any) -> Figure:
+    """Return an empty panel with the cursor in it."""
+    made = plot(name, height_px, "width", x_range=time, toolbar_location=None, **settings)
+    made.min_border_left, made.min_border_right = 72, 8  # the same in all, so that times stand below each other
+    made.xaxis.ticker = AdaptiveTicker(base=60, mantissas=[1, 2, 5, 10, 15, 30], min_interval=1.0, desired_num_ticks=5)
+    made.xaxis.formatter = CustomJSTickFormatter(code=CLOCK)
+    made.xgrid.grid_line_color = None
+    made.tags = ["time"]
+    made.add_layout(Span(location=np.nan, dimension="height", line_color=palette.TROUBLE, tags=["cursor"]))
+    return made
+
+
+class PanelBackground(NamedTuple):
+    """The phases of one run by name, and its events by layer, for all panels."""
+
+    phases: Mapping[str, ColumnDataSource]
+    events: Mapping[str, ColumnDataSource]
+
+
+def _panel_background(data: RunData) -> PanelBackground:
+    """Return what all panels of a run show behind their lines."""
+    bands = spans(data.ticks, data.ticks["phase"])
+    inside = {phase: [each for each in bands if PHASES[int(each.value)] == phase] for phase in palette.PHASE_COLOURS}
+    told = event_marks(data)
+    found = {layer.name: [each for each in told if each.layer == layer.name] for layer in LAYERS}
+    return PanelBackground(
+        {phase: source(x0=[each.start_s for each in spans_], x1=[each.end_s for each in spans_])
+         for phase, spans_ in inside.items() if spans_},
+        {layer: source(**columns(each)) for layer, each in found.items() if each},
+    )  # fmt: skip
+
+
+def _background(made: Figure, shared: Sequence[PanelBackground]) -> None:
+    """Draw the phases of a single run, and its events but anomalies, behind a panel."""
+    if len(shared) > 1:
+        return
+    for phase, bands in shared[0].phases.items():
+        colour = palette.PHASE_COLOURS[phase]
+        layer(phase, made.vstrip("x0", "x1", source=bands, fill_color=colour, fill_alpha=SHADE, line_color=None))
+    for each in LAYERS:
+        if each.name != "anomaly" and each.name in shared[0].events:
+            look: Any = {"line_color": each.colour, "line_alpha": 0.6, "line_dash": [3, 3]}
+            layer(each.name, made.vspan("t", source=shared[0].events[each.name], **look))
+
+
+def _events_panel(runs: Sequence[RunData], time: Range1d, shared: Sequence[PanelBackground]) -> Figure:
+    """Return the panel of all events: a row for each layer and for when the wheels were held, of each run."""
+    rows = [
+        (run, name, text) for run, data in enumerate(runs)
+        for name, text in [*((layer.name, layer.text) for layer in LAYERS), ("held", "held")]
+        if name in shared[run].events or (name == "held" and _was_held(data))
+    ]  # fmt: skip
+    made = _time_panel(
+        "events", ROW_PX * max(1, len(rows)) + AXIS_PX, time, y_range=Range1d(start=len(rows) - 0.5, end=-0.5)
+    )
+    _background(made, shared)
+    made.ygrid.grid_line_color = None
+    made.yaxis.ticker = list(range(len(rows)))
+    made.yaxis.major_label_overrides = {at: text for at, (_, _, text) in enumerate(rows)}
+    drawn: list[GlyphRenderer[Any]] = []
+    for at, (run, name, _) in enumerate(rows):
+        if name == "held":
+            drawn += _held(made, runs[run], at)
+            continue
+        colour = palette.RUNS[run] if len(runs) > 1 else next(each.colour for each in LAYERS if each.name == name)
+        drawn.append(made.scatter("t", at, source=shared[run].events[name], size=9, fill_color=colour, **LOOK))
+        layer(name, drawn[-1])
+    made.add_tools(hover(drawn, ("what", "@what"), ("time", "@t{0.0} s")))
+    for run, data in enumerate(runs):
+        _states(made, run, data)
+    return made
+
+
+def _was_held(data: RunData) -> bool:
+    return bool((data.ticks["level"] >= LEVEL_NUMBERS["degrade"]).any())
+
+
+def _held(made: Figure, data: RunData, row: int) -> Iterator[GlyphRenderer[Any]]:
+    """Draw when the rover's own condition made the gate hold the wheels, or do with less."""
+    held = spans(data.ticks, data.ticks["level"])
+    for level, colour in palette.LEVEL_COLOURS.items():
+        bars = [each for each in held if each.value == LEVEL_NUMBERS[level]]
+        if bars:
+            words = [f"{LEVEL_TEXTS[level]}, for {each.end_s - each.start_s:.1f} s" for each in bars]
+            begins_s = [each.start_s for each in bars]
+            times = source(t=begins_s, right=[each.end_s for each in bars], what=words)
+            yield made.hbar(y=row, left="t", right="right", height=0.6, source=times, color=colour)
+
+
+def _states(made: Figure, run: int, data: RunData) -> None:
+    """Put in, unseen, what the cursor reads of phase and level: where each changes."""
+    phases = {index: in_words(phase) for index, phase in enumerate(PHASES)}
+    levels = {int(value): LEVEL_TEXTS[level] for level, value in LEVEL_NUMBERS.items()}
+    for name, words in (("phase", phases), ("level", levels)):
+        bands = spans(data.ticks, data.ticks[name])
+        changes = source(x=[band.start_s for band in bands], value=[words[int(band.value)] for band in bands])
+        read = {"run": run, "name": name, "unit": "", "decimals": 0}
+        made.scatter("x", 0, source=changes, alpha=0.0).tags = [read]

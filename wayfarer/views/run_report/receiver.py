@@ -23,9 +23,8 @@ FAR_M = 10_000.0  # fixes this far from the median are start-up errors
 # declination, which nobody corrects) or 20 % of the distance (slip). It has no source; in a run that is long against
 # the receiver's error it does not matter.
 FREEDOM = 0.2
-WANDER_S = (
-    60.0  # a receiver's error stays nearly the same for about so long, so its fixes count once a minute; no source
-)
+# A receiver's error stays nearly the same for about so long, so its fixes count once a minute. It has no source.
+WANDER_S = 60.0
 CAUCHY = 2.385  # standard deviations: 95 % efficient for normal errors (W. Rey, "Introduction to Robust Methods", 1983)
 RAYLEIGH = 1.1774  # the median distance in standard deviations of one axis
 ROUNDS = 30  # weights change by less than 1 % after some ten
@@ -86,6 +85,7 @@ def fit(fixes: Sequence[MapFix], origin: Coordinates) -> Fit | None:
     if not compared:
         return None
     fixed_m, lasted_s = places_of(compared, origin), compared[-1].t_s - compared[0].t_s
+    # Fixes that come often repeat the same error: each counts as this part of an independent one.
     independent = min(1.0, (1.0 + lasted_s / WANDER_S) / len(compared))
     apart_m = fixed_m - reckoned_m
     found = Fit(1.0, complex(np.median(apart_m.real), np.median(apart_m.imag)))
@@ -95,6 +95,7 @@ def fit(fixes: Sequence[MapFix], origin: Coordinates) -> Fit | None:
         weights = 1.0 / (1.0 + (missed_m / (CAUCHY * sigma_m)) ** 2)
         from_m, to_m = (np.average(places_m, weights=weights) for places_m in (reckoned_m, fixed_m))
         information = weights * independent / sigma_m**2
+        # The normal equation of one complex factor. Its prior is 1 (neither turned nor stretched): FREEDOM**-2 in both.
         along = np.sum(information * np.conj(reckoned_m - from_m) * (fixed_m - to_m)) + 1.0 / FREEDOM**2
         factor = along / (np.sum(information * np.abs(reckoned_m - from_m) ** 2) + 1.0 / FREEDOM**2)
         found = Fit(complex(factor), complex(to_m - factor * from_m))

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from importlib.resources import files
+from math import isnan
 from pathlib import Path
 
+import numpy as np
 from markupsafe import Markup
 
-from wayfarer.fieldlog.folders import run_title
+from wayfarer.fieldlog.fields import duration_text
+from wayfarer.fieldlog.folders import run_title, short_name
+from wayfarer.fieldlog.printable import escape_control_chars
 from wayfarer.views import palette
 from wayfarer.views.page import html
 from wayfarer.views.page.frame import PAGE, write_page
 from wayfarer.views.page.plots import Plots
-from wayfarer.views.run_report import words
-from wayfarer.views.run_report.data import RunData
+from wayfarer.views.run_report.data import RunData, read_run
 from wayfarer.views.run_report.events import LAYERS
-from wayfarer.views.run_report.load_run import read_run
 from wayfarer.views.run_report.map import map_plot
 from wayfarer.views.run_report.panels import draw_panels
 from wayfarer.views.run_report.tables import (
@@ -25,12 +27,36 @@ from wayfarer.views.run_report.tables import (
     episodes_table,
     events_list,
     facts_table,
+    run_facts,
     sensors_table,
     settings_table,
 )
 from wayfarer.views.run_report.track import Track, tracks_of
 
-(_run,) = html.macros("wayfarer.views.run_report", "run")
+_run, _place = html.macros("wayfarer.views.run_report", "run", "place")
+
+NO_WAY = "The log has no heading, so the path of the rover is unknown."
+NO_TICKS = "No time series: the log has no control ticks, or ticks without values."
+NO_FOREST = "The log is of a simulated run, but its forest or its true path is missing or cannot be read."
+BANDS = "Colours behind the lines: what the rover did; none: it stood."
+PANELS = (
+    "Drag over a panel to zoom, or use Ctrl and the wheel. Lines keep every extreme, and have gaps where data "
+    "are missing."
+)
+RECKONED = (
+    "The path by dead reckoning: measured motion, else the wheels' commands, and the compass. Slip stretches it, an "
+    "error of the compass turns it. Star: start; cross: end; arrow: goal."
+)
+TRUE = (
+    "The true path of the simulated rover (coloured), and its path by dead reckoning (dashed). Star: start; cross: "
+    "end; arrow: goal."
+)
+FIXES = "Small crosses: the receiver's fixes; thin circles: their error."
+FOREST = "Brown: fallen trunks; green dots: trees; green line: goal line."
+GAPS = (
+    "White diamonds: records are missing there, or no ticks came for a while. The motion in between is unknown; the "
+    "path continues from where it ended."
+)
 
 
 def write_run_report(run: Path, out: Path | None = None) -> Path:
@@ -43,14 +69,14 @@ def write_run_report(run: Path, out: Path | None = None) -> Path:
     """
     data, plots = read_run(run), Plots()
     body = [
-        html.facts(words.facts(data, run_title(run))),
-        _drawn([data], [words.number_of(run)], plots),
+        html.facts(run_facts(data, run_title(run))),
+        _drawn([data], [number_of(run)], plots),
         html.section("Anomalies and episodes", anomalies_table(data), episodes_table(data)),
         html.section("Conditions", conditions_table(data)),
         html.section("Events", events_list(data)),
         html.section("Sensors", sensors_table(data)),
     ]
-    return write_page(run / PAGE, words.title(data), body, plots, _cursor_js(), out=out)
+    return write_page(run / PAGE, _title(data), body, plots, _cursor_js(), out=out)
 
 
 def write_comparison(first: Path, second: Path, out: Path | None = None) -> Path:
@@ -60,7 +86,7 @@ def write_comparison(first: Path, second: Path, out: Path | None = None) -> Path
         BadInput: as ``write_run_report``.
     """
     runs, plots = [read_run(first), read_run(second)], Plots()
-    names = [words.number_of(first), words.number_of(second)]
+    names = [number_of(first), number_of(second)]
     body = [
         html.section("Figures", facts_table(runs, names)),
         _drawn(runs, names, plots),
@@ -70,11 +96,25 @@ def write_comparison(first: Path, second: Path, out: Path | None = None) -> Path
     return write_page(usual, f"Runs {names[0]} and {names[1]}", body, plots, _cursor_js(), out=out)
 
 
+def _title(data: RunData) -> str:
+    """Name the page."""
+    summary = data.summary
+    rover, algorithm = summary.rover or "unknown rover", summary.algorithm or "unknown algorithm"
+    how = "simulated run" if summary.simulated else "run"
+    return f"{rover}, {algorithm}: {duration_text(summary.lasted_s)} {how}"
+
+
+def number_of(run: Path) -> str:
+    """Return what a run is called in short: its number, else its folder."""
+    return escape_control_chars(short_name(run.resolve()))
+
+
 def _drawn(runs: Sequence[RunData], names: Sequence[str], plots: Plots) -> Markup:
     """Return the map, the time panels, and the cursor that they share; it begins at the end, with how that was."""
     track_map = list(_map(tracks_of(runs), names, plots))
     panels = list(draw_panels(runs, plots))
-    time_series = [html.paragraph(words.panels_text(runs)), *panels] if panels else [html.paragraph(words.NO_TICKS)]
+    how_to_read = f"{BANDS} {PANELS}" if len(runs) == 1 else PANELS  # two runs have no colours behind them
+    time_series = [html.paragraph(how_to_read), *panels] if panels else [html.paragraph(NO_TICKS)]
     ends_s = [data.summary.lasted_s for data in runs]
     end_s = max(1.0, *ends_s)
     told = [{"name": name, "end": end_s} for name, end_s in zip(names, ends_s, strict=True)]
@@ -83,18 +123,51 @@ def _drawn(runs: Sequence[RunData], names: Sequence[str], plots: Plots) -> Marku
 
 def _map(tracks: Sequence[Track], names: Sequence[str], plots: Plots) -> Iterator[Markup]:
     if not any(track.data.has_way or track.reckoned for track in tracks):
-        yield html.paragraph(words.NO_WAY)
+        yield html.paragraph(NO_WAY)
         return
     yield html.layers("Shown on the map and in the time series", _layers(tracks))
     if len(tracks) > 1:
         yield html.key("", zip(names, palette.RUNS, strict=True))
-    yield html.figure(plots.place(map_plot(tracks)), words.track_caption(tracks))
+    yield html.figure(plots.place(map_plot(tracks)), track_caption(tracks))
     for track, name in zip(tracks, names, strict=True):
         run = "" if len(tracks) == 1 else f"Run {name}: "
-        yield html.paragraph(words.fitted(track, run))
-        yield words.where_link(track, run)
+        yield html.paragraph(_fitted(track, run))
+        yield _where_link(track, run)
     if len(tracks) == 1 and tracks[0].data.summary.simulated and tracks[0].forest is None:
-        yield html.paragraph(words.NO_FOREST)
+        yield html.paragraph(NO_FOREST)
+
+
+def track_caption(tracks: Sequence[Track]) -> str:
+    """Explain the map."""
+    gaps = any(np.isnan(track.path.east_m).any() for track in tracks)
+    north = f"{'True' if tracks[0].origin else 'Magnetic'} north is up."
+    told = [TRUE] if tracks[0].reckoned else [RECKONED, north]
+    fixes = any(track.fixes for track in tracks)
+    return " ".join([*told, *[FOREST] * bool(tracks[0].forest), *[FIXES] * fixes, *[GAPS] * gaps])
+
+
+def _fitted(track: Track, run: str) -> str:
+    """Say how well dead reckoning does, as far as that is known; ``run`` names the run where there are two."""
+    parts = []
+    if not isnan(track.drift_m):
+        parts.append(f"At the end dead reckoning is {track.drift_m:.1f} m from the true path.")
+    if track.fit is not None:
+        pinned_m, fitted_m = track.missed_m()
+        parts.append(
+            f"Dead reckoning is laid onto all fixes at once: turned by {track.fit.turned_deg:.1f}° and stretched by "
+            f"{track.fit.stretched:.2f}. Median distance of the fixes from it: {fitted_m:.1f} m ({pinned_m:.1f} m if "
+            "it began at the first fix)."
+        )
+    return run + " ".join(parts) if parts else ""
+
+
+def _where_link(track: Track, run: str) -> Markup:
+    """Return where a run ended, and who says so, with links that the map of a telephone, or a browser, opens."""
+    if track.end_deg is None:
+        return Markup("")
+    latitude, longitude = (f"{degrees:.6f}" for degrees in track.end_deg)
+    whose = "End of the fitted path (the last fix is above, under “where”)" if track.fit else "The last fix"
+    return _place(run + whose, latitude, longitude)
 
 
 def _layers(tracks: Sequence[Track]) -> Iterator[html.PlotLayer]:

@@ -50,6 +50,7 @@ def thinned(line: Line, bins: int = BINS) -> Line:
     if t_s.size <= 2 * bins:
         return t_s, values
     part = np.minimum((t_s - t_s[0]) / (t_s[-1] - t_s[0]) * bins, bins - 1).astype(np.intp)
+    # A group is what is known within one of the times; sorted by value within it, its first and last are the extremes.
     group = np.cumsum(np.append(0, (np.diff(part) != 0) | (np.diff(unknown) != 0)))
     order = np.lexsort((values, group))
     firsts = np.flatnonzero(np.append(True, np.diff(group[order]) != 0))

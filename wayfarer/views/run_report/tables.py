@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import groupby
 from math import isnan
 
 from markupsafe import Markup
@@ -12,15 +13,30 @@ from wayfarer.fieldlog.episodes import Episode
 from wayfarer.fieldlog.fields import duration_text, table
 from wayfarer.fieldlog.sensor_status import SensorStatus
 from wayfarer.fieldlog.vocabulary import in_words, response_text
-from wayfarer.fieldlog.wording import sentence
+from wayfarer.fieldlog.wording import sentence, whole_deg
 from wayfarer.views.page import html
-from wayfarer.views.run_report import words
 from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.events import event_words, is_trouble
+from wayfarer.views.text.summary_text import summary_facts
 
 (_events,) = html.macros("wayfarer.views.run_report", "events")
 
 ROWS = 500  # of a table; the log has all of them
+LAST_GOALS = 5  # as many stand in the header
+SAME_SETTINGS = "Nothing: both runs had the same rover file."
+
+
+def run_facts(data: RunData, folder: str) -> Iterator[tuple[str, str]]:
+    """Yield what ran, when, how far and how it ended, as ``wayfarer logs summary`` tells it. Times are UTC."""
+    for title_, lines in summary_facts(folder, data.summary, data.damage, utc=True):
+        yield title_, "\n".join(lines)
+    yield "goal", _goal(data)
+    yield "seed", "unknown" if data.summary.seed is None else f"{data.summary.seed}"
+
+
+def _goal(data: RunData) -> str:
+    goals = [goal for goal, _ in groupby(f"{whole_deg(goal_deg)}°" for _, goal_deg in data.goals)]
+    return ", then ".join(goals[-LAST_GOALS:]) or "none"
 
 
 def anomalies_table(data: RunData) -> Markup:
@@ -113,7 +129,7 @@ def _rest(rows: Sequence[object]) -> Markup:
 
 def facts_table(runs: Sequence[RunData], names: Sequence[str]) -> Markup:
     """Return the facts of all runs, one column each; rows that differ are set in bold."""
-    facts = [dict(words.facts(data, name)) for data, name in zip(runs, names, strict=True)]
+    facts = [dict(run_facts(data, name)) for data, name in zip(runs, names, strict=True)]
     keys = dict.fromkeys(key for each in facts for key in each)
     rows = (_compared(key, [each.get(key) for each in facts]) for key in keys)
     return html.table("What differs is bold.", ["", *names], rows)
@@ -126,7 +142,7 @@ def settings_table(runs: Sequence[RunData], names: Sequence[str]) -> Markup:
     ]
     changed = sorted(key for key in first.keys() | second.keys() if first.get(key) != second.get(key))
     if not changed:
-        return html.paragraph(words.SAME_SETTINGS)
+        return html.paragraph(SAME_SETTINGS)
     rows = (_compared(key, [each.get(key) for each in known]) for key in changed)
     return html.table("Keys of the rover file with another value.", ["key", *names], rows)
 
