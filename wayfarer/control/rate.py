@@ -5,19 +5,11 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 from functools import partial
-from typing import Final, Protocol, runtime_checkable
+from typing import Final
 
 # A person may send some requests quickly; a script in an endless loop is limited to 2 records a second.
 ASKED_AT_ONCE: Final = 5
 ASKED_HZ: Final = 2.0
-
-
-@runtime_checkable
-class WakingLoop(Protocol):
-    """An event loop with a faster way to wake a task than a future and a timer."""
-
-    def wake_at(self, when_s: float) -> Awaitable[None]:
-        """Return an awaitable that is done at a time of the loop."""
 
 
 class Rate:
@@ -30,9 +22,8 @@ class Rate:
     def __init__(self, rate_hz: float) -> None:
         loop = asyncio.get_running_loop()
         self._time = loop.time
-        self._wake_at: Callable[[float], Awaitable[None]] = (
-            loop.wake_at if isinstance(loop, WakingLoop) else partial(_wake_at, loop)
-        )
+        # The loop of the simulation has a faster way to do the same.
+        self._wake_at: Callable[[float], Awaitable[None]] = getattr(loop, "wake_at", partial(_wake_at, loop))
         self._period_s = 1.0 / rate_hz
         self._start_s = loop.time()
         self._count = 0
