@@ -9,8 +9,9 @@ from tests.kit.motors import Motors
 from tests.kit.workshop import AHEAD, VEHICLE, EventLog
 from wayfarer.angles import METRES_PER_DEG
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.control.controller import Controller, Mode, WheelMotors
+from wayfarer.control.controller import Controller, Mode
 from wayfarer.control.latest import SensorBuffers
+from wayfarer.control.wheels import WheelMotors
 from wayfarer.detector import Detector
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase
 from wayfarer.hal import CompassReading, MotorHealth, PositionFix, WheelCommand
@@ -59,10 +60,12 @@ class Bench:
         self.handler = Wanting()
         may_reckon = limits.on_lost_sense == "continue"
         detector = Detector(self.config.detector, VEHICLE, watches_motion=watches_motion, may_reckon=may_reckon)
-        self.controller = Controller(
-            wheels or self.motors, self.buffers, self.config, detector, handler or self.handler, self.log
-        )
         self.t_s = 100.0
+        self.suspended_s = 0.0  # of the process, after each tick has begun
+        self.controller = Controller(
+            wheels or self.motors, self.buffers, self.config, detector, handler or self.handler, self.log,
+            clock=lambda: self.t_s + self.suspended_s,
+        )  # fmt: skip
 
     async def tick(
         self,

@@ -368,6 +368,17 @@ async def test_time_in_which_no_tick_came_is_neither_driven_nor_tried() -> None:
     assert bench.handler.seen[-1].travelled_m - travelled_m == pytest.approx(0.5 * 1.0 * 0.2)
 
 
+@pytest.mark.parametrize(("suspended_s", "applied"), [(0.0, AHEAD), (0.19, AHEAD), (0.21, STOP), (60.0, STOP)])
+async def test_command_of_a_tick_that_began_long_ago_is_a_stop(suspended_s: float, applied: WheelCommand) -> None:
+    bench = await Bench(tick_late_s=0.2).armed()
+    bench.suspended_s = suspended_s
+    await bench.tick()
+    assert bench.wheels == bench.log.ticks[-1].applied == applied
+    bench.suspended_s = 0.0
+    await bench.tick()
+    assert bench.wheels == AHEAD
+
+
 @pytest.mark.parametrize("gap_s", [0.3, 1.5, 3.0, 20.0, 60.0])
 async def test_wheels_stand_still_and_the_light_warns_before_they_turn_again_after_a_long_gap(gap_s: float) -> None:
     bench = await Bench(resume_warning_s=1.0).armed()

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from wayfarer.control.latest import SensorBuffers
-from wayfarer.detector.tick import DetectorTick
+from wayfarer.detector.detector import DetectorTick
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, Snapshot
 
 

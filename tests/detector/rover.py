@@ -6,7 +6,7 @@ from random import Random
 from typing import Any, NamedTuple
 
 from wayfarer.detector import Detector, DetectorSettings
-from wayfarer.detector.tick import DetectorTick
+from wayfarer.detector.detector import DetectorTick
 from wayfarer.escape.api import Anomaly, Vehicle
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, Snapshot, WheelCommand
 from wayfarer.safety.conditions import Condition

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from tests.escape.walk import STUCK, observation
 from wayfarer.escape.api import Phase
-from wayfarer.escape.reckoning import STALL_S, PitchBaseline, Reckoning
+from wayfarer.escape.tactics import STALL_S, Reckoning
 
 BEGIN = observation(travelled_m=7.0, heading_deg=90.0, goal_heading_deg=90.0)
 
@@ -52,30 +52,30 @@ def test_reset_begins_here(reckoning: Reckoning) -> None:
     assert (reckoning.ahead_m, reckoning.right_m) == (0.0, 0.0)
 
 
-def rises(level: PitchBaseline, pitches_deg: list[float], tick_s: float = 0.05) -> list[float]:
-    risen = []
+def rises(pitches_deg: list[float], tick_s: float = 0.05) -> list[float]:
+    reckoning, risen = Reckoning(cruise_m_s=1.0), []
     for tick, pitch_deg in enumerate(pitches_deg):
-        level.follow(observation(t_s=tick * tick_s, pitch_deg=pitch_deg))
-        risen.append(level.risen_deg)
+        reckoning.follow(observation(t_s=tick * tick_s, pitch_deg=pitch_deg), Phase.FOLLOW)
+        risen.append(reckoning.risen_deg)
     return risen
 
 
 @given(st.floats(-20.0, 20.0))
 def test_nose_that_rises_on_any_slope_has_risen(slope_deg: float) -> None:
-    risen = rises(PitchBaseline(), [slope_deg] * 40 + [slope_deg + 1.5 * k for k in range(7)])
+    risen = rises([slope_deg] * 40 + [slope_deg + 1.5 * k for k in range(7)])
     assert risen[39] == pytest.approx(0.0, abs=1e-6)
     assert 7.0 < risen[-1] < 9.0
 
 
 def test_long_climb_becomes_the_slope() -> None:
-    assert rises(PitchBaseline(), [0.0] * 20 + [10.0] * 100)[-1] < 0.1
+    assert rises([0.0] * 20 + [10.0] * 100)[-1] < 0.1
 
 
 def test_first_pitch_is_level_whatever_the_clock_says() -> None:
-    level = PitchBaseline()
-    level.follow(observation(t_s=-5000.0, pitch_deg=12.0))
-    assert level.risen_deg == 0.0
-    level.follow(observation(t_s=-4999.0, pitch_deg=15.0))
-    level.reset()
-    level.follow(observation(t_s=0.0, pitch_deg=3.0))
-    assert level.risen_deg == 0.0
+    reckoning = Reckoning(cruise_m_s=1.0)
+    for t_s, pitch_deg in ((-5000.0, 12.0), (-4999.0, 15.0)):
+        reckoning.follow(observation(t_s=t_s, pitch_deg=pitch_deg), Phase.FOLLOW)
+    assert 0.0 < reckoning.risen_deg < 3.0
+    reckoning.reset()
+    reckoning.follow(observation(t_s=0.0, pitch_deg=3.0), Phase.FOLLOW)
+    assert reckoning.risen_deg == 0.0

@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.escape.walk import SETTINGS, VEHICLE
-from wayfarer.escape.steering import HeadingHold
-from wayfarer.escape.turn_control import TurnController
+from wayfarer.escape.turn_control import HeadingHold, TurnController
 from wayfarer.hal import WheelCommand
 
 

@@ -14,7 +14,7 @@ from wayfarer.control.controller import Controller, Mode
 from wayfarer.control.shutdown import Shutdown
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.detector import Detector
-from wayfarer.detector.tick import DetectorTick
+from wayfarer.detector.detector import DetectorTick
 from wayfarer.drivers.sabertooth import Sabertooth
 from wayfarer.escape.api import Decision, Observation
 from wayfarer.escape.handler import PhasedHandler
@@ -236,7 +236,7 @@ def board_is_not_opened_again(monkeypatch: Patch) -> None:
     add_conditions = Controller._add_conditions
 
     def forgetful(self: Controller, tick: TickRecord) -> None:
-        self._motors_failed = False
+        self.wheels.failed = False
         add_conditions(self, tick)
 
     monkeypatch.setattr(Controller, "_add_conditions", forgetful)

@@ -87,13 +87,13 @@ class BoardWatch:
         A command of a tick may fail while the board is being opened: then what has been proved may be out of date.
         """
         controller, time, self._due_s = self._controller, asyncio.get_running_loop().time, None
-        failures = controller.motor_failures
+        failures = controller.wheels.failures
         try:
             await self._motors.open()
         except DriverError as error:
             self._log.event("motors_not_opened", time(), error=str(error), retry_in_s=self._pause_s)
             return
         health = await self._ask()
-        if health is not None and not health.faults and controller.motor_failures == failures:
+        if health is not None and not health.faults and controller.wheels.failures == failures:
             self._opened_s = time()
             controller.motors_opened(self._opened_s)

@@ -12,9 +12,10 @@ a time limit continues where it was.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import Enum
 from functools import partial
-from typing import Final, Protocol
+from typing import Final
 
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.latest import SensorBuffers
@@ -22,9 +23,9 @@ from wayfarer.control.power_reports import PowerReports
 from wayfarer.control.recovery import Recovery
 from wayfarer.control.run_log import RunLog
 from wayfarer.control.tick_record import TickRecord
+from wayfarer.control.wheels import WheelMotors, Wheels
 from wayfarer.detector import Detector
 from wayfarer.detector.odometer import Odometer
-from wayfarer.errors import BadReading, DriverError
 from wayfarer.escape.api import Decision, EscapeHandler, Observation
 from wayfarer.hal import STOP, PositionFix, WheelCommand
 from wayfarer.safety.arming import ArmingSequence
@@ -43,16 +44,6 @@ class Mode(Enum):
     ARMED = "armed"
 
 
-class WheelMotors(Protocol):
-    """The part of ``hal.DriveMotors`` that the controller uses."""
-
-    async def drive(self, command: WheelCommand) -> WheelCommand:
-        """Apply the command and return what was really applied."""
-
-    def halt(self) -> None:
-        """Send a stop without waiting for it."""
-
-
 # Looking up a member of an Enum through its class is slow, and the tick does it 20 times a second.
 _ARMED: Final = Mode.ARMED
 _FAULT: Final = Level.FAULT
@@ -61,9 +52,6 @@ _UNCOMMANDED_MOTION: Final = frozenset({Condition.BOARD_DISAGREES, Condition.RUN
 _BOARD_FAULT: Final = Condition.BOARD_FAULT
 # Of what is driven without sight, for the distance from the start: it was driven, or pushed at a trunk.
 UNSEEN_SHARE: Final = 0.5
-# A stop that the board did not acknowledge may not have reached it. Its deadman stops the wheels after 0.3 s at most
-# (as shipped); 0.5 s later motion has been seen to be over (fault catalogue, fault 30), by a camera 0.2 s after that.
-_UNHEARD_S: Final = 1.0
 _BOARD_FAILED: Final = frozenset({Condition.MOTORS_FAILED, Condition.BOARD_FAULT})
 
 
@@ -72,8 +60,8 @@ class Controller:
 
     ``end`` is None until something ends the run; ``last`` is the record of the latest tick. ``power_reports`` takes the
     reports of the motor board and of the computer's supply; ``board`` is the monitor of the board's own reports.
-    ``levels`` are the severities of this rover's conditions. ``motor_failures`` counts the ticks whose command the
-    motors did not acknowledge. ``cause_since_s`` is when the gate's present cause began, or the last one ended.
+    ``levels`` are the severities of this rover's conditions. ``cause_since_s`` is when the gate's present cause began,
+    or the last one ended. ``clock`` gives the time of now, on the clock of ``tick``.
     """
 
     def __init__(
@@ -84,8 +72,9 @@ class Controller:
         detector: Detector,
         handler: EscapeHandler,
         log: RunLog,
+        clock: Callable[[], float],
     ) -> None:
-        self._motors = motors
+        self.wheels = Wheels(motors, config.safety.tick_late_s, clock, log)
         self._buffers = buffers
         self._safety = config.safety
         self._late_s = config.safety.tick_late_s
@@ -113,9 +102,6 @@ class Controller:
         self._held_s = self._away_s = 0.0  # in which the gate held the wheels, and the algorithm did not have them
         self._applied = STOP
         self._driven = STOP  # what was applied, less what the slope takes up
-        self._motors_failed = False
-        self.motor_failures = 0
-        self._unheard_until_s = 0.0
         self._last_cause: Condition | None = None
         self.cause_since_s = 0.0
 
@@ -126,7 +112,7 @@ class Controller:
 
         The motors must have been opened just before, which proves that they answer and that their deadman is on.
         """
-        self._motors_failed = self.held = False
+        self.wheels.failed = self.held = False
         self._recovery.reset()
         self._detector.begin_arming()
         self.mission = None
@@ -167,12 +153,12 @@ class Controller:
     @property
     def waits_for_motors(self) -> bool:
         """Whether a mission waits until the motor board has been opened again."""
-        return self._motors_failed and self.mode is _ARMED
+        return self.wheels.failed and self.mode is _ARMED
 
     def motors_opened(self, t_s: float) -> None:
         """Go on with a mission that waits: the motor board was opened again, and reports no fault."""
         if self.waits_for_motors:
-            self._motors_failed = False
+            self.wheels.failed = False
             self._log.event("motors_opened", t_s)
 
     def finish(self, reason: str, text: str) -> None:
@@ -193,7 +179,7 @@ class Controller:
         self._add_conditions(tick)
         conditions = self.conditions = tick.conditions
         if conditions and not _UNCOMMANDED_MOTION.isdisjoint(conditions):
-            self._motors.halt()  # at each tick: a board that does not obey may obey one of many stops
+            self.wheels.halt()  # at each tick: a board that does not obey may obey one of many stops
         if self._arming is not None:
             self._continue_arming(tick, self._arming)
         observation = tick.observation = self._observe(tick)
@@ -201,10 +187,7 @@ class Controller:
         wheels = gate.update(conditions, partial(self._wanted_wheels, tick), armed=armed)
         if gate.holds:
             self._held_s += tick.dt_s
-        try:
-            applied = _checked(await self._motors.drive(wheels))
-        except DriverError as error:
-            applied = self._lose_motors(t_s, error)
+        applied = await self.wheels.drive(t_s, wheels)
         self._applied = tick.applied = applied
         self._driven = self._detector.grade.level(applied)
         tick.level, tick.cause, tick.memory = gate.level, gate.cause, self._handler.memory
@@ -242,7 +225,7 @@ class Controller:
         mission = self.mission
         if mission is not None and armed and self._recovery.judge(tick, self._detector.motion, mission):
             self._handler.reset()
-        may_move = not armed or tick.t_s < self._unheard_until_s
+        may_move = not armed or tick.t_s < self.wheels.unheard_until_s
         if tick.conditions and may_move and self._gate.cause is not _RUNAWAY:
             # A person may push a rover that is not armed; a rover that ran away is still stopped at each tick.
             tick.conditions = tuple(condition for condition in tick.conditions if condition is not _RUNAWAY)
@@ -251,8 +234,8 @@ class Controller:
         if self.power_reports.judge(self._applied):
             tick.conditions += self.power_reports.conditions(tick.t_s)
             if armed and _BOARD_FAULT in tick.conditions:
-                self._motors_failed = True  # once the fault has gone, the board is opened again like a silent one
-        if self._motors_failed:
+                self.wheels.failed = True  # once the fault has gone, the board is opened again like a silent one
+        if self.wheels.failed:
             tick.conditions += (Condition.MOTORS_FAILED,)
         if self.held:
             tick.conditions += (Condition.OPERATOR_HOLD,)
@@ -300,35 +283,9 @@ class Controller:
         self.mode = Mode.ARMED
         self._log.event("armed", t_s, goal_heading_deg=goal_heading_deg)
 
-    def _lose_motors(self, t_s: float, error: DriverError) -> WheelCommand:
-        """Hold the wheels until the board was opened again: without an acknowledgement their state is unknown.
-
-        The board's deadman stops them. A command that waits on the bus may still reach the board, so a stop is sent
-        directly after it.
-        """
-        self._motors.halt()
-        self.motor_failures += 1
-        if not self._motors_failed:
-            self._unheard_until_s = t_s + _UNHEARD_S
-            self._log.event("motors_failed", t_s, error=str(error))
-        self._motors_failed = True
-        return STOP
-
     def _note_health(self, t_s: float, level: Level, cause: Condition | None) -> None:
         if cause is not self._last_cause:
             self._last_cause, self.cause_since_s = cause, t_s
         self._log.event("health", t_s, level=level.name.lower(), cause=cause.value if cause is not None else None)
         if level is Level.FAULT and self.mode is not Mode.DISARMED:
             self.disarm(t_s, f"fault: {cause.value if cause is not None else 'unknown'}")
-
-
-def _checked(applied: WheelCommand) -> WheelCommand:
-    """Return the duties that the motors report as applied.
-
-    Raises:
-        BadReading: impossible duties (fault catalogue, fault 8); what the wheels do is not known.
-    """
-    left, right = applied
-    if abs(left) <= 1.0 and abs(right) <= 1.0:  # NaN is no duty
-        return applied
-    raise BadReading(f"motors: duties of {left:g} and {right:g} applied, allowed are -1 to 1: their driver has a bug")

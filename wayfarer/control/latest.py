@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isfinite
 from typing import Generic, TypeVar
 
-from wayfarer.detector.tick import DetectorTick
+from wayfarer.detector.detector import DetectorTick
 from wayfarer.hal import CompassReading, ContactReading, MotionReading
 
 R = TypeVar("R")

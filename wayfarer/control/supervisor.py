@@ -22,7 +22,6 @@ from wayfarer.control.rate import Rate
 from wayfarer.control.run_log import NOTE_HZ, DriverCounters, RunLog
 from wayfarer.control.sensors import keep_sampling, sensor_tasks
 from wayfarer.control.shutdown import Shutdown, run_uncancellable
-from wayfarer.control.stale_command_guard import StaleCommandGuard
 from wayfarer.control.status_light import LIGHT_HZ, colour
 from wayfarer.detector import Detector
 from wayfarer.errors import DriverError, MissingPart, NotArmed
@@ -63,8 +62,7 @@ class Supervisor:
         self.buffers = SensorBuffers()
         needs = check_parts(rover, algorithm, config)
         detector = make_detector(config, needs, watches_motion=rover.motion is not None)
-        self._wheels = StaleCommandGuard(rover.motors, config.safety.tick_late_s)
-        self.controller = Controller(self._wheels, self.buffers, config, detector, handler, log)
+        self.controller = Controller(rover.motors, self.buffers, config, detector, handler, log, _loop_time)
         self._board = BoardWatch(rover.motors, self.controller, log, config.board.health_hz)
         self._patience_s = config.detector.compass_stale_s  # after this a silent compass is a condition
         self._disarms = 0
@@ -211,11 +209,10 @@ class Supervisor:
 
         It is a separate task, so that a tick wakes only this coroutine, not those that wait for the end of the run.
         """
-        controller, wheels, rate = self.controller, self._wheels, Rate(self._control_hz)
+        controller, rate = self.controller, Rate(self._control_hz)
         time = asyncio.get_running_loop().time
         while controller.end is None:
-            wheels.tick_t_s = t_s = time()
-            await controller.tick(t_s)
+            await controller.tick(time())
             self.ticked.set()
             if controller.end is None:
                 await rate.wait()
@@ -240,6 +237,10 @@ class Supervisor:
                     self._log.event("light_failed", time(), error=str(error))
                 failed = True
             await rate.wait()
+
+
+def _loop_time() -> float:
+    return asyncio.get_running_loop().time()
 
 
 def check_parts(rover: Rover, algorithm: Algorithm, config: RoverConfig) -> frozenset[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from wayfarer.detector.tick import DetectorTick
+from wayfarer.detector.detector import DetectorTick
 from wayfarer.escape.api import Decision, Observation, Phase
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import Condition, Level

@@ -14,8 +14,7 @@ from wayfarer.escape import policies
 from wayfarer.escape.api import Decision, EscapeSettings, Observation, Phase, Vehicle
 from wayfarer.escape.manoeuvres import MANOEUVRES, EscapePlan
 from wayfarer.escape.phases import WHY, PhaseEvent, Transitions
-from wayfarer.escape.reckoning import PitchBaseline, Reckoning
-from wayfarer.escape.tactics import AnomalyContext, Tactic
+from wayfarer.escape.tactics import AnomalyContext, Reckoning, Tactic
 from wayfarer.escape.turn_control import TurnController
 
 # After this many blocked turns in a row, turns alternate between the sides, beginning with the other side: a body that
@@ -60,7 +59,6 @@ class PhasedHandler:
         self._manoeuvres = {kind.phase: kind(settings, self._turns, self._escape_plan) for kind in MANOEUVRES}
         self._tactics = tuple(make() for make in spec.tactics)
         self._reckoning = Reckoning(settings.cruise_m_s)
-        self._pitch_baseline = PitchBaseline()
         self.reset()
 
     def reset(self) -> None:
@@ -75,7 +73,6 @@ class PhasedHandler:
         self._blocked_turns = 0
         self._turns.reset()
         self._reckoning.reset()
-        self._pitch_baseline.reset()
         for tactic in self._tactics:
             tactic.reset()
 
@@ -94,7 +91,6 @@ class PhasedHandler:
         manoeuvre = self._manoeuvre
         if self._tactics:
             self._reckoning.follow(observation, manoeuvre.phase)
-            self._pitch_baseline.follow(observation)
         event = (
             PhaseEvent.OVERWOUND
             if abs(self._escape_plan.counter_deg) > COUNTER_MAX_DEG
@@ -163,7 +159,7 @@ class PhasedHandler:
         reckoning = self._reckoning
         context = AnomalyContext(
             new_episode,
-            self._pitch_baseline.risen_deg,
+            reckoning.risen_deg,
             wrap180(observation.heading_deg - observation.goal_heading_deg),
             reckoning.ahead_m,
             reckoning.right_m,

@@ -11,8 +11,7 @@ from wayfarer.angles import wrap180
 from wayfarer.clamp import clamp
 from wayfarer.escape.api import Anomaly, EscapeSettings, Observation, Phase
 from wayfarer.escape.phases import PhaseEvent
-from wayfarer.escape.steering import HeadingHold
-from wayfarer.escape.turn_control import TurnController
+from wayfarer.escape.turn_control import HeadingHold, TurnController
 from wayfarer.hal import Side, WheelCommand
 
 # A manoeuvre may take this much longer, in time and in distance, than its plan before it counts as failed: lag, mud

@@ -13,10 +13,59 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from math import inf
+from math import exp, inf
 from typing import Final, NamedTuple, Protocol
 
+from wayfarer.angles import displacement_m
+from wayfarer.escape.api import Anomaly, Observation, Phase
 from wayfarer.escape.manoeuvres import EscapePlan
+
+# The stall detector needs this long (DetectorSettings.immobilised_s); what was commanded in that time was not driven.
+STALL_S: Final = 0.3
+# The slope of the ground is the mean pitch of about this time; a stall is found in a third of it.
+SETTLE_S: Final = 1.0
+
+
+class Reckoning:
+    """What tactics know of the rover's way since ``reset``.
+
+    ``ahead_m`` along the goal heading and ``right_m`` to the right of it are dead reckoning. ``risen_deg`` is how far
+    the nose is above the slope of the ground: a rover that pushes onto a trunk pitches up, one whose wheels spin does
+    not.
+    """
+
+    def __init__(self, cruise_m_s: float) -> None:
+        self._stall_m = STALL_S * cruise_m_s
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin here; the next observation is level."""
+        self.ahead_m = self.right_m = self.risen_deg = 0.0
+        self._last: Observation | None = None
+        self._ground_deg = 0.0
+
+    def follow(self, observation: Observation, phase: Phase) -> None:
+        """Add one tick in this phase: only ``BACK_OFF`` moves backwards, and a turn on the spot does not move."""
+        last, self._last = self._last, observation
+        if last is None:
+            self._ground_deg = observation.pitch_deg
+            return
+        if phase is not Phase.TURN_AWAY:
+            forward_m = observation.covered_m - last.covered_m
+            self._move(observation, -forward_m if phase is Phase.BACK_OFF else forward_m)
+        share = 1.0 - exp((last.t_s - observation.t_s) / SETTLE_S)
+        self._ground_deg += (observation.pitch_deg - self._ground_deg) * share
+        self.risen_deg = observation.pitch_deg - self._ground_deg
+
+    def take_back_stall(self, observation: Observation) -> None:
+        """Subtract the distance commanded during a stall, if no motion sensor measured the distance."""
+        if observation.measured_m is None and Anomaly.IMMOBILISED in observation.anomalies:
+            self._move(observation, -self._stall_m)
+
+    def _move(self, observation: Observation, forward_m: float) -> None:
+        ahead_m, right_m = displacement_m(observation.heading_deg - observation.goal_heading_deg, forward_m)
+        self.ahead_m += ahead_m
+        self.right_m += right_m
 
 
 class AnomalyContext(NamedTuple):

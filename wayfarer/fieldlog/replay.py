@@ -112,7 +112,7 @@ class Rerun:
         detector = make_detector(config, needs_of(algorithm, config), watches_motion="motion" in header["parts"])
         self._motors = LoggedMotors()
         self._buffers = SensorBuffers()
-        self._controller = Controller(self._motors, self._buffers, config, detector, handler, PartialLog())
+        self._controller = Controller(self._motors, self._buffers, config, detector, handler, PartialLog(), _never_late)
         self._compass: tuple[Mapping[str, Any] | None, CompassReading | None] = (None, None)
 
     def take(self, record: Record) -> bool:
@@ -173,7 +173,7 @@ class Rerun:
 
 
 class LoggedMotors:
-    """Motors that return what the log says they applied; implements ``control.controller.WheelMotors``."""
+    """Motors that return what the log says they applied; implements ``control.wheels.WheelMotors``."""
 
     def __init__(self) -> None:
         self.applied = STOP
@@ -217,6 +217,11 @@ def _contact_of(fields: Mapping[str, Any] | None) -> ContactReading | None:
 def _with_nan(fields: Mapping[str, Any]) -> dict[str, Any]:
     """Return the fields of a reading; JSON has no NaN, so that a number which was none is null in the log."""
     return {key: nan if value is None and key != "calibration" else value for key, value in fields.items()}
+
+
+def _never_late() -> float:
+    """Return the time at which a command is sent: here none is late, ``LoggedMotors`` knows what was applied."""
+    return 0.0
 
 
 def _run(step: Any) -> None:
