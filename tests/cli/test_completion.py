@@ -30,7 +30,7 @@ BASH = shutil.which("bash")
 
 @pytest.mark.process
 @pytest.mark.skipif(BASH is None, reason="no bash")
-def test_bash_completes_commands_runs_algorithms_and_rovers(tmp_path: Path) -> None:
+def test_bash_completes_commands_runs_algorithms_rovers_and_scenarios(tmp_path: Path) -> None:
     write(tmp_path / "logs" / "00007-20261121T061405Z", [HEADER])
     write(tmp_path / "logs" / "my-trial", [HEADER])
     command = tmp_path / "wayfarer"
@@ -42,8 +42,10 @@ def test_bash_completes_commands_runs_algorithms_and_rovers(tmp_path: Path) -> N
         "wayfarer replay --logs logs my": "my-trial",
         "wayfarer report --logs none ": "",
         "wayfarer run --algorithm levy-w": "levy-walk",
+        "wayfarer sim --algorithm pledge,levy-": "pledge,levy-pledge pledge,levy-walk",
         "wayfarer run --config ": "forestrover minirover sim",
         "wayfarer sim --scenario ext": "extended-maze",
+        "wayfarer faults --only stall-3s,board-f": "stall-3s,board-fault stall-3s,board-fault-over",
     }
     assert BASH is not None
     done = subprocess.run(

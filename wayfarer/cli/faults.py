@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from wayfarer.cli.extras import require
-from wayfarer.cli.options import AsJson, check_together, examples, rover_option
+from wayfarer.cli.options import AsJson, check_together, complete_fault_scenarios, examples, rover_option
 from wayfarer.cli.trial_options import Jobs
 from wayfarer.errors import BadInput, MissingPackage
 
@@ -25,6 +25,7 @@ Only = Annotated[
     str | None,
     typer.Option(
         metavar="NAME[,NAME...]|ROW",
+        autocompletion=complete_fault_scenarios,
         help="Run these scenarios, or rows of the catalogue.",
     ),
 ]

@@ -52,6 +52,23 @@ def complete_algorithm() -> list[str]:
     return algorithm_names()
 
 
+def complete_algorithms(incomplete: str) -> list[str]:
+    """Return the lists of algorithms that go on from the one typed so far; ``paper`` is all ten of the paper."""
+    return _next_in_list(incomplete, [*complete_algorithm(), "paper"])
+
+
+def complete_fault_scenarios(incomplete: str) -> list[str]:
+    """Return the lists of fault scenarios that go on from the one typed so far."""
+    from wayfarer.fault_scenarios.catalogue import catalogue
+
+    return _next_in_list(incomplete, [each.name for each in catalogue()])
+
+
+def _next_in_list(incomplete: str, names: Iterable[str]) -> list[str]:
+    before, comma, _ = incomplete.rpartition(",")
+    return [f"{before}{comma}{name}" for name in names]
+
+
 def rover_option(help_text: str) -> Any:
     """Return an option that takes the name of a built-in rover, or a rover file."""
     return typer.Option(metavar="NAME|FILE", autocompletion=complete_rovers, help=help_text)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from wayfarer.cli.options import complete_algorithm, rover_option
+from wayfarer.cli.options import complete_algorithms, rover_option
 
 if TYPE_CHECKING:
     from wayfarer.experiments.campaign import Campaign
@@ -29,7 +29,7 @@ AlgorithmNames = Annotated[
     str,
     typer.Option(
         metavar="NAME[,NAME...]",
-        autocompletion=complete_algorithm,
+        autocompletion=complete_algorithms,
         help="Escape algorithms; 'paper' means all ten of the paper. A name given twice runs once.",
     ),
 ]
