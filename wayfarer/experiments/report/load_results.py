@@ -29,8 +29,7 @@ from wayfarer.experiments.results_folder import (
 )
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import AlgorithmSummary, summarise
-from wayfarer.experiments.sweep.axes import MOST_AXES, MOST_DIGITS, Value
-from wayfarer.experiments.sweep.grid import MOST_TRIALS
+from wayfarer.experiments.sweep import MOST_AXES, MOST_DIGITS, MOST_TRIALS, Value
 from wayfarer.files.regular_file import read_regular
 from wayfarer.simhal.mujoco.terrain import terrains_of
 from wayfarer.simhal.world.physics import GroundName, Physics
