@@ -18,9 +18,9 @@ from tests.experiments.report.reading_plots import columns
 from tests.views.page.outline import Outline
 from wayfarer.cli import report as command
 from wayfarer.errors import BadInput
-from wayfarer.experiments.report.load_results import SweepResults, SweepSettings, read_sweep
 from wayfarer.experiments.report.sweep import write_sweep_report
 from wayfarer.experiments.report.sweep_figures import curves_figures, maps_figures
+from wayfarer.experiments.report.sweep_results import SweepResults, SweepSettings, read_sweep
 from wayfarer.experiments.results_folder import TRIALS, tasks_of
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import MEASURES, estimated_mean, spl_difference

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from wayfarer.experiments.report import words
 from wayfarer.experiments.report.escape_figure import colour_of
-from wayfarer.experiments.report.load_results import SweepResults, read_sweep
 from wayfarer.experiments.report.sweep_figures import curves_figures, known_measures, maps_figures
+from wayfarer.experiments.report.sweep_results import SweepResults, read_sweep
 from wayfarer.experiments.statistics import MEASURES, spl_difference
 from wayfarer.experiments.sweep import Value
 from wayfarer.views.page import html
