@@ -214,14 +214,7 @@ def test_walk_over_imports_tells_types_functions_and_real_imports_apart() -> Non
     assert set(imports_when_run(tree, in_functions=True)) == {"scipy", "spidev.x", "cv2", "cv2.phaseCorrelate"}
 
 
-def test_only_the_demo_arms_a_rover_by_itself() -> None:
-    users = {
-        module for module in MODULES if any(within(name, "experiments.auto_arm") for name in wayfarer_modules(module))
-    }
-    assert users == {"wayfarer.cli.demo"}
-
-
-def test_only_the_demo_gives_a_page_buttons_for_the_clock() -> None:
+def test_only_the_demo_arms_a_rover_by_itself_and_gives_a_page_buttons_for_the_clock() -> None:
     users = {module for module in MODULES if any(within(name, "experiments.demo") for name in wayfarer_modules(module))}
     assert users == {"wayfarer.cli.demo"}
 

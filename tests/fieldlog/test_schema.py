@@ -18,8 +18,8 @@ import wayfarer
 from tests.fieldlog import lines
 from tests.views.text.outing import outing
 from wayfarer.config.rover_file import load_rover
-from wayfarer.experiments.ground_truth_log import GroundTruthLog
-from wayfarer.experiments.trial import field_log, run_trial
+from wayfarer.experiments.trial import run_trial
+from wayfarer.experiments.trial_log import GroundTruthLog, field_log
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.fieldlog import wording
 from wayfarer.fieldlog.folders import run_folders

@@ -102,7 +102,7 @@ def _run_all(shown: Demo, algorithm: Algorithm, logs: Path, socket: Path) -> Non
 def _service(shown: Demo, algorithm: Algorithm, forest: int, logs: Path, socket: Path) -> Service:
     from wayfarer.config.rover_file import load_rover
     from wayfarer.daemon.daemon import Service
-    from wayfarer.experiments.auto_arm import AutoArm
+    from wayfarer.experiments.demo import AutoArm
     from wayfarer.fieldlog.clock import wall_clock
     from wayfarer.simhal.clock.scaled_loop import ScaledLoop
     from wayfarer.views.text.console import Console

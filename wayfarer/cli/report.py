@@ -72,8 +72,8 @@ def _of_trials(folder: Path, out: Path | None, gallery: int, jobs: int | None, *
     """Write the report of a sweep or a campaign, and return the page's path."""
     from wayfarer.experiments.commands import cores
     from wayfarer.experiments.report.campaign import write_report
-    from wayfarer.experiments.report.load_results import is_sweep
     from wayfarer.experiments.report.sweep import write_sweep_report
+    from wayfarer.experiments.report.sweep_results import is_sweep
 
     if is_sweep(folder):
         return write_sweep_report(folder, out)

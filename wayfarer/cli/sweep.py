@@ -55,9 +55,8 @@ def sweep(
     """Run the same trials at each point of a grid of settings, and show how the results change."""
     require("sweeping")
     from wayfarer.experiments.commands import check_body, check_rover, cores
-    from wayfarer.experiments.sweep.axes import parse_axis
-    from wayfarer.experiments.sweep.command import run_all
-    from wayfarer.experiments.sweep.grid import make_sweep
+    from wayfarer.experiments.sweep import make_sweep, parse_axis
+    from wayfarer.experiments.sweep_command import run_all
 
     campaign = options.campaign_of(
         algorithm=algorithm, rover=rover, anomaly_source=anomaly_source, forests=forests, senses=senses,

@@ -16,7 +16,9 @@ from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
+from wayfarer.daemon.daemon import Viewer
 from wayfarer.daemon.socket.protocol import Commands, Details, Refused
+from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.schema import Record
 from wayfarer.simhal.clock.scaled_loop import ScaledLoop, TimeScale
 from wayfarer.views.live.demo_controls import DemoState
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
 LOOK_S = 0.1  # between two looks at whether anybody has the page open
 LEFT_S = 12.0  # nobody has had it open for so long: longer than a page takes to come back, PAUSES_S of connection.js
 ANSWER_S = 2.0  # for a run to do what was asked, before it has ended meanwhile
+GOAL_HEADING_DEG = 0.0  # generated forests are left to the north
 
 
 class _Run(NamedTuple):
@@ -184,3 +187,43 @@ class ForwardedCommands:
 
     def __getattr__(self, verb: str) -> Any:
         return partial(self._demo.ask, verb)
+
+
+class AutoArm:
+    """A viewer around another one: it arms the run once ``watched`` is set and the rover knows its heading.
+
+    A real rover is never armed by this. It stands beside the simulator, where no field code can find it, and arms only
+    a run whose own first record says that it is simulated.
+    """
+
+    def __init__(self, viewer: Viewer, watched: asyncio.Event) -> None:
+        self._viewer = viewer
+        self._watched = watched
+        self._knows_heading = asyncio.Event()
+        self._simulated = False
+
+    def show(self, record: Record) -> None:
+        """Take a record; see ``Viewer``."""
+        self._viewer.show(record)
+        kind = record["record"]
+        if kind == "run":
+            self._simulated = record.get("simulated") is True
+        elif kind == "tick" and record.get("heading_deg") is not None:
+            self._knows_heading.set()
+
+    @asynccontextmanager
+    async def serving(self, commands: Commands) -> AsyncIterator[None]:
+        """Serve while entered; see ``Viewer``."""
+        async with self._viewer.serving(commands):
+            arming = asyncio.create_task(self._arm(commands), name="auto-arm")
+            try:
+                yield
+            finally:
+                arming.cancel()
+
+    async def _arm(self, commands: Commands) -> None:
+        await self._watched.wait()
+        await self._knows_heading.wait()
+        if self._simulated:
+            with suppress(WayfarerError):  # the run's own log says why it was refused
+                await commands.arm(GOAL_HEADING_DEG)

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from wayfarer.commissioning.checks import ARMING, CALIBRATED
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.daemon.daemon import RoverSetup
-from wayfarer.experiments.ground_truth_log import GroundTruthLog
 from wayfarer.experiments.outcome import OutcomeMonitor
+from wayfarer.experiments.trial_log import GroundTruthLog
 from wayfarer.simhal.build_rover import Depth, build
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest_file import as_row

@@ -25,7 +25,7 @@ from wayfarer.config.messages import shortened, shown
 from wayfarer.config.rover_file import flat
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.experiments.campaign import Tasks
-from wayfarer.experiments.rows import TrialRow, columns_of, csv_line
+from wayfarer.experiments.rows import TrialRow, columns_of, copy_as_parquet, csv_line
 from wayfarer.experiments.store import CHECKSUM, TrialStore
 from wayfarer.files import atomic_file, open_regular, open_to_append, read_regular, write_atomically
 
@@ -100,8 +100,6 @@ class ResultsFolder:
         Raises:
             WayfarerError: the folder cannot be written any more.
         """
-        from wayfarer.experiments.parquet import copy_as_parquet
-
         values = swept_values(self._settings)
         with (
             self._writing(),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 from wayfarer.config.messages import shown
 from wayfarer.errors import BadInput
@@ -159,3 +159,33 @@ def _value(name: str, text: str) -> Any:
     if not 0 <= value < BELOW:
         raise ValueError(f"{name} is {shown(text)}")
     return value
+
+
+# -- the same rows as ``trials.parquet`` -------------------------------------------------------------------------------
+
+
+def copy_as_parquet(table: BinaryIO, copy: BinaryIO, swept: Sequence[Mapping[str, Any]]) -> None:
+    """Write an open ``trials.csv`` as Parquet, block by block, so that memory does not grow with the table.
+
+    ``swept`` has the swept values at each point, for their types.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    import pyarrow as pa  # only where a file is written: it is large
+    from pyarrow import csv, parquet
+
+    arrow = {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), str: pa.string()}
+    own = {name: str if name in TEXT_COLUMNS else float if name in DECIMALS else int for name in TrialRow._fields}
+    types = own | {key: _common_type({type(values[key]) for values in swept}) for key in swept[0]}
+    options = csv.ConvertOptions(column_types={name: arrow[kind] for name, kind in types.items()}, null_values=[""])
+    path = f"/proc/self/fd/{table.fileno()}"  # Arrow reads it by name, and makes no Python object of each block
+    with csv.open_csv(path, convert_options=options) as rows, parquet.ParquetWriter(copy, rows.schema) as file:
+        for batch in rows:
+            file.write_batch(batch)
+
+
+def _common_type(kinds: set[type]) -> type:
+    if kinds == {int, float}:
+        return float
+    return kinds.pop() if len(kinds) == 1 else str

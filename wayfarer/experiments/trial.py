@@ -12,17 +12,11 @@ from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.outcome import SUCCESSES, Outcome, OutcomeMonitor
 from wayfarer.experiments.trial_setup import MakeLog, TrialSetup, TrialSpec
-from wayfarer.hal import Rover
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
-from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.physics import GroundName, changed
-from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 if TYPE_CHECKING:
-    from wayfarer.experiments.ground_truth_log import GroundTruthLog
-    from wayfarer.fieldlog.log import FieldLog
     from wayfarer.simhal.faults.kinds import Fault
 
 
@@ -103,6 +97,8 @@ def run_trial(spec: TrialSpec, log_dir: Path | None = None) -> TrialResult:
     """
     if log_dir is None:
         return run_watched(spec, None)
+    from wayfarer.experiments.trial_log import field_log  # a thousand trials without a log need not import its writer
+
     return run_watched(spec, lambda world, rover: Tee(*field_log(spec, log_dir, world, rover)))
 
 
@@ -148,44 +144,6 @@ def outcome_of(outcome_monitor: OutcomeMonitor, counters: TrialCounters, end: Ru
     if counters.why_disarmed is not None:
         return "entrapped" if counters.why_disarmed == GAVE_UP else "fault"
     return outcome_monitor.outcome or ("entrapped" if end.reason.startswith("mission_") else "fault")
-
-
-def field_log(spec: TrialSpec, folder: Path, world: SimulatedWorld, rover: Rover) -> tuple[FieldLog, GroundTruthLog]:
-    """Return the log that a rover in the field writes, and who writes the truth beside it.
-
-    Its wall clock is the trial's, and it is written as it comes, without a thread: the same trial gives the same bytes.
-    """
-    from wayfarer.experiments.ground_truth_log import GroundTruthLog
-    from wayfarer.fieldlog.log import FieldLog
-    from wayfarer.fieldlog.writer import RunFiles  # a thousand trials without a log need neither structlog nor orjson
-    from wayfarer.simhal.world.forest_file import as_row
-
-    forest = spec.forest
-    details = {
-        "algorithm": spec.algorithm,
-        "rover": spec.rover.name,
-        "config": spec.rover.model_dump(mode="json"),
-        "trial": spec.trial,
-        "forest": forest.forest,
-        "noise": forest.noise,
-        "seed": spec.seed,
-        "algorithm_seed": RandomStreams(spec.seed).random_seed("algorithm"),
-        "simulated": True,
-        "parts": {name: part.name for name, part in rover.parts.items()},
-        "world": as_row(forest),
-        "slip_mean_m": spec.slip_mean_m,
-        "budget_m": spec.budget_m,
-    }
-    if spec.terrains is not None:
-        details["mujoco"] = spec.terrains.draw(RandomStreams(spec.seed))._asdict()
-    if spec.slopes is not None:
-        details["slope"] = spec.slopes.draw(RandomStreams(spec.seed))._asdict()
-    if spec.ground is not GroundName.ideal:
-        details["ground"] = spec.ground.value
-    if of_world := changed(spec.physics):
-        details["sim"] = of_world
-    log = FieldLog(RunFiles(folder), details, wall=lambda t_s: t_s)
-    return log, GroundTruthLog(log, world)
 
 
 def _result(spec: TrialSpec, outcome: Outcome, setup: TrialSetup, counters: TrialCounters) -> TrialResult:

@@ -24,7 +24,6 @@ from wayfarer.experiments.commands import cores
 from wayfarer.experiments.executors import DoneT, TaskT, stream
 from wayfarer.experiments.progress_bar import shown_count
 from wayfarer.experiments.run_campaign import stop_on_signals
-from wayfarer.experiments.trial import field_log
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.fault_scenarios.recorder import RunRecorder
 from wayfarer.fault_scenarios.safety_rules import Invariants
@@ -88,6 +87,8 @@ async def _run(scenario: Scenario, log_dir: Path | None) -> RunResult:
     def make_log(world: SimulatedWorld, rover: Rover) -> RunLog:
         if log_dir is None:
             return Tee(recorder, invariants)
+        from wayfarer.experiments.trial_log import field_log  # only where there is a log
+
         log, ground_truth_log = field_log(spec, log_dir, world, rover)
         notes.append(ground_truth_log.note)
         return Tee(recorder, invariants, log, ground_truth_log)

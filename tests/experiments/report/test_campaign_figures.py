@@ -13,13 +13,13 @@ from tests.experiments.report.campaigns import STRANGERS, names, row, rows_of
 from tests.experiments.report.reading_plots import columns, names_of_rows
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.report.algorithm_rows import grouped, lay_out
+from wayfarer.experiments.report.campaign import path_in, trial_map
 from wayfarer.experiments.report.escape_figure import escape_figures
 from wayfarer.experiments.report.paths_figure import failures_figure, paths_figure
 from wayfarer.experiments.report.ratio_figure import TIMES, quantile, ratio_figure, ratios
-from wayfarer.experiments.report.trial_map import path_in, trial_map
+from wayfarer.experiments.report.worst_trials import Trajectory, TrajectoryPoint
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import AlgorithmSummary, summarise
-from wayfarer.experiments.trajectory import Trajectory, TrajectoryPoint
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, Plots

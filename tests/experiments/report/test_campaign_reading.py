@@ -94,6 +94,7 @@ def test_damaged_settings_are_named(folder: Path, text: str, says: str) -> None:
         ("budget_m", 0),
         ("slip_mean_m", math.nan),
         ("mujoco", {"x" * 5000: [0.5, 0.5]}),
+        ("slope", {"slope_deg": [0.5]}),
     ],
 )
 def test_setting_that_no_campaign_has_is_named(folder: Path, key: str, value: Any) -> None:

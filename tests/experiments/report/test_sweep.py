@@ -18,15 +18,14 @@ from tests.experiments.report.reading_plots import columns
 from tests.views.page.outline import Outline
 from wayfarer.cli import report as command
 from wayfarer.errors import BadInput
-from wayfarer.experiments.report.load_results import SweepResults, SweepSettings, read_sweep
 from wayfarer.experiments.report.sweep import write_sweep_report
 from wayfarer.experiments.report.sweep_figures import curves_figures, maps_figures
+from wayfarer.experiments.report.sweep_results import SweepResults, SweepSettings, read_sweep
 from wayfarer.experiments.results_folder import TRIALS, tasks_of
 from wayfarer.experiments.rows import TrialRow
-from wayfarer.experiments.sweep.axes import Axis
-from wayfarer.experiments.sweep.command import run_all
-from wayfarer.experiments.sweep.grid import make_sweep
-from wayfarer.experiments.sweep.measures import MEASURES, mean, spl_difference
+from wayfarer.experiments.statistics import MEASURES, estimated_mean, spl_difference
+from wayfarer.experiments.sweep import Axis, make_sweep
+from wayfarer.experiments.sweep_command import run_all
 from wayfarer.views.page.plots import Figure, Plots
 
 ANGLES = Axis("escape.turn_angle_deg", (50, 10, 30))
@@ -98,10 +97,10 @@ def test_maps_of_many_values_name_some(spl: bool, values: int) -> None:
 
 
 def test_interval_of_a_mean_is_that_of_its_standard_error() -> None:
-    estimate = mean([1.0, 2.0, 3.0, 4.0])
+    estimate = estimated_mean([1.0, 2.0, 3.0, 4.0])
     assert estimate is not None
     assert estimate == pytest.approx((2.5, 2.5 - 1.96 * 0.6455, 2.5 + 1.96 * 0.6455), abs=1e-3)
-    assert mean([1.0]) is None
+    assert estimated_mean([1.0]) is None
 
 
 def test_difference_is_taken_trial_by_trial() -> None:

@@ -9,9 +9,8 @@ import pytest
 from tests.browser import SIZES, OpenPage, plotted
 from tests.experiments import fake_trials
 from wayfarer.experiments.report.sweep import write_sweep_report
-from wayfarer.experiments.sweep.axes import Axis
-from wayfarer.experiments.sweep.command import run_all
-from wayfarer.experiments.sweep.grid import make_sweep
+from wayfarer.experiments.sweep import Axis, make_sweep
+from wayfarer.experiments.sweep_command import run_all
 
 ANGLES, SLIPS = Axis("escape.turn_angle_deg", (10, 30, 50)), Axis("slip_mean_m", (2, 10))
 

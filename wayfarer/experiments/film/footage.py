@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from wayfarer.control.run_log import PartialLog, Tee
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Phase
-from wayfarer.experiments.trial import TrialResult, field_log, run_watched
+from wayfarer.experiments.trial import TrialResult, run_watched
+from wayfarer.experiments.trial_log import field_log
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.hal import Rover
 from wayfarer.simhal.mujoco.world import MujocoWorld

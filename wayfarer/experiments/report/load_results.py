@@ -1,17 +1,15 @@
-"""Reads the folder of a finished campaign or sweep: settings, rows, and a campaign itself if it can be rebuilt."""
+"""Reads the folder of a finished campaign: settings, rows, and the campaign itself if it can be rebuilt."""
 
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import groupby, product
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from wayfarer.config.messages import key_and_problem
 from wayfarer.config.registry import refuse_code
@@ -23,29 +21,29 @@ from wayfarer.experiments.results_folder import (
     MOST_BYTES,
     PARTIAL,
     SETTINGS,
-    SWEEP_SETTINGS,
     TRIALS,
     finished_trials,
 )
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import AlgorithmSummary, summarise
-from wayfarer.experiments.sweep.axes import MOST_AXES, MOST_DIGITS, Value
-from wayfarer.experiments.sweep.grid import MOST_TRIALS
+from wayfarer.experiments.sweep import MOST_TRIALS
 from wayfarer.files import read_regular
 from wayfarer.simhal.mujoco.terrain import terrains_of
 from wayfarer.simhal.world.physics import GroundName, Physics
 from wayfarer.simhal.world.slope import slopes_of
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
+Bounds = dict[str, list[float]]  # the least and the most of what is drawn for each trial, by its name
 
 
-def _drawable(value: Value) -> Value:
-    if isinstance(value, int | float) and not abs(value) < 10 ** (MOST_DIGITS + 1):
-        raise ValueError(f"expected a number below 1e{MOST_DIGITS + 1}")
-    return value
+def _taken_by(read: Callable[[Bounds], object]) -> AfterValidator:
+    """Return the check that ``read`` can make something of the bounds."""
 
+    def check(bounds: Bounds) -> Bounds:
+        read(bounds)
+        return bounds
 
-Drawable = Annotated[Value, AfterValidator(_drawable)]
+    return AfterValidator(check)
 
 
 class ForestsSettings(BaseModel):
@@ -71,9 +69,9 @@ class CampaignSettings(BaseModel):
     scenario: str | None
     forests: ForestsSettings | None
     rover: dict[str, Any]
-    mujoco: dict[str, list[float]] | None
+    mujoco: Annotated[Bounds, _taken_by(terrains_of)] | None
     ground: GroundName
-    slope: dict[str, list[float]] | None
+    slope: Annotated[Bounds, _taken_by(slopes_of)] | None
     sim: Physics
 
     @field_validator("algorithms")
@@ -91,20 +89,6 @@ class CampaignSettings(BaseModel):
         if name is not None and name not in SITES:
             raise ValueError(f"no such site; there are {', '.join(SITES)}")
         return name
-
-    @field_validator("mujoco")
-    @classmethod
-    def _are_terrains(cls, bounds: dict[str, list[float]] | None) -> dict[str, list[float]] | None:
-        if bounds is not None:
-            terrains_of(bounds)
-        return bounds
-
-    @field_validator("slope")
-    @classmethod
-    def _are_slopes(cls, bounds: dict[str, list[float]] | None) -> dict[str, list[float]] | None:
-        if bounds is not None:
-            slopes_of(bounds)
-        return bounds
 
 
 @dataclass(frozen=True)
@@ -192,75 +176,6 @@ def _names(rover: Mapping[str, Any]) -> Iterator[str]:
     yield str(rover.get("buses", ""))
 
 
-class SweptAxis(BaseModel):
-    """A key, its values, and the value that the campaign had where it was not swept."""
-
-    model_config = ConfigDict(strict=True)
-
-    key: str
-    values: list[Drawable] = Field(min_length=1)
-    now: Drawable | None
-
-    @property
-    def numeric(self) -> bool:
-        """Return whether all values are numbers."""
-        return not any(isinstance(value, str | bool) for value in self.values)
-
-
-class SweepSettings(BaseModel):
-    """``sweep.json``, as ``Sweep.settings`` wrote it."""
-
-    axes: list[SweptAxis] = Field(min_length=1, max_length=MOST_AXES)
-    campaign: CampaignSettings
-
-    @model_validator(mode="after")
-    def _can_be_run(self) -> Self:
-        campaign = self.campaign
-        count = math.prod(len(axis.values) for axis in self.axes) * len(campaign.algorithms) * campaign.trials
-        if count > MOST_TRIALS:
-            raise ValueError(f"{count:,} trials, allowed are {MOST_TRIALS:,}")
-        return self
-
-
-@dataclass(frozen=True)
-class SweepResults:
-    """What a sweep's folder holds: ``rows`` are those of ``trials.csv``, complete and in its order."""
-
-    settings: SweepSettings
-    rows: list[TrialRow]
-
-    @property
-    def axes(self) -> list[SweptAxis]:
-        """What was swept."""
-        return self.settings.axes
-
-    @property
-    def algorithms(self) -> list[str]:
-        """Who decided, in the campaign's order."""
-        return self.settings.campaign.algorithms
-
-    @cached_property
-    def points(self) -> list[tuple[Value, ...]]:
-        """The values at each point."""
-        return list(product(*(axis.values for axis in self.axes)))
-
-    @cached_property
-    def cells(self) -> dict[tuple[int, str], list[TrialRow]]:
-        """The rows of each point and algorithm."""
-        return {cell: list(rows) for cell, rows in groupby(self.rows, lambda row: (row.point, row.algorithm))}
-
-    @cached_property
-    def now(self) -> int | None:
-        """The point that is the campaign as it is without a sweep, None where no point is."""
-        values = tuple(axis.now for axis in self.axes)
-        return next((number for number, point in enumerate(self.points) if point == values), None)
-
-
-def is_sweep(folder: Path) -> bool:
-    """Return whether a folder is a sweep's."""
-    return (folder / SWEEP_SETTINGS).is_file()
-
-
 def read_results(folder: Path) -> CampaignResults:
     """Read the folder of a finished campaign.
 
@@ -271,21 +186,16 @@ def read_results(folder: Path) -> CampaignResults:
         raise BadInput(f"{folder}: no such folder; give one that `wayfarer sim --out` has filled")
     if not (folder / SETTINGS).exists():
         raise BadInput(f"{folder} holds no campaign: {SETTINGS} is missing; give a folder of `wayfarer sim --out`")
-    settings = _read_settings(folder / SETTINGS, CampaignSettings, "campaign")
-    return CampaignResults(folder, settings, _read_trials(folder, settings, "campaign", "sim"))
+    settings = read_settings(folder / SETTINGS, CampaignSettings, "campaign")
+    return CampaignResults(folder, settings, read_trials(folder, settings, "campaign", "sim"))
 
 
-def read_sweep(folder: Path) -> SweepResults:
-    """Read the folder of a finished sweep.
+def read_settings(path: Path, model: type[ModelT], kind: str) -> ModelT:
+    """Return what ``campaign.json`` or ``sweep.json`` holds; ``kind`` is what errors call its owner.
 
     Raises:
-        BadInput: the sweep is not finished, or its folder is damaged; the text says what to do.
+        BadInput: it cannot be read, or no such settings are in it.
     """
-    settings = _read_settings(folder / SWEEP_SETTINGS, SweepSettings, "sweep")
-    return SweepResults(settings, _read_trials(folder, settings, "sweep", "sweep"))
-
-
-def _read_settings(path: Path, model: type[ModelT], kind: str) -> ModelT:
     try:
         return model.model_validate_json(read_regular(path, MOST_BYTES))
     except OSError as error:
@@ -294,7 +204,12 @@ def _read_settings(path: Path, model: type[ModelT], kind: str) -> ModelT:
         raise BadInput(f"{path} is damaged: {key_and_problem(error)}; the {kind} must be run again") from None
 
 
-def _read_trials(folder: Path, model: BaseModel, kind: str, command: str) -> list[TrialRow]:
+def read_trials(folder: Path, model: BaseModel, kind: str, command: str) -> list[TrialRow]:
+    """Return the rows of the finished ``trials.csv`` that belongs to these settings.
+
+    Raises:
+        BadInput: it is not there yet, is damaged, or cannot be read.
+    """
     path = folder / TRIALS
     if (folder / PARTIAL).exists() or not path.exists():
         raise BadInput(

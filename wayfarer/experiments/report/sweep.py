@@ -7,10 +7,10 @@ from pathlib import Path
 
 from wayfarer.experiments.report import words
 from wayfarer.experiments.report.escape_figure import colour_of
-from wayfarer.experiments.report.load_results import SweepResults, read_sweep
 from wayfarer.experiments.report.sweep_figures import curves_figures, known_measures, maps_figures
-from wayfarer.experiments.sweep.axes import Value
-from wayfarer.experiments.sweep.measures import MEASURES, spl_difference
+from wayfarer.experiments.report.sweep_results import SweepResults, read_sweep
+from wayfarer.experiments.statistics import MEASURES, spl_difference
+from wayfarer.experiments.sweep import Value
 from wayfarer.views.page import html
 from wayfarer.views.page.frame import PAGE, write_page
 from wayfarer.views.page.plots import Figure, Plots

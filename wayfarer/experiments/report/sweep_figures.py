@@ -16,9 +16,8 @@ from bokeh.plotting import ColumnDataSource
 
 from wayfarer.experiments.report.algorithm_rows import SVG
 from wayfarer.experiments.report.escape_figure import colour_of, curve_look
-from wayfarer.experiments.report.load_results import SweepResults, SweptAxis
-from wayfarer.experiments.statistics import Estimate
-from wayfarer.experiments.sweep.measures import MEASURES, Measure
+from wayfarer.experiments.report.sweep_results import SweepResults, SweptAxis
+from wayfarer.experiments.statistics import MEASURES, Estimate, Measure
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, hover, layer, plot, source
 

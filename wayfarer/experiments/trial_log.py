@@ -1,17 +1,57 @@
-"""Ground truth in the log of a simulated run: the rover's true pose and what happens to it."""
+"""The log of a simulated run: what a rover in the field writes, and beside it the rover's true pose and its faults."""
 
 from __future__ import annotations
 
 from dataclasses import asdict
 from math import degrees, inf
+from pathlib import Path
 
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.tick_record import TickRecord
+from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.fieldlog.log import FieldLog
+from wayfarer.fieldlog.writer import RunFiles
+from wayfarer.hal import Rover
 from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.world.forest_file import as_row
+from wayfarer.simhal.world.physics import GroundName, changed
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 TICKS_A_RECORD = 4  # a fifth of a second at 20 Hz: plenty to draw a path
+
+
+def field_log(spec: TrialSpec, folder: Path, world: SimulatedWorld, rover: Rover) -> tuple[FieldLog, GroundTruthLog]:
+    """Return the log that a rover in the field writes, and who writes the truth beside it.
+
+    Its wall clock is the trial's, and it is written as it comes, without a thread: the same trial gives the same bytes.
+    """
+    forest = spec.forest
+    details = {
+        "algorithm": spec.algorithm,
+        "rover": spec.rover.name,
+        "config": spec.rover.model_dump(mode="json"),
+        "trial": spec.trial,
+        "forest": forest.forest,
+        "noise": forest.noise,
+        "seed": spec.seed,
+        "algorithm_seed": RandomStreams(spec.seed).random_seed("algorithm"),
+        "simulated": True,
+        "parts": {name: part.name for name, part in rover.parts.items()},
+        "world": as_row(forest),
+        "slip_mean_m": spec.slip_mean_m,
+        "budget_m": spec.budget_m,
+    }
+    if spec.terrains is not None:
+        details["mujoco"] = spec.terrains.draw(RandomStreams(spec.seed))._asdict()
+    if spec.slopes is not None:
+        details["slope"] = spec.slopes.draw(RandomStreams(spec.seed))._asdict()
+    if spec.ground is not GroundName.ideal:
+        details["ground"] = spec.ground.value
+    if of_world := changed(spec.physics):
+        details["sim"] = of_world
+    log = FieldLog(RunFiles(folder), details, wall=lambda t_s: t_s)
+    return log, GroundTruthLog(log, world)
 
 
 class GroundTruthLog(PartialLog):

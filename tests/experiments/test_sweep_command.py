@@ -9,11 +9,10 @@ from pyarrow import parquet
 
 from tests.experiments import fake_trials
 from wayfarer.errors import BadInput
+from wayfarer.experiments import sweep_command
 from wayfarer.experiments.executors import RunTrial, TrialRunner
 from wayfarer.experiments.results_folder import PARQUET, PARTIAL, SWEEP_SETTINGS, TRIALS, ResultsFolder, tasks_of
-from wayfarer.experiments.sweep import command
-from wayfarer.experiments.sweep.axes import Axis
-from wayfarer.experiments.sweep.grid import Sweep, make_sweep
+from wayfarer.experiments.sweep import Axis, Sweep, make_sweep
 from wayfarer.experiments.trial import TrialResult
 from wayfarer.experiments.trial_setup import TrialSpec
 
@@ -30,7 +29,7 @@ def angle_matters(spec: TrialSpec) -> TrialResult:
 def run(
     out: Path, sweep: Sweep = SMALL, *, resume: bool = False, jobs: int = 1, trial: RunTrial = angle_matters
 ) -> int:
-    return command.run_all(sweep, out, resume=resume, jobs=jobs, run_trial=trial)
+    return sweep_command.run_all(sweep, out, resume=resume, jobs=jobs, run_trial=trial)
 
 
 def table(out: Path) -> list[dict[str, str]]:

@@ -15,8 +15,7 @@ from wayfarer.experiments.progress_bar import say
 from wayfarer.experiments.results_folder import ResultsFolder
 from wayfarer.experiments.sim_command import run_shown
 from wayfarer.experiments.statistics import AlgorithmSummary
-from wayfarer.experiments.sweep.axes import Value
-from wayfarer.experiments.sweep.grid import Sweep
+from wayfarer.experiments.sweep import Sweep, Value
 from wayfarer.experiments.tables import number_text
 from wayfarer.views.text.scripting import print_json, say_next
 from wayfarer.views.text.terminal_table import Column, table

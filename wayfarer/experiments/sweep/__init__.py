@@ -1,1 +1,0 @@
-"""Sweeps: the same trials at each point of a grid of settings."""
