@@ -48,6 +48,11 @@ def is_newer(header: Record) -> bool:
     return bool((header.get("schema") or 0) > SCHEMA)
 
 
+def needs_checksums(record: Record) -> bool:
+    """Return whether a record is a header which says that each line of its log has a checksum."""
+    return record["record"] == "run" and record.get("schema") == SCHEMA
+
+
 def wrong_key(record: Record) -> str | None:
     """Return the first key of a record whose value cannot be, None where all can."""
     kind = record["record"]

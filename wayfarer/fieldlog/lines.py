@@ -1,8 +1,7 @@
 """Lines of a log: each ends with its checksum, so a line that changed after it was written is known by itself.
 
 A line is one JSON object. Its last key is ``crc``: the CRC-32 of all bytes before that key, eight hexadecimal digits. A
-log of schema 2 has none, and its lines are read without. Only its own end tells which of the two a line is, so that
-each file, and the end of a file, can be read alone.
+log of schema 2 has none, and its lines are read without.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from zlib import crc32
 
 import orjson
 
-from wayfarer.fieldlog.kinds import is_record, wrong_key
+from wayfarer.fieldlog.kinds import is_record, needs_checksums, wrong_key
 from wayfarer.fieldlog.schema import Record
 
 LINE_BYTES = 1_000_000  # far more than any record: the header of a simulated forest has 20,000
@@ -35,37 +34,48 @@ def sealed_at(line: bytes, record: Record) -> bytes:
     return sealed(record | {key: times.get(key) for key in ("t_s", "t_wall")})
 
 
-def parse(line: bytes) -> Record | str:
-    """Return the record of a line, without its checksum, or which field of ``Damage`` counts it."""
-    if b"\0" in line:
-        return "nul"
-    if not line.endswith(b"\n"):
-        return "oversized" if len(line) >= LINE_BYTES else "torn"
-    body, end = line[: -CRC_BYTES - 1], line[-CRC_BYTES - 1 :]
-    if end.startswith(CRC_KEY) and end != b'%b%08x"}\n' % (CRC_KEY, crc32(body)):
-        return "changed"
-    try:
-        record = orjson.loads(line)
-    except ValueError:
-        return "garbled"
-    if not is_record(record):
-        return "garbled"
-    record.pop("crc", None)
-    return record if wrong_key(record) is None else "wrong"
+class LogLines:
+    """Takes the lines of one log in their order, and tells which are records in their place.
 
-
-class Numbers:
-    """The numbers of a log's records, which only grow: a line that does not go on from those before it is out of place.
-
-    It is there twice, or was moved. ``missing`` counts the numbers that were skipped. Headers and ``log_gap`` have no
-    number: the files are divided, and lose lines, where no number is known.
+    The log may begin in any line, so that each file, and the end of a file, can be read alone. ``missing`` counts the
+    numbers of records that were skipped.
     """
 
     def __init__(self) -> None:
-        self.missing = self._highest = 0
+        self.missing = 0
+        self._highest = 0
+        self._has_checksums = False  # known from the first line that has one, or from a header of schema 3
 
-    def go_on(self, record: Record) -> bool:
-        """Take the next record, and return whether it is in its place."""
+    def take(self, line: bytes) -> Record | str:
+        """Return the record of the next line, without its checksum, or which field of ``Damage`` counts the line."""
+        if b"\0" in line:
+            return "nul"
+        if not line.endswith(b"\n"):
+            return "oversized" if len(line) >= LINE_BYTES else "torn"
+        body, end = line[: -CRC_BYTES - 1], line[-CRC_BYTES - 1 :]
+        has_checksum = end.startswith(CRC_KEY)
+        if has_checksum and end != b'%b%08x"}\n' % (CRC_KEY, crc32(body)):
+            return "changed"
+        try:
+            record = orjson.loads(line)
+        except ValueError:
+            return "garbled"
+        if not is_record(record):
+            return "garbled"
+        self._has_checksums = self._has_checksums or has_checksum or needs_checksums(record)
+        if has_checksum:
+            del record["crc"]
+        elif self._has_checksums:  # the key itself was damaged
+            return "changed"
+        if wrong_key(record) is not None:
+            return "wrong"
+        return record if self._goes_on(record) else "disordered"
+
+    def _goes_on(self, record: Record) -> bool:
+        """Return whether a record has a larger number than all before it: else it is there twice, or was moved.
+
+        Headers and ``log_gap`` have no number: the files are divided, and lose lines, where no number is known.
+        """
         number = record.get("n")
         if number is None:
             return True
