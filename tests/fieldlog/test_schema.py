@@ -23,7 +23,7 @@ from wayfarer.experiments.trial import field_log, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.fieldlog import wording
 from wayfarer.fieldlog.folders import run_folders
-from wayfarer.fieldlog.kinds import KEYS, KINDS, READINGS
+from wayfarer.fieldlog.lines import KEYS, KINDS, READINGS
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.schema import SCHEMA, Record

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.errors import BadInput
+from wayfarer.fieldlog.fields import escape_control_chars
 from wayfarer.fieldlog.folders import newest_run
 from wayfarer.fieldlog.lines import LogLines
-from wayfarer.fieldlog.printable import escape_control_chars
 from wayfarer.fieldlog.reader import log_segments
 from wayfarer.fieldlog.schema import Record
 from wayfarer.files import open_regular

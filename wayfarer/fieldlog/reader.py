@@ -20,8 +20,7 @@ from typing import BinaryIO
 from wayfarer import __version__
 from wayfarer.errors import BadInput, NothingReadable
 from wayfarer.fieldlog.folders import FILE_NAME, older_segments
-from wayfarer.fieldlog.kinds import is_newer
-from wayfarer.fieldlog.lines import LINE_BYTES, LogLines
+from wayfarer.fieldlog.lines import LINE_BYTES, LogLines, is_newer
 from wayfarer.fieldlog.schema import SCHEMA, Record
 from wayfarer.files import open_regular
 

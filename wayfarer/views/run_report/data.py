@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
-from wayfarer.fieldlog.episodes import Episode, EpisodeBegan
 from wayfarer.fieldlog.fields import number, setting
+from wayfarer.fieldlog.missions import Episode, EpisodeBegan
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.run_events import AnomalyBegan, Noted, Silence
 from wayfarer.fieldlog.run_fold import RunFold

@@ -13,8 +13,7 @@ from typing import BinaryIO
 
 from wayfarer.errors import BadInput, NothingReadable
 from wayfarer.fieldlog.folders import newest_run
-from wayfarer.fieldlog.kinds import is_newer
-from wayfarer.fieldlog.lines import LINE_BYTES, LogLines
+from wayfarer.fieldlog.lines import LINE_BYTES, LogLines, is_newer
 from wayfarer.fieldlog.reader import first_record, log_segments, refuse_newer
 from wayfarer.fieldlog.schema import Record
 from wayfarer.files import open_regular
