@@ -7,6 +7,7 @@ party's algorithm may have said anything, and a name need not be fit for a termi
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import nan
 from typing import Any
 
 # No time, distance, angle or voltage of a run comes near it: bytes of a number beyond it were changed.
@@ -19,6 +20,11 @@ def number(record: Mapping[str, Any], key: str) -> float | None:
     if isinstance(value, int | float) and -MAX_PLAUSIBLE < value < MAX_PLAUSIBLE and not isinstance(value, bool):
         return value
     return None
+
+
+def or_nan(value: float | None) -> float:
+    """Return a number, NaN for one that is not known."""
+    return nan if value is None else value
 
 
 def integer(record: Mapping[str, Any], key: str) -> int | None:
@@ -37,15 +43,6 @@ def table(record: Mapping[str, Any], key: str) -> dict[str, Any]:
     """Return an object; an empty one where there is none."""
     value = record.get(key)
     return value if isinstance(value, dict) else {}
-
-
-def setting(header: Mapping[str, Any], *keys: str) -> float | None:
-    """Return a number of the rover file that a header holds, as ``vehicle`` and ``max_speed_m_s``; None without it."""
-    *groups, key = keys
-    found = table(header, "config")
-    for group in groups:
-        found = table(found, group)
-    return number(found, key)
 
 
 def escape_control_chars(text: str) -> str:

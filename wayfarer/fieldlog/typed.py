@@ -14,7 +14,7 @@ from math import nan
 from typing import Annotated, Any
 
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
-from wayfarer.fieldlog.fields import integer, number, setting, table
+from wayfarer.fieldlog.fields import integer, number, or_nan, table
 from wayfarer.fieldlog.schema import (
     ANGLE,
     COUNT,
@@ -96,9 +96,9 @@ class Header:
         """Return what is drawn of a simulated forest, None where that is not all there."""
         return _world(table(self.record, "world"))
 
-    def setting(self, *keys: str) -> float | None:
-        """Return a number of the rover file; see ``fields.setting``."""
-        return setting(self.record, *keys)
+    def setting(self, section: str, key: str) -> float | None:
+        """Return a number of the rover file, such as ``max_speed_m_s`` of ``vehicle``; None where it is not there."""
+        return number(table(table(self.record, "config"), section), key)
 
 
 @dataclass(slots=True)
@@ -257,8 +257,3 @@ def _motion_reading(tick: Record) -> MotionReading | None:
         return None
     t_s, forward_m, right_m, quality = (or_nan(said.get(key)) for key in ("t_s", "forward_m", "right_m", "quality"))
     return MotionReading(t_s, forward_m, right_m, quality, said.get("signed") is not False)
-
-
-def or_nan(value: float | None) -> float:
-    """Return a number, NaN for one that is not known."""
-    return nan if value is None else value
