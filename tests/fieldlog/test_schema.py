@@ -100,7 +100,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Record]]:
     on_mud = replace(trial, budget_m=1.0, ground=GroundName.mud)
     run_trial(replace(on_mud, slopes=Slopes(Range(5.0, 5.0)), physics=Physics(blind_share=0.1)), folder / "mud")
     files = RunFiles(folder / "full disk")
-    files.open(lines.header)
+    files.open(lines.run_record)
     files.lose(3)
     files.urgent(lines.event(4))
     files.close()
