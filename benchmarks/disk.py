@@ -17,6 +17,7 @@ from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Decision, Observation, Phase
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.reader import RunReader
+from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.fieldlog.writer_thread import WriterThread
 from wayfarer.hal import CompassReading, MotionReading, WheelCommand
@@ -29,7 +30,7 @@ HOUR = 72_000  # ticks at 20 Hz
 class FullFiles(RunFiles):
     """On a disk that takes nothing beyond the header."""
 
-    def open(self, header: Callable[[int], bytes]) -> None:
+    def open(self, header: Callable[[int], Record]) -> None:
         """Make the files, and have the operating system refuse more."""
         super().open(header)
         soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)

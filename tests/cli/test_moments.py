@@ -15,7 +15,7 @@ from pyarrow import parquet
 
 from tests.views.text.records import HEADER, SAMPLE_LOGS, record
 from wayfarer import cli
-from wayfarer.fieldlog.fields import seconds_since
+from wayfarer.fieldlog.clock import seconds_since
 
 (SAMPLE,) = SAMPLE_LOGS.glob("0*")
 

@@ -13,7 +13,7 @@ import time
 from itertools import count
 from pathlib import Path
 
-from tests.fieldlog.lines import event, header, tick
+from tests.fieldlog.lines import event, run_record, tick
 from wayfarer.config.rover_file import LogSettings
 from wayfarer.fieldlog import writer_thread
 from wayfarer.fieldlog.folders import new_run_folder
@@ -54,7 +54,7 @@ def write(logs: Path) -> None:
     """Write a log in small parts, as fast as it goes."""
     writer_thread.WRITE_S = 0.001
     log = WriterThread(TellingFiles(new_run_folder(logs), LogSettings(part_mb=0.01, free_mb=0.0)))
-    log.open(header)
+    log.open(run_record)
     for number in count(1):
         if number % 30:
             log.bulk(tick(number))
@@ -67,7 +67,7 @@ def hang(run: Path) -> None:
     """Write a line that never arrives, and end."""
     writer_thread.CLOSE_S = 0.1
     log = WriterThread(HangingFiles(run))
-    log.open(header)
+    log.open(run_record)
     log.urgent(event(1))
     log.close()
 

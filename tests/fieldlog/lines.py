@@ -17,9 +17,14 @@ FREE = LogSettings(free_mb=0.0)
 SMALL = LogSettings(part_mb=0.001, run_mb=1.0, free_mb=0.0)  # about ten ticks a part
 
 
+def run_record(part: int) -> Record:
+    """Return the first record of a part."""
+    return {"record": "run", "t_s": 0.0, "t_wall": 0.0, "schema": SCHEMA, "part": part, "rover": "Wühlmaus"}
+
+
 def header(part: int) -> bytes:
     """Return the first line of a part."""
-    return sealed({"record": "run", "t_s": 0.0, "t_wall": 0.0, "schema": SCHEMA, "part": part, "rover": "Wühlmaus"})
+    return sealed(run_record(part))
 
 
 def tick(number: int) -> bytes:
@@ -73,7 +78,7 @@ class Log:
         self.told: list[str] = []
         self.folder = folder
         self.files = RunFiles(folder, limits, self.told.append)
-        self.files.open(header)
+        self.files.open(run_record)
 
     def parts(self) -> list[str]:
         """Return the names of its files."""

@@ -15,7 +15,7 @@ from tests.views.text.records import BEGAN_WALL_S, HEADER, RUN, drive, event, nu
 from wayfarer.fieldlog import last_run
 from wayfarer.fieldlog.folders import FILE_NAME, new_run_folder
 from wayfarer.fieldlog.last_run import TAIL_BYTES, UnfinishedRun, unfinished_run
-from wayfarer.fieldlog.lines import parse
+from wayfarer.fieldlog.lines import LogLines
 from wayfarer.fieldlog.schema import Record
 
 STANDING: dict[str, Any] = {"phase": "halt", "why": "halt"}
@@ -63,12 +63,13 @@ def test_only_the_end_of_a_long_log_is_read(tmp_path: Path, monkeypatch: pytest.
     write(tmp_path / RUN, numbered([HEADER, event("armed", 0.0), *drive(0.0, 500.0)]))
     size_b = (tmp_path / RUN / FILE_NAME).stat().st_size
     read = []
+    take = LogLines.take
 
-    def counted(line: bytes) -> Record | str:
+    def counted(lines: LogLines, line: bytes) -> Record | str:
         read.append(len(line))
-        return parse(line)
+        return take(lines, line)
 
-    monkeypatch.setattr(last_run, "parse", counted)
+    monkeypatch.setattr(LogLines, "take", counted)
     assert unfinished_run(tmp_path) == UnfinishedRun(RUN, 599.95, BEGAN_WALL_S + 499.95, "armed")
     assert sum(read) <= TAIL_BYTES < size_b
 

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from tests.fieldlog.lines import event, header, read, tick
 from wayfarer.errors import BadInput, NothingReadable
 from wayfarer.fieldlog import lines, reader
-from wayfarer.fieldlog.lines import parse, sealed
+from wayfarer.fieldlog.lines import LogLines, sealed
 from wayfarer.fieldlog.reader import Damage, RunReader, log_segments, read_header
 from wayfarer.fieldlog.schema import Record
 
@@ -27,7 +27,7 @@ LINES = [header(1), *map(tick, range(1, 6)), event(6)]
 LOG = b"".join(line + b"\n" for line in LINES)
 LAST = len(LINES[-1]) + 1
 HEAD = LOG[:-LAST]
-WHOLE = [cast(Record, parse(line + b"\n")) for line in LINES]
+WHOLE = [cast(Record, LogLines().take(line + b"\n")) for line in LINES]
 
 
 def read_bytes(*parts: bytes) -> tuple[list[Record], Damage]:
@@ -224,6 +224,16 @@ def test_flipped_bit_costs_its_line_and_no_other() -> None:
         assert found == [*WHOLE[:4], *WHOLE[5:]]
         assert damage.lines == damage.missing == 1
     assert read_bytes(LOG.replace(b'"t_s":0.2,', b'"t_s":9.2,'))[1] == Damage(changed=1, missing=1)
+
+
+@pytest.mark.parametrize("broken", [b',"crb":"', b',"CRC":"', b',"crc" :"'])
+@pytest.mark.parametrize("number", range(len(LINES)))
+def test_line_whose_checksum_cannot_be_found_was_changed(number: int, broken: bytes) -> None:
+    lines = [line + b"\n" for line in LINES]
+    lines[number] = lines[number].replace(b',"crc":"', broken)
+    found, damage = read_bytes(b"".join(lines))
+    assert found == [*WHOLE[:number], *WHOLE[number + 1 :]]
+    assert (damage.lines, damage.changed) == (1, 1)
 
 
 def test_lines_that_are_there_twice_or_elsewhere_are_out_of_order() -> None:

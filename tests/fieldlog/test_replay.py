@@ -28,7 +28,7 @@ from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.live_rover import live_rover_setup
 from wayfarer.experiments.trial import run_trial
-from wayfarer.fieldlog.fields import duration_text
+from wayfarer.fieldlog.clock import duration_text
 from wayfarer.fieldlog.lines import sealed
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.reader import RunReader

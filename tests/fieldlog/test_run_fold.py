@@ -8,13 +8,12 @@ from typing import Any
 import pytest
 
 from tests.views.text.records import HEADER, drive, event, numbered, outcome, record, tick
-from wayfarer.fieldlog.episodes import EpisodeBegan
-from wayfarer.fieldlog.header import Header
-from wayfarer.fieldlog.kinds import KINDS
+from wayfarer.fieldlog.lines import KINDS
+from wayfarer.fieldlog.missions import EpisodeBegan
 from wayfarer.fieldlog.run_events import AnomalyBegan, Gap, Noted, PhaseChanged, RunBegan, Silence
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
-from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Tick
+from wayfarer.fieldlog.typed import Board, Fix, Header, RunEvent, Tick
 
 
 def folded(*records: Record) -> tuple[list[RunEvent], RunFold]:

@@ -23,7 +23,7 @@ from wayfarer.experiments.trial_log import GroundTruthLog, field_log
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.fieldlog import wording
 from wayfarer.fieldlog.folders import run_folders
-from wayfarer.fieldlog.kinds import KEYS, KINDS, READINGS
+from wayfarer.fieldlog.lines import KEYS, KINDS, READINGS
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.schema import SCHEMA, Record
@@ -100,7 +100,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Record]]:
     on_mud = replace(trial, budget_m=1.0, ground=GroundName.mud)
     run_trial(replace(on_mud, slopes=Slopes(Range(5.0, 5.0)), physics=Physics(blind_share=0.1)), folder / "mud")
     files = RunFiles(folder / "full disk")
-    files.open(lines.header)
+    files.open(lines.run_record)
     files.lose(3)
     files.urgent(lines.event(4))
     files.close()

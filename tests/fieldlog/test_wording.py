@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from tests.views.text.records import event
-from wayfarer.fieldlog.header import Header
+from wayfarer.fieldlog.typed import Header
 from wayfarer.fieldlog.wording import SENTENCES, event_text, run_text
 
 RUN_BEFORE: dict[str, Any] = {"run": "00016-x", "last_t_s": 9.0, "last_t_wall": None, "mode": "armed", "error": None}

@@ -13,7 +13,7 @@ from random import Random
 import pytest
 
 from tests.children import child
-from tests.fieldlog.lines import event, gaps, header, numbers, read, tick, write
+from tests.fieldlog.lines import event, gaps, numbers, read, run_record, tick, write
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog import writer_thread
 from wayfarer.fieldlog.folders import run_folders
@@ -74,7 +74,7 @@ def stalled(tmp_path: Path, told: list[str]) -> Iterator[StallingFiles]:
 def begun(stalled: StallingFiles, queue_bytes: int = QUEUE_BYTES) -> WriterThread:
     """A log whose thread waits for the disk with its first line."""
     log = WriterThread(stalled, queue_bytes)
-    log.open(header)
+    log.open(run_record)
     log.urgent(event(1))
     assert stalled.asked.acquire(timeout=PATIENCE_S)
     return log
@@ -82,7 +82,7 @@ def begun(stalled: StallingFiles, queue_bytes: int = QUEUE_BYTES) -> WriterThrea
 
 def test_lines_arrive_in_order_from_any_thread_and_closing_waits_for_them(tmp_path: Path) -> None:
     log = WriterThread(RunFiles(tmp_path))
-    log.open(header)
+    log.open(run_record)
     for number in range(1, 2001):
         (log.urgent if number % 500 == 0 else log.bulk)(tick(number))
     log.close()
@@ -97,7 +97,7 @@ def test_urgent_line_is_on_the_disk_without_waiting_for_the_next_second(
     monkeypatch.setattr(writer_thread, "WRITE_S", PATIENCE_S)
     files = WatchedFiles(tmp_path)
     log = WriterThread(files)
-    log.open(header)
+    log.open(run_record)
     log.bulk(tick(1))
     log.urgent(event(2))
     assert files.synced.acquire(timeout=PATIENCE_S / 2)
@@ -109,7 +109,7 @@ def test_other_lines_are_on_the_disk_after_a_few_writes(tmp_path: Path, monkeypa
     monkeypatch.setattr(writer_thread, "WRITE_S", 0.001)
     files = WatchedFiles(tmp_path)
     log = WriterThread(files)
-    log.open(header)
+    log.open(run_record)
     log.bulk(tick(1))
     for _ in range(2):  # the line may come in the midst of the first
         assert files.synced.acquire(timeout=PATIENCE_S)
@@ -126,7 +126,7 @@ def test_queue_has_room_again_for_what_was_written(tmp_path: Path) -> None:
             written.release()
 
     log = WriterThread(Watched(tmp_path), queue_bytes=0)
-    log.open(header)
+    log.open(run_record)
     line = event(1)[:-1] + b', "text": "' + b"x" * (URGENT_BYTES // 3) + b'"}'
     for _ in range(20):
         log.urgent(line)
@@ -139,7 +139,7 @@ def test_log_that_cannot_begin_is_bad_input_at_once(tmp_path: Path) -> None:
     (tmp_path / "run").write_bytes(b"")
     log = WriterThread(RunFiles(tmp_path / "run"))
     with pytest.raises(BadInput, match="cannot be written"):
-        log.open(header)
+        log.open(run_record)
     log.close()
 
 
@@ -190,7 +190,7 @@ def test_queue_that_stays_full_is_told_once_though_the_disk_answers_now_and_then
 
 def test_even_urgent_lines_cannot_fill_the_memory(stalled: StallingFiles) -> None:
     log = WriterThread(stalled, queue_bytes=0)
-    log.open(header)
+    log.open(run_record)
     line = event(1)[:-1] + b', "text": "' + b"x" * 100_000 + b'"}'
     for _ in range(100):
         log.urgent(line)
@@ -204,7 +204,7 @@ def test_closing_leaves_a_disk_that_does_not_answer_and_says_what_is_missing(
 ) -> None:
     monkeypatch.setattr(writer_thread, "CLOSE_S", 0.01)
     log = WriterThread(stalled)
-    log.open(header)
+    log.open(run_record)
     write(log, range(1, 31))
     log.close()
     assert log.dropped == 30
@@ -219,7 +219,7 @@ def test_error_in_writing_costs_a_batch_and_not_the_log(tmp_path: Path) -> None:
             raise TypeError("a bug")
 
     log = WriterThread(Buggy(tmp_path))
-    log.open(header)
+    log.open(run_record)
     log.urgent(event(1))
     thread_of_it = log._thread
     assert thread_of_it is not None

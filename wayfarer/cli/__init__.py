@@ -23,7 +23,7 @@ from wayfarer import __version__
 from wayfarer.cli import commissioning, compare, control, demo, faults, listing, logs, replay, report, rover, sim, sweep
 from wayfarer.cli.options import examples
 from wayfarer.errors import WayfarerError
-from wayfarer.fieldlog.printable import escape_control_chars
+from wayfarer.fieldlog.fields import escape_control_chars
 from wayfarer.views.text.colour import painted
 
 BAD_INPUT = 2

@@ -11,8 +11,8 @@ import typer
 from wayfarer.angles import wrap360
 from wayfarer.cli.options import AsJson
 from wayfarer.errors import WayfarerError
-from wayfarer.fieldlog.fields import duration_text
-from wayfarer.fieldlog.printable import escape_document
+from wayfarer.fieldlog.clock import duration_text
+from wayfarer.fieldlog.fields import escape_document
 from wayfarer.fieldlog.vocabulary import disarmed_text, in_words
 from wayfarer.fieldlog.wording import marks, whole_deg
 from wayfarer.views.text.colour import painted

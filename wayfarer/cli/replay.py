@@ -10,8 +10,8 @@ import typer
 
 from wayfarer.cli.options import AllowCode, AsJson, Logs, examples, log_folder, rover_option, run_argument
 from wayfarer.errors import BadInput
+from wayfarer.fieldlog.fields import escape_control_chars
 from wayfarer.fieldlog.folders import find_run, run_title
-from wayfarer.fieldlog.printable import escape_control_chars
 
 if TYPE_CHECKING:
     from wayfarer.fieldlog.replay import Replay
@@ -84,7 +84,7 @@ def replay_text(run: Path, result: Replay) -> str:
 
 def _moment(elapsed_s: float) -> str:
     """Return a moment as ``wayfarer logs show`` has it, and as exports have it."""
-    from wayfarer.fieldlog.fields import duration_text
+    from wayfarer.fieldlog.clock import duration_text
 
     return f"{duration_text(elapsed_s, 2)} (elapsed_s {elapsed_s:.3f})"
 

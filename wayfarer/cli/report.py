@@ -53,8 +53,8 @@ def report(
 ) -> None:
     """Write report.html for a run (default: the newest one), for two runs beside each other, a campaign or a sweep."""
     require("a report")
+    from wayfarer.fieldlog.fields import escape_control_chars
     from wayfarer.fieldlog.folders import find_run
-    from wayfarer.fieldlog.printable import escape_control_chars
     from wayfarer.views.run_report.run import write_comparison, write_run_report
 
     folder = log_folder(logs)

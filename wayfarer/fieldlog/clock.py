@@ -1,14 +1,68 @@
-"""The wall clock: the only place in the field code that reads one."""
+"""Times of a log: the wall clock, which only this module of the field code reads, and how times are told."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from wayfarer.fieldlog.fields import MAX_PLAUSIBLE, number
 
 # The wall clock's time in seconds since 1970, given the loop's; a simulated run passes one that makes it reproducible.
 WallClock = Callable[[float], float]
+
+ELAPSED_DECIMALS = 6  # microseconds: a clock that has run for 31 years (``schema.SINCE_BOOT``) still counts them
+# 2024-01-01: a clock that was never set stands before, at 1970 or at the day its system image was made.
+CLOCK_SET_S = 1_704_067_200.0
 
 
 def wall_clock(_t_s: float) -> float:
     """Return the wall clock in seconds since 1970; it may step by hours when the computer finds the right time."""
     return time.time()
+
+
+def duration_text(seconds: float | None, decimals: int = 0) -> str:
+    """Return a time since the beginning, or a duration, as ``1:23:45``; empty where it is not known."""
+    if seconds is None or not abs(seconds) < MAX_PLAUSIBLE:
+        return ""
+    tick = 10**decimals
+    ticks = int(abs(seconds) * tick + 0.5)
+    minutes, rest = divmod(ticks, 60 * tick)
+    width = decimals + 3 if decimals else 2
+    sign = "-" if seconds < 0.0 and ticks else ""
+    return f"{sign}{minutes // 60}:{minutes % 60:02}:{rest / tick:0{width}.{decimals}f}"
+
+
+def seconds_since(first: Mapping[str, Any], record: Mapping[str, Any]) -> float:
+    """Return ``elapsed_s``, seconds since the first record of a log that can be read: by this all tools name a moment.
+
+    ``t_s`` counts from an unknown moment, mostly the start of the computer. A record that stands behind the first one
+    but has an earlier ``t_s`` gets a negative number.
+    """
+    return round(float(record["t_s"]) - float(first["t_s"]), ELAPSED_DECIMALS)
+
+
+def clock_zero_s(header: Mapping[str, Any], first: Mapping[str, Any], last: Mapping[str, Any]) -> float | None:
+    """Return the wall time, seconds since 1970, at which a log's ``t_s`` was zero; None where nothing tells.
+
+    The last record says it best, because a rover's computer may find the right time only after a while. Where ``t_s``
+    did not run as fast as the clock (a demo's), only the first record says when the run began.
+    """
+    told = last if (number(header, "time_scale") or 1.0) == 1.0 else first
+    wall_s, t_s = number(told, "t_wall"), number(told, "t_s")
+    return None if wall_s is None or t_s is None else wall_s - t_s
+
+
+def began_wall_s(header: Mapping[str, Any], first: Mapping[str, Any], last: Mapping[str, Any]) -> float | None:
+    """Return the wall time at which a run began, seconds since 1970; None where the clock was never set."""
+    zero_s, first_t_s = clock_zero_s(header, first, last), number(first, "t_s")
+    began_s = None if zero_s is None or first_t_s is None else zero_s + first_t_s
+    return began_s if began_s is not None and began_s >= CLOCK_SET_S else None
+
+
+def local_time(wall_s: float, form: str, *, utc: bool = False) -> str:
+    """Return a wall time where the reader is, or in UTC; empty where no calendar reaches."""
+    try:
+        return time.strftime(form, time.gmtime(wall_s) if utc else time.localtime(wall_s))
+    except (OverflowError, ValueError, OSError):
+        return ""

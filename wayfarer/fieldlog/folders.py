@@ -20,7 +20,7 @@ from threading import Event
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.fieldlog.disk import error_advice
-from wayfarer.fieldlog.printable import escape_control_chars
+from wayfarer.fieldlog.fields import escape_control_chars
 
 FILE_NAME = "run.jsonl"  # the newest segment of a run's log; older ones are run.00001.jsonl and so on
 RUN_NAME = re.compile(r"(\d{1,9})-\d{8}T\d{6}Z", re.ASCII)

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.errors import BadInput
+from wayfarer.fieldlog.fields import escape_control_chars
 from wayfarer.fieldlog.folders import newest_run
-from wayfarer.fieldlog.lines import Numbers, parse
-from wayfarer.fieldlog.printable import escape_control_chars
+from wayfarer.fieldlog.lines import LogLines
 from wayfarer.fieldlog.reader import log_segments
 from wayfarer.fieldlog.schema import Record
 from wayfarer.files import open_regular
@@ -64,19 +64,22 @@ def end_of_log(segments: Sequence[Path]) -> list[Record]:
         OSError: a segment cannot be read.
     """
     tail: list[Record] = []
+    lines: list[bytes] = []
     for segment in reversed(segments[-2:]):
-        tail = _tail(segment) + tail
+        lines = _last_lines(segment) + lines
+        log_lines = LogLines()
+        tail = [record for line in lines if isinstance(record := log_lines.take(line), dict)]
         if any(record["record"] == "tick" for record in tail):
             break
-    return list(filter(Numbers().go_on, tail))
+    return tail
 
 
-def _tail(segment: Path) -> list[Record]:
+def _last_lines(segment: Path) -> list[bytes]:
     with open_regular(segment) as file:
         size_b = file.seek(0, 2)
         file.seek(max(0, size_b - TAIL_BYTES))
         tail = file.read(TAIL_BYTES) or b""  # None for a file of the kernel that would have to be waited for
-    return [record for line in tail.splitlines(keepends=True) if isinstance(record := parse(line), dict)]
+    return tail.splitlines(keepends=True)
 
 
 def _mode(tail: Sequence[Record]) -> str | None:

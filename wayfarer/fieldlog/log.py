@@ -60,7 +60,7 @@ class FieldLog:
         self._unmade = 0
         self._wall_offset_s: float | None = None
         self._logger = structlog.wrap_logger(sink, [self._line], structlog.BoundLogger).bind()
-        sink.open(lambda part: sealed(self._header(part)))
+        sink.open(self._header)
         self._show(self._header(1))
 
     @property

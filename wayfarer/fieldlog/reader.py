@@ -20,8 +20,7 @@ from typing import BinaryIO
 from wayfarer import __version__
 from wayfarer.errors import BadInput, NothingReadable
 from wayfarer.fieldlog.folders import FILE_NAME, older_segments
-from wayfarer.fieldlog.kinds import is_newer
-from wayfarer.fieldlog.lines import LINE_BYTES, Numbers, parse
+from wayfarer.fieldlog.lines import LINE_BYTES, LogLines, is_newer
 from wayfarer.fieldlog.schema import SCHEMA, Record
 from wayfarer.files import open_regular
 
@@ -108,31 +107,23 @@ class RunReader:
         self._part_lines = FIRST_LINES if beginnings else None
         self.damage = Damage()
         self.segments = log_segments(run)
+        self._log_lines = LogLines()
         self._ran: Record | None = None  # what the first header says
 
     def __iter__(self) -> Iterator[Record]:
         empty = True
-        for record in self._in_place():
+        for record in self._whole():
             if empty:
                 self.damage.headless = max(self.damage.headless, int(record["record"] != "run"))
                 empty = False
+            self.damage.missing = self._log_lines.missing
             yield record
         if empty:
             lost = self.damage if self.damage else "it is empty"
             raise NothingReadable(f"{self.run}: nothing in this log can be read ({lost})")
 
-    def _in_place(self) -> Iterator[Record]:
-        """Give the records whose numbers grow."""
-        numbers = Numbers()
-        for record in self._whole():
-            if numbers.go_on(record):
-                self.damage.missing = numbers.missing
-                yield record
-            else:
-                self.damage.disordered += 1
-
     def _whole(self) -> Iterator[Record]:
-        """Give the records of all segments that are whole, in any order."""
+        """Give the records of all segments that are whole and in their place."""
         readable = False
         for segment in self.segments:
             begun = False
@@ -151,11 +142,11 @@ class RunReader:
 
     def _record(self, line: bytes, segment: Path) -> Record | None:
         """Return the record of a line, or count what is wrong with it; a hole of NULs may end where a line begins."""
-        record = parse(line)
+        record = self._log_lines.take(line)
         if isinstance(record, dict):
             return record if record["record"] != "run" else self._header(record, segment)
         self._skip(record)
-        after = parse(line.rpartition(b"\0")[2]) if record == "nul" else None
+        after = self._log_lines.take(line.rpartition(b"\0")[2]) if record == "nul" else None
         return after if isinstance(after, dict) else None
 
     def _header(self, header: Record, segment: Path) -> Record | None:
@@ -222,7 +213,7 @@ def _headers(segments: Sequence[Path]) -> Iterator[tuple[Path, Record]]:
     """Give the headers with which segments of a log begin."""
     for segment in segments:
         with suppress(OSError), open_regular(segment) as file:
-            first = parse(file.readline(LINE_BYTES))
+            first = LogLines().take(file.readline(LINE_BYTES))
             if isinstance(first, dict) and first["record"] == "run":
                 yield segment, first
 

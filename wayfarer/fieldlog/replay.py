@@ -25,7 +25,7 @@ from wayfarer.control.latest import SensorBuffers
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.supervisor import make_detector, needs_of
 from wayfarer.errors import BadInput, DriverError
-from wayfarer.fieldlog.fields import seconds_since
+from wayfarer.fieldlog.clock import seconds_since
 from wayfarer.fieldlog.log import tick_fields
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.schema import OLDEST, Record

@@ -9,9 +9,8 @@ from typing import Annotated, Any
 from wayfarer.fieldlog import schema
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
 from wayfarer.fieldlog.fields import safe_text
-from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.schema import Record, fields_of
-from wayfarer.fieldlog.typed import RunEvent
+from wayfarer.fieldlog.typed import Header, RunEvent
 
 
 @dataclass(slots=True)

@@ -11,11 +11,10 @@ from math import isnan
 
 from wayfarer.escape.api import Phase
 from wayfarer.escape.phases import PhaseEvent
+from wayfarer.fieldlog.clock import seconds_since
 from wayfarer.fieldlog.dead_reckoning import GAP_S, QUALITY_MIN, DeadReckoning
-from wayfarer.fieldlog.episodes import EpisodeTracker
-from wayfarer.fieldlog.fields import seconds_since, table
-from wayfarer.fieldlog.header import Header
-from wayfarer.fieldlog.missions import MissionTracker
+from wayfarer.fieldlog.fields import table
+from wayfarer.fieldlog.missions import EpisodeTracker, MissionTracker
 from wayfarer.fieldlog.run_events import (
     AnomalyBegan,
     BatteryChanged,
@@ -32,7 +31,7 @@ from wayfarer.fieldlog.run_events import (
 from wayfarer.fieldlog.run_state import LowBattery, RunState
 from wayfarer.fieldlog.schema import Record, fields_of
 from wayfarer.fieldlog.sensor_status import SensorStatus
-from wayfarer.fieldlog.typed import Board, Computer, Fix, RunEvent, Tick, Truth
+from wayfarer.fieldlog.typed import Board, Computer, Fix, Header, RunEvent, Tick, Truth
 from wayfarer.safety.conditions import Level
 
 # Nobody reads a bumper that no decision uses: it has a status when it first speaks.

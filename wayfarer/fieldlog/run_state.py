@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 from math import nan
 
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
-from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.run_events import Ended
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.sensor_status import SensorStatus
-from wayfarer.fieldlog.typed import Board, Fix, Tick
+from wayfarer.fieldlog.typed import Board, Fix, Header, Tick
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +38,7 @@ class RunState:
     ``armed_s`` is the time armed, ``held_s`` the part of it with the wheels held, by cause, ``limited_s`` that of
     driving with limits (level ``degrade``). ``cause_since_s`` is when the present cause began. ``anomalies`` counts
     beginnings by kind, ``recoveries`` how often the rover backed off, ``exhausted`` the phases that reached their
-    bound, ``events`` the events by name. ``episodes`` counts those of all missions, by the phases (``episodes.py``).
+    bound, ``events`` the events by name. ``episodes`` counts those of all missions, by the phases (``missions.py``).
     ``stretch`` grows wherever the log breaks off: where records are missing, and where there is no tick for a while.
     ``missing`` are the records missing so far, ``dropped`` those that could not be written.
     """

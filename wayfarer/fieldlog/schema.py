@@ -1,8 +1,8 @@
 """What values the keys of a log may have, as types: a class that is annotated with them describes a kind of record.
 
-Each kind is one dataclass (in ``header``, ``typed`` and ``run_events``), and each key one line of it, such as
+Each kind is one dataclass (in ``typed`` and ``run_events``), and each key one line of it, such as
 ``heading_deg: Angle``. From that line follow the attribute that views read, what the reader accepts, and the columns of
-tables and plots (``kinds``). ``field_logs/README.md`` says what the keys mean; a test compares it with the classes.
+tables and plots (``lines``). ``field_logs/README.md`` says what the keys mean; a test compares it with the classes.
 
 Ranges are far wider than any run needs: in a log of schema 2, which has no checksums, a value outside of them was
 changed after it was written. What a sensor said has no range. A failing part may say anything, and the log keeps it as
@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
-from wayfarer.fieldlog.printable import escape_control_chars
+from wayfarer.fieldlog.fields import escape_control_chars
 
 Record = dict[str, Any]
 SCHEMA = 3  # each line has a checksum; schema 2 had none, and is read

@@ -12,12 +12,11 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 
-import orjson
-
 from wayfarer.config.rover_file import LogSettings
 from wayfarer.fieldlog.disk import MB
 from wayfarer.fieldlog.folders import FILE_NAME, older_segments, segment_path
-from wayfarer.fieldlog.lines import sealed_at
+from wayfarer.fieldlog.lines import sealed, sealed_at
+from wayfarer.fieldlog.schema import Record
 from wayfarer.files import sync_folder
 
 # Appending: whatever else happens to the file, a line never lands in the middle of it.
@@ -94,20 +93,20 @@ class SegmentRotation:
     Args:
         folder: the run's folder; made where it is not there.
         settings: limits in size.
-        header: gives the first line of a segment, by its number from 1.
+        header: gives the first record of a segment, by its number from 1.
 
     Raises:
         OSError: the first segment cannot be made.
     """
 
-    def __init__(self, folder: Path, settings: LogSettings, header: Callable[[int], bytes]) -> None:
+    def __init__(self, folder: Path, settings: LogSettings, header: Callable[[int], Record]) -> None:
         self._folder = folder
         self._segment_bytes = settings.part_mb * MB
         self._run_bytes = settings.run_mb * MB
         self._header = header
         folder.mkdir(parents=True, exist_ok=True)
         self.newest: Segment | None = None
-        self._make(1, header(1))
+        self._make(1, sealed(header(1)))
         sync_folder(folder.parent)
 
     def fills(self, lines: list[bytes]) -> bool:
@@ -137,9 +136,8 @@ class SegmentRotation:
         self.close()
         self._folder.mkdir(parents=True, exist_ok=True)
         self._archive()
-        header = orjson.loads(self._header(self._number + 1))
-        del header["crc"]  # another time needs another
-        segment = self._make(self._number + 1, sealed_at(line, header))
+        number = self._number + 1
+        segment = self._make(number, sealed_at(line, self._header(number)))
         self._delete_oldest()
         return segment
 

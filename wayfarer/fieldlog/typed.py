@@ -1,10 +1,10 @@
-"""What was read at a moment, one class for each kind of record, made once when ``run_fold.RunFold`` takes it. Pure.
+"""What a record says, one class for each kind, made once when ``run_fold.RunFold`` takes it. Pure.
 
 Each attribute with a type of ``schema`` is a key of the record, and this is its only description. The reader has
 judged it: the value is of its type and in its range, or not known. What the schema cannot judge is looked at here and
 nowhere behind it: what an algorithm remembers, what a sensor said. There a wrong type reads as missing.
 
-Each class has ``elapsed_s``, the seconds since the first record of its log, and ``t_s``, the loop's clock.
+All but ``Header`` have ``elapsed_s``, the seconds since the first record of the log, and ``t_s``, the loop's clock.
 """
 
 from __future__ import annotations
@@ -13,10 +13,31 @@ from dataclasses import dataclass
 from math import nan
 from typing import Annotated, Any
 
-from wayfarer.fieldlog import schema
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
-from wayfarer.fieldlog.fields import number
-from wayfarer.fieldlog.schema import Record, fields_of, keys_of
+from wayfarer.fieldlog.fields import integer, number, or_nan, table
+from wayfarer.fieldlog.schema import (
+    ANGLE,
+    COUNT,
+    METRES,
+    NUMBER,
+    STAMP,
+    TABLE,
+    Angle,
+    AnyNumber,
+    Count,
+    Duty,
+    Flag,
+    Lasting,
+    Metres,
+    Record,
+    SinceBoot,
+    Table,
+    Text,
+    Texts,
+    Values,
+    fields_of,
+    keys_of,
+)
 from wayfarer.hal import MotionReading
 
 # What an algorithm remembers, if it is a number: a third party's may be anything.
@@ -29,6 +50,55 @@ class RunEvent:
 
     elapsed_s: float
     t_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """What ran; None where the log does not say. ``world`` is the forest of a simulated run, if it can be drawn."""
+
+    record: Record
+    schema: Annotated[int | None, Values((int,), 1, 2**53)] = None
+    part: Annotated[int, COUNT] = 1
+    version: Text = None
+    rover: Text = None
+    algorithm: Text = None
+    config: Table = None
+    config_hash: Text = None
+    parts: Table = None
+    simulated: Flag = None
+    dry_run: Flag = None
+    log: Text = None
+    start_delay_s: Lasting = None
+    time_scale: Annotated[float | None, Values(NUMBER, 1e-3, 1e6)] = None
+    boot_id: Text = None
+    trial: Count = None
+    forest: Count = None
+    noise: Count = None
+    slip_mean_m: Metres = None
+    budget_m: Metres = None
+    mujoco: Table = None
+    ground: Text = None
+    slope: Table = None
+    sim: Table = None
+
+    @classmethod
+    def of(cls, record: Record) -> Header:
+        """Return what a ``run`` record says; an empty record says nothing."""
+        return cls(record, **fields_of(cls, record))
+
+    @property
+    def seed(self) -> int | None:
+        """Return the seed, a number of any size."""
+        return integer(self.record, "seed")
+
+    @property
+    def world(self) -> Record | None:
+        """Return what is drawn of a simulated forest, None where that is not all there."""
+        return _world(table(self.record, "world"))
+
+    def setting(self, section: str, key: str) -> float | None:
+        """Return a number of the rover file, such as ``max_speed_m_s`` of ``vehicle``; None where it is not there."""
+        return number(table(table(self.record, "config"), section), key)
 
 
 @dataclass(slots=True)
@@ -44,25 +114,25 @@ class Tick(RunEvent):
     """
 
     record: Record
-    compass: schema.Table = None
-    motion: Annotated[MotionReading | None, schema.TABLE] = None
-    contact: schema.Table = None
-    decision_t_s: schema.SinceBoot = None
-    heading_deg: schema.Angle = None
-    pitch_deg: schema.Angle = None
-    roll_deg: schema.Angle = None
-    anomalies: schema.Texts = ()
-    goal_heading_deg: schema.Angle = None
-    travelled_m: schema.Metres = None
-    covered_m: schema.Metres = None
-    phase: schema.Text = None
-    why: schema.Text = None
-    wanted_left: schema.AnyNumber = None
-    wanted_right: schema.AnyNumber = None
-    applied_left: schema.Duty = None
-    applied_right: schema.Duty = None
-    level: schema.Text = None
-    cause: schema.Text = None
+    compass: Table = None
+    motion: Annotated[MotionReading | None, TABLE] = None
+    contact: Table = None
+    decision_t_s: SinceBoot = None
+    heading_deg: Angle = None
+    pitch_deg: Angle = None
+    roll_deg: Angle = None
+    anomalies: Texts = ()
+    goal_heading_deg: Angle = None
+    travelled_m: Metres = None
+    covered_m: Metres = None
+    phase: Text = None
+    why: Text = None
+    wanted_left: AnyNumber = None
+    wanted_right: AnyNumber = None
+    applied_left: Duty = None
+    applied_right: Duty = None
+    level: Text = None
+    cause: Text = None
 
     counter_deg: float | None = None
     side: float | None = None
@@ -95,7 +165,7 @@ class Tick(RunEvent):
     @property
     def further(self) -> dict[str, Any]:
         """Return what none of these attributes tells: new keys, and what a third party's algorithm remembers."""
-        attributes = {"record", *schema.STAMP, *keys_of(Tick)}
+        attributes = {"record", *STAMP, *keys_of(Tick)}
         attributes |= {key for key in REMEMBERED if getattr(self, key) is not None}
         return {key: value for key, value in self.record.items() if value is not None and key not in attributes}
 
@@ -109,10 +179,10 @@ class Tick(RunEvent):
 class Board(RunEvent):
     """What the motor board said of itself; the fold adds the seconds since it said something before."""
 
-    battery_v: schema.AnyNumber = None
-    faults: schema.Texts = ()
-    says_left: schema.AnyNumber = None
-    says_right: schema.AnyNumber = None
+    battery_v: AnyNumber = None
+    faults: Texts = ()
+    says_left: AnyNumber = None
+    says_right: AnyNumber = None
     period_s: float = nan
 
 
@@ -123,9 +193,9 @@ class Fix(RunEvent):
     The fold adds ``period_s``, the seconds since the position before; None for the first one.
     """
 
-    latitude_deg: Annotated[float, schema.Values(schema.NUMBER, -90.0, 90.0)]
-    longitude_deg: Annotated[float, schema.Values(schema.NUMBER, -180.0, 180.0)]
-    error_m: Annotated[float | None, schema.Values(schema.NUMBER, 0.0, 1e8)] = None
+    latitude_deg: Annotated[float, Values(NUMBER, -90.0, 90.0)]
+    longitude_deg: Annotated[float, Values(NUMBER, -180.0, 180.0)]
+    error_m: Annotated[float | None, Values(NUMBER, 0.0, 1e8)] = None
     period_s: float | None = None
 
 
@@ -133,11 +203,11 @@ class Fix(RunEvent):
 class Computer(RunEvent):
     """How the computer is."""
 
-    cpu_c: Annotated[float | None, schema.Values(schema.NUMBER, -273.0, 1000.0)] = None
-    throttled: schema.Text = None
-    load_1min: Annotated[float | None, schema.Values(schema.NUMBER, 0.0, 1e6)] = None
-    disk_free_mb: Annotated[float | None, schema.Values(schema.NUMBER, 0.0, 1e12)] = None
-    log_dropped: schema.Count = None
+    cpu_c: Annotated[float | None, Values(NUMBER, -273.0, 1000.0)] = None
+    throttled: Text = None
+    load_1min: Annotated[float | None, Values(NUMBER, 0.0, 1e6)] = None
+    disk_free_mb: Annotated[float | None, Values(NUMBER, 0.0, 1e12)] = None
+    log_dropped: Count = None
 
     @property
     def power_bits(self) -> str:
@@ -149,13 +219,35 @@ class Computer(RunEvent):
 class Truth(RunEvent):
     """Where a simulated rover really is, in the metres of its forest; what is not said of its body is 0."""
 
-    x_m: Annotated[float, schema.METRES]
-    y_m: Annotated[float, schema.METRES]
-    heading_deg: Annotated[float, schema.ANGLE] = 0.0
-    pitch_deg: Annotated[float, schema.ANGLE] = 0.0
-    roll_deg: Annotated[float, schema.ANGLE] = 0.0
-    slipping: schema.Flag = None
-    touching: schema.Flag = None
+    x_m: Annotated[float, METRES]
+    y_m: Annotated[float, METRES]
+    heading_deg: Annotated[float, ANGLE] = 0.0
+    pitch_deg: Annotated[float, ANGLE] = 0.0
+    roll_deg: Annotated[float, ANGLE] = 0.0
+    slipping: Flag = None
+    touching: Flag = None
+
+
+def _world(world: Record) -> Record | None:
+    lengths = ("goal_y_m", "trunk_diameter_m", "tree_radius_m")
+    if (
+        all(number(world, key) is not None for key in lengths)
+        and _are_rows([world.get("start_m")], 2)
+        and _are_rows(world.get("trunks_m"), 4)
+        and _are_rows(world.get("trees_m"), 2)
+    ):
+        return {key: world[key] for key in ("start_m", *lengths, "trees_m", "trunks_m")}
+    return None
+
+
+def _are_rows(rows: object, numbers: int) -> bool:
+    """Return whether something is a list of lists that each begin with so many numbers."""
+    return isinstance(rows, list | tuple) and all(
+        isinstance(row, list | tuple)
+        and len(row) >= numbers
+        and all(number({"": value}, "") is not None for value in row[:numbers])
+        for row in rows
+    )
 
 
 def _motion_reading(tick: Record) -> MotionReading | None:
@@ -165,8 +257,3 @@ def _motion_reading(tick: Record) -> MotionReading | None:
         return None
     t_s, forward_m, right_m, quality = (or_nan(said.get(key)) for key in ("t_s", "forward_m", "right_m", "quality"))
     return MotionReading(t_s, forward_m, right_m, quality, said.get("signed") is not False)
-
-
-def or_nan(value: float | None) -> float:
-    """Return a number, NaN for one that is not known."""
-    return nan if value is None else value

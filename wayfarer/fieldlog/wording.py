@@ -12,12 +12,11 @@ from enum import Enum
 from itertools import starmap
 from typing import Any
 
-from wayfarer.fieldlog.fields import MAX_PLAUSIBLE, local_time
-from wayfarer.fieldlog.header import Header
-from wayfarer.fieldlog.printable import escape_control_chars
+from wayfarer.fieldlog.clock import local_time
+from wayfarer.fieldlog.fields import MAX_PLAUSIBLE, escape_control_chars
 from wayfarer.fieldlog.run_events import Ended, FaultInjected, Silence, event_name
 from wayfarer.fieldlog.schema import Record
-from wayfarer.fieldlog.typed import Fix
+from wayfarer.fieldlog.typed import Fix, Header
 from wayfarer.fieldlog.vocabulary import disarmed_text, ends_text, in_words, level_text
 
 

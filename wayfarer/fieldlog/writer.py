@@ -13,6 +13,7 @@ from wayfarer.config.rover_file import UNLIMITED, LogSettings
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.disk import DRIVES_ON, DiskTrouble, error_advice, free_mb
 from wayfarer.fieldlog.lines import sealed_at
+from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.segments import Segment, SegmentRotation
 
 BATCH_BYTES = 65_536  # what is written at once, unless it is asked for earlier
@@ -46,8 +47,8 @@ class RunFiles:
         self._gap = 0  # dropped lines that no ``log_gap`` tells of yet
         self._failing = self._try_again = self._scarce = self._closed = False
 
-    def open(self, header: Callable[[int], bytes]) -> None:
-        """Make folder and file; ``header`` gives the first line of each segment of the log, by its number from 1.
+    def open(self, header: Callable[[int], Record]) -> None:
+        """Make folder and file; ``header`` gives the first record of each segment of the log, by its number from 1.
 
         Raises:
             BadInput: they cannot be made.

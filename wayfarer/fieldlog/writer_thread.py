@@ -6,6 +6,7 @@ from collections.abc import Callable
 from itertools import count
 
 from wayfarer.fieldlog.disk import DRIVES_ON
+from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.waiting_thread import WaitingThread
 
@@ -49,7 +50,7 @@ class WriterThread(WaitingThread):
         """Why records are lost at present, None where they are not."""
         return self._files.trouble.now
 
-    def open(self, header: Callable[[int], bytes]) -> None:
+    def open(self, header: Callable[[int], Record]) -> None:
         """Make the files, which may wait for the disk, and start the thread; see ``RunFiles``."""
         self._files.open(header)
         with self._changed:

@@ -11,7 +11,7 @@ from typing import Any
 
 from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, EscapeSettings, Observation, Phase, Vehicle
 from wayfarer.escape.catalogue import Algorithm
-from wayfarer.fieldlog.kinds import KEYS
+from wayfarer.fieldlog.lines import KEYS
 from wayfarer.fieldlog.schema import STAMP
 from wayfarer.hal import STOP, ContactReading, Rover, Side, WheelCommand
 

@@ -15,8 +15,8 @@ from typing import NamedTuple
 from wayfarer.commissioning.checks.api import Finding, HostEnvironment, Inspection, fail, ok, skipped, warn
 from wayfarer.config.rover_file import LogSettings, RoverConfig, line_in, part_settings
 from wayfarer.errors import BadConfig
+from wayfarer.fieldlog.clock import CLOCK_SET_S
 from wayfarer.fieldlog.disk import free_mb
-from wayfarer.fieldlog.fields import CLOCK_SET_S
 from wayfarer.safety.power import SLOWED_NOW, UNDER_VOLTAGE_NOW, UNDER_VOLTAGE_SINCE_BOOT
 
 # The debug connector of a Raspberry Pi 5, which its /dev/serial0 leads to. Second hand, from the issue tracker of the

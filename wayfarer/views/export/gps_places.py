@@ -18,8 +18,9 @@ from typing import NamedTuple
 from wayfarer.angles import bearing_deg, coordinates_deg, wrap180
 from wayfarer.clamp import clamp
 from wayfarer.errors import BadInput
+from wayfarer.fieldlog.clock import duration_text
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
-from wayfarer.fieldlog.fields import duration_text, safe_text
+from wayfarer.fieldlog.fields import safe_text
 from wayfarer.fieldlog.folders import run_title
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.run_events import AnomalyBegan, Ended, Noted

@@ -19,8 +19,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, TextIO
 
-from wayfarer.fieldlog.kinds import KEYS, READINGS
-from wayfarer.fieldlog.printable import escape_control_chars
+from wayfarer.fieldlog.fields import escape_control_chars
+from wayfarer.fieldlog.lines import KEYS, READINGS
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.run_events import Ended, FaultInjected, Noted
 from wayfarer.fieldlog.run_fold import RunFold

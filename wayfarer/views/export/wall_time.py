@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 
 from wayfarer.clamp import clamp
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.fields import clock_zero_s
+from wayfarer.fieldlog.clock import clock_zero_s
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.schema import Record
 

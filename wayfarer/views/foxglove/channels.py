@@ -21,7 +21,6 @@ from foxglove.messages import (
     Timestamp,
 )
 
-from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.run_events import (
     AnomalyBegan,
     BoardFaults,
@@ -35,7 +34,7 @@ from wayfarer.fieldlog.run_events import (
 )
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
-from wayfarer.fieldlog.typed import Fix, RunEvent, Tick, Truth
+from wayfarer.fieldlog.typed import Fix, Header, RunEvent, Tick, Truth
 from wayfarer.fieldlog.vocabulary import met
 from wayfarer.fieldlog.wording import Tone, sentence
 from wayfarer.views.export.wall_time import SECOND_NS, nanoseconds

@@ -12,7 +12,7 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 from wayfarer.angles import wrap180
-from wayfarer.fieldlog.kinds import KEYS
+from wayfarer.fieldlog.lines import KEYS
 from wayfarer.fieldlog.schema import ANY_NUMBER
 from wayfarer.fieldlog.typed import Board, Computer, RunEvent, Tick, Truth
 from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS, response_text

@@ -12,13 +12,12 @@ from __future__ import annotations
 from collections import deque
 from typing import Any
 
-from wayfarer.fieldlog.fields import duration_text
-from wayfarer.fieldlog.header import Header
+from wayfarer.fieldlog.clock import duration_text
 from wayfarer.fieldlog.run_events import AnomalyBegan, Ended, PhaseChanged, RunBegan
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.sensor_status import SensorStatus
-from wayfarer.fieldlog.typed import RunEvent, Tick, Truth
+from wayfarer.fieldlog.typed import Header, RunEvent, Tick, Truth
 from wayfarer.fieldlog.vocabulary import disarmed_text, in_words, level_text, response_text
 from wayfarer.views.text.run_narrator import RunNarrator, Verbosity, further_texts, reason_text
 from wayfarer.views.trail import Trail

@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
-from wayfarer.fieldlog.episodes import Episode, EpisodeBegan
-from wayfarer.fieldlog.fields import number, setting
+from wayfarer.fieldlog.fields import number, or_nan
+from wayfarer.fieldlog.missions import Episode, EpisodeBegan
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.run_events import AnomalyBegan, Noted, Silence
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.sensor_status import SensorStatus
-from wayfarer.fieldlog.typed import Board, Fix, RunEvent, Tick, Truth, or_nan
+from wayfarer.fieldlog.typed import Board, Fix, Header, RunEvent, Tick, Truth
 from wayfarer.safety.conditions import Level
 from wayfarer.views.text.summary import RunSummariser, RunSummary
 
@@ -110,9 +110,9 @@ class RunData:
         known = ~np.isnan(self.ticks["goal_heading_deg"]) & (self.ticks["phase"] != PHASES.index(Phase.HALT.value))
         return list(zip(*(self.ticks[name][known][:1].tolist() for name in ("t_s", "goal_heading_deg")), strict=True))
 
-    def setting(self, *keys: str) -> float:
+    def setting(self, section: str, key: str) -> float:
         """Return a number of the rover file, NaN where the header does not have it."""
-        return or_nan(setting(self.header, *keys))
+        return or_nan(Header.of(self.header).setting(section, key))
 
 
 def read_run(run: Path) -> RunData:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wayfarer.fieldlog.printable import escape_control_chars
+from wayfarer.fieldlog.fields import escape_control_chars
 from wayfarer.views import palette
 from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.series import Line, at_ticks, breaks, broken

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from markupsafe import Markup
 
-from wayfarer.fieldlog.fields import duration_text
+from wayfarer.fieldlog.clock import duration_text
+from wayfarer.fieldlog.fields import escape_control_chars
 from wayfarer.fieldlog.folders import run_title, short_name
-from wayfarer.fieldlog.printable import escape_control_chars
 from wayfarer.views import palette
 from wayfarer.views.page import html
 from wayfarer.views.page.frame import PAGE, write_page

@@ -9,8 +9,9 @@ from math import isnan
 from markupsafe import Markup
 
 from wayfarer.config.rover_file import flat
-from wayfarer.fieldlog.episodes import Episode
-from wayfarer.fieldlog.fields import duration_text, table
+from wayfarer.fieldlog.clock import duration_text
+from wayfarer.fieldlog.fields import table
+from wayfarer.fieldlog.missions import Episode
 from wayfarer.fieldlog.sensor_status import SensorStatus
 from wayfarer.fieldlog.vocabulary import in_words, response_text
 from wayfarer.fieldlog.wording import sentence, whole_deg

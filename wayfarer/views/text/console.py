@@ -6,7 +6,8 @@ import sys
 from collections.abc import Callable
 from shlex import quote
 
-from wayfarer.fieldlog.fields import local_time, safe_text
+from wayfarer.fieldlog.clock import local_time
+from wayfarer.fieldlog.fields import safe_text
 from wayfarer.fieldlog.run_events import event_name
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record

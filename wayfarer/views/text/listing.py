@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.errors import BadInput
+from wayfarer.fieldlog.clock import began_wall_s, duration_text, local_time
 from wayfarer.fieldlog.disk import MB
-from wayfarer.fieldlog.fields import began_wall_s, duration_text, integer, local_time, number, safe_text
+from wayfarer.fieldlog.fields import escape_control_chars, integer, number, safe_text
 from wayfarer.fieldlog.folders import run_folders, run_number
-from wayfarer.fieldlog.header import Header
 from wayfarer.fieldlog.last_run import end_of_log
-from wayfarer.fieldlog.printable import escape_control_chars
 from wayfarer.fieldlog.reader import first_record, log_segments, read_header
 from wayfarer.fieldlog.schema import Record
+from wayfarer.fieldlog.typed import Header
 
 UNREADABLE = "unreadable"
 ALIVE_S = 5.0  # a log without an outcome that was written to so recently is of a run that goes on

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from enum import Enum
 from typing import NamedTuple
 
-from wayfarer.fieldlog.fields import duration_text
+from wayfarer.fieldlog.clock import duration_text
 from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.run_events import (
     AnomalyBegan,

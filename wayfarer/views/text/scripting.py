@@ -15,7 +15,7 @@ from enum import Enum
 from math import isfinite
 from typing import Any
 
-from wayfarer.fieldlog.printable import escape_control_chars
+from wayfarer.fieldlog.fields import escape_control_chars
 
 
 def print_json(document: object) -> None:

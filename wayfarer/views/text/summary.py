@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import hypot, isfinite, isnan
 
 from wayfarer.angles import bearing_deg, offset_m
-from wayfarer.fieldlog.fields import began_wall_s
+from wayfarer.fieldlog.clock import began_wall_s
 from wayfarer.fieldlog.run_events import Noted
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.run_state import LowBattery, RunState

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 from wayfarer.escape.phases import PhaseEvent
-from wayfarer.fieldlog.fields import duration_text, local_time
+from wayfarer.fieldlog.clock import duration_text, local_time
 from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.vocabulary import in_words
 from wayfarer.fieldlog.wording import place_text, plural, whole_deg

@@ -13,8 +13,7 @@ from typing import BinaryIO
 
 from wayfarer.errors import BadInput, NothingReadable
 from wayfarer.fieldlog.folders import newest_run
-from wayfarer.fieldlog.kinds import is_newer
-from wayfarer.fieldlog.lines import LINE_BYTES, Numbers, parse
+from wayfarer.fieldlog.lines import LINE_BYTES, LogLines, is_newer
 from wayfarer.fieldlog.reader import first_record, log_segments, refuse_newer
 from wayfarer.fieldlog.schema import Record
 from wayfarer.files import open_regular
@@ -64,7 +63,7 @@ class RunTail:
         self.run = run
         self._file: BinaryIO | None = None
         self._rest = b""
-        self._numbers = Numbers()
+        self._lines = LogLines()
 
     def take(self) -> Iterator[Record]:
         """Give what has come since the last call.
@@ -115,11 +114,11 @@ class RunTail:
             if len(self._rest) > LINE_BYTES:
                 self._rest = b""  # no record is so long; the line's end will not be one either
             for line in lines:
-                record = parse(line + b"\n")
+                record = self._lines.take(line + b"\n")
                 if isinstance(record, dict):
                     if is_newer(record):
                         refuse_newer(record, self.run, self._segments())
-                    elif self._numbers.go_on(record):
+                    else:
                         yield record
 
     def _next_segment(self, file: BinaryIO) -> Path | None:
