@@ -35,7 +35,7 @@ from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotArmed
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.fault_scenarios.catalogue import catalogue
-from wayfarer.fault_scenarios.safety_rules import Invariants
+from wayfarer.fault_scenarios.safety_rules import SafetyRules
 from wayfarer.fault_scenarios.scenario import Scenario, misfit
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.writer import RunFiles
@@ -87,7 +87,7 @@ class Counts:
     missions: int = 0
 
 
-class CountingRules(Invariants):
+class CountingRules(SafetyRules):
     """The safety rules, and how often there was a tick and a mission."""
 
     def __init__(self, counts: Counts) -> None:

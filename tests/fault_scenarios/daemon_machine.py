@@ -46,7 +46,7 @@ from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotArmed
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
-from wayfarer.fault_scenarios.safety_rules import Invariants
+from wayfarer.fault_scenarios.safety_rules import SafetyRules
 from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.responses import LEVELS
 from wayfarer.simhal.build_rover import Depth
@@ -88,7 +88,7 @@ class Daemon:
         self._runner.run(self._begin(spec))
 
     async def _begin(self, spec: TrialSpec) -> None:
-        self.rules = Invariants()
+        self.rules = SafetyRules()
         self.setup = setup = TrialSetup(spec, lambda *_: self.rules)
         self.rules.follow(setup)
         assert setup.injector is not None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from wayfarer.escape.api import Anomaly, Phase
+from wayfarer.escape.ladder import BLIND_DETOUR, RUNGS
 from wayfarer.escape.phases import WHY
 from wayfarer.fieldlog.vocabulary import (
     ANOMALY_TEXTS,
@@ -28,6 +29,7 @@ def test_every_phase_anomaly_level_and_condition_has_words() -> None:
     assert set(ANOMALY_TEXTS) == {anomaly.value for anomaly in Anomaly}
     assert set(LEVEL_TEXTS) == {level.name.lower() for level in Level}
     assert set(CONDITION_TEXTS) == {condition.value for condition in Condition}
+    assert set(LADDER_TEXTS) == {rung.name for rung in (*RUNGS, BLIND_DETOUR)}
 
 
 def test_no_name_means_two_things() -> None:

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import typer
 
 from wayfarer.drivers.threaded import Worker
-from wayfarer.errors import BadInput
+from wayfarer.errors import BadInput, NotResponding
 
 T = TypeVar("T")
 
@@ -32,10 +32,10 @@ class Terminal:
         print(text)
 
     async def ask(self, question: str) -> bool:
-        """Return the answer to a question of yes or no; Enter alone is a no, and so is the end of the input."""
+        """Return the answer to a question of yes or no; Enter alone is a no; so is the end of the input, or an hour."""
         try:
-            return await self._questions.call(lambda: typer.confirm(question))
-        except (typer.Abort, EOFError):
+            return bool(await self._questions.call(lambda: typer.confirm(question)))
+        except (typer.Abort, EOFError, NotResponding):
             return False
 
     async def number(self, question: str, default: float) -> float:
@@ -67,6 +67,8 @@ class Terminal:
             return await self._questions.call(question)
         except (typer.Abort, EOFError):
             raise BadInput("no answer: the input has ended (Ctrl-D); begin this step again") from None
+        except NotResponding:
+            raise BadInput("no answer within an hour; begin this step again") from None
 
 
 def run_interactive(run: Callable[[], Coroutine[Any, Any, T]]) -> T:

@@ -32,7 +32,7 @@ from wayfarer.safety.arming import ArmingSequence
 from wayfarer.safety.conditions import BLIND, Condition, Level
 from wayfarer.safety.gate import Gate
 from wayfarer.safety.mission_limits import Mission, RunEnd
-from wayfarer.safety.resume_warning import ResumeWarning
+from wayfarer.safety.resume_warning import BOARD_FAILED, ResumeWarning
 from wayfarer.safety.tick_interval import IntervalTimer
 
 
@@ -50,9 +50,9 @@ _FAULT: Final = Level.FAULT
 _RUNAWAY: Final = Condition.RUNAWAY
 _UNCOMMANDED_MOTION: Final = frozenset({Condition.BOARD_DISAGREES, Condition.RUNAWAY})
 _BOARD_FAULT: Final = Condition.BOARD_FAULT
-# Of what is driven without sight, for the distance from the start: it was driven, or pushed at a trunk.
+# Of what is driven without sight, this share counts for the distance from the start: the body drove, or pushed at a
+# trunk, and nobody knows which.
 UNSEEN_SHARE: Final = 0.5
-_BOARD_FAILED: Final = frozenset({Condition.MOTORS_FAILED, Condition.BOARD_FAULT})
 
 
 class Controller:
@@ -268,7 +268,7 @@ class Controller:
         if goal_heading_deg is not None and not stops:
             self._detector.begin_mission(tick)
             self._begin_mission(t_s, goal_heading_deg)
-        elif failed := next((each.value for each in tick.conditions if each in _BOARD_FAILED), None):
+        elif failed := next((each.value for each in tick.conditions if each in BOARD_FAILED), None):
             self.disarm(t_s, f"fault: {failed}")  # arming has opened the board, so that it must not fail now
         elif arming.too_late(t_s):
             self.disarm(t_s, f"not armed: {', '.join(stops) or 'the heading did not settle'}")

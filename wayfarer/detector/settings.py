@@ -25,6 +25,7 @@ class DetectorSettings:
 
     # -- stuck ------------------------------------------------------------------------------------------------------
     # The rover stands if it moved, over this time, by less than this share of what was possible from its speed before.
+    # All three from no source.
     immobilised_s: Seconds = 0.3
     immobilised_below: Fraction = 0.3
     immobilised_from_m_s: MetresPerSecond = 0.1  # commanded; below it nothing is claimed

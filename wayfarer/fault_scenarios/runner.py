@@ -26,7 +26,7 @@ from wayfarer.experiments.progress_bar import shown_count
 from wayfarer.experiments.run_campaign import stop_on_signals
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.fault_scenarios.recorder import RunRecorder
-from wayfarer.fault_scenarios.safety_rules import Invariants
+from wayfarer.fault_scenarios.safety_rules import SafetyRules
 from wayfarer.fault_scenarios.scenario import Command, Expectation, ResponseLevel, Scenario, rover_of
 from wayfarer.hal import Rover
 from wayfarer.safety.mission_limits import RunEnd
@@ -43,7 +43,7 @@ BUDGET_M = 1000.0
 class RunResult(NamedTuple):
     """What came of a run: what was seen, how it ended (an error's text where one ended it), what rules it broke.
 
-    ``excused`` is how often a rule could not be kept by anything on board; see ``Invariants``.
+    ``excused`` is how often a rule could not be kept by anything on board; see ``SafetyRules``.
     """
 
     recorder: RunRecorder
@@ -81,17 +81,17 @@ async def _run(scenario: Scenario, log_dir: Path | None) -> RunResult:
         0, scenario.algorithm, forest, scenario.seed, config, scenario.slip_mean_m, BUDGET_M, scenario.depth,
         scenario.faults,
     )  # fmt: skip
-    recorder, invariants = RunRecorder(), Invariants()
-    notes: list[NoteFault] = [recorder.note, invariants.note]
+    recorder, rules = RunRecorder(), SafetyRules()
+    notes: list[NoteFault] = [recorder.note, rules.note]
 
     def make_log(world: SimulatedWorld, rover: Rover) -> RunLog:
         if log_dir is None:
-            return Tee(recorder, invariants)
+            return Tee(recorder, rules)
         from wayfarer.experiments.trial_log import field_log  # only where there is a log
 
         log, ground_truth_log = field_log(spec, log_dir, world, rover)
         notes.append(ground_truth_log.note)
-        return Tee(recorder, invariants, log, ground_truth_log)
+        return Tee(recorder, rules, log, ground_truth_log)
 
     def note_all(t_s: float, fault: Fault, *, begins: bool) -> None:
         for note in notes:
@@ -99,7 +99,7 @@ async def _run(scenario: Scenario, log_dir: Path | None) -> RunResult:
 
     setup = TrialSetup(spec, make_log)
     recorder.follow(setup)
-    invariants.follow(setup)
+    rules.follow(setup)
     if setup.injector is not None:
         setup.injector.start(setup.world, setup.supervisor.controller.power, note_all)
     error, end, loop = None, None, asyncio.get_running_loop()
@@ -118,9 +118,9 @@ async def _run(scenario: Scenario, log_dir: Path | None) -> RunResult:
         if not asking.cancelled() and (raised_asking := asking.exception()) is not None:
             stray.append(f"a command failed: {raised_asking!r}")
         if setup.injector is not None:
-            await asyncio.sleep(invariants.bound_s)  # the wheels are watched until they must stand
+            await asyncio.sleep(rules.bound_s)  # the wheels are watched until they must stand
             setup.injector.end()
-    return RunResult(recorder, end, error, (*invariants.broken, *stray), invariants.excused)
+    return RunResult(recorder, end, error, (*rules.broken, *stray), rules.excused)
 
 
 async def _ask(setup: TrialSetup, commands: tuple[Command, ...], log: RunLog) -> None:

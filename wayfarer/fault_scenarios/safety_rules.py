@@ -50,7 +50,7 @@ class SuspectedMotion(NamedTuple):
     told: str
 
 
-class Invariants(PartialLog):
+class SafetyRules(PartialLog):
     """Watches one run: ``broken`` says which rules it broke, when and how, ``excused`` how often none could be kept."""
 
     def __init__(self) -> None:

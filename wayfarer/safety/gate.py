@@ -15,7 +15,9 @@ from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.responses import levels_for, worst
 from wayfarer.safety.settings import SafetySettings
 
-STALL_LIMIT_S: Final = 0.2  # field.md, fault 37: ArduPilot's rover disarms after this time without its main loop
+# field.md, fault 37: ArduPilot's rover disarms after this time without its main loop. Here, because the stall guard
+# (``daemon.watchdog``) keeps it, and a rover file's control rate is checked against it.
+STALL_LIMIT_S: Final = 0.2
 LOW_VOLTAGE_SHARE: Final = 0.7  # of ``duty_max`` while the computer's supply sags: fault catalogue, fault 32
 UNSTABLE_SHARE: Final = 0.5  # and while it sags again and again: about 0.7 of what already was too much; no source
 

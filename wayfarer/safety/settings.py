@@ -24,11 +24,13 @@ class SafetySettings:
     calibrated to less than ``calibration_min`` (0 to 3) is not armed. A rover whose motor board has no deadman is armed
     only with ``allow_no_deadman``. A board that has one but cannot report it needs a person who has seen it stop the
     wheels (``wayfarer check``), or a reason why nobody has in ``deadman_unproved_because``, which is shown at each
-    arming. ``resume_warning_s`` is how long the status light warns before a rover that held its wheels by itself, for
-    more than a second, lets them turn again; 0 for no warning. ``on_lost_sense`` says whether a rover that has lost its
-    compass, motion or contact sensor, or whose supply sags again and again, continues with limits, or holds its
-    wheels, and whether one whose motor board failed opens it again or waits for a person: "hold" is for a rover that
-    drives among people.
+    arming. Arming waits until the heading has stayed within ``settle_spread_deg`` for ``settle_s``; both from no
+    source. ``tick_late_s`` is the age from which a tick is late: its command becomes a stop, a condition says so, and
+    no more than this time counts as driven; below the shortest deadman of a board, 0.25 s. ``resume_warning_s`` is how
+    long the status light warns before a rover that held its wheels by itself, for more than a second, lets them turn
+    again; 0 for no warning. ``on_lost_sense`` says whether a rover that has lost its compass, motion or contact sensor,
+    or whose supply sags again and again, continues with limits, or holds its wheels, and whether one whose motor board
+    failed opens it again or waits for a person: "hold" is for a rover that drives among people.
     """
 
     duty_max: Annotated[float, Interval(gt=0, le=1)] = 1.0
