@@ -6,6 +6,7 @@ import io
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import AsyncIterator, Coroutine
 from typing import Any
 
@@ -108,3 +109,16 @@ async def test_end_of_the_input_is_no_number_and_no_deed(person: Terminal) -> No
     for question in questions:
         with pytest.raises(BadInput, match="the input has ended"):
             await question
+
+
+async def test_person_who_went_away_is_not_a_bus_that_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
+    back = threading.Event()
+    monkeypatch.setattr("wayfarer.cli.terminal.PATIENCE_S", 0.02)
+    monkeypatch.setattr("wayfarer.cli.terminal.typer.prompt", lambda *_, **__: back.wait())
+    terminal = Terminal()
+    try:
+        with pytest.raises(BadInput, match="within an hour"):
+            await terminal.note("What ground?")
+    finally:
+        back.set()
+        await terminal._questions.close()
