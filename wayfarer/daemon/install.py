@@ -107,9 +107,16 @@ def try_as_user(rover_file: Path, executable: Path) -> None:
         "install into an environment such as /opt/wayfarer, made with the distribution's python3",
     )
     for command, remedy in (reads, runs):
-        done = subprocess.run(["runuser", "-u", USER, "--", *command], capture_output=True, check=False, cwd="/")
+        try:
+            done = subprocess.run(
+                ["runuser", "-u", USER, "--", *command],
+                capture_output=True, check=False, cwd="/", text=True, errors="replace",
+            )  # fmt: skip
+        except FileNotFoundError:
+            raise BadInput("runuser is missing: install util-linux, then run this again") from None
         if done.returncode != 0:
-            raise BadInput(f"the user '{USER}' could not do this: {' '.join(command)}; {remedy}")
+            said = one_line(done.stderr)
+            raise BadInput(f"the user '{USER}' could not do this: {' '.join(command)} ({said}); {remedy}")
 
 
 def _template() -> str:

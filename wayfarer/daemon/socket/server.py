@@ -7,6 +7,8 @@ tick. Every error in a request becomes a refusal, and the server continues.
 A new client always gets in, so a ``stop`` does: where all places are taken, it gets that of the client that came first,
 which is silent, has sent half a line, does not read, or can ask again. Accepting a client takes a turn of the loop, as
 answering does. So a request that is there is answered before its client can be pushed out, however many others come.
+An arming that is under way for a client that is pushed out is given up. While all places are taken, a client is closed
+after one answer, so that a few that never cease to ask cannot keep a ``stop`` waiting for long.
 """
 
 from __future__ import annotations
@@ -34,7 +36,7 @@ from wayfarer.daemon.socket.protocol import (
 )
 from wayfarer.errors import BadInput, WayfarerError
 
-CLIENTS = 32  # at once; field.md, fault 50
+CLIENTS = 16  # at once; field.md, fault 50. The more there are, the longer a stop waits for its turn
 WAIT_S = 60.0  # for a whole line, and for a client to read its reply; field.md, fault 50
 _QUEUE = 128  # clients that wait in the kernel to be accepted; from no source
 _NO_FILES_S = 0.1  # until accepting is tried again, where the process has no file descriptor left for it
@@ -143,6 +145,8 @@ class ControlServer:
             while line := await self._next_line(reader):
                 await self._take_turn()
                 await self._send(writer, await self._answer(line))
+                if len(self._clients) >= self._places:
+                    return
         except Refused as refusal:
             await self._send(writer, error_reply(str(refusal)))
 
