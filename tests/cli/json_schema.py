@@ -1,17 +1,20 @@
-"""The tables of ``docs/json.md`` as a schema: reading them, and holding values against them."""
+"""The tables of ``docs/json.md`` as a schema: reading them, and holding values and annotations against them."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+import types
+from collections.abc import Iterator, Mapping, Sequence
+from enum import Enum
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "json.md"
 Table = dict[str, str]
 PLAIN: Mapping[str, tuple[type, ...]] = {
     "string": (str,), "integer": (int,), "number": (int, float), "boolean": (bool,), "object": (dict,), "list": (list,),
 }  # fmt: skip
+NAMES = {str: "string", int: "integer", float: "number", bool: "boolean", Any: "anything", object: "anything"}
 EACH = "*"  # the key that stands for each key of another table
 
 
@@ -68,3 +71,26 @@ def keys_of(name: str, tables: Mapping[str, Table]) -> Table:
     """Return the keys of a table, with those of the table that it includes."""
     own = dict(tables[name])
     return (keys_of(own.pop(EACH), tables) if EACH in own else {}) | own
+
+
+def keys_of_class(cls: type) -> Table:
+    """Return the keys that an object of a dataclass or named tuple has, with their types as the page words them."""
+    hints = get_type_hints(cls)
+    names = getattr(cls, "_fields", None) or cls.__dataclass_fields__  # type: ignore[attr-defined]
+    return {name: wording(hints[name]) for name in names}
+
+
+def wording(annotation: Any) -> str:
+    """Return how the page words a type."""
+    origin, inner = get_origin(annotation), get_args(annotation)
+    if origin in (Union, types.UnionType):
+        return " or ".join("null" if each is type(None) else wording(each) for each in inner)
+    if origin is Literal:
+        return wording(type(inner[0]))
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return f"object of {wording(inner[1])}"
+    if isinstance(origin, type) and issubclass(origin, Sequence):
+        return f"list of {wording(inner[0])}"
+    if isinstance(annotation, type) and issubclass(annotation, Enum):
+        return "string"
+    return NAMES.get(annotation) or str(annotation.__name__)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -21,13 +22,22 @@ def commands(group: Any = None, path: tuple[str, ...] = ()) -> Iterator[tuple[st
 
 
 @pytest.mark.parametrize("command", list(commands()), ids=lambda words: " ".join(words) or "wayfarer")
-def test_help_fits_80_columns(run: Run, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...]) -> None:
+def test_help_fits_80_columns_and_has_none_of_the_librarys_notation(
+    run: Run, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...]
+) -> None:
     monkeypatch.setenv("COLUMNS", "80")
     code, out, err = run(*command, "--help")
     assert (code, err) == (0, "")
     assert f"Usage: {' '.join(('wayfarer', *command))} " in out
-    assert "…" not in out
+    assert not re.search(r"<\w|\w>(?!=)|\[\[|[{}…]", out)
     assert max(map(len, out.splitlines())) <= 80
+
+
+def test_help_still_says_what_a_value_is_and_what_it_may_be(run: Run) -> None:
+    _, out, _ = run("sim", "--help")
+    assert re.search(r"--physics +light\|mujoco ", out)
+    assert re.search(r"--seed +N \[x>=0\] ", out)
+    assert re.search(r"--spl +Compute", out), "a switch has no value"
 
 
 def test_examples_are_lines_without_gaps(run: Run) -> None:

@@ -1,4 +1,4 @@
-"""What commands print with ``--json`` is what ``docs/json.md`` says: its tables against output."""
+"""What commands print with ``--json`` is what ``docs/json.md`` says: its tables against output and against types."""
 
 from __future__ import annotations
 
@@ -11,17 +11,44 @@ from typing import Any
 import pytest
 import typer
 
-from tests.cli.json_schema import read_tables, wrong
+from tests.cli.json_schema import keys_of, keys_of_class, read_tables, wrong
 from tests.conftest import Run
 from tests.daemon import played
 from tests.kit.rover import Rig
 from tests.views.text.records import HEADER, drive, event, numbered, outcome, write
 from wayfarer import cli
-from wayfarer.experiments.statistics import Estimate
+from wayfarer.cli.listing import Described
+from wayfarer.commissioning.checks import Finding
+from wayfarer.experiments.paired_statistics import Comparison, Difference
+from wayfarer.experiments.rows import TrialRow
+from wayfarer.experiments.run_campaign import ComputeCost
+from wayfarer.experiments.statistics import AlgorithmSummary, Estimate
+from wayfarer.fault_scenarios.results import Result
+from wayfarer.fault_scenarios.survival import MissionLine
+from wayfarer.fieldlog.reader import Damage
+from wayfarer.fieldlog.replay import DecisionDifference, Replay
+from wayfarer.fieldlog.run_state import LowBattery
+from wayfarer.fieldlog.typed import Fix
+from wayfarer.views.text.listing import RunRow
 from wayfarer.views.text.scripting import print_json
+from wayfarer.views.text.summary import LastPosition, Mark, PeriodPercentiles, RangeBearing, RunSummary
 
 FIELD_LOGS = Path(cli.__file__).parents[2] / "field_logs"
 tables = cache(read_tables)
+
+# Tables of what a class holds, and the keys that are added to it; a key is in no table that is not in its class.
+CLASSES: dict[type, set[str]] = {
+    RunRow: set(), RunSummary: set(), LowBattery: set(), PeriodPercentiles: set(), Mark: set(), LastPosition: set(),
+    RangeBearing: set(), Fix: set(), Damage: set(), Replay: {"run"}, DecisionDifference: set(),
+    AlgorithmSummary: set(), ComputeCost: {"cpu_us_per_tick"}, Comparison: set(), Difference: set(), Estimate: set(),
+    TrialRow: set(), Result: {"passed"}, MissionLine: set(), Finding: set(), Described: set(),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.__name__)
+def test_table_has_the_keys_and_types_of_the_class(cls: type) -> None:
+    told = keys_of(cls.__name__, tables())
+    assert {key: told[key] for key in told if key not in CLASSES[cls]} == keys_of_class(cls)
 
 
 def test_every_table_that_is_named_exists() -> None:

@@ -13,7 +13,7 @@ import pytest
 from tests.conftest import Run
 from wayfarer import cli
 from wayfarer.cli import commissioning, terminal
-from wayfarer.cli.control import status_text
+from wayfarer.cli.status_text import status_text
 from wayfarer.commissioning.calibrate import STEPS
 from wayfarer.commissioning.checks.deadman import board_settings
 from wayfarer.config.calibration_file import (

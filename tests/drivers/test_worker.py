@@ -230,6 +230,7 @@ async def test_close_waits_no_longer_than_the_thread_lasts(bus: Bus) -> None:
     await bus.worker.call(bus.job("drive"))
     async with asyncio.timeout(5.0):  # of the 60
         await bus.worker.close(wait_s=60.0)
+    assert bus.done == ["drive"]
 
 
 async def test_close_does_not_wait_for_a_job_that_hangs(bus: Bus) -> None:

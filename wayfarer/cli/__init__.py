@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from functools import cache
+from functools import cache, partial
 from importlib.machinery import EXTENSION_SUFFIXES
 from importlib.util import find_spec
 from io import TextIOWrapper
@@ -21,6 +21,7 @@ import typer
 
 from wayfarer import __version__
 from wayfarer.cli import commissioning, compare, control, demo, faults, listing, logs, replay, report, rover, sim, sweep
+from wayfarer.cli.help_texts import HelpCommand, HelpGroup
 from wayfarer.cli.options import examples
 from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.fields import escape_control_chars
@@ -39,8 +40,8 @@ EXAMPLES = examples(
     "wayfarer run --sim",
     "wayfarer sim --help",
 )
-app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
-command = app.command
+app = typer.Typer(cls=HelpGroup, no_args_is_help=True, pretty_exceptions_enable=False)
+command = partial(app.command, cls=HelpCommand)
 command(epilog=demo.EXAMPLES)(demo.demo)
 command(epilog=sim.EXAMPLES)(sim.sim)
 command(epilog=sweep.EXAMPLES)(sweep.sweep)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Annotated, Any, Literal
 
@@ -11,11 +11,7 @@ import typer
 from wayfarer.angles import wrap360
 from wayfarer.cli.options import AsJson
 from wayfarer.errors import WayfarerError
-from wayfarer.fieldlog.clock import duration_text
 from wayfarer.fieldlog.fields import escape_document
-from wayfarer.fieldlog.vocabulary import disarmed_text, in_words
-from wayfarer.fieldlog.wording import marks, whole_deg
-from wayfarer.views.text.colour import painted
 from wayfarer.views.text.scripting import print_json, say_next
 
 ANSWER_S = 5.0
@@ -35,6 +31,8 @@ def status(*, as_json: AsJson = False) -> None:
     if as_json:
         print_json(_answer("status"))
         return
+    from wayfarer.cli.status_text import status_text
+
     found = _ask("status")
     with _as_this_version():
         print(status_text(found))
@@ -127,70 +125,3 @@ def _answer(do: str, **keys: object) -> dict[str, Any]:
     from wayfarer.daemon.socket.client import ask
 
     return ask({"do": do, **keys}, timeout_s=ARM_S if do == "arm" else ANSWER_S)
-
-
-# -- the text of the status: the most important first ----------------------------------------------------------------
-
-
-def status_text(status: Mapping[str, Any]) -> str:
-    """Return what ``status`` answered, as lines."""
-    return "\n".join(f"{name:<9} {text}" for name, text in _lines(status) if text)
-
-
-def _lines(status: Mapping[str, Any]) -> list[tuple[str, str]]:
-    heading = status.get("heading_deg")
-    return [
-        (status["rover"], f"{_mode_text(status)}{_marks_text(status)}"),
-        ("health", _health_text(status)),
-        ("so it", status.get("does", "")),
-        ("until", status.get("ends_when", "")),
-        ("doing", _doing_text(status)),
-        ("heading", "" if heading is None else _heading_text(status, heading)),
-        ("mission", _mission_text(status)),
-        ("battery", "" if status.get("battery_v") is None else f"{status['battery_v']:.1f} V"),
-        ("log", _log_text(status)),
-        ("live page", status.get("live_page", "")),
-        ("Foxglove", status.get("foxglove", "")),
-    ]
-
-
-def _mode_text(status: Mapping[str, Any]) -> str:
-    why = status.get("why_disarmed")
-    return f"disarmed: {disarmed_text(why)}" if why else "held" if status["held"] else str(status["mode"])
-
-
-def _marks_text(status: Mapping[str, Any]) -> str:
-    told = ", ".join(marks(status))
-    return f" ({told})" if told else ""
-
-
-def _health_text(status: Mapping[str, Any]) -> str:
-    conditions = [in_words(condition) for condition in status["conditions"]]
-    since = f" (for {duration_text(status['cause_for_s'])})" if "cause_for_s" in status else ""
-    wrong = f"{', '.join([*conditions, *status['motor_faults']])}{since}"
-    return painted(wrong, "warning") if wrong else painted("well", "good")
-
-
-def _doing_text(status: Mapping[str, Any]) -> str:
-    if status["mode"] != "armed":
-        return ""
-    seen = [in_words(anomaly) for anomaly in status.get("anomalies") or ()]
-    counter = f"counter {status.get('counter_deg', 0):.0f}"
-    phase = in_words(status["phase"])
-    return ", ".join([f"{phase} ({status['algorithm']})", counter, *seen])
-
-
-def _heading_text(status: Mapping[str, Any], heading_deg: float) -> str:
-    goal = f", goal {whole_deg(status['goal_heading_deg'])}" if "goal_heading_deg" in status else ""
-    return f"{whole_deg(heading_deg)}{goal}, pitch {status['pitch_deg']:+.0f}, roll {status['roll_deg']:+.0f}"
-
-
-def _log_text(status: Mapping[str, Any]) -> str:
-    lost = f", {status['log_dropped']} records lost" if status.get("log_dropped") else ""
-    return f"{status['log']}{lost}"
-
-
-def _mission_text(status: Mapping[str, Any]) -> str:
-    if "mission_s" not in status:
-        return ""
-    return f"{status['mission_s']:.0f} s, {status['travelled_m']:.1f} m commanded"

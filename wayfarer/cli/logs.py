@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Annotated
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wayfarer.cli.extras import require
+from wayfarer.cli.help_texts import HelpCommand, HelpGroup
 from wayfarer.cli.options import AsJson, Logs, examples, log_folder, run_argument
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import find_run, newest_run, run_title
@@ -42,8 +44,8 @@ EXAMPLES = examples(
     "wayfarer logs export 17 --format csv",
     "wayfarer logs export 17 --format gpx",
 )
-app = typer.Typer(no_args_is_help=True, epilog=EXAMPLES)
-command = app.command
+app = typer.Typer(cls=HelpGroup, no_args_is_help=True, epilog=EXAMPLES)
+command = partial(app.command, cls=HelpCommand)
 
 FORMATS_HELP = f"{'; '.join(f'{form}: {form.meaning}' for form in ExportFormat)}. (default: by FILE's ending, or csv)"
 
@@ -196,7 +198,7 @@ def check(
 def export(
     run: Run = None,
     *,
-    form: Annotated[ExportFormat | None, typer.Option("--format", metavar="FORMAT", help=FORMATS_HELP)] = None,
+    form: Annotated[ExportFormat | None, typer.Option("--format", help=FORMATS_HELP)] = None,
     out: Annotated[
         Path | None,
         typer.Option(

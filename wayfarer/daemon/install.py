@@ -115,8 +115,8 @@ def try_as_user(rover_file: Path, executable: Path) -> None:
         except FileNotFoundError:
             raise BadInput("runuser is missing: install util-linux, then run this again") from None
         if done.returncode != 0:
-            said = one_line(done.stderr)
-            raise BadInput(f"the user '{USER}' could not do this: {' '.join(command)} ({said}); {remedy}")
+            said = f" ({one_line(done.stderr)})" if done.stderr.strip() else ""
+            raise BadInput(f"the user '{USER}' could not do this: {' '.join(command)}{said}; {remedy}")
 
 
 def _template() -> str:

@@ -76,6 +76,16 @@ async def test_client_that_came_first_gives_up_its_place_and_hears_why(path: Pat
             assert (await begun.reply())["ok"], "the others keep theirs"
 
 
+async def test_client_gets_one_answer_while_all_places_are_taken(path: Path, daemon: FakeDaemon) -> None:
+    """Else 16 clients that never cease to ask would keep a stop waiting behind all their requests."""
+    async with serve(daemon, path, clients=2), RawClient(path) as idle, RawClient(path) as asking:
+        asking.writer.write(STATUS * 3)
+        assert (await asking.reply())["ok"]
+        assert await asking.is_closed()
+        assert (await idle.reply_to(STATUS))["ok"]
+        assert (await idle.reply_to(STATUS))["ok"], "as often as it likes, since a place is free again"
+
+
 # What as many clients as there are places may do that they never end; the last asks for more than it reads.
 HOGS = {
     "nothing": b"",
