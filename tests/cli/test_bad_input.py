@@ -61,6 +61,7 @@ BAD_INPUT = {
     "faults --only ' ,'": "--only is empty",
     "faults --only board-falt": "did you mean board-fault",
     "faults --scenario no.toml": "no.toml: no such file",
+    "faults --missions 3 --list": "leave out --list",
     "faults --missions 3 --only sigkill": "covered by a test",
     "faults --missions 3 --only runaway": "not under way",
     "faults --seed 3": "without --missions",
