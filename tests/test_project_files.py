@@ -11,7 +11,9 @@ from tests.test_imports import LAYERS
 from wayfarer import __version__
 
 ROOT = Path(__file__).parents[1]
-PAGES = sorted(path.relative_to(ROOT).as_posix() for folder in (".", "*") for path in ROOT.glob(f"{folder}/*.md"))
+PAGES = sorted(
+    path.relative_to(ROOT).as_posix() for glob in ("*.md", "*/*.md", "docs/*/*.md") for path in ROOT.glob(glob)
+)
 
 
 def text_of(name: str) -> str:

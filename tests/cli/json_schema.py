@@ -1,4 +1,4 @@
-"""The tables of ``docs/json.md`` as a schema: reading them, and holding values and annotations against them."""
+"""``docs/reference/json.md`` as a schema: reading its tables, holding values and annotations against them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "json.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "json.md"
 Table = dict[str, str]
 PLAIN: Mapping[str, tuple[type, ...]] = {
     "string": (str,), "integer": (int,), "number": (int, float), "boolean": (bool,), "object": (dict,), "list": (list,),

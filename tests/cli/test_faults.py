@@ -22,7 +22,7 @@ from wayfarer.fault_scenarios.runner import RunResult, run_scenario
 from wayfarer.fault_scenarios.scenario import Scenario
 from wayfarer.fieldlog.reader import RunReader
 
-PAGE = (Path(__file__).parents[2] / "docs" / "faults.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "faults.md").read_text(encoding="utf-8")
 LOOSE = """\
 [[scenario]]
 name = "loose-plug"
@@ -244,7 +244,7 @@ def test_missions_are_counted_and_kept_as_the_trials_of_a_seed(tmp_path: Path, r
     assert run(*asked, "--seed", 4)[1] != said
 
 
-# -- docs/faults.md ----------------------------------------------------------------------------------------------------
+# -- docs/reference/faults.md ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("layer", [*kinds_page.LAYERS, "reading"])

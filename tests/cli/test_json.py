@@ -1,4 +1,4 @@
-"""What commands print with ``--json`` is what ``docs/json.md`` says: its tables against output and against types."""
+"""What commands print with ``--json`` is as in ``docs/reference/json.md``: its tables against output and types."""
 
 from __future__ import annotations
 

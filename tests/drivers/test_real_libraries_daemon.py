@@ -1,6 +1,6 @@
 """The daemon of both shipped rovers over the real smbus2, spidev and pyserial: the oldest ones and this Python's.
 
-The bounds are those of docs/what-stops-the-wheels.md. The bench writes down what the wheels were told and when, on the
+The bounds are those of what-stops-the-wheels.md. The bench writes down what the wheels were told and when, on the
 clock that all processes of a machine share: a busy machine delays what is seen here more than what is judged.
 """
 

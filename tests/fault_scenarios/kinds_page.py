@@ -1,4 +1,4 @@
-"""The tables of ``docs/faults.md``: ``python -m tests.fault_scenarios.kinds_page`` prints them again."""
+"""The tables of ``docs/reference/faults.md``: ``python -m tests.fault_scenarios.kinds_page`` prints them again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The part of ``docs/faults.md`` on missions.
+"""The part of ``docs/reference/faults.md`` on missions.
 
 ``python -m tests.fault_scenarios.missions_page RESULTS`` writes it again, from what ``wayfarer faults --missions 100
 --out RESULTS`` kept.
@@ -13,7 +13,7 @@ from pathlib import Path
 
 from wayfarer.fault_scenarios.survival import MissionLine, headline, modes
 
-PAGE = Path(__file__).parents[2] / "docs" / "faults.md"
+PAGE = Path(__file__).parents[2] / "docs" / "reference" / "faults.md"
 HEADLINE, TABLE = "missions", "missions-table"  # the names of both parts in their marks
 HEAD = (
     "| row | fault | rover | out without | out | path m | conditions | failures | 10 s: out | path m |\n"
@@ -44,7 +44,7 @@ def part(page: str, name: str) -> tuple[str, str, str]:
     """What stands before a part, the part, and what stands after it."""
     before, begin, rest = page.partition(f"<!-- {name} -->\n")
     within, end, after = rest.partition(f"<!-- /{name} -->\n")
-    assert begin and end, f"docs/faults.md has no marks of {name}"
+    assert begin and end, f"docs/reference/faults.md has no marks of {name}"
     return before + begin, within, end + after
 
 

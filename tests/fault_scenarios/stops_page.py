@@ -1,4 +1,4 @@
-"""The table of ``docs/what-stops-the-wheels.md``.
+"""The table of ``docs/explanation/what-stops-the-wheels.md``.
 
 ``python -m tests.fault_scenarios.stops_page RESULTS`` prints it again, from what ``wayfarer faults --out
 RESULTS`` kept.

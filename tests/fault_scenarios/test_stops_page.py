@@ -1,4 +1,4 @@
-"""``docs/what-stops-the-wheels.md`` tells of all that stops them, with the bounds of the catalogue."""
+"""``docs/explanation/what-stops-the-wheels.md`` tells of all that stops them, with the bounds of the catalogue."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from wayfarer.fault_scenarios.judge import judge
 from wayfarer.fault_scenarios.runner import run_scenario, run_without_faults
 from wayfarer.fault_scenarios.scenario import Scenario
 
-PAGE = (Path(__file__).parents[2] / "docs" / "what-stops-the-wheels.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "explanation" / "what-stops-the-wheels.md").read_text(encoding="utf-8")
 QUICK = ("compass-nack", "motors-nack", "loop-stall-thunderborg", "board-fault")
 
 

@@ -1,4 +1,4 @@
-"""How many faults end a mission: counts, pairs, reasons; and that ``docs/faults.md`` tells of each."""
+"""How many faults end a mission: counts, pairs, reasons; and that ``docs/reference/faults.md`` tells of each."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_headline_of_a_users_own_faults_speaks_of_no_rows() -> None:
     assert [line.split()[0] for line in told] == ["0", "Of"]
 
 
-# -- docs/faults.md ----------------------------------------------------------------------------------------------------
+# -- docs/reference/faults.md ------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")

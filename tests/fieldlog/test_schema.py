@@ -1,4 +1,4 @@
-"""The schema in ``field_logs/README.md``: what runs write is in its tables, and what is in its tables is written."""
+"""The schema in ``docs/reference/log.md``: what runs write is in its tables, and what is in its tables is written."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from wayfarer.simhal.world.slope import Slopes
 from wayfarer.simhal.world.world import World
 from wayfarer.views.text import summary
 
-README = Path(__file__).resolve().parents[2] / "field_logs" / "README.md"
+README = Path(__file__).resolve().parents[2] / "docs" / "reference" / "log.md"
 CODE = Path(wayfarer.__file__).parent
 
 Keys = dict[str, set[str]]

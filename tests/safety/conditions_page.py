@@ -1,4 +1,4 @@
-"""Conditions in ``docs/what-stops-the-wheels.md``: ``python -m tests.safety.conditions_page`` prints it."""
+"""Conditions in ``docs/explanation/what-stops-the-wheels.md``: ``python -m tests.safety.conditions_page`` prints it."""
 
 from __future__ import annotations
 

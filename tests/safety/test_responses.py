@@ -10,7 +10,7 @@ from tests.safety.conditions_page import HEAD, rows
 from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.responses import HOLDING_LEVELS, LEVELS, RESPONSES, Response
 
-PAGE = Path(__file__).parents[2] / "docs" / "what-stops-the-wheels.md"
+PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "what-stops-the-wheels.md"
 
 
 def test_every_condition_has_a_row() -> None:

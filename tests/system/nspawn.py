@@ -2,7 +2,7 @@
 
 Nothing is copied and nothing of the host changes. All mounts are made in a mount namespace of their own, so they are
 gone with the process that holds it, however it ends. The container gets the environment that runs the tests as
-``/opt/wayfarer``, which is where systemd/README.md installs it.
+``/opt/wayfarer``, which is where docs/how-to/service.md installs it.
 """
 
 from __future__ import annotations

@@ -85,7 +85,7 @@ def test_daemon_in_the_background_goes_on_where_its_terminal_would_suspend_it(si
 
 
 def test_board_stops_the_wheels_of_a_daemon_that_a_fault_ends(site: Site) -> None:
-    """As docs/what-stops-the-wheels.md says: what a fault does to a process is left as it is."""
+    """As docs/explanation/what-stops-the-wheels.md says: what a fault does to a process is left as it is."""
     daemon = site.armed()
     began_s = time.monotonic()
     daemon.send_signal(Signals.SIGSEGV)

@@ -119,7 +119,7 @@ def test_unusable_rover_file_is_not_tried_again(report: Report) -> None:
 
 def test_exposure_is_as_low_as_the_notes_say(report: Report, capsys: pytest.CaptureFixture[str]) -> None:
     table = [" ".join(line.split()) for line in step(report, "security")["out"].splitlines()]
-    with capsys.disabled():  # systemd/README.md explains each of these
+    with capsys.disabled():  # docs/how-to/service.md explains each of these
         print("", *[line for line in table if line.startswith(("✗", "→"))], sep="\n")
     exposure = re.search(r"exposure level for wayfarer.service: ([\d.]+)", "\n".join(table))
     assert exposure is not None

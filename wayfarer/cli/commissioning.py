@@ -39,7 +39,9 @@ def check(
     config: Config = None,
     as_json: Annotated[
         bool,
-        typer.Option("--json", help="Print JSON for scripts (docs/json.md). Asks no questions and turns no wheel."),
+        typer.Option(
+            "--json", help="Print JSON for scripts (docs/reference/json.md). Asks no questions and turns no wheel."
+        ),
     ] = False,
     logs: Logs = None,
 ) -> None:

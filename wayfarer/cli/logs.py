@@ -120,7 +120,10 @@ def show(
     logs: Logs = None,
     ticks: Annotated[bool, typer.Option("--ticks", help="Print every control tick.")] = False,
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print each line as a JSON object for scripts; docs/json.md describes it.")
+        bool,
+        typer.Option(
+            "--json", help="Print each line as a JSON object for scripts; docs/reference/json.md describes it."
+        ),
     ] = False,
 ) -> None:
     """Show all events of a run, from its beginning."""

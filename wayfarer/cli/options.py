@@ -100,7 +100,7 @@ AllowCode = Annotated[
         help="Import what a log or results name as 'module:attribute': only if you trust the writer.",
     ),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for scripts; docs/json.md describes it.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for scripts; docs/reference/json.md describes it.")]
 
 
 def examples(*commands: str) -> str:

@@ -13,7 +13,7 @@ from typing import Final
 from wayfarer.hal import CompassReading, MotionReading
 
 # After so much driving, the estimate has taken over 63 % of a change. Many times the 0.2 m that a nose needs to rise
-# (docs/scenarios.md, "Before it tips": 0.3 s at 1 m/s), and less than a hillside is long. From no source.
+# (docs/explanation/scenarios.md, "Before it tips": 0.3 s at 1 m/s), and less than a hillside is long. From no source.
 LEARN_M: Final = 2.0
 # A difference counts as at most this much, so that the estimate changes by at most 5 degrees per metre: 1 degree while
 # a nose rises at a trunk. From no source.

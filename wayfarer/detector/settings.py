@@ -41,7 +41,7 @@ class DetectorSettings:
     tilt_deg: Degrees = 20.0
     tilt_s: SecondsOrZero = 0.2
     # A body that climbs fast tips over within those 0.2 s. One that will reach this angle within this time, at its
-    # present rate, counts as tilted at once. The shipped bodies tip at 51 degrees (closed form, docs/physics.md); the
+    # present rate, counts as tilted at once. The shipped bodies tip at 51 degrees (docs/explanation/physics.md); the
     # time is a reading, a tick and the motors' lag together.
     tipping_deg: Degrees = 45.0
     tipping_s: SecondsOrZero = 0.2

@@ -2,7 +2,7 @@
 
 The paper's differ in four choices and in nothing else: the side of the turn, its angle, what follows the turn, and
 whether a heading back at the goal ends the episode. The others are Forest-Pledge with tactics that remember
-(``tactics``); ``docs/better-escape.md`` has their evidence.
+(``tactics``); ``docs/explanation/better-escape.md`` has their evidence.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Scenario files: a user's faults in TOML, validated before anything runs.
 
-A file holds one or many ``[[scenario]]``, each with its ``[[scenario.fault]]``; ``docs/faults.md`` has one in full.
+A file holds one or many ``[[scenario]]``, each with its ``[[scenario.fault]]``; ``docs/reference/faults.md`` has one.
 What is wrong with a file is told in one line: file, scenario, key, what is allowed, and on which line it stands.
 """
 
@@ -102,7 +102,7 @@ def _text_of(path: Path) -> str:
     try:
         return read_regular(path, FILE_BYTES).decode("utf-8-sig")
     except FileNotFoundError:
-        raise BadConfig(f"{path}: no such file; docs/faults.md shows how to write one") from None
+        raise BadConfig(f"{path}: no such file; docs/reference/faults.md shows how to write one") from None
     except OSError as error:
         raise BadConfig(f"{path}: cannot be read: {error.strerror}") from None
     except ValueError as error:  # no UTF-8, or a name that no file can have

@@ -2,7 +2,7 @@
 
 The first record says what ran (version, algorithm, the rover's whole configuration), the last how it ended; between
 them there is a record for each control tick and each event. Keys carry their units; ``t_s`` is the loop's clock and
-``t_wall`` the wall clock, which may step. ``field_logs/README.md`` has the schema.
+``t_wall`` the wall clock, which may step. ``docs/reference/log.md`` has the schema.
 
 Logging can never raise into control: what cannot be written is dropped and counted, and the rover drives on.
 """

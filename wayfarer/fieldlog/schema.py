@@ -2,7 +2,7 @@
 
 Each kind is one dataclass (in ``typed`` and ``run_events``), and each key one line of it, such as
 ``heading_deg: Angle``. From that line follow the attribute that views read, what the reader accepts, and the columns of
-tables and plots (``lines``). ``field_logs/README.md`` says what the keys mean; a test compares it with the classes.
+tables and plots (``lines``). ``docs/reference/log.md`` says what the keys mean; a test compares it with the classes.
 
 Ranges are far wider than any run needs: in a log of schema 2, which has no checksums, a value outside of them was
 changed after it was written. What a sensor said has no range. A failing part may say anything, and the log keeps it as

@@ -1,6 +1,6 @@
 """What the rover does about each condition, how severe it is, and what ends it: one table, the most severe row wins.
 
-``wayfarer list --conditions``, the status, the viewers and docs/what-stops-the-wheels.md take their words from here.
+``wayfarer list --conditions``, the status, the viewers and the page what-stops-the-wheels.md take words from here.
 The times and distances in them are those of the shipped settings.
 """
 

@@ -1,4 +1,4 @@
-"""``wayfarer calibrate turning`` of a rover in MuJoCo: what it finds, against the closed forms of docs/physics.md."""
+"""``wayfarer calibrate turning`` of a rover in MuJoCo: against the closed forms of docs/explanation/physics.md."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from tests.simhal.mujoco.manoeuvring import manoeuvres
 
 FRICTIONS = (0.15, 0.3, 0.5, 0.8)
 MOTORS = (1.0, 3.0)
-# MiniRover's motors cannot turn it at a friction of 0.8: docs/physics.md.
+# MiniRover's motors cannot turn it at a friction of 0.8: docs/explanation/physics.md.
 CANNOT_TURN = ("minirover", 0.8, 1.0)
 CELLS = [cell for cell in product(("sim", "forestrover", "minirover"), FRICTIONS, MOTORS) if cell != CANNOT_TURN]
 DONE = "turn_away.done"

@@ -245,7 +245,7 @@ def test_fixed_terrain_is_what_was_asked_for_and_a_range_is_drawn_within() -> No
 
 @pytest.mark.long
 def test_half_the_time_step_changes_outcomes_within_noise(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As docs/physics.md says. The ground is slippery, and the rover gets out.
+    """As docs/explanation/physics.md says. The ground is slippery, and the rover gets out.
 
     Trials part ways in the end, as they do at any rounding.
     """

@@ -159,7 +159,7 @@ async def test_it_listens_on_this_computer_only() -> None:
 
 
 async def test_web_page_from_elsewhere_is_let_in_as_the_docs_say() -> None:
-    """Should the SDK refuse it one day, the paragraph in docs/foxglove.md can go."""
+    """Should the SDK refuse it one day, the paragraph in docs/how-to/foxglove.md can go."""
     foreign = {"Origin": "http://elsewhere.example", "Host": "rebound.elsewhere.example"}
     async with (
         served() as live,

@@ -4,7 +4,7 @@ Commands pass the gate of a mission (``gate.Gate``: highest duty, growth of duty
 each drive in any case. A rover that tilts is not on free ground any more: it stops and says so.
 
 *Turning.* Tyres of a skid-steered rover must slide sideways before it turns, so nothing turns up to some duty, its dead
-zone. Beyond that the rate grows along a straight line (Mandow 2007, and the closed form in docs/physics.md).
+zone. Beyond that the rate grows along a straight line (Mandow 2007; docs/explanation/physics.md has the closed form).
 
 *Gaining speed.* A body that gains speed evenly is behind one that had full speed at once by half the time it takes.
 Sums of displacement tell that well where single readings are noise.

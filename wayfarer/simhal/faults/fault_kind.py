@@ -17,8 +17,8 @@ PARTS = (*SENSES, "motors")
 class FaultKind(ABC):
     """A kind of fault: each concrete class is one; its fields are the parameters, each with a range and a default.
 
-    Its docstring is its row in ``docs/faults.md``. ``targets`` says to what it can happen: parts, the ``world`` or the
-    ``process``.
+    Its docstring is its row in ``docs/reference/faults.md``. ``targets`` says to what it can happen: parts, the
+    ``world`` or the ``process``.
     """
 
     targets: ClassVar[tuple[str, ...]]

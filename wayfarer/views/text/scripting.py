@@ -1,7 +1,7 @@
 """What commands print for scripts, and for the person who goes on: JSON, and the next command.
 
-JSON is one document on a line of stdout, or a document a line where a run is shown record by record; ``docs/json.md``
-describes each. Notes, progress and the next command go to stderr.
+JSON is one document on a line of stdout, or a document a line where a run is shown record by record;
+``docs/reference/json.md`` describes each. Notes, progress and the next command go to stderr.
 """
 
 from __future__ import annotations

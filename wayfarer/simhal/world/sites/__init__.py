@@ -1,7 +1,7 @@
 """Emulated sites of the paper's field trials (section IV-C): ``wayfarer sim --scenario``.
 
 The paper shows them in photographs and gives no measures: all lengths here are from no source, chosen by the look of
-such places. ``docs/scenarios.md`` says what follows from that.
+such places. ``docs/explanation/scenarios.md`` says what follows from that.
 """
 
 from __future__ import annotations
