@@ -6,7 +6,7 @@ length of the straight, radius of the probe's arc, and whether a heading that is
 episode. Its input is what every blind rover has: the compass, the fact that there is an anomaly, and dead reckoning. It
 cannot make a phase unbounded: each phase has bounds for every plan.
 
-Numbers without another source are from ``docs/explanation/better-escape.md``: the even layouts of the forests.
+Numbers without another source are from ``docs/explanation/better-escape.md`` (even layouts of the reference forests).
 """
 
 from __future__ import annotations
