@@ -1,0 +1,1 @@
+"""The documentation: Markdown by what a reader needs it for, and the two programs that generate and build it."""
