@@ -1,10 +1,80 @@
 """wayfarer: an escape controller for ground rovers without vision.
 
+The names below are the public Python API. Each is imported when it is first used, so that ``import wayfarer`` takes a
+few milliseconds. ``wayfarer.hal``, ``wayfarer.testing``, ``wayfarer.escape.api`` and ``wayfarer.errors`` are public as
+well, for algorithms and drivers of your own; ``docs/python-api.md`` has the whole list.
+
 The package is laid out as the data flows: ``drivers`` (or ``simhal``) behind the protocols of ``hal``, the pure
 ``detector``, ``escape`` and ``safety``, and the ``supervisor`` that runs them. See ``ARCHITECTURE.md``.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # for type checkers and editors; ``_MODULES`` says the same to Python
+    from wayfarer.api.campaigns import run_campaign, run_sweep
+    from wayfarer.api.handlers import make_handler
+    from wayfarer.api.results import Results, compare, open_results
+    from wayfarer.api.rows import Rows
+    from wayfarer.api.runs import Run, open_run, replay
+    from wayfarer.api.trials import Trial, run_trial
+    from wayfarer.config.rover_file import load_rover
+    from wayfarer.errors import WayfarerError
+    from wayfarer.escape.api import Anomaly, EscapeSettings, Observation, Vehicle
+    from wayfarer.escape.failsafe import FailSafe
+
 __version__ = "0.1.0"
+__all__ = [  # first what does something, then the types that it takes and gives
+    "Anomaly",
+    "EscapeSettings",
+    "FailSafe",
+    "Observation",
+    "Results",
+    "Rows",
+    "Run",
+    "Trial",
+    "Vehicle",
+    "WayfarerError",
+    "compare",
+    "load_rover",
+    "make_handler",
+    "open_results",
+    "open_run",
+    "replay",
+    "run_campaign",
+    "run_sweep",
+    "run_trial",
+]  # fmt: skip
+
+_MODULES = {
+    "wayfarer.api.campaigns": ["run_campaign", "run_sweep"],
+    "wayfarer.api.handlers": ["make_handler"],
+    "wayfarer.api.results": ["Results", "compare", "open_results"],
+    "wayfarer.api.rows": ["Rows"],
+    "wayfarer.api.runs": ["Run", "open_run", "replay"],
+    "wayfarer.api.trials": ["Trial", "run_trial"],
+    "wayfarer.config.rover_file": ["load_rover"],
+    "wayfarer.errors": ["WayfarerError"],
+    "wayfarer.escape.api": ["Anomaly", "EscapeSettings", "Observation", "Vehicle"],
+    "wayfarer.escape.failsafe": ["FailSafe"],
+}
+_MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
+
+
+def __getattr__(name: str) -> object:
+    """Import a public name when it is first used."""
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'wayfarer' has no attribute '{name}'")
+    from importlib import import_module
+
+    value: object = getattr(import_module(_MODULE_OF[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
 
 
 def main() -> None:

@@ -89,7 +89,7 @@ def test_error_that_quotes_what_a_terminal_obeys_has_it_written_out(run: Run) ->
 def test_missing_extra_says_how_to_get_it(
     run: Run, monkeypatch: pytest.MonkeyPatch, arguments: list[str], module: str, said: str
 ) -> None:
-    monkeypatch.setattr("wayfarer.cli.extras.find_spec", lambda name: None if name == module else object())
+    monkeypatch.setattr("wayfarer.extras.find_spec", lambda name: None if name == module else object())
     err = refusal(run, *arguments)
     assert said in err
     assert err.endswith(" in wayfarer's checkout\n")

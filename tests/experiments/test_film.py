@@ -219,7 +219,7 @@ def test_what_cannot_be_filmed_is_one_line(run: Run, arguments: tuple[str, ...],
 def test_missing_encoder_is_one_line_and_leaves_no_file(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("wayfarer.cli.extras.find_spec", lambda name: None if name == "scipy" else object())
+    monkeypatch.setattr("wayfarer.extras.find_spec", lambda name: None if name == "scipy" else object())
     assert "--video needs scipy, which is not installed: pip install '.[ph" in refusal(
         run, *SIM, "--video", tmp_path / "x.mp4"
     )

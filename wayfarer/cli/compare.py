@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from wayfarer.cli.extras import require
 from wayfarer.cli.options import AsJson, complete_algorithm, examples
+from wayfarer.extras import require
 
 EXAMPLES = examples(
     "wayfarer sim --algorithm forest-pledge,pledge --trials 500 --spl --out results && wayfarer compare results",

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wayfarer.cli import options
-from wayfarer.cli.extras import require
 from wayfarer.cli.options import examples
 from wayfarer.cli.rover import simulated
 from wayfarer.cli.viewer_options import LivePort, live_page
+from wayfarer.extras import require
 
 if TYPE_CHECKING:
     from wayfarer.daemon.daemon import Service

@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from wayfarer.cli.extras import require
 from wayfarer.cli.options import AsJson, check_together, complete_fault_scenarios, examples, rover_option
 from wayfarer.cli.trial_options import Jobs
 from wayfarer.errors import BadInput, MissingPackage
+from wayfarer.extras import require
 
 EXAMPLES = examples(
     "wayfarer faults",

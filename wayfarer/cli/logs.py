@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wayfarer.cli.extras import require
 from wayfarer.cli.help_texts import HelpCommand, HelpGroup
 from wayfarer.cli.options import AsJson, Logs, examples, log_folder, run_argument
 from wayfarer.errors import BadInput
+from wayfarer.extras import require
 from wayfarer.fieldlog.folders import find_run, newest_run, run_title
 from wayfarer.views.export.export import ExportFormat, Output
 from wayfarer.views.export.export import export as export_run

@@ -6,25 +6,20 @@ shell itself. No ``complete_`` function may fail or print: it would stand in the
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from wayfarer.config.rover_path import ROVER_FILE, STATE_FOLDER
+from wayfarer.config.rover_path import ROVER_FILE
 from wayfarer.errors import BadInput
-
-SYSTEM_LOGS = STATE_FOLDER / "field_logs"
-OWN_LOGS = Path("field_logs")
+from wayfarer.fieldlog.folders import OWN_LOGS, SYSTEM_LOGS, default_log_folder
 
 
 def log_folder(logs: Path | None) -> Path:
-    """Return where runs are logged: in ``--logs``, else where the system keeps them if this user may write there."""
-    if logs is not None:
-        return logs
-    return SYSTEM_LOGS if os.access(SYSTEM_LOGS.parent, os.W_OK) else OWN_LOGS
+    """Return where runs are logged: in ``--logs``, else where they are by default."""
+    return default_log_folder() if logs is None else logs
 
 
 def complete_runs(ctx: typer.Context) -> list[str]:

@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from wayfarer.cli.extras import require
 from wayfarer.cli.options import AllowCode, Logs, complete_runs, examples, log_folder
 from wayfarer.cli.trial_options import Jobs
 from wayfarer.errors import BadInput
+from wayfarer.extras import require
 from wayfarer.views.text.scripting import say_next
 
 EXAMPLES = examples(

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wayfarer.cli.extras import require
 from wayfarer.cli.options import AlgorithmOption, Config, Logs, check_together, examples, log_folder
 from wayfarer.cli.trial_options import DepthName
 from wayfarer.cli.viewer_options import NEEDS, Foxglove, FoxglovePort, Live, LiveHost, LivePort, viewers
 from wayfarer.config.rover_path import ROVER_FILE
 from wayfarer.errors import BadInput
+from wayfarer.extras import require
 
 if TYPE_CHECKING:
     from collections.abc import Callable

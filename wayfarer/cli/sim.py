@@ -8,9 +8,9 @@ from typing import Annotated, Any, Literal
 import typer
 
 from wayfarer.cli import trial_options as options
-from wayfarer.cli.extras import require
 from wayfarer.cli.options import AsJson, check_together, examples
 from wayfarer.cli.trial_options import RUNNING, PhysicsName
+from wayfarer.extras import require
 
 EXAMPLES = examples(
     "wayfarer sim --trials 1000 --out results",
@@ -192,19 +192,15 @@ def sim(
     in_mujoco = physics == "mujoco"
     _require(in_mujoco, video, out, cluster)
     from wayfarer.experiments import commands, sim_command
-    from wayfarer.simhal.world.physics import GroundName
+    from wayfarer.experiments.make_campaign import make_campaign
 
     terrain = {"friction": friction, "roughness_m": roughness_m, "torque_scale": torque_scale}
-    campaign = options.campaign_of(
-        algorithm=algorithm, rover=rover, anomaly_source=anomaly_source, forests=forests, senses=senses,
+    campaign = make_campaign(
+        algorithm, rover=rover, anomaly_source=anomaly_source, forests=forests, senses=senses, site=scenario,
         trials=trials, seed=seed, slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth,
-        terrains=commands.terrains(terrain) if in_mujoco else None, ground=GroundName(ground),
+        terrains=commands.terrains(terrain) if in_mujoco else None, ground=ground,
         slopes=commands.slopes({"slope_deg": slope_deg, "slope_direction_deg": slope_direction_deg}),
     )  # fmt: skip
-    if scenario:
-        campaign = commands.at_site(campaign, scenario)
-    commands.check_body(campaign, rover)
-    commands.check_rover(campaign.rover, campaign.depth, rover)
     if trial is None:
         raise typer.Exit(
             sim_command.run_all(

@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 
 from wayfarer.cli import trial_options as options
-from wayfarer.cli.extras import require
 from wayfarer.cli.options import AsJson, examples
 from wayfarer.cli.trial_options import RUNNING
+from wayfarer.extras import require
 
 EXAMPLES = examples(
     "wayfarer sweep escape.turn_angle_deg=10:180:10 --trials 200 --out angles",
@@ -55,11 +55,12 @@ def sweep(
     """Run the same trials at each point of a grid of settings, and show how the results change."""
     require("sweeping")
     from wayfarer.experiments.commands import check_body, check_rover, cores
+    from wayfarer.experiments.make_campaign import make_campaign
     from wayfarer.experiments.sweep import make_sweep, parse_axis
     from wayfarer.experiments.sweep_command import run_all
 
-    campaign = options.campaign_of(
-        algorithm=algorithm, rover=rover, anomaly_source=anomaly_source, forests=forests, senses=senses,
+    campaign = make_campaign(
+        algorithm, rover=rover, anomaly_source=anomaly_source, forests=forests, senses=senses,
         trials=trials, seed=seed, slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth,
     )  # fmt: skip
     plan = make_sweep(campaign, [parse_axis(text) for text in keys])

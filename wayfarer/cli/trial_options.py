@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import typer
 
 from wayfarer.cli.options import complete_algorithms, rover_option
-
-if TYPE_CHECKING:
-    from wayfarer.experiments.campaign import Campaign
 
 RUNNING = "Running"
 
@@ -73,31 +70,3 @@ Jobs = Annotated[
 Resume = Annotated[
     bool, typer.Option("--resume", help="Continue what was interrupted in --out.", rich_help_panel=RUNNING)
 ]
-
-
-def campaign_of(
-    *,
-    algorithm: str,
-    rover: str,
-    anomaly_source: Literal["motion", "contact"] | None,
-    forests: str | None,
-    senses: str,
-    **settings: Any,
-) -> Campaign:
-    """Return the campaign that options ask for; ``settings`` are its other fields.
-
-    Raises:
-        BadInput: no such algorithm, rover, forest file or senses, or one that cannot be used.
-    """
-    from wayfarer.config.rover_file import load_rover
-    from wayfarer.experiments import commands
-    from wayfarer.experiments.campaign import Campaign, read_forest_file
-
-    config = load_rover(rover)
-    return Campaign(
-        commands.algorithms(algorithm),
-        rover=config.with_anomaly_source(anomaly_source) if anomaly_source else config,
-        forests=read_forest_file(forests) if forests else None,
-        physics=commands.senses(senses),
-        **settings,
-    )

@@ -164,6 +164,12 @@ def _value(name: str, text: str) -> Any:
 # -- the same rows as ``trials.parquet`` -------------------------------------------------------------------------------
 
 
+def types_of(swept: Sequence[Mapping[str, Any]]) -> dict[str, type]:
+    """Return the type of each column that a table can have; ``swept`` has the swept values at each point."""
+    own = {name: str if name in TEXT_COLUMNS else float if name in DECIMALS else int for name in TrialRow._fields}
+    return own | {key: _common_type({type(values[key]) for values in swept}) for key in swept[0]}
+
+
 def copy_as_parquet(table: BinaryIO, copy: BinaryIO, swept: Sequence[Mapping[str, Any]]) -> None:
     """Write an open ``trials.csv`` as Parquet, block by block, so that memory does not grow with the table.
 
@@ -172,13 +178,11 @@ def copy_as_parquet(table: BinaryIO, copy: BinaryIO, swept: Sequence[Mapping[str
     Raises:
         OSError: the file cannot be written.
     """
-    import pyarrow as pa  # only where a file is written: it is large
-    from pyarrow import csv, parquet
+    from pyarrow import csv, parquet  # only where a file is written: it is large
 
-    arrow = {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), str: pa.string()}
-    own = {name: str if name in TEXT_COLUMNS else float if name in DECIMALS else int for name in TrialRow._fields}
-    types = own | {key: _common_type({type(values[key]) for values in swept}) for key in swept[0]}
-    options = csv.ConvertOptions(column_types={name: arrow[kind] for name, kind in types.items()}, null_values=[""])
+    from wayfarer.views.export.arrow import arrow_schema
+
+    options = csv.ConvertOptions(column_types=arrow_schema(types_of(swept)), null_values=[""])
     path = f"/proc/self/fd/{table.fileno()}"  # Arrow reads it by name, and makes no Python object of each block
     with csv.open_csv(path, convert_options=options) as rows, parquet.ParquetWriter(copy, rows.schema) as file:
         for batch in rows:

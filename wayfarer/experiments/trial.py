@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -14,7 +13,7 @@ from wayfarer.experiments.outcome import SUCCESSES, Outcome, OutcomeMonitor
 from wayfarer.experiments.trial_setup import MakeLog, TrialSetup, TrialSpec
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.mission_limits import RunEnd
-from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from wayfarer.simhal.clock.run_virtually import run_virtually
 
 if TYPE_CHECKING:
     from wayfarer.simhal.faults.kinds import Fault
@@ -108,8 +107,7 @@ def run_watched(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
     Raises:
         MissingPart: the rover cannot give what the algorithm needs.
     """
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        return runner.run(_run(spec, make_log))
+    return run_virtually(lambda: _run(spec, make_log))
 
 
 async def _run(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:

@@ -30,7 +30,7 @@ from wayfarer.fault_scenarios.safety_rules import SafetyRules
 from wayfarer.fault_scenarios.scenario import Command, Expectation, ResponseLevel, Scenario, rover_of
 from wayfarer.hal import Rover
 from wayfarer.safety.mission_limits import RunEnd
-from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from wayfarer.simhal.clock.run_virtually import run_virtually
 from wayfarer.simhal.faults.injector import NoteFault
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.world.forest import CLEARING
@@ -59,8 +59,7 @@ def run_scenario(scenario: Scenario, log_dir: Path | None = None) -> RunResult:
     Raises:
         BadInput: a fault cannot happen to the rover, or the log cannot be written.
     """
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
-        return runner.run(_run(scenario, log_dir))
+    return run_virtually(lambda: _run(scenario, log_dir))
 
 
 def run_without_faults(scenario: Scenario) -> RunResult:

@@ -17,17 +17,25 @@ from contextlib import contextmanager
 from pathlib import Path
 from threading import Event
 
+from wayfarer.config.rover_path import STATE_FOLDER
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.fieldlog.disk import error_advice
 from wayfarer.fieldlog.fields import escape_control_chars
 
+SYSTEM_LOGS = STATE_FOLDER / "field_logs"
+OWN_LOGS = Path("field_logs")
 FILE_NAME = "run.jsonl"  # the newest segment of a run's log; older ones are run.00001.jsonl and so on
 RUN_NAME = re.compile(r"(\d{1,9})-\d{8}T\d{6}Z", re.ASCII)
 LAST_NUMBER = 999_999_999  # a longer number is not taken for a run's
 LONGEST_NAME = 255  # of a file, in bytes
 LOCK_TRIES, LOCK_TRY_S = 500, 0.01  # a daemon holds the lock for some milliseconds
 SEGMENT_NAME = re.compile(r"run\.(\d+)\.jsonl\Z", re.ASCII)
+
+
+def default_log_folder() -> Path:
+    """Return where runs are logged: where the system keeps them if this user may write there, else in this folder."""
+    return SYSTEM_LOGS if os.access(SYSTEM_LOGS.parent, os.W_OK) else OWN_LOGS
 
 
 def new_run_folder(logs: Path) -> Path:

@@ -230,7 +230,7 @@ def test_what_is_no_range_is_refused(text: str) -> None:
 
 
 def test_missing_engine_is_one_line(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wayfarer.cli.extras.find_spec", lambda name: None if name == "mujoco" else object())
+    monkeypatch.setattr("wayfarer.extras.find_spec", lambda name: None if name == "mujoco" else object())
     assert "--physics mujoco needs mujoco, which is not installed: pip install '.[physics]'" in refusal(run, *SIM)
 
 

@@ -8,8 +8,8 @@ import pytest
 
 from tests.fieldlog.disks import files_no_longer_than
 from tests.views.text.records import HEADER, drive, record, tick, write
-from wayfarer.cli.extras import NEEDS
 from wayfarer.errors import BadInput
+from wayfarer.extras import NEEDS
 from wayfarer.fieldlog.schema import Record
 from wayfarer.views.export.export import ExportFormat, Output, export
 

@@ -31,7 +31,7 @@ class Output(Enum):
 class ExportFormat(StrEnum):
     """A format. Its value is also the ending of a file's name.
 
-    ``meaning`` is for people. ``needs`` names what it needs installed (``wayfarer.cli.extras``), None for nothing.
+    ``meaning`` is for people. ``needs`` names what it needs installed (``wayfarer.extras``), None for nothing.
     ``writer`` is a function below ``wayfarer.views``: it takes the run's folder and the target, writes the run, and
     returns what of the log could not be read. It raises BadInput where there is nothing to write. ``opened_by`` is a
     command that takes the file's name. For a bag it is not one that plays: it has ``/cmd_vel``, and a robot would obey.

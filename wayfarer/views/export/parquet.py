@@ -1,12 +1,12 @@
 """A run as Parquet: the rows and columns of the CSV table, with types.
 
-pyarrow is imported here only, and only where a file is written. A column that every table has is of the same type in
+Imported only where a table is made: pyarrow is large. A column that every table has is of the same type in
 every run, so that runs can be read together. What an algorithm remembers are numbers, unless a run holds other values.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -32,13 +32,27 @@ def write_parquet(run: Path, file: BinaryIO) -> Damage:
     """
     reader = RunReader(run)
     columns = _columns(further_columns(reader))
-    schema = pa.schema(columns)
-    rows = table_rows(RunReader(run))
-    with parquet.ParquetWriter(file, schema) as table:
-        while block := list(islice(rows, BLOCK_ROWS)):
-            values = {name: [_held(kind, row.get(name)) for row in block] for name, kind in columns.items()}
-            table.write_batch(pa.RecordBatch.from_pydict(values, schema))
+    with parquet.ParquetWriter(file, pa.schema(columns)) as table:
+        for batch in _batches(run, columns):
+            table.write_batch(batch)
     return reader.damage
+
+
+def read_table(run: Path) -> pa.Table:
+    """Return what ``write_parquet`` writes of a run.
+
+    Raises:
+        BadInput: the run cannot be read.
+    """
+    columns = _columns(further_columns(RunReader(run)))
+    return pa.Table.from_batches(_batches(run, columns), pa.schema(columns))
+
+
+def _batches(run: Path, columns: Mapping[str, pa.DataType]) -> Iterator[pa.RecordBatch]:
+    schema, rows = pa.schema(columns), table_rows(RunReader(run))
+    while block := list(islice(rows, BLOCK_ROWS)):
+        values = {name: [_held(kind, row.get(name)) for row in block] for name, kind in columns.items()}
+        yield pa.RecordBatch.from_pydict(values, schema)
 
 
 def _held(kind: pa.DataType, value: Any) -> Any:

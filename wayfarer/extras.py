@@ -25,6 +25,7 @@ NEEDS = {
     "--video": OptionalExtra("physics", {"av": "av", "PIL": "pillow", "scipy": "scipy"}),
     "a report": OptionalExtra("sim", {"bokeh": "bokeh", "numpy": "numpy"}),
     "the live page": OptionalExtra("live", {"aiohttp": "aiohttp"}),
+    "a table": OptionalExtra("sim", {"pyarrow": "pyarrow"}),
     "Parquet": OptionalExtra("sim", {"pyarrow": "pyarrow"}),
     "gpx": OptionalExtra("export", {"gpxpy": "gpxpy"}),
     "geojson": OptionalExtra("export", {"geojson_pydantic": "geojson-pydantic"}),

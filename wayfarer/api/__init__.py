@@ -1,0 +1,1 @@
+"""The implementation of the public names of ``wayfarer``; import them from there."""

@@ -1,0 +1,169 @@
+"""``run_campaign`` and ``run_sweep``: what ``wayfarer sim`` and ``wayfarer sweep`` do, from Python."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Literal
+
+from wayfarer.api.results import Results, open_results
+from wayfarer.config.rover_file import RoverConfig
+from wayfarer.experiments.campaign import Plan
+from wayfarer.extras import require
+
+Value = bool | int | float | str
+
+
+def run_campaign(
+    algorithms: str | Sequence[str] = "forest-pledge",
+    trials: int = 100,
+    *,
+    rover: str | Path | RoverConfig = "sim",
+    seed: int = 0,
+    forests: str | Path | None = None,
+    site: str | None = None,
+    ground: str = "ideal",
+    senses: str = "ideal",
+    slip_mean_m: float = 10.0,
+    budget_m: float = 1000.0,
+    anomaly_source: Literal["motion", "contact"] | None = None,
+    depth: Literal["device", "bus"] = "device",
+    spl: bool = False,
+    jobs: int = 1,
+    out: str | Path | None = None,
+    resume: bool = False,
+    progress: bool = False,
+) -> Results:
+    """Run the rover's own code in simulated forests, each algorithm in the same ones with the same noise.
+
+    The same arguments give the same rows, whatever ``jobs`` is, and the same as ``wayfarer sim`` with these options.
+
+    Args:
+        algorithms: names that ``wayfarer list`` prints, or your own as ``"module:attribute"``; ``"paper"`` stands for
+            the ten of the paper.
+        trials: of each algorithm.
+        rover: the name of a built-in rover, a rover file, or what ``load_rover`` returned.
+        seed: of the layouts and of all chance in the trials, 0 or above.
+        forests: a forest file, or ``"reference"`` for the 500 that come with wayfarer, in place of generated ones.
+        site: a site of the paper's field trials in place of forests, such as ``"dense-obstruction"``.
+        ground: ``"ideal"``, or ``"leaf-litter"``, ``"dry-soil"`` or ``"mud"``, on which the wheels slip in turns.
+        senses: ``"ideal"``, ``"field"``, or errors by name, such as ``"blind_share=0.3"``.
+        slip_mean_m: mean distance between slips, metres.
+        budget_m: path after which a rover counts as entrapped, metres.
+        anomaly_source: notice an obstacle by lack of motion, or by contact as well; as in the rover file by default.
+        depth: ``"bus"`` runs the real drivers over simulated chips, which takes longer.
+        spl: compute shortest paths, for the SPL (success weighted by path length); slower.
+        jobs: number of processes.
+        out: a new or empty folder for ``trials.csv``, ``trials.parquet`` and ``summary.json``.
+        resume: continue what was interrupted in ``out``.
+        progress: show a progress bar on stderr.
+
+    Raises:
+        BadInput: something that cannot be used; the text names it and says what is allowed.
+        MissingPackage: the extra ``sim`` is not installed.
+        WayfarerError: a worker process died, or ``out`` cannot be written any more; finished trials are kept there.
+        KeyboardInterrupt: Ctrl-C; finished trials are kept in ``out``.
+
+    >>> results = run_campaign(["forest-pledge", "pledge"], trials=2, seed=1)
+    >>> [(row["algorithm"], row["trial"], row["outcome"]) for row in results.trials][0]
+    ('forest-pledge', 0, 'escaped')
+    """
+    require("sweeping")
+    from wayfarer.experiments.make_campaign import make_campaign
+
+    campaign = make_campaign(
+        algorithms, rover=rover, anomaly_source=anomaly_source, forests=forests, senses=senses, site=site,
+        trials=trials, seed=seed, slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth, ground=ground,
+    )  # fmt: skip
+    return _run(campaign, forests, jobs, out, resume=resume, progress=progress)
+
+
+def run_sweep(
+    values: Mapping[str, Sequence[Value]],
+    algorithms: str | Sequence[str] = "forest-pledge",
+    trials: int = 100,
+    *,
+    rover: str | Path | RoverConfig = "sim",
+    seed: int = 0,
+    forests: str | Path | None = None,
+    senses: str = "ideal",
+    slip_mean_m: float = 10.0,
+    budget_m: float = 1000.0,
+    anomaly_source: Literal["motion", "contact"] | None = None,
+    depth: Literal["device", "bus"] = "device",
+    spl: bool = False,
+    jobs: int = 1,
+    out: str | Path | None = None,
+    resume: bool = False,
+    progress: bool = False,
+) -> Results:
+    """Run the same trials at each point of a grid of settings, as ``wayfarer sweep`` does.
+
+    The rows have a column for each key that was swept, and ``point``, the number of the point, from 0.
+
+    Args:
+        values: one key or two, each with its values: any key of a rover file by its dotted name
+            (``"escape.turn_angle_deg"``), ``footprint_m``, ``slip_mean_m``, ``budget_m``, ``ground``,
+            ``sim.trees_per_ha``, or ``sim.`` and any number of the simulated world.
+        algorithms: as all that follow, as of ``run_campaign``.
+
+    Raises:
+        BadInput: no such key, or a value out of its range; and as of ``run_campaign``.
+
+    >>> results = run_sweep({"escape.turn_angle_deg": [30, 60]}, trials=1)
+    >>> [(row["point"], row["escape.turn_angle_deg"], row["outcome"]) for row in results.trials]
+    [(0, 30, 'escaped'), (1, 60, 'escaped')]
+    """
+    require("sweeping")
+    from wayfarer.experiments.commands import check_body, check_rover
+    from wayfarer.experiments.make_campaign import make_campaign
+    from wayfarer.experiments.sweep import Axis, make_sweep
+
+    campaign = make_campaign(
+        algorithms, rover=rover, anomaly_source=anomaly_source, forests=forests, senses=senses,
+        trials=trials, seed=seed, slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth,
+    )  # fmt: skip
+    sweep = make_sweep(campaign, [Axis(key, tuple(each)) for key, each in values.items()])
+    for point in sweep.points:
+        check_body(point, point.rover.name)
+        check_rover(point.rover, point.depth, point.rover.name)
+    return _run(sweep, forests, jobs, out, resume=resume, progress=progress)
+
+
+def _run(
+    plan: Plan, forests: str | Path | None, jobs: int, out: str | Path | None, *, resume: bool, progress: bool
+) -> Results:
+    from wayfarer.experiments.executors import Done, field_trial
+    from wayfarer.experiments.progress_bar import fault_line
+    from wayfarer.experiments.results_folder import ResultsFolder
+    from wayfarer.experiments.run_campaign import run
+    from wayfarer.experiments.sim_command import run_shown
+    from wayfarer.simhal.world.forest_file import content_of
+
+    faults: list[Done] = []
+    with _folder(out) as path:
+        with ResultsFolder(path, plan.settings(), resume=resume) as folder:
+            if forests and plan.points[0] is plan:
+                folder.keep_forests(content_of(forests))
+            if progress:
+                finished = run_shown(plan, folder, jobs=jobs, run_trial=field_trial)
+            else:
+                finished = run(plan, folder, jobs=jobs, progress=lambda done: done.fault and faults.append(done))
+        if finished.interrupted:
+            raise KeyboardInterrupt
+        if faults:
+            warnings.warn(f"{len(faults)} trials ended in a fault; {fault_line(faults[0])}", stacklevel=3)
+        return open_results(path)
+
+
+@contextmanager
+def _folder(out: str | Path | None) -> Iterator[Path]:
+    """Give the folder for the results, one that goes at the end where nobody wants to keep it."""
+    if out is not None:
+        yield Path(out)
+        return
+    with TemporaryDirectory(prefix="wayfarer-") as folder:
+        yield Path(folder)

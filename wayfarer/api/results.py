@@ -1,0 +1,154 @@
+"""Results of campaigns and sweeps: run them, open their folders, and compare algorithms in pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from itertools import groupby
+from pathlib import Path
+from typing import Any, NamedTuple, get_args, get_type_hints
+
+from wayfarer.api.rows import Rows, typed_rows
+from wayfarer.errors import BadInput
+from wayfarer.experiments.results_folder import swept_values
+from wayfarer.experiments.rows import TrialRow, columns_of, types_of
+from wayfarer.experiments.statistics import AlgorithmSummary, summarise
+from wayfarer.extras import require
+
+
+@dataclass(frozen=True, repr=False)
+class Results:
+    """The results of a campaign or a sweep.
+
+    ``settings`` are all that decided them, as in ``campaign.json`` or ``sweep.json``: the same settings give the same
+    rows, on any computer and with any number of processes.
+    """
+
+    settings: Mapping[str, Any]
+    rows: Sequence[TrialRow]
+
+    def __repr__(self) -> str:
+        campaign = self.settings.get("campaign", self.settings)
+        return f"<Results: {len(self.rows)} trials of {', '.join(campaign['algorithms'])}>"
+
+    @property
+    def trials(self) -> Rows:
+        """A row for each trial, with the columns of ``trials.csv``; those of a sweep begin with the swept values.
+
+        Paths are in metres, times in simulated seconds, ``spl`` is 0 to 1, and ``outcome`` is ``escaped``,
+        ``left_bounds``, ``entrapped``, ``tipped`` or ``fault``. What is not known is None.
+        """
+        points, columns = swept_values(self.settings), columns_of(self.settings)
+        types = types_of(points)
+
+        def read() -> Iterator[dict[str, Any]]:
+            for row in self.rows:
+                values = row._asdict() | points[row.point]
+                yield {name: values[name] for name in columns}
+
+        return typed_rows({name: types[name] for name in columns}, read)
+
+    @property
+    def summary(self) -> Rows:
+        """A row for each algorithm, of a sweep for each at each point: success with its 95 % interval, path, SPL, time.
+
+        The columns are those of ``summary.json``, in per cent, metres and seconds.
+        """
+        points = swept_values(self.settings)
+        types = types_of(points)
+
+        def read() -> Iterator[dict[str, Any]]:
+            for (point, name), rows in groupby(self.rows, lambda row: (row.point, row.algorithm)):
+                yield points[point] | asdict(summarise(name, rows))
+
+        return typed_rows({key: types[key] for key in points[0]} | _types_in(AlgorithmSummary), read)
+
+
+class PairedRow(NamedTuple):
+    """A row of ``compare``."""
+
+    algorithm: str
+    trials: int
+    layouts: int
+    spl: float | None
+    spl_gain: float | None
+    spl_gain_low: float | None
+    spl_gain_high: float | None
+    spl_gain_p: float | None
+    spl_gain_pairs: int | None
+    path_gain_m: float | None
+    path_gain_low_m: float | None
+    path_gain_high_m: float | None
+    path_gain_p: float | None
+    path_gain_pairs: int | None
+    entrapped: float
+    entrapped_low: float
+    entrapped_high: float
+    left_bounds: float
+    left_bounds_low: float
+    left_bounds_high: float
+    worst_trial: int
+
+
+def compare(results: Results, against: str = "forest-pledge") -> Rows:
+    """Compare the algorithms of a campaign in pairs: each met the same forests with the same noise.
+
+    Gives a row for each algorithm, the one that the others are compared with first; its own gains are None.
+    ``path_gain_m`` is the mean difference of the paths over the pairs in which both got out, metres, negative where
+    this algorithm's path is shorter; ``spl_gain`` is that of the SPL, where shortest paths are known. ``_low`` and
+    ``_high`` are the ends of the 95 % interval, ``_p`` says how likely there is no difference, and ``_pairs`` how many
+    pairs there were. ``entrapped`` and ``left_bounds`` are shares of the trials, 0 to 1. ``worst_trial`` is the number
+    of a trial that failed, else of the longest path.
+
+    Raises:
+        BadInput: no trial of ``against``, or of no other algorithm; or the results are those of a sweep.
+
+    >>> results = run_campaign(["forest-pledge", "pledge"], trials=4)
+    >>> [(row["algorithm"], row["path_gain_pairs"]) for row in compare(results)]
+    [('forest-pledge', None), ('pledge', 4)]
+    """
+    require("comparing")
+    from wayfarer.experiments.paired_statistics import compare as compared
+
+    if "axes" in results.settings:
+        raise BadInput("the results of a sweep have a campaign at each point; compare those of one campaign")
+    rows = [
+        PairedRow(
+            one.algorithm, one.trials, one.layouts, one.spl,
+            *((*one.spl_gain.estimate, one.spl_gain.p, one.spl_gain.pairs) if one.spl_gain else NO_GAIN),
+            *((*one.path_gain_m.estimate, one.path_gain_m.p, one.path_gain_m.pairs) if one.path_gain_m else NO_GAIN),
+            *one.entrapped, *one.left_bounds, one.worst.trial,
+        )._asdict()
+        for one in compared(results.rows, against)
+    ]  # fmt: skip
+    return typed_rows(_types_in(PairedRow), lambda: rows)
+
+
+NO_GAIN = (None,) * 5
+
+
+def open_results(folder: str | Path) -> Results:
+    """Open the results folder of a campaign or a sweep: of ``run_campaign``, ``wayfarer sim --out`` and others.
+
+    Raises:
+        BadInput: no such folder, no campaign or sweep in it, not finished, or damaged; the text says what to do.
+
+    >>> run_campaign("pledge", trials=2, out="results")
+    <Results: 2 trials of pledge>
+    >>> open_results("results")
+    <Results: 2 trials of pledge>
+    """
+    from wayfarer.experiments.report.load_results import read_results
+    from wayfarer.experiments.report.sweep_results import is_sweep, read_sweep
+
+    path = Path(folder)
+    found = read_sweep(path) if is_sweep(path) else read_results(path)
+    return Results(found.settings.model_dump(mode="json"), found.rows)
+
+
+def _types_in(kind: type) -> dict[str, type]:
+    """Return the type of each field of a class: that beside None, where a value may be unknown."""
+    hints = get_type_hints(kind)
+    return {
+        name: next((each for each in get_args(hint) if each is not type(None)), hint) for name, hint in hints.items()
+    }

@@ -1,0 +1,123 @@
+"""``open_run`` and ``replay``: the field log of a run, on a rover or simulated."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from wayfarer.api.rows import Rows, typed_rows
+from wayfarer.fieldlog.folders import default_log_folder, find_run, run_title
+from wayfarer.fieldlog.reader import Damage, RunReader
+from wayfarer.views.text.summary import RunSummary, summarise
+
+if TYPE_CHECKING:
+    from wayfarer.config.rover_file import RoverConfig
+    from wayfarer.fieldlog.replay import Replay
+
+EVENT_COLUMNS = {"elapsed_s": float, "t_s": float, "t_wall": float, "name": str, "text": str}
+
+
+class Run:
+    """A run's field log.
+
+    ``folder`` is where it is, ``summary`` what ``wayfarer logs summary`` tells of it, and ``damage`` what of it could
+    not be read, false where that is nothing.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        reader = RunReader(folder)
+        self.summary: RunSummary = summarise(reader)
+        self.damage: Damage = reader.damage
+
+    def __repr__(self) -> str:
+        return f"<Run {run_title(self.folder)}: {self.summary.lasted_s:.0f} s, log {self.damage}>"
+
+    @property
+    def ticks(self) -> Rows:
+        """A row for each control tick, with the columns of ``wayfarer logs export``: readings, decisions, duties."""
+        from wayfarer.views.export.parquet import read_table
+        from wayfarer.views.export.tables import table_rows
+
+        return Rows(lambda: table_rows(RunReader(self.folder)), lambda: read_table(self.folder))
+
+    @property
+    def events(self) -> Rows:
+        """A row for each event: ``elapsed_s`` since the beginning, ``name``, and ``text``, what happened in words."""
+        return typed_rows(EVENT_COLUMNS, self._events)
+
+    def _events(self) -> Iterator[dict[str, Any]]:
+        from wayfarer.fieldlog.run_events import Noted
+        from wayfarer.fieldlog.run_fold import RunFold
+        from wayfarer.fieldlog.wording import event_text
+
+        fold = RunFold()
+        for record in RunReader(self.folder):
+            for event in fold.take(record):
+                if isinstance(event, Noted):
+                    yield {
+                        "elapsed_s": event.elapsed_s, "t_s": event.t_s, "t_wall": record.get("t_wall"),
+                        "name": event.name, "text": event_text(event.record),
+                    }  # fmt: skip
+
+
+def open_run(run: int | str | Path = "last", *, log_dir: str | Path | None = None) -> Run:
+    """Open the field log of a run, and read it once.
+
+    Where something of the log is damaged, the rest of it is given, and a warning says what is missing.
+
+    Args:
+        run: its number, its folder or the folder's name; ``"last"`` is the newest run.
+        log_dir: the folder of all runs; as for the commands by default.
+
+    Raises:
+        BadInput: there is no such run, or nothing in it can be read; the text says which runs there are.
+
+    >>> run = open_run(1, log_dir="field_logs")
+    >>> run.summary.rover, run.summary.episodes > 0
+    ('sim', True)
+    >>> next(iter(run.events))["name"]
+    'arming'
+    """
+    opened = Run(_find(run, log_dir))
+    if opened.damage:
+        warnings.warn(f"{opened.folder}: {opened.damage}; the other records are there", stacklevel=2)
+    return opened
+
+
+def replay(
+    run: int | str | Path | Run = "last",
+    *,
+    rover: str | Path | RoverConfig | None = None,
+    log_dir: str | Path | None = None,
+    allow_code: bool = False,
+) -> Replay:
+    """Run the recorded readings through the installed code, and compare each decision with the log.
+
+    The result has ``ticks``, how many decisions were as logged, and ``difference``, the first one that was not, None
+    where there is none: its ``elapsed_s``, the ``key``, what was ``logged``, and what it is ``today``.
+
+    Args:
+        run: as of ``open_run``.
+        rover: settings to try, as a rover's name, its file or what ``load_rover`` returned; as logged by default.
+        log_dir: as of ``open_run``.
+        allow_code: import the algorithm that the log names as ``"module:attribute"``: only if you trust the writer.
+
+    Raises:
+        BadInput: there is no such run, or it cannot be replayed.
+
+    >>> replay(1, log_dir="field_logs").difference is None
+    True
+    """
+    from wayfarer.config.rover_file import RoverConfig, load_rover
+    from wayfarer.fieldlog.replay import replay as replayed
+
+    config = rover if rover is None or isinstance(rover, RoverConfig) else load_rover(str(rover))
+    folder = run.folder if isinstance(run, Run) else _find(run, log_dir)
+    return replayed(folder, config, allow_code=allow_code)
+
+
+def _find(run: int | str | Path, log_dir: str | Path | None) -> Path:
+    return find_run(str(run), default_log_folder() if log_dir is None else Path(log_dir))

@@ -1,0 +1,161 @@
+"""``run_trial``: one trial of a campaign, with its trajectory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import degrees
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+from wayfarer.api.rows import Rows, typed_rows
+from wayfarer.config.rover_file import RoverConfig
+from wayfarer.control.run_log import PartialLog, Tee
+from wayfarer.errors import BadInput
+from wayfarer.experiments.rows import TrialRow, row_of
+from wayfarer.extras import require
+
+if TYPE_CHECKING:
+    from wayfarer.control.tick_record import TickRecord
+    from wayfarer.hal import Rover
+    from wayfarer.simhal.world.simulated_world import SimulatedWorld
+
+
+class TrackRow(NamedTuple):
+    """Where the rover truly was at a control tick, what it saw, and what it did."""
+
+    t_s: float
+    x_m: float
+    y_m: float
+    heading_deg: float
+    pitch_deg: float
+    roll_deg: float
+    slipping: bool
+    touching: bool
+    phase: str
+    why: str
+    anomalies: str
+    left: float
+    right: float
+
+
+@dataclass(frozen=True, repr=False)
+class Trial:
+    """One simulated trial: ``row`` is its row of ``trials.csv``."""
+
+    row: TrialRow
+    _ticks: Sequence[TrackRow]
+
+    def __repr__(self) -> str:
+        return f"<Trial {self.row.trial} of {self.row.algorithm}: {self.outcome}>"
+
+    @property
+    def outcome(self) -> str:
+        """How it ended: ``escaped``, ``left_bounds``, ``entrapped``, ``tipped`` or ``fault``."""
+        return self.row.outcome
+
+    @property
+    def track(self) -> Rows:
+        """A row for each control tick, 20 a second: the true pose, which no rover knows, and the decision.
+
+        ``t_s`` is the simulated time, seconds. ``x_m`` and ``y_m`` are metres east and north in the forest,
+        ``heading_deg`` is clockwise from north, ``pitch_deg`` positive with the nose up, ``roll_deg`` with the right
+        side down. ``left`` and ``right`` are the wheels' duties, -1 to 1. ``anomalies`` has a ``+`` between two.
+        """
+        types = {"slipping": bool, "touching": bool, "phase": str, "why": str, "anomalies": str}
+        columns = {name: types.get(name, float) for name in TrackRow._fields}
+        return typed_rows(columns, lambda: (tick._asdict() for tick in self._ticks))
+
+
+def run_trial(
+    number: int = 0,
+    algorithm: str = "forest-pledge",
+    *,
+    rover: str | Path | RoverConfig = "sim",
+    seed: int = 0,
+    forests: str | Path | None = None,
+    site: str | None = None,
+    ground: str = "ideal",
+    senses: str = "ideal",
+    slip_mean_m: float = 10.0,
+    budget_m: float = 1000.0,
+    anomaly_source: Literal["motion", "contact"] | None = None,
+    depth: Literal["device", "bus"] = "device",
+    spl: bool = False,
+    log_dir: str | Path | None = None,
+) -> Trial:
+    """Run one trial of the campaign that ``run_campaign`` runs with the same arguments, and keep its trajectory.
+
+    Args:
+        number: of the trial, from 0. Trials 0 and 1 are in the first layout with two noises, and so on.
+        algorithm: a name that ``wayfarer list`` prints, or one of your own as ``"module:attribute"``.
+        log_dir: a new or empty folder for the full field log, which ``open_run`` reads; the others as of
+            ``run_campaign``.
+
+    Raises:
+        BadInput: something that cannot be used; the text names it and says what is allowed.
+        MissingPart: the rover does not have what the algorithm needs.
+        MissingPackage: the extra ``sim`` is not installed.
+
+    >>> trial = run_trial(7)
+    >>> trial.outcome, trial.row.path_m > 50.0
+    ('escaped', True)
+    >>> [round(tick["y_m"]) for tick in trial.track][0]
+    0
+    """
+    require("simulating")
+    from wayfarer.experiments.campaign import Task
+    from wayfarer.experiments.commands import make_empty_folder
+    from wayfarer.experiments.make_campaign import make_campaign
+    from wayfarer.experiments.trial import run_watched
+
+    if number < 0:
+        raise BadInput(f"trial {number}: trials are counted from 0")
+    campaign = make_campaign(
+        algorithm, rover=rover, anomaly_source=anomaly_source, forests=forests, senses=senses, site=site,
+        trials=number + 1, seed=seed, slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth, ground=ground,
+    )  # fmt: skip
+    if len(campaign.algorithms) > 1:
+        raise BadInput(f"run_trial runs one algorithm; choose one of {', '.join(campaign.algorithms)}")
+    folder = None if log_dir is None else Path(log_dir)
+    if folder:
+        make_empty_folder(folder, "the log")
+    spec = campaign.spec(Task(campaign.algorithms[0], number), campaign.make_forest(number))
+    track = _Track()
+
+    def make_log(world: SimulatedWorld, rover: Rover) -> Tee:
+        from wayfarer.experiments.trial_log import field_log
+
+        track.world = world
+        return Tee(track, *(field_log(spec, folder, world, rover) if folder else ()))
+
+    return Trial(row_of(run_watched(spec, make_log)), track.ticks)
+
+
+class _Track(PartialLog):
+    """Notes the true pose at each control tick."""
+
+    world: SimulatedWorld
+
+    def __init__(self) -> None:
+        self.ticks: list[TrackRow] = []
+
+    def tick(self, record: TickRecord) -> None:
+        world, decision = self.world, record.decision
+        anomalies = "+".join(anomaly.value for anomaly in record.anomalies)
+        self.ticks.append(
+            TrackRow(
+                record.t_s,
+                world.x_m,
+                world.y_m,
+                degrees(world.heading_rad) % 360.0,
+                world.pitch_deg,
+                world.roll_deg,
+                world.slipping,
+                world.touch is not None,
+                decision.phase.value,
+                decision.why,
+                anomalies,
+                *record.applied,
+            )  # fmt: skip
+        )

@@ -1,0 +1,93 @@
+"""The campaign that a command's options ask for, or a call of the Python API, with all of it checked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from math import inf
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from annotated_types import Interval
+
+from wayfarer.config.messages import validated
+from wayfarer.config.rover_file import RoverConfig, load_rover
+from wayfarer.errors import BadInput, UnknownName
+from wayfarer.experiments import commands
+from wayfarer.experiments.campaign import Campaign, read_forest_file
+from wayfarer.experiments.sweep import MOST_TRIALS
+from wayfarer.simhal.world.physics import GroundName
+
+AnomalySource = Literal["motion", "contact"]
+
+
+@dataclass(frozen=True, slots=True)
+class CampaignNumbers:
+    """What has a range, or a few values."""
+
+    trials: Annotated[int, Interval(ge=1, le=MOST_TRIALS)]
+    seed: Annotated[int, Interval(ge=0, lt=2**63)]
+    slip_mean_m: Annotated[float, Interval(gt=0, lt=inf)]
+    budget_m: Annotated[float, Interval(gt=0, lt=inf)]
+    depth: Literal["device", "bus"]
+    ground: GroundName
+    spl: bool
+
+
+def make_campaign(
+    algorithms: str | Sequence[str],
+    *,
+    rover: str | Path | RoverConfig = "sim",
+    anomaly_source: AnomalySource | None = None,
+    forests: str | Path | None = None,
+    senses: str = "ideal",
+    site: str | None = None,
+    trials: int,
+    seed: int = 0,
+    slip_mean_m: float = 10.0,
+    budget_m: float = 1000.0,
+    spl: bool = False,
+    depth: str = "device",
+    ground: str = GroundName.ideal,
+    **drawn: Any,
+) -> Campaign:
+    """Return a campaign; ``drawn`` are its ``terrains`` and ``slopes``.
+
+    ``algorithms`` is a list, or a text with commas; ``paper`` stands for all ten of the paper.
+
+    Raises:
+        BadInput: no such algorithm, rover, forest file, senses or site, or one that cannot be used with the others; or
+            a number is out of its range.
+    """
+    numbers = validated(
+        CampaignNumbers,
+        {
+            "trials": trials, "seed": seed, "slip_mean_m": slip_mean_m, "budget_m": budget_m, "depth": depth,
+            "ground": ground, "spl": spl,
+        },
+    )  # fmt: skip
+    where = rover.name if isinstance(rover, RoverConfig) else str(rover)
+    config = rover if isinstance(rover, RoverConfig) else load_rover(where)
+    campaign = Campaign(
+        commands.algorithms(algorithms if isinstance(algorithms, str) else ",".join(algorithms)),
+        rover=config.with_anomaly_source(anomaly_source) if anomaly_source else config,
+        forests=read_forest_file(forests) if forests else None,
+        physics=commands.senses(senses),
+        **asdict(numbers),
+        **drawn,
+    )
+    if site is not None:
+        campaign = _at_site(campaign, site)
+    commands.check_body(campaign, where)
+    commands.check_rover(campaign.rover, campaign.depth, where)
+    return campaign
+
+
+def _at_site(campaign: Campaign, site: str) -> Campaign:
+    from wayfarer.simhal.world.sites import SITES
+
+    if site not in SITES:
+        raise UnknownName("site", site, SITES)
+    if campaign.forests is not None:
+        raise BadInput(f"site '{site}' draws its own layouts; leave out the site or the forests")
+    return commands.at_site(campaign, site)
