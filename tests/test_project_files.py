@@ -45,7 +45,7 @@ def test_link_to_another_page_leads_to_a_heading_there(page: str) -> None:
 
 def test_architecture_has_the_picture_of_the_imports() -> None:
     text = text_of("ARCHITECTURE.md")
-    picture = text.partition("```\n")[2].partition("```")[0]
+    picture = text.partition("```text\n")[2].partition("```")[0]
     assert [line.replace(",", "").split() for line in picture.splitlines()] == LAYERS
 
 

@@ -1,0 +1,185 @@
+"""Write the pages that the code knows best: ``python -m docs.generate``.
+
+Python from the public names, the command line from its help, rover files from the JSON Schema of their settings. The
+pages are committed, because people read them in the checkout too; ``tests/docs/test_generated.py`` fails if one is old.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import re
+from collections.abc import Iterator
+from contextlib import redirect_stdout
+from inspect import getdoc
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import typer
+from pydantic import TypeAdapter
+
+import wayfarer
+from wayfarer import cli
+from wayfarer.config.registry import driver_names, find_driver
+from wayfarer.config.rover_file import RoverConfig
+
+FOLDER = Path(__file__).parent / "reference"
+SCHEMA = "rover.schema.json"
+WRITTEN_BY = "<!-- Written by `python -m docs.generate`: change the code instead. -->\n"
+
+PYTHON = """# Python
+
+`import wayfarer` has everything that is public, and takes a few milliseconds: each name is imported when it is first used.
+Campaigns and trials need the extra `sim`. Three modules are public as well, for algorithms and drivers of your own:
+`wayfarer.hal`, `wayfarer.testing` and `wayfarer.escape.api`.
+"""
+COMMAND_LINE = """# Command line
+
+Every command and option, as `--help` shows them. A mistake gives one line and the exit code 2;
+`wayfarer/errors.py` lists all exit codes.
+"""
+ROVER_FILE = f"""# Rover file
+
+A rover file is TOML. It names a rover's parts, and what differs from the defaults below; only `name` and the
+keys of `[vehicle]` without a default are required. An unknown key, or a value out of its range, is one line that names file,
+line, key and what is allowed. The files that come with wayfarer are in `wayfarer/rovers`.
+
+For an editor, [{SCHEMA}]({SCHEMA}) is the JSON Schema of all this. With its path in the first line,
+`#:schema {SCHEMA}`, editors that know TOML schemas complete keys and mark mistakes.
+"""
+
+
+def pages() -> dict[str, str]:
+    """Return the text of each generated file by its name in ``docs/reference``."""
+    schema = rover_schema()
+    return {
+        "python.md": "\n".join([WRITTEN_BY, PYTHON, *(f"::: wayfarer.{name}\n" for name in wayfarer.__all__)]),
+        "command-line.md": "\n".join([WRITTEN_BY, COMMAND_LINE, *map(_command_section, commands())]),
+        "rover-file.md": "\n".join([WRITTEN_BY, ROVER_FILE, *_rover_sections(schema)]),
+        SCHEMA: json.dumps(schema, indent=1, ensure_ascii=False) + "\n",
+    }
+
+
+# -- command line ------------------------------------------------------------------------------------------------------
+
+
+def commands(group: Any = None, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    """Yield every command and group by its words, the whole program first."""
+    command = group or typer.main.get_command(cli.app)
+    yield path
+    for name, each in getattr(command, "commands", {}).items():
+        if not each.hidden:
+            yield from commands(each, (*path, name))
+
+
+def _command_section(words: tuple[str, ...]) -> str:
+    shown = io.StringIO()
+    with redirect_stdout(shown), patch.dict(os.environ, {"COLUMNS": "80", "NO_COLOR": "1"}):
+        cli.run([*words, "--help"])
+    text = "\n".join(line.rstrip() for line in shown.getvalue().splitlines()).strip("\n")
+    return f"## {' '.join(('wayfarer', *words))}\n\n```text\n{text}\n```\n"
+
+
+# -- rover files -------------------------------------------------------------------------------------------------------
+
+
+def rover_schema() -> dict[str, Any]:
+    """Return the JSON Schema of rover files, with the settings of the drivers that come with wayfarer.
+
+    A part with another driver, ``"module:attribute"``, may have any settings.
+    """
+    schema = RoverConfig.model_json_schema(ref_template="#/$defs/{model}")
+    by_part: dict[str, list[dict[str, Any]]] = {}
+    for name in driver_names():
+        driver = find_driver(name)
+        if driver.__module__.startswith("wayfarer."):
+            settings = TypeAdapter(driver.Settings).json_schema()
+            settings["properties"] = {"driver": {"const": name}, **settings.get("properties", {})}
+            settings["required"] = ["driver", *settings.get("required", [])]
+            settings |= {"title": name, "additionalProperties": False, "description": getdoc(driver.Settings) or ""}
+            by_part.setdefault(driver.part, []).append(settings)
+    other = {"properties": {"driver": {"type": "string", "pattern": ":"}}, "required": ["driver"], "title": "other"}
+    schema["properties"]["parts"] = {
+        "type": "object",
+        "additionalProperties": False,
+        "properties": {part: {"anyOf": [*drivers, other]} for part, drivers in sorted(by_part.items())},
+    }
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def _rover_sections(schema: dict[str, Any]) -> Iterator[str]:
+    """Yield a section for each table of a rover file: what its docstring says, and its keys."""
+    properties = dict(schema["properties"])
+    parts = properties.pop("parts")["properties"]
+    tables = {key: schema["$defs"][ref] for key, value in properties.items() if (ref := _reference(value))}
+    plain = {key: value for key, value in properties.items() if key not in tables}
+    yield _section("At the top", {**schema, "properties": plain})
+    for key, table in tables.items():
+        yield _section(f"`[{key}]`", table)
+    for part, choices in parts.items():
+        for choice in choices["anyOf"][:-1]:
+            yield _section(f'`[parts.{part}]`, `driver = "{choice["title"]}"`', choice)
+
+
+def _reference(value: dict[str, Any]) -> str | None:
+    reference = value.get("$ref") or next((each["$ref"] for each in value.get("allOf", []) if "$ref" in each), "")
+    return reference.rpartition("/")[2] or None
+
+
+def _section(title: str, table: dict[str, Any]) -> str:
+    rows = [_row(key, value, table) for key, value in table["properties"].items() if key != "driver"]
+    keys = "\n".join(["| key | default | allowed |", "|---|---|---|", *rows]) if rows else "It has no keys."
+    about = re.sub(r"``([^`]*)``", r"`\1`", table.get("description", "")).strip()
+    return f"## {title}\n\n{about}\n\n{keys}\n"
+
+
+def _row(key: str, value: dict[str, Any], table: dict[str, Any]) -> str:
+    if key in table.get("required", []):
+        default = "required"
+    elif value.get("default") is None:
+        default = "none"
+    else:
+        default = f"`{json.dumps(value['default'], ensure_ascii=False)}`"
+    return f"| `{key}` | {default} | {_allowed(value)} |"
+
+
+def _allowed(value: dict[str, Any]) -> str:
+    """Say in words what a schema allows."""
+    choices = [each for each in value.get("anyOf", [value]) if each.get("type") != "null"]
+    return " or ".join(map(_allowed_one, choices))
+
+
+def _allowed_one(value: dict[str, Any]) -> str:
+    if "enum" in value:
+        return ", ".join(f"`{json.dumps(each)}`" for each in value["enum"])
+    if "const" in value:
+        return f"`{json.dumps(value['const'])}`"
+    if value["type"] == "array":
+        items = value.get("items") or value.get("prefixItems", [{}])[0]
+        return f"a list: {_allowed(items)}"
+    if value["type"] == "string":
+        return f"text, at most {value['maxLength']} characters" if "maxLength" in value else "text"
+    bounds = [
+        f"{words} {value[bound]:g}"
+        for bound, words in [
+            ("minimum", "from"),
+            ("exclusiveMinimum", "above"),
+            ("maximum", "to"),
+            ("exclusiveMaximum", "below"),
+        ]
+        if bound in value
+    ]
+    kind = {"number": "number", "integer": "whole number", "boolean": "`true` or `false`"}[value["type"]]
+    return " ".join([kind, *bounds])
+
+
+def write() -> None:
+    """Write every generated file."""
+    for name, text in pages().items():
+        (FOLDER / name).write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write()

@@ -1,0 +1,64 @@
+"""The pages for people: their fences, the commands in them, and what is said of those that cannot run in a test."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = sorted(
+    path.relative_to(ROOT).as_posix()
+    for glob in ("*.md", "benchmarks/*.md", "docs/*/*.md")
+    for path in ROOT.glob(glob)
+    if path.name != "CHANGELOG.md"
+)
+SHELL = {"bash", "console"}
+_FENCE = re.compile(
+    r"^(?:<!-- not run: (?P<why>[^\n]+) -->\n)?(?P<indent> *)```(?P<language>[^\n]*)\n(?P<body>.*?)^(?P=indent)```$",
+    re.MULTILINE | re.DOTALL,
+)
+_INLINE = re.compile(r"(?<!`)`(?:sudo (?:-u wayfarer )?)?wayfarer ([^`]+)`(?!`)")
+
+
+class Fence(NamedTuple):
+    """A block of code: its language, its text, and why no test runs it, if none does."""
+
+    language: str
+    body: str
+    why_not: str | None
+
+
+def fences(page: str) -> list[Fence]:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    return [Fence(each["language"], each["body"], each["why"]) for each in _FENCE.finditer(text)]
+
+
+def shell_lines(fence: Fence) -> Iterator[str]:
+    """Yield the commands of a fence as one types them; in a ``console`` fence those after a prompt."""
+    body = fence.body.replace("\\\n", " ")
+    for line in body.splitlines():
+        if fence.language == "console":
+            if not line.startswith("$ "):
+                continue
+            line = line.removeprefix("$ ")
+        if command := re.sub(r"(^|\s)#.*", "", line).strip():
+            yield command
+
+
+def wayfarer_words(line: str) -> Iterator[list[str]]:
+    """Yield the arguments of each ``wayfarer`` command in a line of a shell."""
+    for command in re.split(r"&&|[|;]", line):
+        words = shlex.split(command)
+        while words[:1] == ["sudo"] or words[:2] == ["-u", "wayfarer"]:
+            words = words[1:] if words[0] == "sudo" else words[2:]
+        if words[:1] == ["wayfarer"]:
+            yield words[1:]
+
+
+def inline_commands(page: str) -> list[list[str]]:
+    """Return the ``wayfarer`` commands that stand in sentences; words in capitals stand for something else."""
+    text = _FENCE.sub("", (ROOT / page).read_text(encoding="utf-8"))
+    return [found.split() for found in _INLINE.findall(text)]

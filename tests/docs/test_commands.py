@@ -1,0 +1,124 @@
+"""Every command of the documentation runs; those that cannot run here are held against the command line."""
+
+from __future__ import annotations
+
+import ast
+import os
+import shutil
+import subprocess
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import click
+import pytest
+import typer
+
+from tests.conftest import Run
+from tests.docs.pages import PAGES, ROOT, SHELL, fences, inline_commands, shell_lines, wayfarer_words
+from wayfarer import cli
+
+LANGUAGES = {*SHELL, "python", "pycon", "toml", "ini", "json", "text"}
+QUICK_TRIALS = {"sim": "2", "sweep": "1"}  # instead of what a page says: its results are the business of other tests
+QUICK_SWEEP = ["--budget-m", "5"]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_block_names_its_language(page: str) -> None:
+    assert {fence.language for fence in fences(page)} <= LANGUAGES
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_data_and_python_in_a_page_are_valid(page: str) -> None:
+    for fence in fences(page):
+        if fence.language == "toml":
+            tomllib.loads(fence.body)
+        if fence.language == "python":
+            ast.parse(fence.body)
+
+
+# -- those that run ----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own_folders: Path) -> Path:
+    """What a reader has in front of him: a checkout, without the results of others."""
+    for name in ("examples", "wayfarer"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    shutil.copytree(ROOT / "field_logs", tmp_path / "field_logs")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def quick(words: list[str]) -> list[str]:
+    """Return a command with few trials, in this process."""
+    name = words[0]
+    if name not in QUICK_TRIALS or "--trial" in words:
+        return words
+    if "--trials" in words:
+        at = words.index("--trials")
+        words = [*words[:at], *words[at + 2 :]]
+    return [*words, "--trials", QUICK_TRIALS[name], "--jobs", "1", *(QUICK_SWEEP if name == "sweep" else [])]
+
+
+def runs(page: str) -> list[str]:
+    return [
+        line
+        for fence in fences(page)
+        if fence.language in SHELL and fence.why_not is None
+        for line in shell_lines(fence)
+    ]
+
+
+@pytest.mark.process
+@pytest.mark.usefixtures("checkout")
+@pytest.mark.parametrize("page", [page for page in PAGES if runs(page)])
+def test_commands_of_a_page_run_one_after_the_other(page: str, run: Run) -> None:
+    for line in runs(page):
+        commands = list(wayfarer_words(line))
+        if not commands:
+            subprocess.run(["bash", "-c", line], check=True, env={**os.environ, "PYTHONPATH": str(ROOT)})
+        for words in commands:
+            code, _, errors = run(*quick(words))
+            assert code == 0, f"{line}: {errors}"
+
+
+# -- those that do not -------------------------------------------------------------------------------------------------
+
+
+def command_of(words: list[str]) -> tuple[Any, list[str]]:
+    """Return a command by its words, and the words that are its arguments."""
+    command: Any = typer.main.get_command(cli.app)
+    while words and (inner := getattr(command, "commands", {}).get(words[0])):
+        command, words = inner, words[1:]
+    return command, words
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_commands_that_no_test_runs_are_understood(page: str) -> None:
+    """Arguments of the right kind, none missing, none too many."""
+    marked = [fence for fence in fences(page) if fence.language in SHELL and fence.why_not is not None]
+    for line in (line for fence in marked for line in shell_lines(fence)):
+        for words in wayfarer_words(line):
+            command, arguments = command_of(words)
+            assert not hasattr(command, "commands"), f"{line}: no such command"
+            try:
+                command.make_context(command.name, list(arguments))
+            except click.exceptions.Exit:  # --help, --version
+                pass
+            except click.UsageError as error:
+                pytest.fail(f"{line}: {error.format_message()}")
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_commands_in_sentences_have_the_options_that_they_name(page: str) -> None:
+    """Of commands in blocks too: an old name that is only kept for scripts is shown to nobody."""
+    in_blocks = [
+        words for fence in fences(page) if fence.language in SHELL for line in shell_lines(fence) for words in wayfarer_words(line)
+    ]
+    for words in (*inline_commands(page), *in_blocks):
+        command, arguments = command_of(words)
+        assert words[0].startswith("-") or command.name == words[0] or words[0] in {"logs"}, f"wayfarer {' '.join(words)}"
+        shown = {name for each in command.params if not each.hidden for name in (*each.opts, *each.secondary_opts)}
+        named = {word.partition("=")[0] for word in arguments if word.startswith("--")}
+        assert named <= {*shown, "--help"}, f"wayfarer {' '.join(words)}"
