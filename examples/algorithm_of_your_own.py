@@ -4,14 +4,11 @@ Run it: python examples/algorithm_of_your_own.py
 Or, in this folder: PYTHONPATH=. wayfarer sim --algorithm algorithm_of_your_own:left_hand --trials 10
 """
 
-from wayfarer.config.rover_file import load_rover
+import wayfarer
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.escape.handler import AlgorithmSpec, PhasedHandler
 from wayfarer.escape.phases import PLEDGE
 from wayfarer.escape.policies import COUNTER_CLOCKWISE, fixed_angle
-from wayfarer.experiments.trial import run_trial
-from wayfarer.experiments.trial_setup import TrialSpec
-from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.testing import check_algorithm
 
 spec = AlgorithmSpec(PLEDGE, side=lambda *_: COUNTER_CLOCKWISE, angle=fixed_angle, resets=True, keeps_side=True)
@@ -21,6 +18,5 @@ left_hand = Algorithm(
 
 if __name__ == "__main__":
     check_algorithm(left_hand)
-    forest, rover = generate_forest(7, noise=0, seed=0), load_rover("sim")
-    result = run_trial(TrialSpec(0, "algorithm_of_your_own:left_hand", forest, seed=1, rover=rover))
-    print(f"{result.algorithm}: {result.outcome} after {result.path_m:.1f} m, {result.anomalies} anomalies")
+    row = wayfarer.run_trial(7, "algorithm_of_your_own:left_hand").row
+    print(f"{row.algorithm}: {row.outcome} after {row.path_m:.1f} m, {row.anomalies} anomalies")

@@ -1,20 +1,14 @@
-"""A small campaign at a site of the paper's field trials, and its table with the paper's figures.
+"""A small campaign at a site of the paper's field trials.
 
 Run it: pip install '.[sim]' && python examples/campaign_at_a_site.py
 """
 
-from rich.console import Console
+import wayfarer
 
-from wayfarer.config.rover_file import load_rover
-from wayfarer.experiments.campaign import Campaign
-from wayfarer.experiments.commands import at_site
-from wayfarer.experiments.run_campaign import run
-from wayfarer.experiments.site_table import layout_of
-from wayfarer.experiments.tables import print_table
-
-SITE, ROVER = "dense-obstruction", "minirover"
-
-campaign = at_site(Campaign(("forest-pledge",), trials=4, rover=load_rover(ROVER)), SITE)
-finished = run(campaign, jobs=1)  # jobs=8 for eight processes; the results are the same
-print_table(Console(width=160), finished.summaries, layout_of(SITE, ROVER))
-print(f"{finished.totals.simulated_s:.0f} s simulated in {finished.effort.wall_s:.1f} s")
+# jobs=8 is for eight processes; the results are the same.
+results = wayfarer.run_campaign("forest-pledge", trials=4, site="dense-obstruction", rover="minirover", jobs=1)
+for row in results.trials:
+    print(f"trial {row['trial']}: {row['outcome']} after {row['time_s']:.0f} s, helped {row['interventions']} times")
+for row in results.summary:
+    low, high = row["success_low_percent"], row["success_high_percent"]
+    print(f"{row['algorithm']}: {row['success_percent']:.0f} % [{low:.0f}, {high:.0f}] got out")

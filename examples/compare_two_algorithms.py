@@ -3,18 +3,12 @@
 Run it: pip install '.[sim]' && python examples/compare_two_algorithms.py
 """
 
-from wayfarer.config.rover_file import load_rover
-from wayfarer.experiments.campaign import Campaign, read_forest_file
-from wayfarer.experiments.paired_statistics import compare
-from wayfarer.experiments.rows import row_of
-from wayfarer.experiments.trial import run_trial
+import wayfarer
 
-BOTH = ("forest-pledge", "tight-pledge")
-
-campaign = Campaign(BOTH, trials=4, rover=load_rover("sim"), slip_mean_m=2.0, forests=read_forest_file("reference"))
-rows = [row_of(run_trial(campaign.spec(task, campaign.make_forest(task.trial)))) for task in campaign.tasks_by_forest()]
-for one in compare(rows, against="forest-pledge"):
-    print(f"{one.algorithm}: SPL {one.spl:.3f} over {one.trials} trials, the longest {one.worst.path_m:.0f} m")
-    if one.spl_gain is not None:
-        mean, low, high = one.spl_gain.estimate
-        print(f"gain of SPL in pairs: {mean:+.3f} [{low:+.3f}, {high:+.3f}], 95 %; four trials prove little")
+both = ["forest-pledge", "tight-pledge"]
+results = wayfarer.run_campaign(both, trials=4, forests="reference", slip_mean_m=2.0)
+for row in wayfarer.compare(results, against="forest-pledge"):
+    print(f"{row['algorithm']}: SPL {row['spl']:.3f} over {row['trials']} trials")
+    if row["spl_gain_pairs"]:
+        gain, low, high = row["spl_gain"], row["spl_gain_low"], row["spl_gain_high"]
+        print(f"gain of SPL in pairs: {gain:+.3f} [{low:+.3f}, {high:+.3f}], 95 %; four trials prove little")

@@ -10,8 +10,7 @@ from types import SimpleNamespace
 
 from wayfarer.drivers.buses import Buses
 from wayfarer.hal import Colour
-from wayfarer.simhal.buses import FakeBuses
-from wayfarer.testing import check_status_light
+from wayfarer.testing import FakeBuses, check_status_light
 
 
 class BlinkM:

@@ -3,14 +3,11 @@
 Run it: python examples/escape_handler_alone.py
 """
 
-from random import Random
-
-from wayfarer.config.registry import find_algorithm
-from wayfarer.escape.api import Anomaly, EscapeSettings, Observation, Vehicle
+from wayfarer import Anomaly, Observation, Vehicle, make_handler
 
 PERIOD_S = 0.05
 vehicle = Vehicle(length_m=0.4, width_m=0.4, track_m=0.5, max_speed_m_s=1.4)
-handler = find_algorithm("forest-pledge").make(EscapeSettings(), vehicle, Random(0))
+handler = make_handler("forest-pledge", vehicle=vehicle)
 
 heading_deg, travelled_m = 0.0, 0.0
 for tick in range(120):

@@ -4,18 +4,16 @@ Run it: pip install '.[gym]' && python examples/gym_forest_pledge.py [TRIAL [ALG
 """
 
 import sys
-from random import Random
 
 import gymnasium
 import numpy as np
 
-from wayfarer.config.registry import find_algorithm
-from wayfarer.config.rover_file import load_rover
+import wayfarer
 
 given = dict(enumerate(sys.argv))
-trial, name = int(given.get(1, 7)), given.get(2, "forest-pledge")
-rover = load_rover("sim")
-handler = find_algorithm(name).make(rover.escape, rover.vehicle, Random(0))
+trial, name = int(given.get(1, "7")), given.get(2, "forest-pledge")
+rover = wayfarer.load_rover("sim")
+handler = wayfarer.make_handler(name, vehicle=rover.vehicle, settings=rover.escape, seed=0)
 env = gymnasium.make("wayfarer.experiments.gym:Wayfarer-Forest-v0")
 
 _, info = env.reset(options={"trial": trial})

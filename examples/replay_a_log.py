@@ -7,17 +7,15 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from wayfarer.config.rover_file import load_rover
-from wayfarer.fieldlog.folders import find_run
-from wayfarer.fieldlog.replay import replay
+import wayfarer
 
 LOGS = Path(__file__).parents[1] / "field_logs"
 
-run = find_run(sys.argv[1] if len(sys.argv) > 1 else "last", LOGS)
-today = replay(run)
+run = wayfarer.open_run(sys.argv[1] if len(sys.argv) > 1 else "last", log_dir=LOGS)
+today = wayfarer.replay(run)
 print(f"as logged: {today.ticks} decisions, then {today.difference or 'the end'}")
 
-rover = load_rover("sim")
+rover = wayfarer.load_rover("sim")
 patient = rover.model_copy(update={"detector": replace(rover.detector, immobilised_s=1.0)})
-other = replay(run, patient)
+other = wayfarer.replay(run, rover=patient)
 print(f"patient:   {other.ticks} decisions, then {other.difference or 'the end'}")

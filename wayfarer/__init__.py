@@ -1,8 +1,8 @@
 """wayfarer: an escape controller for ground rovers without vision.
 
 The names below are the public Python API. Each is imported when it is first used, so that ``import wayfarer`` takes a
-few milliseconds. ``wayfarer.hal``, ``wayfarer.testing``, ``wayfarer.escape.api`` and ``wayfarer.errors`` are public as
-well, for algorithms and drivers of your own; ``docs/python-api.md`` has the whole list.
+few milliseconds. For algorithms and drivers of your own ``wayfarer.escape``, ``wayfarer.hal``, ``wayfarer.drivers.buses``,
+``wayfarer.errors`` and ``wayfarer.testing`` are public as well. All else may change from one version to the next.
 
 The package is laid out as the data flows: ``drivers`` (or ``simhal``) behind the protocols of ``hal``, the pure
 ``detector``, ``escape`` and ``safety``, and the ``supervisor`` that runs them. See ``ARCHITECTURE.md``.
@@ -10,8 +10,7 @@ The package is laid out as the data flows: ``drivers`` (or ``simhal``) behind th
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+TYPE_CHECKING = False  # as in ``typing``, which takes longer to import than all of this
 if TYPE_CHECKING:  # for type checkers and editors; ``_MODULES`` says the same to Python
     from wayfarer.api.campaigns import run_campaign, run_sweep
     from wayfarer.api.handlers import make_handler
@@ -75,13 +74,3 @@ def __getattr__(name: str) -> object:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
-
-
-def main() -> None:
-    """Run the command line and exit; the console entry point.
-
-    It is here because each process of a pool imports the script that started its parent, and needs no commands.
-    """
-    from wayfarer import cli
-
-    cli.main()

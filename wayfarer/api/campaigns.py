@@ -109,6 +109,20 @@ def run_sweep(
             (``"escape.turn_angle_deg"``), ``footprint_m``, ``slip_mean_m``, ``budget_m``, ``ground``,
             ``sim.trees_per_ha``, or ``sim.`` and any number of the simulated world.
         algorithms: as all that follow, as of ``run_campaign``.
+        trials: of each algorithm at each point.
+        rover: the name of a built-in rover, a rover file, or what ``load_rover`` returned.
+        seed: of the layouts and of all chance in the trials.
+        forests: a forest file, or ``"reference"``.
+        senses: how compass and flow sensor err.
+        slip_mean_m: mean distance between slips, metres.
+        budget_m: path after which a rover counts as entrapped, metres.
+        anomaly_source: how an obstacle is noticed.
+        depth: how far down the simulation goes.
+        spl: compute shortest paths, for the SPL.
+        jobs: number of processes.
+        out: a new or empty folder for the results.
+        resume: continue what was interrupted in ``out``.
+        progress: show a progress bar on stderr.
 
     Raises:
         BadInput: no such key, or a value out of its range; and as of ``run_campaign``.
@@ -144,6 +158,11 @@ def _run(
     from wayfarer.simhal.world.forest_file import content_of
 
     faults: list[Done] = []
+
+    def note(done: Done) -> None:
+        if done.fault:
+            faults.append(done)
+
     with _folder(out) as path:
         with ResultsFolder(path, plan.settings(), resume=resume) as folder:
             if forests and plan.points[0] is plan:
@@ -151,7 +170,7 @@ def _run(
             if progress:
                 finished = run_shown(plan, folder, jobs=jobs, run_trial=field_trial)
             else:
-                finished = run(plan, folder, jobs=jobs, progress=lambda done: done.fault and faults.append(done))
+                finished = run(plan, folder, jobs=jobs, progress=note)
         if finished.interrupted:
             raise KeyboardInterrupt
         if faults:

@@ -6,14 +6,23 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import groupby
 from pathlib import Path
-from typing import Any, NamedTuple, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 
 from wayfarer.api.rows import Rows, typed_rows
 from wayfarer.errors import BadInput
 from wayfarer.experiments.results_folder import swept_values
 from wayfarer.experiments.rows import TrialRow, columns_of, types_of
-from wayfarer.experiments.statistics import AlgorithmSummary, summarise
+from wayfarer.experiments.statistics import AlgorithmSummary, Estimate, summarise
 from wayfarer.extras import require
+
+if TYPE_CHECKING:
+    from wayfarer.experiments.paired_statistics import Comparison, Difference
+
+# The types of the columns of a comparison; the others are numbers with a fraction.
+COMPARED = {
+    "algorithm": str,
+    **dict.fromkeys(("trials", "layouts", "spl_gain_pairs", "path_gain_pairs", "worst_trial"), int),
+}
 
 
 @dataclass(frozen=True, repr=False)
@@ -64,32 +73,6 @@ class Results:
         return typed_rows({key: types[key] for key in points[0]} | _types_in(AlgorithmSummary), read)
 
 
-class PairedRow(NamedTuple):
-    """A row of ``compare``."""
-
-    algorithm: str
-    trials: int
-    layouts: int
-    spl: float | None
-    spl_gain: float | None
-    spl_gain_low: float | None
-    spl_gain_high: float | None
-    spl_gain_p: float | None
-    spl_gain_pairs: int | None
-    path_gain_m: float | None
-    path_gain_low_m: float | None
-    path_gain_high_m: float | None
-    path_gain_p: float | None
-    path_gain_pairs: int | None
-    entrapped: float
-    entrapped_low: float
-    entrapped_high: float
-    left_bounds: float
-    left_bounds_low: float
-    left_bounds_high: float
-    worst_trial: int
-
-
 def compare(results: Results, against: str = "forest-pledge") -> Rows:
     """Compare the algorithms of a campaign in pairs: each met the same forests with the same noise.
 
@@ -105,26 +88,39 @@ def compare(results: Results, against: str = "forest-pledge") -> Rows:
 
     >>> results = run_campaign(["forest-pledge", "pledge"], trials=4)
     >>> [(row["algorithm"], row["path_gain_pairs"]) for row in compare(results)]
-    [('forest-pledge', None), ('pledge', 4)]
+    [('forest-pledge', 0), ('pledge', 4)]
     """
     require("comparing")
     from wayfarer.experiments.paired_statistics import compare as compared
 
     if "axes" in results.settings:
         raise BadInput("the results of a sweep have a campaign at each point; compare those of one campaign")
-    rows = [
-        PairedRow(
-            one.algorithm, one.trials, one.layouts, one.spl,
-            *((*one.spl_gain.estimate, one.spl_gain.p, one.spl_gain.pairs) if one.spl_gain else NO_GAIN),
-            *((*one.path_gain_m.estimate, one.path_gain_m.p, one.path_gain_m.pairs) if one.path_gain_m else NO_GAIN),
-            *one.entrapped, *one.left_bounds, one.worst.trial,
-        )._asdict()
-        for one in compared(results.rows, against)
-    ]  # fmt: skip
-    return typed_rows(_types_in(PairedRow), lambda: rows)
+    rows = [_paired_row(one) for one in compared(results.rows, against)]
+    return typed_rows({name: COMPARED.get(name, float) for name in rows[0]}, lambda: rows)
 
 
-NO_GAIN = (None,) * 5
+def _paired_row(one: Comparison) -> dict[str, Any]:
+    return {
+        "algorithm": one.algorithm,
+        "trials": one.trials,
+        "layouts": one.layouts,
+        "spl": one.spl,
+        **_gain("spl_gain", one.spl_gain),
+        **_gain("path_gain", one.path_gain_m, "_m"),
+        **_interval("entrapped", one.entrapped),
+        **_interval("left_bounds", one.left_bounds),
+        "worst_trial": one.worst.trial,
+    }
+
+
+def _gain(name: str, gain: Difference | None, unit: str = "") -> dict[str, float | None]:
+    pairs = {f"{name}_p": gain.p if gain else None, f"{name}_pairs": gain.pairs if gain else 0}
+    return _interval(name, gain.estimate if gain else None, unit) | pairs
+
+
+def _interval(name: str, estimate: Estimate | None, unit: str = "") -> dict[str, float | None]:
+    value, low, high = estimate or (None, None, None)
+    return {f"{name}{unit}": value, f"{name}_low{unit}": low, f"{name}_high{unit}": high}
 
 
 def open_results(folder: str | Path) -> Results:

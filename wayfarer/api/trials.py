@@ -89,8 +89,18 @@ def run_trial(
     Args:
         number: of the trial, from 0. Trials 0 and 1 are in the first layout with two noises, and so on.
         algorithm: a name that ``wayfarer list`` prints, or one of your own as ``"module:attribute"``.
-        log_dir: a new or empty folder for the full field log, which ``open_run`` reads; the others as of
-            ``run_campaign``.
+        rover: as all that follow, as of ``run_campaign``.
+        seed: of the campaign.
+        forests: a forest file, or ``"reference"``.
+        site: a site of the paper's field trials.
+        ground: what the wheels stand on.
+        senses: how compass and flow sensor err.
+        slip_mean_m: mean distance between slips, metres.
+        budget_m: path after which the rover counts as entrapped, metres.
+        anomaly_source: how an obstacle is noticed.
+        depth: how far down the simulation goes.
+        spl: compute the shortest path, for the SPL.
+        log_dir: a new or empty folder for the full field log, which ``open_run`` reads.
 
     Raises:
         BadInput: something that cannot be used; the text names it and says what is allowed.
@@ -157,5 +167,5 @@ class _Track(PartialLog):
                 decision.why,
                 anomalies,
                 *record.applied,
-            )  # fmt: skip
+            )
         )

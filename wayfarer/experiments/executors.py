@@ -10,6 +10,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 import traceback
 from collections.abc import Callable, Generator, Iterable, Iterator, Sized
@@ -18,7 +19,7 @@ from contextlib import contextmanager
 from functools import partial
 from itertools import islice, takewhile
 from pathlib import Path
-from types import TracebackType
+from types import ModuleType, TracebackType
 from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, Protocol, TypeVar
 from uuid import uuid4
 
@@ -140,7 +141,7 @@ class SpawnedProcesses(ProcessPoolExecutor):
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
         """Submit; a pool starts its workers when work comes."""
-        with _sigint_blocked():
+        with _sigint_blocked(), _main_hidden():
             return super().submit(fn, *args, **kwargs)
 
     def __exit__(
@@ -215,6 +216,20 @@ def _sigint_blocked() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _main_hidden() -> Iterator[None]:
+    """Keep new workers from importing the script that began this process, of which they need nothing.
+
+    A script that does not ask whether it is ``__main__`` would begin its campaign again in each of them.
+    """
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
 
 
 _installed: dict[str, Callable[[Any], Any]] = {}  # in a worker: what runs its tasks, by the key of the stream

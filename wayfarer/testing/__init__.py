@@ -9,11 +9,13 @@
         asyncio.run(check_compass(lambda: MyCompass(bus), unreachable=lambda: MyCompass(dead_bus)))
 
 A part comes as a factory, because a fresh one is needed again and again. ``unreachable`` makes one whose hardware does
-not answer: only with it can a failed ``open`` be checked. What is wrong is said by an ``AssertionError``.
+not answer: only with it can a failed ``open`` be checked. What is wrong is said by an ``AssertionError``. ``FakeBuses``
+are buses to put simulated chips on. ``wayfarer.testing.faults`` has faults on purpose.
 """
 
 from __future__ import annotations
 
+from wayfarer.simhal.buses import FakeBuses
 from wayfarer.testing.algorithms import check_algorithm
 from wayfarer.testing.parts import (
     check_compass,
@@ -25,6 +27,7 @@ from wayfarer.testing.parts import (
 )
 
 __all__ = [
+    "FakeBuses",
     "check_algorithm",
     "check_compass",
     "check_contact_sensor",
