@@ -46,7 +46,7 @@ def test_what_is_no_sense_is_refused(asked: str, says: str) -> None:
 
 
 def test_senses_are_kept_told_and_rebuilt(run: Run, tmp_path: Path) -> None:
-    succeed(run, *BLIND, "--out", tmp_path / "out", "--log", tmp_path / "log")
+    succeed(run, *BLIND, "--out", tmp_path / "out", "--log-dir", tmp_path / "log")
     kept = {"blind_share": 0.3, "blind_quality": 0.4}
     settings = json.loads((tmp_path / "out" / "campaign.json").read_text(encoding="utf-8"))
     assert settings["sim"] == asdict(PHYSICS) | kept

@@ -21,7 +21,7 @@ import typer
 
 from wayfarer import __version__
 from wayfarer.cli import commissioning, compare, control, demo, faults, listing, logs, replay, report, rover, sim, sweep
-from wayfarer.cli.help_texts import HelpCommand, HelpGroup
+from wayfarer.cli.help_texts import HELP_OPTIONS, HelpCommand, HelpGroup
 from wayfarer.cli.options import examples
 from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.fields import escape_control_chars
@@ -40,7 +40,7 @@ EXAMPLES = examples(
     "wayfarer run --sim",
     "wayfarer sim --help",
 )
-app = typer.Typer(cls=HelpGroup, no_args_is_help=True, pretty_exceptions_enable=False)
+app = typer.Typer(cls=HelpGroup, no_args_is_help=True, pretty_exceptions_enable=False, context_settings=HELP_OPTIONS)
 command = partial(app.command, cls=HelpCommand)
 command(epilog=demo.EXAMPLES)(demo.demo)
 command(epilog=sim.EXAMPLES)(sim.sim)
@@ -137,7 +137,7 @@ def _root(
     *,
     version: Annotated[
         bool,
-        typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit."),
+        typer.Option("--version", "-V", callback=_print_version, is_eager=True, help="Print the version and exit."),
     ] = False,
 ) -> None:
     """Drive a rover out of a forest without vision: compass, tilt and stall detection only."""

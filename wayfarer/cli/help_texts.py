@@ -1,4 +1,7 @@
-"""Help of the commands: as Typer draws it, without the types and braces of its notation."""
+"""Commands as Typer makes them, in this program's words: help without the notation of types, and old option names.
+
+An option's old name is accepted wherever the command has the new one, and appears in no help.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,8 @@ from typing import Any
 from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
 
 NO_BRACES = str.maketrans("", "", "{}")
+OLD_NAMES = {"config": "rover", "log": "log-dir", "logs": "log-dir", "scenario": "site"}
+HELP_OPTIONS = {"help_option_names": ["-h", "--help"]}  # settings of the root, which all commands inherit
 
 
 class _Option(TyperOption):
@@ -35,7 +40,16 @@ def _plain(param: Any) -> Any:
 
 
 class HelpCommand(TyperCommand):
-    """A command whose help is plain."""
+    """A command whose help is plain, and which accepts the old names of its options."""
+
+    def make_context(self, info_name: Any, args: list[str], parent: Any = None, **extra: Any) -> Any:
+        """Return the context of a call, its options parsed."""
+        own = {option.lstrip("-") for param in self.params for option in param.opts}
+
+        def today(name: str) -> str:
+            return new if name not in own and (new := OLD_NAMES.get(name)) in own else name
+
+        return super().make_context(info_name, args, parent, token_normalize_func=today, **extra)
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Return options and arguments, in plain notation."""

@@ -189,7 +189,7 @@ def at_site(campaign: Campaign, scenario: str) -> Campaign:
     """
     if missing := campaign.rover.chassis.missing(CLIMBING_KEYS):
         raise BadConfig(
-            f"rover '{campaign.rover.name}' has no chassis.{missing[0]}, which --scenario needs for branches;"
+            f"rover '{campaign.rover.name}' has no chassis.{missing[0]}, which --site needs for branches;"
             " use --rover forestrover or minirover, or add the key to [chassis] of its file, as in their files"
         )
     here = replace(campaign, scenario=scenario)
