@@ -44,7 +44,7 @@ EXAMPLES = examples(
     "wayfarer logs export 17 --format csv",
     "wayfarer logs export 17 --format gpx",
 )
-app = typer.Typer(cls=HelpGroup, no_args_is_help=True, epilog=EXAMPLES)
+app = typer.Typer(cls=HelpGroup, no_args_is_help=True, suggest_commands=False, epilog=EXAMPLES)
 command = partial(app.command, cls=HelpCommand)
 
 FORMATS_HELP = f"{'; '.join(f'{form}: {form.meaning}' for form in ExportFormat)}. (default: by FILE's ending, or csv)"

@@ -91,7 +91,9 @@ def senses(asked: str) -> Physics:
         if not equals and key in NAMED_SENSES:
             values |= NAMED_SENSES[key]
         elif key not in keys or not equals:
-            raise UnknownName("name or KEY=VALUE of --senses", item.strip(), [*NAMED_SENSES, *map("{}=".format, keys)])
+            raise UnknownName(
+                "name or KEY=VALUE of --senses", f"{key}{equals}", [*NAMED_SENSES, *map("{}=".format, keys)]
+            )
         else:
             values[key] = _number(asked, text)
     try:
