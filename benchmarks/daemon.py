@@ -54,7 +54,7 @@ def daemon(folder: Path, *options: str) -> Iterator[tuple[subprocess.Popen[str],
         notified.bind(str(folder / "notify"))
         notified.settimeout(30.0)
         environment = {**os.environ, "NOTIFY_SOCKET": str(folder / "notify"), "RUNTIME_DIRECTORY": str(folder)}
-        command = [str(WAYFARER), "run", "--sim", "--logs", str(folder / "logs"), *options]
+        command = [str(WAYFARER), "run", "--sim", "--log-dir", str(folder / "logs"), *options]
         began_s = time.monotonic()
         process = subprocess.Popen(
             command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True

@@ -31,9 +31,9 @@ WRITTEN_BY = "<!-- Written by `python -m docs.generate`: change the code instead
 
 PYTHON = """# Python
 
-`import wayfarer` has everything that is public, and takes a few milliseconds: each name is imported when it is first used.
-Campaigns and trials need the extra `sim`. Three modules are public as well, for algorithms and drivers of your own:
-`wayfarer.hal`, `wayfarer.testing` and `wayfarer.escape.api`.
+`import wayfarer` takes a few milliseconds: each name below is imported when it is first used. Campaigns and trials
+need the extra `sim`. For algorithms and drivers of your own, `wayfarer.escape`, `wayfarer.hal`, `wayfarer.drivers.buses`,
+`wayfarer.errors` and `wayfarer.testing` are public as well. All else may change from one version to the next.
 """
 COMMAND_LINE = """# Command line
 
@@ -42,9 +42,9 @@ Every command and option, as `--help` shows them. A mistake gives one line and t
 """
 ROVER_FILE = f"""# Rover file
 
-A rover file is TOML. It names a rover's parts, and what differs from the defaults below; only `name` and the
-keys of `[vehicle]` without a default are required. An unknown key, or a value out of its range, is one line that names file,
-line, key and what is allowed. The files that come with wayfarer are in `wayfarer/rovers`.
+A rover file is TOML. It names a rover's parts, and what differs from the defaults below; only `name` and the keys of
+`[vehicle]` without a default are required. An unknown key, or a value out of its range, is one line that names
+file, line, key and what is allowed. The files that come with wayfarer are in `wayfarer/rovers`.
 
 For an editor, [{SCHEMA}]({SCHEMA}) is the JSON Schema of all this. With its path in the first line,
 `#:schema {SCHEMA}`, editors that know TOML schemas complete keys and mark mistakes.

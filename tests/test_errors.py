@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import pytest
+
 from wayfarer import errors
-from wayfarer.errors import UnknownName, WayfarerError, WrongPart
+from wayfarer.errors import UnknownName, WayfarerError, WrongPart, near_names
 
 ALL = [error for error in vars(errors).values() if isinstance(error, type) and issubclass(error, WayfarerError)]
 
@@ -15,11 +17,39 @@ def test_page_draws_every_error() -> None:
 
 def test_unknown_name_offers_the_nearest() -> None:
     text = str(UnknownName("algorithm", "plege", ["pledge", "forest-pledge", "levy-walk"]))
-    assert text == "unknown algorithm 'plege': did you mean pledge or forest-pledge?"
+    assert text == "unknown algorithm 'plege': did you mean pledge?"
 
 
 def test_unknown_name_lists_all_where_none_is_near() -> None:
     assert str(UnknownName("rover", "zzz", ["sim", "mini"])) == "unknown rover 'zzz': known: mini, sim"
+
+
+KEYS = ["ground", "escape.heading_p", "escape.turn_p", "escape.turn_angle_deg", "sim.trees_per_ha"]
+
+
+@pytest.mark.parametrize(
+    ("name", "near"),
+    [
+        ("escape.banana", []),  # the section's name makes none alike
+        ("nope", []),
+        ("Escape.Turn_Angel_Deg", ["escape.turn_angle_deg"]),
+        ("turn_angle", ["escape.turn_angle_deg"]),
+        ("escpe.turn_angle_deg", ["escape.turn_angle_deg"]),
+        ("tree", ["sim.trees_per_ha"]),
+        ("gr", []),
+    ],
+)
+def test_suggestions_are_near(name: str, near: list[str]) -> None:
+    assert near_names(name, KEYS) == near
+
+
+def test_of_many_names_those_in_the_section_are_listed_or_else_the_sections() -> None:
+    many = [*KEYS, *(f"board.key_{number}" for number in range(20))]
+    assert str(UnknownName("key", "escape.z", many)).endswith(
+        "known: escape.heading_p, escape.turn_angle_deg, escape.turn_p"
+    )
+    assert str(UnknownName("key", "zzz", many)).endswith("known: board.*, escape.*, ground, sim.*")
+    assert str(UnknownName("scenario", "zzz", [f"s{number:02d}" for number in range(30)])).endswith("s19, and 10 more")
 
 
 def test_unknown_name_with_a_line_break_is_one_line() -> None:

@@ -43,8 +43,14 @@ code  meaning
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from difflib import get_close_matches
+from collections.abc import Iterable, Sequence
+from difflib import SequenceMatcher
+
+# How alike two names have to be, 0 to 1, how far below the nearest one others may be, and what the same first letter
+# adds: what a hand mistypes is rarely that, and without it "halt" is like "faults".
+NEAR, AS_NEAR, SAME_BEGINNING = 0.7, 0.1, 0.1
+SHORTEST_BEGINNING = 3
+MOST_NEAR, MOST_LISTED = 3, 20
 
 
 class WayfarerError(Exception):
@@ -76,8 +82,8 @@ class UnknownName(BadInput):
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
         known = sorted(known)
-        near = get_close_matches(name, known, n=3, cutoff=0.4)
-        hint = f"did you mean {' or '.join(near)}?" if near else f"known: {', '.join(known)}"
+        near = near_names(name, known)
+        hint = f"did you mean {' or '.join(near)}?" if near else f"known: {', '.join(_in_short(name, known))}"
         super().__init__(f"unknown {kind} '{one_line(name)}': {hint}")
 
 
@@ -127,6 +133,37 @@ class MissingPackage(WayfarerError):
 
 class NothingScheduled(WayfarerError):
     """Virtual time cannot continue: every task waits for an event that cannot occur."""
+
+
+def near_names(name: str, known: Iterable[str]) -> list[str]:
+    """Return which known names a mistyped or unfinished one may mean, the nearest first; none where none is alike.
+
+    Of dotted names the last parts are compared, so that a section's name, such as ``escape.``, makes none alike.
+    """
+    ratios = {each: _likeness(_last_part(name), _last_part(each)) for each in known}
+    least = max([NEAR, *(ratio - AS_NEAR for ratio in ratios.values())])
+    return [each for each in sorted(ratios, key=ratios.__getitem__, reverse=True) if ratios[each] >= least][:MOST_NEAR]
+
+
+def _last_part(name: str) -> str:
+    return name.rpartition(".")[2].casefold()
+
+
+def _likeness(typed: str, name: str) -> float:
+    """Return how alike two names are, from 0; the beginning of a name is near enough."""
+    begun = len(typed) >= SHORTEST_BEGINNING and name.startswith(typed)
+    same = SAME_BEGINNING * (name[:1] == typed[:1])
+    return max(NEAR * begun, SequenceMatcher(None, name, typed).ratio() + same)
+
+
+def _in_short(name: str, known: Sequence[str]) -> Sequence[str]:
+    """Return names to be listed: of many, those in the section that was typed, or the sections as ``escape.*``."""
+    section = name[: name.rfind(".") + 1]
+    known = [each for each in known if each.startswith(section)] or known
+    if len(known) <= MOST_LISTED:
+        return known
+    short = list(dict.fromkeys(f"{each.partition('.')[0]}.*" if "." in each else each for each in known))
+    return short if len(short) <= MOST_LISTED else [*short[:MOST_LISTED], f"and {len(short) - MOST_LISTED} more"]
 
 
 def one_line(text: object) -> str:

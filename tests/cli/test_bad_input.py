@@ -10,11 +10,14 @@ import pytest
 from tests.conftest import Run, refusal
 
 ANGLES = "sweep escape.turn_angle_deg=10,30"
-MAZE = "sim --scenario extended-maze"
+MAZE = "sim --site extended-maze"
 
 BAD_INPUT = {
-    "smi": "sim",
-    "sim --trails 3 --out out": "--trails",
+    "smi": "'smi'; did you mean sim?",
+    "logs shwo": "did you mean show?",
+    "halt": "No such command 'halt'\n",
+    "sim --trails 3 --out out": "--trails; did you mean --trials?",
+    "sim --banana 3 --out out": "No such option: --banana\n",
     "sim --trials 0 --out out": "--trials",
     "sim --jobs 0 --out out": "--jobs",
     "sim --seed -1 --out out": "--seed",
@@ -28,10 +31,10 @@ BAD_INPUT = {
     "sim --forests no/such.jsonl --out out": "no/such.jsonl",
     "sim --forests refrence": "refrence",
     "sim --trial -1": "--trial",
-    "sim --trials 5 --trial 5": "0 to 4",
+    "sim --trials 5 --trial 3": "--trial and --trials",
     "sim --trial 1 --algorithm pledge,oo-react": "one of pledge, oo-react",
     "sim --trial 0 --out out": "--trial and --out",
-    "sim --log logs --out out --resume": "--log and --resume",
+    "sim --log-dir logs --out out --resume": "--log-dir and --resume",
     "sim --resume": "--out",
     "sim --friction 0.3 --out out": "without --physics mujoco",
     "sim --physics mujoco --friction 0": "--friction 0",
@@ -47,16 +50,19 @@ BAD_INPUT = {
     "sim --video a.mp4 --physics mujoco": "without --trial",
     "sim --cluster a:1 --jobs 2": "--jobs and --cluster",
     "sim --cluster a:1 --trial 2": "--trial and --cluster",
-    "sim --cluster a:1 --log logs": "--log and --cluster",
-    f"{MAZE} --rover forestrover --forests x.jsonl": "--scenario and --forests",
+    "sim --cluster a:1 --log-dir logs": "--log-dir and --cluster",
+    f"{MAZE} --rover forestrover --forests x.jsonl": "--site and --forests",
     MAZE: "chassis.ground_clear",
-    "sim --scenario swamp --out out": "'extended-maze', 'dense-obstruction', 'forest-escape'",
-    "sweep --out out": "Missing argument",
+    "sim --site swamp --out out": "'extended-maze', 'dense-obstruction', 'forest-escape'",
+    "sweep --out out": "Missing argument 'KEY=VALUES', for example: wayfarer sweep escape.turn_",
     "sweep escape.turn_angel_deg=10 --out out": "did you mean escape.turn_",
     "sweep escape.turn_angle_deg=10:180 --out out": "a range is FIRST:LAST:STEP",
     f"{ANGLES} slip_mean_m=2 footprint_m=0.4 --out out": "3 keys to sweep",
     f"{ANGLES} escape.turn_angle_deg=10,30 --out out": "set the same value",
-    ANGLES: "--out",
+    ANGLES: "Missing option '--out', for example: wayfarer sweep escape.turn_angle_deg=10:180:10",
+    "goal": "Missing argument 'DEG', for example: wayfarer goal 270",
+    "mark": "Missing argument 'TEXT', for example: wayfarer mark",
+    "compare": "Missing argument 'RESULTS', for example: wayfarer compare results",
     "faults --only 99": "row 99",
     "faults --only ' ,'": "--only is empty",
     "faults --only board-falt": "did you mean board-fault",
@@ -66,12 +72,12 @@ BAD_INPUT = {
     "faults --missions 3 --only runaway": "not under way",
     "faults --seed 3": "without --missions",
     "logs export 1 --format xls": "'xls'",
-    "demo --config minirover": "--config",
-    "run --config minirover --seed 3": "without --sim",
-    "run --config minirover --depth bus": "without --sim",
+    "demo --rover minirover": "--rover",
+    "run --rover minirover --seed 3": "without --sim",
+    "run --rover minirover --depth bus": "without --sim",
     "run --sim --live-port 8088": "without --live",
     "run --sim --foxglove-port 8088": "without --foxglove",
-    "run --sim --config forestrover --algorithm cv-pledge --logs logs": "needs a contact sensor",
+    "run --sim --rover forestrover --algorithm cv-pledge --log-dir logs": "needs a contact sensor",
 }
 
 

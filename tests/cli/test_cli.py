@@ -19,7 +19,7 @@ from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.writer import RunFiles
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-SAMPLE = ["1", "--logs", str(CHECKOUT / "field_logs")]
+SAMPLE = ["1", "--log-dir", str(CHECKOUT / "field_logs")]
 
 FOREST = {
     "forest": 0, "noise": 1, "start_m": [25.0, 12.5], "heading_deg": 0.0, "goal_y_m": 50.0,
@@ -96,7 +96,7 @@ def test_missing_extra_says_how_to_get_it(
 
 
 @pytest.mark.process
-@pytest.mark.parametrize("arguments", [["list"], ["logs", "list", "--logs", "field_logs"]], ids=" ".join)
+@pytest.mark.parametrize("arguments", [["list"], ["logs", "list", "--log-dir", "field_logs"]], ids=" ".join)
 def test_nobody_who_reads_is_no_error(arguments: list[str]) -> None:
     command = f"{sys.executable} -c 'from wayfarer.cli import main; main()' {' '.join(arguments)} >&-"
     done = subprocess.run(["/bin/sh", "-c", command], capture_output=True, text=True, check=False, cwd=CHECKOUT)
@@ -146,14 +146,14 @@ def test_list_says_where_third_party_algorithms_come_from_and_survives_broken_on
 
 
 @pytest.mark.usefixtures("quick_trials")
-@pytest.mark.parametrize("option", [("--out",), ("--trial", "0", "--log")])
+@pytest.mark.parametrize("option", [("--trials", "2", "--out"), ("--trial", "0", "--log-dir")])
 def test_folder_that_cannot_be_used_is_found_out_before_any_trial(
     run: Run, tmp_path: Path, option: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("wayfarer.experiments.trial.run_trial", lambda *_: pytest.fail("a trial was run"))
     (tmp_path / "file").touch()
     for folder in (tmp_path, tmp_path / "file", tmp_path / "file" / "below", Path("/proc/wayfarer")):
-        said = refusal(run, "sim", "--trials", 2, "--jobs", 1, *option, folder)
+        said = refusal(run, "sim", "--jobs", 1, *option, folder)
         assert said.startswith(f"wayfarer: {folder} ")
 
 
@@ -207,18 +207,20 @@ def test_faults_are_told_with_how_to_look_into_them(run: Run, monkeypatch: pytes
     assert code == 0
     (line,) = [line for line in err.splitlines() if "fault" in line]
     assert line.startswith("trial 3 of forest-pledge ended in a fault: KeyError")
-    assert line.endswith("look into it with --algorithm forest-pledge --trial 3 --log DIR")
+    assert line.endswith(
+        "look into it with --algorithm forest-pledge --trial 3 --log-dir DIR in place of --trials and --out"
+    )
     assert "faults" in out
-    code, out, err = run("sim", "--trials", 5, "--trial", 3, "--log", tmp_path / "log")
+    code, out, err = run("sim", "--trial", 3, "--log-dir", tmp_path / "log")
     assert (code, out.splitlines()[1][:17]) == (1, "3,forest-pledge,1")
     assert "third_fails" in (tmp_path / "log" / "fault.txt").read_text()
 
 
 @pytest.mark.process
 def test_real_trials_are_the_same_alone_and_on_any_number_of_workers(run: Run, tmp_path: Path) -> None:
-    command = ("sim", "--trials", 4, "--budget-m", 15, "--algorithm", "forest-pledge")
-    assert run(*command, "--jobs", 1, "--out", tmp_path / "1")[0] == 0
-    assert run(*command, "--jobs", 2, "--out", tmp_path / "2")[0] == 0
+    command = ("sim", "--budget-m", 15, "--algorithm", "forest-pledge")
+    assert run(*command, "--trials", 4, "--jobs", 1, "--out", tmp_path / "1")[0] == 0
+    assert run(*command, "--trials", 4, "--jobs", 2, "--out", tmp_path / "2")[0] == 0
     trials = (tmp_path / "1" / "trials.csv").read_text()
     assert (tmp_path / "2" / "trials.csv").read_text() == trials
     header, *rows = trials.splitlines()

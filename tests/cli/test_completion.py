@@ -38,13 +38,13 @@ def test_bash_completes_commands_runs_algorithms_rovers_and_scenarios(tmp_path: 
     command.chmod(0o755)
     wanted = {
         "wayfarer logs su": "summary",
-        "wayfarer logs summary --logs logs ": "my-trial 7",
-        "wayfarer replay --logs logs my": "my-trial",
-        "wayfarer report --logs none ": "",
+        "wayfarer logs summary --log-dir logs ": "my-trial 7",
+        "wayfarer replay --log-dir logs my": "my-trial",
+        "wayfarer report --log-dir none ": "",
         "wayfarer run --algorithm levy-w": "levy-walk",
         "wayfarer sim --algorithm pledge,levy-": "pledge,levy-pledge pledge,levy-walk",
-        "wayfarer run --config ": "forestrover minirover sim",
-        "wayfarer sim --scenario ext": "extended-maze",
+        "wayfarer run --rover ": "forestrover minirover sim",
+        "wayfarer sim --site ext": "extended-maze",
         "wayfarer faults --only stall-3s,board-f": "stall-3s,board-fault stall-3s,board-fault-over",
     }
     assert BASH is not None

@@ -84,7 +84,7 @@ def test_wall_clock_of_the_log_begins_now_and_goes_with_the_time_of_the_run(serv
 
 
 def test_demo_keeps_its_log_where_it_is_told(served: SimpleNamespace, tmp_path: Path) -> None:
-    assert cli.run(["demo", "--live-port", "0", "--logs", str(tmp_path / "kept"), "--seed", "5"]) == 0
+    assert cli.run(["demo", "--live-port", "0", "--log-dir", str(tmp_path / "kept"), "--seed", "5"]) == 0
     assert (served.service.logs, served.service.seed) == (tmp_path / "kept", 5)
 
 
@@ -114,7 +114,7 @@ def test_speed_that_cannot_be_is_refused(speed: str, run: Run) -> None:
 def test_port_in_use_is_refused_before_there_is_a_log(
     command: list[str], taken_port: int, tmp_path: Path, run: Run
 ) -> None:
-    assert "--live-port" in refusal(run, *command, "--live-port", taken_port, "--logs", tmp_path / "logs")
+    assert "--live-port" in refusal(run, *command, "--live-port", taken_port, "--log-dir", tmp_path / "logs")
     assert not (tmp_path / "logs").exists()
 
 

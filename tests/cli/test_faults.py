@@ -148,7 +148,7 @@ def test_without_a_package_its_scenarios_are_skipped_and_fail_nothing(tmp_path: 
         (["faults", "--only", "camera-black,camera-gone"], ""),
         (["sim", "--rover", "minirover", "--depth", "bus"], "; or use --depth device"),
         (["sweep", "footprint_m=0.2", "--rover", "minirover", "--depth", "bus", "--out", "out"], "; or use --depth"),
-        (["run", "--sim", "--config", "minirover", "--depth", "bus"], "; or use --depth device"),
+        (["run", "--sim", "--rover", "minirover", "--depth", "bus"], "; or use --depth device"),
     ],
     ids=lambda value: " ".join(value[:3]) if isinstance(value, list) else "",
 )
@@ -163,7 +163,7 @@ def test_what_nothing_can_be_run_of_says_what_to_install(
 
 @pytest.mark.usefixtures("no_opencv")
 def test_what_needs_no_camera_runs_without_opencv(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.run(["sim", "--rover", "minirover", "--trials", "1", "--trial", "0", "--budget-m", "1"]) == 0
+    assert cli.run(["sim", "--rover", "minirover", "--trial", "0", "--budget-m", "1"]) == 0
 
 
 def test_list_shows_names_and_runs_nothing(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:

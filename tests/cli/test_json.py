@@ -99,30 +99,30 @@ def logs(tmp_path: Path) -> Path:
 
 
 def test_logs(says: Any, logs: Path) -> None:
-    found = says("logs list", "logs", "list", "--logs", logs)["runs"]
+    found = says("logs list", "logs", "list", "--log-dir", logs)["runs"]
     assert [(run["number"], run["outcome"]) for run in found][::2] == [(1, "requested"), (3, "unreadable")]
     assert found[0]["commanded_m"] == pytest.approx(3.0, abs=0.1)
-    assert says("logs summary", "logs", "summary", 1, "--logs", logs)["marks"][0]["at_s"] == 0.0
-    assert says("logs summary", "logs", "summary", 2, "--logs", logs)["damage"]["torn"] == 1
-    checked = says("logs check", "logs", "check", 1, 2, 3, "--logs", logs, code=1)["logs"]
+    assert says("logs summary", "logs", "summary", 1, "--log-dir", logs)["marks"][0]["at_s"] == 0.0
+    assert says("logs summary", "logs", "summary", 2, "--log-dir", logs)["damage"]["torn"] == 1
+    checked = says("logs check", "logs", "check", 1, 2, 3, "--log-dir", logs, code=1)["logs"]
     assert [log["integrity"] for log in checked] == ["complete", "partial", "unreadable"]
-    whole = says("logs summary", "logs", "summary", "--logs", FIELD_LOGS)
+    whole = says("logs summary", "logs", "summary", "--log-dir", FIELD_LOGS)
     assert whole["low_battery"], "a log with more in it"
 
 
 def test_lines_of_a_run_are_an_object_each_and_notes_go_elsewhere(run: Run, logs: Path) -> None:
-    plain = run("logs", "show", 2, "--logs", logs)[1].splitlines()
-    code, out, err = run("logs", "show", 2, "--logs", logs, "--json")
+    plain = run("logs", "show", 2, "--log-dir", logs)[1].splitlines()
+    code, out, err = run("logs", "show", 2, "--log-dir", logs, "--json")
     objects = [json.loads(line) for line in out.splitlines()]
     assert code == 0
     assert not [fault for each in objects for fault in wrong(each, "wayfarer logs show", tables())]
     assert plain[: len(objects)] == [f"0:00:{each['elapsed_s']:05.2f}  {each['text']}" for each in objects]
     assert err.splitlines() == plain[len(objects) :]
-    assert len(run("logs", "show", 2, "--logs", logs, "--ticks", "--json")[1].splitlines()) == 61
+    assert len(run("logs", "show", 2, "--log-dir", logs, "--ticks", "--json")[1].splitlines()) == 61
 
 
 def test_replay(says: Any, logs: Path, tmp_path: Path) -> None:
-    whole = says("replay", "replay", "--logs", FIELD_LOGS)["runs"]
+    whole = says("replay", "replay", "--log-dir", FIELD_LOGS)["runs"]
     assert whole[0]["difference"] is None
     records = [json.loads(line) for line in (next(FIELD_LOGS.glob("0*")) / "run.jsonl").read_text().splitlines()]
     at = next(number for number, record in enumerate(records) if record.get("phase") == "back_off")
@@ -146,7 +146,7 @@ def test_sim_and_compare(says: Any, tmp_path: Path) -> None:
     sim("--trials", 2, "--physics", "mujoco", "--rover", "forestrover")
     sim("--trials", 2, "--slope-deg", 5, "--senses", "field")
     says("sim --trial", "sim", "--trial", 3, "--slope-deg", 5, "--physics", "mujoco", "--rover", "forestrover")
-    assert says("sim --trial", "sim", "--trial", 3, "--trials", 4)["trial"] == 3
+    assert says("sim --trial", "sim", "--trial", 3)["trial"] == 3
 
 
 @pytest.mark.usefixtures("quick_trials")
@@ -180,7 +180,7 @@ def test_check(says: Any, own_folders: Path, tmp_path: Path) -> None:
     rover = tmp_path / "rover.toml"
     shipped = (Path(cli.__file__).parents[1] / "rovers/forestrover.toml").read_text(encoding="utf-8")
     rover.write_text('buses = "tests.cli.test_rover:buses"\n' + shipped, encoding="utf-8")
-    assert not says("check", "check", "--config", rover, "--logs", tmp_path, code=1)["passed"]
+    assert not says("check", "check", "--rover", rover, "--log-dir", tmp_path, code=1)["passed"]
 
 
 def test_status(says: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -36,7 +36,7 @@ def logs(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def run(run: Run, logs: Path) -> Run:
-    return lambda *arguments: run("logs", *arguments, "--logs", logs)
+    return lambda *arguments: run("logs", *arguments, "--log-dir", logs)
 
 
 def test_list_has_a_line_for_each_run_the_newest_last(run: Run) -> None:
@@ -62,7 +62,7 @@ def test_name_of_a_folder_cannot_control_the_terminal(
 ) -> None:
     (logs / SECOND).rename(logs / f"{SECOND}\x1b[31m\r{os.fsdecode(bytes([255]))}")
     monkeypatch.chdir(logs)
-    assert cli.run([*command.split(), "--logs", str(logs)]) in {0, 3}
+    assert cli.run([*command.split(), "--log-dir", str(logs)]) in {0, 3}
     said = "".join(capsys.readouterr())
     assert said.replace("\n", "").isprintable()
 
@@ -179,7 +179,7 @@ def test_run_that_is_not_there_is_one_line_and_exit_code_2(run: Run, command: st
 def test_folder_without_runs_is_one_line_and_exit_code_2(
     command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert cli.run(["logs", command, "--logs", str(tmp_path / "nowhere")]) == 2
+    assert cli.run(["logs", command, "--log-dir", str(tmp_path / "nowhere")]) == 2
     assert "holds no run" in capsys.readouterr().err
 
 
@@ -215,10 +215,10 @@ def on_a_terminal(*arguments: object, **environment: str) -> str:
 
 @pytest.mark.process
 def test_terminal_gets_colours_unless_its_owner_wants_none(logs: Path) -> None:
-    assert "\x1b[36m" in on_a_terminal("show", "1", "--logs", logs)
-    assert "\x1b" not in on_a_terminal("show", "1", "--logs", logs, NO_COLOR="1")
+    assert "\x1b[36m" in on_a_terminal("show", "1", "--log-dir", logs)
+    assert "\x1b" not in on_a_terminal("show", "1", "--log-dir", logs, NO_COLOR="1")
     os.utime(logs / SECOND / "run.jsonl", (0.0, 0.0))  # not the log of a run that goes on
-    lines = on_a_terminal("list", "--logs", logs).splitlines()
+    lines = on_a_terminal("list", "--log-dir", logs).splitlines()
     assert ["\x1b[33m" in line for line in lines] == [False, False, True], "the second was cut off"
 
 
@@ -226,7 +226,7 @@ def test_terminal_gets_colours_unless_its_owner_wants_none(logs: Path) -> None:
 def test_reader_that_has_enough_ends_a_command_without_a_message(logs: Path) -> None:
     write(logs / SECOND, drive(3.0, 600.0))  # more than a pipe holds
     with child(
-        wayfarer("show", "--ticks", "--logs", logs), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        wayfarer("show", "--ticks", "--log-dir", logs), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
         assert process.stdout is not None
         assert process.stderr is not None
@@ -240,8 +240,8 @@ def test_reader_that_has_enough_ends_a_command_without_a_message(logs: Path) -> 
 @pytest.mark.parametrize(
     "command",
     [
-        "logs list --logs logs",
-        "logs check 1 2 --logs logs",
+        "logs list --log-dir logs",
+        "logs check 1 2 --log-dir logs",
         "list",
         "sim --help",
         "--version",
@@ -269,7 +269,7 @@ def test_command_whose_output_nobody_reads_ends_without_a_message_and_with_one_e
 @pytest.mark.process
 def test_following_a_run_that_was_cut_off_says_that_it_waits(logs: Path) -> None:
     with child(
-        wayfarer("follow", "2", "--logs", logs), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        wayfarer("follow", "2", "--log-dir", logs), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
         assert process.stderr is not None
         assert process.stdout is not None
@@ -286,7 +286,7 @@ def test_following_a_run_that_was_cut_off_says_that_it_waits(logs: Path) -> None
 @pytest.fixture
 def following(logs: Path) -> Iterator[subprocess.Popen[str]]:
     """``wayfarer logs follow``, after its first line."""
-    with child(wayfarer("follow", "--logs", logs), stdout=subprocess.PIPE, text=True) as process:
+    with child(wayfarer("follow", "--log-dir", logs), stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == f"{SECOND}\n"
         yield process

@@ -202,7 +202,7 @@ def test_run_without_a_part_names_it_before_any_port(tmp_path: Path, run: Run) -
     before, _, after = shipped.partition("[parts.compass]")
     path = tmp_path / "rover.toml"
     path.write_text(before + "[parts.motion]" + after.partition("[parts.motion]")[2], encoding="utf-8")
-    code, _, err = run("run", "--config", path, "--logs", tmp_path / "logs")
+    code, _, err = run("run", "--rover", path, "--log-dir", tmp_path / "logs")
     assert code == 2
     assert err.startswith(f"wayfarer: {path}: key 'parts.compass' is missing: rover 'minirover' has no [parts.compass]")
     at = path.read_text(encoding="utf-8").partition("[parts.")[0].count("\n") + 1
@@ -226,11 +226,11 @@ def test_buses_that_cannot_be_are_told_by_file_key_and_line(
     path = tmp_path / "rover.toml"
     shipped = (Path(cli.__file__).parents[1] / "rovers/minirover.toml").read_text(encoding="utf-8")
     path.write_text(f'buses = "{buses}"\n{shipped}', encoding="utf-8")
-    code, _, err = run(command, "--config", path, "--logs", tmp_path)
+    code, _, err = run(command, "--rover", path, "--log-dir", tmp_path)
     assert (code, err) == (2, f"wayfarer: {path}: key 'buses': {said} (line 1)\n")
 
 
-@pytest.mark.parametrize("command", [["run", "--sim"], ["check", "--config", "forestrover"]])
+@pytest.mark.parametrize("command", [["run", "--sim"], ["check", "--rover", "forestrover"]])
 def test_running_daemon_is_left_alone_with_the_exit_code_for_later(run: Run, command: list[str]) -> None:
     with single_daemon(daemon_socket()):
         code, _, err = run(*command)
@@ -266,7 +266,7 @@ def test_check_of_a_sound_rover_passes_and_turns_no_wheel_without_a_person(
     settings = board_settings(load_rover(str(rover_file)))
     seen = DeadmanEntry(**stamp("Sabertooth", wall_clock(0.0)), settings=settings)
     save(own_folders / "state" / FILE_NAME, Calibration(deadman=seen))
-    code, out, _ = run("check", "--json", "--config", rover_file, "--logs", tmp_path)
+    code, out, _ = run("check", "--json", "--rover", rover_file, "--log-dir", tmp_path)
     assert code == 0
     told = json.loads(out)
     verdicts = {finding["name"]: finding["verdict"] for finding in told["findings"]}
@@ -277,7 +277,7 @@ def test_check_of_a_sound_rover_passes_and_turns_no_wheel_without_a_person(
 
 def test_check_for_people_gives_cause_and_remedy(rover_file: Path, run: Run) -> None:
     rover_file.write_text(rover_file.read_text(encoding="utf-8").replace("address = 0x60", "address = 0x61"))
-    code, out, _ = run("check", "--config", rover_file, "--logs", rover_file.parent)
+    code, out, _ = run("check", "--rover", rover_file, "--log-dir", rover_file.parent)
     assert code == 1
     lines = out.splitlines()
     at = next(number for number, line in enumerate(lines) if line.startswith("fail    compass:"))
@@ -293,7 +293,7 @@ def test_motors_of_a_daemon_on_another_socket_are_left_alone(
     monkeypatch.setattr(terminal, "is_interactive", lambda: True)
     monkeypatch.setattr("wayfarer.daemon.motors_lock.motors_device", lambda config: "/dev/ptmx")
     with motors_lock("/dev/ptmx"):
-        code, _, err = run(*command, "--config", rover_file)
+        code, _, err = run(*command, "--rover", rover_file)
     assert code == 75
     assert "drives these motors (/dev/ptmx)" in err
 
@@ -309,8 +309,8 @@ def test_rover_is_run_as_it_was_calibrated_to_turn_and_the_simulated_one_is_not(
         clockwise=response, anticlockwise=response, arc=None, speed=None,
     )  # fmt: skip
     save(own_folders / "state" / FILE_NAME, Calibration(turning=turning))
-    for arguments in (["--config", str(rover_file)], ["--config", str(rover_file), "--sim"]):
-        assert cli.run(["run", *arguments, "--logs", str(tmp_path)]) == 0
+    for arguments in (["--rover", str(rover_file)], ["--rover", str(rover_file), "--sim"]):
+        assert cli.run(["run", *arguments, "--log-dir", str(tmp_path)]) == 0
     real, simulated = (service.config.vehicle for service in services)
     assert real.turn_from_duty == 0.34
     assert real.track_m == pytest.approx(2.0 * 1.4 / radians(250.0))
@@ -331,7 +331,7 @@ def test_check_uses_the_calibration_and_calibrate_begins_without_it(
     monkeypatch.setattr(terminal, "is_interactive", lambda: True)
     monkeypatch.setattr("wayfarer.config.factory.connect", connect)
     for command in (["check"], ["calibrate", "motors"]):
-        assert cli.run([*command, "--config", str(rover_file)]) == 2
+        assert cli.run([*command, "--rover", str(rover_file)]) == 2
     assert used == [stored, Calibration()]
 
 
@@ -341,7 +341,7 @@ def test_every_step_of_calibrating_can_be_named() -> None:
 
 def test_calibrating_wants_a_person(rover_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(terminal, "is_interactive", lambda: False)
-    assert cli.run(["calibrate", "--config", str(rover_file)]) == 2
+    assert cli.run(["calibrate", "--rover", str(rover_file)]) == 2
 
 
 def test_status_shows_where_the_run_can_be_watched() -> None:

@@ -1,4 +1,4 @@
-"""``wayfarer sim --scenario``: the paper's field trials, with its figures below ours."""
+"""``wayfarer sim --site``: the paper's field trials, with its figures below ours."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from wayfarer.cli.sim import Ground
 from wayfarer.fieldlog.reader import read_header
 from wayfarer.simhal.world.physics import GroundName
 
-MAZE = ("sim", "--scenario", "extended-maze", "--rover", "forestrover", "--jobs", "1")
+MAZE = ("sim", "--site", "extended-maze", "--rover", "forestrover", "--jobs", "1")
 
 
 def test_trials_count_interventions_and_are_one_layout_each(run: Run, tmp_path: Path) -> None:
@@ -28,21 +28,21 @@ def test_trials_count_interventions_and_are_one_layout_each(run: Run, tmp_path: 
 
 
 def test_ordinary_campaign_counts_no_interventions(run: Run) -> None:
-    _, out, _ = run("sim", "--trials", "1", "--trial", "0", "--budget-m", "1")
+    _, out, _ = run("sim", "--trial", "0", "--budget-m", "1")
     header, row = (line.split(",") for line in out.splitlines())
     assert row[header.index("interventions")] == ""
 
 
 def test_trial_ends_at_the_sites_time_limit(run: Run) -> None:
-    code, out, _ = run(*MAZE, "--algorithm", "levy-walk", "--trials", "200", "--trial", "0")
+    code, out, _ = run(*MAZE, "--algorithm", "levy-walk", "--trial", "0")
     row = dict(zip(*(line.split(",") for line in out.splitlines()), strict=True))
     assert code == 0
     assert (row["outcome"], row["time_s"]) == ("entrapped", "300.000")
 
 
 def test_challenge_logs_positions(run: Run, tmp_path: Path) -> None:
-    challenge = ("sim", "--scenario", "forest-escape", "--rover", "minirover", "--budget-m", "4", "--trials", "1")
-    code, _, _ = run(*challenge, "--trial", "0", "--log", tmp_path / "log")
+    challenge = ("sim", "--site", "forest-escape", "--rover", "minirover", "--budget-m", "4")
+    code, _, _ = run(*challenge, "--trial", "0", "--log-dir", tmp_path / "log")
     assert code == 0
     header = read_header(tmp_path / "log")
     assert header["parts"]["position"] == "simulated receiver"

@@ -31,7 +31,7 @@ def results(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     "arguments",
     [
         ("sim", "--algorithm", "retrying-pledge,levy-walk", "--trials", 8, "--jobs", 1),
-        ("sim", "--scenario", "dense-obstruction", "--rover", "forestrover", "--trials", 4, "--jobs", 1),
+        ("sim", "--site", "dense-obstruction", "--rover", "forestrover", "--trials", 4, "--jobs", 1),
         ("sweep", "escape.turn_angle_deg=60,90", "ground=leaf-litter,mud", "--rover", "forestrover", "--algorithm",
          "retrying-pledge", "--trials", 2, "--jobs", 1, "--out", "sweep"),
         ("sweep", "sim.compass_noise_deg=0:20:10", "escape.probe_straight_m=1", "--trials", 2, "--jobs", 1,
@@ -42,7 +42,7 @@ def results(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("faults", "--missions", 1, "--only", "flipped,motion-silent,runaway", "--rover", "sim", "--jobs", 1),
         ("list",),
         ("list", "--conditions"),
-        ("logs", "summary", "--logs", FIELD_LOGS),
+        ("logs", "summary", "--log-dir", FIELD_LOGS),
     ],
     ids=lambda arguments: " ".join(map(str, arguments[:2])),
 )  # fmt: skip

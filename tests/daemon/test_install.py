@@ -91,8 +91,10 @@ def settings(unit: str) -> dict[str, list[str]]:
 def test_unit_starts_this_installation(root: Path, python: Path) -> None:
     unit = settings(install.unit_text(root, python))
     command = python.parent / "wayfarer"
-    assert unit["ExecStart"] == [f"{command} run --config /etc/wayfarer/rover.toml --logs /var/lib/wayfarer/field_logs"]
-    assert unit["ExecStopPost"] == [f"-{command} stop-motors --config /etc/wayfarer/rover.toml"]
+    assert unit["ExecStart"] == [
+        f"{command} run --rover /etc/wayfarer/rover.toml --log-dir /var/lib/wayfarer/field_logs"
+    ]
+    assert unit["ExecStopPost"] == [f"-{command} stop-motors --rover /etc/wayfarer/rover.toml"]
     assert "@" not in "".join(value for key in unit if key != "SystemCallFilter" for value in unit[key])
     assert unit["SupplementaryGroups"] == ["i2c spi"], "those that exist there"
     assert "PrivateDevices" not in unit, "parts are not hidden from the service"

@@ -269,7 +269,7 @@ def test_command_says_in_one_line_and_by_its_exit_code_whether_the_wheels_stand_
     capsys: pytest.CaptureFixture[str], rover_file: Path, table: str, code: int, out: str, err: str
 ) -> None:
     rover_file.write_text(BUSES + table, encoding="utf-8")
-    assert cli.run(["stop-motors", "--config", str(rover_file)]) == code
+    assert cli.run(["stop-motors", "--rover", str(rover_file)]) == code
     captured = capsys.readouterr()
     for said, expected in ((captured.out, out), (captured.err, err)):
         assert said.endswith(expected)
@@ -281,7 +281,7 @@ def test_command_without_any_rover_file_says_what_to_name(
 ) -> None:
     monkeypatch.setattr("wayfarer.cli.rover.ROVER_FILE", tmp_path / "none.toml")
     assert cli.run(["stop-motors"]) == 2
-    assert "name one with --config" in capsys.readouterr().err
+    assert "name one with --rover" in capsys.readouterr().err
 
 
 def test_file_of_the_system_is_stopped_without_being_named(monkeypatch: pytest.MonkeyPatch, rover_file: Path) -> None:

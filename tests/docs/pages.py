@@ -39,11 +39,8 @@ def fences(page: str) -> list[Fence]:
 def shell_lines(fence: Fence) -> Iterator[str]:
     """Yield the commands of a fence as one types them; in a ``console`` fence those after a prompt."""
     body = fence.body.replace("\\\n", " ")
-    for line in body.splitlines():
-        if fence.language == "console":
-            if not line.startswith("$ "):
-                continue
-            line = line.removeprefix("$ ")
+    prompt = "$ " if fence.language == "console" else ""
+    for line in (line.removeprefix(prompt) for line in body.splitlines() if line.startswith(prompt)):
         if command := re.sub(r"(^|\s)#.*", "", line).strip():
             yield command
 

@@ -114,11 +114,17 @@ def test_commands_that_no_test_runs_are_understood(page: str) -> None:
 def test_commands_in_sentences_have_the_options_that_they_name(page: str) -> None:
     """Of commands in blocks too: an old name that is only kept for scripts is shown to nobody."""
     in_blocks = [
-        words for fence in fences(page) if fence.language in SHELL for line in shell_lines(fence) for words in wayfarer_words(line)
+        words
+        for fence in fences(page)
+        if fence.language in SHELL
+        for line in shell_lines(fence)
+        for words in wayfarer_words(line)
     ]
     for words in (*inline_commands(page), *in_blocks):
         command, arguments = command_of(words)
-        assert words[0].startswith("-") or command.name == words[0] or words[0] in {"logs"}, f"wayfarer {' '.join(words)}"
+        assert words[0].startswith("-") or command.name == words[0] or words[0] in {"logs"}, (
+            f"wayfarer {' '.join(words)}"
+        )
         shown = {name for each in command.params if not each.hidden for name in (*each.opts, *each.secondary_opts)}
         named = {word.partition("=")[0] for word in arguments if word.startswith("--")}
         assert named <= {*shown, "--help"}, f"wayfarer {' '.join(words)}"

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-
 import pytest
 
-from docs.generate import FOLDER, pages, rover_schema
-from wayfarer.config.rover_file import rover_names, rover_text
+from docs.generate import FOLDER, pages
 
 
 @pytest.fixture(scope="module")

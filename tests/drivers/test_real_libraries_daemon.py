@@ -88,7 +88,7 @@ def motors_of(site: RealSite) -> str:
 @each_site
 def test_parts_pass_the_checks(site: RealSite) -> None:
     for _ in range(STARTS):
-        done = site.run("check", "--json", "--config", site.config, "--logs", site.logs)
+        done = site.run("check", "--json", "--rover", site.config, "--log-dir", site.logs)
         if not BUSY.search(done.stdout):
             break
     assert done.returncode == 0, done.stdout + done.stderr
@@ -164,6 +164,6 @@ def test_board_and_then_stop_motors_stop_the_wheels_of_a_daemon_that_is_killed(s
     site.turn_wheels()
     time.sleep(2 * site.deadman_s)
     assert site.turning
-    done = site.run("stop-motors", "--config", site.config)
+    done = site.run("stop-motors", "--rover", site.config)
     assert done.returncode == 0, done.stderr
     site.stopped()

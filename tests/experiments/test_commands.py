@@ -35,8 +35,8 @@ UNBUILDABLE = {
 
 COMMANDS = {
     "all": ["sim", "--jobs", "1", "--out", "out", "--rover"],
-    "alone": ["sim", "--trial", "0", "--log", "log", "--rover"],
-    "daemon": ["run", "--sim", "--config"],
+    "alone": ["sim", "--trial", "0", "--log-dir", "log", "--rover"],
+    "daemon": ["run", "--sim", "--rover"],
 }
 
 
@@ -58,7 +58,7 @@ def test_rover_without_parts_can_be_simulated_at_device_depth(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "rover.toml").write_text(BODY, encoding="utf-8")
-    options = ["--trials", "1", "--trial", "0", "--budget-m", "1", "--rover", str(tmp_path / "rover.toml")]
+    options = ["--trial", "0", "--budget-m", "1", "--rover", str(tmp_path / "rover.toml")]
     assert cli.run(["sim", *options]) == 0
     assert "entrapped" in capsys.readouterr().out
 
@@ -66,7 +66,7 @@ def test_rover_without_parts_can_be_simulated_at_device_depth(
 @pytest.mark.process
 def test_campaign_with_a_log_gives_each_trial_its_own(tmp_path: Path) -> None:
     options = ["--trials", "2", "--algorithm", "pledge,levy-walk", "--budget-m", "5", "--jobs", "2"]
-    assert cli.run(["sim", *options, "--log", str(tmp_path / "logs")]) == 0
+    assert cli.run(["sim", *options, "--log-dir", str(tmp_path / "logs")]) == 0
     runs = sorted((tmp_path / "logs").iterdir())
     assert [run.name for run in runs] == ["levy-walk-00000", "levy-walk-00001", "pledge-00000", "pledge-00001"]
     for run in runs:
@@ -76,5 +76,5 @@ def test_campaign_with_a_log_gives_each_trial_its_own(tmp_path: Path) -> None:
 
 def test_campaign_refuses_a_folder_that_has_logs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "forest-pledge-00000").mkdir()
-    assert cli.run(["sim", "--trials", "1", "--log", str(tmp_path)]) == 2
+    assert cli.run(["sim", "--trials", "1", "--log-dir", str(tmp_path)]) == 2
     assert "the log needs a new or empty folder" in capsys.readouterr().err

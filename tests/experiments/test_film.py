@@ -68,8 +68,8 @@ def lasts_s(row: str, speed: float) -> float:
 @needs_opengl
 @pytest.mark.long
 def test_film_shows_the_rover_in_the_middle_and_changes_nothing_of_the_trial(run: Run, tmp_path: Path) -> None:
-    plain = run(*SIM, "--log", tmp_path / "plain")
-    code, out, err = run(*SIM, *FAST, "--log", tmp_path / "filmed", "--video", tmp_path / "trial.mp4")
+    plain = run(*SIM, "--log-dir", tmp_path / "plain")
+    code, out, err = run(*SIM, *FAST, "--log-dir", tmp_path / "filmed", "--video", tmp_path / "trial.mp4")
     assert code == 0, err
     assert out == plain[1]
     names = sorted(path.name for path in (tmp_path / "plain").iterdir())

@@ -31,9 +31,9 @@ def test_names_and_single_errors_can_be_listed_and_the_later_one_counts() -> Non
     ("asked", "says"),
     [
         ("feild", "unknown name or KEY=VALUE of --senses 'feild': did you mean field"),
-        ("blind_shar=0.3", "unknown name or KEY=VALUE of --senses 'blind_shar=0.3': did you mean blind_share="),
+        ("blind_shar=0.3", "unknown name or KEY=VALUE of --senses 'blind_shar=': did you mean blind_share="),
         ("blind_share", "did you mean blind_share="),
-        ("slip_mean_m=3", "unknown name or KEY=VALUE of --senses 'slip_mean_m=3'"),
+        ("slip_mean_m=3", "unknown name or KEY=VALUE of --senses 'slip_mean_m='"),
         ("", "unknown name or KEY=VALUE of --senses ''"),
         ("blind_share=2", "--senses blind_share=2: key 'blind_share' = 2.0: .* allowed is 0 to 1"),
         ("blind_share=nan", "--senses blind_share=nan: key 'blind_share'"),
@@ -46,7 +46,7 @@ def test_what_is_no_sense_is_refused(asked: str, says: str) -> None:
 
 
 def test_senses_are_kept_told_and_rebuilt(run: Run, tmp_path: Path) -> None:
-    succeed(run, *BLIND, "--out", tmp_path / "out", "--log", tmp_path / "log")
+    succeed(run, *BLIND, "--out", tmp_path / "out", "--log-dir", tmp_path / "log")
     kept = {"blind_share": 0.3, "blind_quality": 0.4}
     settings = json.loads((tmp_path / "out" / "campaign.json").read_text(encoding="utf-8"))
     assert settings["sim"] == asdict(PHYSICS) | kept

@@ -36,7 +36,7 @@ ASKING = st.builds(
     st.sampled_from(("status", "arm", "disarm", "hold", "resume", "goal", "mark", "stop")), st.lists(WORD, max_size=3),
 )  # fmt: skip
 LOOKING = st.builds(
-    lambda verb, words: ["logs", verb, *words, "--logs", LOGS],
+    lambda verb, words: ["logs", verb, *words, "--log-dir", LOGS],
     st.sampled_from(("list", "show", "summary", "check")), st.lists(WORD, max_size=2),
 ) | st.builds(
     lambda verb, words: [verb, *words],

@@ -3,7 +3,7 @@
 ::
 
     python -m tests.system.hil_server --rover rover.toml --socket /tmp/bench.sock
-    WAYFARER_BENCH=/tmp/bench.sock wayfarer run --config rover.toml
+    WAYFARER_BENCH=/tmp/bench.sock wayfarer run --rover rover.toml
 
 with ``buses = "tests.system.hil_buses:buses"`` as the first line of ``rover.toml``. The daemon then runs its real
 drivers over its real bus threads, and may be killed, suspended or disconnected: nothing here notices but the motor

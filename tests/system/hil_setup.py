@@ -199,7 +199,7 @@ class Site:
             options: of ``wayfarer run``.
             program: what stands for ``wayfarer``.
         """
-        return self.start(*program, "run", "--config", self.config, "--logs", self.logs, *options)
+        return self.start(*program, "run", "--rover", self.config, "--log-dir", self.logs, *options)
 
     def daemon(self, *options: str, program: Sequence[str] = WAYFARER) -> subprocess.Popen[bytes]:
         """Return a daemon that sees; arguments as ``launch``.

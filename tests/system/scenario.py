@@ -18,7 +18,7 @@ from typing import Any
 
 RESULTS = Path("/results")
 WAYFARER = "/opt/wayfarer/bin/wayfarer"
-RUN = f"{WAYFARER} run --sim --config /etc/wayfarer/rover.toml --logs /var/lib/wayfarer/field_logs"
+RUN = f"{WAYFARER} run --sim --rover /etc/wayfarer/rover.toml --log-dir /var/lib/wayfarer/field_logs"
 ROVER = "/opt/wayfarer/source/tests/system/rover.toml"
 WHEELS = Path("/var/lib/wayfarer/wheels.txt")  # what tests.system.wheels was told
 ROVER_FILE = Path("/etc/wayfarer/rover.toml")

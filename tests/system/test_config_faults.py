@@ -32,7 +32,7 @@ def test_daemon_refuses_a_bad_rover_file_in_one_line(
     line = text[: text.index(CRUISE)].count("\n") + 1
     config = tmp_path / "rover.toml"
     config.write_text(text.replace(CRUISE, instead), encoding="utf-8")
-    code, _, err = run("run", "--config", config, "--logs", tmp_path)
+    code, _, err = run("run", "--rover", config, "--log-dir", tmp_path)
     said = err.strip()
     assert code == BAD_INPUT
     assert said.count("\n") == 0, said[:200]

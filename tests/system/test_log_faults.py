@@ -42,7 +42,7 @@ def test_rover_drives_on_without_its_folder_of_logs_and_check_fails(site: Site) 
     drives_on_without_a_log(site, bound_s("logs-gone"))
     daemon.terminate()
     daemon.wait()
-    checked = site.run("check", "--config", site.config, "--logs", site.logs, "--json")
+    checked = site.run("check", "--rover", site.config, "--log-dir", site.logs, "--json")
     assert checked.returncode == 1
     assert "cannot be written" in checked.stdout
 
@@ -73,7 +73,7 @@ def test_torn_end_of_a_log_costs_nothing_before_it(site: Site) -> None:
     reader = RunReader(run)
     assert list(reader) == whole, "records before the damage are lost"
     assert (reader.damage.garbled, reader.damage.nul, reader.damage.torn) == (1, 1, 1)
-    assert site.run("logs", "check", "--logs", site.logs).returncode == DAMAGED
+    assert site.run("logs", "check", "--log-dir", site.logs).returncode == DAMAGED
     before = run_folders(site.logs)
     site.daemon()
     later = run_folders(site.logs)[len(before) :]  # on a busy computer it may take two starts

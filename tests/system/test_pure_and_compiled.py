@@ -66,7 +66,7 @@ def test_traceback_names_file_and_line_of_compiled_code() -> None:
         (6, ["--algorithm", "paper"]),
         (2, ["--algorithm", "paper", "--depth", "bus"]),
         (3, ["--ground", "mud"]),
-        (3, ["--rover", "minirover", "--scenario", "dense-obstruction"]),
+        (3, ["--rover", "minirover", "--site", "dense-obstruction"]),
     ],
     ids=["ten algorithms", "bus depth", "on mud", "a site"],
 )
@@ -80,11 +80,11 @@ def test_trials_are_the_same_to_the_byte(tmp_path: Path, trials: int, options: l
 
 def test_field_logs_are_the_same_to_the_byte_and_replay_in_both(tmp_path: Path) -> None:
     for name, program in {"pure": PURE, "compiled": RUN}.items():
-        wayfarer(program, "sim", "--trials", "2", "--jobs", "1", "--log", tmp_path / name)
+        wayfarer(program, "sim", "--trials", "2", "--jobs", "1", "--log-dir", tmp_path / name)
     pure = sums(tmp_path / "pure")
     assert len(pure) == 2
     assert sums(tmp_path / "compiled") == pure
     for program in (PURE, RUN):
         for run in (tmp_path / "pure").iterdir():
             wayfarer(program, "replay", run)
-        wayfarer(program, "replay", "--logs", ROOT / "field_logs")
+        wayfarer(program, "replay", "--log-dir", ROOT / "field_logs")

@@ -65,7 +65,7 @@ def are_refused(site: Site, mode: str, *verbs: str, **details: object) -> None:
 
 def test_second_daemon_leaves_the_first_alone(site: Site) -> None:
     first = site.armed()
-    second = site.run("run", "--config", site.config, "--logs", site.logs)
+    second = site.run("run", "--rover", site.config, "--log-dir", site.logs)
     assert second.returncode == ALREADY_RUNNING
     assert str(first.pid) in second.stderr
     site.drives_on()

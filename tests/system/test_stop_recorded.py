@@ -46,7 +46,7 @@ def test_rover_file_that_may_not_be_read_any_more_keeps_no_wheels_turning(site: 
         site.config.unlink()
     else:
         site.config.chmod(0o600 if os.geteuid() == 0 else 0)
-    done = site.run("stop-motors", "--config", site.config, program=program)
+    done = site.run("stop-motors", "--rover", site.config, program=program)
     assert done.returncode == 0, done.stderr
     assert not site.turning
     assert done.stdout.startswith(f"the daemon's {site.folder}/motors.json: ")
@@ -63,7 +63,7 @@ def test_board_that_a_killed_daemon_drove_is_stopped_though_the_file_names_anoth
     assert site.turning
     site.config.write_text(rover_toml(OTHER[site.rover]), encoding="utf-8")
     began_s = time.monotonic()
-    done = site.run("stop-motors", "--config", site.config)
+    done = site.run("stop-motors", "--rover", site.config)
     assert not site.turning
     print(f"{site.rover}: {time.monotonic() - began_s:.2f} s: {done.returncode} {done.stdout}{done.stderr}")
     driven, named = (done.stdout + done.stderr).split("; ", maxsplit=1)
@@ -76,7 +76,7 @@ def test_board_that_a_killed_daemon_drove_is_stopped_though_the_file_names_anoth
 def test_board_that_a_suspended_daemon_drives_is_stopped_and_the_daemon_told_of(site: Site) -> None:
     site.armed().send_signal(signal.SIGSTOP)
     site.config.write_text(rover_toml(OTHER[site.rover]), encoding="utf-8")
-    done = site.run("stop-motors", "--config", site.config)
+    done = site.run("stop-motors", "--rover", site.config)
     assert done.returncode == 1
     assert (
         f"motors.json: stop was sent, but a wayfarer daemon at {site.socket} still commands these wheels" in done.stderr

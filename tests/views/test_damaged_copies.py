@@ -126,7 +126,7 @@ def test_no_command_ends_by_an_error_of_its_own_and_each_says_the_same_of_what_i
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def use(*arguments: str, codes: tuple[int, ...] = (0,)) -> tuple[str, str]:
-        assert cli.run([*arguments, "--logs", str(run.parent)]) in codes
+        assert cli.run([*arguments, "--log-dir", str(run.parent)]) in codes
         said = capsys.readouterr()
         assert "Traceback" not in said.out + said.err
         return said.out, said.err
@@ -168,5 +168,5 @@ DRAWN_OTHERWISE = (
     indirect=True,
 )
 def test_report_is_a_page(run: Path) -> None:
-    assert cli.run(["report", str(run), "--logs", str(run.parent)]) == 0
+    assert cli.run(["report", str(run), "--log-dir", str(run.parent)]) == 0
     assert (run / "report.html").stat().st_size > 10_000

@@ -21,7 +21,7 @@ import typer
 
 from wayfarer import __version__
 from wayfarer.cli import commissioning, compare, control, demo, faults, listing, logs, replay, report, rover, sim, sweep
-from wayfarer.cli.help_texts import HelpCommand, HelpGroup
+from wayfarer.cli.help_texts import HELP_OPTIONS, HelpCommand, HelpGroup, error_text
 from wayfarer.cli.options import examples
 from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.fields import escape_control_chars
@@ -40,7 +40,13 @@ EXAMPLES = examples(
     "wayfarer run --sim",
     "wayfarer sim --help",
 )
-app = typer.Typer(cls=HelpGroup, no_args_is_help=True, pretty_exceptions_enable=False)
+app = typer.Typer(
+    cls=HelpGroup,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    suggest_commands=False,
+    context_settings=HELP_OPTIONS,
+)
 command = partial(app.command, cls=HelpCommand)
 command(epilog=demo.EXAMPLES)(demo.demo)
 command(epilog=sim.EXAMPLES)(sim.sim)
@@ -49,7 +55,7 @@ command(epilog=faults.EXAMPLES)(faults.faults)
 command(rich_help_panel=ROVER, epilog=rover.RUN_EXAMPLES)(rover.run)
 for verb in control.COMMANDS:
     lenient = {"ignore_unknown_options": verb in control.ACCEPT_NEGATIVE}
-    command(rich_help_panel=CONTROL, context_settings=lenient)(verb)
+    command(rich_help_panel=CONTROL, epilog=control.EXAMPLES.get(verb), context_settings=lenient)(verb)
 command("stop-motors", rich_help_panel=ROVER)(rover.stop_motors)
 command(rich_help_panel=ROVER)(commissioning.check)
 command(rich_help_panel=ROVER)(commissioning.calibrate)
@@ -95,7 +101,7 @@ def _run(arguments: list[str]) -> int:
     except WayfarerError as error:
         return _fail(str(error), error.exit_code)
     except typer.TyperException as error:
-        return _fail(error.format_message().replace("Value error, ", "", 1), BAD_INPUT)  # the name of a class
+        return _fail(error_text(error), BAD_INPUT)
     except BrokenPipeError:
         raise
     except (OSError, UnicodeError) as error:  # a terminal or a disk that takes no output
@@ -137,7 +143,7 @@ def _root(
     *,
     version: Annotated[
         bool,
-        typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit."),
+        typer.Option("--version", "-V", callback=_print_version, is_eager=True, help="Print the version and exit."),
     ] = False,
 ) -> None:
     """Drive a rover out of a forest without vision: compass, tilt and stall detection only."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from wayfarer.cli.options import Config, Logs, log_folder, rover_option
+from wayfarer.cli.options import LogDir, Rover, log_folder, rover_option
 from wayfarer.cli.rover import chosen_rover
 from wayfarer.views.text.colour import painted
 from wayfarer.views.text.scripting import print_json, say_next
@@ -16,9 +16,9 @@ from wayfarer.views.text.scripting import print_json, say_next
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Iterable
 
+    from wayfarer import hal
     from wayfarer.commissioning.checks import Finding, HostEnvironment
     from wayfarer.config.rover_file import RoverConfig
-    from wayfarer.hal import Rover
 
 NOT_READY = 1
 TONES = {"ok": "good", "warn": "warning", "fail": "fault", "skipped": "quiet"}
@@ -36,14 +36,14 @@ class CalibrationStep(StrEnum):
 
 def check(
     *,
-    config: Config = None,
+    rover: Rover = None,
     as_json: Annotated[
         bool,
         typer.Option(
             "--json", help="Print JSON for scripts (docs/reference/json.md). Asks no questions and turns no wheel."
         ),
     ] = False,
-    logs: Logs = None,
+    log_dir: LogDir = None,
 ) -> None:
     """Check every part. If you agree, also check that the wheels turn the right way and stop by themselves."""
     from wayfarer.cli import terminal
@@ -51,7 +51,9 @@ def check(
     from wayfarer.commissioning.checks import passed
 
     ask = terminal.Terminal().ask if terminal.is_interactive() and not as_json else None
-    findings = _at_the_rover(config, logs, lambda loaded, rover, host: look(loaded, rover, host, ask), calibrated=True)
+    findings = _at_the_rover(
+        rover, log_dir, lambda loaded, parts, host: look(loaded, parts, host, ask), calibrated=True
+    )
     if as_json:
         print_json({"passed": passed(findings), "findings": findings})
     else:
@@ -67,7 +69,7 @@ def calibrate(
         ),
     ] = None,
     *,
-    config: Config = None,
+    rover: Rover = None,
 ) -> None:
     """Calibrate compass and flow sensor; measure the motors' effect on the compass, and how the rover turns."""
     from wayfarer.cli import terminal
@@ -79,12 +81,12 @@ def calibrate(
         raise BadInput("calibration asks questions: run it in a terminal")
     person = terminal.Terminal()
     _at_the_rover(
-        config,
+        rover,
         None,
-        lambda loaded, rover, host: guide(loaded, rover, host, person, [step.value for step in steps or ()] or STEPS),
+        lambda loaded, parts, host: guide(loaded, parts, host, person, [step.value for step in steps or ()] or STEPS),
         calibrated=False,
     )
-    say_next("wayfarer", "check", *(["--config", config] if config else []))
+    say_next("wayfarer", "check", *(["--rover", rover] if rover else []))
 
 
 def install_service(
@@ -108,9 +110,9 @@ def install_service(
 
 
 def _at_the_rover(
-    config: str | None,
-    logs: Path | None,
-    work: Callable[[RoverConfig, Rover, HostEnvironment], Awaitable[T]],
+    rover: str | None,
+    log_dir: Path | None,
+    work: Callable[[RoverConfig, hal.Rover, HostEnvironment], Awaitable[T]],
     *,
     calibrated: bool,
 ) -> T:
@@ -124,14 +126,14 @@ def _at_the_rover(
     from wayfarer.daemon.motors_lock import motors_device, motors_lock
     from wayfarer.daemon.socket.paths import daemon_socket, single_daemon
 
-    where = chosen_rover(config)
+    where = chosen_rover(rover)
     loaded = load_rover(where)
-    host = HostEnvironment.here(log_folder(logs), device_files(loaded))
+    host = HostEnvironment.here(log_folder(log_dir), device_files(loaded))
 
     async def run() -> T:
-        buses, rover = connect(loaded, where, load(host.calibration_file) if calibrated else UNCALIBRATED)
+        buses, parts = connect(loaded, where, load(host.calibration_file) if calibrated else UNCALIBRATED)
         try:
-            return await work(loaded, rover, host)
+            return await work(loaded, parts, host)
         finally:
             await buses.close()
 

@@ -11,8 +11,8 @@ from wayfarer.cli.options import AsJson, complete_algorithm, examples
 from wayfarer.extras import require
 
 EXAMPLES = examples(
-    "wayfarer sim --algorithm forest-pledge,pledge --trials 500 --spl --out results && wayfarer compare results",
     "wayfarer compare results --against pledge",
+    "wayfarer sim --algorithm forest-pledge,pledge --trials 500 --spl --out results && wayfarer compare results",
 )
 
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from wayfarer.angles import wrap360
-from wayfarer.cli.options import AsJson
+from wayfarer.cli.options import AsJson, examples
 from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.fields import escape_document
 from wayfarer.views.text.scripting import print_json, say_next
@@ -100,6 +100,11 @@ def stop() -> None:
 
 
 COMMANDS = (status, arm, disarm, hold, resume, goal, mark, stop)
+EXAMPLES = {
+    arm: examples("wayfarer arm", "wayfarer arm 90", "wayfarer arm 90 --north true"),
+    goal: examples("wayfarer goal 270", "wayfarer goal -20 --north true"),
+    mark: examples("wayfarer mark hit a log"),
+}
 ACCEPT_NEGATIVE = {arm, goal, mark}  # -20 is a heading, or a word of a note, and no option
 
 

@@ -60,7 +60,7 @@ def demo(
         bool, typer.Option("--no-browser", help="Do not open a browser; only print the page's address.")
     ] = False,
     live_port: LivePort = None,
-    logs: Annotated[
+    log_dir: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the run's log. (default: a temporary folder)")
     ] = None,
 ) -> None:
@@ -72,7 +72,7 @@ def demo(
     found = find_algorithm(algorithm)
     shown = Demo(seed, speed)
     page = live_page(None, live_port, shown)
-    folder = logs or Path(tempfile.mkdtemp(prefix="wayfarer-demo-"))
+    folder = log_dir or Path(tempfile.mkdtemp(prefix="wayfarer-demo-"))
     with tempfile.TemporaryDirectory(prefix="wayfarer-") as own, shown.serve_page(page):
         print(f"open this page; the rover starts when it is open: {page.url}", flush=True)
         if not no_browser:

@@ -1,12 +1,21 @@
-"""Help of the commands: as Typer draws it, without the types and braces of its notation."""
+"""Commands as Typer makes them, in this program's words: help without the notation of types, and old option names.
+
+An option's old name is accepted wherever the command has the new one, and appears in no help.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
+import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
 
+from wayfarer.errors import near_names
+
 NO_BRACES = str.maketrans("", "", "{}")
+OLD_NAMES = {"config": "rover", "log": "log-dir", "logs": "log-dir", "scenario": "site"}
+HELP_OPTIONS = {"help_option_names": ["-h", "--help"]}  # settings of the root, which all commands inherit
 
 
 class _Option(TyperOption):
@@ -35,7 +44,16 @@ def _plain(param: Any) -> Any:
 
 
 class HelpCommand(TyperCommand):
-    """A command whose help is plain."""
+    """A command whose help is plain, and which accepts the old names of its options."""
+
+    def make_context(self, info_name: Any, args: list[str], parent: Any = None, **extra: Any) -> Any:
+        """Return the context of a call, its options parsed."""
+        own = {option.lstrip("-") for param in self.params for option in param.opts}
+
+        def today(name: str) -> str:
+            return new if name not in own and (new := OLD_NAMES.get(name)) in own else name
+
+        return super().make_context(info_name, args, parent, token_normalize_func=today, **extra)
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Return options and arguments, in plain notation."""
@@ -48,3 +66,30 @@ class HelpGroup(TyperGroup):
     def get_params(self, ctx: Any) -> list[Any]:
         """Return the options, in plain notation."""
         return [_plain(param) for param in super().get_params(ctx)]
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return a command by its name, or offer the nearest ones."""
+        try:
+            return super().resolve_command(ctx, args)
+        except typer.TyperException as error:
+            error.message = error.message.rstrip(".") + _suggestion(args[0], self.commands)
+            raise
+
+
+def error_text(error: typer.TyperException) -> str:
+    """Return what is wrong with a command line, and the nearest option, or an example of the command."""
+    context: Any = getattr(error, "ctx", None)
+    if hasattr(error, "possibilities") and context:  # no such option
+        known = [option for param in context.command.get_params(context) for option in param.opts if not param.hidden]
+        return error.message + _suggestion(error.option_name, known)
+    text = error.format_message().replace("Value error, ", "", 1)  # the name of a class
+    if hasattr(error, "param_type") and context.command.epilog:  # something is missing
+        _, example, *_ = context.command.epilog.splitlines()
+        return f"{text.rstrip('.')}, for example: {example}"
+    return text
+
+
+def _suggestion(typed: str, known: Iterable[str]) -> str:
+    near = near_names(typed.lstrip("-"), [name.lstrip("-") for name in known])
+    dashes = "--" if typed.startswith("--") else ""
+    return f"; did you mean {' or '.join(f'{dashes}{name}' for name in near)}?" if near else ""

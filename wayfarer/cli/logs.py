@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wayfarer.cli.help_texts import HelpCommand, HelpGroup
-from wayfarer.cli.options import AsJson, Logs, examples, log_folder, run_argument
+from wayfarer.cli.options import AsJson, LogDir, examples, log_folder, run_argument
 from wayfarer.errors import BadInput
 from wayfarer.extras import require
 from wayfarer.fieldlog.folders import find_run, newest_run, run_title
@@ -44,7 +44,7 @@ EXAMPLES = examples(
     "wayfarer logs export 17 --format csv",
     "wayfarer logs export 17 --format gpx",
 )
-app = typer.Typer(cls=HelpGroup, no_args_is_help=True, epilog=EXAMPLES)
+app = typer.Typer(cls=HelpGroup, no_args_is_help=True, suggest_commands=False, epilog=EXAMPLES)
 command = partial(app.command, cls=HelpCommand)
 
 FORMATS_HELP = f"{'; '.join(f'{form}: {form.meaning}' for form in ExportFormat)}. (default: by FILE's ending, or csv)"
@@ -61,16 +61,16 @@ def _root() -> None:
 
 
 @command("list")
-def list_runs(*, logs: Logs = None, as_json: AsJson = False) -> None:
+def list_runs(*, log_dir: LogDir = None, as_json: AsJson = False) -> None:
     """List all runs, the newest last."""
     from wayfarer.fieldlog.clock import wall_clock
     from wayfarer.views.text.listing import lines, rows
     from wayfarer.views.text.scripting import print_json
 
-    folder = log_folder(logs)
+    folder = log_folder(log_dir)
     found = rows(folder, wall_clock(0.0))
     if not found:
-        raise BadInput(f"{folder} holds no run; give the folder of the logs with --logs DIR")
+        raise BadInput(f"{folder} holds no run; give their folder with --log-dir DIR")
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
     if as_json:
         print_json({"runs": found})
@@ -82,14 +82,14 @@ def list_runs(*, logs: Logs = None, as_json: AsJson = False) -> None:
 
 
 @command()
-def follow(run: Run = None, *, logs: Logs = None) -> None:
+def follow(run: Run = None, *, log_dir: LogDir = None) -> None:
     """Show events as they happen, of this run and the next ones; with RUN until that run ends. Ctrl-C ends it."""
     from wayfarer.fieldlog.run_fold import RunFold
     from wayfarer.views.text.run_narrator import RunNarrator, Verbosity
     from wayfarer.views.text.tail import follow as follow_records
     from wayfarer.views.text.verdict import NO_OUTCOME
 
-    folder = log_folder(logs)
+    folder = log_folder(log_dir)
     chosen = None if run in (None, "last") else find_run(run, folder)
     if chosen is None and newest_run(folder) is None:
         print(f"waiting for a run in {folder}", file=sys.stderr)
@@ -117,7 +117,7 @@ def follow(run: Run = None, *, logs: Logs = None) -> None:
 def show(
     run: Run = None,
     *,
-    logs: Logs = None,
+    log_dir: LogDir = None,
     ticks: Annotated[bool, typer.Option("--ticks", help="Print every control tick.")] = False,
     as_json: Annotated[
         bool,
@@ -135,7 +135,7 @@ def show(
 
     fold, narrator = RunFold(reckons=False), RunNarrator(Verbosity.TICKS if ticks else Verbosity.STATUS)
     notes = sys.stderr if as_json else sys.stdout
-    reader = RunReader(find_run(run, log_folder(logs)))
+    reader = RunReader(find_run(run, log_folder(log_dir)))
     for record in reader:
         lines = narrator.tell(fold.take(record))
         if as_json:
@@ -153,7 +153,7 @@ def show(
 def summary(
     run: Run = None,
     *,
-    logs: Logs = None,
+    log_dir: LogDir = None,
     as_json: AsJson = False,
 ) -> None:
     """Summarise a run: distance, duration, anomalies, and where the rover is likely to be."""
@@ -162,7 +162,7 @@ def summary(
     from wayfarer.views.text.summary import summarise
     from wayfarer.views.text.summary_text import summary_text
 
-    reader = RunReader(find_run(run, log_folder(logs)))
+    reader = RunReader(find_run(run, log_folder(log_dir)))
     found = summarise(reader)
     title = run_title(reader.run)
     if as_json:
@@ -178,14 +178,14 @@ def check(
         run_argument("Numbers, folders or files of runs. (default: the newest run)"),
     ] = None,
     *,
-    logs: Logs = None,
+    log_dir: LogDir = None,
     as_json: AsJson = False,
 ) -> None:
     """Read logs completely, and report lost or damaged records."""
     from wayfarer.views.text.scripting import print_json
     from wayfarer.views.text.verdict import check_log
 
-    folder = log_folder(logs)
+    folder = log_folder(log_dir)
     found = [find_run(name, folder) for name in runs or ["last"]]
     verdicts = []
     for run in found:
@@ -209,12 +209,12 @@ def export(
         ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
-    logs: Logs = None,
+    log_dir: LogDir = None,
 ) -> None:
     """Convert a run's log to a format of other tools, as a file or, for rosbag2, a folder."""
     from wayfarer.views.text.scripting import say_next
 
-    found = find_run(run, log_folder(logs))
+    found = find_run(run, log_folder(log_dir))
     form = _form(form, out)
     if out == STDOUT and form.output is not Output.TEXT:
         raise BadInput(f"{form} is not text: give a file with --out, or leave out --out")

@@ -17,17 +17,17 @@ from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import OWN_LOGS, SYSTEM_LOGS, default_log_folder
 
 
-def log_folder(logs: Path | None) -> Path:
-    """Return where runs are logged: in ``--logs``, else where they are by default."""
-    return default_log_folder() if logs is None else logs
+def log_folder(log_dir: Path | None) -> Path:
+    """Return where runs are logged: in ``--log-dir``, else where they are by default."""
+    return default_log_folder() if log_dir is None else log_dir
 
 
 def complete_runs(ctx: typer.Context) -> list[str]:
-    """Return the numbers of the runs in the folder that ``--logs`` names so far; a run without one has its name."""
+    """Return the numbers of the runs in the folder that ``--log-dir`` names so far; a run without one has its name."""
     from wayfarer.fieldlog.folders import run_folders, short_name
 
     try:
-        found = run_folders(log_folder(ctx.params.get("logs")))
+        found = run_folders(log_folder(ctx.params.get("log_dir")))
     except BadInput:
         return []
     return [short_name(run) for run in found]
@@ -74,14 +74,14 @@ def run_argument(help_text: str) -> Any:
     return typer.Argument(metavar="RUN", autocompletion=complete_runs, help=help_text)
 
 
-Logs = Annotated[
+LogDir = Annotated[
     Path | None,
     typer.Option(
         metavar="DIR",
         help=f"Folder of all runs' logs. (default: {SYSTEM_LOGS} if you may write there, else ./{OWN_LOGS})",
     ),
 ]
-Config = Annotated[
+Rover = Annotated[
     str | None,
     rover_option(f"Name of a built-in rover, or a rover file (TOML). (default: {ROVER_FILE})"),
 ]

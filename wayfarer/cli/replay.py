@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wayfarer.cli.options import AllowCode, AsJson, Logs, examples, log_folder, rover_option, run_argument
+from wayfarer.cli.options import AllowCode, AsJson, LogDir, examples, log_folder, rover_option, run_argument
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.fields import escape_control_chars
 from wayfarer.fieldlog.folders import find_run, run_title
@@ -21,7 +21,7 @@ DIFFERS, BAD_INPUT, CUT = 1, 2, 3
 EXAMPLES = examples(
     "wayfarer replay",
     "wayfarer replay 17 18 field_logs/00019-20261121T061405Z",
-    "wayfarer replay 17 --config my_rover.toml",
+    "wayfarer replay 17 --rover my_rover.toml",
 )
 
 
@@ -31,12 +31,12 @@ def replay(
         run_argument("Numbers or folders. (default: the newest run)"),
     ] = None,
     *,
-    config: Annotated[
+    rover: Annotated[
         str | None,
         rover_option("Use the settings of this rover file instead of those in the log."),
     ] = None,
     allow_code: AllowCode = False,
-    logs: Logs = None,
+    log_dir: LogDir = None,
     as_json: AsJson = False,
 ) -> None:
     """Run recorded readings through the installed code, and compare the decisions with the log.
@@ -48,8 +48,8 @@ def replay(
     from wayfarer.views.text.colour import painted
     from wayfarer.views.text.scripting import print_json
 
-    settings = load_rover(config) if config else None
-    folders = [find_run(run, log_folder(logs)) for run in runs or ["last"]]
+    settings = load_rover(rover) if rover else None
+    folders = [find_run(run, log_folder(log_dir)) for run in runs or ["last"]]
     codes, replays = set(), []
     for folder in folders:
         try:

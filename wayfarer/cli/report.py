@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from wayfarer.cli.options import AllowCode, Logs, complete_runs, examples, log_folder
+from wayfarer.cli.options import AllowCode, LogDir, complete_runs, examples, log_folder
 from wayfarer.cli.trial_options import Jobs
 from wayfarer.errors import BadInput
 from wayfarer.extras import require
@@ -49,7 +49,7 @@ def report(
         ),
     ] = None,
     allow_code: AllowCode = False,
-    logs: Logs = None,
+    log_dir: LogDir = None,
 ) -> None:
     """Write report.html for a run (default: the newest one), for two runs beside each other, a campaign or a sweep."""
     require("a report")
@@ -57,7 +57,7 @@ def report(
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.views.run_report.run import write_comparison, write_run_report
 
-    folder = log_folder(logs)
+    folder = log_folder(log_dir)
     if other is not None:
         page = write_comparison(find_run(what, folder), find_run(other, folder), out)
     elif run := _run(what, folder):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wayfarer.cli.options import AlgorithmOption, Config, Logs, check_together, examples, log_folder
+from wayfarer.cli.options import AlgorithmOption, LogDir, Rover, check_together, examples, log_folder
 from wayfarer.cli.trial_options import DepthName
 from wayfarer.cli.viewer_options import NEEDS, Foxglove, FoxglovePort, Live, LiveHost, LivePort, viewers
 from wayfarer.config.rover_path import ROVER_FILE
@@ -25,8 +25,8 @@ HINT = "In another terminal: wayfarer arm, wayfarer status, wayfarer stop"
 RUN_EXAMPLES = examples(
     "wayfarer run --sim",
     "wayfarer run --sim --live",
-    "wayfarer run --config minirover --dry-run",
-    "wayfarer run --config /etc/wayfarer/rover.toml --logs /var/lib/wayfarer/field_logs",
+    "wayfarer run --rover minirover --dry-run",
+    "wayfarer run --rover /etc/wayfarer/rover.toml --log-dir /var/lib/wayfarer/field_logs",
     "then, from another terminal: wayfarer arm",
 )
 
@@ -34,11 +34,11 @@ RUN_EXAMPLES = examples(
 def run(
     ctx: typer.Context,
     *,
-    config: Config = None,
+    rover: Rover = None,
     sim: Annotated[bool, typer.Option("--sim", help="Run on the simulated rover, in real time.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Run everything, but do not drive the motors.")] = False,
     algorithm: AlgorithmOption = "forest-pledge",
-    logs: Logs = None,
+    log_dir: LogDir = None,
     depth: Annotated[
         DepthName | None,
         typer.Option(
@@ -62,9 +62,9 @@ def run(
     from wayfarer.views.text.console import Console
 
     check_together(ctx, needs=(("depth", "sim"), ("seed", "sim"), *NEEDS))
-    name = chosen_rover(config, default="sim" if sim else None)
+    name = chosen_rover(rover, default="sim" if sim else None)
     loaded = load_rover(name)
-    folder = log_folder(logs)
+    folder = log_folder(log_dir)
     if seed is None:  # a real run draws its seed; the log's first record has it
         seed = 0 if sim else SystemRandom().randrange(2**31)
     if sim:
@@ -88,27 +88,27 @@ def run(
     serve(service)
 
 
-def stop_motors(*, config: Config = None) -> None:
+def stop_motors(*, rover: Rover = None) -> None:
     """Stop the motors directly, where the daemon does not: those that it drove last, and those of the rover file."""
     from wayfarer.daemon.stop_motors import stop_motors as stop
 
-    print(stop(str(ROVER_FILE) if config is None else config))
+    print(stop(str(ROVER_FILE) if rover is None else rover))
 
 
-def chosen_rover(config: str | None, default: str | None = None) -> str:
+def chosen_rover(rover: str | None, default: str | None = None) -> str:
     """Return the rover file to use: the one that was named, or else the system's own.
 
     Raises:
         BadInput: there is none.
     """
-    if config is not None:
-        return config
+    if rover is not None:
+        return rover
     if default is not None:
         return default
     if ROVER_FILE.exists():
         return str(ROVER_FILE)
     raise BadInput(
-        f"no rover file {ROVER_FILE}; name a rover with --config (see wayfarer list), or try wayfarer run --sim"
+        f"no rover file {ROVER_FILE}; name a rover with --rover (see wayfarer list), or try wayfarer run --sim"
     )
 
 

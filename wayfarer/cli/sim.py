@@ -18,10 +18,10 @@ EXAMPLES = examples(
     "wayfarer sim --trials 200 --algorithm paper --slip-mean-m 2",
     "wayfarer sim --trials 500 --algorithm paper --forests reference",
     "wayfarer sim --algorithm levy-walk,my_rules:spiral --spl",
-    "wayfarer sim --trial 17 --log logs/17",
-    "wayfarer sim --trials 50 --log logs",
+    "wayfarer sim --trial 17 --log-dir logs/17",
+    "wayfarer sim --trials 50 --log-dir logs",
     "wayfarer sim --trials 100 --rover minirover --depth bus",
-    "wayfarer sim --scenario extended-maze --rover forestrover --algorithm forest-pledge,levy-walk --trials 200",
+    "wayfarer sim --site extended-maze --rover forestrover --algorithm forest-pledge,levy-walk --trials 200",
     "wayfarer sim --ground mud --trials 200",
     "wayfarer sim --senses field --trials 200",
     "wayfarer sim --slope-deg 0:15 --slope-direction-deg 0:360 --trials 200",
@@ -29,15 +29,19 @@ EXAMPLES = examples(
     "wayfarer sim --physics mujoco --friction 0.15 --rover forestrover --trial 9 --video trial.mp4",
     "wayfarer sim --trials 1000000 --out results --cluster tcp://10.0.0.7:8786",
 )
+TRIALS, MOST_TRIALS = 1000, 1_000_000
 ONE_TRIAL = "One trial again"
 MUJOCO = "Physics mujoco"
 
-Site = Literal["extended-maze", "dense-obstruction", "forest-escape"]  # the names of ``simhal.world.sites``
+SiteName = Literal["extended-maze", "dense-obstruction", "forest-escape"]  # the names of ``simhal.world.sites``
 Ground = Literal["ideal", "leaf-litter", "dry-soil", "mud"]  # the names of ``simhal.world.physics``
 
-Trials = Annotated[int, typer.Option(min=1, max=1_000_000, metavar="N", help="Trials of each algorithm.")]
-ScenarioOption = Annotated[
-    Site | None,
+Trials = Annotated[
+    int | None,
+    typer.Option(min=1, max=MOST_TRIALS, metavar="N", help=f"Trials of each algorithm. (default: {TRIALS})"),
+]
+SiteOption = Annotated[
+    SiteName | None,
     typer.Option(
         metavar="SITE",
         help="A site of the paper's field trials instead of a forest, with another layout in each trial: "
@@ -107,9 +111,15 @@ Out = Annotated[
 ]
 TrialNumber = Annotated[
     int | None,
-    typer.Option(min=0, metavar="N", help="Run this one trial and print its row.", rich_help_panel=ONE_TRIAL),
+    typer.Option(
+        min=0,
+        max=MOST_TRIALS - 1,
+        metavar="N",
+        help="Run this one trial and print its row.",
+        rich_help_panel=ONE_TRIAL,
+    ),
 ]
-Log = Annotated[
+LogDir = Annotated[
     Path | None, typer.Option(metavar="DIR", help="New or empty folder for the trials' full field logs; slower.")
 ]
 Video = Annotated[
@@ -143,25 +153,26 @@ NEEDS = (
     ("video_speed", "video"),
 )
 EXCLUDES = (
-    ("log", "resume"),  # each trial that is logged has to run again
+    ("log_dir", "resume"),  # each trial that is logged has to run again
+    ("trial", "trials"),  # one trial is the same in a campaign of any size
     ("trial", "out"),  # one trial prints its row, and writes no folder
-    ("scenario", "forests"),  # a site draws its own layouts
+    ("site", "forests"),  # a site draws its own layouts
     ("ground leaf-litter", "physics mujoco"),  # which has --friction instead
     ("ground dry-soil", "physics mujoco"),
     ("ground mud", "physics mujoco"),
     ("jobs", "cluster"),
     ("trial", "cluster"),
-    ("log", "cluster"),  # logs would be written on the machines of the cluster
+    ("log_dir", "cluster"),  # logs would be written on the machines of the cluster
 )
 
 
 def sim(
     ctx: typer.Context,
     *,
-    trials: Trials = 1000,
+    trials: Trials = None,
     algorithm: options.AlgorithmNames = "forest-pledge",
     forests: options.Forests = None,
-    scenario: ScenarioOption = None,
+    site: SiteOption = None,
     rover: options.RoverName = "sim",
     seed: options.Seed = 0,
     jobs: options.Jobs = None,
@@ -182,7 +193,7 @@ def sim(
     out: Out = None,
     resume: options.Resume = False,
     trial: TrialNumber = None,
-    log: Log = None,
+    log_dir: LogDir = None,
     video: Video = None,
     video_speed: VideoSpeed = None,
     as_json: AsJson = False,
@@ -196,20 +207,21 @@ def sim(
 
     terrain = {"friction": friction, "roughness_m": roughness_m, "torque_scale": torque_scale}
     campaign = make_campaign(
-        algorithm, rover=rover, anomaly_source=anomaly_source, forests=forests, senses=senses, site=scenario,
-        trials=trials, seed=seed, slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth,
+        algorithm, rover=rover, anomaly_source=anomaly_source, forests=forests, senses=senses, site=site,
+        trials=trials or (TRIALS if trial is None else trial + 1), seed=seed, slip_mean_m=slip_mean_m,
+        budget_m=budget_m, spl=spl, depth=depth,
         terrains=commands.terrains(terrain) if in_mujoco else None, ground=ground,
         slopes=commands.slopes({"slope_deg": slope_deg, "slope_direction_deg": slope_direction_deg}),
     )  # fmt: skip
     if trial is None:
         raise typer.Exit(
             sim_command.run_all(
-                campaign, out, resume=resume, jobs=jobs, cluster=cluster, forests=forests, log=log, as_json=as_json
+                campaign, out, resume=resume, jobs=jobs, cluster=cluster, forests=forests, log=log_dir, as_json=as_json
             )
         )
     if video:
-        raise typer.Exit(sim_command.film_alone(campaign, trial, log, video, video_speed or 1.0, as_json=as_json))
-    raise typer.Exit(sim_command.run_alone(campaign, trial, log, as_json=as_json))
+        raise typer.Exit(sim_command.film_alone(campaign, trial, log_dir, video, video_speed or 1.0, as_json=as_json))
+    raise typer.Exit(sim_command.run_alone(campaign, trial, log_dir, as_json=as_json))
 
 
 def _require(in_mujoco: bool, video: Path | None, out: Path | None, cluster: str | None) -> None:

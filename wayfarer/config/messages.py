@@ -8,7 +8,6 @@ import tomllib
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from difflib import get_close_matches
 from functools import cache
 from math import isfinite
 from typing import Any, TypeVar, cast, get_args, get_type_hints
@@ -17,7 +16,7 @@ from annotated_types import Interval
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError, with_config
 from pydantic_core import ErrorDetails
 
-from wayfarer.errors import BadConfig, one_line
+from wayfarer.errors import BadConfig, near_names, one_line
 
 T = TypeVar("T")
 
@@ -73,7 +72,7 @@ def explain(error: ValidationError, model: Any, prefix: str = "") -> str:
     model = _section_model(model, section)
     dotted = prefix + ".".join([*section, key])
     if problem["type"] in _UNKNOWN:
-        near = get_close_matches(key, _known_keys(model), n=1, cutoff=0.4)
+        near = near_names(key, _known_keys(model))
         return f"unknown key '{dotted}'" + (f"; did you mean '{near[0]}'?" if near else "")
     if problem["type"] in {"missing", "missing_argument"}:
         return f"key '{dotted}' is missing"

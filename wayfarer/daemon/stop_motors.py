@@ -130,7 +130,7 @@ def motors_of(path: Path) -> tuple[DrivenBoard, os.stat_result]:
         with open_regular(path) as file:  # of the file that is read: another one may be at its path a moment later
             about, content = os.fstat(file.fileno()), file.read(ROVER_FILE_BYTES) or b""
     except OSError as error:
-        raise BadInput(f"cannot be read: {error.strerror}; name one with --config") from None
+        raise BadInput(f"cannot be read: {error.strerror}; name one with --rover") from None
     try:
         rover = tomllib.loads(content.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:

@@ -91,7 +91,9 @@ def senses(asked: str) -> Physics:
         if not equals and key in NAMED_SENSES:
             values |= NAMED_SENSES[key]
         elif key not in keys or not equals:
-            raise UnknownName("name or KEY=VALUE of --senses", item.strip(), [*NAMED_SENSES, *map("{}=".format, keys)])
+            raise UnknownName(
+                "name or KEY=VALUE of --senses", f"{key}{equals}", [*NAMED_SENSES, *map("{}=".format, keys)]
+            )
         else:
             values[key] = _number(asked, text)
     try:
@@ -189,7 +191,7 @@ def at_site(campaign: Campaign, scenario: str) -> Campaign:
     """
     if missing := campaign.rover.chassis.missing(CLIMBING_KEYS):
         raise BadConfig(
-            f"rover '{campaign.rover.name}' has no chassis.{missing[0]}, which --scenario needs for branches;"
+            f"rover '{campaign.rover.name}' has no chassis.{missing[0]}, which --site needs for branches;"
             " use --rover forestrover or minirover, or add the key to [chassis] of its file, as in their files"
         )
     here = replace(campaign, scenario=scenario)

@@ -51,7 +51,8 @@ def fault_line(done: Done) -> str:
     row, fault = done.row, done.fault
     return (
         f"trial {row.trial} of {row.algorithm} ended in a fault: {fault.text if fault else 'unknown'}; "
-        f"look into it with --algorithm {row.algorithm} --trial {row.trial} --log DIR"
+        f"look into it with --algorithm {row.algorithm} --trial {row.trial} --log-dir DIR "
+        "in place of --trials and --out"
     )
 
 

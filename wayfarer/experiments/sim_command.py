@@ -83,7 +83,7 @@ def run_all(
         say(Console(stderr=True), f"the results are in {out}")
         say_next("wayfarer", "report", out)
     elif log:
-        say_next("wayfarer", "logs", "list", "--logs", log)
+        say_next("wayfarer", "logs", "list", "--log-dir", log)
     return 0
 
 
@@ -120,10 +120,8 @@ def run_alone(
     With ``log`` the full field log goes there (a ``run_trial`` sees to that itself), and after a fault the traceback.
 
     Raises:
-        BadInput: the campaign has no such trial or several algorithms, or ``log`` is not new or empty.
+        BadInput: the campaign has several algorithms, or ``log`` is not new or empty.
     """
-    if trial >= campaign.trials:
-        raise BadInput(f"--trial {trial}: the trials of this campaign are 0 to {campaign.trials - 1} (see --trials)")
     if len(campaign.algorithms) > 1:
         raise BadInput(f"--trial runs one trial of one algorithm; choose one of {', '.join(campaign.algorithms)}")
     if log:

@@ -35,9 +35,7 @@ def free_mb(folder: Path) -> float:
 def error_advice(error: OSError) -> str:
     """Return what went wrong and what a person can do about it."""
     if error.errno in {errno.EACCES, errno.EPERM}:
-        return (
-            f"{error.strerror}: user {os.geteuid()} needs the right to write there, or choose another folder (--logs)"
-        )
+        return f"{error.strerror}: user {os.geteuid()} needs the right to write there; or choose another --log-dir"
     advice = ADVICE.get(error.errno or 0, "look at the disk (df, dmesg)")
     return f"{error.strerror}: {advice}"
 

@@ -115,7 +115,7 @@ def find_run(name: str | None, logs: Path) -> Path:
     if name is None or name == "last":
         newest = newest_run(logs)
         if newest is None:
-            raise BadInput(f"{logs} holds no run; give the folder of the logs with --logs DIR, or give a run's folder")
+            raise BadInput(f"{logs} holds no run; give their folder with --log-dir DIR, or give a run's folder")
         return newest
     runs = run_folders(logs)
     number = int(name) if name.isdecimal() and len(name) <= LONGEST_NAME else None

@@ -205,7 +205,7 @@ def _config_of(header: Record) -> RoverConfig:
         return RoverConfig.model_validate_json(orjson.dumps({**header["config"], "parts": {}}), strict=True)
     except ValidationError as error:
         said = explain(error, RoverConfig)
-        raise BadInput(f"its own settings are not valid: {said}; give others with --config") from None
+        raise BadInput(f"its own settings are not valid: {said}; give others with --rover") from None
 
 
 def _contact_of(fields: Mapping[str, Any] | None) -> ContactReading | None:

@@ -64,7 +64,7 @@ def test_run_ends_with_one_line_and_exit_code_2_and_begins_no_log(
     monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
     shipped = Path(cli.__file__).parents[1] / "rovers/minirover.toml"
     monkeypatch.setattr("wayfarer.commissioning.checks.system.refuse_missing_ports", _refuse)
-    assert cli.run(["run", "--config", str(shipped), "--logs", str(tmp_path / "logs")]) == 2
+    assert cli.run(["run", "--rover", str(shipped), "--log-dir", str(tmp_path / "logs")]) == 2
     assert capsys.readouterr().err == "wayfarer: no such port\n"
     assert not (tmp_path / "logs").exists()
 

@@ -40,7 +40,7 @@ def files_in(folder: Path) -> dict[str, bytes]:
 def test_same_seed_gives_the_same_bytes(run: Run, tmp_path: Path) -> None:
     drawn = ("--friction", "0.2:0.6", "--roughness-m", "0.005", "--torque-scale", "1:3")
     for name in ("once", "again"):
-        succeed(run, *SIM, *drawn, "--out", tmp_path / name, "--log", tmp_path / f"{name}-log")
+        succeed(run, *SIM, *drawn, "--out", tmp_path / name, "--log-dir", tmp_path / f"{name}-log")
     assert (tmp_path / "once" / "trials.csv").read_bytes() == (tmp_path / "again" / "trials.csv").read_bytes()
     logs = files_in(tmp_path / "once-log")
     assert logs == files_in(tmp_path / "again-log")
@@ -61,7 +61,7 @@ def test_both_depths_decide_the_same(run: Run, tmp_path: Path, rover: str) -> No
 
 @pytest.mark.parametrize("scenario", ["extended-maze", "dense-obstruction", "forest-escape"])
 def test_every_site_runs(run: Run, tmp_path: Path, scenario: str) -> None:
-    succeed(run, *SIM, "--budget-m", "3", "--rover", "minirover", "--scenario", scenario, "--out", tmp_path / "out")
+    succeed(run, *SIM, "--budget-m", "3", "--rover", "minirover", "--site", scenario, "--out", tmp_path / "out")
     assert b"fault" not in (tmp_path / "out" / "trials.csv").read_bytes()
 
 
@@ -125,7 +125,7 @@ def assert_resumed_after_the_first_trial(run: Run, command: tuple[str, ...], out
 
 @pytest.mark.long
 def test_site_in_mujoco_tells_kinds_of_help_and_terrain_and_is_gone_on_with_and_drawn(run: Run, tmp_path: Path) -> None:
-    clutter = ("--scenario", "dense-obstruction", "--rover", "forestrover")
+    clutter = ("--site", "dense-obstruction", "--rover", "forestrover")
     site = (*SIM, *clutter, "--budget-m", "3", "--friction", "0.3:0.6")
     said = succeed(run, *site, "--out", tmp_path / "out")
     assert "0.0 (0.0/0.0)" in said

@@ -25,7 +25,7 @@ def plain(tmp_path: Path) -> Path:
 
 
 def test_ground_is_kept_told_and_rebuilt(run: Run, tmp_path: Path) -> None:
-    succeed(run, *SIM, "--ground", "mud", "--out", tmp_path / "out", "--log", tmp_path / "log")
+    succeed(run, *SIM, "--ground", "mud", "--out", tmp_path / "out", "--log-dir", tmp_path / "log")
     assert json.loads((tmp_path / "out" / "campaign.json").read_text(encoding="utf-8"))["ground"] == "mud"
     results = read_results(tmp_path / "out")
     assert results.rebuild().ground is GroundName.mud
@@ -36,7 +36,7 @@ def test_ground_is_kept_told_and_rebuilt(run: Run, tmp_path: Path) -> None:
 
 def test_ideal_ground_is_what_there_was_before_and_says_nothing(run: Run, tmp_path: Path) -> None:
     for name, ground in (("unsaid", ()), ("said", ("--ground", "ideal"))):
-        succeed(run, *SIM, *ground, "--out", tmp_path / name, "--log", tmp_path / f"{name}-log")
+        succeed(run, *SIM, *ground, "--out", tmp_path / name, "--log-dir", tmp_path / f"{name}-log")
     for file in ("campaign.json", "trials.csv"):
         assert (tmp_path / "unsaid" / file).read_bytes() == (tmp_path / "said" / file).read_bytes()
     assert facts_of(read_results(tmp_path / "said"))["ground"] == "ideal"

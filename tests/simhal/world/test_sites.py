@@ -11,7 +11,7 @@ from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 
 from tests.simhal.forest_lines import lines_of
-from wayfarer.cli.sim import Site
+from wayfarer.cli.sim import SiteName
 from wayfarer.config.rover_file import load_rover
 from wayfarer.experiments.site_table import FIELD_TRIALS
 from wayfarer.simhal.world.forest import Forest, check_forest
@@ -114,5 +114,5 @@ def test_layout_is_the_same_after_a_file() -> None:
 
 
 def test_command_and_table_know_the_same_scenarios() -> None:
-    assert get_args(Site) == tuple(SITES)
+    assert get_args(SiteName) == tuple(SITES)
     assert {site for site, _, _ in FIELD_TRIALS} < set(SITES)

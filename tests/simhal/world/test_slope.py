@@ -153,7 +153,7 @@ def test_rover_is_put_down_where_it_was_and_gravity_pulls_again_at_once() -> Non
 
 def test_slope_is_drawn_kept_told_and_rebuilt(run: Run, tmp_path: Path) -> None:
     asked = (*SIM, "--slope-deg", "2:12", "--slope-direction-deg", "90")
-    succeed(run, *asked, "--out", tmp_path / "out", "--log", tmp_path / "log")
+    succeed(run, *asked, "--out", tmp_path / "out", "--log-dir", tmp_path / "log")
     results = read_results(tmp_path / "out")
     assert results.settings.slope == {"slope_deg": [2.0, 12.0], "slope_direction_deg": [90.0, 90.0]}
     assert results.rebuild().slopes == Slopes(Range(2.0, 12.0), Range(90.0, 90.0))

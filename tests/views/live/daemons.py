@@ -69,7 +69,7 @@ def running(*arguments: str) -> Iterator[Daemon]:
     """Run ``wayfarer`` with a socket and logs of its own; it is killed at the end if it has not ended before."""
     with tempfile.TemporaryDirectory(prefix="wf-") as folder:  # a socket's path must be short
         environment = {**os.environ, "RUNTIME_DIRECTORY": folder, "XDG_STATE_HOME": folder}
-        command = [WAYFARER, *arguments, "--logs", f"{folder}/logs"]
+        command = [WAYFARER, *arguments, "--log-dir", f"{folder}/logs"]
         with (
             (Path(folder) / "stderr").open("w+") as errors,
             child(command, env=environment, stdout=subprocess.PIPE, stderr=errors, text=True) as process,

@@ -84,33 +84,33 @@ def logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize(("what", "number"), [("16", 16), ("last", 17)])
 def test_runs_number_goes_before_a_folder_of_that_name(logs: Path, what: str, number: int) -> None:
-    command.report(what, logs=logs)
+    command.report(what, log_dir=logs)
     assert [page.parent.name[:5] for page in logs.rglob("report.html")] == [f"000{number}"]
 
 
 @pytest.mark.parametrize("what", ["18", "./17"])
 def test_folder_is_a_campaign_where_no_run_has_its_name(logs: Path, what: str) -> None:
     with pytest.raises(BadInput, match="campaign"):
-        command.report(what, logs=logs)
+        command.report(what, log_dir=logs)
     assert not list(logs.rglob("report.html"))
 
 
 def test_what_is_neither_run_nor_folder_is_refused_with_the_runs_there_are(logs: Path) -> None:
     with pytest.raises(BadInput, match="00016-20261121T061405Z to 00017-20261121T061405Z"):
-        command.report("19", logs=logs)
+        command.report("19", log_dir=logs)
 
 
 def test_command_writes_the_page_where_it_is_told(
     logs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "mine" / "page.html"
-    command.report("17", out=out, logs=logs)
+    command.report("17", out=out, log_dir=logs)
     assert capsys.readouterr().out == f"the report is {out}\n"
     assert {path.name for path in out.parent.iterdir()} == {"page.html"}
     assert {path.name for path in logs.rglob("*") if path.is_file()} == {"run.jsonl"}
 
 
 def test_command_takes_two_runs(logs: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    command.report("16", "17", logs=logs)
+    command.report("16", "17", log_dir=logs)
     (page,) = logs.rglob("report-16-17.html")
     assert capsys.readouterr().out == f"the report is {page}\n"
