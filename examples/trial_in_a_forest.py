@@ -12,4 +12,6 @@ for column, value in trial.row._asdict().items():
     if value is not None:
         print(f"{column:16} {value}")
 probes = [tick for tick in trial.track if tick["phase"] == "probe"]
-print(f"it probed for {len(probes) / 20:.1f} s, the first time at x {probes[0]['x_m']:.1f} m, y {probes[0]['y_m']:.1f} m")
+print(
+    f"it probed for {len(probes) / 20:.1f} s, the first time at x {probes[0]['x_m']:.1f} m, y {probes[0]['y_m']:.1f} m"
+)
