@@ -23,7 +23,14 @@ class Run:
     """A run's field log.
 
     ``folder`` is where it is, ``summary`` what ``wayfarer logs summary`` tells of it, and ``damage`` what of it could
-    not be read, false where that is nothing.
+    not be read, false where that is nothing. The log is read again for each table, block by block.
+
+    >>> run = open_run(1, log_dir="field_logs")
+    >>> run
+    <Run 00001-20261122T072828Z: 19 s, log complete>
+    >>> frame = run.ticks.to_pandas()
+    >>> len(frame), list(frame.columns[:2])
+    (376, ['elapsed_s', 't_s'])
     """
 
     def __init__(self, folder: Path) -> None:
@@ -37,7 +44,10 @@ class Run:
 
     @property
     def ticks(self) -> Rows:
-        """A row for each control tick, with the columns of ``wayfarer logs export``: readings, decisions, duties."""
+        """A row for each control tick, with the columns of ``wayfarer logs export``: readings, decisions, duties.
+
+        What the log says after the last tick is in one more row.
+        """
         from wayfarer.views.export.parquet import read_table
         from wayfarer.views.export.tables import table_rows
 
@@ -78,8 +88,8 @@ def open_run(run: int | str | Path = "last", *, log_dir: str | Path | None = Non
     >>> run = open_run(1, log_dir="field_logs")
     >>> run.summary.rover, run.summary.episodes > 0
     ('sim', True)
-    >>> next(iter(run.events))["name"]
-    'arming'
+    >>> [event["text"] for event in run.events if event["name"] == "mark"]
+    ['Mark: hit log']
     """
     opened = Run(_find(run, log_dir))
     if opened.damage:

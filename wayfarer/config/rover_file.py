@@ -193,6 +193,10 @@ def load_rover(name_or_path: str) -> RoverConfig:
     Raises:
         UnknownName: no shipped rover of that name.
         BadConfig: the file cannot be read or is not right; the text names file, key and what is allowed.
+
+    >>> rover = load_rover("forestrover")
+    >>> rover.vehicle.max_speed_m_s > 1.0, rover.parts["compass"]["driver"]
+    (True, 'cmps14')
     """
     return parse_rover(name_or_path, rover_text(name_or_path))
 

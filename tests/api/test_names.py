@@ -1,0 +1,48 @@
+"""The public names: what is told to type checkers is what Python gives, and each example in a docstring holds."""
+
+from __future__ import annotations
+
+import ast
+import doctest
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import wayfarer
+
+ROOT = Path(wayfarer.__file__).parent
+
+
+def source_of(module: str) -> ast.Module:
+    return ast.parse((ROOT.parent / f"{module.replace('.', '/')}.py").read_text(encoding="utf-8"))
+
+
+def test_type_checkers_are_told_the_names_that_there_are() -> None:
+    guarded = next(node for node in source_of("wayfarer.__init__").body if isinstance(node, ast.If))
+    told = {
+        alias.name: node.module for node in guarded.body if isinstance(node, ast.ImportFrom) for alias in node.names
+    }
+    assert told == wayfarer._MODULE_OF
+    assert sorted(wayfarer.__all__) == sorted(told)
+
+
+def test_names_are_offered_and_others_are_refused_in_a_line() -> None:
+    assert set(wayfarer.__all__) <= set(dir(wayfarer))
+    with pytest.raises(AttributeError, match=r"^module 'wayfarer' has no attribute 'run_campain'$"):
+        wayfarer.run_campain  # type: ignore[attr-defined]  # noqa: B018
+
+
+@pytest.mark.parametrize("name", wayfarer.__all__)
+def test_example_in_the_docstring_holds(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The text is that of the source: what is compiled keeps no docstrings."""
+    (tmp_path / "field_logs").symlink_to(Path(__file__).parents[2] / "field_logs")
+    monkeypatch.chdir(tmp_path)
+    found = next(node for node in source_of(wayfarer._MODULE_OF[name]).body if getattr(node, "name", "") == name)
+    assert isinstance(found, ast.ClassDef | ast.FunctionDef)
+    names: dict[str, Any] = {each: getattr(wayfarer, each) for each in wayfarer.__all__}
+    example = doctest.DocTestParser().get_doctest(ast.get_docstring(found) or "", names, name, None, None)
+    assert example.examples
+    said: list[str] = []
+    doctest.DocTestRunner().run(example, out=said.append)
+    assert not said, "".join(said)
