@@ -226,6 +226,7 @@ class RunFold:
 
     def _truth(self, elapsed_s: float, record: Record) -> Events:
         where = fields_of(Truth, record)
+        self.state.driven_m = where.get("driven_m", self.state.driven_m)
         return [Truth(elapsed_s, record["t_s"], **where)] if {"x_m", "y_m"} <= where.keys() else []
 
     def _fault(self, elapsed_s: float, record: Record) -> Events:

@@ -69,7 +69,6 @@ class Header:
     dry_run: Flag = None
     log: Text = None
     start_delay_s: Lasting = None
-    time_scale: Annotated[float | None, Values(NUMBER, 1e-3, 1e6)] = None
     boot_id: Text = None
     trial: Count = None
     forest: Count = None
@@ -217,13 +216,17 @@ class Computer(RunEvent):
 
 @dataclass(slots=True)
 class Truth(RunEvent):
-    """Where a simulated rover really is, in the metres of its forest; what is not said of its body is 0."""
+    """Where a simulated rover really is, in the metres of its forest; what is not said of its body is 0.
+
+    ``driven_m`` is the way so far, forwards and backwards added up; None in older logs.
+    """
 
     x_m: Annotated[float, METRES]
     y_m: Annotated[float, METRES]
     heading_deg: Annotated[float, ANGLE] = 0.0
     pitch_deg: Annotated[float, ANGLE] = 0.0
     roll_deg: Annotated[float, ANGLE] = 0.0
+    driven_m: Metres = None
     slipping: Flag = None
     touching: Flag = None
 
