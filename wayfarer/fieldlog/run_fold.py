@@ -114,6 +114,7 @@ class RunFold:
         state, before = self.state, self.state.tick
         state.tick = tick = Tick.of(elapsed_s, record)
         state.ticks += 1
+        tick.driven_m = state.driven_m
         for sensor in ("compass", "motion", "contact"):
             if (reading := record.get(sensor)) and self._sensor(sensor).take(reading):
                 tick.fresh += (sensor,)
