@@ -1,225 +1,225 @@
-"""The runs of a demo: what its page may ask for between them and in them. Its buttons: ``tests/views/live``."""
+"""The demo is a trial: what its page asks for changes the pace, and nothing else unless it asks the rover itself."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator
-from contextlib import nullcontext
-from functools import partial
-from types import SimpleNamespace
+import os
+import signal
+from collections.abc import Awaitable, Callable
+from pathlib import Path
 from typing import Any
-from unittest.mock import AsyncMock
-from urllib.error import URLError
-from urllib.request import urlopen
 
 import pytest
 
-from tests.virtual import run_virtually
+from wayfarer.config.rover_file import load_rover
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.experiments import demo as module
-from wayfarer.experiments.demo import AutoArm, Demo, ForwardedCommands
-from wayfarer.fieldlog.schema import Record
-from wayfarer.simhal.clock.scaled_loop import ScaledLoop
+from wayfarer.experiments.campaign import Campaign, Task
+from wayfarer.experiments.demo import Demo, DemoTrial, ForwardedCommands
+from wayfarer.experiments.trial import TrialResult, run_trial
+from wayfarer.fieldlog.reader import RunReader
 
 pytest.importorskip("aiohttp", reason="the live page needs aiohttp")
+from wayfarer.views.live.server import LivePage
 
-RUN = {"record": "run", "part": 1, "log": "logs/1"}
-OUTCOME = {"record": "outcome", "reason": "requested", "text": "requested by a person"}
-
-
-class Rover:
-    """Keeps what it is asked."""
-
-    def __init__(self) -> None:
-        self.asked: list[tuple[str, Any]] = []
-
-    async def stop(self) -> dict[str, Any]:
-        self.asked.append(("stop", None))
-        return {}
-
-    async def mark(self, text: str) -> dict[str, Any]:
-        self.asked.append(("mark", text))
-        return {}
+SEED, TRIAL = 28, 0  # over after a minute
+FAST = 1000.0
 
 
-class Page:
-    """A page without a thread or a server, which nobody has open; keeps what it is shown."""
+class Site:
+    """A demo without a browser, and the trials that it told the end of."""
 
-    is_watched = False
+    def __init__(self, folder: Path, speed: float, seed: int = SEED, algorithm: str = "forest-pledge") -> None:
+        self.ended: list[DemoTrial] = []
+        self.folder = folder
+        self.demo = Demo(algorithm, seed, TRIAL, speed, folder, self.ended.append)
+        self.page = LivePage("127.0.0.1", 0, "token", demo=self.demo)
+        self.rover: Any = ForwardedCommands(self.demo)
 
-    def __init__(self) -> None:
-        self.shown: list[Any] = []
-        self.begin_run = self.show = self.shown.append
+    def run(self, during: Callable[[Site], Awaitable[None]]) -> None:
+        """Run the demo while something happens."""
 
-    def call_soon_threadsafe(self, function: Any, *arguments: Any) -> None:
-        function(*arguments)
+        async def both() -> None:
+            async with asyncio.timeout(30.0), asyncio.TaskGroup() as group:
+                group.create_task(self.demo.run(self.page))
+                group.create_task(during(self))  # type: ignore[arg-type]
+
+        asyncio.run(both())
+
+    @property
+    def log(self) -> list[dict[str, Any]]:
+        return list(RunReader(sorted(self.folder.iterdir())[-1]))
+
+    async def until(self, holds: Callable[[], object]) -> None:
+        while not holds():
+            await asyncio.sleep(0.005)
+
+    @property
+    def t_s(self) -> float:
+        """The time of the trial as the page has it."""
+        return float(self.page._model.state()["t_s"])
 
 
-@pytest.fixture
-def page() -> Page:
-    return Page()
-
-
-@pytest.fixture
-def demo(page: Page, monkeypatch: pytest.MonkeyPatch) -> Demo:
+@pytest.fixture(autouse=True)
+def leave_soon(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "LOOK_S", 0.01)
-    monkeypatch.setattr(module, "LEFT_S", 0.03)
-    found = Demo(seed=5, speed=50.0)
-    found._page = found._page_loop = page  # type: ignore[assignment]
-    return found
-
-
-def run(demo: Demo, rover: Rover, during: Any = None) -> bool:
-    """Have a run of the demo; return whether it was begun by somebody who looks on."""
-
-    async def main() -> bool:
-        async with demo.serving(rover):  # type: ignore[arg-type]
-            if during is not None:
-                await asyncio.to_thread(during)
-            await asyncio.sleep(0.1)
-            return demo.watched.is_set()
-
-    with asyncio.Runner(loop_factory=partial(ScaledLoop, demo.time_scale)) as runner:
-        return runner.run(main())
-
-
-def test_demo_that_nobody_watches_is_over_after_its_run(demo: Demo) -> None:
-    assert list(demo.seeds()) == [5]
-
-
-def test_demo_waits_while_its_page_is_open(demo: Demo, page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
-    looks = iter([True] * 20 + [False] * 20)
-    monkeypatch.setattr(Page, "is_watched", property(lambda _: next(looks)))
-    assert list(demo.seeds()) == [5]
-    assert len(list(looks)) < 20
-
-
-@pytest.mark.parametrize(
-    ("presses", "seed"), [([False], 5), ([True], 6), ([True, True], 7), ([True, False, True], 7)], ids=str
-)
-def test_presses_count_from_the_forest_that_is_shown(demo: Demo, presses: list[bool], seed: int) -> None:
-    seeds = demo.seeds()
-    assert next(seeds) == 5
-    for each in presses:
-        demo.begin_again(each)
-    assert next(seeds) == seed
-    assert next(seeds, None) is None
-
-
-def test_press_in_a_run_ends_it_and_its_end_is_not_shown(demo: Demo, page: Page) -> None:
-    rover = Rover()
-    next(demo.seeds())
-
-    def press() -> None:
-        demo.pause(True)
-        demo.begin_again(True)
-
-    run(demo, rover, press)
-    demo.show(RUN)
-    demo.show(OUTCOME)
-    assert rover.asked == [("stop", None)]
-    assert not demo.time_scale.paused, "an end takes time"
-    assert page.shown == [RUN]
-
-
-def test_press_before_a_run_is_there_ends_it_at_once(demo: Demo) -> None:
-    rover = Rover()
-    demo.begin_again(False)
-    run(demo, rover)
-    assert rover.asked == [("stop", None)]
-
-
-def test_end_of_a_run_that_nobody_replaced_is_shown(demo: Demo, page: Page) -> None:
-    for record in (RUN, OUTCOME):
-        demo.show(record)
-    assert page.shown == [RUN, OUTCOME]
-    assert demo.now().log == "logs/1"
-
-
-def test_run_begins_when_somebody_sees_the_page_and_every_later_one_at_once(demo: Demo) -> None:
-    seeds = demo.seeds()
-    next(seeds)
-    assert not run(demo, Rover())
-    assert run(demo, Rover(), demo.seen)
-    demo.begin_again(False)
-    next(seeds)
-    assert run(demo, Rover())
+    monkeypatch.setattr(module, "LEFT_S", 0.05)  # nobody has the page open
 
 
 @pytest.fixture
-def forwarded(demo: Demo) -> Iterator[Any]:
-    yield ForwardedCommands(demo)
+def site(tmp_path: Path) -> Site:
+    return Site(tmp_path, FAST)
 
 
-def test_command_is_done_by_the_run_and_stop_ends_a_pause(demo: Demo, forwarded: Any) -> None:
-    rover = Rover()
-    demo.pause(True)
-    paused = SimpleNamespace()
-
-    def ask() -> None:
-        asyncio.run(forwarded.mark(text="log"))
-        paused.after_mark = demo.time_scale.paused
-        asyncio.run(forwarded.stop())
-        paused.after_stop = demo.time_scale.paused
-
-    run(demo, rover, ask)
-    assert rover.asked == [("mark", "log"), ("stop", None)]
-    assert (paused.after_mark, paused.after_stop) == (True, False)
+def trial(seed: int, log: Path | None = None) -> TrialResult:
+    campaign = Campaign(("forest-pledge",), 1, load_rover("sim"), seed)
+    return run_trial(campaign.spec(Task("forest-pledge", TRIAL), campaign.make_forest(TRIAL)), log)
 
 
-def test_command_without_a_run_is_refused(demo: Demo, forwarded: Any) -> None:
-    with pytest.raises(Refused, match="no run is active"):
-        asyncio.run(forwarded.stop())
+async def see(site: Site) -> None:
+    site.demo.seen()
 
 
-def test_page_is_served_in_another_thread_until_the_demo_ends(demo: Demo) -> None:
-    from wayfarer.views.live.server import LivePage  # needs aiohttp
+@pytest.mark.parametrize("speed", [FAST, 200.0])
+def test_demo_is_the_trial_to_the_last_byte_at_any_speed(tmp_path: Path, speed: float) -> None:
+    async def disturb(site: Site) -> None:
+        await see(site)
+        await site.until(lambda: site.t_s > 10.0)
+        site.demo.pause(True)
+        await asyncio.sleep(0.1)
+        site.demo.run_at(speed)
 
-    page = LivePage("127.0.0.1", 0, "token", demo=demo)
-    with demo.serve_page(page):
-        demo.show(RUN)
-        with urlopen(page.url, timeout=5.0) as answer:
-            assert answer.status == 200
-    with pytest.raises(URLError):
-        urlopen(page.url, timeout=5.0)
-
-
-# -- a rover arms itself for a viewer; that nothing else does: ``tests/test_imports.py`` -------------------------------
-
-
-SIMULATED: Record = {"record": "run", "simulated": True}
-HEADING: Record = {"record": "tick", "heading_deg": 0.0}
-WAITS = {
-    "no heading": ([SIMULATED, {"record": "tick", "heading_deg": None}], True),
-    "nobody looks on": ([SIMULATED, HEADING], False),
-    "real": ([{"record": "run", "simulated": False}, HEADING], True),
-    "does not say": ([{"record": "run"}, HEADING], True),
-    "no header": ([{"record": "event"}, HEADING], True),
-}
+    site = Site(tmp_path / "demo", speed)
+    site.run(disturb)
+    (ended,) = site.ended
+    assert ended.result == trial(SEED, tmp_path / "trial")
+    assert (ended.folder / "run.jsonl").read_bytes() == (tmp_path / "trial" / "run.jsonl").read_bytes()
 
 
-async def armed(records: list[Record], watched: bool) -> list[float]:
-    """Show records on a page that is watched or not, and return how the rover was armed."""
-    shown: list[Record] = []
-    page: Any = SimpleNamespace(show=shown.append, serving=lambda commands: nullcontext())
-    looks_on, rover = asyncio.Event(), AsyncMock()
-    viewer = AutoArm(page, looks_on)
-    async with viewer.serving(rover):
-        if watched:
-            looks_on.set()
-        for record in records:
-            viewer.show(record)
-        await asyncio.sleep(1000.0)
-    assert shown == records
-    return [call.args[0] for call in rover.arm.await_args_list]
+def test_page_console_and_log_tell_one_way_and_one_time(site: Site, capfd: pytest.CaptureFixture[str]) -> None:
+    from wayfarer.views.text.summary import summarise
+    from wayfarer.views.text.summary_text import distance_line
+
+    site.run(see)
+    (ended,) = site.ended
+    told, summary = site.page._model.state(), summarise(site.log)
+    assert told["way_m"] == summary.driven_m == ended.state.driven_m == round(ended.result.path_m, 3)
+    assert told["time_text"] == "0:01:03"
+    assert summary.lasted_s == ended.state.elapsed_s == pytest.approx(ended.result.time_s, abs=0.05)
+    assert distance_line(summary).startswith(f"{ended.result.path_m:.1f} m driven")
+    assert "0:01:02.9  The run has ended" in capfd.readouterr().err
 
 
-def test_rover_is_armed_once_when_it_is_watched_and_knows_its_heading() -> None:
-    assert run_virtually(armed([SIMULATED, HEADING, HEADING], watched=True)) == [0.0]
+def test_trial_begins_when_somebody_sees_the_page(site: Site) -> None:
+    async def look(site: Site) -> None:
+        await site.until(lambda: site.page._model.snapshot()["about"])
+        await asyncio.sleep(0.1)
+        assert site.t_s == 0.0
+        assert site.demo.now().paused
+        site.demo.seen()
+
+    site.run(look)
+    assert site.ended
 
 
-@pytest.mark.parametrize(("records", "watched"), WAITS.values(), ids=WAITS)
-def test_rover_is_not_armed_otherwise_nor_where_the_run_does_not_say_that_it_is_simulated(
-    records: list[Record], watched: bool
+@pytest.mark.parametrize(("presses", "seed"), [([False], SEED), ([True, False, True], SEED + 2)], ids=str)
+def test_press_ends_the_trial_and_begins_another_one_without_telling_an_end(
+    tmp_path: Path, presses: list[bool], seed: int
 ) -> None:
-    assert run_virtually(armed(records, watched)) == []
+    async def press(site: Site) -> None:
+        await see(site)
+        await site.until(lambda: site.t_s > 5.0)
+        site.demo.pause(True)
+        for each in presses:
+            site.demo.begin_again(each)
+        assert not site.demo.now().paused
+        await site.until(lambda: len(list(site.folder.iterdir())) > 1)
+        site.demo.run_at(FAST)
+
+    site = Site(tmp_path, 20.0)
+    site.run(press)
+    assert [each.seed for each in site.ended] == [seed]
+    assert site.ended[0].result == trial(seed)
+    first = list(RunReader(min(site.folder.iterdir())))
+    assert (first[-1]["reason"], first[-1]["text"]) == ("requested", "replaced by another one")
+
+
+def test_demo_goes_on_after_a_trial_while_its_page_is_open(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(LivePage, "is_watched", property(lambda _: len(site.ended) < 2))
+
+    async def press(site: Site) -> None:
+        await see(site)
+        await site.until(lambda: site.ended)
+        await asyncio.sleep(0.2)
+        site.demo.run_at(FAST / 2)  # speeds count for the next trial
+        site.demo.begin_again(False)
+
+    site.run(press)
+    first, second = site.ended
+    assert first.result == second.result
+    assert site.demo.now().speed == FAST / 2
+
+
+def test_what_the_page_asks_of_the_rover_is_done_also_in_a_pause(tmp_path: Path) -> None:
+    async def ask(site: Site) -> None:
+        await see(site)
+        await site.until(lambda: site.t_s > 3.0)
+        site.demo.pause(True)
+        await site.rover.mark(text="noted in a pause")
+        assert site.demo.now().paused
+        with pytest.raises(Refused, match="not held"):
+            await site.rover.resume()
+        await site.rover.hold()
+        assert not site.demo.now().paused, "what it does takes time"
+        await site.until(lambda: site.page._model.state()["held"])
+        await site.rover.resume()
+        site.demo.pause(True)
+        await site.rover.stop()
+
+    site = Site(tmp_path, 20.0)
+    site.run(ask)
+    names = [record.get("name") for record in site.log]
+    assert [name for name in names if name in {"mark", "hold", "resume", "wheels_stopped"}] == [
+        "mark", "hold", "resume", "wheels_stopped",
+    ]  # fmt: skip
+    assert site.log[-1]["reason"] == "requested"
+
+
+def test_command_without_a_trial_is_refused(site: Site) -> None:
+    with pytest.raises(Refused, match="no run is active"):
+        asyncio.run(site.rover.stop())
+    site.page.close()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signal_ends_a_pause_the_trial_and_the_demo(tmp_path: Path, number: signal.Signals) -> None:
+    async def end(site: Site) -> None:
+        await see(site)
+        await site.until(lambda: site.t_s > 1.0)
+        site.demo.pause(True)
+        os.kill(os.getpid(), number)
+
+    site = Site(tmp_path, 6.0)
+    site.run(end)
+    assert [each.state.ended and each.state.ended.text for each in site.ended] == [f"ended by {number.name}"]
+
+
+def test_signal_before_anybody_has_seen_the_page_ends_the_demo(site: Site) -> None:
+    async def end(site: Site) -> None:
+        await site.until(lambda: site.demo._running)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    site.run(end)
+    assert site.log[-1]["reason"] == "signal"
+
+
+def test_signal_after_the_trial_ends_the_demo(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(LivePage, "is_watched", True)
+
+    async def end(site: Site) -> None:
+        await see(site)
+        await site.until(lambda: site.ended)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    site.run(end)
+    assert site.log[-1]["reason"] == "escaped"

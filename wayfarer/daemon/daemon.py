@@ -37,7 +37,6 @@ from wayfarer.daemon.stderr_writer import StderrWriter
 from wayfarer.daemon.watchdog import StallGuard, SystemdNotifier, WatchdogFeed, feed_watchdog, watchdog_period_s
 from wayfarer.errors import WayfarerError
 from wayfarer.escape.catalogue import Algorithm
-from wayfarer.fieldlog.clock import WallClock, wall_clock
 from wayfarer.fieldlog.folders import new_run_folder
 from wayfarer.fieldlog.last_run import UnfinishedRun, unfinished_run
 from wayfarer.fieldlog.log import FieldLog
@@ -86,9 +85,7 @@ class Service:
     ``make_rover`` is called on the running loop with a function that ends the run (a simulated rover calls it when it
     has escaped). ``seed`` is for algorithms that use random numbers. ``console`` takes a function that writes a line to
     stderr, and returns one that shows a record there; None shows nothing. ``viewers`` show the run. ``addresses`` are
-    theirs, for ``status`` only: that of the live page has a token, and every user may read the log. ``loop_factory``
-    makes the event loop; None is asyncio's own. ``time_scale`` is how many times faster than real time such a loop runs
-    at first; ``wall`` is the wall clock of the log.
+    theirs, for ``status`` only: that of the live page has a token, and every user may read the log.
     """
 
     config: RoverConfig
@@ -102,9 +99,6 @@ class Service:
     console: Callable[[Callable[[str], None]], Callable[[Record], None]] | None = None
     viewers: Sequence[Viewer] = ()
     addresses: Mapping[str, str] = field(default_factory=dict)
-    loop_factory: Callable[[], asyncio.AbstractEventLoop] | None = None
-    time_scale: float = 1.0
-    wall: WallClock = wall_clock
 
 
 def serve(service: Service) -> RunEnd:
@@ -126,11 +120,7 @@ def serve(service: Service) -> RunEnd:
             remove_record(service.socket)
         return end
 
-    with (
-        single_daemon(service.socket),
-        motors_lock(device),
-        asyncio.Runner(loop_factory=service.loop_factory) as runner,
-    ):
+    with single_daemon(service.socket), motors_lock(device), asyncio.Runner() as runner:
         if motors is not None:
             write_record(service.socket, DrivenBoard(motors, config.buses))
         try:
@@ -170,9 +160,7 @@ class Daemon:
         shown_to: list[Callable[[Record], None]] = [viewer.show for viewer in service.viewers]
         if service.console is not None:
             shown_to.append(service.console(self._lines.write))
-        self._field_log = FieldLog(
-            self._writer, self._header(about), service.wall, t_s=self._loop.time(), viewers=shown_to
-        )
+        self._field_log = FieldLog(self._writer, self._header(about), t_s=self._loop.time(), viewers=shown_to)
         if before is not None:
             self._tell_of_unfinished(before)
         ground_truth_logs = [rover_setup.ground_truth_log(self._field_log)] if rover_setup.ground_truth_log else []
@@ -239,7 +227,6 @@ class Daemon:
             "calibration": self._setup.calibration,
             "config": config,
             "config_hash": _hash(config),
-            "time_scale": self._service.time_scale,
             "boot_id": system.system_text(BOOT_ID),
         }
 

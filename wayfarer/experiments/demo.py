@@ -1,186 +1,231 @@
-"""The runs of ``wayfarer demo``: one after the other, as the page asks, on a clock that the page may change.
+"""The trials of ``wayfarer demo``: one after the other, as the page asks, at a pace that the page may change.
 
-Every run is a daemon with its own event loop, as on a rover. The page is served beside them, in a thread where
-time is real, and stays between the runs. Pause and speed change the time scale of the run's loop and nothing else, so
-that safety code sees what it always does: a time that goes on from tick to tick.
+Each is a trial as ``wayfarer sim`` runs it, with the same result and the same log to the byte: in virtual time, in a
+thread that waits for the clock between two virtual times. The page is served on the main thread's loop, where time is
+real, and stays between the trials. What it asks of the rover is done in the trial's thread, at the virtual time then.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Coroutine, Iterator
-from concurrent.futures import Future
-from contextlib import AsyncExitStack, asynccontextmanager, contextmanager, suppress
+import signal
+from collections.abc import Callable, Coroutine
+from contextlib import suppress
 from functools import partial
-from queue import Empty, SimpleQueue
-from threading import Thread
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
-from wayfarer.daemon.daemon import Viewer
+from wayfarer.config.rover_file import load_rover
+from wayfarer.control.run_log import Tee
+from wayfarer.control.supervisor import Supervisor
+from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import Commands, Details, Refused
-from wayfarer.errors import WayfarerError
+from wayfarer.daemon.stderr_writer import StderrWriter
+from wayfarer.experiments.campaign import Campaign, Task
+from wayfarer.experiments.trial import TrialResult, run_watched
+from wayfarer.experiments.trial_log import field_log
+from wayfarer.fieldlog.folders import new_run_folder
+from wayfarer.fieldlog.run_fold import RunFold
+from wayfarer.fieldlog.run_state import RunState
 from wayfarer.fieldlog.schema import Record
-from wayfarer.simhal.clock.scaled_loop import ScaledLoop, TimeScale
+from wayfarer.hal import Rover
+from wayfarer.simhal.clock.paced_loop import Pace, PacedLoop
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
 from wayfarer.views.live.demo_controls import DemoState
+from wayfarer.views.text.console import Console
 
 if TYPE_CHECKING:
     from wayfarer.views.live.server import LivePage
 
+ROVER = "sim"
+ENDING = (signal.SIGINT, signal.SIGTERM)
 LOOK_S = 0.1  # between two looks at whether anybody has the page open
 LEFT_S = 12.0  # nobody has had it open for so long: longer than a page takes to come back, PAUSES_S of connection.js
-ANSWER_S = 2.0  # for a run to do what was asked, before it has ended meanwhile
-GOAL_HEADING_DEG = 0.0  # generated forests are left to the north
+REPLACED = ("requested", "replaced by another one")
+ANSWER_S = 2.0  # for a trial to do what was asked, before it has ended meanwhile
 
 
-class _Run(NamedTuple):
-    """A run that is on, as other threads reach it."""
+class DemoTrial(NamedTuple):
+    """A trial that was shown: its campaign's seed, its result, the state at the end of its log, and its folder."""
 
+    seed: int
+    result: TrialResult
+    state: RunState
+    folder: Path
+
+
+class _Running(NamedTuple):
+    """A trial that is on, as the page's loop reaches it."""
+
+    loop: PacedLoop
+    supervisor: Supervisor
     commands: Commands
-    loop: ScaledLoop
 
-    def do(self, verb: str, **keys: Any) -> Future[Details]:
-        return asyncio.run_coroutine_threadsafe(getattr(self.commands, verb)(**keys), self.loop)
+    def finish(self, reason: str, text: str) -> None:
+        self.loop.call_soon_threadsafe(self.supervisor.finish, reason, text)
 
 
 class Demo:
-    """Runs that follow each other; implements ``daemon.daemon.Viewer`` and ``views.live.demo_controls.DemoControls``.
-
-    ``time_scale`` is that of every run's loop. ``watched`` is set for the run that is on when a viewer has opened
-    the page.
+    """Trials that follow each other; implements ``views.live.demo_controls.DemoControls``.
 
     Args:
-        seed: of the first forest; the next one has the next seed.
+        algorithm: its name.
+        seed: of the first forest, as of a campaign; the next one has the next seed.
+        trial: which trial of these campaigns.
         speed: how many times faster than the clock.
+        logs: the folder of all logs.
+        ended: is told of each trial that has ended and is not replaced by another one.
     """
 
-    def __init__(self, seed: int, speed: float) -> None:
-        self.time_scale = TimeScale(speed)
-        self.watched = asyncio.Event()
+    def __init__(
+        self, algorithm: str, seed: int, trial: int, speed: float, logs: Path, ended: Callable[[DemoTrial], None]
+    ) -> None:
+        self._algorithm = algorithm
         self._seed = seed
-        self._presses: SimpleQueue[bool] = SimpleQueue()  # of Another forest, and False of Restart
+        self._trial = trial
+        self._logs = logs
+        self._tell_end = ended
+        self._rover = load_rover(ROVER)
+        self._pace = Pace(speed, paused=True)  # until somebody sees the page
         self._seen = False
+        self._presses: asyncio.Queue[bool] = asyncio.Queue()  # of Another forest, and False of Restart
+        self._signal = ""
         self._log = ""
-        self._run: _Run | None = None
+        self._running: _Running | None = None
+        self._lines = StderrWriter()
 
-    @contextmanager
-    def serve_page(self, page: LivePage) -> Iterator[None]:
-        """Serve the page of all runs while entered, in another thread; the last news are sent at the end."""
-        self._page, self._page_loop, stack = page, asyncio.new_event_loop(), AsyncExitStack()
-        thread = Thread(target=self._page_loop.run_forever, name="live page", daemon=True)
-        thread.start()
+    async def run(self, page: LivePage) -> None:
+        """Serve the page, and run trials until a signal comes or, after a trial, nobody has the page open.
+
+        Raises:
+            MissingPart: the rover cannot give what the algorithm needs.
+            BadInput: a log cannot be written.
+        """
+        self._page, self._loop = page, asyncio.get_running_loop()
+        for number in ENDING:
+            self._loop.add_signal_handler(number, self._end_by, number.name)
         try:
-            self._in_page_thread(stack.enter_async_context(page.serving(cast(Commands, ForwardedCommands(self)))))
-            yield
+            async with page.serving(cast(Commands, ForwardedCommands(self))):
+                press: bool | None = False
+                while press is not None:
+                    self._seed += press
+                    while self._is_replaced:
+                        self._seed += self._presses.get_nowait()
+                    shown = await asyncio.to_thread(self._run_trial, self._seed)
+                    self._running = None
+                    if not self._is_replaced:
+                        self._tell_end(shown)
+                    press = await self._next_press()
         finally:
-            self._in_page_thread(stack.aclose())
-            self._page_loop.call_soon_threadsafe(self._page_loop.stop)
-            thread.join()
-            self._page_loop.close()
-
-    def _in_page_thread(self, coroutine: Coroutine[Any, Any, object]) -> None:
-        asyncio.run_coroutine_threadsafe(coroutine, self._page_loop).result()
-
-    def seeds(self) -> Iterator[int]:
-        """Give the seed of each run, once it is asked for, until no viewer has the page open."""
-        press: bool | None = False
-        while press is not None:
-            self._seed += press
-            while self.goes_on:
-                self._seed += self._presses.get()
-            self.time_scale.paused = False
-            self.watched = asyncio.Event()
-            yield self._seed
-            press = self._next_press()
+            self._lines.close()
 
     @property
-    def goes_on(self) -> bool:
-        """Whether another run has been asked for."""
+    def _is_replaced(self) -> bool:
+        """Whether another trial has been asked for."""
         return not self._presses.empty()
 
-    def _next_press(self) -> bool | None:
-        """Wait until another run is asked for; return None where nobody is left to ask."""
+    async def _next_press(self) -> bool | None:
+        """Wait until another trial is asked for; return None where nobody is left to ask."""
         unwatched_s = 0.0
-        while True:
-            with suppress(Empty):
-                return self._presses.get(timeout=LOOK_S)
+        while unwatched_s < LEFT_S and not self._signal:
+            with suppress(TimeoutError):
+                async with asyncio.timeout(LOOK_S):
+                    return await self._presses.get()
             unwatched_s = 0.0 if self._page.is_watched else unwatched_s + LOOK_S
-            if unwatched_s >= LEFT_S:
-                return None
+        return None
 
-    # -- a viewer of the run, in its thread --------------------------------------------------------------------------
+    def _end_by(self, name: str) -> None:
+        """End the trial that is on, and then the demo."""
+        self._signal = name
+        if (running := self._running) is not None:
+            self.pause(False)
+            running.finish("signal", f"ended by {name}")
 
-    def show(self, record: Record) -> None:
-        """Hand a record to the page; see ``Viewer``."""
-        if record["record"] == "run" and record["part"] == 1:
-            self._log = record["log"]
-            self._page_loop.call_soon_threadsafe(self._page.begin_run, record)
-        elif record["record"] != "outcome" or not self.goes_on:  # else the next run begins at once
-            self._page_loop.call_soon_threadsafe(self._page.show, record)
+    # -- the trial, in its thread ------------------------------------------------------------------------------------
 
-    @asynccontextmanager
-    async def serving(self, commands: Commands) -> AsyncIterator[None]:
-        """Forward what the page asks of this run while entered; see ``Viewer``."""
-        self._run = _Run(commands, cast(ScaledLoop, asyncio.get_running_loop()))
-        if self._seen:
-            self.watched.set()
-        if self.goes_on:
-            await commands.stop()
-        try:
-            yield
-        finally:
-            self._run = None
+    def _run_trial(self, seed: int) -> DemoTrial:
+        campaign = Campaign((self._algorithm,), self._trial + 1, self._rover, seed)
+        spec = campaign.spec(Task(self._algorithm, self._trial), campaign.make_forest(self._trial))
+        fold, folder = RunFold(reckons=False), new_run_folder(self._logs)
+        self._log = str(folder.absolute())
+        shown_to = (fold.take, Console("", self._lines.write).show, self._show)
 
-    # -- what the page asks for, in the page's thread ----------------------------------------------------------------
+        def make_log(world: SimulatedWorld, rover: Rover) -> Tee:
+            self._field_log, truth = field_log(spec, folder, world, rover, shown_to)
+            self._motors = rover.motors
+            return Tee(self._field_log, truth)
+
+        loop_factory = partial(PacedLoop, self._pace)  # type: ignore[abstract]
+        result = run_watched(spec, make_log, begin=self._begin, loop_factory=loop_factory)
+        return DemoTrial(seed, result, fold.state, folder)
+
+    def _begin(self, supervisor: Supervisor) -> None:
+        """Let the page reach the trial; one that is not wanted any more ends at its first tick."""
+        commands = RoverCommands(supervisor, self._motors, _inspect_nothing, self._field_log, {"log": self._log}, ())
+        self._running = _Running(cast(PacedLoop, asyncio.get_running_loop()), supervisor, commands)
+        if self._signal:
+            supervisor.finish("signal", f"ended by {self._signal}")
+        elif self._is_replaced:
+            supervisor.finish(*REPLACED)
+
+    def _show(self, record: Record) -> None:
+        """Hand a record to the page."""
+        if record["record"] == "run":
+            self._loop.call_soon_threadsafe(self._page.begin_run, record)
+        elif record["record"] != "outcome" or not self._is_replaced:  # else the next trial begins at once
+            self._loop.call_soon_threadsafe(self._page.show, record)
+
+    # -- what the page asks for, on its loop -------------------------------------------------------------------------
 
     def now(self) -> DemoState:
         """Return how the demo is."""
-        return DemoState(self._seed, self.time_scale.speed, self.time_scale.paused, self._log)
+        return DemoState(self._seed, self._pace.speed, self._pace.paused, self._log)
 
     def seen(self) -> None:
-        """Have the run begin: a viewer has opened the page."""
+        """Have the first trial begin: a viewer has opened the page."""
         if not self._seen:
             self._seen = True
-            if (run := self._run) is not None:
-                run.loop.call_soon_threadsafe(self.watched.set)
+            self.pause(False)
 
     def pause(self, paused: bool) -> None:
-        """Let the run's time stand still, or continue."""
-        self.time_scale.paused = paused
-        if (run := self._run) is not None:
-            with suppress(RuntimeError):  # it has just ended
-                run.loop.look_at_time_scale()
+        """Let the trial's time stand still, or continue."""
+        self._pace.paused = paused
+        if (running := self._running) is not None:
+            running.loop.wake()
 
     def run_at(self, speed: float) -> None:
-        """Let the run's time go ``speed`` times as fast as the clock."""
-        self.time_scale.speed = speed
+        """Let the trial's time go ``speed`` times as fast as the clock, and end a pause."""
+        self._pace.speed = speed
         self.pause(False)
 
     def begin_again(self, next_forest: bool) -> None:
-        """End the run that is on, and have another one begin."""
-        self._presses.put(next_forest)
-        if (run := self._run) is not None:
-            self.pause(False)
-            run.do("stop")
+        """End the trial that is on, and have another one begin."""
+        self._presses.put_nowait(next_forest)
+        self.pause(False)
+        if (running := self._running) is not None:
+            running.finish(*REPLACED)
 
     async def ask(self, verb: str, **keys: Any) -> Details:
-        """Do what ``Commands`` can, in the thread of the run that is on.
+        """Do what ``Commands`` can, in the thread of the trial that is on.
 
         Raises:
-            Refused: there is no run, or it has just ended; or the run refuses it.
+            Refused: there is no trial, or it has just ended; or the rover refuses it.
         """
-        if (run := self._run) is None:
+        if (running := self._running) is None:
             raise Refused("no run is active: press Restart or Another forest")
         if verb in {"stop", "hold", "resume"}:
             self.pause(False)  # what they do takes time
+        work: Coroutine[Any, Any, Details] = getattr(running.commands, verb)(**keys)
         try:
             async with asyncio.timeout(ANSWER_S):
-                return await asyncio.wrap_future(run.do(verb, **keys))
+                return await asyncio.wrap_future(asyncio.run_coroutine_threadsafe(work, running.loop))
         except TimeoutError:
+            work.close()  # it has never begun
             raise Refused("the run has just ended") from None
 
 
 class ForwardedCommands:
-    """Every method of ``Commands``, done by the run that is on."""
+    """Every method of ``Commands``, done by the trial that is on."""
 
     def __init__(self, demo: Demo) -> None:
         self._demo = demo
@@ -189,41 +234,6 @@ class ForwardedCommands:
         return partial(self._demo.ask, verb)
 
 
-class AutoArm:
-    """A viewer around another one: it arms the run once ``watched`` is set and the rover knows its heading.
-
-    A real rover is never armed by this. It stands beside the simulator, where no field code can find it, and arms only
-    a run whose own first record says that it is simulated.
-    """
-
-    def __init__(self, viewer: Viewer, watched: asyncio.Event) -> None:
-        self._viewer = viewer
-        self._watched = watched
-        self._knows_heading = asyncio.Event()
-        self._simulated = False
-
-    def show(self, record: Record) -> None:
-        """Take a record; see ``Viewer``."""
-        self._viewer.show(record)
-        kind = record["record"]
-        if kind == "run":
-            self._simulated = record.get("simulated") is True
-        elif kind == "tick" and record.get("heading_deg") is not None:
-            self._knows_heading.set()
-
-    @asynccontextmanager
-    async def serving(self, commands: Commands) -> AsyncIterator[None]:
-        """Serve while entered; see ``Viewer``."""
-        async with self._viewer.serving(commands):
-            arming = asyncio.create_task(self._arm(commands), name="auto-arm")
-            try:
-                yield
-            finally:
-                arming.cancel()
-
-    async def _arm(self, commands: Commands) -> None:
-        await self._watched.wait()
-        await self._knows_heading.wait()
-        if self._simulated:
-            with suppress(WayfarerError):  # the run's own log says why it was refused
-                await commands.arm(GOAL_HEADING_DEG)
+def _inspect_nothing() -> Any:
+    """Stand in for the checks before arming: a trial arms its rover itself, and its page arms none."""
+    raise Refused("a trial arms its rover itself")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from wayfarer.control.run_log import PartialLog, Tee
+from wayfarer.control.supervisor import Supervisor
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.outcome import SUCCESSES, Outcome, OutcomeMonitor
@@ -14,6 +15,7 @@ from wayfarer.experiments.trial_setup import MakeLog, TrialSetup, TrialSpec
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.clock.run_virtually import run_virtually
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 if TYPE_CHECKING:
     from wayfarer.simhal.faults.kinds import Fault
@@ -101,22 +103,31 @@ def run_trial(spec: TrialSpec, log_dir: Path | None = None) -> TrialResult:
     return run_watched(spec, lambda world, rover: Tee(*field_log(spec, log_dir, world, rover)))
 
 
-def run_watched(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
+def run_watched(
+    spec: TrialSpec,
+    make_log: MakeLog | None,
+    *,
+    begin: Callable[[Supervisor], None] = lambda _supervisor: None,
+    loop_factory: Callable[[], VirtualLoop] = VirtualLoop,
+) -> TrialResult:
     """Run one trial beside a log that is made for its world and rover, and may look at what no rover can see.
+
+    ``begin`` is called on the running loop just before the supervisor runs.
 
     Raises:
         MissingPart: the rover cannot give what the algorithm needs.
     """
-    return run_virtually(lambda: _run(spec, make_log))
+    return run_virtually(lambda: _run(spec, make_log, begin), loop_factory)
 
 
-async def _run(spec: TrialSpec, make_log: MakeLog | None) -> TrialResult:
+async def _run(spec: TrialSpec, make_log: MakeLog | None, begin: Callable[[Supervisor], None]) -> TrialResult:
     counters = TrialCounters()
     setup = TrialSetup(spec, lambda *seen: counters if make_log is None else Tee(counters, make_log(*seen)))
     counters.finish = setup.supervisor.finish
     await setup.supervisor.arm(spec.forest.heading_deg)
     if setup.injector is not None:
         setup.injector.start(setup.world, setup.supervisor.controller.power, _note_nothing)
+    begin(setup.supervisor)
     try:
         end = await setup.supervisor.run()
     finally:

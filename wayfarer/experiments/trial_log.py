@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from math import degrees, inf
 from pathlib import Path
@@ -10,6 +11,7 @@ from wayfarer.control.run_log import PartialLog
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.fieldlog.log import FieldLog
+from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import Rover
 from wayfarer.simhal.faults.kinds import Fault
@@ -21,10 +23,17 @@ from wayfarer.simhal.world.simulated_world import SimulatedWorld
 TICKS_A_RECORD = 4  # a fifth of a second at 20 Hz: plenty to draw a path
 
 
-def field_log(spec: TrialSpec, folder: Path, world: SimulatedWorld, rover: Rover) -> tuple[FieldLog, GroundTruthLog]:
+def field_log(
+    spec: TrialSpec,
+    folder: Path,
+    world: SimulatedWorld,
+    rover: Rover,
+    viewers: Sequence[Callable[[Record], object]] = (),
+) -> tuple[FieldLog, GroundTruthLog]:
     """Return the log that a rover in the field writes, and who writes the truth beside it.
 
     Its wall clock is the trial's, and it is written as it comes, without a thread: the same trial gives the same bytes.
+    ``viewers`` are shown each record.
     """
     forest = spec.forest
     details = {
@@ -50,7 +59,7 @@ def field_log(spec: TrialSpec, folder: Path, world: SimulatedWorld, rover: Rover
         details["ground"] = spec.ground.value
     if of_world := changed(spec.physics):
         details["sim"] = of_world
-    log = FieldLog(RunFiles(folder), details, wall=lambda t_s: t_s)
+    log = FieldLog(RunFiles(folder), details, wall=lambda t_s: t_s, viewers=viewers)
     return log, GroundTruthLog(log, world)
 
 
@@ -65,6 +74,11 @@ class GroundTruthLog(PartialLog):
         self._world = world
         self._ticks = 0
         self._last = (False, False)
+
+    def event(self, name: str, t_s: float, **_details: object) -> None:
+        """Look at the world once more when the wheels have stopped for good."""
+        if name == "wheels_stopped":
+            self._log.note("truth", t_s, _truth(self._world))
 
     def tick(self, record: TickRecord) -> None:
         """Look at the world at a control tick."""
@@ -83,13 +97,14 @@ class GroundTruthLog(PartialLog):
 
 
 def _truth(world: SimulatedWorld) -> dict[str, float | bool]:
-    """Return the pose in the forest's own metres, x east and y north, and what holds the rover."""
+    """Return the pose in the forest's own metres, x east and y north, the way so far, and what holds the rover."""
     return {
         "x_m": round(world.x_m, 4),
         "y_m": round(world.y_m, 4),
         "heading_deg": round(degrees(world.heading_rad) % 360.0, 2),
         "pitch_deg": round(world.pitch_deg, 2),
         "roll_deg": round(world.roll_deg, 2),
+        "driven_m": round(world.path_m, 3),
         "slipping": world.slipping,
         "touching": world.touch is not None,
     }

@@ -42,20 +42,18 @@ def seconds_since(first: Mapping[str, Any], record: Mapping[str, Any]) -> float:
     return round(float(record["t_s"]) - float(first["t_s"]), ELAPSED_DECIMALS)
 
 
-def clock_zero_s(header: Mapping[str, Any], first: Mapping[str, Any], last: Mapping[str, Any]) -> float | None:
+def clock_zero_s(last: Mapping[str, Any]) -> float | None:
     """Return the wall time, seconds since 1970, at which a log's ``t_s`` was zero; None where nothing tells.
 
-    The last record says it best, because a rover's computer may find the right time only after a while. Where ``t_s``
-    did not run as fast as the clock (a demo's), only the first record says when the run began.
+    The last record says it best, because a rover's computer may find the right time only after a while.
     """
-    told = last if (number(header, "time_scale") or 1.0) == 1.0 else first
-    wall_s, t_s = number(told, "t_wall"), number(told, "t_s")
+    wall_s, t_s = number(last, "t_wall"), number(last, "t_s")
     return None if wall_s is None or t_s is None else wall_s - t_s
 
 
-def began_wall_s(header: Mapping[str, Any], first: Mapping[str, Any], last: Mapping[str, Any]) -> float | None:
+def began_wall_s(first: Mapping[str, Any], last: Mapping[str, Any]) -> float | None:
     """Return the wall time at which a run began, seconds since 1970; None where the clock was never set."""
-    zero_s, first_t_s = clock_zero_s(header, first, last), number(first, "t_s")
+    zero_s, first_t_s = clock_zero_s(last), number(first, "t_s")
     began_s = None if zero_s is None or first_t_s is None else zero_s + first_t_s
     return began_s if began_s is not None and began_s >= CLOCK_SET_S else None
 

@@ -49,7 +49,7 @@ class FieldLog:
         details: Mapping[str, Any],
         wall: WallClock = wall_clock,
         t_s: float = 0.0,
-        viewers: Sequence[Callable[[Record], None]] = (),
+        viewers: Sequence[Callable[[Record], object]] = (),
     ) -> None:
         self._sink = sink
         self._wall = wall

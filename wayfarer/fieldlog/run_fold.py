@@ -114,6 +114,7 @@ class RunFold:
         state, before = self.state, self.state.tick
         state.tick = tick = Tick.of(elapsed_s, record)
         state.ticks += 1
+        tick.driven_m = state.driven_m
         for sensor in ("compass", "motion", "contact"):
             if (reading := record.get(sensor)) and self._sensor(sensor).take(reading):
                 tick.fresh += (sensor,)
@@ -226,6 +227,7 @@ class RunFold:
 
     def _truth(self, elapsed_s: float, record: Record) -> Events:
         where = fields_of(Truth, record)
+        self.state.driven_m = where.get("driven_m", self.state.driven_m)
         return [Truth(elapsed_s, record["t_s"], **where)] if {"x_m", "y_m"} <= where.keys() else []
 
     def _fault(self, elapsed_s: float, record: Record) -> Events:

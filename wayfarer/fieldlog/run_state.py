@@ -32,8 +32,9 @@ class RunState:
 
     ``mode`` is ``disarmed``, ``arming``, ``armed`` or ``ended``. ``place`` is the latest by dead reckoning, metres from
     where the log begins, and ``start`` where the rover was first armed, if that is in the log (``from_start``; None: it
-    was not armed yet). ``path_m`` is the way by dead reckoning, ``commanded_m`` the one commanded, both forwards and
-    backwards added up. ``mission_s`` and ``mission_m`` are those of the last mission.
+    was not armed yet). ``path_m`` is the way by dead reckoning, ``commanded_m`` the one commanded, and
+    ``driven_m`` the true one of a simulated rover, None of any other; all three forwards and backwards added up.
+    ``mission_s`` and ``mission_m`` are those of the last mission.
 
     ``armed_s`` is the time armed, ``held_s`` the part of it with the wheels held, by cause, ``limited_s`` that of
     driving with limits (level ``degrade``). ``cause_since_s`` is when the present cause began. ``anomalies`` counts
@@ -62,6 +63,7 @@ class RunState:
     from_start: bool | None = None
     path_m: float = 0.0
     commanded_m: float | None = None
+    driven_m: float | None = None
     mission_s: float = 0.0
     mission_m: float = 0.0
     armed_s: float = 0.0

@@ -69,7 +69,6 @@ class Header:
     dry_run: Flag = None
     log: Text = None
     start_delay_s: Lasting = None
-    time_scale: Annotated[float | None, Values(NUMBER, 1e-3, 1e6)] = None
     boot_id: Text = None
     trial: Count = None
     forest: Count = None
@@ -105,12 +104,12 @@ class Header:
 class Tick(RunEvent):
     """One control tick, under the names of its keys.
 
-    ``motion`` is NaN where the motion sensor could not tell. The fold adds the last six fields: ``period_s`` since the
+    ``motion`` is NaN where the motion sensor could not tell. The fold adds the last seven fields: ``period_s`` since the
     tick before, NaN where records are missing between the two; ``place``, where dead reckoning has the rover, None
     without a heading; ``before``, that of the tick before or None, where records are missing between the two;
     ``path_m``, how far it went; ``measured_m_s``, the speed that the motion sensor measured last, NaN where it could
-    not for a while; and ``fresh``, the sensors that have spoken since the tick before. A fold that does not reckon
-    gives no places.
+    not for a while; ``fresh``, the sensors that have spoken since the tick before; and ``driven_m``, the true way of a
+    simulated rover when it was last written, None for any other. A fold that does not reckon gives no places.
     """
 
     record: Record
@@ -147,6 +146,7 @@ class Tick(RunEvent):
     path_m: float = 0.0
     measured_m_s: float = nan
     fresh: tuple[str, ...] = ()
+    driven_m: float | None = None
 
     @property
     def n(self) -> int | None:
@@ -217,13 +217,17 @@ class Computer(RunEvent):
 
 @dataclass(slots=True)
 class Truth(RunEvent):
-    """Where a simulated rover really is, in the metres of its forest; what is not said of its body is 0."""
+    """Where a simulated rover really is, in the metres of its forest; what is not said of its body is 0.
+
+    ``driven_m`` is the way so far, forwards and backwards added up; None in older logs.
+    """
 
     x_m: Annotated[float, METRES]
     y_m: Annotated[float, METRES]
     heading_deg: Annotated[float, ANGLE] = 0.0
     pitch_deg: Annotated[float, ANGLE] = 0.0
     roll_deg: Annotated[float, ANGLE] = 0.0
+    driven_m: Metres = None
     slipping: Flag = None
     touching: Flag = None
 

@@ -52,13 +52,6 @@ def test_time_is_total_armed_and_held_by_cause() -> None:
     assert found.limited_s == {"battery_low": pytest.approx(1.0)}
 
 
-def test_run_with_a_faster_clock_began_when_its_first_record_says() -> None:
-    """A demo: ``t_s`` goes six times as fast as the clock."""
-    ended = outcome(180.0) | {"t_wall": BEGAN_WALL_S + 30.0}
-    found = summarise([HEADER | {"time_scale": 6.0}, tick(60.0, t_wall=BEGAN_WALL_S + 10.0), ended])
-    assert (found.began_wall_s, found.lasted_s) == (BEGAN_WALL_S, 180.0)
-
-
 def test_run_began_when_the_clock_that_was_right_at_its_end_says() -> None:
     wrong = {"t_wall": 100.0}
     assert summarise([HEADER | wrong, tick(1.0) | wrong, outcome(3.0)]).began_wall_s == pytest.approx(BEGAN_WALL_S)

@@ -23,15 +23,11 @@ def read_clock_zero_s(reader: RunReader) -> float:
     Raises:
         BadInput: the run cannot be read, or no record has a wall time.
     """
-    header: Record = {}
-    first: Record = {}
     last: Record = {}
     for record in reader:
-        if record["record"] == "run":
-            header = header or record
         if record.get("t_wall") is not None:
-            first, last = first or record, record
-    zero_s = clock_zero_s(header, first, last)
+            last = record
+    zero_s = clock_zero_s(last)
     if zero_s is None:
         raise BadInput(f"{reader.run}: no record of this log has a wall time (see wayfarer logs check)")
     return zero_s

@@ -12,7 +12,9 @@ from wayfarer.fieldlog.vocabulary import PHASE_TEXTS
 from wayfarer.views import palette
 
 # In this order they make one script; each is about one thing.
-SCRIPTS = ("words.js", "map.js", "dial.js", "panel.js", "legend.js", "demo.js", "connection.js", "main.js")
+SCRIPTS = (
+    "words.js", "map.js", "zoom.js", "dial.js", "curves.js", "panel.js", "legend.js", "demo.js", "connection.js", "main.js",
+)  # fmt: skip
 
 
 class Document(NamedTuple):

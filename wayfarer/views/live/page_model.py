@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections import deque
 from typing import Any
 
+from wayfarer.angles import wrap180
 from wayfarer.fieldlog.clock import duration_text
 from wayfarer.fieldlog.run_events import AnomalyBegan, Ended, PhaseChanged, RunBegan
 from wayfarer.fieldlog.run_fold import RunFold
@@ -25,6 +26,8 @@ from wayfarer.views.trail import Trail
 LINES = 200  # about the run; half an hour of a rover that drives
 MARKS = 400  # anomalies that are drawn; the oldest go first
 PHASES_KEPT = 400
+COURSE_POINTS = 600  # of heading and C over time; the page shows two minutes of them
+COURSE_S = 0.2  # between two of them
 FURTHER_CHARS = 500  # of what else a tick says; what a third party's algorithm remembers has no bound
 TRACK_POINTS = 3000  # some 75 kB for a new viewer; 150 m at the first spacing, 1.2 km at the fourth
 TRACK_SPACING_M = 0.05  # less than the line is wide
@@ -43,6 +46,7 @@ class PageModel:
         self._lines: deque[list[str]] = deque(maxlen=LINES)
         self._marks: deque[list[Any]] = deque(maxlen=MARKS)
         self._phases: deque[list[Any]] = deque(maxlen=PHASES_KEPT)
+        self._course: deque[list[Any]] = deque(maxlen=COURSE_POINTS)
         self._news: dict[str, Any] = {}
         self._about: dict[str, Any] = {}
         self._why = ""
@@ -65,6 +69,7 @@ class PageModel:
             "track": list(self._trail.points),
             "marks": list(self._marks),
             "phases": list(self._phases),
+            "course": list(self._course),
             "lines": list(self._lines),
             "outcome": _outcome(self._fold.state.ended),
             "state": self.state(),
@@ -105,17 +110,29 @@ class PageModel:
             "anomalies": [in_words(kind) for kind in tick.anomalies],
             "counts": [[in_words(kind), count] for kind, count in run.anomalies.most_common()],
             "wheels": [tick.applied_left, tick.applied_right],
-            "mission_s": round(run.mission_s, 1),
-            "mission_m": round(run.mission_m, 2),
+            **self._totals(),
             "battery_v": run.board.battery_v,
             "faults": list(run.board.faults),
             "sensors": [[name, _sensor(sensor, run.t_s)] for name, sensor in run.sensors.items()],
             "place": self._place,
         }
 
+    def _totals(self) -> dict[str, Any]:
+        """Return time and way, as all other views tell them, and from when or by whom they are counted."""
+        run = self._fold.state
+        in_trial, knows_way = run.header.trial is not None, run.driven_m is not None
+        return {
+            "time_text": duration_text(run.elapsed_s if in_trial else run.mission_s),
+            "time_of": "in all" if in_trial else "mission",
+            "way_m": run.driven_m if knows_way else round(run.mission_m, 2),
+            "way_of": "driven" if knows_way else "commanded",
+        }
+
     # -- what happened -------------------------------------------------------------------------------------------
 
     def _take(self, event: RunEvent) -> None:
+        if isinstance(event, Tick):
+            self._follow_course(event)
         match event:
             case Tick(place=place) if place is not None and self._fold.state.header.world is None:
                 self._move(place.east_m, place.north_m, place.heading_deg)
@@ -130,6 +147,15 @@ class PageModel:
                 self._about = _about(header)
             case Ended():
                 self._news["outcome"] = _outcome(event)
+
+    def _follow_course(self, tick: Tick) -> None:
+        """Keep the heading relative to the goal, clockwise positive, and C; None for what is not known."""
+        if self._course and 0.0 <= tick.t_s - self._course[-1][0] < COURSE_S:
+            return
+        goal_deg, heading_deg, counter_deg = self._fold.state.goal_heading_deg, tick.heading_deg, tick.counter_deg
+        off_deg = None if goal_deg is None or heading_deg is None else round(wrap180(heading_deg - goal_deg), 1)
+        told_c_deg = None if counter_deg is None else round(counter_deg, 1)
+        self._tell("course", self._course, [round(tick.t_s, 2), off_deg, told_c_deg])
 
     def _move(self, east_m: float, north_m: float, heading_deg: float) -> None:
         self._place = (round(east_m, 3), round(north_m, 3), round(heading_deg, 1))

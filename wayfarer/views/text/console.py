@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from shlex import quote
 
-from wayfarer.fieldlog.clock import local_time
+from wayfarer.fieldlog.clock import duration_text, local_time
 from wayfarer.fieldlog.fields import safe_text
 from wayfarer.fieldlog.run_events import event_name
 from wayfarer.fieldlog.run_fold import RunFold
@@ -18,8 +18,10 @@ from wayfarer.views.text.run_narrator import RunNarrator, Verbosity
 class Console:
     """Takes the records of a run and writes a line with the wall time for each thing that happens.
 
+    A trial has virtual time: its lines have the time since it began, as everywhere else.
+
     Args:
-        hint: what to do with a rover that is ready; told once it is.
+        hint: what to do with a rover that is ready; told once it is. Empty for none.
         write: takes a line for stderr, and must not wait.
         then: the command that comes next, told with the run's folder at its end; empty for none.
     """
@@ -36,12 +38,15 @@ class Console:
         kind = record["record"]
         if kind == "outcome" and record["reason"] == "failed":
             return  # the command itself tells of its error
-        at = local_time(record["t_wall"], "%H:%M:%S")
-        for line in self._narrator.tell(self._fold.take(record)):
+        told = self._narrator.tell(self._fold.take(record))
+        state = self._fold.state
+        in_trial = state.header.trial is not None
+        at = duration_text(state.elapsed_s, 1) if in_trial else local_time(record["t_wall"], "%H:%M:%S")
+        for line in told:
             self._write(f"{at}  {painted(line.text, line.tone.value, sys.stderr)}")
         if kind == "run":
             self._log = safe_text(record, "log") or ""
-        elif kind == "event" and event_name(record) == "opened":
+        elif kind == "event" and event_name(record) == "opened" and self._hint:
             self._write(f"{at}  disarmed. {self._hint}")
         elif kind == "outcome" and self._then:
             self._write(f"Next: {self._then} {quote(self._log)}")

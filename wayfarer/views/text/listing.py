@@ -38,6 +38,7 @@ class RunRow(NamedTuple):
     algorithm: str | None = None
     simulated: bool | None = None
     dry_run: bool | None = None
+    driven_m: float | None = None
     commanded_m: float | None = None
     episodes: int | None = None
     outcome: str = UNREADABLE
@@ -52,6 +53,11 @@ def _began(row: RunRow) -> str:
     return local_time(row.began_wall_s, "%Y-%m-%d %H:%M")
 
 
+def _whole_metres(distance_m: float | None) -> str:
+    """Return a distance in a few characters; empty where it is not known."""
+    return "" if distance_m is None else f"{distance_m:.0f}"
+
+
 # The columns by their titles.
 CELLS: Mapping[str, Callable[[RunRow], str]] = {
     "run": lambda row: row.run if row.number is None else str(row.number),
@@ -59,7 +65,7 @@ CELLS: Mapping[str, Callable[[RunRow], str]] = {
     "lasted": lambda row: duration_text(row.lasted_s),
     "rover": lambda row: "".join([row.rover or "", " (sim)" * bool(row.simulated), " (dry)" * bool(row.dry_run)]),
     "algorithm": lambda row: row.algorithm or "",
-    "m": lambda row: "" if row.commanded_m is None else f"{row.commanded_m:.0f}",
+    "m": lambda row: _whole_metres(row.commanded_m if row.driven_m is None else row.driven_m),
     "episodes": lambda row: "" if row.episodes is None else str(row.episodes),
     "outcome": lambda row: row.outcome,
     "MB": lambda row: "" if row.size_bytes is None else f"{row.size_bytes / MB:.1f}",
@@ -115,12 +121,13 @@ def _row(run: Path, now_wall_s: float) -> RunRow:
         title,
         count,
         header.trial,
-        began_wall_s(header.record, first, end) if header.trial is None else None,
+        began_wall_s(first, end) if header.trial is None else None,
         end["t_s"] - first["t_s"] if end else None,
         header.rover,
         header.algorithm,
         header.simulated,
         header.dry_run,
+        number(last.get("truth", {}), "driven_m"),
         number(tick, "travelled_m"),
         integer(tick, "episodes"),
         _outcome(last.get("outcome"), alive=abs(now_wall_s - written_s) < ALIVE_S),

@@ -170,11 +170,12 @@ def _doing(tick: Tick) -> str:
 
 
 def _placed(told: str, tick: Tick) -> str:
-    """Add the heading, the counter C and the commanded distance, as far as they are known."""
+    """Add the heading, the counter C and the way, as far as they are known: the true one or else the commanded one."""
     heading = "" if tick.heading_deg is None else f"heading {whole_deg(tick.heading_deg)}"
     counter = "" if tick.counter_deg is None else f"C {round(tick.counter_deg):+}"
-    travelled = "" if tick.travelled_m is None else f"{tick.travelled_m:.1f} m"
-    known = ", ".join(filter(None, [heading, counter, travelled]))
+    way_m = tick.travelled_m if tick.driven_m is None else tick.driven_m
+    way = "" if way_m is None else f"{way_m:.1f} m"
+    known = ", ".join(filter(None, [heading, counter, way]))
     return f"{told} ({known})" if known else told
 
 

@@ -71,8 +71,9 @@ class RunSummary:
 
     ``trial`` is the number of a simulated trial, which has virtual time and no ``began_wall_s``. ``lasted_s`` is from
     the first record to the last, ``armed_s`` the part of it while armed, ``held_s`` the part of that with the wheels
-    held, by cause, ``limited_s`` that of driving with limits. ``commanded_m`` is the commanded distance and
-    ``reckoned_m`` that of dead reckoning, both forwards and backwards added up.
+    held, by cause, ``limited_s`` that of driving with limits. ``driven_m`` is the true distance of a
+    simulated rover, ``commanded_m`` the commanded one and ``reckoned_m`` that of dead reckoning, all three forwards and
+    backwards added up.
 
     ``anomalies`` counts beginnings by kind, ``episodes`` those of all missions, ``recoveries`` how often the rover
     backed off, ``exhausted`` the phases that reached their bound. ``late_ticks`` came more than ``tick_late_s`` of the
@@ -92,6 +93,7 @@ class RunSummary:
     armed_s: float
     held_s: Mapping[str, float]
     limited_s: Mapping[str, float]
+    driven_m: float | None
     commanded_m: float | None
     reckoned_m: float
     anomalies: Mapping[str, int]
@@ -153,11 +155,12 @@ class RunSummariser:
             trial=header.trial,
             simulated=header.simulated,
             dry_run=header.dry_run,
-            began_wall_s=began_wall_s(header.record, state.first, state.last),
+            began_wall_s=began_wall_s(state.first, state.last),
             lasted_s=state.lasted_s,
             armed_s=state.armed_s,
             held_s=dict(state.held_s),
             limited_s=dict(state.limited_s),
+            driven_m=state.driven_m,
             commanded_m=state.commanded_m,
             reckoned_m=state.path_m,
             anomalies=dict(state.anomalies),

@@ -93,7 +93,8 @@ def distance_line(summary: RunSummary) -> str:
     """Say how far the rover went."""
     if summary.commanded_m is None:
         return ""
-    return f"{summary.commanded_m:.1f} m commanded, {summary.reckoned_m:.1f} m by dead reckoning"
+    driven = "" if summary.driven_m is None else f"{summary.driven_m:.1f} m driven, "
+    return f"{driven}{summary.commanded_m:.1f} m commanded, {summary.reckoned_m:.1f} m by dead reckoning"
 
 
 def counted(counts: Mapping[str, int]) -> str:

@@ -7,19 +7,19 @@ function writeDemo(demo, ended) {
   element("next").hidden = !demo || !ended;
   if (!demo) return;
   write("pace", demo.paused ? "Paused." : `Shown ${times(demo.speed)}.`);
-  write("pause", demo.paused ? "Go on" : "Pause");
-  write("seed", `forest ${demo.seed}`);
+  write("pause", demo.paused ? "Go on" : "Pause the clock");
+  write("seed", `seed ${demo.seed}`);
   write("next-report", `wayfarer report ${demo.log}`);
   write("next-log", `wayfarer logs show ${demo.log}`);
-  element("pause").hidden = element("speeds").hidden = ended;
   for (const button of element("speeds").children) {
     button.setAttribute("aria-pressed", Number(button.dataset.times) === demo.speed);
   }
 }
 
-// Without a connection nothing can be asked for.
-function enableDemo(connected) {
+// Without a connection nothing can be asked for; after a run there is nothing to pause. A speed counts for the next run too.
+function enableDemo(connected, ended) {
   for (const button of element("demo").querySelectorAll("button")) button.disabled = !connected;
+  element("pause").disabled ||= ended;
 }
 
 function askDemo(request) {

@@ -3,9 +3,9 @@
 const OLD_S = 1; // ten states come a second: what is older than this must not look alive
 const REPLY_S = 6; // long enough to read a refusal twice
 const ANSWER_S = 2; // an answer that takes longer is missed
-const KEPT = { track: 8000, marks: 400, phases: 400 }; // as the server keeps; it sends a thinner track in time
+const KEPT = { track: 8000, marks: 400, phases: 400, course: 600 }; // as the server keeps; it sends a thinner track in time
 
-const model = { about: {}, forest: null, track: [], marks: [], phases: [], outcome: null, state: null, mayStart: false };
+const model = { about: {}, forest: null, track: [], marks: [], phases: [], course: [], outcome: null, state: null, mayStart: false };
 const connection = new Connection(take, takeToken());
 let drawing = false;
 let unsaid; // the timer of what is said about the last request
@@ -76,6 +76,7 @@ function redraw() {
     writeDemo(model.state.demo, model.outcome !== null);
     drawDial(model.state);
     drawMap(element("map"), model);
+    drawCurves(element("curves"), model.course, model.state);
     drawStrip(element("strip"), model.phases, model.state.t_s);
     watchAge();
   });
@@ -97,7 +98,7 @@ function watchAge() {
   if (model.state) writeSensors(model.state.sensors, model.outcome ? null : silentS);
   for (const id of ["resume", "send-mark"]) element(id).disabled = isOld; // what waits in a dead connection is done later, unseen
   showHowToArm(isOld);
-  enableDemo(connection.isOpen);
+  enableDemo(connection.isOpen, model.outcome !== null);
   showBanner(isOld, silentS);
 }
 
@@ -121,8 +122,13 @@ function showBanner(isOld, silentS) {
   banner.className = model.outcome ? (ENDS[model.outcome.reason] ?? "") : "";
   element("again").hidden = connection.isOpen && !(model.outcome && !model.state.demo);
   write("again", model.outcome ? "Look for a new run" : "Try now");
-  if (model.outcome) write("banner-text", `The run has ended: ${model.outcome.text}.${afterwards()}`);
+  if (model.outcome) write("banner-text", `The run has ended: ${model.outcome.text}${totalsText(model.state)}.${afterwards()}`);
   else if (isOld) write("banner-text", lostText(silentS));
+}
+
+// How far it drove and for how long, where that is known and not only commanded.
+function totalsText(state) {
+  return state.way_of === "driven" ? `, ${fixed(state.way_m, 1, " m")} driven in ${state.time_text}` : "";
 }
 
 function afterwards() {
@@ -170,6 +176,7 @@ document.addEventListener("visibilitychange", () => document.hidden || connectio
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 
 prepareDial();
+prepareMap(element("map"));
 prepareDemo();
 setInterval(watchAge, 250);
 connection.open();

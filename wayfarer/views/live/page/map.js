@@ -46,12 +46,18 @@ function fit(box, width, height) {
   const margin = 20;
   const scale = Math.min((width - 2 * margin) / (box.east - box.west), (height - 2 * margin) / (box.north - box.south));
   const middleX = (box.west + box.east) / 2, middleY = (box.south + box.north) / 2;
-  return { scale, at: (east, north) => [width / 2 + (east - middleX) * scale, height / 2 - (north - middleY) * scale] };
+  return seenFrom([middleX, middleY], scale, width, height);
+}
+
+// With `middle` in the middle of the canvas, and `scale` pixels a metre.
+function seenFrom(middle, scale, width, height) {
+  const [east0, north0] = middle;
+  return { middle, scale, at: (east, north) => [width / 2 + (east - east0) * scale, height / 2 - (north - north0) * scale] };
 }
 
 function drawMap(canvas, model) {
   const { pen, width, height } = sharp(canvas);
-  const view = fit(bounds(model), width, height);
+  const view = zoomed(fit(bounds(model), width, height), model.state.place, width, height);
   if (model.forest) drawForest(pen, view, model.forest, width);
   drawTrack(pen, view, model.track);
   drawMarks(pen, view, model.marks);

@@ -6,12 +6,13 @@ function writeAbout(about) {
   const marks = [about.simulated && "simulated", about.dry_run && "dry run"].filter(Boolean);
   write("rover", about.rover || "wayfarer");
   write("about", [about.algorithm, ...marks, about.version && `wayfarer ${about.version}`].filter(Boolean).join(", "));
-  document.title = `${about.rover ?? "no run yet"}: wayfarer`;
 }
 
 function writeState(state, mayStart) {
   const ended = state.mode === "ended"; // and nothing is measured any more
-  write("mode", state.held && state.mode === "armed" ? "Held" : MODES[state.mode] || state.mode);
+  const mode = state.held && state.mode === "armed" ? "Held" : MODES[state.mode] || state.mode;
+  write("mode", mode);
+  document.title = `${model.about.rover ?? "no run yet"}: ${mode} - wayfarer`;
   write("why-disarmed", state.mode === "disarmed" ? state.why_disarmed : "");
   const since = known(state.cause_for_s) ? ` (for ${clock(state.cause_for_s)})` : "";
   write("health", ended ? "" : `${[state.level_text, state.cause_text].filter(Boolean).join(": ")}${since}`);
@@ -19,8 +20,10 @@ function writeState(state, mayStart) {
   element("health").className = ["hold", "fault", "degrade"].includes(state.level) ? "bad" : "";
   write("phase", ended ? "" : state.phase_text);
   write("why", ended ? "" : state.why_text);
-  write("mission-time", clock(state.mission_s));
-  write("mission-m", fixed(state.mission_m, 1, " m"));
+  write("time", state.time_text);
+  write("time-of", state.time_of);
+  write("way", fixed(state.way_m, 1, " m"));
+  write("way-of", state.way_of);
   write("heading", whole(state.heading_deg));
   write("goal", whole(state.goal_heading_deg));
   write("counter", signed(state.counter_deg));
