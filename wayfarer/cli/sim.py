@@ -9,7 +9,7 @@ import typer
 
 from wayfarer.cli import trial_options as options
 from wayfarer.cli.extras import require
-from wayfarer.cli.options import AsJson, check_together, examples
+from wayfarer.cli.options import AsJson, check_together, command_line, examples
 from wayfarer.cli.trial_options import RUNNING, PhysicsName
 
 EXAMPLES = examples(
@@ -208,8 +208,9 @@ def sim(
     if trial is None:
         raise typer.Exit(
             sim_command.run_all(
-                campaign, out, resume=resume, jobs=jobs, cluster=cluster, forests=forests, log=log, as_json=as_json
-            )
+                campaign, out, resume=resume, jobs=jobs, cluster=cluster, forests=forests, log=log, as_json=as_json,
+                command=command_line(ctx),
+            )  # fmt: skip
         )
     if video:
         raise typer.Exit(sim_command.film_alone(campaign, trial, log, video, video_speed or 1.0, as_json=as_json))

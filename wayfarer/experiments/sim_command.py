@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from pathlib import Path
@@ -41,11 +42,13 @@ def run_all(
     forests: str | Path | None = None,
     log: Path | None = None,
     as_json: bool = False,
+    command: Sequence[str] | None = None,
     run_trial: RunTrial = field_trial,
 ) -> int:
     """Run a campaign, show it, print its table or what ``summary.json`` holds, and return the exit code.
 
-    ``forests`` is what the campaign's forests were read from (``campaign.read_forest_file``); ``out`` keeps a copy.
+    ``forests`` is what the campaign's forests were read from (``campaign.read_forest_file``); ``out`` keeps a copy, and
+    ``command``, the command line.
     With ``log`` each trial's full field log goes into a separate folder there. With ``cluster``, the address of a
     Dask scheduler, the trials run on its workers, else in ``jobs`` processes.
 
@@ -59,7 +62,7 @@ def run_all(
         run_trial = partial(logged_trial, log)
     with (
         _connected(cluster) as workers,
-        ResultsFolder(out, campaign.settings(), resume=resume) if out else nullcontext() as folder,
+        ResultsFolder(out, campaign.settings(), resume=resume, command=command) if out else nullcontext() as folder,
     ):
         if folder and forests:
             folder.keep_forests(content_of(forests))

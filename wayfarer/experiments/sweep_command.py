@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -38,15 +38,18 @@ def run_all(
     resume: bool = False,
     jobs: int = 1,
     as_json: bool = False,
+    command: Sequence[str] | None = None,
     run_trial: RunTrial = field_trial,
 ) -> int:
     """Run a sweep, show it, print its table or the same as JSON, and return the exit code.
+
+    ``command`` is the command line, which the folder keeps.
 
     Raises:
         BadInput: ``out`` cannot be used.
         WayfarerError: a worker died, or ``out`` cannot be written any more; finished trials are kept.
     """
-    with ResultsFolder(out, sweep.settings(), resume=resume) as folder:
+    with ResultsFolder(out, sweep.settings(), resume=resume, command=command) as folder:
         finished = run_shown(sweep, folder, jobs=jobs, run_trial=run_trial)
     if finished.interrupted:
         return INTERRUPTED
