@@ -19,7 +19,7 @@ from wayfarer.experiments.progress_bar import fault_line, say, shown_progress
 from wayfarer.experiments.results_folder import ResultsFolder, tasks_of
 from wayfarer.experiments.rows import columns_of, csv_line
 from wayfarer.experiments.run_campaign import CampaignRun
-from wayfarer.experiments.tables import FOREST_LAYOUT, Layout, print_table
+from wayfarer.experiments.tables import FOREST_LAYOUT, Layout, print_table, spl_hint
 from wayfarer.simhal.world.forest_file import content_of
 from wayfarer.views.text.scripting import print_json, say_next
 
@@ -81,6 +81,8 @@ def run_all(
     console = Console()
     print_table(console, finished.summaries, _layout(campaign))
     say(console, SITE_LEGEND if campaign.scenario else LEGEND)
+    if hint := spl_hint(finished.summaries):
+        say(console, hint)
     say(console, _effort(finished))
     if out:
         say(Console(stderr=True), f"the results are in {out}")
