@@ -84,7 +84,7 @@ def _overview(results: CampaignResults, plots: Plots) -> Iterator[str]:
         ),
         drawn(failures_figure(summaries), words.FAILURES_CAPTION, "Trials that did not get out, by algorithm"),
     )
-    legend = (words.SUCCESS, words.SPL if results.shortest_paths_m else words.NO_SPL)
+    legend = (words.SUCCESS, words.SPL if results.shortest_paths_m else "")
     yield html.section("Results beside the paper's", _results_table(results), *map(html.paragraph, legend))
     if len(rows) > 1:
         yield html.section("Paired comparison", *comparison_section(results, plots))

@@ -79,11 +79,11 @@ def _layouts_table(results: CampaignResults) -> str:
     failures = {forest: _failures_by_algorithm(rows) for forest, rows in by_layout.items()}
     worst = sorted((forest for forest in failures if failures[forest]), key=lambda at: (-failures[at].total(), at))
     rows = [
-        ("", [str(forest), f"{failures[forest].total()} of {len(by_layout[forest])}", _named(failures[forest])])
+        ("", [f"forest {forest}", f"{failures[forest].total()} of {len(by_layout[forest])}", _named(failures[forest])])
         for forest in worst[:MOST_LAYOUTS]
     ]
     more = f", the first {MOST_LAYOUTS} of {len(worst)}" if len(worst) > MOST_LAYOUTS else ""
-    return html.table(f"Layouts with failures{more}", ["forest", "failed trials", "of"], rows)
+    return html.table(f"Layouts with failures{more}", ["layout", "failed trials", "algorithms"], rows)
 
 
 def _failures_by_algorithm(rows: Sequence[TrialRow]) -> Counter[str]:

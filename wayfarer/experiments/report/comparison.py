@@ -61,8 +61,8 @@ def comparison_section(results: CampaignResults, plots: Plots) -> Iterator[str]:
     columns = known(COLUMNS, [base, *others])
     rows = [("", [str(column.cell(one)) for column in columns]) for one in (base, *others)]
     yield html.table("As `wayfarer compare` prints it", [column.title for column in columns], rows)
-    yield html.bullets(sentences([base, *others]))
-    yield from map(html.paragraph, LEGEND.format(base.layouts).splitlines())
+    yield from map(html.paragraph, sentences([base, *others]))
+    yield html.bullets(LEGEND.format(base.layouts).splitlines())
 
 
 def gain_figure(gain: Gain, found: dict[str, Difference]) -> Figure:

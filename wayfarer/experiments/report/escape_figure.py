@@ -30,6 +30,8 @@ LEGEND: Mapping[str, Any] = {
     "glyph_width": 32,
     "spacing": -4,
     "padding": 0,
+    # Bokeh reads --bk-label-text-color before the legend has a place in the page, and finds none.
+    "stylesheets": [".bk-label { color: var(--ink) !important; }"],
 }
 
 

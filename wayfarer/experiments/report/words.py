@@ -22,7 +22,6 @@ SPL = (
     "SPL, success weighted by path length: the mean over all trials of shortest path divided by path driven, a failure "
     "counting 0."
 )
-NO_SPL = "SPL, success weighted by path length, is not known: it needs shortest paths, which --spl computes."
 ESCAPE = (
     "Share of all trials that have escaped by a path of that length; one that was entrapped, tipped or faulty counts "
     "as not escaped at any length (a tick marks the longest of them). The percentage is where the curve ends, as in "
@@ -33,8 +32,8 @@ FAILURES_CAPTION = (
     "paper's, which gives a number for Forest-Pledge alone (section IV)."
 )
 NO_SHORTEST_PATHS = (
-    "The shortest paths of these forests are not known. Run the campaign again with --spl, which computes them, or "
-    "with a file of forests that gives shortest_path_m."
+    "The shortest paths of these forests are not known, and so neither is SPL, success weighted by path length. Run the "
+    "campaign again with --spl, which computes them, or with a file of forests that gives shortest_path_m."
 )
 GALLERY = (
     "Failures first, then the longest paths; each algorithm is drawn once before one is drawn again. These are "
