@@ -206,12 +206,11 @@ def sim(
     commands.check_body(campaign, rover)
     commands.check_rover(campaign.rover, campaign.depth, rover)
     if trial is None:
-        raise typer.Exit(
-            sim_command.run_all(
-                campaign, out, resume=resume, jobs=jobs, cluster=cluster, forests=forests, log=log, as_json=as_json,
-                command=command_line(ctx),
-            )  # fmt: skip
-        )
+        code = sim_command.run_all(
+            campaign, out, resume=resume, jobs=jobs, cluster=cluster, forests=forests, log=log, as_json=as_json,
+            command=command_line(ctx),
+        )  # fmt: skip
+        raise typer.Exit(code)
     if video:
         raise typer.Exit(sim_command.film_alone(campaign, trial, log, video, video_speed or 1.0, as_json=as_json))
     raise typer.Exit(sim_command.run_alone(campaign, trial, log, as_json=as_json))

@@ -46,7 +46,8 @@ class Comparison:
 
     ``success_gain`` is over all pairs, in percentage points; ``spl_gain`` over all pairs whose shortest path is known,
     a failure counting 0; ``path_gain_m``, metres, negative where this one is shorter, over the pairs in which both got
-    out. They are None without such pairs, and for the algorithm that the others are compared with. ``entrapped`` and ``left_bounds`` are shares of the trials, 0..1.
+    out. They are None without such pairs, and for the algorithm that the others are compared with. ``entrapped`` and
+    ``left_bounds`` are shares of the trials, 0..1.
     ``worst`` is a trial that did not get out, else the longest path.
     """
 

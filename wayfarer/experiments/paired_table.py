@@ -33,7 +33,7 @@ def print_comparison(console: Console, algorithms: Sequence[Comparison]) -> None
         console.print(hint, highlight=False, soft_wrap=True)
     console.print()
     for sentence in sentences(algorithms):
-        console.print(sentence, highlight=False, markup=False, soft_wrap=True)
+        console.print(sentence, highlight=False, markup=False)
 
 
 def sentences(algorithms: Sequence[Comparison]) -> Iterator[str]:

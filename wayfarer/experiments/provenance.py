@@ -69,9 +69,7 @@ def read_runs(folder: Path) -> list[RecordedRun]:
     except OSError as error:
         raise BadInput(f"{path}: cannot be read: {error.strerror}") from None
     except ValidationError as error:
-        raise BadInput(
-            f"{path} is damaged: {key_and_problem(error)}; remove it: results do not depend on it"
-        ) from None
+        raise BadInput(f"{path} is damaged: {key_and_problem(error)}; remove it: results do not depend on it") from None
 
 
 def record_run(folder: Path, command: Sequence[str] | None) -> None:

@@ -1,4 +1,4 @@
-"""The paired comparison of a campaign's algorithms: forest plots, and the table and the words of ``wayfarer compare``."""
+"""The paired comparison of a campaign's algorithms: forest plots, table and words of ``wayfarer compare``."""
 
 from __future__ import annotations
 

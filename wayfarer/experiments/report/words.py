@@ -32,8 +32,8 @@ FAILURES_CAPTION = (
     "paper's, which gives a number for Forest-Pledge alone (section IV)."
 )
 NO_SHORTEST_PATHS = (
-    "The shortest paths of these forests are not known, and so neither is SPL, success weighted by path length. Run the "
-    "campaign again with --spl, which computes them, or with a file of forests that gives shortest_path_m."
+    "The shortest paths of these forests are not known, and so neither is SPL, success weighted by path length. Run "
+    "the campaign again with --spl, which computes them, or with a file of forests that gives shortest_path_m."
 )
 GALLERY = (
     "Failures first, then the longest paths; each algorithm is drawn once before one is drawn again. These are "
@@ -50,7 +50,7 @@ def title(results: CampaignResults) -> str:
     return f"{what} in {plural(trials, 'simulated forest trial')}{each}"
 
 
-def facts(settings: CampaignSettings, runs: Sequence[RecordedRun]) -> Iterator[tuple[str, str]]:
+def facts(settings: CampaignSettings, runs: Sequence[RecordedRun] = ()) -> Iterator[tuple[str, str]]:
     """Yield how the results were made, as far as the folder says, and everything that decides them."""
     rover, forests = settings.rover, settings.forests
     yield from facts_of(runs)
