@@ -11,7 +11,7 @@ from time import process_time
 
 from benchmarks.figures import Figure, timed
 from benchmarks.stack import spec_of
-from wayfarer.cli import is_compiled
+from wayfarer.control import is_compiled
 from wayfarer.experiments.trial import run_trial
 
 STEPS = 400_000

@@ -23,6 +23,7 @@ NEEDS = {
     "sweeping": OptionalExtra("sim", {"numpy": "numpy", "skfmm": "scikit-fmm", "pyarrow": "pyarrow"}),
     "--physics mujoco": OptionalExtra("physics", {"mujoco": "mujoco"}),
     "--video": OptionalExtra("physics", {"av": "av", "PIL": "pillow", "scipy": "scipy"}),
+    "--figures": OptionalExtra("figures", {"matplotlib": "matplotlib"}),
     "a report": OptionalExtra("sim", {"bokeh": "bokeh", "numpy": "numpy"}),
     "the live page": OptionalExtra("live", {"aiohttp": "aiohttp"}),
     "a table": OptionalExtra("sim", {"pyarrow": "pyarrow"}),

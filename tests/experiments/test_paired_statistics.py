@@ -81,7 +81,8 @@ def test_sentence_says_the_sign_in_words() -> None:
         "SPL 0.021 higher [0.021, 0.021], p < 0.001 (9 pairs)",
         "long against base: path 1.0 m longer [1.0, 1.0], p < 0.001 (8 pairs); "
         "SPL 0.006 lower [0.006, 0.006], p < 0.001 (8 pairs)",
-        "lost against base: SPL 0.500 lower [0.500, 0.500], p < 0.001 (9 pairs)",
+        "lost against base: success 100.0 %-points lower [100.0, 100.0], p < 0.001 (9 pairs); "
+        "SPL 0.500 lower [0.500, 0.500], p < 0.001 (9 pairs)",
     ]
 
 

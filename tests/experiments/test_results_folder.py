@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from tests.fieldlog.disks import files_no_longer_than
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.experiments.outcome import OUTCOMES
+from wayfarer.experiments.provenance import RUNS
 from wayfarer.experiments.results_folder import PARQUET, PARTIAL, SETTINGS, SUMMARY, TRIALS, ResultsFolder
 from wayfarer.experiments.rows import COLUMNS, TERRAIN, TrialRow, csv_line, parse_row, row_of
 from wayfarer.experiments.store import CHECKSUM, MOST_LINE_BYTES, line_of
@@ -103,7 +104,7 @@ def test_line_that_is_no_row_is_refused_with_its_place(line: str) -> None:
 
 def test_finished_folder_holds_whole_files_only(tmp_path: Path) -> None:
     fill(folder := tmp_path / "new" / "run", *ROWS, finished=True)
-    assert {path.name for path in folder.iterdir()} == {SETTINGS, TRIALS, PARQUET, SUMMARY}
+    assert {path.name for path in folder.iterdir()} == {SETTINGS, RUNS, TRIALS, PARQUET, SUMMARY}
     assert (folder / TRIALS).read_text() == csv_line(COLUMNS) + "".join(csv_line(COLUMNS, row) for row in ROWS)
     assert json.loads((folder / SUMMARY).read_text()) == {"ticks": 27}
 

@@ -4,6 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from wayfarer.cli import is_compiled
+from wayfarer.control import is_compiled
 
 breaks_the_product = pytest.mark.skipif(is_compiled(), reason="compiled classes cannot be broken from outside")

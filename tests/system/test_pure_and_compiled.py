@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from wayfarer.cli import is_compiled
+from wayfarer.control import is_compiled
 
 ROOT = Path(__file__).parents[2]
 pytestmark = [

@@ -11,8 +11,6 @@ import os
 import signal
 import sys
 from functools import cache, partial
-from importlib.machinery import EXTENSION_SUFFIXES
-from importlib.util import find_spec
 from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,6 +21,7 @@ from wayfarer import __version__
 from wayfarer.cli import commissioning, compare, control, demo, faults, listing, logs, replay, report, rover, sim, sweep
 from wayfarer.cli.help_texts import HELP_OPTIONS, HelpCommand, HelpGroup, error_text
 from wayfarer.cli.options import examples
+from wayfarer.control import is_compiled
 from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.fields import escape_control_chars
 from wayfarer.views.text.colour import painted
@@ -95,7 +94,8 @@ def run(arguments: list[str]) -> int:
 
 def _run(arguments: list[str]) -> int:
     try:
-        code = int(_command()(arguments, prog_name="wayfarer", standalone_mode=False) or 0)
+        # ``obj`` reaches each command as its context's: it may have to say how it was called.
+        code = int(_command()(arguments, prog_name="wayfarer", standalone_mode=False, obj=arguments) or 0)
         sys.stdout.flush()
         return code
     except WayfarerError as error:
@@ -124,12 +124,6 @@ def _fail(text: str, exit_code: int) -> int:
 def version_text() -> str:
     """Return the version in words, such as ``wayfarer 0.1.0 (compiled)``."""
     return f"wayfarer {__version__} ({'compiled' if is_compiled() else 'pure Python'})"
-
-
-def is_compiled() -> bool:
-    """Return whether the control tick runs as C, which does the same faster; see ``hatch_build.py``."""
-    controller = find_spec("wayfarer.control.controller")
-    return controller is not None and str(controller.origin).endswith(tuple(EXTENSION_SUFFIXES))
 
 
 def _print_version(asked: bool) -> None:

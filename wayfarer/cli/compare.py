@@ -20,13 +20,13 @@ def compare(
     results: Annotated[Path, typer.Argument(metavar="RESULTS", help="A folder that `wayfarer sim --out` wrote.")],
     *,
     against: Annotated[
-        str,
+        str | None,
         typer.Option(
             metavar="ALGORITHM",
             autocompletion=complete_algorithm,
-            help="The algorithm that the others are compared with.",
+            help="The algorithm that the others are compared with. (default: forest-pledge, else the first one)",
         ),
-    ] = "forest-pledge",
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Compare the algorithms of a campaign in pairs (same forest, same noise), with 95 % intervals."""
@@ -34,11 +34,14 @@ def compare(
     from rich.console import Console
 
     from wayfarer.experiments.paired_statistics import compare as compared
+    from wayfarer.experiments.paired_statistics import usual_baseline
     from wayfarer.experiments.paired_table import print_comparison
     from wayfarer.experiments.report.load_results import read_results
     from wayfarer.views.text.scripting import print_json
 
-    algorithms = compared(read_results(results).rows, against)
+    campaign = read_results(results)
+    against = against or usual_baseline(campaign.settings.algorithms)
+    algorithms = compared(campaign.rows, against)
     if as_json:
         print_json({"against": against, "algorithms": algorithms})
     else:

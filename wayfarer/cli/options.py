@@ -106,6 +106,11 @@ def examples(*commands: str) -> str:
 Pairs = Iterable[tuple[str, str]]
 
 
+def command_line(ctx: typer.Context) -> list[str]:
+    """Return the program's name and the arguments that it was called with."""
+    return ["wayfarer", *ctx.obj]
+
+
 def check_together(ctx: typer.Context, *, needs: Pairs = (), excludes: Pairs = ()) -> None:
     """Refuse options that do not go together.
 

@@ -20,6 +20,7 @@ EXAMPLES = examples(
     "wayfarer report 17 --out ~/run17/report.html",
     "wayfarer report results",
     "wayfarer report results --gallery 30 --jobs 2",
+    "wayfarer report results --figures figures",
 )
 
 
@@ -48,36 +49,64 @@ def report(
             help="File name of the page. (default: report.html in the run's folder; of two runs, in the second one's)",
         ),
     ] = None,
+    figures: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            file_okay=False,
+            help="Of a campaign: write its figures there too, as SVG and PDF for papers, for one column and for two.",
+        ),
+    ] = None,
     allow_code: AllowCode = False,
     log_dir: LogDir = None,
 ) -> None:
     """Write report.html for a run (default: the newest one), for two runs beside each other, a campaign or a sweep."""
     require("a report")
+    if figures:
+        require("--figures")
     from wayfarer.fieldlog.fields import escape_control_chars
     from wayfarer.fieldlog.folders import find_run
     from wayfarer.views.run_report.run import write_comparison, write_run_report
 
     folder = log_folder(log_dir)
     if other is not None:
+        _refuse(figures)
         page = write_comparison(find_run(what, folder), find_run(other, folder), out)
     elif run := _run(what, folder):
+        _refuse(figures)
         page = write_run_report(run, out)
     else:
-        page = _of_trials(Path(what), out, gallery, jobs, allow_code=allow_code)
+        page = _of_trials(Path(what), out, gallery, jobs, figures, allow_code=allow_code)
     print(f"the report is {escape_control_chars(str(page))}")
     say_next("xdg-open", page)
 
 
-def _of_trials(folder: Path, out: Path | None, gallery: int, jobs: int | None, *, allow_code: bool) -> Path:
+def _of_trials(
+    folder: Path, out: Path | None, gallery: int, jobs: int | None, figures: Path | None, *, allow_code: bool
+) -> Path:
     """Write the report of a sweep or a campaign, and return the page's path."""
+    require("comparing")
     from wayfarer.experiments.commands import cores
     from wayfarer.experiments.report.campaign import write_report
     from wayfarer.experiments.report.sweep import write_sweep_report
     from wayfarer.experiments.report.sweep_results import is_sweep
+    from wayfarer.fieldlog.fields import escape_control_chars
 
     if is_sweep(folder):
+        _refuse(figures)
         return write_sweep_report(folder, out)
+    if figures:
+        from wayfarer.experiments.report.load_results import read_results
+        from wayfarer.experiments.report.paper_figures import write_figures
+
+        write_figures(read_results(folder), figures)
+        print(f"the figures are in {escape_control_chars(str(figures))}")
     return write_report(folder, out, gallery=gallery, jobs=jobs or cores(), allow_code=allow_code)
+
+
+def _refuse(figures: Path | None) -> None:
+    if figures:
+        raise BadInput("--figures draws a campaign: name a folder that `wayfarer sim --out` wrote, or leave it out")
 
 
 def _run(what: str, logs: Path) -> Path | None:

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from wayfarer.cli import trial_options as options
-from wayfarer.cli.options import AsJson, check_together, examples
+from wayfarer.cli.options import AsJson, check_together, command_line, examples
 from wayfarer.cli.trial_options import RUNNING, PhysicsName
 from wayfarer.extras import require
 
@@ -214,11 +214,11 @@ def sim(
         slopes=commands.slopes({"slope_deg": slope_deg, "slope_direction_deg": slope_direction_deg}),
     )  # fmt: skip
     if trial is None:
-        raise typer.Exit(
-            sim_command.run_all(
-                campaign, out, resume=resume, jobs=jobs, cluster=cluster, forests=forests, log=log_dir, as_json=as_json
-            )
-        )
+        code = sim_command.run_all(
+            campaign, out, resume=resume, jobs=jobs, cluster=cluster, forests=forests, log=log_dir, as_json=as_json,
+            command=command_line(ctx),
+        )  # fmt: skip
+        raise typer.Exit(code)
     if video:
         raise typer.Exit(sim_command.film_alone(campaign, trial, log_dir, video, video_speed or 1.0, as_json=as_json))
     raise typer.Exit(sim_command.run_alone(campaign, trial, log_dir, as_json=as_json))

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from wayfarer.cli import trial_options as options
-from wayfarer.cli.options import AsJson, examples
+from wayfarer.cli.options import AsJson, command_line, examples
 from wayfarer.cli.trial_options import RUNNING
 from wayfarer.extras import require
 
@@ -34,6 +34,7 @@ Trials = Annotated[int, typer.Option(min=1, max=1_000_000, metavar="N", help="Tr
 
 
 def sweep(
+    ctx: typer.Context,
     keys: Keys,
     *,
     out: Out,
@@ -67,4 +68,6 @@ def sweep(
     for point in plan.points:
         check_body(point, rover)
         check_rover(point.rover, point.depth, rover)
-    raise typer.Exit(run_all(plan, out, resume=resume, jobs=jobs or cores(), as_json=as_json))
+    raise typer.Exit(
+        run_all(plan, out, resume=resume, jobs=jobs or cores(), as_json=as_json, command=command_line(ctx))
+    )

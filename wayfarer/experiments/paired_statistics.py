@@ -24,6 +24,7 @@ RESAMPLES = 4000
 TAIL = 0.025  # on either side of a 95 % interval
 
 PairKey = tuple[int, int]
+USUAL_BASELINE = "forest-pledge"  # the paper's best
 
 
 class Difference(NamedTuple):
@@ -43,21 +44,28 @@ class Difference(NamedTuple):
 class Comparison:
     """One algorithm, and what it is beside the one that it was compared with.
 
-    ``spl_gain`` is over all pairs whose shortest path is known, a failure counting 0; ``path_gain_m``, metres,
-    negative where this one is shorter, over the pairs in which both got out. Both are None without such pairs, and for
-    the algorithm that the others are compared with. ``entrapped`` and ``left_bounds`` are shares of the trials, 0..1.
+    ``success_gain`` is over all pairs, in percentage points; ``spl_gain`` over all pairs whose shortest path is known,
+    a failure counting 0; ``path_gain_m``, metres, negative where this one is shorter, over the pairs in which both got
+    out. They are None without such pairs, and for the algorithm that the others are compared with. ``entrapped`` and
+    ``left_bounds`` are shares of the trials, 0..1.
     ``worst`` is a trial that did not get out, else the longest path.
     """
 
     algorithm: str
     trials: int
     layouts: int
+    success_gain: Difference | None
     spl: float | None
     spl_gain: Difference | None
     path_gain_m: Difference | None
     entrapped: Estimate
     left_bounds: Estimate
     worst: TrialRow
+
+
+def usual_baseline(algorithms: Sequence[str]) -> str:
+    """Return the algorithm that others are compared with where none is named: Forest-Pledge, else the first one."""
+    return USUAL_BASELINE if USUAL_BASELINE in algorithms else algorithms[0]
 
 
 def compare(rows: Sequence[TrialRow], against: str) -> list[Comparison]:
@@ -88,6 +96,7 @@ def _compared(name: str, own: dict[PairKey, TrialRow], base: dict[PairKey, Trial
         name,
         len(rows),
         len({row.forest for row in rows}),
+        _gain(pairs, lambda row: 100.0 * (row.outcome in SUCCESSES)),
         spread_of([spl for row in rows if (spl := row.counted_spl) is not None]).mean,
         _gain(pairs, attrgetter("counted_spl")),
         _gain(pairs, attrgetter("escape_path_m")),

@@ -9,8 +9,8 @@ from rich.console import Console
 from wayfarer.experiments.outcome import SUCCESSES
 from wayfarer.experiments.paired_statistics import Comparison, Difference
 from wayfarer.experiments.statistics import Estimate
-from wayfarer.experiments.tables import number_text
-from wayfarer.views.text.terminal_table import Column, print_in_full, table
+from wayfarer.experiments.tables import number_text, spl_hint
+from wayfarer.views.text.terminal_table import Column, known, print_in_full, table
 
 LEGEND = """change: against the baseline, mean over pairs of the same forest and noise
 [95 %]: of changes by bootstrap of {} layouts, of shares exact
@@ -24,11 +24,13 @@ SMALLEST_P = 0.001  # 4,000 resamples tell 0.0005 at best
 def print_comparison(console: Console, algorithms: Sequence[Comparison]) -> None:
     """Print one table, or where the console is too narrow for it gains and outcomes below each other."""
     whole, *parts = (
-        table((NAME_COLUMN, *columns), algorithms)
-        for columns in ((*GAIN_COLUMNS, *OUTCOME_COLUMNS), GAIN_COLUMNS, OUTCOME_COLUMNS)
+        table(known(columns, algorithms), algorithms)
+        for columns in (COLUMNS, (NAME_COLUMN, *GAIN_COLUMNS), (NAME_COLUMN, *OUTCOME_COLUMNS))
     )
     print_in_full(console, whole, parts)
     console.print(LEGEND.format(algorithms[0].layouts), highlight=False, soft_wrap=True)
+    if hint := spl_hint(algorithms):
+        console.print(hint, highlight=False, soft_wrap=True)
     console.print()
     for sentence in sentences(algorithms):
         console.print(sentence, highlight=False, markup=False)
@@ -38,7 +40,9 @@ def sentences(algorithms: Sequence[Comparison]) -> Iterator[str]:
     """Yield in words how each algorithm differs from the first one."""
     base, *others = algorithms
     for one in others:
+        success = one.success_gain if one.success_gain and one.success_gain.estimate.value else None
         parts = [
+            _in_words(success, "success", (" %-points lower", " %-points higher"), 1),
             _in_words(one.path_gain_m, "path", (" m shorter", " m longer"), 1),
             _in_words(one.spl_gain, "SPL", (" lower", " higher"), 3),
         ]
@@ -77,8 +81,9 @@ def _worst(one: Comparison) -> str:
 NAME_COLUMN: Column[Comparison] = Column("algorithm", lambda one: one.algorithm, left=True)
 GAIN_COLUMNS: tuple[Column[Comparison], ...] = (
     Column("trials", lambda one: str(one.trials)),
-    Column("SPL", lambda one: number_text(one.spl, 3)),
-    Column("SPL change\n[95 %]", lambda one: _gain(one.spl_gain, 3), wraps=True),
+    Column("success change\n%-points [95 %]", lambda one: _gain(one.success_gain, 1), wraps=True, if_known=True),
+    Column("SPL", lambda one: number_text(one.spl, 3), if_known=True),
+    Column("SPL change\n[95 %]", lambda one: _gain(one.spl_gain, 3), wraps=True, if_known=True),
     Column("path change, m\n[95 %]", lambda one: _gain(one.path_gain_m, 1), wraps=True),
 )
 OUTCOME_COLUMNS: tuple[Column[Comparison], ...] = (
@@ -86,3 +91,4 @@ OUTCOME_COLUMNS: tuple[Column[Comparison], ...] = (
     Column("left bounds %\n[95 %]", lambda one: _share(one.left_bounds, 1)),
     Column("worst\nforest/noise", _worst),
 )
+COLUMNS = (NAME_COLUMN, *GAIN_COLUMNS, *OUTCOME_COLUMNS)

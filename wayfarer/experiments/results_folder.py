@@ -1,7 +1,8 @@
 """The results folder of a campaign or a sweep: partial results that survive a crash, and the final files.
 
 ``campaign.json`` or ``sweep.json`` is written first and says whose folder this is; ``forests.jsonl`` beside it is a
-copy of a campaign's forest file, if it has one, so that its trials can be run again. While it runs, each finished trial
+copy of a campaign's forest file, if it has one, so that its trials can be run again, and ``runs.json`` says how they
+were made (``provenance``). While it runs, each finished trial
 is appended to ``trials.partial.csv`` in the order of completion, with a checksum. At the end ``trials.csv``, the same
 as ``trials.parquet``, and the ``summary.json`` of a campaign appear whole, and the partial file goes. A line that a
 crash cut short has no newline; resuming drops it and runs that trial again. A line that was changed is refused: it
@@ -15,7 +16,7 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from itertools import product
 from pathlib import Path
@@ -25,6 +26,7 @@ from wayfarer.config.messages import shortened, shown
 from wayfarer.config.rover_file import flat
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.experiments.campaign import Tasks
+from wayfarer.experiments.provenance import record_run
 from wayfarer.experiments.rows import TrialRow, columns_of, copy_as_parquet, csv_line
 from wayfarer.experiments.store import CHECKSUM, TrialStore
 from wayfarer.files import atomic_file, open_regular, open_to_append, read_regular, write_atomically
@@ -42,14 +44,22 @@ MOST_BYTES = 10_000_000  # of a settings' file: a sweep of two keys with all the
 class ResultsFolder:
     """The folder of a campaign or sweep with these ``settings`` (``Campaign.settings``), locked while it is open.
 
-    ``kept`` are its finished trials; ``complete`` says that they are all there are.
+    ``kept`` are its finished trials; ``complete`` says that they are all there are. ``command``, the command line, is
+    noted where trials are still to be run.
 
     Raises:
         BadInput: the folder is not empty and not to be resumed, belongs to another campaign, is in use or
             cannot be written.
     """
 
-    def __init__(self, path: Path, settings: Mapping[str, Any], *, resume: bool = False) -> None:
+    def __init__(
+        self,
+        path: Path,
+        settings: Mapping[str, Any],
+        *,
+        resume: bool = False,
+        command: Sequence[str] | None = None,
+    ) -> None:
         self.path = path
         self._settings = settings
         self._columns = columns_of(settings)
@@ -59,6 +69,8 @@ class ResultsFolder:
             with self._open:
                 self._open.callback(os.close, _locked(path, kind_of(settings)))
                 self.kept = self._claim(resume)
+                if not self.complete:
+                    record_run(path, command)
                 self._open = self._open.pop_all()
 
     def __enter__(self) -> Self:

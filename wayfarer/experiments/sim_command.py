@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from pathlib import Path
@@ -18,7 +19,7 @@ from wayfarer.experiments.progress_bar import fault_line, say, shown_progress
 from wayfarer.experiments.results_folder import ResultsFolder, tasks_of
 from wayfarer.experiments.rows import columns_of, csv_line
 from wayfarer.experiments.run_campaign import CampaignRun
-from wayfarer.experiments.tables import FOREST_LAYOUT, Layout, print_table
+from wayfarer.experiments.tables import FOREST_LAYOUT, Layout, print_table, spl_hint
 from wayfarer.simhal.world.forest_file import content_of
 from wayfarer.views.text.scripting import print_json, say_next
 
@@ -41,11 +42,13 @@ def run_all(
     forests: str | Path | None = None,
     log: Path | None = None,
     as_json: bool = False,
+    command: Sequence[str] | None = None,
     run_trial: RunTrial = field_trial,
 ) -> int:
     """Run a campaign, show it, print its table or what ``summary.json`` holds, and return the exit code.
 
-    ``forests`` is what the campaign's forests were read from (``campaign.read_forest_file``); ``out`` keeps a copy.
+    ``forests`` is what the campaign's forests were read from (``campaign.read_forest_file``); ``out`` keeps a copy, and
+    ``command``, the command line.
     With ``log`` each trial's full field log goes into a separate folder there. With ``cluster``, the address of a
     Dask scheduler, the trials run on its workers, else in ``jobs`` processes.
 
@@ -59,7 +62,7 @@ def run_all(
         run_trial = partial(logged_trial, log)
     with (
         _connected(cluster) as workers,
-        ResultsFolder(out, campaign.settings(), resume=resume) if out else nullcontext() as folder,
+        ResultsFolder(out, campaign.settings(), resume=resume, command=command) if out else nullcontext() as folder,
     ):
         if folder and forests:
             folder.keep_forests(content_of(forests))
@@ -78,6 +81,8 @@ def run_all(
     console = Console()
     print_table(console, finished.summaries, _layout(campaign))
     say(console, SITE_LEGEND if campaign.scenario else LEGEND)
+    if hint := spl_hint(finished.summaries):
+        say(console, hint)
     say(console, _effort(finished))
     if out:
         say(Console(stderr=True), f"the results are in {out}")

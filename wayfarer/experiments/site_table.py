@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from wayfarer.experiments.statistics import AlgorithmSummary
-from wayfarer.experiments.tables import Layout, PaperColumn, mean_and_sd, number_text, success
+from wayfarer.experiments.tables import SPL_COLUMN, Layout, PaperColumn, mean_and_sd, number_text, success
 
 
 class FieldTrials(NamedTuple):
@@ -61,7 +61,7 @@ MEASURE_COLUMNS = (
         papers=lambda p: number_text(float(p.interventions)),
     ),
     PaperColumn("path m\nmean ± SD", lambda s: mean_and_sd(s.path_mean_m, s.path_sd_m)),
-    PaperColumn("SPL", lambda s: number_text(s.spl, 3)),
+    SPL_COLUMN,
     PaperColumn("anomalies", lambda s: number_text(s.anomalies_mean)),
 )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -16,9 +16,9 @@ from wayfarer.experiments.results_folder import ResultsFolder
 from wayfarer.experiments.sim_command import run_shown
 from wayfarer.experiments.statistics import AlgorithmSummary
 from wayfarer.experiments.sweep import Sweep, Value
-from wayfarer.experiments.tables import number_text
+from wayfarer.experiments.tables import number_text, spl_hint
 from wayfarer.views.text.scripting import print_json, say_next
-from wayfarer.views.text.terminal_table import Column, table
+from wayfarer.views.text.terminal_table import Column, known, table
 
 LEGEND = """success: escaped or left the map; path: mean of the successes
 the report has the 95 % intervals"""
@@ -38,15 +38,18 @@ def run_all(
     resume: bool = False,
     jobs: int = 1,
     as_json: bool = False,
+    command: Sequence[str] | None = None,
     run_trial: RunTrial = field_trial,
 ) -> int:
     """Run a sweep, show it, print its table or the same as JSON, and return the exit code.
+
+    ``command`` is the command line, which the folder keeps.
 
     Raises:
         BadInput: ``out`` cannot be used.
         WayfarerError: a worker died, or ``out`` cannot be written any more; finished trials are kept.
     """
-    with ResultsFolder(out, sweep.settings(), resume=resume) as folder:
+    with ResultsFolder(out, sweep.settings(), resume=resume, command=command) as folder:
         finished = run_shown(sweep, folder, jobs=jobs, run_trial=run_trial)
     if finished.interrupted:
         return INTERRUPTED
@@ -56,8 +59,10 @@ def run_all(
     console = Console()
     cells = list(map(_Cell, finished.points, finished.summaries))
     cells.sort(key=lambda cell: sweep.base.algorithms.index(cell.summary.algorithm))
-    console.print(table(list(_columns(sweep)), cells))
+    console.print(table(known(list(_columns(sweep)), cells), cells))
     say(console, LEGEND)
+    if hint := spl_hint(finished.summaries):
+        say(console, hint)
     say(Console(stderr=True), f"the results are in {out}")
     say_next("wayfarer", "report", out)
     return 0
@@ -69,7 +74,7 @@ def _columns(sweep: Sweep) -> Iterator[Column[_Cell]]:
         title = axis.key.rpartition(".")[2].replace("_", "\n")  # a word a line: two long keys must fit 80 columns
         yield Column(title, partial(_value, axis.key))
     yield Column("success\n%", lambda cell: number_text(cell.summary.success_percent))
-    yield Column("SPL", lambda cell: number_text(cell.summary.spl, 3))
+    yield Column("SPL", lambda cell: number_text(cell.summary.spl, 3), if_known=True)
     yield Column("path\nm", lambda cell: number_text(cell.summary.path_mean_m))
     yield Column("left the\nmap %", lambda cell: number_text(100 * cell.summary.left_bounds / cell.summary.trials))
 

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rich.console import Console
 from rich.table import Table
 
 from wayfarer.experiments.statistics import AlgorithmSummary
-from wayfarer.views.text.terminal_table import Column, add_row, print_in_full, table
+from wayfarer.views.text.terminal_table import Column, add_row, known, print_in_full, table
+
+if TYPE_CHECKING:
+    from wayfarer.experiments.paired_statistics import Comparison
 
 
 class PaperFigures(NamedTuple):
@@ -70,6 +73,7 @@ OUTCOME_COLUMNS = (
     PaperColumn("tipped", lambda s: str(s.tipped)),
 )
 FAULTS = PaperColumn("faults", lambda s: str(s.fault))
+SPL_COLUMN = PaperColumn("SPL", lambda s: number_text(s.spl, 3), if_known=True)
 PATH_COLUMNS = (
     PaperColumn(
         "path m\nmean ± SD",
@@ -77,7 +81,7 @@ PATH_COLUMNS = (
         papers=lambda p: mean_and_sd(p.path_mean_m, p.path_sd_m),
     ),
     PaperColumn("median\nm", lambda s: number_text(s.path_median_m)),
-    PaperColumn("SPL", lambda s: number_text(s.spl, 3)),
+    SPL_COLUMN,
     PaperColumn("time\ns", lambda s: number_text(s.time_mean_s)),
     PaperColumn("anomalies", lambda s: number_text(s.anomalies_mean)),
 )
@@ -89,11 +93,18 @@ FOREST_LAYOUT = Layout(OUTCOME_COLUMNS, PATH_COLUMNS, PAPER_FIGURES)
 def print_table(console: Console, summaries: Sequence[AlgorithmSummary], layout: Layout = FOREST_LAYOUT) -> None:
     """Print one table, or where the console is too narrow for it outcomes and measures below each other."""
     outcomes = (*layout.outcomes, *fault_columns(summaries))
+    measures = known(layout.measures, summaries)
     whole, *parts = (
         _table(summaries, (NAME_COLUMN, *columns), layout.paper)
-        for columns in ((*outcomes, *layout.measures), outcomes, layout.measures)
+        for columns in ((*outcomes, *measures), outcomes, measures)
     )
     print_in_full(console, whole, parts)
+
+
+def spl_hint(rows: Iterable[AlgorithmSummary | Comparison]) -> str:
+    """Return how to get an SPL where a table has none."""
+    known_anywhere = any(row.spl is not None for row in rows)
+    return "" if known_anywhere else "no SPL: the shortest paths are not known; run the trials with --spl"
 
 
 def fault_columns(summaries: Iterable[AlgorithmSummary]) -> tuple[PaperColumn, ...]:

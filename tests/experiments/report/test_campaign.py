@@ -16,8 +16,8 @@ import pytest
 from tests.experiments import fake_trials
 from tests.experiments.report.campaigns import ALGORITHMS, TRIALS, run_campaign
 from tests.views.page.outline import Outline
+from wayfarer import __version__
 from wayfarer.cli import report as command
-from wayfarer.experiments.report.algorithm_rows import grouped
 from wayfarer.experiments.report.campaign import write_report
 from wayfarer.experiments.results_folder import TRIALS as TABLE
 from wayfarer.views.page.frame import PAGE
@@ -60,8 +60,7 @@ def test_page_links_to_nothing_elsewhere(text: str) -> None:
 
 def test_every_figure_has_its_place_and_is_described(text: str) -> None:
     page = Outline(text)
-    groups = len({group.title for group in grouped(ALGORITHMS)})
-    assert page.tags["figure"] == 2 + groups + 1 + GALLERY  # paths and failures, escapes, ratios, maps
+    assert page.tags["figure"] == 2 + 3 + 1 + 1 + GALLERY  # paths, failures, three comparisons, escapes, ratios, maps
     assert sum(name.startswith("plot-") for name in page.ids) == page.tags["figure"]
     assert len(page.labels) == page.tags["figure"] - GALLERY, "a map has its caption"
     assert all(len(label) > 20 for label in page.labels)
@@ -77,6 +76,10 @@ def test_table_stands_beside_the_papers_numbers(text: str) -> None:
 
 def test_header_says_what_ran(text: str) -> None:
     facts = dict(re.findall(r"<dt>(.*?)</dt><dd>(.*?)</dd>", text))
+    assert re.fullmatch(r"\d{4}-\d\d-\d\d \d\d:\d\d UTC", facts["run"])
+    assert facts["command"] == "wayfarer sim --out ~/results"
+    assert facts["software"].startswith(f"wayfarer {__version__} (")
+    assert " cores, " in facts["computer"]
     assert facts["trials of each algorithm"] == str(TRIALS)
     assert (facts["seed"], facts["mean distance between slips"], facts["path budget"]) == ("0", "10 m", "90 m")
     assert facts["rover"] == "sim"

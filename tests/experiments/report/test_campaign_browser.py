@@ -63,13 +63,13 @@ def test_page_shows_table_and_figures_and_does_not_overflow(
     assert opened.page.title() == "3 algorithms in 3 simulated forest trials each"
     assert opened.page.locator("tbody tr.ours").count() == 3
     plots = opened.page.locator("figure .plot")
-    assert plots.count() == 2 + 3 + 1 + GALLERY  # paths and failures, escapes by group, ratios, maps
+    assert plots.count() == 2 + 3 + 1 + 1 + GALLERY  # paths, failures, three comparisons, escapes, ratios, maps
     for plot in plots.all():
         box = plot.bounding_box()
         assert box is not None
         assert box["width"] > 0.25 * viewport[0]
         assert box["height"] > 100
-    for name in ("paths", "failures", "escape, Stochastic", "ratio"):
+    for name in ("paths", "failures", "comparison, path", "escape", "ratio"):
         frame = opened.page.evaluate(f"Bokeh.index.find_one({MODEL.format(name=name)}).frame.bbox.height")
         assert frame > 60, f"{name} has no room left"
     assert opened.overflow_px() == 0
@@ -103,26 +103,25 @@ def test_pointer_curves_table_and_csv_tell_the_same_numbers(
     percent = 100 * len(paths_m) / len(rows)
     assert success[1] == f"{percent:.1f}"
     last_m = max(float(row["path_m"]) for row in rows)
-    said = told(opened, "escape, Pledge-inspired", last_m, percent)
+    said = told(opened, "escape", last_m, percent)
     assert "forest-pledge" in said
     assert f"{percent:.1f} %" in said
 
 
-def test_drag_zooms_and_the_escapes_are_zoomed_together(report: Path, browser_page: OpenPage) -> None:
+def test_drag_zooms(report: Path, browser_page: OpenPage) -> None:
     opened = plotted(browser_page, report)
-    first, other = "escape, Pledge-inspired", "escape, Stochastic"
-    low, high = (asked(opened, first, f"x_range.{end}") for end in ("start", "end"))
+    low, high = (asked(opened, "escape", f"x_range.{end}") for end in ("start", "end"))
     middle = (low * high) ** 0.5
-    start, end = pixel(opened, first, middle, 80), pixel(opened, first, high / 1.02, 40)
-    drag(opened.page, start, end, f"{MODEL.format(name=first)}.x_range.start > {low * 1.02}")
-    assert asked(opened, other, "x_range.start") == pytest.approx(middle, rel=0.05)
-    assert asked(opened, other, "y_range.end") == pytest.approx(80, abs=3)
+    start, end = pixel(opened, "escape", middle, 80), pixel(opened, "escape", high / 1.02, 40)
+    drag(opened.page, start, end, f"{MODEL.format(name='escape')}.x_range.start > {low * 1.02}")
+    assert asked(opened, "escape", "x_range.start") == pytest.approx(middle, rel=0.05)
+    assert asked(opened, "escape", "y_range.end") == pytest.approx(80, abs=3)
 
 
 def test_click_on_a_name_hides_its_curve(report: Path, browser_page: OpenPage) -> None:
     opened = plotted(browser_page, report)
     assert asked(opened, "levy-walk", "visible") is True
-    pixel(opened, "escape, Stochastic", 50, 50)
+    pixel(opened, "escape", 50, 50)
     opened.page.locator(".bk-Legend .bk-item", has_text="levy-walk").first.click()
     assert asked(opened, "levy-walk", "visible") is False
 

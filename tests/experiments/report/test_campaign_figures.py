@@ -14,7 +14,7 @@ from tests.experiments.report.reading_plots import columns, names_of_rows
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.report.algorithm_rows import grouped, lay_out
 from wayfarer.experiments.report.campaign import path_in, trial_map
-from wayfarer.experiments.report.escape_figure import escape_figures
+from wayfarer.experiments.report.escape_figure import escape_figure
 from wayfarer.experiments.report.paths_figure import failures_figure, paths_figure
 from wayfarer.experiments.report.ratio_figure import TIMES, quantile, ratio_figure, ratios
 from wayfarer.experiments.report.worst_trials import Trajectory, TrajectoryPoint
@@ -38,7 +38,7 @@ def paths_of(rows: Rows) -> Figure:
 FIGURES: dict[str, Callable[[Rows], Figure]] = {
     "paths": paths_of,
     "failures": lambda rows: failures_figure(summaries(rows)),
-    "escape": lambda rows: escape_figures(rows)[0],
+    "escape": escape_figure,
     "ratio": ratio_figure,
 }
 ODD = {

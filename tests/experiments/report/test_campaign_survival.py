@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tests.experiments.report.campaigns import row
 from tests.experiments.report.reading_plots import columns, legend
 from wayfarer.experiments.outcome import OUTCOMES, SUCCESSES
-from wayfarer.experiments.report.escape_figure import escape_curve, escape_figures
+from wayfarer.experiments.report.escape_figure import escape_curve, escape_figure
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import summarise
 
@@ -35,14 +35,14 @@ def test_curve_is_the_share_of_all_trials_that_has_escaped(rows: list[TrialRow])
 @given(TRIALS)
 def test_legend_and_last_corner_say_the_success_of_the_table(rows: list[TrialRow]) -> None:
     success = summarise("levy-walk", rows).success_percent
-    (figure,) = escape_figures({"levy-walk": rows})
+    figure = escape_figure({"levy-walk": rows})
     assert legend(figure) == [f"levy-walk, {success:.1f} %"]
     assert columns(figure, "levy-walk")["y"][-1] == pytest.approx(success, rel=1e-6)
 
 
 def test_curve_is_drawn_as_stairs() -> None:
     rows = [row("pledge", 0, path_m=50.0), row("pledge", 1, path_m=80.0), row("pledge", 2, "entrapped", 400.0)]
-    (figure,) = escape_figures({"pledge": rows})
+    figure = escape_figure({"pledge": rows})
     drawn = columns(figure, "pledge")
     assert drawn["x"][1:] == [50, 50, 80, 80, 400, 400]
     assert drawn["y"] == pytest.approx([0, 0, 100 / 3, 100 / 3, 200 / 3, 200 / 3, 200 / 3])

@@ -13,9 +13,12 @@ from wayfarer.errors import BadInput
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.campaign import Campaign
 from wayfarer.experiments.progress_bar import shown_progress
+from wayfarer.experiments.provenance import read_runs
 from wayfarer.experiments.report import words
 from wayfarer.experiments.report.algorithm_rows import grouped
-from wayfarer.experiments.report.escape_figure import escape_figures
+from wayfarer.experiments.report.causes import failures_section
+from wayfarer.experiments.report.comparison import comparison_section
+from wayfarer.experiments.report.escape_figure import escape_figure
 from wayfarer.experiments.report.load_results import CampaignResults, read_results
 from wayfarer.experiments.report.paths_figure import failures_figure, paths_figure
 from wayfarer.experiments.report.ratio_figure import ratio_figure, ratios_table
@@ -39,6 +42,7 @@ from wayfarer.views.run_report.data import Floats
 from wayfarer.views.run_report.events import EDGE
 from wayfarer.views.run_report.forest import draw_forest
 from wayfarer.views.run_report.series import pieces
+from wayfarer.views.text.terminal_table import known
 
 SLIPS = html.PlotLayer("slips", "Slips", palette.ANOMALY)
 PLACE = (("east", "@x{0.0} m"), ("north", "@y{0.0} m"))
@@ -70,7 +74,7 @@ def _overview(results: CampaignResults, plots: Plots) -> Iterator[str]:
     def drawn(figure: Figure, caption: str = "", alt: str = "") -> str:
         return html.figure(plots.place(figure), caption, alt)
 
-    yield html.facts(words.facts(results.settings))
+    yield html.facts(words.facts(results.settings, read_runs(results.folder)))
     yield html.section(
         "Path length and failures",
         drawn(
@@ -80,11 +84,13 @@ def _overview(results: CampaignResults, plots: Plots) -> Iterator[str]:
         ),
         drawn(failures_figure(summaries), words.FAILURES_CAPTION, "Trials that did not get out, by algorithm"),
     )
-    yield html.section("Results beside the paper's", _results_table(results), *map(html.paragraph, words.LEGEND))
+    legend = (words.SUCCESS, words.SPL if results.shortest_paths_m else "")
+    yield html.section("Results beside the paper's", _results_table(results), *map(html.paragraph, legend))
+    if len(rows) > 1:
+        yield html.section("Paired comparison", *comparison_section(results, plots))
     yield html.section(
         "Escapes by path length",
-        html.paragraph(words.ESCAPE),
-        html.panels(drawn(figure, alt="Share of escaped trials by path length") for figure in escape_figures(rows)),
+        drawn(escape_figure(rows), words.ESCAPE, "Share of escaped trials by path length"),
     )
     heading = "Path over shortest path"
     if results.shortest_paths_m:
@@ -92,11 +98,13 @@ def _overview(results: CampaignResults, plots: Plots) -> Iterator[str]:
         yield html.section(heading, figure, ratios_table(rows))
     else:
         yield html.section(heading, html.paragraph(words.NO_SHORTEST_PATHS))
+    yield html.section("Why trials failed", *failures_section(results))
 
 
 def _results_table(results: CampaignResults) -> str:
     """Return a row for each algorithm, under its group, with a row of the paper's below where the paper has one."""
     columns = (NAME_COLUMN, *OUTCOME_COLUMNS, *fault_columns(results.summaries.values()), *PATH_COLUMNS)
+    columns = known(columns, list(results.summaries.values()))
     return html.table(TABLE_CAPTION, [column.title for column in columns], _results_rows(results, columns))
 
 

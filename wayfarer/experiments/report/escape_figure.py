@@ -1,23 +1,23 @@
-"""Figures: cumulative escapes over distance, one for each group of algorithms."""
+"""Figure: cumulative escapes over distance, a curve for each algorithm."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from bokeh.models import Range1d
 from bokeh.models.annotations import Legend, LegendItem
 from bokeh.plotting import ColumnDataSource
 
 from wayfarer.experiments.outcome import SUCCESSES
-from wayfarer.experiments.report.algorithm_rows import SVG, Group, grouped, plain_numbers, short, span_of
+from wayfarer.experiments.report.algorithm_rows import SVG, grouped, plain_numbers, short, span_of
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, hover, plot, source
 
-CURVES_PX, LEGEND_ROW_PX = 270, 18  # the legend stands below zero, where no curve runs
+CURVES_PX, LEGEND_ROW_PX = 320, 18  # the legend stands below zero, where no curve runs
 AXIS_PX = 70
+PATH_LABEL, ESCAPED_LABEL = "path driven, m (logarithmic)", "escaped, % of all trials"
 DASHES: tuple[tuple[int, ...], ...] = ((), (7, 2), (2, 2), (8, 2, 2, 2))  # not as many as colours: 20 looks
 
 
@@ -30,6 +30,8 @@ LEGEND: Mapping[str, Any] = {
     "glyph_width": 32,
     "spacing": -4,
     "padding": 0,
+    # Bokeh reads --bk-label-text-color before the legend has a place in the page, and finds none.
+    "stylesheets": [".bk-label { color: var(--ink) !important; }"],
 }
 
 
@@ -66,18 +68,34 @@ def escape_curve(rows: Sequence[TrialRow]) -> Curve:
     return Curve(escaped_m, failed_m, len(rows))
 
 
-def escape_figures(by_algorithm: Mapping[str, Sequence[TrialRow]]) -> list[Figure]:
-    """Return the figure of each group: escapes by path length. They are zoomed together."""
-    curves = {name: escape_curve(rows) for name, rows in by_algorithm.items()}
-    escaped_m = [path_m for curve in curves.values() for path_m in curve.escaped_m]
-    span_m = span_of(escaped_m or [path_m for curve in curves.values() for path_m in curve.failed_m])
-    drawn = {name: _stairs(curve, span_m[0]) for name, curve in curves.items()}
-    groups = grouped(by_algorithm)
-    legend_px = LEGEND_ROW_PX * (1 + max(len(group.algorithms) for group in groups))
-    y_range = Range1d(start=-102.0 * legend_px / CURVES_PX, end=102.0)
-    settings = {"x_range": Range1d(start=span_m[0], end=span_m[1]), "y_range": y_range}
-    height_px = CURVES_PX + legend_px + AXIS_PX
-    return [_figure(group, curves, drawn, height_px, settings) for group in groups]
+def escape_curves(by_algorithm: Mapping[str, Sequence[TrialRow]]) -> dict[str, Curve]:
+    """Return the curve of each algorithm, group by group."""
+    names = [name for group in grouped(by_algorithm) for name in group.algorithms]
+    return {name: escape_curve(by_algorithm[name]) for name in names}
+
+
+def span_of_curves(curves: Iterable[Curve]) -> tuple[float, float]:
+    """Return the ends of an axis on which all that escaped has a place."""
+    curves = list(curves)
+    escaped_m = [path_m for curve in curves for path_m in curve.escaped_m]
+    return span_of(escaped_m or [path_m for curve in curves for path_m in curve.failed_m])
+
+
+def escape_figure(by_algorithm: Mapping[str, Sequence[TrialRow]]) -> Figure:
+    """Return the figure: escapes by path length."""
+    curves = escape_curves(by_algorithm)
+    span_m = span_of_curves(curves.values())
+    legend_px = LEGEND_ROW_PX * (1 + len(curves))
+    made = plot(
+        "escape", CURVES_PX + legend_px + AXIS_PX, "both", x_axis_type="log", output_backend=SVG, x_range=span_m,
+        y_range=(-102.0 * legend_px / CURVES_PX, 102.0),
+    )  # fmt: skip
+    made.yaxis.bounds = made.ygrid.bounds = (0.0, 100.0)
+    plain_numbers(made)
+    made.xaxis.axis_label, made.yaxis.axis_label = PATH_LABEL, ESCAPED_LABEL
+    items = [_curve(made, place, name, curve, span_m[0]) for place, (name, curve) in enumerate(curves.items())]
+    made.add_layout(Legend(items=items, **LEGEND))
+    return made
 
 
 def _stairs(curve: Curve, first_m: float) -> ColumnDataSource:
@@ -86,27 +104,8 @@ def _stairs(curve: Curve, first_m: float) -> ColumnDataSource:
     return source(x=np.repeat(path_m, 2)[1:], y=np.repeat(percent, 2)[:-1])
 
 
-def _figure(
-    group: Group,
-    curves: Mapping[str, Curve],
-    drawn: Mapping[str, ColumnDataSource],
-    height_px: int,
-    settings: Mapping[str, Any],
-) -> Figure:
-    title, algorithms = group
-    made = plot(f"escape, {title}", height_px, "both", x_axis_type="log", output_backend=SVG, title=title, **settings)
-    made.yaxis.bounds = made.ygrid.bounds = (0.0, 100.0)
-    plain_numbers(made)
-    made.xaxis.axis_label, made.yaxis.axis_label = "path driven, m (logarithmic)", "escaped, % of all trials"
-    for name in [name for name in drawn if name not in algorithms]:
-        made.line("x", "y", source=drawn[name], line_color=palette.GREY, line_alpha=0.35, line_width=0.8)
-    items = [_curve(made, place, name, curves[name], drawn[name]) for place, name in enumerate(algorithms)]
-    made.add_layout(Legend(items=items, **LEGEND))
-    return made
-
-
 def colour_of(place: int) -> str:
-    """Return the colour of an algorithm, by its place in the campaign or group."""
+    """Return the colour of an algorithm, by its place in the campaign."""
     return palette.SERIES[place % len(palette.SERIES)]
 
 
@@ -115,11 +114,16 @@ def curve_look(place: int) -> dict[str, Any]:
     return {"line_color": colour_of(place), "line_width": 2, "line_dash": list(DASHES[place % len(DASHES)])}
 
 
-def _curve(made: Figure, place: int, name: str, curve: Curve, corners: ColumnDataSource) -> LegendItem:
+def curve_label(name: str, curve: Curve) -> str:
+    """Return what a legend says of a curve."""
+    return f"{short(name)}, {curve.escaped_percent:.1f} %"
+
+
+def _curve(made: Figure, place: int, name: str, curve: Curve, first_m: float) -> LegendItem:
     """Draw a curve, with a mark where its longest failure ended, and return its line of the legend."""
-    line: Any = made.line("x", "y", source=corners, name=name, **curve_look(place))
+    line: Any = made.line("x", "y", source=_stairs(curve, first_m), name=name, **curve_look(place))
     last_m = curve.failed_m[-1:]
     ended: Any = {"marker": "dash", "angle": np.pi / 2, "size": 11, "line_width": 2, "color": colour_of(place)}
     mark: Any = made.scatter(last_m, [curve.escaped_percent] * len(last_m), **ended)
     made.add_tools(hover([line], ("algorithm", "$name"), ("by", "@x{0.0} m"), ("escaped", "@y{0.0} %")))
-    return LegendItem(label=f"{short(name)}, {curve.escaped_percent:.1f} %", renderers=[line, mark])
+    return LegendItem(label=curve_label(name, curve), renderers=[line, mark])

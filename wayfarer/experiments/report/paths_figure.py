@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from bokeh.models.annotations import Span
@@ -24,7 +24,34 @@ WHISKERS_IQR = 1.5  # Tukey's
 FOOT, BOX, OURS, PAPERS = -0.02, 0.12, 0.29, 0.41
 HISTOGRAM, BOX_HIGH = 0.44, 0.2
 
+BOX_LABEL = "path to the destination line, m (logarithmic)"
 ByAlgorithm = Mapping[str, Sequence[TrialRow]]
+
+
+class Box(NamedTuple):
+    """The paths of an algorithm's successes, metres: quartiles, whiskers, and which trials lie beyond these."""
+
+    low_m: float
+    first_m: float
+    median_m: float
+    third_m: float
+    high_m: float
+    beyond: list[TrialRow]
+    successes: list[TrialRow]
+
+
+def boxes_of(by_algorithm: ByAlgorithm) -> dict[str, Box]:
+    """Return the box of each algorithm that has successes; whiskers go to the last path within 1.5 quartile ranges."""
+    return {name: _box_of(rows) for name, own in by_algorithm.items() if (rows := _successes(own))}
+
+
+def _box_of(rows: list[TrialRow]) -> Box:
+    first_m, median_m, third_m = np.percentile(_paths_m(rows), [25, 50, 75]).tolist()
+    room_m = WHISKERS_IQR * (third_m - first_m)
+    inside = {row for row in rows if first_m - room_m <= (row.path_m or 0.0) <= third_m + room_m}
+    within_m = [row.path_m or 0.0 for row in inside]
+    beyond = [row for row in rows if row not in inside]
+    return Box(min(within_m), first_m, median_m, third_m, max(within_m), beyond, rows)
 
 
 def paths_figure(
@@ -32,16 +59,16 @@ def paths_figure(
 ) -> Figure:
     """Return the successes' paths as histogram and box plot, with mean and standard deviation beside the paper's."""
     layout = lay_out(grouped(by_algorithm))
-    paths = {name: rows for name, own in by_algorithm.items() if (rows := _successes(own))}
+    boxes = boxes_of(by_algorithm)
+    paths = {name: box.successes for name, box in boxes.items()}
     shortest_m = [statistics.fmean(shortest_paths_m)] if shortest_paths_m else []
     papers = {name: PAPER_FIGURES[name] for name in layout.at if name in PAPER_FIGURES}
     seen_m = [row.path_m or 0.0 for rows in paths.values() for row in rows]
     low_m, high_m = span_of([*seen_m, *shortest_m, *(paper.path_mean_m for paper in papers.values())])
-    label = "path to the destination line, m (logarithmic)"
-    made = rows_plot("paths", layout, PATHS_ROW_PX, label, low_m, high_m, x_axis_type="log")
+    made = rows_plot("paths", layout, PATHS_ROW_PX, BOX_LABEL, low_m, high_m, x_axis_type="log")
     plain_numbers(made)
     _histograms(made, layout, paths, np.geomspace(low_m, high_m, BINS + 1))
-    _boxes(made, layout, paths, summaries)
+    _boxes(made, layout, boxes)
     ours = {name: (summaries[name].path_mean_m, summaries[name].path_sd_m) for name in paths}
     theirs = {name: (paper.path_mean_m, paper.path_sd_m) for name, paper in papers.items()}
     _means(made, layout, ours, OURS, "ours", palette.BLUE, low_m)
@@ -76,20 +103,13 @@ def _histograms(made: Figure, layout: Rows, paths: ByAlgorithm, edges_m: Any) ->
     made.add_tools(hover([drawn], *rows))
 
 
-def _boxes(made: Figure, layout: Rows, paths: ByAlgorithm, summaries: Mapping[str, AlgorithmSummary]) -> None:
-    """Draw quartiles and median, whiskers to the last path within 1.5 interquartile ranges, and every path beyond."""
-    boxes, beyond = [], []
-    for name, rows in paths.items():
-        first_m, third_m = np.percentile(_paths_m(rows), [25, 75])
-        room_m = WHISKERS_IQR * (third_m - first_m)
-        inside = [row for row in rows if first_m - room_m <= (row.path_m or 0.0) <= third_m + room_m]
-        within_m = _paths_m(inside)
-        median_m = summaries[name].path_median_m
-        boxes.append((name, layout.at[name] + BOX, within_m.min(), first_m, median_m, third_m, within_m.max()))
-        kept = set(inside)
-        beyond += [row for row in rows if row not in kept]
-    names = ("algorithm", "y", "low", "first", "median", "third", "high")
-    box = source(**dict(zip(names, zip(*boxes, strict=True) if boxes else [[]] * len(names), strict=True)))
+def _boxes(made: Figure, layout: Rows, boxes: Mapping[str, Box]) -> None:
+    """Draw the boxes with their whiskers, and every path beyond."""
+    box = source(
+        algorithm=list(boxes), y=[layout.at[name] + BOX for name in boxes], low=[each.low_m for each in boxes.values()],
+        first=[each.first_m for each in boxes.values()], median=[each.median_m for each in boxes.values()],
+        third=[each.third_m for each in boxes.values()], high=[each.high_m for each in boxes.values()],
+    )  # fmt: skip
     made.segment("low", "y", "high", "y", source=box, line_color=palette.BLUE)
     drawn = made.hbar(
         "y", BOX_HIGH, "third", "first", source=box, name="boxes", line_color=palette.BLUE, fill_color=palette.BLUE,
@@ -101,7 +121,7 @@ def _boxes(made: Figure, layout: Rows, paths: ByAlgorithm, summaries: Mapping[st
         ("whiskers", "@low{0.0} to @high{0.0} m"),
     )  # fmt: skip
     made.add_tools(hover([drawn], *rows_told))
-    _outliers(made, layout, beyond)
+    _outliers(made, layout, [row for each in boxes.values() for row in each.beyond])
 
 
 def _outliers(made: Figure, layout: Rows, rows: Sequence[TrialRow]) -> None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
+from wayfarer.experiments.provenance import RecordedRun, read_runs
 from wayfarer.experiments.report import words
 from wayfarer.experiments.report.escape_figure import colour_of
-from wayfarer.experiments.report.sweep_figures import curves_figures, known_measures, maps_figures
+from wayfarer.experiments.report.sweep_figures import curves_figures, maps_figures
 from wayfarer.experiments.report.sweep_results import SweepResults, read_sweep
 from wayfarer.experiments.statistics import MEASURES, spl_difference
 from wayfarer.experiments.sweep import Value
@@ -15,16 +16,17 @@ from wayfarer.views.page import html
 from wayfarer.views.page.frame import PAGE, write_page
 from wayfarer.views.page.plots import Figure, Plots
 
-PAIRED = (
-    "All points met the same forests and noise, so they can be compared trial by trial: the last column is "
-    "the mean difference of a trial's SPL to the same trial without a sweep, a failure counting 0."
+PAIRED = "All points met the same forests and noise, so they can be compared trial by trial."
+SPL = (
+    "SPL: mean over all trials of shortest path divided by path driven, a failure counting 0. The last column is the "
+    "mean difference of a trial's SPL to the same trial without a sweep."
 )
+NO_SPL = "SPL is not known: run the sweep with --spl."
 CURVES = "Bands: 95 % intervals. Broken line: the value without a sweep."
 MAPS = "Colours mean the same for every algorithm; grey: not known."
 INTERVALS = (
     "Intervals are at 95 %: Wilson's for shares, 1.96 standard errors for means. Success: the rover reached the line, "
-    "or left the map over another edge; path: mean of the successes, metres; SPL: mean over all trials of shortest "
-    "path divided by path driven, a failure counting 0."
+    "or left the map over another edge; path: mean of the successes, metres."
 )
 
 
@@ -35,12 +37,12 @@ def write_sweep_report(folder: Path, out: Path | None = None) -> Path:
         BadInput: the folder holds no finished sweep, is damaged, or cannot be written.
     """
     results, plots = read_sweep(folder), Plots()
-    return write_page(folder / PAGE, _title(results), list(_body(results, plots)), plots, out=out)
+    return write_page(folder / PAGE, _title(results), list(_body(results, plots, read_runs(folder))), plots, out=out)
 
 
-def _body(results: SweepResults, plots: Plots) -> Iterator[str]:
+def _body(results: SweepResults, plots: Plots, runs: Sequence[RecordedRun]) -> Iterator[str]:
     swept = [(axis.key, f"{', '.join(map(str, axis.values))} (without a sweep: {axis.now})") for axis in results.axes]
-    yield html.facts([*swept, *words.facts(results.settings.campaign)])
+    yield html.facts([*swept, *words.facts(results.settings.campaign, runs)])
     if len(results.axes) == 2:
         for name in results.algorithms:
             caption = f"{MAPS} {_ends(results, name)}."
@@ -52,9 +54,8 @@ def _body(results: SweepResults, plots: Plots) -> Iterator[str]:
             "Show", [html.PlotLayer(name, name, colour_of(at)) for at, name in enumerate(results.algorithms)]
         )
         yield html.section("What changes", html.paragraph(caption), key, _panels(curves_figures(results), plots))
-    missing = [measure.title for measure in MEASURES if measure not in known_measures(results)]
-    notes = [f"Not known: {', '.join(missing)}; run the sweep with --spl."] if missing else []
-    yield html.section("Each point", _table(results), *map(html.paragraph, [INTERVALS, PAIRED, *notes]))
+    texts = [INTERVALS, PAIRED, SPL if results.has_spl else NO_SPL]
+    yield html.section("Each point", _table(results), *map(html.paragraph, texts))
 
 
 def _panels(figures: Iterable[Figure], plots: Plots) -> str:
@@ -72,8 +73,8 @@ def _table(results: SweepResults) -> str:
     head = [
         "algorithm",
         *(axis.key for axis in results.axes),
-        *(measure.title for measure in MEASURES),
-        "SPL, difference",
+        *(measure.title for measure in results.measures),
+        *(["SPL, difference"] if results.has_spl else []),
     ]
     rows = []
     for name in results.algorithms:
@@ -84,11 +85,13 @@ def _table(results: SweepResults) -> str:
 
 def _row(results: SweepResults, point: int, values: Sequence[Value], name: str) -> list[str]:
     rows = results.cells[point, name]
-    found = ((measure.of(rows), measure.decimals) for measure in MEASURES)
+    found = ((measure.of(rows), measure.decimals) for measure in results.measures)
     cells = ["" if estimate is None else estimate.text(decimals) for estimate, decimals in found]
-    others = None if results.now in {None, point} else results.cells[results.now, name]
-    difference = spl_difference(rows, others) if others else None
-    return ["", *map(str, values), *cells, "" if difference is None else difference.text(3, "+")]
+    if results.has_spl:
+        others = None if results.now in {None, point} else results.cells[results.now, name]
+        difference = spl_difference(rows, others) if others else None
+        cells.append("" if difference is None else difference.text(3, "+"))
+    return ["", *map(str, values), *cells]
 
 
 def _title(results: SweepResults) -> str:

@@ -17,7 +17,7 @@ from bokeh.plotting import ColumnDataSource
 from wayfarer.experiments.report.algorithm_rows import SVG
 from wayfarer.experiments.report.escape_figure import colour_of, curve_look
 from wayfarer.experiments.report.sweep_results import SweepResults, SweptAxis
-from wayfarer.experiments.statistics import MEASURES, Estimate, Measure
+from wayfarer.experiments.statistics import Estimate, Measure
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, hover, layer, plot, source
 
@@ -34,7 +34,7 @@ def curves_figures(results: SweepResults) -> Iterator[Figure]:
     """
     axis = results.axes[0]
     x_range: Any = {} if axis.numeric else {"x_range": [str(value) for value in axis.values]}
-    for measure in known_measures(results):
+    for measure in results.measures:
         made = plot(
             measure.name,
             CURVES_PX,
@@ -51,11 +51,6 @@ def curves_figures(results: SweepResults) -> Iterator[Figure]:
             now: Any = _places(results)[results.now]
             made.add_layout(Span(location=now, dimension="height", line_color=palette.GREY, line_dash=[4, 3]))
         yield made
-
-
-def known_measures(results: SweepResults) -> list[Measure]:
-    """Return the measures that some point has; SPL needs shortest paths."""
-    return [measure for measure in MEASURES if any(measure.of(rows) for rows in results.cells.values())]
 
 
 def _places(results: SweepResults) -> Sequence[float | str]:
@@ -88,7 +83,7 @@ def _curve(made: Figure, results: SweepResults, measure: Measure, number: int) -
 def maps_figures(results: SweepResults, algorithm: str) -> Iterator[Figure]:
     """Yield a map for each measure: the first key upwards, the second to the right; colours mean the same for all."""
     up, right = results.axes
-    for measure in known_measures(results):
+    for measure in results.measures:
         made = plot(
             f"{measure.name}, {algorithm}", MAP_PX, "both", output_backend=SVG,
             title=measure.title,

@@ -14,6 +14,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 from wayfarer.experiments.report.load_results import CampaignSettings, read_settings, read_trials
 from wayfarer.experiments.results_folder import SWEEP_SETTINGS
 from wayfarer.experiments.rows import TrialRow
+from wayfarer.experiments.statistics import MEASURES, Measure
 from wayfarer.experiments.sweep import MOST_AXES, MOST_DIGITS, MOST_TRIALS, Value
 
 
@@ -82,6 +83,16 @@ class SweepResults:
     def cells(self) -> dict[tuple[int, str], list[TrialRow]]:
         """The rows of each point and algorithm."""
         return {cell: list(rows) for cell, rows in groupby(self.rows, lambda row: (row.point, row.algorithm))}
+
+    @cached_property
+    def measures(self) -> list[Measure]:
+        """The measures that some point has; SPL needs shortest paths."""
+        return [measure for measure in MEASURES if any(measure.of(rows) for rows in self.cells.values())]
+
+    @property
+    def has_spl(self) -> bool:
+        """Return whether shortest paths are known."""
+        return any(measure.name == "spl" for measure in self.measures)
 
     @cached_property
     def now(self) -> int | None:

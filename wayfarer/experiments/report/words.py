@@ -3,34 +3,37 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from wayfarer import __version__
 from wayfarer.experiments.outcome import SUCCESSES
+from wayfarer.experiments.provenance import RecordedRun, facts_of
 from wayfarer.experiments.report.load_results import CampaignResults, CampaignSettings
 from wayfarer.experiments.report.worst_trials import ending
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.fieldlog.wording import plural
 from wayfarer.simhal.world.physics import changed
 
-LEGEND = (
+SUCCESS = (
     "Success: the rover reached the destination line or left the map over another edge, which the paper counts as an "
-    "escape too, with the distance that then remains to the line added to its path.",
+    "escape too, with the distance that then remains to the line added to its path."
+)
+SPL = (
     "SPL, success weighted by path length: the mean over all trials of shortest path divided by path driven, a failure "
-    "counting 0.",
+    "counting 0."
 )
 ESCAPE = (
     "Share of all trials that have escaped by a path of that length; one that was entrapped, tipped or faulty counts "
     "as not escaped at any length (a tick marks the longest of them). The percentage is where the curve ends, as in "
-    "the table. Grey: the other groups. A click on a name hides its curve; the figures are zoomed together."
+    "the table. A click on a name hides its curve."
 )
 FAILURES_CAPTION = (
     "Share of trials that did not get out (entrapped, tipped or faulty), line: Wilson 95 % interval. Diamond: the "
     "paper's, which gives a number for Forest-Pledge alone (section IV)."
 )
 NO_SHORTEST_PATHS = (
-    "The shortest paths of these forests are not known. Run the campaign again with --spl, which computes them, or "
-    "with a file of forests that gives shortest_path_m."
+    "The shortest paths of these forests are not known, and so neither is SPL, success weighted by path length. Run "
+    "the campaign again with --spl, which computes them, or with a file of forests that gives shortest_path_m."
 )
 GALLERY = (
     "Failures first, then the longest paths; each algorithm is drawn once before one is drawn again. These are "
@@ -47,10 +50,12 @@ def title(results: CampaignResults) -> str:
     return f"{what} in {plural(trials, 'simulated forest trial')}{each}"
 
 
-def facts(settings: CampaignSettings) -> Iterator[tuple[str, str]]:
-    """Yield what ran: everything that decides the results, and no date."""
+def facts(settings: CampaignSettings, runs: Sequence[RecordedRun] = ()) -> Iterator[tuple[str, str]]:
+    """Yield how the results were made, as far as the folder says, and everything that decides them."""
     rover, forests = settings.rover, settings.forests
-    yield "software", f"wayfarer {settings.version}"
+    yield from facts_of(runs)
+    if not runs:
+        yield "software", f"wayfarer {settings.version}"
     yield "trials of each algorithm", str(settings.trials)
     yield "seed", str(settings.seed)
     yield "mean distance between slips", f"{settings.slip_mean_m:g} m"

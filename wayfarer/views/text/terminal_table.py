@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from rich import box
 from rich.console import Console
@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 T = TypeVar("T")
+ColumnT = TypeVar("ColumnT", bound="Column[Any]")
 UNBOUNDED = 1000  # columns: wider than any table
 
 
@@ -20,12 +21,19 @@ class Column(Generic[T]):
     """One column: its title, and how it reads for a row.
 
     Figures stand at the right. With ``left`` words stand at the left, and with ``wraps`` they may be broken into lines.
+    With ``if_known`` a table in which no row has a value has no such column (``known``).
     """
 
     title: str
     cell: Callable[[T], str | Text]
     left: bool = False
     wraps: bool = False
+    if_known: bool = False
+
+
+def known(columns: Iterable[ColumnT], rows: Sequence[Any]) -> tuple[ColumnT, ...]:
+    """Return the columns that a table of these rows has."""
+    return tuple(each for each in columns if not each.if_known or any(each.cell(row) for row in rows))
 
 
 def table(columns: Sequence[Column[T]], rows: Iterable[T] = (), *, gap: int = 2) -> Table:
