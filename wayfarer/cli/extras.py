@@ -26,8 +26,8 @@ NEEDS = {
     "a report": OptionalExtra("sim", {"bokeh": "bokeh", "numpy": "numpy"}),
     "the live page": OptionalExtra("live", {"aiohttp": "aiohttp"}),
     "Parquet": OptionalExtra("sim", {"pyarrow": "pyarrow"}),
-    "gpx": OptionalExtra("export", {"gpxpy": "gpxpy"}),
-    "geojson": OptionalExtra("export", {"geojson_pydantic": "geojson-pydantic"}),
+    "gpx": OptionalExtra("export", {"gpxpy": "gpxpy", "numpy": "numpy"}),
+    "geojson": OptionalExtra("export", {"geojson_pydantic": "geojson-pydantic", "numpy": "numpy"}),
     "rosbag2": OptionalExtra("export", {"rosbags": "rosbags"}),
     "Foxglove": OptionalExtra("foxglove", {"foxglove": "foxglove-sdk"}),
 }
