@@ -49,7 +49,7 @@ PURE = [
 IMPURE = {"asyncio", "time", "datetime", "io", "os", "pathlib", "logging", "structlog", "socket", "threading", "numpy"}
 BUS_LIBRARIES = {"cv2", "smbus2", "spidev", "serial", "gpiozero", "picamera2"}
 # Figures and ROS messages are made of arrays.
-ARRAYS_IN = ("views.page", "views.run_report", "views.export.rosbag2")
+ARRAYS_IN = ("views.page", "views.run_report", "views.receiver_fit", "views.export.ros_messages")
 HEAVY = {"numpy", "scipy", "skfmm", "bokeh"} | BUS_LIBRARIES
 
 

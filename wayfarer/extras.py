@@ -28,8 +28,8 @@ NEEDS = {
     "the live page": OptionalExtra("live", {"aiohttp": "aiohttp"}),
     "a table": OptionalExtra("sim", {"pyarrow": "pyarrow"}),
     "Parquet": OptionalExtra("sim", {"pyarrow": "pyarrow"}),
-    "gpx": OptionalExtra("export", {"gpxpy": "gpxpy"}),
-    "geojson": OptionalExtra("export", {"geojson_pydantic": "geojson-pydantic"}),
+    "gpx": OptionalExtra("export", {"gpxpy": "gpxpy", "numpy": "numpy"}),
+    "geojson": OptionalExtra("export", {"geojson_pydantic": "geojson-pydantic", "numpy": "numpy"}),
     "rosbag2": OptionalExtra("export", {"rosbags": "rosbags"}),
     "Foxglove": OptionalExtra("foxglove", {"foxglove": "foxglove-sdk"}),
 }

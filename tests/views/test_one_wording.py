@@ -15,6 +15,7 @@ from wayfarer.views.live.page_model import PageModel
 from wayfarer.views.run_report.data import read_run
 from wayfarer.views.run_report.quantities import panels_of
 from wayfarer.views.text.console import Console
+from wayfarer.views.text.log_lines import log_lines
 from wayfarer.views.text.run_narrator import Verbosity
 
 TICK = tick(0.5)
@@ -46,13 +47,9 @@ def live_page(*records: Record) -> str:
     return text
 
 
-def foxglove(*records: Record) -> str:
-    pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
-    from wayfarer.views.foxglove.channels import LOG_NAMES, log_texts
-
+def log_panel(*records: Record) -> str:
     fold = RunFold()
-    events = [each for taken in records for each in fold.take(taken) if type(each) in LOG_NAMES]
-    return [text for each in events for text, _ in log_texts(each)][-1]
+    return [line.text for taken in records for each in fold.take(taken) for line in log_lines(each)][-1]
 
 
 def csv(*records: Record) -> str:
@@ -60,7 +57,7 @@ def csv(*records: Record) -> str:
     return last[titles.index("event")]
 
 
-@pytest.mark.parametrize("view", [logs_show, logs_show_ticks, console, live_page, foxglove, csv])
+@pytest.mark.parametrize("view", [logs_show, logs_show_ticks, console, live_page, log_panel, csv])
 def test_every_view_tells_a_new_key_and_a_new_event(view: Callable[..., str]) -> None:
     assert view(HEADER, TICK, NEW_KEY) == "Armed: drives towards 12 degrees, moon full"
     assert view(HEADER, TICK, NEW_EVENT) == "moon rose: height 12 degrees"
@@ -74,13 +71,13 @@ def test_what_is_no_number_where_others_remember_one_is_told_and_nothing_is_not(
     assert logs_show_ticks(HEADER, tick(0.5)) + f", {told}" == logs_show_ticks(HEADER, tick(0.5, **remembered))
 
 
-@pytest.mark.parametrize("view", [console, live_page, foxglove])
+@pytest.mark.parametrize("view", [console, live_page, log_panel])
 def test_every_view_tells_missing_records_and_ticks(view: Callable[..., str]) -> None:
     assert view(HEADER, {**TICK, "n": 1}, {**tick(0.55), "n": 5}) == "3 records are missing"
     assert view(HEADER, TICK, tick(9.0)) == "no ticks for 8.5 s"
 
 
-@pytest.mark.parametrize("view", [console, live_page, foxglove])
+@pytest.mark.parametrize("view", [console, live_page, log_panel])
 def test_every_view_tells_what_is_wrong_with_board_and_computer(view: Callable[..., str]) -> None:
     assert view(HEADER, record("board", 1.0, faults=["overheated"])) == "motor board: overheated"
     assert view(HEADER, record("computer", 1.0, throttled="0x0"), record("computer", 2.0, throttled="0x1")) == (

@@ -209,6 +209,13 @@ def export(
         ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
+    origin: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LAT,LON",
+            help="gpx, geojson: where a run without a receiver began, degrees: 50.937,-1.397.",
+        ),
+    ] = None,
     log_dir: LogDir = None,
 ) -> None:
     """Convert a run's log to a format of other tools, as a file or, for rosbag2, a folder."""
@@ -221,10 +228,10 @@ def export(
     if form.needs:
         require(form.needs)
     if out == STDOUT:
-        _tell_damage(form.write(found, sys.stdout))
+        _tell_damage(form.write(found, sys.stdout, origin))
         return
     file = out or Path(f"{run_title(found)}.{form}")
-    damage = export_run(found, form, file, overwrite=force, follow_symlink=out is not None)
+    damage = export_run(found, form, file, overwrite=force, follow_symlink=out is not None, origin=origin)
     print(f"the export is in {file}")
     _tell_damage(damage)
     say_next(*form.opened_by, file)

@@ -59,9 +59,29 @@ def handler_of(spec: TrialSpec) -> EscapeHandler:
 
 def test_gymnasiums_own_checker_has_nothing_to_say() -> None:
     """Warnings are errors in these tests, so it must not even warn."""
-    env = gymnasium.make(ENV_ID)
+    env = gymnasium.make(ENV_ID, render_mode="rgb_array")
     check_env(env.unwrapped)
     env.close()
+
+
+def test_picture_shows_the_rover_on_its_way_and_stays_after_the_end() -> None:
+    env = ForestEnv(budget_m=3.0, render_mode="rgb_array")
+    with pytest.raises(ResetNeeded):
+        env.render()
+    env.reset(options={"trial": 6})
+    first = env.render()
+    play(env, ahead, options={"trial": 6})
+    last = env.render()
+    assert first is not None
+    assert last is not None
+    assert first.shape == last.shape == (480, 480, 3)
+    assert first.dtype == last.dtype == np.uint8
+    orange = (last == (255, 138, 36)).all(axis=2)
+    assert 2.0 < 50.0 / 480.0 * np.ptp(np.nonzero(orange)[0]) < 4.0, "3 m, less the dot at its end"
+    assert not (first == (255, 138, 36)).all(axis=2).any()
+    assert ForestEnv().render() is None
+    with pytest.raises(BadInput, match="render_mode 'human' is not known"):
+        ForestEnv(render_mode="human")
 
 
 @pytest.mark.process

@@ -6,6 +6,8 @@ import io
 import json
 from datetime import UTC, datetime, timedelta
 from functools import cache
+from itertools import pairwise
+from math import atan2, cos, degrees, hypot, radians, sin
 from pathlib import Path
 from typing import Any
 
@@ -51,10 +53,10 @@ EVENTFUL = [
 ]
 
 
-def written(form: ExportFormat, folder: Path, records: list[Record]) -> str:
+def written(form: ExportFormat, folder: Path, records: list[Record], origin: str | None = None) -> str:
     text = io.StringIO()
     (folder / "17" / "run.jsonl").unlink(missing_ok=True)
-    assert form.write(write(folder / "17", records), text) == Damage()
+    assert form.write(write(folder / "17", records), text, origin) == Damage()
     return text.getvalue()
 
 
@@ -65,14 +67,14 @@ def schema() -> Any:
     return xmlschema.XMLSchema(Path(__file__).with_name("gpx.xsd"))
 
 
-def gpx(folder: Path, records: list[Record]) -> GPX:
-    text = written(ExportFormat.gpx, folder, records)
+def gpx(folder: Path, records: list[Record], origin: str | None = None) -> GPX:
+    text = written(ExportFormat.gpx, folder, records, origin)
     schema().validate(text)
     return gpxpy.parse(text)
 
 
-def geojson(folder: Path, records: list[Record]) -> list[dict[str, Any]]:
-    text = written(ExportFormat.geojson, folder, records)
+def geojson(folder: Path, records: list[Record], origin: str | None = None) -> list[dict[str, Any]]:
+    text = written(ExportFormat.geojson, folder, records, origin)
     collection = json.loads(text)
     assert len(FeatureCollection.model_validate_json(text).features) == len(collection["features"])
     for feature in collection["features"]:
@@ -84,9 +86,9 @@ def geojson(folder: Path, records: list[Record]) -> list[dict[str, Any]]:
 
 
 def test_gpx_has_the_fixes_with_their_times(tmp_path: Path) -> None:
-    (track,) = gpx(tmp_path, EVENTFUL).tracks
+    track = gpx(tmp_path, EVENTFUL).tracks[0]
     (segment,) = track.segments
-    assert track.name == "17"
+    assert (track.name, str(track.type)) == ("17", "fixes")
     assert [(point.latitude, point.longitude) for point in segment.points] == [
         (round(47.0 + north_m / METRES_PER_DEG, 8), 8.0) for north_m in (0.0, 0.5, 1.0)
     ]
@@ -118,10 +120,13 @@ def test_gpx_has_what_happened_where_it_happened(tmp_path: Path) -> None:
 
 def test_geojson_says_the_same_as_gpx(tmp_path: Path) -> None:
     told = gpx(tmp_path, EVENTFUL)
-    line, *points = geojson(tmp_path, EVENTFUL)
+    line, path, *points = geojson(tmp_path, EVENTFUL)
     fixes = told.tracks[0].segments[0].points
     assert line["geometry"]["type"] == "LineString"
     assert line["geometry"]["coordinates"] == [[each.longitude, each.latitude] for each in fixes]
+    assert path["geometry"]["coordinates"] == [
+        [each.longitude, each.latitude] for each in told.tracks[1].segments[0].points
+    ]
     along = line["properties"]["coordinateProperties"]
     assert along["elapsed_s"] == [0.0, 1.0, 2.0]
     assert [datetime.fromisoformat(each) for each in along["times"]] == [each.time for each in fixes]
@@ -133,6 +138,64 @@ def test_geojson_says_the_same_as_gpx(tmp_path: Path) -> None:
     stalled = points[1]["properties"]
     assert (stalled["name"], stalled["elapsed_s"], stalled["fix_elapsed_s"]) == ("stalled", 3.2, 2.0)
     assert (stalled["offset_north_m"], stalled["offset_east_m"]) == (pytest.approx(0.6, abs=0.03), 0.0)
+
+
+def test_path_is_dead_reckoning_fitted_to_the_fixes(tmp_path: Path) -> None:
+    """The compass is 10 degrees off: the rover drove to the north-east, and says that it drove north by east."""
+    fixes, way = [], radians(45.0)
+    for t_s in range(0, 240, 2):
+        north_m, east_m = (0.5 * t_s * part for part in (cos(way), sin(way)))
+        fixes.append(fix(float(t_s), north_m, 8.0 + east_m / METRES_PER_DEG / cos(radians(47.0)), error_m=1.0))
+    driven = [each for t_s in range(0, 238, 2) for each in drive(float(t_s), t_s + 2.0, heading_deg=35.0)]
+    records = [HEADER, *sorted((*fixes, *driven), key=lambda each: each["t_s"])]
+    *_, path = gpx(tmp_path, records).tracks
+    assert str(path.type) == "fitted"
+    (segment,) = path.segments
+    begin, end = segment.points[0], segment.points[-1]
+    north_m = (end.latitude - begin.latitude) * METRES_PER_DEG
+    east_m = (end.longitude - begin.longitude) * METRES_PER_DEG * cos(radians(47.0))
+    assert degrees(atan2(east_m, north_m)) == pytest.approx(45.0, abs=1.0)
+    assert hypot(north_m, east_m) == pytest.approx(0.5 * 238.0, rel=0.02)
+    steps_m = [
+        hypot(after.latitude - before.latitude, (after.longitude - before.longitude) * cos(radians(47.0)))
+        * METRES_PER_DEG
+        for before, after in pairwise(segment.points)
+    ]
+    assert all(0.15 < step_m < 0.3 for step_m in steps_m)
+
+
+def test_path_begins_at_the_given_origin_where_there_is_no_receiver(tmp_path: Path) -> None:
+    records = [HEADER, *drive(0.0, 4.0), event("mark", 4.0, text="here"), outcome(4.0)]
+    told = gpx(tmp_path, records, origin="47.0,-8.0")
+    (track,) = told.tracks
+    assert (str(track.type), track.name) == ("reckoned", "17: dead reckoning from the given origin")
+    (segment,) = track.segments
+    assert (segment.points[0].latitude, segment.points[0].longitude) == pytest.approx((47.0, -8.0), abs=1e-6)
+    assert (segment.points[-1].latitude - 47.0) * METRES_PER_DEG == pytest.approx(2.0, abs=0.25)
+    mark, _ = told.waypoints
+    assert (mark.latitude - 47.0) * METRES_PER_DEG == pytest.approx(2.0, abs=0.1)
+    assert mark.description == "2.0 m at 0 degrees (magnetic) from the given origin, by dead reckoning"
+    line, point, _ = geojson(tmp_path, records, origin="47.0,-8.0")
+    assert (line["properties"]["kind"], point["properties"]["fix_elapsed_s"]) == ("reckoned", None)
+    assert len(line["geometry"]["coordinates"]) == len(segment.points)
+
+
+@pytest.mark.parametrize(
+    ("form", "origin", "records", "refusal"),
+    [
+        (ExportFormat.gpx, "47,8", EVENTFUL, "has GPS positions, which say where it was: leave --origin out"),
+        (ExportFormat.gpx, "47", EVENTFUL, "--origin 47: give latitude and longitude in degrees"),
+        (ExportFormat.geojson, "8,190", EVENTFUL, "--origin 8,190: give latitude"),
+        (ExportFormat.geojson, "nan,8", EVENTFUL, "--origin nan,8: give latitude"),
+        (ExportFormat.gpx, "47,8", [HEADER, event("mark", 1.0, text="x")], "has no heading, so no path leads away"),
+        (ExportFormat.csv, "47,8", EVENTFUL, "--origin is for gpx and geojson, and this is csv"),
+    ],
+)
+def test_origin_that_is_of_no_use_is_refused(
+    tmp_path: Path, form: ExportFormat, origin: str, records: list[Record], refusal: str
+) -> None:
+    with pytest.raises(BadInput, match=rf"^[^\n]*{refusal}[^\n]*$"):
+        form.write(write(tmp_path / "17", records), io.StringIO(), origin)
 
 
 def test_track_is_cut_where_fixes_are_missing_and_one_alone_is_a_point(tmp_path: Path) -> None:
@@ -161,7 +224,9 @@ def test_receiver_that_tells_no_error_has_none(tmp_path: Path) -> None:
 @pytest.mark.parametrize("form", [ExportFormat.gpx, ExportFormat.geojson])
 def test_run_without_a_position_is_refused_with_the_reason(tmp_path: Path, form: ExportFormat) -> None:
     run = write(tmp_path / "17", [HEADER, *drive(0.0, 1.0), record("position", 1.0, latitude_deg=None)])
-    with pytest.raises(BadInput, match=rf"^[^\n]*no GPS position, so there is no {form}: dead reckoning has[^\n]*$"):
+    with pytest.raises(
+        BadInput, match=rf"^[^\n]*no GPS position, so there is no {form}: dead[^\n]*--origin LAT,LON[^\n]*$"
+    ):
         form.write(run, io.StringIO())
 
 

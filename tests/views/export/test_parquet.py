@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
-from tests.views.text.records import HEADER, SAMPLE_LOGS, drive, event, outcome, record, tick, write
+from tests.views.text.records import BEGAN_WALL_S, HEADER, SAMPLE_LOGS, drive, event, outcome, record, tick, write
 from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.schema import Record
 from wayfarer.views.export.export import ExportFormat, export
@@ -46,6 +47,7 @@ def test_rows_and_values_are_those_of_the_csv_table(tmp_path: Path) -> None:
     [
         ("elapsed_s", pa.float64(), 1.0),
         ("n", pa.int64(), 1),
+        ("t_wall", pa.timestamp("us", tz="UTC"), datetime.fromtimestamp(BEGAN_WALL_S + 1, UTC)),
         ("phase", pa.string(), "follow"),
         ("anomalies", pa.string(), "nose_up; touched"),
         ("motion_signed", pa.bool_(), True),

@@ -12,6 +12,8 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
+from rosbags.interfaces import ConnectionExtRosbag2, QosDurability
+from rosbags.rosbag2 import Reader
 
 from tests.views.test_enu import Vector, body_axis
 from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, outcome, record, tick, write
@@ -27,9 +29,12 @@ from wayfarer.views.export.wall_time import nanoseconds
 TYPES = {
     "/imu/data": "sensor_msgs/msg/Imu",
     "/odom": "nav_msgs/msg/Odometry",
+    "/tf": "tf2_msgs/msg/TFMessage",
+    "/tf_static": "tf2_msgs/msg/TFMessage",
     "/fix": "sensor_msgs/msg/NavSatFix",
     "/cmd_vel": "geometry_msgs/msg/Twist",
     "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
+    "/rosout": "rcl_interfaces/msg/Log",
 }
 VEHICLE = {"max_speed_m_s": 1.0, "track_m": 0.5}
 Messages = dict[str, list[tuple[int, Any]]]
@@ -76,7 +81,7 @@ def test_two_readers_read_the_same_of_a_whole_run(trial_log: Path, tmp_path: Pat
     assert export(trial_log, ExportFormat.rosbag2, bag, overwrite=False) == Damage()
     assert {each.name for each in bag.iterdir()} == {"metadata.yaml", "17.rosbag2.mcap"}
     first, second = by_rosbags(bag), by_mcap(bag)
-    assert first.keys() == second.keys() == {"/imu/data", "/odom", "/cmd_vel", "/diagnostics"}
+    assert first.keys() == second.keys() == TYPES.keys() - {"/fix"}, "it has no receiver"
     for topic in first:
         assert [time_ns for time_ns, _ in first[topic]] == [time_ns for time_ns, _ in second[topic]]
     for (_, one), (_, other) in zip(first["/odom"], second["/odom"], strict=True):
@@ -93,6 +98,8 @@ def test_odometry_is_dead_reckoning_and_its_twist_adds_up_to_it(trial_log: Path,
     places = [event.place for event in told if isinstance(event, Tick) and event.place]
     messages = [message for _, message in by_mcap(bag)["/odom"]]
     assert len(messages) == len(places) - 1
+    transforms = [message.transforms for _, message in by_mcap(bag)["/tf"]]
+    assert len(transforms) == len(places)
     for (before, place), odometry in zip(pairwise(places), messages, strict=True):
         position, dt_s = odometry.pose.pose.position, place.t_s - before.t_s
         assert (position.x, position.y, position.z) == (place.east_m, place.north_m, 0.0)
@@ -121,8 +128,62 @@ def test_orientation_is_the_compass_s(tmp_path: Path) -> None:
     ((_, imu),) = exported(tmp_path, tick(1.0, compass=reading))["/imu/data"]
     q = imu.orientation
     assert (q.x, q.y, q.z, q.w) == pytest.approx(enu_rotation(123.0, 30.0, -20.0), abs=1e-12)
-    assert (imu.header.frame_id, list(imu.orientation_covariance)) == ("base_link", [0.0] * 9)
+    assert (imu.header.frame_id, list(imu.orientation_covariance)) == ("imu_link", [0.0] * 9)
     assert imu.angular_velocity_covariance[0] == imu.linear_acceleration_covariance[0] == -1.0
+
+
+def test_frames_are_a_tree_from_the_map_to_the_sensors(tmp_path: Path) -> None:
+    """Static frames come first, and are latched: a listener that starts late gets them too."""
+    found = exported(tmp_path, *drive(0.0, 1.0, heading_deg=90.0))
+    ((static_ns, static),) = found["/tf_static"]
+    assert {(each.header.frame_id, each.child_frame_id) for each in static.transforms} == {
+        ("map", "odom"), ("base_link", "imu_link"), ("base_link", "gps_link"),
+    }  # fmt: skip
+    moved = [(time_ns, *message.transforms) for time_ns, message in found["/tf"]]
+    assert {(each.header.frame_id, each.child_frame_id) for _, each in moved} == {("odom", "base_link")}
+    assert static_ns <= moved[0][0]
+    last, odometry = moved[-1][1].transform, found["/odom"][-1][1].pose.pose
+    assert (last.translation.x, last.translation.y) == (odometry.position.x, odometry.position.y)
+    assert last.translation.x == pytest.approx(0.5, abs=0.03)
+    assert turned(last.rotation, (1.0, 0.0, 0.0)) == pytest.approx((1.0, 0.0, 0.0), abs=1e-9)
+    with Reader(tmp_path / "17.rosbag2") as reader:
+        offered = {
+            each.topic: each.ext.offered_qos_profiles
+            for each in reader.connections
+            if isinstance(each.ext, ConnectionExtRosbag2)
+        }
+    assert "    rover: minirover\n" in (tmp_path / "17.rosbag2" / "metadata.yaml").read_text(encoding="utf-8")
+    (latched,) = offered.pop("/tf_static")
+    assert latched.durability is QosDurability.TRANSIENT_LOCAL
+    assert not any(offered.values())
+
+
+def test_doubt_of_odometry_grows_with_the_path_and_what_is_not_measured_is_no_certainty(tmp_path: Path) -> None:
+    messages = [message for _, message in exported(tmp_path, *drive(0.0, 2.0))["/odom"]]
+    first, last = (list(each.pose.covariance)[::7] for each in (messages[0], messages[-1]))
+    assert first[0] < last[0] == last[1] == pytest.approx((0.2 * 1.0) ** 2, rel=0.1)
+    assert first[2:5] == last[2:5] == [1e6] * 3
+    assert first[5] == last[5] == pytest.approx(0.04)
+
+
+def test_events_and_anomalies_are_told_with_their_severity(tmp_path: Path) -> None:
+    found = exported(
+        tmp_path,
+        event("mark", 1.0, text="hit log"),
+        tick(2.0, anomalies=["immobilised"]),
+        event("motors_failed", 3.0, error="no answer"),
+        outcome(4.0),
+    )["/rosout"]
+    info, warning, error = 20, 30, 40
+    assert [(each.level, each.name) for _, each in found] == [
+        (info, "wayfarer.run"),
+        (info, "wayfarer.mark"),
+        (warning, "wayfarer.anomaly"),
+        (error, "wayfarer.motors_failed"),
+        (info, "wayfarer.outcome"),
+    ]
+    assert found[1][1].msg == "Mark: hit log"
+    assert found[2][1].stamp.sec == BEGAN_WALL_S + 2
 
 
 def test_each_reading_of_the_compass_is_told_once_at_its_time(tmp_path: Path) -> None:

@@ -35,6 +35,7 @@ def test_each_tick_is_a_row_with_flat_columns(tmp_path: Path) -> None:
         "t_s": "101.0", "heading_deg": "0.0", "compass_heading_deg": "3.0", "anomalies": "nose_up; touched",
         "cause": "",
     }  # fmt: skip
+    assert row["t_wall"] == "2027-01-15T08:00:01.000000Z"
     assert (row["contact_sides"], row["compass_calibration"], row["motion_quality"]) == ("front; left", "", "")
 
 

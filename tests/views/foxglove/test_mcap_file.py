@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from mcap.reader import make_reader
 
 from tests.views.foxglove.logs import HEADER, of_kind, stamped, tick
 from tests.views.foxglove.readers import Exported, read
@@ -146,6 +147,19 @@ def test_well_known_schemas_are_used_where_panels_know_them(exported: Exported) 
     scenes = dict.fromkeys(("/forest", "/rover", "/track", "/truth_track"), "foxglove.SceneUpdate")
     poses = dict.fromkeys(("/pose", "/truth"), "foxglove.FrameTransform")
     assert names == {**scenes, **poses, "/log": "foxglove.Log"}
+
+
+def test_file_says_what_ran(trial_log: Path, records: list[Record], tmp_path: Path) -> None:
+    export(trial_log, tmp_path / "run.mcap")
+    with (tmp_path / "run.mcap").open("rb") as file:
+        reader = make_reader(file)
+        (metadata,), (rover,) = list(reader.iter_metadata()), list(reader.iter_attachments())
+    told, header = metadata.metadata, records[0]
+    assert metadata.name == "wayfarer"
+    assert told["exported_by"] == f"wayfarer {told['wayfarer_version']}"
+    assert (told["rover"], told["algorithm"]) == (header["rover"], header["algorithm"])
+    assert (rover.name, rover.media_type) == ("rover.json", "application/json")
+    assert json.loads(rover.data) == header["config"]
 
 
 def test_bytes_are_the_same_each_time(trial_log: Path, tmp_path: Path) -> None:

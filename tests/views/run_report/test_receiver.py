@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wayfarer.angles import coordinates_deg
-from wayfarer.views.run_report.data import MapFix, RunData
-from wayfarer.views.run_report.receiver import Places, believable, fit
+from wayfarer.views.receiver_fit import MapFix, Places, believable, fit
+from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.track import TimedPath, Track
 
 ORIGIN = MapFix(0.0, 47.0, 8.0, 3.0, 0.0, 0.0)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import weakref
 from dataclasses import replace
-from math import cos, radians, sin
-from typing import Any
+from math import cos, degrees, radians, sin
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
@@ -23,6 +23,9 @@ from wayfarer.hal import WheelCommand
 from wayfarer.simhal.mujoco.terrain import Terrains
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
+if TYPE_CHECKING:
+    from wayfarer.experiments.forest_map import ForestMap
+
 Array = NDArray[np.float32]
 
 TRIALS = 1_000_000  # half as many layouts, each with two noises
@@ -35,6 +38,8 @@ TIME_COST_PER_S = 0.1
 BONUS = {"escaped": 10.0, "tipped": -10.0, "fault": -10.0, "entrapped": -10.0}
 
 SIZE = 4 + len(Anomaly) + 1
+PICTURE_PX = 480
+GROUND = (32, 36, 28, 255)
 
 
 class ForestEnv(gymnasium.Env[Array, Array]):
@@ -63,26 +68,30 @@ class ForestEnv(gymnasium.Env[Array, Array]):
         rover: a rover file, by name or path.
         slip_mean_m: mean distance between slip events, metres.
         budget_m: path after which a rover counts as entrapped, metres.
-        render_mode: None; there is nothing to see.
+        render_mode: ``rgb_array``: ``render`` returns a map with the way so far (needs pillow); None: no pictures.
         terrains: with it the body moves in MuJoCo (extra ``physics``), as with ``wayfarer sim --physics mujoco``, on
             ground drawn for each trial: ``Terrains(friction=Range(0.3, 0.8))``.
 
     Raises:
+        BadInput: no such ``render_mode``.
         BadConfig: no such rover, its file cannot be used, or does not say of the body what MuJoCo needs.
         ModuleNotFoundError: ``terrains`` without mujoco installed.
     """
 
-    metadata = {"render_modes": []}  # noqa: RUF012 (gymnasium's own declaration)
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012 (gymnasium's own declaration)
 
     def __init__(
         self,
         rover: str = "sim",
         slip_mean_m: float = 10.0,
         budget_m: float = 1000.0,
-        render_mode: None = None,
+        render_mode: str | None = None,
         terrains: Terrains | None = None,
     ) -> None:
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise BadInput(f"render_mode {render_mode!r} is not known: use 'rgb_array', or None")
         self.render_mode = render_mode
+        self._map: ForestMap | None = None
         self.observation_space = Box(-1.0, 1.0, (SIZE,), np.float32)
         self.action_space = Box(-1.0, 1.0, (2,), np.float32)
         config = load_rover(rover)
@@ -109,9 +118,8 @@ class ForestEnv(gymnasium.Env[Array, Array]):
         trial = (options or {}).get("trial", drawn)
         if not (isinstance(trial, int) and 0 <= trial < TRIALS):
             raise BadInput(f"options: trial {trial!r} is not a whole number from 0 to {TRIALS - 1}")
-        self._bridge = bridge = AgentBridge(
-            self._campaign.spec(Task(AGENT_NAME, trial), self._campaign.make_forest(trial))
-        )
+        forest = self._campaign.make_forest(trial)
+        self._bridge = bridge = AgentBridge(self._campaign.spec(Task(AGENT_NAME, trial), forest))
         self._leave = weakref.finalize(self, bridge.leave)
         seen = bridge.wait()
         if isinstance(seen, Ending):
@@ -119,6 +127,11 @@ class ForestEnv(gymnasium.Env[Array, Array]):
         self._last = seen
         self._anomaly_at_m = seen.travelled_m
         self._y_m, self._t_s = bridge.world.y_m, bridge.world.t_s
+        if self.render_mode is not None:
+            from wayfarer.experiments.forest_map import ForestMap
+
+            self._map = ForestMap(forest, PICTURE_PX, GROUND)
+            self._look(bridge.world)
         return self._vector(seen), {"trial": trial, "observation": seen}
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
@@ -136,6 +149,7 @@ class ForestEnv(gymnasium.Env[Array, Array]):
         bridge.answer(WheelCommand(float(action[0]), float(action[1])))
         turn = bridge.wait()
         reward = self._gain(bridge.world)
+        self._look(bridge.world)
         if isinstance(turn, Observation):
             self._last = turn
             return self._vector(turn), reward, False, False, {"observation": turn}
@@ -144,11 +158,29 @@ class ForestEnv(gymnasium.Env[Array, Array]):
         info = {"observation": self._last, "ending": turn}
         return self._vector(self._last), reward, turn.in_time, not turn.in_time, info
 
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return a picture of the forest, the way so far and the rover: 480 x 480 x 3; None without ``render_mode``.
+
+        Raises:
+            ResetNeeded: no episode has begun.
+        """
+        if self.render_mode is None:
+            return None
+        if self._map is None:
+            raise ResetNeeded("no episode has begun: call reset() first")
+        return np.asarray(self._map.draw(self._heading_deg).convert("RGB"))
+
     def close(self) -> None:
         """End the trial, if one is on."""
         if self._bridge is not None:
             self._bridge = None
             self._leave()
+
+    def _look(self, world: SimulatedWorld) -> None:
+        """Note where the rover is, for the next picture."""
+        if self._map is not None:
+            self._map.go(world.x_m, world.y_m)
+            self._heading_deg = degrees(world.heading_rad)
 
     def _gain(self, world: SimulatedWorld) -> float:
         """Return the reward for what became of the rover since the last time."""

@@ -59,21 +59,40 @@ class ExportFormat(StrEnum):
         row.writer, row.opened_by = writer, opened_by
         return row
 
-    def write(self, run: Path, target: Any) -> Damage:
+    def write(self, run: Path, target: Any, origin: str | None = None) -> Damage:
         """Write a run, and return what of it could not be read.
 
+        ``origin`` is latitude and longitude in degrees of where a run without a receiver began, as ``50.937,-1.397``.
+
         Raises:
-            BadInput: nothing of the run can be read, or it has nothing that this format can hold.
+            BadInput: nothing of the run can be read, it has nothing that this format can hold, or the origin is none.
             OSError: the target takes no more.
         """
-        write: Callable[[Path, Any], Damage] = resolve_name(f"wayfarer.views.{self.writer}")
-        return write(run, target)
+        write: Callable[..., Damage] = resolve_name(f"wayfarer.views.{self.writer}")
+        if origin is None:
+            return write(run, target)
+        if self not in ON_THE_GLOBE:
+            raise BadInput(f"--origin is for {' and '.join(ON_THE_GLOBE)}, and this is {self}: leave --origin out")
+        from wayfarer.views.export.placed_path import Origin
+
+        return write(run, target, Origin.of(origin))
 
 
-def export(run: Path, form: ExportFormat, out: Path, *, overwrite: bool, follow_symlink: bool = False) -> Damage:
+ON_THE_GLOBE = (ExportFormat.gpx, ExportFormat.geojson)  # what needs latitude and longitude
+
+
+def export(
+    run: Path,
+    form: ExportFormat,
+    out: Path,
+    *,
+    overwrite: bool,
+    follow_symlink: bool = False,
+    origin: str | None = None,
+) -> Damage:
     """Write a run in a format, and return what of its log could not be read.
 
-    ``follow_symlink`` is for a path that a person gave.
+    ``follow_symlink`` is for a path that a person gave, ``origin`` as for ``ExportFormat.write``.
 
     Raises:
         BadInput: there is such a file already, it cannot be written or is no ordinary file, or the run cannot be read.
@@ -81,15 +100,15 @@ def export(run: Path, form: ExportFormat, out: Path, *, overwrite: bool, follow_
     """
     try:
         if form.output is Output.FOLDER:
-            return _export_folder(run, form, out)
+            return _export_folder(run, form, out, origin)
         if out.is_dir() or (out.exists() and not overwrite):
             raise BadInput(f"{out} exists already: name another file with --out, or replace it with --force")
         with atomic_file(out, follow_symlink=follow_symlink) as draft:
             if form.output is Output.BYTES:
-                return form.write(run, draft)
+                return form.write(run, draft, origin)
             text = TextIOWrapper(draft, encoding="utf-8", newline="")
             try:
-                return form.write(run, text)
+                return form.write(run, text, origin)
             finally:
                 text.detach()  # its end would close the draft
     except OSError as error:
@@ -98,10 +117,10 @@ def export(run: Path, form: ExportFormat, out: Path, *, overwrite: bool, follow_
         ) from None
 
 
-def _export_folder(run: Path, form: ExportFormat, out: Path) -> Damage:
+def _export_folder(run: Path, form: ExportFormat, out: Path, origin: str | None) -> Damage:
     if os.path.lexists(out):
         raise BadInput(
             f"{out} exists already, and a folder is never replaced: name another one with --out, or remove it"
         )
     with atomic_folder(out) as draft:
-        return form.write(run, draft)
+        return form.write(run, draft, origin)

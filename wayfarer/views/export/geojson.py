@@ -1,4 +1,6 @@
-"""A run as GeoJSON (RFC 7946): lines of what the receiver said, and points where something happened.
+"""A run as GeoJSON (RFC 7946): lines of what the receiver said and of the path, points where something happened.
+
+``kind`` of a line is ``track`` (fixes), ``fitted`` (dead reckoning fitted to them) or ``reckoned`` (from an origin).
 
 Times, errors and ``elapsed_s`` of the positions of a line stand in its ``coordinateProperties``, as converters from GPX
 write them. A fix with none within ten seconds is a point. geojson-pydantic is imported here only, and only where a file
@@ -18,6 +20,7 @@ from geojson_pydantic.types import Position, Position2D
 from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.typed import Fix
 from wayfarer.views.export.gps_places import Waypoint, read_places
+from wayfarer.views.export.placed_path import Origin, PathPoint
 from wayfarer.views.export.wall_time import utc_time
 
 AnyFeature = Feature[LineString | Point, dict[str, Any]]
@@ -30,14 +33,16 @@ class RunCollection(FeatureCollection[AnyFeature]):
     about: str
 
 
-def write_geojson(run: Path, file: TextIO) -> Damage:
-    """Write a run as GeoJSON, and return what of it could not be read.
+def write_geojson(run: Path, file: TextIO, origin: Origin | None = None) -> Damage:
+    """Write a run as GeoJSON, and return what could not be read; ``origin`` is where one without a receiver began.
 
     Raises:
-        BadInput: the run cannot be read, or has no position.
+        BadInput: the run cannot be read, or has neither positions nor an origin.
     """
-    places = read_places(run, "geojson")
+    places = read_places(run, "geojson", origin)
     features = [_track(segment, places.zero_s) for segment in places.segments]
+    kind = "fitted" if places.segments else "reckoned"
+    features += [_path(points, kind, places.zero_s) for points in places.path]
     features += [_event(waypoint, places.zero_s) for waypoint in places.waypoints]
     document = RunCollection(type="FeatureCollection", run=places.title, about=places.about, features=features)
     json.dump(document.model_dump(mode="json"), file, allow_nan=False)
@@ -62,6 +67,16 @@ def _track(segment: Sequence[Fix], zero_s: float) -> AnyFeature:
     return _feature(line, {"kind": "track", "coordinateProperties": along})
 
 
+def _path(points: Sequence[PathPoint], kind: str, zero_s: float) -> AnyFeature:
+    positions: list[Position] = [Position2D(each.longitude_deg, each.latitude_deg) for each in points]
+    along = {
+        "times": [utc_time(zero_s + each.t_s) for each in points],
+        "elapsed_s": [each.elapsed_s for each in points],
+    }
+    line = LineString(type="LineString", coordinates=positions)
+    return _feature(line, {"kind": kind, "coordinateProperties": along})
+
+
 def _event(waypoint: Waypoint, zero_s: float) -> AnyFeature:
     event = waypoint.placed_event
     properties = {
@@ -70,8 +85,8 @@ def _event(waypoint: Waypoint, zero_s: float) -> AnyFeature:
         "time": utc_time(zero_s + event.t_s),
         "elapsed_s": event.elapsed_s,
         "placed": waypoint.placed,
-        "fix_elapsed_s": waypoint.fix.elapsed_s,
-        "fix_error_m": waypoint.fix.error_m,
+        "fix_elapsed_s": waypoint.fix and waypoint.fix.elapsed_s,
+        "fix_error_m": waypoint.fix and waypoint.fix.error_m,
         "offset_north_m": round(waypoint.north_m, 3),
         "offset_east_m": round(waypoint.east_m, 3),
     }

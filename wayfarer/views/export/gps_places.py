@@ -1,8 +1,8 @@
-"""Where a run was on the globe: the fixes of its receiver, and the places of what happened between them.
+"""Where a run was on the globe: the fixes of its receiver, its path, and the places of what happened.
 
 Dead reckoning has no latitude. So the place of an event is the fix nearest in time, and the offset from there by dead
 reckoning. That offset counts from magnetic north, as the compass does: with a declination of 5 degrees, 10 m of offset
-lie 0.9 m aside.
+lie 0.9 m aside. Without fixes a person can say where the run began; then all is reckoned from there.
 """
 
 from __future__ import annotations
@@ -10,17 +10,16 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from math import hypot
+from math import hypot, inf, nan
 from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 
-from wayfarer.angles import bearing_deg, coordinates_deg, wrap180
-from wayfarer.clamp import clamp
+from wayfarer.angles import bearing_deg, coordinates_deg
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.clock import duration_text
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
-from wayfarer.fieldlog.fields import safe_text
+from wayfarer.fieldlog.fields import or_nan, safe_text
 from wayfarer.fieldlog.folders import run_title
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.run_events import AnomalyBegan, Ended, Noted
@@ -28,11 +27,12 @@ from wayfarer.fieldlog.run_fold import HELD, RunFold
 from wayfarer.fieldlog.typed import Fix, RunEvent, Tick
 from wayfarer.fieldlog.vocabulary import in_words
 from wayfarer.fieldlog.wording import event_text, outcome_text, run_text, whole_deg
+from wayfarer.views.export.placed_path import Origin, PathPoint, ReckonedPath, fitted, on_globe
 from wayfarer.views.export.wall_time import read_clock_zero_s
+from wayfarer.views.receiver_fit import Fit, MapFix
 
 GAP_S = 10.0  # without a fix, and a track has a gap: ten readings at the usual ``rates.position_hz`` of 1
 NEAR_M = 0.05  # what is told as 0.0 m
-DECIMALS = 8  # of a degree: a millimetre
 
 
 class PlacedEvent(NamedTuple):
@@ -45,51 +45,70 @@ class PlacedEvent(NamedTuple):
 
 
 class Waypoint(NamedTuple):
-    """The place of something that happened, and from which fix it was reckoned, metres from there."""
+    """The place of something that happened, metres from the fix it was reckoned from; None: from where it began."""
 
     placed_event: PlacedEvent
     latitude_deg: float
     longitude_deg: float
-    fix: Fix
+    fix: Fix | None
     north_m: float
     east_m: float
 
     @property
     def placed(self) -> str:
         """Say how the place was found."""
-        error = "" if self.fix.error_m is None else f" (error {self.fix.error_m:.1f} m)"
-        fix = f"the fix at {duration_text(self.fix.elapsed_s, 2)}{error}"
         distance_m = hypot(self.north_m, self.east_m)
         if distance_m < NEAR_M:
-            return f"at {fix}"
+            return f"at {self._origin}"
         bearing = whole_deg(bearing_deg(self.north_m, self.east_m))
-        return f"{distance_m:.1f} m at {bearing} degrees (magnetic) from {fix}, by dead reckoning"
+        return f"{distance_m:.1f} m at {bearing} degrees (magnetic) from {self._origin}, by dead reckoning"
+
+    @property
+    def _origin(self) -> str:
+        if self.fix is None:
+            return "the given origin"
+        error = "" if self.fix.error_m is None else f" (error {self.fix.error_m:.1f} m)"
+        return f"the fix at {duration_text(self.fix.elapsed_s, 2)}{error}"
 
 
 class Places(NamedTuple):
-    """A run on the globe: its track in segments without a gap, what happened, and what of the log could not be read.
+    """A run on the globe: its fixes and its path in segments without a gap, what happened, and the log's damage.
 
-    ``title`` is the name of its folder, ``about`` says what ran, ``zero_s`` is the wall time at which ``t_s`` was zero.
+    ``path`` is dead reckoning fitted to the fixes; without fixes it begins at the given origin. ``title`` is the name
+    of the run's folder, ``about`` says what ran, ``zero_s`` is the wall time at which ``t_s`` was zero.
     """
 
     title: str
     about: str
     zero_s: float
     segments: list[list[Fix]]
+    path: list[list[PathPoint]]
     waypoints: list[Waypoint]
     damage: Damage
 
+    @property
+    def began_t_s(self) -> float:
+        """Return the time of the first fix, else that of the first point of the path."""
+        return next((segment[0].t_s for tracks in (self.segments, self.path) for segment in tracks), 0.0)
 
-def read_places(run: Path, form: str) -> Places:
-    """Read where a run was.
+    @property
+    def path_name(self) -> str:
+        """Say how the path was found."""
+        return "dead reckoning fitted to the fixes" if self.segments else "dead reckoning from the given origin"
+
+
+def read_places(run: Path, form: str, origin: Origin | None) -> Places:
+    """Read where a run was; ``origin`` is where one without fixes began.
 
     Raises:
-        BadInput: the run cannot be read, or has no position; the text names the format that was wanted.
+        BadInput: the run cannot be read, has neither fixes nor an origin, or has both; the text names the format.
     """
     reader = RunReader(run)
     zero_s, fold = read_clock_zero_s(reader), RunFold()
     fixes: list[Fix] = []
+    compared: list[MapFix] = []
     poses: list[ReckonedPose] = []
+    path = ReckonedPath()
     placed_events: list[PlacedEvent] = []
     for record in RunReader(run):
         events = fold.take(record)
@@ -98,16 +117,37 @@ def read_places(run: Path, form: str) -> Places:
             match event:
                 case Tick(place=place) if place is not None:
                     poses.append(place)
+                    path.take(event.elapsed_s, place, fold.state.stretch)
                 case Fix():
                     fixes.append(_on_globe(event))
-    if not fixes:
-        raise BadInput(
-            f"{run} has no GPS position, so there is no {form}: dead reckoning has no latitude. Use csv, parquet or "
-            f"mcap; for the next run give the rover a receiver (parts.position in its file)"
-        )
+                    compared.append(_compared(event, fold.state.place))
+    _check_origin(run, form, origin, fixes, poses)
     fixes.sort(key=attrgetter("t_s"))
-    waypoints = [_placed(each, fixes, poses) for each in placed_events]
-    return Places(run_title(run), run_text(fold.state.header), zero_s, list(_segments(fixes)), waypoints, reader.damage)
+    laid = fitted(path, compared) if origin is None else path.laid(Fit(1.0, 0.0), origin)
+    waypoints = [_placed(each, fixes, poses, origin) for each in placed_events]
+    title, about = run_title(run), run_text(fold.state.header)
+    return Places(title, about, zero_s, list(_segments(fixes)), laid, waypoints, reader.damage)
+
+
+def _check_origin(
+    run: Path, form: str, origin: Origin | None, fixes: Sequence[Fix], poses: Sequence[ReckonedPose]
+) -> None:
+    if origin is not None and fixes:
+        raise BadInput(f"{run} has GPS positions, which say where it was: leave --origin out")
+    if origin is None and not fixes:
+        raise BadInput(
+            f"{run} has no GPS position, so there is no {form}: dead reckoning has no latitude. Say where it began "
+            f"with --origin LAT,LON, or use csv, parquet or mcap; for the next run give the rover a receiver "
+            f"(parts.position in its file)"
+        )
+    if origin is not None and not poses:
+        raise BadInput(f"{run} has no heading, so no path leads away from --origin: see wayfarer logs check")
+
+
+def _compared(fix: Fix, place: ReckonedPose | None) -> MapFix:
+    """Return a fix with where dead reckoning had the rover then."""
+    here_m = (place.north_m, place.east_m) if place else (nan, nan)
+    return MapFix(fix.elapsed_s, fix.latitude_deg, fix.longitude_deg, or_nan(fix.error_m), *here_m)
 
 
 def _happened(events: Sequence[RunEvent]) -> Iterator[PlacedEvent]:
@@ -135,26 +175,25 @@ def _segments(fixes: Sequence[Fix]) -> Iterator[list[Fix]]:
             yield segment
             segment = []
         segment.append(fix)
-    yield segment
+    if segment:
+        yield segment
 
 
-def _placed(placed_event: PlacedEvent, fixes: Sequence[Fix], poses: Sequence[ReckonedPose]) -> Waypoint:
+def _placed(
+    placed_event: PlacedEvent, fixes: Sequence[Fix], poses: Sequence[ReckonedPose], origin: Origin | None
+) -> Waypoint:
     """Return where something happened."""
+    if origin is not None:
+        north_m, east_m = _reckoned_m(poses, -inf, placed_event.t_s)
+        return Waypoint(placed_event, *on_globe(*coordinates_deg(origin, north_m, east_m)), None, north_m, east_m)
     fix = min(_around(placed_event.t_s, fixes), key=lambda each: abs(each.t_s - placed_event.t_s))
     north_m, east_m = _reckoned_m(poses, fix.t_s, placed_event.t_s)
-    latitude_deg, longitude_deg = coordinates_deg(fix, north_m, east_m)
-    at = _on_globe(replace(fix, latitude_deg=latitude_deg, longitude_deg=longitude_deg))
-    return Waypoint(placed_event, at.latitude_deg, at.longitude_deg, fix, north_m, east_m)
+    return Waypoint(placed_event, *on_globe(*coordinates_deg(fix, north_m, east_m)), fix, north_m, east_m)
 
 
 def _on_globe(fix: Fix) -> Fix:
-    """Return it with a latitude in [-90, 90] and a longitude in [-180, 180), as written: 180 itself is -180 in GPX.
-
-    Only dead reckoning that went astray leads beyond a pole.
-    """
-    longitude_deg = round(wrap180(fix.longitude_deg), DECIMALS)
-    latitude_deg = round(clamp(fix.latitude_deg, -90.0, 90.0), DECIMALS)
-    return replace(fix, latitude_deg=latitude_deg, longitude_deg=-180.0 if longitude_deg == 180.0 else longitude_deg)
+    latitude_deg, longitude_deg = on_globe(fix.latitude_deg, fix.longitude_deg)
+    return replace(fix, latitude_deg=latitude_deg, longitude_deg=longitude_deg)
 
 
 def _around(t_s: float, fixes: Sequence[Fix]) -> Sequence[Fix]:

@@ -1,4 +1,6 @@
-"""A run as GPX 1.1: a track of what the receiver said, and waypoints where something happened.
+"""A run as GPX 1.1: a track of what the receiver said, one of the path, and waypoints where something happened.
+
+The path is dead reckoning fitted to the fixes. A track's ``type`` is ``fixes``, ``fitted`` or ``reckoned``.
 
 ``elapsed_s`` and the receiver's ``error_m`` stand in extensions, because GPX has no element for them.
 gpxpy is imported here only, and only where a file is written.
@@ -6,6 +8,7 @@ gpxpy is imported here only, and only where a file is written.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TextIO
 from xml.etree.ElementTree import Element
@@ -16,30 +19,40 @@ from wayfarer import __version__
 from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.typed import Fix
 from wayfarer.views.export.gps_places import Waypoint, read_places
+from wayfarer.views.export.placed_path import Origin, PathPoint
 from wayfarer.views.export.wall_time import utc_time
 
 OURS = "urn:wayfarer:gpx"  # what makes the names of extensions unique; nothing is to be found there
 
 
-def write_gpx(run: Path, file: TextIO) -> Damage:
-    """Write a run as GPX, and return what of it could not be read.
+def write_gpx(run: Path, file: TextIO, origin: Origin | None = None) -> Damage:
+    """Write a run as GPX, and return what of it could not be read; ``origin`` is where one without a receiver began.
 
     Raises:
-        BadInput: the run cannot be read, or has no position.
+        BadInput: the run cannot be read, or has neither positions nor an origin.
     """
-    places = read_places(run, "gpx")
+    places = read_places(run, "gpx", origin)
     gpx = GPX()
     gpx.creator = f"wayfarer {__version__}"
     gpx.nsmap["wayfarer"] = OURS
     gpx.name, gpx.description = places.title, places.about
-    gpx.time = utc_time(places.zero_s + places.segments[0][0].t_s)
+    gpx.time = utc_time(places.zero_s + places.began_t_s)
     gpx.waypoints = [_waypoint(each, places.zero_s) for each in places.waypoints]
-    track = GPXTrack(places.title)
-    track.segments = [GPXTrackSegment([_point(fix, places.zero_s) for fix in each]) for each in places.segments]
-    gpx.tracks = [track]
+    if places.segments:
+        gpx.tracks.append(_track(places.title, "fixes", places.segments, places.zero_s))
+    if places.path:
+        kind = "fitted" if places.segments else "reckoned"
+        gpx.tracks.append(_track(f"{places.title}: {places.path_name}", kind, places.path, places.zero_s))
     # Characters as numbers, because a terminal may not be UTF-8.
     file.write(gpx.to_xml().encode("ascii", "xmlcharrefreplace").decode() + "\n")
     return places.damage
+
+
+def _track(name: str, kind: str, segments: Sequence[Sequence[Fix | PathPoint]], zero_s: float) -> GPXTrack:
+    track = GPXTrack(name)
+    track.type = kind  # type: ignore[assignment]  # gpxpy's own annotation is that of its default
+    track.segments = [GPXTrackSegment([_point(place, zero_s) for place in each]) for each in segments]
+    return track
 
 
 def _waypoint(waypoint: Waypoint, zero_s: float) -> GPXWaypoint:
@@ -50,11 +63,11 @@ def _waypoint(waypoint: Waypoint, zero_s: float) -> GPXWaypoint:
     return point
 
 
-def _point(fix: Fix, zero_s: float) -> GPXTrackPoint:
-    point = GPXTrackPoint(fix.latitude_deg, fix.longitude_deg, time=utc_time(zero_s + fix.t_s))
-    point.extensions = [_extension("elapsed_s", f"{fix.elapsed_s:.3f}")]
-    if fix.error_m is not None:
-        point.extensions.append(_extension("error_m", f"{fix.error_m:.2f}"))
+def _point(place: Fix | PathPoint, zero_s: float) -> GPXTrackPoint:
+    point = GPXTrackPoint(place.latitude_deg, place.longitude_deg, time=utc_time(zero_s + place.t_s))
+    point.extensions = [_extension("elapsed_s", f"{place.elapsed_s:.3f}")]
+    if isinstance(place, Fix) and place.error_m is not None:
+        point.extensions.append(_extension("error_m", f"{place.error_m:.2f}"))
     return point
 
 

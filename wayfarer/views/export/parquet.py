@@ -21,6 +21,7 @@ from wayfarer.views.export.tables import COLUMNS, cell, further_columns, table_r
 BLOCK_ROWS = 10_000  # that are in memory at once: 500 s of ticks at 20 Hz
 INT64 = range(-(2**63), 2**63)
 FLAG, WHOLE, REAL, WORDS = pa.bool_(), pa.int64(), pa.float64(), pa.string()
+TIME = pa.timestamp("us", tz="UTC")
 
 
 def write_parquet(run: Path, file: BinaryIO) -> Damage:
@@ -61,6 +62,8 @@ def _held(kind: pa.DataType, value: Any) -> Any:
         return None
     if kind is WORDS:
         return cell(value)
+    if kind is TIME:
+        return value
     if kind is REAL:
         return float(value) if type(value) in {int, float} else None
     if kind is FLAG:
@@ -71,6 +74,7 @@ def _held(kind: pa.DataType, value: Any) -> Any:
 def _columns(further: Mapping[str, set[type]]) -> dict[str, pa.DataType]:
     """Return the columns of a table with their types: those of the log's schema, or what stands in the log."""
     known = {name: _of(values) if values else _holding(further.get(name, set())) for name, values in COLUMNS.items()}
+    known["t_wall"] = TIME
     return known | {name: _holding(types) for name, types in further.items() if name not in COLUMNS}
 
 

@@ -1,80 +1,29 @@
 """A run as a rosbag2: a folder with an MCAP file and ``metadata.yaml``, as ``ros2 bag record -s mcap`` writes it.
 
-rosbags is imported here only, and only where a bag is written. The messages are standard ones, with the definitions of
-ROS 2 Humble; later ones have the same bytes on the wire.
-
-Axes and frames are those of REP 103 and REP 105. Headings, and so the yaw of all orientations, count from magnetic
-north: 0 is magnetic east.
-
-* ``/imu/data``: each reading of the compass. Turn rate and acceleration are not measured, so that the first element of
-  their covariance is -1. That of the orientation is all zero: not known. Both are as the message's definition says.
-* ``/odom``: dead reckoning at each tick, from where the log begins. Its twist is the motion from one tick to the next.
-* ``/fix``: the receiver; ``error_m`` is taken as the standard deviation to the north and to the east.
-* ``/cmd_vel``: what the duties that the motors took mean on ideal ground.
-* ``/diagnostics``: the gate's level and its cause at each tick, with ``elapsed_s``.
+rosbags is imported only where a bag is written.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from math import nan, radians
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final
 
-import numpy as np
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
-from rosbags.typesys.stores import ros2_humble as ros
 
-from wayfarer.angles import displacement_m, wrap180
-from wayfarer.fieldlog.dead_reckoning import GAP_S, ReckonedPose
-from wayfarer.fieldlog.fields import number, table
 from wayfarer.fieldlog.reader import Damage, RunReader
-from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.fieldlog.schema import Record
-from wayfarer.fieldlog.typed import Fix, Tick
-from wayfarer.fieldlog.vocabulary import in_words, level_text
-from wayfarer.views.enu import enu_rotation
-from wayfarer.views.export.wall_time import SECOND_NS, nanoseconds, read_clock_zero_s
-
-Time = ros.builtin_interfaces__msg__Time
-DiagnosticArray = ros.diagnostic_msgs__msg__DiagnosticArray
-DiagnosticStatus = ros.diagnostic_msgs__msg__DiagnosticStatus
-KeyValue = ros.diagnostic_msgs__msg__KeyValue
-Point = ros.geometry_msgs__msg__Point
-Pose = ros.geometry_msgs__msg__Pose
-PoseWithCovariance = ros.geometry_msgs__msg__PoseWithCovariance
-Quaternion = ros.geometry_msgs__msg__Quaternion
-Twist = ros.geometry_msgs__msg__Twist
-TwistWithCovariance = ros.geometry_msgs__msg__TwistWithCovariance
-Vector3 = ros.geometry_msgs__msg__Vector3
-Odometry = ros.nav_msgs__msg__Odometry
-Imu = ros.sensor_msgs__msg__Imu
-NavSatFix = ros.sensor_msgs__msg__NavSatFix
-NavSatStatus = ros.sensor_msgs__msg__NavSatStatus
-Header = ros.std_msgs__msg__Header
+from wayfarer.views.export.ros_messages import TF_STATIC, TOPICS, RosMessages
+from wayfarer.views.export.run_metadata import run_metadata
+from wayfarer.views.export.wall_time import nanoseconds, read_clock_zero_s
 
 VERSION: Final = 8  # of the metadata: ROS 2 Iron writes it, and later ones read it
-TOPICS: dict[str, Any] = {
-    "/imu/data": Imu,
-    "/odom": Odometry,
-    "/fix": NavSatFix,
-    "/cmd_vel": Twist,
-    "/diagnostics": DiagnosticArray,
-}
-ODOM, BODY = "odom", "base_link"  # frames of REP 105: where the log begins, and the rover
-# Diagnostics know three levels: a rover that drives on is not in error.
-DIAGNOSTIC_LEVELS = {
-    "well": DiagnosticStatus.OK,
-    "note": DiagnosticStatus.WARN,
-    "degrade": DiagnosticStatus.WARN,
-    "hold": DiagnosticStatus.ERROR,
-    "fault": DiagnosticStatus.ERROR,
-}
-UNKNOWN_3, UNKNOWN_6 = np.zeros(9), np.zeros(36)  # covariances
-NOT_MEASURED_3 = np.array([-1.0] + [0.0] * 8)
-SERVICE_UNKNOWN = 0  # as the definition of NavSatStatus calls it since ROS 2 Jazzy
-ZERO = Vector3(0.0, 0.0, 0.0)
+NO_LIMIT = QosTime(9223372036, 854775807)  # ROS 2's infinite time
+# As tf2 publishes and subscribes to static transforms: whoever plays the bag later gets them too.
+LATCHED = Qos(
+    QosHistory.KEEP_LAST, 1, QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL, NO_LIMIT, NO_LIMIT,
+    QosLiveliness.AUTOMATIC, NO_LIMIT, avoid_ros_namespace_conventions=False,
+)  # fmt: skip
 
 
 def write_rosbag2(run: Path, bag: Path) -> Damage:
@@ -93,124 +42,18 @@ def write_rosbag2(run: Path, bag: Path) -> Damage:
     writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
     with writer:
         connections = {
-            topic: writer.add_connection(topic, kind.__msgtype__, typestore=types) for topic, kind in TOPICS.items()
+            topic: writer.add_connection(
+                topic,
+                kind.__msgtype__,
+                typestore=types,
+                offered_qos_profiles=[LATCHED] if topic == TF_STATIC else [],
+            )
+            for topic, kind in TOPICS.items()
         }
         for record in RunReader(run):
             for topic, time_s, message in messages.take(record):
                 data = types.serialize_cdr(message, TOPICS[topic].__msgtype__)
                 writer.write(connections[topic], nanoseconds(time_s), data)
+        for key, value in run_metadata(messages.header).items():
+            writer.set_custom_data(key, value)
     return reader.damage
-
-
-class Stamped(NamedTuple):
-    """A message with its topic and its time, seconds since 1970."""
-
-    topic: str
-    time_s: float
-    message: Any
-
-
-class RosMessages:
-    """Makes messages of the records of one run, given in their order.
-
-    Args:
-        zero_s: the time since 1970 at which the log's clock was zero.
-    """
-
-    def __init__(self, zero_s: float) -> None:
-        self._zero_s = zero_s
-        self._fold = RunFold()
-
-    def take(self, record: Record) -> Iterator[Stamped]:
-        """Give the messages of the next record."""
-        time_s = self._zero_s + record["t_s"]
-        for event in self._fold.take(record):
-            match event:
-                case Fix():
-                    yield Stamped("/fix", time_s, _nav_sat_fix(event, time_s))
-                case Tick():
-                    yield from (Stamped("/imu/data", time_s, imu) for imu in self._imus(event))
-                    yield from (Stamped("/odom", time_s, odometry) for odometry in _odometries(event, time_s))
-                    yield from (Stamped("/cmd_vel", time_s, twist) for twist in self._commands(event))
-                    yield Stamped("/diagnostics", time_s, self._diagnostics(event, time_s))
-
-    def _imus(self, tick: Tick) -> Iterator[Imu]:
-        """Give what the compass said, once for each reading; a tick has the newest, however old it is."""
-        compass = table(tick.record, "compass")
-        heading_deg = number(compass, "heading_deg")
-        if "compass" not in tick.fresh or heading_deg is None:
-            return
-        rotation = _rotation(heading_deg, number(compass, "pitch_deg"), number(compass, "roll_deg"))
-        header = _header(self._zero_s + compass["t_s"], BODY)
-        yield Imu(header, rotation, UNKNOWN_3, ZERO, NOT_MEASURED_3, ZERO, NOT_MEASURED_3)
-
-    def _commands(self, tick: Tick) -> Iterator[Twist]:
-        """Give the speeds of the duties, where the log says what rover it is."""
-        header, left, right = self._fold.state.header, tick.applied_left, tick.applied_right
-        speed_m_s, track_m = header.setting("vehicle", "max_speed_m_s"), header.setting("vehicle", "track_m")
-        if speed_m_s is not None and track_m and left is not None and right is not None:
-            yield _twist((left + right) / 2.0 * speed_m_s, 0.0, (right - left) * speed_m_s / track_m)
-
-    def _diagnostics(self, tick: Tick, time_s: float) -> DiagnosticArray:
-        level, cause = tick.level or "unknown", tick.cause
-        values = {
-            "elapsed_s": f"{tick.elapsed_s:.3f}",
-            "n": str(tick.n),
-            "level": level,
-            "cause": cause or "",
-            "phase": tick.phase or "",
-            "anomalies": " ".join(tick.anomalies),
-        }
-        status = DiagnosticStatus(
-            level=DIAGNOSTIC_LEVELS.get(level, DiagnosticStatus.STALE),
-            name="wayfarer: gate",
-            message=": ".join(filter(None, [level_text(level, cause), in_words(cause or "")])),
-            hardware_id=self._fold.state.header.rover or "",
-            values=[KeyValue(key, value) for key, value in values.items()],
-        )
-        return DiagnosticArray(_header(time_s, ""), [status])
-
-
-def _odometries(tick: Tick, time_s: float) -> Iterator[Odometry]:
-    """Give where the rover is; not where nothing is known of how it came there."""
-    before, place = tick.before, tick.place
-    if before is None or place is None or not 0.0 < tick.period_s <= GAP_S:
-        return
-    pose = Pose(Point(place.east_m, place.north_m, 0.0), _rotation(place.heading_deg, tick.pitch_deg, tick.roll_deg))
-    moved = TwistWithCovariance(_moved(before, place), UNKNOWN_6)
-    yield Odometry(_header(time_s, ODOM), BODY, PoseWithCovariance(pose, UNKNOWN_6), moved)
-
-
-def _header(time_s: float, frame: str) -> Header:
-    return Header(Time(*divmod(nanoseconds(time_s), SECOND_NS)), frame)
-
-
-def _rotation(heading_deg: float, pitch_deg: float | None, roll_deg: float | None) -> Quaternion:
-    """Return an orientation; a tilt that is not known is none."""
-    return Quaternion(*enu_rotation(heading_deg, pitch_deg or 0.0, roll_deg or 0.0))
-
-
-def _moved(before: ReckonedPose, now: ReckonedPose) -> Twist:
-    """Return the mean speeds between two poses, in the rover's axes."""
-    dt_s = now.t_s - before.t_s
-    forward_m, right_m = displacement_m(-now.heading_deg, now.north_m - before.north_m, now.east_m - before.east_m)
-    turned_rad = -radians(wrap180(now.heading_deg - before.heading_deg))
-    return _twist(forward_m / dt_s, -right_m / dt_s, turned_rad / dt_s)
-
-
-def _twist(forward_m_s: float, left_m_s: float, turn_rad_s: float) -> Twist:
-    return Twist(Vector3(forward_m_s, left_m_s, 0.0), Vector3(0.0, 0.0, turn_rad_s))
-
-
-def _nav_sat_fix(fix: Fix, time_s: float) -> NavSatFix:
-    """Return what the receiver said; of the height it says nothing."""
-    variance_m2 = (fix.error_m or 0.0) ** 2
-    return NavSatFix(
-        _header(time_s, BODY),
-        NavSatStatus(NavSatStatus.STATUS_FIX, SERVICE_UNKNOWN),
-        fix.latitude_deg,
-        fix.longitude_deg,
-        nan,
-        np.diag([variance_m2, variance_m2, 0.0]).ravel(),
-        NavSatFix.COVARIANCE_TYPE_APPROXIMATED if variance_m2 else NavSatFix.COVARIANCE_TYPE_UNKNOWN,
-    )

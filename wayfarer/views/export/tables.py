@@ -15,6 +15,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from datetime import datetime
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TextIO
@@ -27,6 +28,7 @@ from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import ANY_NUMBER, STAMP, TEXT, Record, Values
 from wayfarer.fieldlog.typed import Tick
 from wayfarer.fieldlog.wording import event_text, fault_text, outcome_text
+from wayfarer.views.export.wall_time import utc_stamp
 
 # What readings and other records say, under their names.
 PART_COLUMNS: Mapping[str, Values] = {
@@ -58,7 +60,7 @@ _NUMBER = r"[+-](?:[0-9]+\.?[0-9]*(?:e[+-]?[0-9]+)?|inf)"
 _FORMULA = re.compile(
     rf"(?:^|(?<=[;\t\r\n]))(?=[\t\r\n]|\s*[=+\-@\uff1d\uff0b\uff0d\uff20])(?!\s*{_NUMBER}\s*(?:;|\Z))"
 )
-Row = dict[str, Any]  # by column: a number, a flag, a text, a list of these, or None
+Row = dict[str, Any]  # by column: a number, a flag, a text, a list of these, a time (``t_wall``), or None
 
 
 def write_csv(run: Path, file: TextIO) -> Damage:
@@ -112,6 +114,8 @@ class _Sheet:
         """Take a record, and give the row if it is a tick."""
         events, said = self._fold.take(record), _columns_of(record)
         self._stamp = {"elapsed_s": self._fold.state.elapsed_s, **{key: record.get(key) for key in STAMP}}
+        if (wall_s := record.get("t_wall")) is not None:
+            self._stamp["t_wall"] = utc_stamp(wall_s)
         for event in events:
             match event:
                 case Tick():
@@ -175,6 +179,8 @@ def cell(value: object) -> str:
         return repr(value)
     if isinstance(value, bool):
         return str(int(value))
+    if isinstance(value, datetime):
+        return value.isoformat(timespec="microseconds").replace("+00:00", "Z")
     return escape_control_chars("; ".join(map(str, value)) if isinstance(value, list) else str(value))
 
 

@@ -5,7 +5,7 @@ They are right at the end of the log, where the rover's computer is most likely 
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
 from wayfarer.clamp import clamp
 from wayfarer.errors import BadInput
@@ -41,3 +41,8 @@ def nanoseconds(time_s: float) -> int:
 def utc_time(wall_s: float) -> datetime:
     """Return a time since 1970 to the millisecond, within the same bounds as ``nanoseconds``."""
     return datetime.fromtimestamp(round(nanoseconds(wall_s) / 1e6) / 1e3, UTC)
+
+
+def utc_stamp(wall_s: float) -> datetime:
+    """Return a log's ``t_wall`` to the microsecond; it is from 1970 to 2286 (``schema.SINCE_1970``)."""
+    return datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=round(wall_s * 1e6))

@@ -21,22 +21,11 @@ from foxglove.messages import (
     Timestamp,
 )
 
-from wayfarer.fieldlog.run_events import (
-    AnomalyBegan,
-    BoardFaults,
-    Ended,
-    FaultInjected,
-    Gap,
-    Noted,
-    PowerChanged,
-    RunBegan,
-    Silence,
-)
+from wayfarer.fieldlog.run_events import Ended, RunBegan
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Fix, Header, RunEvent, Tick, Truth
-from wayfarer.fieldlog.vocabulary import met
-from wayfarer.fieldlog.wording import Tone, sentence
+from wayfarer.fieldlog.wording import Tone
 from wayfarer.views.export.wall_time import SECOND_NS, nanoseconds
 from wayfarer.views.foxglove.plots import FURTHER, PLOTS, Plot
 from wayfarer.views.foxglove.scene import (
@@ -50,13 +39,8 @@ from wayfarer.views.foxglove.scene import (
     point,
     transform,
 )
-from wayfarer.views.text.run_narrator import happened
+from wayfarer.views.text.log_lines import LOG_NAMES, log_lines
 
-# What the log panel tells, by the names under which it can be filtered; the other channels show the rest.
-LOG_NAMES: Mapping[type[RunEvent], str] = {
-    RunBegan: "run", AnomalyBegan: "anomaly", BoardFaults: "board", PowerChanged: "power", Gap: "gap",
-    Silence: "silence", FaultInjected: "fault", Ended: "outcome", Noted: "event",
-}  # fmt: skip
 LOG_LEVELS: Mapping[Tone, LogLevel] = {Tone.WARNING: LogLevel.Warning, Tone.FAULT: LogLevel.Error}
 
 # The SDK logs through Python's logging, for instance when a viewer disconnects; by default that would be printed.
@@ -103,6 +87,11 @@ class Channels:
         self._add_plots(context)
         self._add_log(context)
         self._add_scene(context)
+
+    @property
+    def header(self) -> Header:
+        """Return what ran."""
+        return self._fold.state.header
 
     def take(self, record: Record, time_s: float) -> None:
         """Send what a record says, at a time in seconds since 1970."""
@@ -181,16 +170,8 @@ def _further(tick: Tick, _at: MessageTime) -> Iterator[bytes]:
         yield orjson.dumps(further)
 
 
-def log_texts(event: RunEvent) -> Iterator[tuple[str, Tone]]:
-    """Yield what the log panel tells of an event, in the words of a terminal."""
-    if isinstance(event, AnomalyBegan):  # a terminal tells it with its tick
-        yield sentence(met([event.kind], event.phase)), Tone.WARNING
-    yield from happened(event)
-
-
 def _lines(event: RunEvent, at: MessageTime) -> Iterator[Log]:
-    name = event.name if isinstance(event, Noted) else LOG_NAMES[type(event)]
-    for text, tone in log_texts(event):
+    for name, text, tone in log_lines(event):
         yield Log(timestamp=at.stamp, level=LOG_LEVELS.get(tone, LogLevel.Info), name=name, message=text)
 
 

@@ -7,10 +7,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
+import orjson
 from foxglove import Context, open_mcap
+from foxglove.mcap import MCAPWriter
 
 from wayfarer.fieldlog.reader import Damage, RunReader
-from wayfarer.views.export.wall_time import read_clock_zero_s
+from wayfarer.fieldlog.typed import Header
+from wayfarer.views.export.run_metadata import run_metadata
+from wayfarer.views.export.wall_time import nanoseconds, read_clock_zero_s
 from wayfarer.views.foxglove.channels import Channels
 
 
@@ -25,6 +29,7 @@ def write_mcap(run: Path, file: BinaryIO) -> Damage:
     """
     reader = RunReader(run)
     zero_s = read_clock_zero_s(reader)
+    began_ns = nanoseconds(zero_s + next(iter(RunReader(run)))["t_s"])
     context = Context()
     channels = Channels(context)
     sink = _Sink(file)
@@ -33,6 +38,7 @@ def write_mcap(run: Path, file: BinaryIO) -> Damage:
         for record in RunReader(run):
             channels.take(record, zero_s + record["t_s"])
             sink.check()
+        _describe(writer, channels.header, began_ns)
     finally:
         try:
             writer.close()
@@ -40,6 +46,16 @@ def write_mcap(run: Path, file: BinaryIO) -> Damage:
             sink.check()
             raise
     return reader.damage
+
+
+def _describe(writer: MCAPWriter, header: Header, began_ns: int) -> None:
+    """Add what ran: as a metadata record, and the rover file's settings as an attachment."""
+    writer.write_metadata("wayfarer", run_metadata(header))
+    if header.config is not None:
+        settings = orjson.dumps(header.config, option=orjson.OPT_INDENT_2)
+        writer.attach(
+            log_time=began_ns, create_time=began_ns, name="rover.json", media_type="application/json", data=settings
+        )
 
 
 class _Sink:

@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import nan
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +25,7 @@ from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.sensor_status import SensorStatus
 from wayfarer.fieldlog.typed import Board, Fix, Header, RunEvent, Tick, Truth
 from wayfarer.safety.conditions import Level
+from wayfarer.views.receiver_fit import MapFix
 from wayfarer.views.text.summary import RunSummariser, RunSummary
 
 Floats = NDArray[np.float64]
@@ -54,17 +54,6 @@ TICK: Mapping[str, Callable[[Tick], float | None]] = {
 TRUTH = ("t_s", "x_m", "y_m", "phase", "stretch")
 FURTHER_MOST = 12  # keys that no view names, each with a panel: a damaged log may have any number of them
 BATTERY = ("t_s", "battery_v", "period_s", "stretch")
-
-
-class MapFix(NamedTuple):
-    """A position: degrees, the horizontal error in metres, and where dead reckoning had the rover then."""
-
-    t_s: float
-    latitude_deg: float
-    longitude_deg: float
-    error_m: float
-    north_m: float
-    east_m: float
 
 
 @dataclass

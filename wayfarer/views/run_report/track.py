@@ -14,8 +14,8 @@ from wayfarer.errors import BadForest
 from wayfarer.simhal.parts import ORIGIN
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.forest_file import from_row
-from wayfarer.views.run_report.data import Columns, Floats, MapFix, RunData
-from wayfarer.views.run_report.receiver import Fit, Places, believable, fit, paired, places_of
+from wayfarer.views.receiver_fit import Fit, MapFix, Places, believable, fit, paired, places_of
+from wayfarer.views.run_report.data import Columns, Floats, RunData
 from wayfarer.views.run_report.series import breaks
 
 Point = tuple[float, float]  # metres east and north

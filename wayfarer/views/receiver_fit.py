@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.angles import Coordinates, offset_m, wrap180
-from wayfarer.views.run_report.data import MapFix
 
 Places = NDArray[np.complex128]
 
@@ -28,6 +27,17 @@ WANDER_S = 60.0
 CAUCHY = 2.385  # standard deviations: 95 % efficient for normal errors (W. Rey, "Introduction to Robust Methods", 1983)
 RAYLEIGH = 1.1774  # the median distance in standard deviations of one axis
 ROUNDS = 30  # weights change by less than 1 % after some ten
+
+
+class MapFix(NamedTuple):
+    """A position: degrees, the horizontal error in metres, and where dead reckoning had the rover then."""
+
+    t_s: float
+    latitude_deg: float
+    longitude_deg: float
+    error_m: float
+    north_m: float
+    east_m: float
 
 
 class Fit(NamedTuple):
