@@ -23,6 +23,7 @@ NEEDS = {
     "sweeping": OptionalExtra("sim", {"numpy": "numpy", "skfmm": "scikit-fmm", "pyarrow": "pyarrow"}),
     "--physics mujoco": OptionalExtra("physics", {"mujoco": "mujoco"}),
     "--video": OptionalExtra("physics", {"av": "av", "PIL": "pillow", "scipy": "scipy"}),
+    "an index of runs": OptionalExtra("sim", {"jinja2": "jinja2"}),
     "a report": OptionalExtra("sim", {"bokeh": "bokeh", "numpy": "numpy"}),
     "the live page": OptionalExtra("live", {"aiohttp": "aiohttp"}),
     "Parquet": OptionalExtra("sim", {"pyarrow": "pyarrow"}),

@@ -11,6 +11,7 @@ from tests.browser import SIZES, OpenPage, drag, plotted
 from tests.views.run_report.logs import ARMED, HEADER, OUTCOME, by_time, episode, fix, tick, write_log
 from tests.views.text.records import event, outcome
 from wayfarer.views import palette
+from wayfarer.views.run_index.page import write_index
 from wayfarer.views.run_report.run import write_comparison, write_run_report
 
 MODELS = "[...Bokeh.documents[0]._all_models.values()]"
@@ -73,10 +74,29 @@ def test_page_shows_plots_and_tables_and_does_not_overflow(
     assert shown.page.locator("li", has_text="<b>a mark</b>").is_visible()
     assert shown.page.locator("a[href^='geo:']").is_visible()
     assert read(shown.page, "phase") == "Following the goal"  # the cursor begins at the end
-    assert read(shown.page, "left wanted") == "1.00"
+    assert read(shown.page, "left wanted") == "0.50"
     assert shown.page.locator("dl.facts").is_hidden()
     shown.page.locator("summary").click()
     assert shown.page.locator("dl.facts").is_visible()
+    assert shown.overflow_px() == 0
+    assert shown.trouble == []
+
+
+def test_index_filters_and_sorts_its_rows(runs: list[Path], browser_page: OpenPage) -> None:
+    shown = browser_page(offline=True)
+    shown.page.goto(write_index(runs[0].parent, 2e9).as_uri())
+    numbers = shown.page.locator("tbody tr:visible th")
+    assert numbers.all_inner_texts() == ["18", "17"]
+    shown.page.get_by_role("button", name="run").click()
+    assert numbers.all_inner_texts() == ["17", "18"]
+    shown.page.get_by_role("button", name="lasted").click()
+    assert numbers.all_inner_texts() == ["18", "17"]
+    shown.page.get_by_label("search").fill("MARK</b> without")
+    assert numbers.all_inner_texts() == ["17"]
+    assert shown.page.locator("output").inner_text() == "1 of 2 runs"
+    shown.page.get_by_label("search").fill("")
+    shown.page.get_by_label("from").fill("2040-01-01")
+    assert numbers.all_inner_texts() == []
     assert shown.overflow_px() == 0
     assert shown.trouble == []
 
