@@ -48,6 +48,12 @@ def test_list_has_a_line_for_each_run_the_newest_last(run: Run) -> None:
     assert second.split()[0] == "2"
 
 
+def test_index_is_a_page_in_the_folder_of_the_logs(run: Run, logs: Path) -> None:
+    code, out, _ = run("index")
+    assert (code, out) == (0, f"the index is {logs / 'index.html'}\n")
+    assert (logs / "index.html").read_text().count('<tr class="indexed') == 2
+
+
 def test_show_tells_a_run_from_its_beginning_without_colours_in_a_file(run: Run) -> None:
     code, out, _ = run("show", 1)
     assert code == 0

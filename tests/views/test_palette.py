@@ -1,4 +1,4 @@
-"""Every colour is seen on light and on dark ground, and colour-blind readers tell the phases apart."""
+"""Every colour is seen on light and on dark ground, and colour-blind readers tell those of one map apart."""
 
 from __future__ import annotations
 
@@ -53,6 +53,12 @@ def contrast(first: str, second: str) -> float:
     return (high + 0.05) / (low + 0.05)
 
 
+def brighter(colour: str) -> str:
+    """The colour as a browser shows it in the plots of a run on a dark page."""
+    parts = (min(255, round(palette.BRIGHTER * int(colour[at : at + 2], 16))) for at in (1, 3, 5))
+    return f"#{bytes(parts).hex()}"
+
+
 def seen(colour: str, eye: Triple) -> Triple:
     return np.asarray(TO_OKLAB @ np.cbrt(TO_CONES @ np.clip(eye @ linear(colour), 0.0, 1.0)))
 
@@ -61,15 +67,19 @@ def seen(colour: str, eye: Triple) -> Triple:
 def test_colours_stand_out_from_the_ground(ground: str) -> None:
     lines = {
         *palette.PHASE_COLOURS.values(), *palette.RUNS, *palette.SERIES, palette.RECKONED, palette.RECEIVER,
-        palette.TRUNK, palette.TREE, palette.GOAL_LINE,
+        palette.TROUBLE, palette.TRUNK, palette.TREE, palette.GOAL_LINE,
     }  # fmt: skip
     assert {colour: contrast(colour, ground) for colour in lines if contrast(colour, ground) < CONTRAST} == {}
 
 
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 @pytest.mark.parametrize("eye", EYES)
-def test_phases_and_dead_reckoning_are_told_apart_by_every_eye(eye: str) -> None:
-    drawn = {**palette.PHASE_COLOURS, "reckoned": palette.RECKONED}
-    colours = {name: seen(colour, EYES[eye]) for name, colour in drawn.items()}
+def test_all_that_is_drawn_in_one_map_is_told_apart_by_every_eye(eye: str, dark: bool) -> None:
+    drawn = {
+        **palette.PHASE_COLOURS, "reckoned": palette.RECKONED, "receiver": palette.RECEIVER, "anomaly": palette.ANOMALY,
+        "mark": palette.MARK, "trouble": palette.TROUBLE, "operator": palette.PERSON, "other": palette.OTHER,
+    }  # fmt: skip
+    colours = {name: seen(brighter(colour) if dark else colour, EYES[eye]) for name, colour in drawn.items()}
     near = {(one, two): float(np.linalg.norm(colours[one] - colours[two])) for one, two in combinations(colours, 2)}
     assert {pair: apart for pair, apart in near.items() if apart < APART} == {}
 

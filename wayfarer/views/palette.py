@@ -2,8 +2,9 @@
 
 M. Okabe, K. Ito, "Color Universal Design", 2008, without their light hues, which white paper swallows. VIOLET is ours:
 of all colours it is the farthest from the others for every eye. Each colour has a contrast of 3 or more to ``PAPER``
-and to ``NIGHT`` (WCAG 2.1, 1.4.11), and those of two phases can be told apart by colour-blind people (G. Machado, 2009;
-``tests/views/test_palette.py`` computes both). ORANGE is for marks with a dark edge only.
+and to ``NIGHT`` (WCAG 2.1, 1.4.11), and all that are drawn in one map can be told apart by colour-blind people too
+(G. Machado, 2009; ``tests/views/test_palette.py`` computes both). ORANGE, SKY and SAND are for marks with a dark edge
+only. MAGENTA, RED, SKY and SAND were searched for: of all colours they are far from the others.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ from wayfarer.safety.conditions import Level
 PAPER, NIGHT = "#ffffff", "#121412"  # the ground of a light and of a dark page
 BLUE, VERMILION, GREEN, PURPLE, ORANGE = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00"
 VIOLET, GREY, EDGE = "#9C6CFC", "#6E6E6E", "#4A4A4A"
+MAGENTA, RED, SKY, SAND = "#CC00AA", "#CC0022", "#66CCFF", "#B4B49C"
+BRIGHTER = 1.2  # times each part of a colour, for the plots of a run on a dark page
 
 PHASE_COLOURS: Mapping[str, str] = {
     Phase.FOLLOW.value: BLUE,
@@ -36,16 +39,16 @@ ANOMALY_MARKERS: Mapping[str, tuple[str, float]] = {
     Anomaly.LEFT_DOWN.value: ("triangle", 90.0),
     Anomaly.TOUCHED.value: ("square", 0.0),
 }
-ANOMALY, TROUBLE, PERSON = ORANGE, VERMILION, BLUE
+ANOMALY, MARK, TROUBLE, PERSON, OTHER = ORANGE, PAPER, RED, SKY, SAND
 LEVEL_COLOURS: Mapping[str, str] = {
     Level.DEGRADE.name.lower(): ORANGE,
-    Level.HOLD.name.lower(): VERMILION,
+    Level.HOLD.name.lower(): RED,
     Level.FAULT.name.lower(): PURPLE,
 }
 RUNS = (BLUE, VERMILION)  # two runs in one page
 SERIES = (BLUE, VERMILION, GREEN, PURPLE, VIOLET)  # curves beside each other; with dashes for more
 MEASURED, LIMIT = BLUE, VERMILION
-RECEIVER = "#2489BC"
+RECEIVER = MAGENTA
 TRUNK, TREE, GOAL_LINE = "#9C7A54", "#63926B", "#00804F"
 
 
@@ -53,6 +56,6 @@ def css() -> str:
     """Return the colours that the style and the scripts of a page use, as variables: a phase's by its name in a log."""
     named = {
         **PHASE_COLOURS, Phase.HALT.value: STANDS, "trunk": TRUNK, "tree": TREE, "goal-line": GOAL_LINE,
-        "anomaly": ANOMALY, "mark-edge": EDGE, "paper": PAPER, "night": NIGHT,
+        "anomaly": ANOMALY, "mark-edge": EDGE, "paper": PAPER, "night": NIGHT, "brighter": BRIGHTER,
     }  # fmt: skip
-    return f":root {{ {' '.join(f'--{name}: {colour};' for name, colour in named.items())} }}\n"
+    return f":root {{ {' '.join(f'--{name}: {value};' for name, value in named.items())} }}\n"

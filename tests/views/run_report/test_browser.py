@@ -10,10 +10,12 @@ from playwright.sync_api import Page
 from tests.browser import SIZES, OpenPage, drag, plotted
 from tests.views.run_report.logs import ARMED, HEADER, OUTCOME, by_time, episode, fix, tick, write_log
 from tests.views.text.records import event, outcome
+from wayfarer.views import palette
+from wayfarer.views.run_index.page import write_index
 from wayfarer.views.run_report.run import write_comparison, write_run_report
 
 MODELS = "[...Bokeh.documents[0]._all_models.values()]"
-SEEN = f"(({{x_range}}) => [x_range.start, x_range.end])({MODELS}.find((model) => model.name === 'duty'))"
+SEEN = f"(({{x_range}}) => [x_range.start, x_range.end])({MODELS}.find((model) => model.name === 'speed'))"
 RING = f"[...{MODELS}.find((model) => model.name === 'here-0').data_source.data.y]"
 TEXT = "<b>a mark</b> without an end" + "d" * 120
 
@@ -65,14 +67,52 @@ def test_page_shows_plots_and_tables_and_does_not_overflow(
     shown = plotted(browser_page, write_run_report(runs[0]), viewport)
     assert shown.page.locator(".map .plot canvas").count() > 0
     assert shown.page.locator(".panels .key b").all_inner_texts() == [
-        "events", "heading, °", "counter C, °", "tilt, °", "speed, m/s", "duty",
+        "events", "heading about the goal, °", "counter C, °", "tilt, °", "speed, m/s", "left wheel's duty",
+        "right wheel's duty",
     ]  # fmt: skip
-    assert shown.page.locator("tbody tr").count() == 2 + 1 + 3
+    assert shown.page.locator("tbody tr").count() == 2 + 1 + 3 + 2
     assert shown.page.locator("li", has_text="<b>a mark</b>").is_visible()
     assert shown.page.locator("a[href^='geo:']").is_visible()
     assert read(shown.page, "phase") == "Following the goal"  # the cursor begins at the end
+    assert read(shown.page, "left wanted") == "0.50"
+    assert shown.page.locator("dl.facts").is_hidden()
+    shown.page.locator("summary").click()
+    assert shown.page.locator("dl.facts").is_visible()
     assert shown.overflow_px() == 0
     assert shown.trouble == []
+
+
+def test_index_filters_and_sorts_its_rows(runs: list[Path], browser_page: OpenPage) -> None:
+    shown = browser_page(offline=True)
+    shown.page.goto(write_index(runs[0].parent, 2e9).as_uri())
+    numbers = shown.page.locator("tbody tr:visible th")
+    assert numbers.all_inner_texts() == ["18", "17"]
+    shown.page.get_by_role("button", name="run").click()
+    assert numbers.all_inner_texts() == ["17", "18"]
+    shown.page.get_by_role("button", name="lasted").click()
+    assert numbers.all_inner_texts() == ["18", "17"]
+    shown.page.get_by_label("search").fill("MARK</b> without")
+    assert numbers.all_inner_texts() == ["17"]
+    assert shown.page.locator("output").inner_text() == "1 of 2 runs"
+    shown.page.get_by_label("search").fill("")
+    shown.page.get_by_label("from").fill("2040-01-01")
+    assert numbers.all_inner_texts() == []
+    assert shown.overflow_px() == 0
+    assert shown.trouble == []
+
+
+def test_whole_map_is_in_the_first_screen_and_is_brighter_on_a_dark_page(
+    runs: list[Path], browser_page: OpenPage
+) -> None:
+    shown = plotted(browser_page, write_run_report(runs[0]), (1280, 800))
+    map_, bar = (shown.page.locator(each).bounding_box() for each in (".map .plot", ".cursor"))
+    assert map_ is not None
+    assert bar is not None
+    assert map_["y"] + map_["height"] <= bar["y"]
+    look = "getComputedStyle(document.querySelector('.map .plot')).filter"
+    assert shown.page.evaluate(look) == "none"
+    shown.page.emulate_media(color_scheme="dark")
+    assert shown.page.evaluate(look) == f"brightness({palette.BRIGHTER})"
 
 
 @SIZES
@@ -85,7 +125,7 @@ def test_slider_moves_the_cursor_through_map_panels_and_values(
     assert read(shown.page, "phase") == "Backing off"
     assert read(shown.page, "commanded") == "1.00 m/s"
     lines = f"{MODELS}.filter((model) => model.tags.includes('cursor'))"
-    assert shown.page.evaluate(f"{lines}.map((line) => line.location)") == [2.2] * 6
+    assert shown.page.evaluate(f"{lines}.map((line) => line.location)") == [2.2] * 7
     (y_m,) = shown.page.evaluate(RING)
     assert y_m == pytest.approx(0.2, abs=0.06)  # one metre a second, from the fix at 2 s
     assert shown.overflow_px() == 0
@@ -93,7 +133,7 @@ def test_slider_moves_the_cursor_through_map_panels_and_values(
 
 def test_pointer_over_a_panel_moves_the_cursor(runs: list[Path], browser_page: OpenPage) -> None:
     shown = plotted(browser_page, write_run_report(runs[0]))
-    times = [time_at(shown.page, panel(shown.page, "duty"), right, 0.4) for right in (0.3, 0.6, 0.9)]
+    times = [time_at(shown.page, panel(shown.page, "speed"), right, 0.4) for right in (0.3, 0.6, 0.9)]
     assert times == sorted(times)
     assert len(set(times)) == 3
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.views.run_report.logs import (
+    ARMED,
     HEADER,
     OUTCOME,
     check_page,
@@ -17,12 +18,16 @@ from tests.views.run_report.logs import (
     episode,
     simulated_drive,
     text_of,
+    tick,
     write_log,
 )
+from tests.views.text.records import outcome
 from wayfarer.cli import report as command
 from wayfarer.errors import BadInput
+from wayfarer.fieldlog.schema import Record
+from wayfarer.views.run_report.comparison import difference_text, materially_different
 from wayfarer.views.run_report.run import number_of, write_comparison, write_run_report
-from wayfarer.views.run_report.tables import SAME_SETTINGS, settings_table
+from wayfarer.views.run_report.settings import SAME_SETTINGS, changed_settings_table
 from wayfarer.views.run_report.track import tracks_of
 
 
@@ -37,8 +42,25 @@ def test_two_runs_stand_beside_each_other_with_what_changed(tmp_path: Path) -> N
     text = text_of(page)
     assert "17 18 control_hz 20.0 10.0 gym.seed not there 3" in text
     assert "tilt_deg" not in text
-    assert re.search(r'<tr class="differs"><th scope="row">anomalies</th><td data-column="17">[^<]*1[^<]*</td>', page)
+    assert re.search(r'<tr class="same"><th scope="row">anomalies</th><td data-column="17">[^<]*1[^<]*</td>', page)
+    assert re.findall(r'<tr class="differs"><th scope="row">(.*?)</th>', page) == ["where", "distance"]
+    assert "What differs: where, distance" in text
     assert '"path-1"' in drawn(page)
+
+
+def test_only_what_differs_by_more_than_runs_of_one_rover_stands_out(tmp_path: Path) -> None:
+    def differs(name: str, *records: Record, **header: object) -> list[str]:
+        return materially_different([usual, data_of(tmp_path / name, HEADER | header, *records)])
+
+    usual = data_of(tmp_path / "usual", HEADER, ARMED, *drive(4.0), OUTCOME)
+    assert differs("another seed, a little shorter", ARMED, *drive(3.8), OUTCOME, seed=99) == []
+    assert "nothing" in difference_text([usual, usual])
+    assert differs("half as long", ARMED, *drive(2.0), outcome(2.0)) == ["where", "time", "distance"]
+    bumps = [tick(each["t_s"] - 100.0, anomalies=["touched"] * (at % 8 == 0)) for at, each in enumerate(drive(4.0))]
+    assert differs("ten bumps", ARMED, *bumps, OUTCOME) == ["anomalies"]
+    assert differs("one bump", ARMED, *bumps[:8], *drive(4.0)[8:], OUTCOME) == []
+    assert differs("another version", ARMED, *drive(4.0), OUTCOME, version="9.8") == ["run"]
+    assert differs("another end", ARMED, *drive(4.0), {**OUTCOME, "reason": "signal"}) == ["outcome"]
 
 
 def test_folder_that_only_begins_with_a_number_is_not_called_by_it(tmp_path: Path) -> None:
@@ -57,7 +79,7 @@ def test_runs_whose_maps_nothing_joins_begin_at_one_place(tmp_path: Path) -> Non
 
 def test_same_rover_file_is_said_to_be_the_same(tmp_path: Path) -> None:
     runs = [data_of(tmp_path / name, HEADER, *drive(1.0), OUTCOME) for name in "ab"]
-    assert SAME_SETTINGS in settings_table(runs, ["17", "18"])
+    assert SAME_SETTINGS in changed_settings_table(runs, ["17", "18"])
 
 
 @pytest.mark.parametrize(("content", "said"), [(b"hello\n", "nothing in this log can be read"), (None, r"run\.jsonl")])

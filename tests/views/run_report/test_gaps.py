@@ -47,7 +47,7 @@ def test_log_without_ticks_says_so(tmp_path: Path) -> None:
 def test_log_without_a_heading_still_has_time_series(tmp_path: Path) -> None:
     page = page_of(tmp_path, HEADER, *(tick(0.05 * step, heading_deg=None) for step in range(40)), OUTCOME)
     assert NO_WAY in text_of(page)
-    assert {"speed, m/s", "duty"} <= set(titles(page))
+    assert {"speed, m/s", "left wheel's duty"} <= set(titles(page))
 
 
 def test_lost_beginning_is_no_start(tmp_path: Path) -> None:

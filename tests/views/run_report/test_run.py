@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from html import unescape
 from pathlib import Path
@@ -21,6 +22,7 @@ from tests.views.run_report.logs import (
     drive,
     episode,
     fix,
+    line_of,
     page_of,
     simulated_drive,
     text_of,
@@ -30,8 +32,11 @@ from tests.views.run_report.logs import (
 )
 from tests.views.text.records import event, record
 from wayfarer.fieldlog.reader import RunReader
+from wayfarer.views.page.plots import Plots
 from wayfarer.views.run_report.data import RunData, read_run
+from wayfarer.views.run_report.panels import draw_panels
 from wayfarer.views.run_report.run import NO_FOREST, write_run_report
+from wayfarer.views.run_report.settings import NO_SETTINGS, default_settings, own_settings_table
 from wayfarer.views.run_report.tables import (
     anomalies_table,
     conditions_table,
@@ -175,6 +180,29 @@ def test_a_sensor_that_fell_silent_for_good_has_a_gap_up_to_the_end(tmp_path: Pa
     for deaf in ticks[20:]:
         deaf["compass"] = ticks[19]["compass"]
     assert "compass 20 20.0 20 3.05 0" in text_of(sensors_table(data_of(tmp_path, HEADER, *ticks, OUTCOME)))
+
+
+def test_settings_that_are_not_the_defaults_stand_before_those_that_have_none(tmp_path: Path) -> None:
+    config = {"name": "mine", "control_hz": 10.0, "detector": {"tilt_deg": 20.0}, "vehicle": {"turn_from_duty": 0.1}}
+    told = own_settings_table(data_of(tmp_path / "mine", {**HEADER, "config": config}, *drive(1.0)))
+    rows = re.findall(r'<tr class="setting"><th scope="row">(.*?)</th><td.*?>(.*?)</td><td.*?>(.*?)</td>', told)
+    assert rows == [("control_hz", "10.0", "20.0"), ("vehicle.turn_from_duty", "0.1", "0.0"), ("name", "mine", "")]
+    assert NO_SETTINGS in own_settings_table(data_of(tmp_path / "none", {**HEADER, "config": None}, *drive(1.0)))
+    assert {"escape.back_off_m", "log.part_mb"} <= default_settings().keys()
+
+
+def test_wheels_heading_and_goal_are_drawn_about_zero_as_the_log_has_them(tmp_path: Path) -> None:
+    told = {"heading_deg": 350.0, "goal_heading_deg": 20.0, "wanted_left": 1.0, "applied_left": 0.6}
+    data = data_of(tmp_path, HEADER, *(tick(0.05 * at, **told) for at in range(20)))
+    drawn_as = {name: set(line[1]) for name in ("left wanted", "left applied") if (line := line_of(name, data))}
+    assert drawn_as == {"left wanted": {1.0}, "left applied": {0.6}}
+    plots = Plots()
+    list(draw_panels([data], plots))
+    heading = json.loads(plots.to_json())["document"]["roots"][1]["attributes"]
+    assert (heading["y_range"]["attributes"], heading["name"]) == (
+        {"start": -190.0, "end": 190.0},
+        "heading about the goal",
+    )
 
 
 def test_simulated_run_shows_the_forest_and_how_far_dead_reckoning_drifted(tmp_path: Path) -> None:

@@ -70,11 +70,11 @@ def ratio_figure(by_algorithm: Mapping[str, Sequence[TrialRow]]) -> Figure:
         **{f"within{m:g}": [within_percent(found, m) for found in known.values()] for m in WITHIN},
         arrow=[edge if each[-1] == math.inf else math.nan for each in quantiles.values()],
     )  # fmt: skip
-    outer = made.segment("p5", "y", "p95", "y", source=rows, line_color=palette.RECEIVER, line_width=2)
+    outer = made.segment("p5", "y", "p95", "y", source=rows, line_color=palette.BLUE, line_width=2)
     inner = made.segment("p25", "y", "p75", "y", source=rows, line_color=palette.BLUE, line_width=8, name="ratio")
     look: Any = {"fill_color": palette.PAPER, "line_color": palette.EDGE, "line_width": 1.5}
     median = made.scatter("p50", "y", source=rows, size=9, **look)
-    made.scatter("arrow", "y", source=rows, marker="triangle", angle=-np.pi / 2, size=9, color=palette.RECEIVER)
+    made.scatter("arrow", "y", source=rows, marker="triangle", angle=-np.pi / 2, size=9, color=palette.BLUE)
     told = (
         ("algorithm", "@algorithm"), ("median", "@p50_text"), ("middle half", "@p25_text to @p75_text"),
         ("5th to 95th percentile", "@p5_text to @p95_text"),

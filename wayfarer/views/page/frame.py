@@ -6,14 +6,15 @@ from collections.abc import Iterable
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-
-from bokeh.resources import Resources
+from typing import TYPE_CHECKING
 
 from wayfarer.errors import BadInput
 from wayfarer.files import write_atomically
 from wayfarer.views import palette
 from wayfarer.views.page.html import template
-from wayfarer.views.page.plots import Plots
+
+if TYPE_CHECKING:
+    from wayfarer.views.page.plots import Plots
 
 PAGE = "report.html"
 
@@ -33,9 +34,9 @@ def write_page(
         usual: the file, where wayfarer chooses it. A symlink there is replaced: the folder may be another user's.
         title: plain text.
         body: Markup (``views.page.html``), asked for before the plots; other text is escaped.
-        plots: what Bokeh draws in it. Without, the page has no script.
-        script: JavaScript that runs before the plots are drawn. When they are, ``document`` receives the event
-            ``plotted``, whose ``detail`` is Bokeh's document.
+        plots: what Bokeh draws in it.
+        script: JavaScript that runs at the end of the page, before the plots are drawn. When they are, ``document``
+            receives the event ``plotted``, whose ``detail`` is Bokeh's document.
         out: the file that a person chose instead, which may be a symlink; its folder is made if it is not there.
 
     Raises:
@@ -48,7 +49,7 @@ def write_page(
         write_atomically(path, text, follow_symlink=out is not None)
     except OSError as error:
         raise BadInput(
-            f"{path}: the report cannot be written there: {error.strerror or error}; name another file with --out"
+            f"{path}: the page cannot be written there: {error.strerror or error}; name another file with --out"
         ) from error
     return path
 
@@ -60,13 +61,15 @@ def _document(title: str, body: Iterable[str], plots: Plots | None, script: str)
         style=palette.css() + _own("page.css"),
         body=body,
         plots=plots and plots.to_json().replace("<", "\\u003c"),  # else a text in it could end the element
-        scripts=(bokeh_js(), script, _own("page.js")) if plots else (),
+        scripts=(bokeh_js(), script, _own("page.js")) if plots else filter(None, [script]),
     )
 
 
 @cache
 def bokeh_js() -> str:
     """Return Bokeh for browsers: 1.3 MB, without its widgets, tables and WebGL."""
+    from bokeh.resources import Resources  # takes half a second, which a page without plots need not
+
     return "\n".join(Resources(mode="inline", components=["bokeh"], log_level="warn").js_raw)
 
 

@@ -20,7 +20,10 @@ _ENVIRONMENT = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True
 
 
 class PlotLayer(NamedTuple):
-    """What can be shown and hidden in all plots of a page: every model that is tagged ``layer:`` and its name."""
+    """What can be shown and hidden in all plots of a page: every model that is tagged ``layer:`` and its name.
+
+    ``colour`` is empty where its models do not have one colour.
+    """
 
     name: str
     text: str
@@ -45,6 +48,7 @@ def macros(package: str, *names: str) -> list[Block]:
     return [getattr(module, name) for name in names]
 
 
-section, paragraph, bullets, facts, layers, key, figure, panels, table = macros(
-    "wayfarer.views.page", "section", "paragraph", "bullets", "facts", "layers", "key", "figure", "panels", "table"
+section, folded, paragraph, bullets, facts, layers, key, figure, panels, table = macros(
+    "wayfarer.views.page",
+    *("section", "folded", "paragraph", "bullets", "facts", "layers", "key", "figure", "panels", "table"),
 )

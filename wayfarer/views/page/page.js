@@ -20,6 +20,10 @@
     box.addEventListener("change", show);
     show();
   }
+  // What is folded is printed too.
+  const folded = [...document.querySelectorAll("details:not([open])")];
+  addEventListener("beforeprint", () => folded.forEach((each) => { each.open = true; }));
+
   document.documentElement.dataset.plotted = "yes";
   document.dispatchEvent(new CustomEvent("plotted", { detail: plotted }));
 })();

@@ -44,6 +44,8 @@ TICK: Mapping[str, Callable[[Tick], float | None]] = {
     "counter_deg": lambda tick: tick.counter_deg,
     "pitch_deg": lambda tick: tick.pitch_deg,
     "roll_deg": lambda tick: tick.roll_deg,
+    "wanted_left": lambda tick: number(tick.record, "wanted_left"),
+    "wanted_right": lambda tick: number(tick.record, "wanted_right"),
     "left": lambda tick: tick.applied_left or 0.0,
     "right": lambda tick: tick.applied_right or 0.0,
     "measured_m_s": lambda tick: tick.measured_m_s,

@@ -16,10 +16,10 @@ from wayfarer.views.text.run_narrator import happened
 
 LAYERS = (
     PlotLayer("anomaly", "anomalies", palette.ANOMALY),
-    PlotLayer("mark", "marks", palette.EDGE),
+    PlotLayer("mark", "marks", palette.MARK),
     PlotLayer("trouble", "trouble", palette.TROUBLE),
     PlotLayer("person", "operator", palette.PERSON),
-    PlotLayer("other", "other", palette.GREY, shown=False),
+    PlotLayer("other", "other", palette.OTHER, shown=False),
 )
 EDGE: Mapping[str, Any] = {"line_color": palette.EDGE, "line_width": 0.8}
 LOOK: Mapping[str, Any] = {"marker": "shape", "angle": "turned", **EDGE}

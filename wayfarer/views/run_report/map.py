@@ -22,14 +22,15 @@ SMALLEST_M = 4.0
 GOAL: Mapping[str, Any] = {"line_color": palette.GOAL_LINE, "line_width": 2}  # Bokeh's stubs say "body_line_..."
 NUMBER: Mapping[str, Any] = {"text_align": "center", "text_baseline": "middle", "text_font_size": "9px"}
 ARROW = 0.12  # of the map's side: length of an arrow to the goal
-CIRCLES = 200  # of the receiver's error, at most
+CIRCLES = 24  # of the receiver's error, at most: more of them bury the path
+ASPECT = 1.15  # of the map: its width is half a screen's, and its height leaves room for what stands above it
 END: Mapping[str, Any] = {"marker": "x", "size": 11, "line_width": 3}
 START: Mapping[str, Any] = {"marker": "star", "size": 14, "line_width": 1}
 
 
 def map_plot(tracks: Sequence[Track]) -> Figure:
     """Return the map. One run is in the colours of its phases, two have a colour each."""
-    map_ = plot("map", None, "map", sizing_mode="scale_width", aspect_ratio=1.0, match_aspect=True)
+    map_ = plot("map", None, "map", sizing_mode="scale_width", aspect_ratio=ASPECT, match_aspect=True)
     map_.min_border_left = 40  # as wide as its numbers, whichever they are
     map_.xaxis.axis_label = "metres east; upwards: metres north"
     if tracks and tracks[0].forest:
@@ -38,9 +39,10 @@ def map_plot(tracks: Sequence[Track]) -> Figure:
     for at, track in enumerate(tracks):
         colours = palette.PHASE_COLOURS if len(tracks) == 1 else dict.fromkeys(PHASES, palette.RUNS[at])
         _draw_fixes(map_, track)
+        _draw_event_marks(map_, track, "anomaly", palette.ANOMALY, 8)  # beneath the path: hundreds of them cover it
         _draw_path(map_, track, colours)
         _draw_goals(map_, track, side_m)
-        _draw_event_marks(map_, track)
+        _draw_event_marks(map_, track, "mark", palette.MARK, 16)
         _draw_ends(map_, track, palette.RUNS[at])
     _draw_cursors(map_, tracks)
     return map_
@@ -71,9 +73,9 @@ def _draw_fixes(map_: Figure, track: Track) -> None:
     )  # fmt: skip
     every = -(-len(fixes) // CIRCLES)
     circles = source(x=places_m.real[::every], y=places_m.imag[::every], r=[fix.error_m for fix in fixes[::every]])
-    thin: Any = {"fill_color": None, "line_color": palette.RECEIVER, "line_alpha": 0.25}
+    thin: Any = {"fill_color": None, "line_color": palette.RECEIVER, "line_alpha": 0.3, "line_width": 0.75}
     rings = map_.circle("x", "y", radius="r", source=circles, **thin)
-    dots = map_.scatter("x", "y", source=told, marker="cross", size=6, color=palette.RECEIVER)
+    dots = map_.scatter("x", "y", source=told, marker="cross", size=4, color=palette.RECEIVER, alpha=0.5)
     layer("fixes", rings, dots)
     rows = (("fix", "@latitude @longitude"), ("error", "@error"), ("time", "@t{0.0} s"))
     map_.add_tools(hover([dots], *rows))
@@ -99,18 +101,17 @@ def _draw_goals(map_: Figure, track: Track, side_m: float) -> None:
         map_.add_layout(Arrow(end=head, x_start=east_m, y_start=north_m, **tip, **GOAL))
 
 
-def _draw_event_marks(map_: Figure, track: Track) -> None:
-    """Draw anomalies and marks; Bokeh leaves out those whose place is not known."""
-    for name, colour, size in (("anomaly", palette.ANOMALY, 9), ("mark", palette.PAPER, 16)):
-        found = [each for each in event_marks(track.data) if each.layer == name]
-        x_m, y_m = np.array([track.path.at(each.t_s) for each in found]).reshape(-1, 2).T
-        numbers = [f"{number}" for number, _ in enumerate(found, start=1)]
-        marks = source(x=x_m, y=y_m, number=numbers, **columns(found))
-        drawn = map_.scatter("x", "y", source=marks, size=size, fill_color=colour, **LOOK)
-        layer(name, drawn)
-        if name == "mark":
-            layer(name, map_.text("x", "y", text="number", source=marks, **NUMBER))
-        map_.add_tools(hover([drawn], ("what", "@what"), ("time", "@t{0.0} s")))
+def _draw_event_marks(map_: Figure, track: Track, name: str, colour: str, size: int) -> None:
+    """Draw the events of a layer; Bokeh leaves out those whose place is not known. Marks have numbers."""
+    found = [each for each in event_marks(track.data) if each.layer == name]
+    x_m, y_m = np.array([track.path.at(each.t_s) for each in found]).reshape(-1, 2).T
+    numbers = [f"{number}" for number, _ in enumerate(found, start=1)]
+    marks = source(x=x_m, y=y_m, number=numbers, **columns(found))
+    drawn = map_.scatter("x", "y", source=marks, size=size, fill_color=colour, **LOOK)
+    layer(name, drawn)
+    if name == "mark":
+        layer(name, map_.text("x", "y", text="number", source=marks, **NUMBER))
+    map_.add_tools(hover([drawn], ("what", "@what"), ("time", "@t{0.0} s")))
 
 
 def _draw_ends(map_: Figure, track: Track, colour: str) -> None:

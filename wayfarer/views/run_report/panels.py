@@ -73,24 +73,25 @@ def _draw(
 ) -> Figure:
     made = _time_panel(panel.title, HEIGHT_PX, time, y_axis_type=_axis_type(panel, lines))
     _background(made, shared)
-    centre = panel.centre(runs[0]) if panel.centre else None
     renderers = []
     for run, name, line, look in lines:
-        t_s, values = thinned(line if centre is None else around(line, centre))
-        drawn = source(x=t_s, y=values)
-        if centre is not None:
-            whole_deg = np.round(values + centre, panel.decimals) % 360.0  # rounded first: 359.7 is 0, not 360
+        if panel.centre is None:
+            t_s, values = thinned(line)
+            drawn = source(x=t_s, y=values)
+        else:
+            centre_deg = panel.centre(runs[run])
+            t_s, values = thinned(around(line, centre_deg))
+            whole_deg = np.round(values + centre_deg, panel.decimals) % 360.0  # rounded first: 359.7 is 0, not 360
             drawn = source(x=t_s, y=values, value=whole_deg)
         renderers.append(made.line("x", "y", source=drawn, name=name, **look))
         renderers[-1].tags = [{"run": run, "name": name, "unit": panel.unit, "decimals": panel.decimals}]
     decimals = f"0.{'0' * panel.decimals}" if panel.decimals else "0"
-    value = f"@{'y' if centre is None else 'value'}{{{decimals}}} {panel.unit}"
+    value = f"@{'value' if panel.centre else 'y'}{{{decimals}}} {panel.unit}"
     made.add_tools(hover(renderers, ("", "$name"), ("value", value), ("time", "@x{0.0} s"), line_policy="nearest"))
     made.y_range = DataRange1d(renderers=[*renderers], only_visible=True)
-    if centre is not None:
-        made.y_range = Range1d(start=-180.0, end=180.0)
+    if panel.centre is not None:
+        made.y_range = Range1d(start=-190.0, end=190.0)  # a line at the edge is seen too
         made.yaxis.ticker = [-180, -90, 0, 90, 180]
-        made.yaxis.formatter = CustomJSTickFormatter(code=f"return ((tick + {centre:g}) % 360 + 360) % 360")
     for limit in panel.limits(runs[0]):
         if not isnan(limit):
             made.add_layout(Span(location=limit, dimension="width", line_color=palette.LIMIT, line_dash=[2, 3]))
@@ -152,7 +153,8 @@ def _background(made: Figure, shared: Sequence[PanelBackground]) -> None:
         layer(phase, made.vstrip("x0", "x1", source=bands, fill_color=colour, fill_alpha=SHADE, line_color=None))
     for each in LAYERS:
         if each.name != "anomaly" and each.name in shared[0].events:
-            look: Any = {"line_color": each.colour, "line_alpha": 0.6, "line_dash": [3, 3]}
+            colour = palette.TROUBLE if each.name == "trouble" else palette.GREY  # the first panel has those of all
+            look: Any = {"line_color": colour, "line_alpha": 0.6, "line_dash": [3, 3]}
             layer(each.name, made.vspan("t", source=shared[0].events[each.name], **look))
 
 

@@ -28,7 +28,8 @@ class Quantity(NamedTuple):
 class Panel(NamedTuple):
     """What one panel shows, its unit and the decimals of its values.
 
-    ``limits`` are values that shall not be reached. With a ``centre`` the lines are compass headings, drawn around it.
+    ``limits`` are values that shall not be reached. With a ``centre`` the lines are compass headings, drawn from -180
+    to 180 degrees about that of their run.
     """
 
     title: str
@@ -56,10 +57,14 @@ def _commanded(data: RunData) -> Line | None:
     return None if np.isnan(speed_m_s).all() else at_ticks(data.ticks, speed_m_s)
 
 
-def _duty(data: RunData) -> Line | None:
+def _applied(name: str) -> Callable[[RunData], Line | None]:
     """Return the duty of a rover that drove at all: where a tick does not have it, it is taken to be none."""
-    duty = (np.abs(data.ticks["left"]) + np.abs(data.ticks["right"])) / 2.0
-    return at_ticks(data.ticks, duty) if duty.any() else None
+
+    def line(data: RunData) -> Line | None:
+        drove = data.ticks["left"].any() or data.ticks["right"].any()
+        return at_ticks(data.ticks, data.ticks[name]) if drove else None
+
+    return line
 
 
 def _battery(data: RunData) -> Line | None:
@@ -98,9 +103,10 @@ def panels_of(runs: Sequence[RunData]) -> list[Panel]:
 
 
 DASHED: Mapping[str, Any] = {"line_dash": [5, 3]}
+BENEATH: Mapping[str, Any] = {"line_width": 3, "line_alpha": 0.6}  # what was asked for, behind what became of it
 PANELS = (
     Panel(
-        "heading", "°", 0,
+        "heading about the goal", "°", 0,
         (Quantity("heading", _tick("heading_deg")), Quantity("goal", _tick("goal_heading_deg"), palette.GREY, DASHED)),
         centre=_goal_centre,
     ),
@@ -112,10 +118,17 @@ PANELS = (
     ),
     Panel(
         "speed", "m/s", 2,
-        (Quantity("commanded", _commanded, palette.GREY, {"line_width": 3, "line_alpha": 0.6}),
+        (Quantity("commanded", _commanded, palette.GREY, BENEATH),
          Quantity("measured", _tick("measured_m_s"))),
     ),
-    Panel("duty", "", 2, (Quantity("duty", _duty),)),
+    *(
+        Panel(
+            f"{side} wheel's duty", "", 2,
+            (Quantity(f"{side} wanted", _tick(f"wanted_{side}"), palette.GREY, BENEATH),
+             Quantity(f"{side} applied", _applied(side))),
+        )
+        for side in ("left", "right")
+    ),
     Panel(
         "battery", "V", 2, (Quantity("battery", _battery),),
         limits=_settings(("board", "battery_low_v"), ("board", "battery_critical_v")),

@@ -17,24 +17,27 @@ from wayfarer.views import palette
 from wayfarer.views.page import html
 from wayfarer.views.page.frame import PAGE, write_page
 from wayfarer.views.page.plots import Plots
+from wayfarer.views.run_report.comparison import difference_text, facts_table
 from wayfarer.views.run_report.data import RunData, read_run
 from wayfarer.views.run_report.events import LAYERS
 from wayfarer.views.run_report.map import map_plot
 from wayfarer.views.run_report.panels import draw_panels
+from wayfarer.views.run_report.settings import changed_settings_table, own_settings_table
 from wayfarer.views.run_report.tables import (
     anomalies_table,
     conditions_table,
     episodes_table,
     events_list,
-    facts_table,
+    lead,
     run_facts,
     sensors_table,
-    settings_table,
 )
 from wayfarer.views.run_report.track import Track, tracks_of
 
 _run, _place = html.macros("wayfarer.views.run_report", "run", "place")
 
+ON_MAP = {"anomaly", "mark"}
+LONGEST_NAME = 6  # of two runs beside each value
 NO_WAY = "The log has no heading, so the path of the rover is unknown."
 NO_TICKS = "No time series: the log has no control ticks, or ticks without values."
 NO_FOREST = "The log is of a simulated run, but its forest or its true path is missing or cannot be read."
@@ -69,12 +72,13 @@ def write_run_report(run: Path, out: Path | None = None) -> Path:
     """
     data, plots = read_run(run), Plots()
     body = [
-        html.facts(run_facts(data, run_title(run))),
+        html.folded(lead(data), html.facts(run_facts(data, run_title(run)))),
         _drawn([data], [number_of(run)], plots),
         html.section("Anomalies and episodes", anomalies_table(data), episodes_table(data)),
         html.section("Conditions", conditions_table(data)),
         html.section("Events", events_list(data)),
         html.section("Sensors", sensors_table(data)),
+        html.section("Settings", own_settings_table(data)),
     ]
     return write_page(run / PAGE, _title(data), body, plots, _cursor_js(), out=out)
 
@@ -88,9 +92,9 @@ def write_comparison(first: Path, second: Path, out: Path | None = None) -> Path
     runs, plots = [read_run(first), read_run(second)], Plots()
     names = [number_of(first), number_of(second)]
     body = [
-        html.section("Figures", facts_table(runs, names)),
+        html.folded(difference_text(runs), facts_table(runs, names)),
         _drawn(runs, names, plots),
-        html.section("What changed in the rover file", settings_table(runs, names)),
+        html.section("What changed in the rover file", changed_settings_table(runs, names)),
     ]
     usual = second / f"report-{'-'.join(names)}.html"
     return write_page(usual, f"Runs {names[0]} and {names[1]}", body, plots, _cursor_js(), out=out)
@@ -117,7 +121,8 @@ def _drawn(runs: Sequence[RunData], names: Sequence[str], plots: Plots) -> Marku
     time_series = [html.paragraph(how_to_read), *panels] if panels else [html.paragraph(NO_TICKS)]
     ends_s = [data.summary.lasted_s for data in runs]
     end_s = max(1.0, *ends_s)
-    told = [{"name": name, "end": end_s} for name, end_s in zip(names, ends_s, strict=True)]
+    called = names if max(map(len, names)) <= LONGEST_NAME else ("first", "second")  # at each value of the cursor
+    told = [{"name": name, "end": end_s} for name, end_s in zip(called, ends_s, strict=False)]
     return _run(track_map, time_series, told, end_s)
 
 
@@ -178,7 +183,8 @@ def _layers(tracks: Sequence[Track]) -> Iterator[html.PlotLayer]:
         yield html.PlotLayer("reckoned", "dead reckoning", palette.RECKONED, shown=len(tracks) == 1)
     if any(track.fixes for track in tracks):
         yield html.PlotLayer("fixes", "receiver", palette.RECEIVER, shown=len(tracks) == 1)
-    yield from LAYERS
+    for each in LAYERS:  # of two runs, the panel of events has the colours of the runs
+        yield each if len(tracks) == 1 or each.name in ON_MAP else each._replace(colour="")
 
 
 def _cursor_js() -> str:

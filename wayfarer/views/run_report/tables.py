@@ -1,4 +1,4 @@
-"""Tables of the report of one run, and of two beside each other."""
+"""Tables of the report of one run."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ from math import isnan
 
 from markupsafe import Markup
 
-from wayfarer.config.rover_file import flat
 from wayfarer.fieldlog.clock import duration_text
-from wayfarer.fieldlog.fields import table
 from wayfarer.fieldlog.missions import Episode
 from wayfarer.fieldlog.sensor_status import SensorStatus
 from wayfarer.fieldlog.vocabulary import in_words, response_text
@@ -24,7 +22,7 @@ from wayfarer.views.text.summary_text import summary_facts
 
 ROWS = 500  # of a table; the log has all of them
 LAST_GOALS = 5  # as many stand in the header
-SAME_SETTINGS = "Nothing: both runs had the same rover file."
+LEAD = ("outcome", "distance", "anomalies")  # of the facts: what stands above the map
 
 
 def run_facts(data: RunData, folder: str) -> Iterator[tuple[str, str]]:
@@ -33,6 +31,12 @@ def run_facts(data: RunData, folder: str) -> Iterator[tuple[str, str]]:
         yield title_, "\n".join(lines)
     yield "goal", _goal(data)
     yield "seed", "unknown" if data.summary.seed is None else f"{data.summary.seed}"
+
+
+def lead(data: RunData) -> str:
+    """Return the most important of the facts in one line."""
+    facts = dict(run_facts(data, ""))
+    return "; ".join(facts[title].replace("\n", ", ") for title in LEAD if title in facts)
 
 
 def _goal(data: RunData) -> str:
@@ -123,31 +127,3 @@ def _rest(rows: Sequence[object]) -> Markup:
     """Say how many rows are left out, if any."""
     more = len(rows) - ROWS
     return html.paragraph(f"{more} more are in the log: wayfarer logs show." if more > 0 else "")
-
-
-# -- two runs ----------------------------------------------------------------------------------------------------
-
-
-def facts_table(runs: Sequence[RunData], names: Sequence[str]) -> Markup:
-    """Return the facts of all runs, one column each; rows that differ are set in bold."""
-    facts = [dict(run_facts(data, name)) for data, name in zip(runs, names, strict=True)]
-    keys = dict.fromkeys(key for each in facts for key in each)
-    rows = (_compared(key, [each.get(key) for each in facts]) for key in keys)
-    return html.table("What differs is bold.", ["", *names], rows)
-
-
-def settings_table(runs: Sequence[RunData], names: Sequence[str]) -> Markup:
-    """Return the keys of the rover file that have another value, or are in one of the runs only."""
-    first, second = known = [
-        {key: str(value) for key, value in flat(table(data.header, "config")).items()} for data in runs
-    ]
-    changed = sorted(key for key in first.keys() | second.keys() if first.get(key) != second.get(key))
-    if not changed:
-        return html.paragraph(SAME_SETTINGS)
-    rows = (_compared(key, [each.get(key) for each in known]) for key in changed)
-    return html.table("Keys of the rover file with another value.", ["key", *names], rows)
-
-
-def _compared(key: str, values: Sequence[str | None]) -> tuple[str, list[str]]:
-    kind = "same" if len(set(values)) == 1 else "differs"
-    return kind, [key, *("not there" if value is None else value for value in values)]

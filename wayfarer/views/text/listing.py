@@ -16,7 +16,7 @@ from wayfarer.fieldlog.reader import first_record, log_segments, read_header
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Header
 
-UNREADABLE = "unreadable"
+UNREADABLE, CUT_OFF = "unreadable", "cut off"
 ALIVE_S = 5.0  # a log without an outcome that was written to so recently is of a run that goes on
 
 
@@ -43,6 +43,7 @@ class RunRow(NamedTuple):
     episodes: int | None = None
     outcome: str = UNREADABLE
     size_bytes: int | None = None
+    version: str | None = None
 
 
 def _began(row: RunRow) -> str:
@@ -84,7 +85,7 @@ def rows(logs: Path, now_wall_s: float) -> list[RunRow]:
     Raises:
         BadInput: the logs' folder cannot be read.
     """
-    return [_row(run, now_wall_s) for run in run_folders(logs)]
+    return [row_of(run, now_wall_s) for run in run_folders(logs)]
 
 
 def lines(table: Sequence[RunRow], width: int | None) -> list[str]:
@@ -108,7 +109,8 @@ def _cell(text: str, title: str, width: int) -> str:
     return text.rjust(width) if title in RIGHT else text.ljust(width)
 
 
-def _row(run: Path, now_wall_s: float) -> RunRow:
+def row_of(run: Path, now_wall_s: float) -> RunRow:
+    """Return the row of the run in a folder; of one that cannot be read, ``unreadable``."""
     title, count = escape_control_chars(run.name), run_number(run)
     try:
         segments = log_segments(run)
@@ -132,6 +134,7 @@ def _row(run: Path, now_wall_s: float) -> RunRow:
         integer(tick, "episodes"),
         _outcome(last.get("outcome"), alive=abs(now_wall_s - written_s) < ALIVE_S),
         size_bytes,
+        header.version,
     )
 
 
@@ -145,7 +148,7 @@ def _header(run: Path, first: Record) -> Header:
 
 def _outcome(outcome: Record | None, *, alive: bool) -> str:
     if outcome is None:
-        return "running" if alive else "cut off"
+        return "running" if alive else CUT_OFF
     return safe_text(outcome, "reason") or "unknown"
 
 
