@@ -4,7 +4,7 @@ The package is laid out as the data flows: ``drivers`` (or ``simhal``) behind th
 ``detector``, ``escape`` and ``safety``, and the ``supervisor`` that runs them. See ``ARCHITECTURE.md``.
 """
 
-__version__ = "0.1.0"
+from wayfarer.version import __version__ as __version__
 
 
 def main() -> None:
