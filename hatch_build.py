@@ -1,9 +1,9 @@
-"""Build hook: compiles the control tick and the simulated world with mypyc, where a C compiler works.
+"""Build hook: writes the version into what is built, and compiles the wheel's control tick and simulated world.
 
-Which modules, and into which shared libraries, is a table in ``pyproject.toml``. The environment variable
-``WAYFARER_COMPILE`` decides: ``0`` installs pure Python, ``1`` fails where nothing can be compiled; without it, pure
-Python is installed there, which does the same more slowly. An editable installation is pure. ``wayfarer --version``
-says which of the two it is.
+mypyc compiles, where a C compiler works. Which modules, and into which shared libraries, is a table in
+``pyproject.toml``. The environment variable ``WAYFARER_COMPILE`` decides: ``0`` installs pure Python, ``1`` fails where
+nothing can be compiled; without it, pure Python is installed there, which does the same more slowly. An editable
+installation is pure. ``wayfarer --version`` says which of the two it is.
 """
 
 from __future__ import annotations
@@ -45,36 +45,50 @@ setup(ext_modules=extensions, script_args=["-q", "build_ext", "--inplace", "--pa
 
 
 class CompileHook(BuildHookInterface[Any]):
-    """Adds the compiled modules to the wheel; the Python files stay in it, for tracebacks."""
+    """Puts the version in the place of ``wayfarer/version.py``, and adds the compiled modules to a wheel.
+
+    The Python files stay in the wheel, for tracebacks.
+    """
 
     PLUGIN_NAME = "custom"
+    _outside: TemporaryDirectory[str] | None = None
 
     def dependencies(self) -> list[str]:
         """Return what compiling needs at build time, nothing for pure Python."""
-        return list(self.config["requires"]) if self._why_pure() is None else []
+        return list(self.config["requires"]) if self.target_name == "wheel" and self._why_pure() is None else []
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Compile, unless the build is to be pure.
+        """Compile a wheel, unless it is to be pure, and write the version.
 
         Raises:
             RuntimeError: ``WAYFARER_COMPILE=1`` and nothing can be compiled.
         """
         if version == "editable":
             return
-        why_pure = self._why_pure() or self._compile(build_data)
-        if why_pure is None:
-            return
-        if _demand() == "1":
+        why_pure = (self._why_pure() or self._compile(build_data)) if self.target_name == "wheel" else None
+        if why_pure is not None and _demand() == "1":
             raise RuntimeError(f"WAYFARER_COMPILE=1, but {why_pure}")
-        self.app.display_warning(f"wayfarer: pure Python, because {why_pure}")
+        if why_pure is not None:
+            self.app.display_warning(f"wayfarer: pure Python, because {why_pure}")
+        self._write_version(build_data)
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:  # noqa: ARG002
-        """Remove what was compiled."""
+        """Remove what was written and compiled."""
         shutil.rmtree(self._folder, ignore_errors=True)
+        if self._outside is not None:
+            self._outside.cleanup()
 
     @property
     def _folder(self) -> Path:
         return Path(self.directory) / "compiled"
+
+    def _write_version(self, build_data: dict[str, Any]) -> None:
+        # Hatchling replaces a file only by one from outside the checkout.
+        self._outside = TemporaryDirectory()
+        text = f'"""The version that this was built as."""\n\n__version__ = "{self.metadata.version}"\n'
+        written = Path(self._outside.name, "version.py")
+        written.write_text(text, encoding="utf-8")
+        build_data["force_include"][str(written)] = "wayfarer/version.py"
 
     def _why_pure(self) -> str | None:
         if _demand() == "0":
@@ -85,7 +99,7 @@ class CompileHook(BuildHookInterface[Any]):
         """Compile and tell the wheel what to take; return why that failed, or None."""
         error = compile_libraries(Path(self.root), self._folder, self.config["libraries"])
         if error is None:
-            built = {path: path.relative_to(self._folder) for path in self._folder.rglob("*") if path.is_file()}
+            built = {path: path.relative_to(self._folder) for path in sorted(self._folder.rglob("*")) if path.is_file()}
             build_data["force_include"] |= {str(path): str(inside) for path, inside in built.items()}
             build_data |= {"pure_python": False, "infer_tag": True}
         return error

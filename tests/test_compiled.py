@@ -7,6 +7,8 @@ import shutil
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -95,8 +97,24 @@ def test_constants_of_compiled_modules_are_final() -> None:
 # -- the build hook ----------------------------------------------------------------------------------------------------
 
 
-def hook() -> CompileHook:
-    return CompileHook(str(ROOT), HOOK, None, None, str(ROOT / "nowhere"), "wheel")  # type: ignore[arg-type]
+def hook(target: str = "wheel") -> CompileHook:
+    metadata: Any = SimpleNamespace(version="9.8.7")
+    return CompileHook(str(ROOT), HOOK, None, metadata, str(ROOT / "nowhere"), target)
+
+
+def test_what_is_built_has_its_version_in_the_place_of_the_checkouts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WAYFARER_COMPILE", "1")  # which is about wheels
+    source = hook("sdist")
+    assert source.dependencies() == []
+    build_data: dict[str, Any] = {"force_include": {}}
+    source.initialize("standard", build_data)
+    ((written, place),) = build_data["force_include"].items()
+    assert place == "wayfarer/version.py"
+    found: dict[str, Any] = {}
+    exec(Path(written).read_text(encoding="utf-8"), found)
+    assert found["__version__"] == "9.8.7"
+    source.finalize("standard", build_data, "")
+    assert not Path(written).exists()
 
 
 def test_missing_compiler_means_pure_python_unless_it_is_demanded(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -105,21 +123,23 @@ def test_missing_compiler_means_pure_python_unless_it_is_demanded(monkeypatch: p
     assert why_no_compiler() == "there is no C compiler (no-such-compiler)"
     assert hook().dependencies() == []
     told: list[str] = []
-    build_data: dict[str, object] = {}
+    build_data: dict[str, Any] = {"force_include": {}}
     pure = hook()
     monkeypatch.setattr(type(pure), "app", type("App", (), {"display_warning": staticmethod(told.append)}))
     pure.initialize("standard", build_data)
     assert told == ["wayfarer: pure Python, because there is no C compiler (no-such-compiler)"]
-    assert build_data == {}
+    assert list(build_data["force_include"].values()) == ["wayfarer/version.py"]
+    assert list(build_data) == ["force_include"]
+    pure.finalize("standard", build_data, "")
     monkeypatch.setenv("WAYFARER_COMPILE", "1")
     with pytest.raises(RuntimeError, match="WAYFARER_COMPILE=1, but there is no C compiler"):
-        hook().initialize("standard", {})
+        hook().initialize("standard", {"force_include": {}})
 
 
 def test_other_demand_than_0_and_1_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("WAYFARER_COMPILE", "yes")
     with pytest.raises(RuntimeError, match="WAYFARER_COMPILE=yes: possible are 0"):
-        hook().initialize("standard", {})
+        hook().initialize("standard", {"force_include": {}})
 
 
 @pytest.mark.parametrize("version", ["editable", "standard"])
@@ -130,9 +150,12 @@ def test_editable_installation_and_one_that_is_to_be_pure_compile_nothing(
     monkeypatch.setattr("hatch_build.compile_libraries", lambda *_: pytest.fail("it compiles"))
     quiet = hook()
     monkeypatch.setattr(type(quiet), "app", type("App", (), {"display_warning": staticmethod(lambda _: None)}))
-    build_data: dict[str, object] = {}
+    build_data: dict[str, Any] = {"force_include": {}}
     quiet.initialize(version, build_data)
+    written = [] if version == "editable" else ["wayfarer/version.py"]
+    assert list(build_data.pop("force_include").values()) == written
     assert build_data == {}
+    quiet.finalize(version, build_data, "")
 
 
 @pytest.mark.process

@@ -39,7 +39,7 @@ PICTURE = """
     detector
     safety      escape
     hal         files   extras
-    setting_ranges  waiting_thread  angles  clamp  errors
+    setting_ranges  waiting_thread  angles  clamp  errors  version
 """
 LAYERS = [line.split() for line in PICTURE.split("\n") if line.strip()]
 PURE = [

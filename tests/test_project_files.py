@@ -1,16 +1,22 @@
-"""The files for people say what is so: paths that are there, one version."""
+"""The files for people say what is so: paths that are there, one version, one name and one set of addresses."""
 
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
+from packaging.version import Version
 
+from hatch_version import last_release, version_of
 from tests.test_imports import LAYERS
 from wayfarer import __version__
+from wayfarer.errors import how_to_install
+from wayfarer.extras import NEEDS
 
 ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 PAGES = sorted(
     path.relative_to(ROOT).as_posix() for glob in ("*.md", "*/*.md", "docs/*/*.md") for path in ROOT.glob(glob)
 )
@@ -49,6 +55,42 @@ def test_architecture_has_the_picture_of_the_imports() -> None:
     assert [line.replace(",", "").split() for line in picture.splitlines()] == LAYERS
 
 
-def test_changelog_and_citation_have_the_version() -> None:
-    assert re.search(rf"^## \[{re.escape(__version__)}\] - \d{{4}}-\d\d-\d\d$", text_of("CHANGELOG.md"), re.MULTILINE)
-    assert re.search(rf"^version: {re.escape(__version__)}$", text_of("CITATION.cff"), re.MULTILINE)
+# -- the version and the name ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("described", "version"),
+    [
+        ("v0.2.0", "0.2.0"),
+        ("v0.3.0rc1", "0.3.0rc1"),
+        ("v0.2.0-dirty", "0.2.0+dirty"),
+        ("v0.2.0-3-g1a2b3c4d", "0.2.0+g1a2b3c4d"),
+        ("v0.2.0-3-g1a2b3c4d-dirty", "0.2.0+g1a2b3c4d.dirty"),
+        ("1a2b3c4d", "0.1.0+g1a2b3c4d"),  # no tags
+        ("1a2b3c4d-dirty", "0.1.0+g1a2b3c4d.dirty"),
+        ("", "0.1.0+dev"),  # git refuses, or git archive without tags
+        ("$Format:%(describe)$", "0.1.0+dev"),
+        ("vNext", "0.1.0+dev"),
+    ],
+)
+def test_version_is_the_tag_or_says_that_it_is_none(described: str, version: str) -> None:
+    assert version_of(described, "0.1.0") == version
+    assert str(Version(version)) == version
+
+
+def test_checkout_and_citation_have_the_changelogs_last_release() -> None:
+    released = last_release(ROOT)
+    assert re.search(rf"^## \[{re.escape(released)}\] - \d{{4}}-\d\d-\d\d$", text_of("CHANGELOG.md"), re.MULTILINE)
+    assert re.search(rf"^version: {re.escape(released)}$", text_of("CITATION.cff"), re.MULTILINE)
+    assert __version__ == f"{released}+dev" or (ROOT / "PKG-INFO").exists()
+
+
+def test_each_extra_that_an_error_names_is_one_of_the_distribution() -> None:
+    for needed in NEEDS.values():
+        assert needed.extra in PROJECT["optional-dependencies"]
+        assert how_to_install(needed.extra) == f"pip install '{PROJECT['name']}[{needed.extra}]'"
+
+
+def test_citation_has_the_projects_address_if_there_is_one() -> None:
+    cited = re.findall(r"^repository-code: (.+)$", text_of("CITATION.cff"), re.MULTILINE)
+    assert cited == [address for name, address in PROJECT["urls"].items() if name == "Source"]

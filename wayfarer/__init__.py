@@ -11,6 +11,8 @@ The package is laid out as the data flows: ``drivers`` (or ``simhal``) behind th
 from __future__ import annotations
 
 TYPE_CHECKING = False  # as in ``typing``, which takes longer to import than all of this
+from wayfarer.version import __version__ as __version__
+
 if TYPE_CHECKING:  # for type checkers and editors; ``_MODULES`` says the same to Python
     from wayfarer.api.campaigns import run_campaign, run_sweep
     from wayfarer.api.handlers import make_handler
@@ -23,7 +25,6 @@ if TYPE_CHECKING:  # for type checkers and editors; ``_MODULES`` says the same t
     from wayfarer.escape.api import Anomaly, EscapeSettings, Observation, Vehicle
     from wayfarer.escape.failsafe import FailSafe
 
-__version__ = "0.1.0"
 __all__ = [  # first what does something, then the types that it takes and gives
     "Anomaly",
     "EscapeSettings",

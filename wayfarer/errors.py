@@ -134,6 +134,11 @@ class MissingPart(WayfarerError):
     exit_code = 2
 
 
+def how_to_install(extra: str) -> str:
+    """Return the command that adds an extra to an installation; by its name, nothing is built again."""
+    return f"pip install 'wayfarer-rover[{extra}]'"
+
+
 class MissingPackage(WayfarerError):
     """Something needs a package that is not installed; the text says how to get it."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.util import find_spec
 from typing import NamedTuple
 
-from wayfarer.errors import MissingPackage
+from wayfarer.errors import MissingPackage, how_to_install
 
 
 class OptionalExtra(NamedTuple):
@@ -45,5 +45,4 @@ def require(what: str) -> None:
     extra, packages = NEEDS[what]
     for module, package in packages.items():
         if find_spec(module) is None:
-            remedy = f"pip install '.[{extra}]' in wayfarer's checkout"
-            raise MissingPackage(f"{what} needs {package}, which is not installed: {remedy}")
+            raise MissingPackage(f"{what} needs {package}, which is not installed: {how_to_install(extra)}")

@@ -67,22 +67,25 @@ def test_error_that_quotes_what_a_terminal_obeys_has_it_written_out(run: Run) ->
     assert said.rstrip("\n").isprintable()
 
 
+GET = "which is not installed: pip install 'wayfarer-rover"
+
+
 @pytest.mark.parametrize(
     ("arguments", "module", "said"),
     [
-        (["sim", "--trials", "1"], "numpy", "simulating needs numpy, which is not installed: pip install '.[sim]'"),
-        (["sim", "--out", "o"], "pyarrow", "results needs pyarrow, which is not installed: pip install '.[sim]'"),
-        (["sim", "--cluster", "x:1"], "distributed", "distributed, which is not installed: pip install '.[cluster]'"),
-        (["run", "--sim"], "skfmm", "simulating needs scikit-fmm, which is not installed: pip install '.[sim]'"),
-        (["compare", "r"], "scipy", "comparing needs scipy, which is not installed: pip install '.[sim]'"),
-        (["report"], "bokeh", "a report needs bokeh, which is not installed: pip install '.[sim]'"),
-        (["run", "--sim", "--live"], "aiohttp", "page needs aiohttp, which is not installed: pip install '.[live]'"),
-        (["demo"], "aiohttp", "the live page needs aiohttp, which is not installed: pip install '.[live]'"),
-        (["logs", "export", *SAMPLE, "--out", "o.rosbag2"], "rosbags", "not installed: pip install '.[export]'"),
+        (["sim", "--trials", "1"], "numpy", f"simulating needs numpy, {GET}[sim]'"),
+        (["sim", "--out", "o"], "pyarrow", f"results needs pyarrow, {GET}[sim]'"),
+        (["sim", "--cluster", "x:1"], "distributed", f"distributed, {GET}[cluster]'"),
+        (["run", "--sim"], "skfmm", f"simulating needs scikit-fmm, {GET}[sim]'"),
+        (["compare", "r"], "scipy", f"comparing needs scipy, {GET}[sim]'"),
+        (["report"], "bokeh", f"a report needs bokeh, {GET}[sim]'"),
+        (["run", "--sim", "--live"], "aiohttp", f"page needs aiohttp, {GET}[live]'"),
+        (["demo"], "aiohttp", f"the live page needs aiohttp, {GET}[live]'"),
+        (["logs", "export", *SAMPLE, "--out", "o.rosbag2"], "rosbags", f"{GET}[export]'"),
         (["logs", "export", *SAMPLE, "--out", "o.gpx"], "gpxpy", "gpx needs gpxpy, which is not installed"),
         (["logs", "export", *SAMPLE, "--out", "o.geojson"], "geojson_pydantic", "geojson needs geojson-pydantic"),
         (["logs", "export", *SAMPLE, "--out", "o.parquet"], "pyarrow", "Parquet needs pyarrow, which is not installed"),
-        (["run", "--sim", "--foxglove"], "foxglove", "needs foxglove-sdk, which is not installed: pip install '.[fox"),
+        (["run", "--sim", "--foxglove"], "foxglove", f"needs foxglove-sdk, {GET}[fox"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
@@ -90,9 +93,7 @@ def test_missing_extra_says_how_to_get_it(
     run: Run, monkeypatch: pytest.MonkeyPatch, arguments: list[str], module: str, said: str
 ) -> None:
     monkeypatch.setattr("wayfarer.extras.find_spec", lambda name: None if name == module else object())
-    err = refusal(run, *arguments)
-    assert said in err
-    assert err.endswith(" in wayfarer's checkout\n")
+    assert said in refusal(run, *arguments)
 
 
 @pytest.mark.process

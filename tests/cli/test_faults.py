@@ -129,7 +129,7 @@ def test_without_a_package_its_scenarios_are_skipped_and_fail_nothing(tmp_path: 
     assert code == 0
     assert err.splitlines()[0] == (
         "1 scenario skipped: rover 'minirover' needs cv2 for [parts.motion], which is not installed: "
-        "pip install '.[camera]' in wayfarer's checkout"
+        "pip install 'wayfarer-rover[camera]'"
     )
     assert re.search(r"^ +by-camera .*skipped", said, re.MULTILINE)
     assert "\nSkipped\n  by-camera: rover 'minirover' needs cv2" in said
@@ -156,8 +156,10 @@ def test_what_nothing_can_be_run_of_says_what_to_install(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: list[str], instead: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    needs = "rover 'minirover' needs cv2 for [parts.motion], which is not installed: pip install '.[camera]'"
-    assert f"{needs} in wayfarer's checkout{instead}" in refusal(run, *options)
+    needs = (
+        "rover 'minirover' needs cv2 for [parts.motion], which is not installed: pip install 'wayfarer-rover[camera]'"
+    )
+    assert f"{needs}{instead}" in refusal(run, *options)
     assert not list(tmp_path.iterdir())
 
 

@@ -59,7 +59,7 @@ def libraries(version: str, request: pytest.FixtureRequest) -> Path:
     if version == "oldest":
         folder: Path = request.getfixturevalue("oldest")
         return folder
-    spidev = pytest.importorskip("spidev", reason="pip install 'wayfarer[pi]' brings the parts' libraries")
+    spidev = pytest.importorskip("spidev", reason="pip install 'wayfarer-rover[pi]' brings the parts' libraries")
     return Path(spidev.__file__).parent  # a module by itself, beside the others
 
 

@@ -276,7 +276,7 @@ async def test_missing_opencv_and_use_before_open_are_told(monkeypatch: pytest.M
     with pytest.raises(NotResponding, match="camera 0 as motion sensor: not open"):
         await sensor.read()
     monkeypatch.setitem(sys.modules, "cv2", None)
-    with pytest.raises(NotResponding, match=r"pip install '\.\[camera\]'"):
+    with pytest.raises(NotResponding, match=r"pip install 'wayfarer-rover\[camera\]'"):
         await sensor.open()
     await sensor.close()
 

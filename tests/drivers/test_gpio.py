@@ -107,7 +107,7 @@ def test_part_without_a_pin_is_refused(settings: Callable[[], object], said: str
 async def test_missing_library_and_missing_board_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as bare:
         bare.setitem(sys.modules, "gpiozero", None)
-        with pytest.raises(NotResponding, match=r"pip install '\.\[pi\]'"):
+        with pytest.raises(NotResponding, match=r"pip install 'wayfarer-rover\[pi\]'"):
             await light().open()
     monkeypatch.setattr(gpiozero.Device, "pin_factory", None)
     monkeypatch.setenv("GPIOZERO_PIN_FACTORY", "none-of-these")

@@ -246,7 +246,7 @@ async def test_missing_device_and_missing_library_say_what_to_do(
     with pytest.raises(NotResponding, match=said):
         await USES[library](buses)
     monkeypatch.setitem(sys.modules, library, None)
-    with pytest.raises(NotResponding, match=rf"{library}.*pip install '\.\[pi\]'"):
+    with pytest.raises(NotResponding, match=rf"{library}.*pip install 'wayfarer-rover\[pi\]'"):
         await USES[library](buses)
 
 

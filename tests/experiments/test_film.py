@@ -220,7 +220,7 @@ def test_missing_encoder_is_one_line_and_leaves_no_file(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("wayfarer.extras.find_spec", lambda name: None if name == "scipy" else object())
-    assert "--video needs scipy, which is not installed: pip install '.[ph" in refusal(
+    assert "--video needs scipy, which is not installed: pip install 'wayfarer-rover[ph" in refusal(
         run, *SIM, "--video", tmp_path / "x.mp4"
     )
     assert not list(tmp_path.iterdir())

@@ -256,6 +256,18 @@ def test_another_campaigns_folder_is_refused_by_its_first_difference(tmp_path: P
         ResultsFolder(tmp_path, faster, resume=True)
 
 
+@pytest.mark.parametrize("sweep", [False, True])
+def test_folder_of_another_commit_is_resumed_and_one_of_another_release_is_refused(tmp_path: Path, sweep: bool) -> None:
+    def settings(version: str) -> dict[str, Any]:
+        campaign = {**SETTINGS_HERE, "version": version}
+        return {"campaign": campaign, "axes": []} if sweep else campaign
+
+    ResultsFolder(tmp_path, settings("0.2.0+g1a2b3c4d")).close()
+    ResultsFolder(tmp_path, settings("0.2.0+dev"), resume=True).close()
+    with pytest.raises(BadInput, match=r"version is '0\.2\.0' there and '0\.3\.0' here"):
+        ResultsFolder(tmp_path, settings("0.3.0"), resume=True)
+
+
 def test_folder_of_a_version_with_fewer_settings_is_refused_by_what_it_lacks(tmp_path: Path) -> None:
     ResultsFolder(tmp_path, SETTINGS_HERE).close()
     with pytest.raises(BadInput, match=r"belongs to another campaign: ground is None there and 'mud' here"):

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 from annotated_types import Interval, MultipleOf
 
 from wayfarer.drivers.buses import Buses
-from wayfarer.errors import BadReading, NotResponding
+from wayfarer.errors import BadReading, NotResponding, how_to_install
 from wayfarer.hal import MotionReading
 from wayfarer.setting_ranges import Hertz, MetresPerSecond
 
@@ -98,7 +98,7 @@ class CameraMotion:
     """The camera as a ``hal.MotionSensor``."""
 
     part: ClassVar[str] = "motion"
-    packages: ClassVar[Mapping[str, str]] = {"cv2": "pip install '.[camera]' in wayfarer's checkout"}
+    packages: ClassVar[Mapping[str, str]] = {"cv2": how_to_install("camera")}
     Settings = CameraMotionSettings
 
     def __init__(self, settings: CameraMotionSettings, buses: Buses) -> None:

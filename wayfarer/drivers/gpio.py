@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 from annotated_types import Interval
 
-from wayfarer.errors import NotResponding, one_line
+from wayfarer.errors import NotResponding, how_to_install, one_line
 
 Pin = Annotated[int, Interval(ge=0, le=27)]  # GPIO numbers of the 40-pin header, not positions on it
 
@@ -55,9 +55,7 @@ class GpioPart(ABC):
         try:
             gpiozero = import_module("gpiozero")
         except ImportError:
-            raise NotResponding(
-                f"{self.name}: gpiozero is not installed; pip install '.[pi]' in wayfarer's checkout"
-            ) from None
+            raise NotResponding(f"{self.name}: gpiozero is not installed; {how_to_install('pi')}") from None
         try:
             with _uncollected(), warnings.catch_warnings():
                 # gpiozero warns in two lines of each missing pin library; if all are missing, the error below says so.

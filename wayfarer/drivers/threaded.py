@@ -22,7 +22,7 @@ from contextlib import suppress
 from typing import Any, Generic, Protocol, TypeVar
 
 from wayfarer.drivers.buses import CLOSE_WAIT_S
-from wayfarer.errors import NotResponding
+from wayfarer.errors import NotResponding, how_to_install
 from wayfarer.waiting_thread import WaitingThread
 
 POSTED_MAX = 8  # stops that wait while a bus hangs; all stops are the same, so the newest ones are enough
@@ -224,7 +224,7 @@ class Threaded(Generic[D]):
         except OSError as error:
             raise NotResponding(f"{self.name}: {explain(error)}") from None
         except ImportError as error:
-            raise NotResponding(f"{self.name}: {error}; pip install '.[pi]' in wayfarer's checkout") from None
+            raise NotResponding(f"{self.name}: {error}; {how_to_install('pi')}") from None
 
     def send(self, use: Callable[[D], Any]) -> None:
         """Use the device before all queued transfers, without waiting for it; from any thread."""

@@ -41,13 +41,18 @@ NOISY = {"asyncio", "distributed", "tornado"}  # loggers
 
 @cache
 def version() -> str:
-    """Say what this process runs: wayfarer's version, a checksum of its source, and Python's version."""
+    """Say what this process runs: wayfarer's release, a checksum of its source, and Python's version.
+
+    Which commit was installed does not count, nor ``version.py``, which differs with it: the checksum tells more.
+    """
     package = Path(wayfarer.__file__).parent
     source = blake2b(digest_size=6)
-    for path in sorted(path for path in package.rglob("*") if path.suffix in SOURCES):
+    stated = package / "version.py"
+    for path in sorted(path for path in package.rglob("*") if path.suffix in SOURCES and path != stated):
         source.update(path.relative_to(package).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     python = "{}.{}".format(*sys.version_info)
-    return f"wayfarer {wayfarer.__version__} (source {source.hexdigest()}, Python {python})"
+    release, _, _ = wayfarer.__version__.partition("+")
+    return f"wayfarer {release} (source {source.hexdigest()}, Python {python})"
 
 
 class Cluster(NamedTuple):

@@ -38,6 +38,7 @@ PARTIAL = "trials.partial.csv"
 TRIALS = "trials.csv"
 PARQUET = "trials.parquet"
 SUMMARY = "summary.json"
+VERSIONS = {"version", "campaign.version"}  # where the settings of a campaign and of a sweep have it
 MOST_BYTES = 10_000_000  # of a settings' file: a sweep of two keys with all the values that fit a command line has less
 
 
@@ -254,5 +255,9 @@ def _refuse_another(path: Path, settings: Mapping[str, Any]) -> None:
 
 
 def _by_name(settings: dict[str, Any]) -> dict[str, Any]:
-    """Return settings by their dotted names, those of a sweep's axes by the number of the axis too."""
-    return flat(settings | {"axes": dict(enumerate(settings.get("axes", ()), start=1))})
+    """Return settings by their dotted names, those of a sweep's axes by the number of the axis too.
+
+    Of a version only the release counts: a commit between two releases does not end a campaign.
+    """
+    named = flat(settings | {"axes": dict(enumerate(settings.get("axes", ()), start=1))})
+    return named | {name: str(named[name]).partition("+")[0] for name in VERSIONS & named.keys()}

@@ -2,4 +2,4 @@
 
 import pytest
 
-pytest.importorskip("mujoco", reason="mujoco is not installed; pip install '.[physics]'")
+pytest.importorskip("mujoco", reason="mujoco is not installed; pip install 'wayfarer-rover[physics]'")

@@ -231,7 +231,9 @@ def test_what_is_no_range_is_refused(text: str) -> None:
 
 def test_missing_engine_is_one_line(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("wayfarer.extras.find_spec", lambda name: None if name == "mujoco" else object())
-    assert "--physics mujoco needs mujoco, which is not installed: pip install '.[physics]'" in refusal(run, *SIM)
+    assert "--physics mujoco needs mujoco, which is not installed: pip install 'wayfarer-rover[physics]'" in refusal(
+        run, *SIM
+    )
 
 
 def test_fixed_terrain_is_what_was_asked_for_and_a_range_is_drawn_within() -> None:
