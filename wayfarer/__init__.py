@@ -10,9 +10,9 @@ The package is laid out as the data flows: ``drivers`` (or ``simhal``) behind th
 
 from __future__ import annotations
 
-TYPE_CHECKING = False  # as in ``typing``, which takes longer to import than all of this
 from wayfarer.version import __version__ as __version__
 
+TYPE_CHECKING = False  # as in ``typing``, which takes longer to import than all of this
 if TYPE_CHECKING:  # for type checkers and editors; ``_MODULES`` says the same to Python
     from wayfarer.api.campaigns import run_campaign, run_sweep
     from wayfarer.api.handlers import make_handler
