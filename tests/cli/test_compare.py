@@ -58,6 +58,14 @@ def test_a_path_that_is_two_metres_longer_in_every_pair_is_told_as_such(
     assert "+2.0 [+2.0, +2.0]" in line
 
 
+def test_first_algorithm_is_compared_with_where_none_is_named_and_forest_pledge_is_not_there(
+    run: Run, tmp_path: Path
+) -> None:
+    asked = ("--algorithm", "retrying-pledge,pledge", "--trials", 2, "--jobs", 1, "--out", tmp_path / "out")
+    assert run("sim", *asked)[0] == 0
+    assert "pledge against retrying-pledge" in run("compare", tmp_path / "out")[1]
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import AlgorithmSummary, summarise
-from wayfarer.experiments.tables import print_table
+from wayfarer.experiments.tables import print_table, spl_hint
 
 ROWS = [TrialRow(n, "x", 0, 0, 1, "escaped", 247.5 + n % 400, 1.0, 999.9, 888, 9, 39.9, 0.123) for n in range(999)]
 FULL = summarise("x", [*ROWS, TrialRow(999, "x", 0, 0, 1, "fault")])
@@ -46,6 +46,14 @@ def test_papers_row_stands_below_ours_where_the_paper_has_one() -> None:
 def test_faults_have_a_column_only_when_there_are_any() -> None:
     assert "faults" in printed([FULL], 140)
     assert "faults" not in printed([summarise("x", ROWS)], 140)
+
+
+def test_spl_has_a_column_only_where_it_is_known() -> None:
+    unknown = summarise("x", [each._replace(shortest_path_m=None, spl=None) for each in ROWS])
+    assert "SPL" not in printed([unknown], 140)
+    assert "--spl" in spl_hint([unknown])
+    assert "SPL" in printed([unknown, FULL], 140)
+    assert spl_hint([unknown, FULL]) == ""
 
 
 def test_unknown_values_are_left_empty() -> None:

@@ -45,7 +45,7 @@ class RecordedRun(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    began: AwareDatetime
+    began: AwareDatetime = Field(ge=datetime(1970, 1, 1, tzinfo=UTC), lt=datetime(9000, 1, 1, tzinfo=UTC))
     command: str | None
     version: str
     compiled: bool

@@ -18,6 +18,7 @@ from tests.experiments.report.campaigns import ALGORITHMS, TRIALS, run_campaign
 from tests.views.page.outline import Outline
 from wayfarer import __version__
 from wayfarer.cli import report as command
+from wayfarer.experiments.provenance import RUNS
 from wayfarer.experiments.report.campaign import write_report
 from wayfarer.experiments.results_folder import TRIALS as TABLE
 from wayfarer.views.page.frame import PAGE
@@ -118,6 +119,7 @@ def test_without_shortest_paths_the_page_says_how_to_get_them(tmp_path: Path) ->
     run_campaign(tmp_path / "out", algorithms=["pledge"])
     text = write_report(tmp_path / "out", gallery=0, jobs=1).read_text()
     assert "--spl" in text
+    assert 'scope="col">SPL' not in text
     assert Outline(text).tags["figure"] == 3
     assert "No trial is drawn." in text
 
@@ -135,6 +137,8 @@ def test_names_cannot_break_out_of_the_page(tmp_path: Path, finished: Path) -> N
     for name in ("campaign.json", TABLE):
         path = folder / name
         path.write_text(path.read_text().replace("cv-react", "<b>&$x$"))
+    (folder / RUNS).unlink()  # an older version kept none
     text = write_report(folder, gallery=0, jobs=1).read_text()
+    assert f"<dt>software</dt><dd>wayfarer {__version__}</dd>" in text
     assert Outline(text).tags["b"] == 0
     assert "&lt;b&gt;&amp;$x$" in text

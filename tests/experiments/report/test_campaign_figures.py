@@ -12,8 +12,11 @@ import pytest
 from tests.experiments.report.campaigns import STRANGERS, names, row, rows_of
 from tests.experiments.report.reading_plots import columns, names_of_rows
 from wayfarer.escape.api import Phase
+from wayfarer.experiments.paired_statistics import compare
+from wayfarer.experiments.paired_table import GAIN_COLUMNS
 from wayfarer.experiments.report.algorithm_rows import grouped, lay_out
 from wayfarer.experiments.report.campaign import path_in, trial_map
+from wayfarer.experiments.report.comparison import GAINS, gain_figure
 from wayfarer.experiments.report.escape_figure import escape_figure
 from wayfarer.experiments.report.paths_figure import failures_figure, paths_figure
 from wayfarer.experiments.report.ratio_figure import TIMES, quantile, ratio_figure, ratios
@@ -121,6 +124,19 @@ def test_ratio_counts_failures_as_endless() -> None:
     drawn = columns(ratio_figure({"pledge": [row("pledge", 3, "entrapped", 50.0), *rows]}), "ratio")
     assert (drawn["p50_text"], drawn["p95_text"], drawn["within2"]) == ([f"2.0 {TIMES}"], ["a failure"], [50.0])
     assert drawn["p95"] == drawn["arrow"], "drawn as an arrow at the edge"
+
+
+def test_forest_plot_shows_the_numbers_of_the_table_beside_zero() -> None:
+    base, *others = compare([each for own in rows_of(names(4)).values() for each in own], "forest-pledge")
+    columns_of_table = {column.title.partition(" change")[0]: column for column in GAIN_COLUMNS}
+    for gain in GAINS:
+        found = gain.known(others)
+        figure: Any = gain_figure(gain, found)
+        drawn = columns(figure, gain.name)
+        assert drawn["algorithm"] == names_of_rows(figure) == ["pledge", "rand-pledge", "cv-pledge"]
+        assert drawn["text"] == [columns_of_table[gain.name].cell(one) for one in others]
+        assert gain.of(base) is None
+        assert figure.x_range.start < min(0.0, *drawn["low"]) <= max(0.0, *drawn["high"]) < figure.x_range.end
 
 
 # --- the map of a trial
