@@ -22,7 +22,7 @@ SMALLEST_M = 4.0
 GOAL: Mapping[str, Any] = {"line_color": palette.GOAL_LINE, "line_width": 2}  # Bokeh's stubs say "body_line_..."
 NUMBER: Mapping[str, Any] = {"text_align": "center", "text_baseline": "middle", "text_font_size": "9px"}
 ARROW = 0.12  # of the map's side: length of an arrow to the goal
-CIRCLES = 24  # of the receiver's error, at most: more of them bury the path
+CROSSES, CIRCLES = 1000, 24  # at most, for the receiver's fixes and for their error: more of them bury the path
 ASPECT = 1.15  # of the map: its width is half a screen's, and its height leaves room for what stands above it
 END: Mapping[str, Any] = {"marker": "x", "size": 11, "line_width": 3}
 START: Mapping[str, Any] = {"marker": "star", "size": 14, "line_width": 1}
@@ -62,10 +62,11 @@ def _leave_room(map_: Figure, tracks: Sequence[Track]) -> float:
 
 
 def _draw_fixes(map_: Figure, track: Track) -> None:
-    """Draw what the receiver said, with circles of its error."""
+    """Draw what the receiver said, with circles of its error: not all of it in a long run."""
     if not track.fixes:
         return
-    fixes, places_m = track.fixes, track.fixes_m
+    every = -(-len(track.fixes) // CROSSES)
+    fixes, places_m = track.fixes[::every], track.fixes_m[::every]
     told = source(
         x=places_m.real, y=places_m.imag, t=[fix.t_s for fix in fixes],
         latitude=[f"{fix.latitude_deg:.6f}" for fix in fixes], longitude=[f"{fix.longitude_deg:.6f}" for fix in fixes],

@@ -54,7 +54,7 @@ TRUE = (
     "The true path of the simulated rover (coloured), and its path by dead reckoning (dashed). Star: start; cross: "
     "end; arrow: goal."
 )
-FIXES = "Small crosses: the receiver's fixes; thin circles: their error."
+FIXES = "Small crosses: the receiver's fixes; thin circles: the error of some. Of a long run not all are drawn."
 FOREST = "Brown: fallen trunks; green dots: trees; green line: goal line."
 GAPS = (
     "White diamonds: records are missing there, or no ticks came for a while. The motion in between is unknown; the "

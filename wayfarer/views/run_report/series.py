@@ -56,6 +56,9 @@ def thinned(line: Line, bins: int = BINS) -> Line:
     firsts = np.flatnonzero(np.append(True, np.diff(group[order]) != 0))
     lasts = np.append(firsts[1:] - 1, order.size - 1)
     kept = np.unique(np.concatenate([order[firsts], order[lasts], np.flatnonzero(unknown)]))
+    # A value that stays the same needs one point in each of the times.
+    stays = np.equal(values[kept][1:-1], values[kept][:-2]) & np.equal(values[kept][1:-1], values[kept][2:])
+    kept = kept[~np.pad(stays, 1) | np.isin(kept, order[firsts])]
     return t_s[kept], values[kept]
 
 
