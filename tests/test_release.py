@@ -1,0 +1,64 @@
+"""packaging/release: what it refuses to release."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from importlib.machinery import SourceFileLoader
+from importlib.util import module_from_spec, spec_from_loader
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+CHANGELOG = "# Changelog\n\n## [Unreleased]\n\n## [0.2.0] - 2026-11-25\n\n## [0.1.0] - 2026-11-22\n"
+CITATION = "title: wayfarer\nversion: 0.2.0\n"
+LIBRARY = re.compile(r"^([\w-]+)==[\w.]+$", re.MULTILINE)
+
+
+@pytest.fixture(scope="module")
+def release() -> Any:
+    loader = SourceFileLoader("packaging_release", str(ROOT / "packaging" / "release"))
+    spec = spec_from_loader(loader.name, loader)
+    assert spec is not None
+    module = module_from_spec(spec)
+    loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("version", ["0.2.0", "1.0.0rc1"])
+def test_clean_tag_that_changelog_and_citation_name_is_released(release: Any, version: str) -> None:
+    texts = (text.replace("0.2.0", version) for text in (CHANGELOG, CITATION))
+    assert release.refuse_unless_release([f"v{version}"], "", *texts) == version
+
+
+@pytest.mark.parametrize(
+    ("tags", "changed", "changelog", "citation", "said"),
+    [
+        (["v0.2.0"], " M README.md\n?? x\n", CHANGELOG, CITATION, "the checkout has changes: M README.md; commit"),
+        ([], "", CHANGELOG, CITATION, r"has 0 tags v\*, not one; git tag -a"),
+        (["v0.2.0", "v0.2.1"], "", CHANGELOG, CITATION, r"has 2 tags v\*"),
+        (["v0.2"], "", CHANGELOG, CITATION, "the tag v0.2 is no version"),
+        (["v0.2.0-rc1"], "", CHANGELOG, CITATION, "the tag v0.2.0-rc1 is no version"),
+        (["v0.3.0"], "", CHANGELOG, CITATION, r"newest release is '\[0.2.0\] - 2026-11-25', not '\[0.3.0\] - DATE'"),
+        (["v0.1.0"], "", CHANGELOG, CITATION, r"not '\[0.1.0\] - DATE'"),
+        (["v0.2.0"], "", CHANGELOG.replace(" - 2026-11-25", ""), CITATION, r"newest release is '\[0.2.0\]', not"),
+        (["v0.2.0"], "", "", CITATION, "newest release is"),
+        (["v0.2.0"], "", CHANGELOG, CITATION.replace("0.2.0", "0.1.0"), "has no line 'version: 0.2.0'"),
+    ],
+)
+def test_anything_else_is_refused(
+    release: Any, tags: list[str], changed: str, changelog: str, citation: str, said: str
+) -> None:
+    with pytest.raises(release.Refused, match=said):
+        release.refuse_unless_release(tags, changed, changelog, citation)
+
+
+def test_debian_package_has_every_library_that_wayfarer_needs() -> None:
+    text = (ROOT / "packaging" / "debian" / "requirements.txt").read_text(encoding="utf-8")
+    inside = {name.replace("_", "-").lower() for name in LIBRARY.findall(text)}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    needed = {re.split(r"[^\w-]", dependency)[0] for dependency in project["dependencies"]}
+    assert "pydantic" in needed
+    assert {*needed, "smbus2"} <= inside
