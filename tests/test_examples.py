@@ -26,7 +26,7 @@ LONG = "failsafe_under_a_planner"  # has another stack's planner and rover in it
 PRINTS = {
     "algorithm_of_your_own": [r"left_hand: (escaped|left_bounds) after \d+\.\d m"],
     "anomalies_in_a_field_log": [r"s  immobilised  at +\d+\.\d deg, follow\.anomaly", r"log: complete"],
-    "campaign_at_a_site": [r"interventions", r"forest-pledge +4 ", r"paper +10 ", r"\d+ s simulated"],
+    "campaign_at_a_site": [r"^trial 0: escaped after \d+ s, helped \d", r"forest-pledge: 100 % \[\d+, 100\]"],
     "compare_two_algorithms": [r"^forest-pledge: SPL 0", r"tight-pledge: SPL 0", r"gain of SPL in pairs: [+-]0\."],
     "driver_of_your_own": [r"^b'Z'", r"b'n\\xff\\x99\\x00'", r"b'n\\x00\\x00\\x00'$"],
     "escape_handler_alone": [r"follow\.anomaly", r"back_off\.done", r"turn_away\.done", r"probe\.realigned"],
@@ -34,7 +34,7 @@ PRINTS = {
     "fault_in_a_trial": [r"^S2 by compass_stale after 0\.", r"as expected$"],
     "gym_forest_pledge": [r"^trial 7, forest-pledge: escaped after"],
     "replay_a_log": [r"^as logged: \d+ decisions, then the end", r"patient: .* key='anomalies'"],
-    "trial_in_a_forest": [r"^layout 7", r"outcome +(escaped|left_bounds)", r"spl +0\.\d", r"ticks +\d+$"],
+    "trial_in_a_forest": [r"^trial +7", r"outcome +(escaped|left_bounds)", r"spl +0\.\d", r"it probed for \d"],
 }
 
 
@@ -64,7 +64,7 @@ def test_example_prints_what_it_shows(name: str, output_of: Output) -> None:
 def test_example_runs_as_a_program_of_its_own() -> None:
     command = [sys.executable, str(FOLDER / "trial_in_a_forest.py")]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert (done.stdout.startswith("layout 7"), done.stderr) == (True, "")
+    assert (done.stdout.startswith("trial            7"), done.stderr) == (True, "")
 
 
 @pytest.fixture(scope="module")
