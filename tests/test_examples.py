@@ -12,9 +12,8 @@ from typing import Any
 
 import pytest
 
-from wayfarer.config.rover_file import load_rover
-from wayfarer.experiments.campaign import Campaign, Task
-from wayfarer.experiments.trial import run_trial
+import wayfarer
+from tests.test_imports import named_in
 
 pytestmark = pytest.mark.process  # a second and more each: not a unit test's
 
@@ -36,6 +35,19 @@ PRINTS = {
     "replay_a_log": [r"^as logged: \d+ decisions, then the end", r"patient: .* key='anomalies'"],
     "trial_in_a_forest": [r"^trial +7", r"outcome +(escaped|left_bounds)", r"spl +0\.\d", r"it probed for \d"],
 }
+
+
+PUBLIC = (
+    "wayfarer.escape.", "wayfarer.hal.", "wayfarer.drivers.buses.", "wayfarer.errors.", "wayfarer.testing."
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", [name for name in EXAMPLES if name != LONG])
+def test_example_uses_nothing_but_what_is_public(name: str) -> None:
+    """The long one builds another stack's rover out of the simulator."""
+    used = {each for each in named_in((FOLDER / f"{name}.py").read_text(encoding="utf-8")) if "wayfarer." in each}
+    public = {f"wayfarer.{each}" for each in wayfarer.__all__}
+    assert {each for each in used if f"{each}.".startswith(PUBLIC) or each in public} == used
 
 
 Output = Callable[..., str]
@@ -83,6 +95,5 @@ def test_failsafe_gets_out_where_the_planner_alone_stays_stuck(failsafe_example:
 
 
 def test_agent_of_the_catalogue_ends_as_the_trial_of_that_number(output_of: Output) -> None:
-    campaign = Campaign(("forest-pledge",), 8, load_rover("sim"))
-    result = run_trial(campaign.spec(Task("forest-pledge", 7), campaign.make_forest(7)))
+    result = wayfarer.run_trial(7).row
     assert f"{result.outcome} after {result.path_m:.1f} m, {result.time_s:.2f} s" in output_of("gym_forest_pledge", "7")

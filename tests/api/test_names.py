@@ -60,5 +60,5 @@ def test_documentation_says_what_works_in_at_most_12_lines_each(
     names: dict[str, Any] = {}
     for block in blocks:
         quickly = block.replace("trials=100", "trials=1").replace("jobs=2", "jobs=1")
-        exec(compile(quickly, page[:20], "exec"), names)
+        exec(compile(quickly, "from-python.md", "exec"), names)
     assert set(names["gains"]["algorithm"]) == {"forest-pledge", "pledge"}
