@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import doctest
+import re
 from pathlib import Path
 from typing import Any
 
@@ -46,3 +47,18 @@ def test_example_in_the_docstring_holds(name: str, tmp_path: Path, monkeypatch: 
     said: list[str] = []
     doctest.DocTestRunner().run(example, out=said.append)
     assert not said, "".join(said)
+
+
+def test_documentation_says_what_works_in_at_most_12_lines_each(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = next((Path(__file__).parents[2] / "docs").rglob("from-python.md")).read_text(encoding="utf-8")
+    blocks = re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
+    assert len(blocks) == 4
+    assert max(len(block.splitlines()) for block in blocks) <= 12
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    for block in blocks:
+        quickly = block.replace("trials=100", "trials=1").replace("jobs=2", "jobs=1")
+        exec(compile(quickly, "from-python.md", "exec"), names)
+    assert set(names["gains"]["algorithm"]) == {"forest-pledge", "pledge"}

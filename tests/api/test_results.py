@@ -19,6 +19,7 @@ import pytest
 import wayfarer
 from tests.conftest import Run
 from tests.experiments.fake_trials import third_fails
+from wayfarer.escape.catalogue import BUILT_IN
 from wayfarer.experiments import run_campaign as runner
 
 BOTH = ["forest-pledge", "pledge"]
@@ -95,8 +96,9 @@ def test_comparison_has_the_numbers_of_the_command(results: wayfarer.Results, ou
 
 
 def test_sweep_has_the_swept_values_in_each_row(tmp_path: Path) -> None:
-    values = {"slip_mean_m": [5, 10.5], "escape.turn_angle_deg": [30]}
-    results = wayfarer.run_sweep(values, "pledge", 1, budget_m=10.0, out=tmp_path / "out")
+    results = wayfarer.run_sweep(
+        {"slip_mean_m": [5, 10.5], "escape.turn_angle_deg": [30]}, "pledge", 1, budget_m=10.0, out=tmp_path / "out"
+    )
     frame = results.trials.to_pandas()
     assert frame[["point", "slip_mean_m", "escape.turn_angle_deg"]].to_numpy().tolist() == [[0, 5.0, 30], [1, 10.5, 30]]
     assert [row["slip_mean_m"] for row in results.summary] == [5, 10.5]
@@ -114,11 +116,15 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"site": "extended-maze", "rover": "minirover", "forests": "reference"}, "site 'extended-maze' draws its own"),
     ({"ground": "ice"}, "key 'ground' = 'ice': input should be 'ideal'"),
     ({"forests": "no.jsonl"}, "no.jsonl"),
+    ({"algorithms": "__main__:mine", "jobs": 2}, "put the algorithm in a module of its own"),
 ]
 
 
 @pytest.mark.parametrize(("arguments", "said"), REFUSED, ids=lambda value: "" if isinstance(value, str) else str(value))
-def test_what_cannot_be_used_is_refused_in_a_line(arguments: dict[str, Any], said: str) -> None:
+def test_what_cannot_be_used_is_refused_in_a_line(
+    arguments: dict[str, Any], said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys.modules["__main__"], "mine", BUILT_IN["pledge"], raising=False)
     with pytest.raises(wayfarer.WayfarerError) as refusal:
         wayfarer.run_campaign(**arguments)
     assert said in str(refusal.value)

@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Literal
 
 from wayfarer.api.results import Results, open_results
+from wayfarer.errors import BadInput
 from wayfarer.extras import require
 
 if TYPE_CHECKING:
@@ -159,6 +160,8 @@ def _run(
     from wayfarer.experiments.sim_command import run_shown
     from wayfarer.simhal.world.forest_file import content_of
 
+    if jobs > 1 and any(name.startswith("__main__:") for name in plan.points[0].algorithms):
+        raise BadInput("processes do not import this script: put the algorithm in a module of its own, or use jobs=1")
     faults: list[Done] = []
 
     def note(done: Done) -> None:
