@@ -18,7 +18,21 @@ from typing import Annotated, Any
 import typer
 
 from wayfarer import __version__
-from wayfarer.cli import commissioning, compare, control, demo, faults, listing, logs, replay, report, rover, sim, sweep
+from wayfarer.cli import (
+    commissioning,
+    compare,
+    completion,
+    control,
+    demo,
+    faults,
+    listing,
+    logs,
+    replay,
+    report,
+    rover,
+    sim,
+    sweep,
+)
 from wayfarer.cli.help_texts import HELP_OPTIONS, HelpCommand, HelpGroup, error_text
 from wayfarer.cli.options import examples
 from wayfarer.control import is_compiled
@@ -43,6 +57,7 @@ app = typer.Typer(
     cls=HelpGroup,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    add_completion=False,
     suggest_commands=False,
     context_settings=HELP_OPTIONS,
 )
@@ -94,6 +109,7 @@ def run(arguments: list[str]) -> int:
 
 def _run(arguments: list[str]) -> int:
     try:
+        arguments = completion.with_shell(arguments)
         # ``obj`` reaches each command as its context's: it may have to say how it was called.
         code = int(_command()(arguments, prog_name="wayfarer", standalone_mode=False, obj=arguments) or 0)
         sys.stdout.flush()
@@ -111,6 +127,7 @@ def _run(arguments: list[str]) -> int:
 @cache
 def _command() -> Any:
     """Return what ``app`` describes, as Typer runs it: built once, for that takes longer than most mistakes."""
+    completion.register_shells()
     return typer.main.get_command(app)
 
 
@@ -139,5 +156,7 @@ def _root(
         bool,
         typer.Option("--version", "-V", callback=_print_version, is_eager=True, help="Print the version and exit."),
     ] = False,
+    install_completion: completion.Install = None,
+    show_completion: completion.Show = None,
 ) -> None:
     """Drive a rover out of a forest without vision: compass, tilt and stall detection only."""
