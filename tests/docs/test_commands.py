@@ -47,6 +47,7 @@ def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own_folders: Path)
         (tmp_path / name).symlink_to(ROOT / name)
     shutil.copytree(ROOT / "field_logs", tmp_path / "field_logs")
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: {0})  # no processes: trials run in this one
     return tmp_path
 
 
@@ -58,7 +59,7 @@ def quick(words: list[str]) -> list[str]:
     if "--trials" in words:
         at = words.index("--trials")
         words = [*words[:at], *words[at + 2 :]]
-    return [*words, "--trials", QUICK_TRIALS[name], "--jobs", "1", *(QUICK_SWEEP if name == "sweep" else [])]
+    return [*words, "--trials", QUICK_TRIALS[name], *(QUICK_SWEEP if name == "sweep" else [])]
 
 
 def runs(page: str) -> list[str]:
