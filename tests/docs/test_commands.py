@@ -6,6 +6,7 @@ import ast
 import shutil
 import subprocess
 import tomllib
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -88,9 +89,14 @@ def test_commands_of_a_page_run_one_after_the_other(page: str, run: Run) -> None
 # -- those that do not -------------------------------------------------------------------------------------------------
 
 
+@cache
+def program() -> Any:
+    return typer.main.get_command(cli.app)
+
+
 def command_of(words: list[str]) -> tuple[Any, list[str]]:
     """Return a command by its words, and the words that are its arguments."""
-    command: Any = typer.main.get_command(cli.app)
+    command = program()
     while words and (inner := getattr(command, "commands", {}).get(words[0])):
         command, words = inner, words[1:]
     return command, words

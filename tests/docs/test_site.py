@@ -50,7 +50,9 @@ def test_dead_link_or_anchor_fails_the_build(
     real = build.page_text
 
     def broken(source: str, places: dict[str, str]) -> str:
-        dead = "\n[page](no-such-page.md) [anchor](install.md#no-such-heading)\n" if source.endswith("campaign.md") else ""
+        dead = (
+            "\n[page](no-such-page.md) [anchor](install.md#no-such-heading)\n" if source.endswith("campaign.md") else ""
+        )
         return real(source, places) + dead
 
     monkeypatch.setattr(build, "page_text", broken)
