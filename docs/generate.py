@@ -33,7 +33,8 @@ PYTHON = """# Python
 
 `import wayfarer` takes a few milliseconds: each name below is imported when it is first used. Campaigns and trials
 need the extra `sim`. For algorithms and drivers of your own, `wayfarer.escape`, `wayfarer.hal`,
-`wayfarer.drivers.buses`, `wayfarer.errors` and `wayfarer.testing` are public as well. All else may change from one version to the next.
+`wayfarer.drivers.buses`, `wayfarer.errors` and `wayfarer.testing` are public as well. All else may change from one
+version to the next.
 """
 COMMAND_LINE = """# Command line
 

@@ -5,6 +5,7 @@ Run it: pip install '.[sim]' && PYTHONPATH=examples wayfarer check --rover my-ro
 """
 
 import time
+from pathlib import Path
 
 from wayfarer.config.rover_file import load_rover
 from wayfarer.simhal.buses import FakeBuses
@@ -14,10 +15,12 @@ from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
 
+ROVER = "./my-rover.toml" if Path("my-rover.toml").exists() else "forestrover"
+
 
 def buses() -> FakeBuses:
     """Return buses with a chip for each part of my-rover.toml, of a rover that stands in a forest."""
-    rover, chips, streams = load_rover("my-rover.toml"), FakeBuses(), RandomStreams(0)
+    rover, chips, streams = load_rover(ROVER), FakeBuses(), RandomStreams(0)
     world = World(generate_forest(7, noise=0, seed=0), rover.vehicle, Physics(), streams, starts_s=time.monotonic())
     wiring = ChipWiring(world, streams, time.monotonic, chips)
     world.tick_chips = wiring.tick
@@ -27,4 +30,4 @@ def buses() -> FakeBuses:
 
 
 if __name__ == "__main__":
-    print(sorted(vars(buses())))
+    print(type(buses().i2c("/dev/i2c-1").chip_at(0x60)).__name__)

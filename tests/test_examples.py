@@ -33,6 +33,7 @@ PRINTS = {
     "fault_in_a_trial": [r"^S2 by compass_stale after 0\.", r"as expected$"],
     "gym_forest_pledge": [r"^trial 7, forest-pledge: escaped after"],
     "replay_a_log": [r"^as logged: \d+ decisions, then the end", r"patient: .* key='anomalies'"],
+    "simulated_chips": [r"^CMPS14Chip"],
     "trial_in_a_forest": [r"^trial +7", r"outcome +(escaped|left_bounds)", r"spl +0\.\d", r"it probed for \d"],
 }
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Iterator
+from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
 
@@ -47,9 +48,11 @@ def shell_lines(fence: Fence) -> Iterator[str]:
 
 def wayfarer_words(line: str) -> Iterator[list[str]]:
     """Yield the arguments of each ``wayfarer`` command in a line of a shell."""
-    for command in re.split(r"&&|[|;]", line):
-        words = shlex.split(command)
-        while words[:1] == ["sudo"] or words[:2] == ["-u", "wayfarer"]:
+    lexer = shlex.shlex(line, posix=True, punctuation_chars=True)
+    lexer.whitespace_split = True
+    for joins, found in groupby(lexer, lambda word: word in {"&&", "||", "|", ";"}):
+        words = [] if joins else list(found)
+        while words[:1] in (["sudo"], ["-u"]):
             words = words[1:] if words[0] == "sudo" else words[2:]
         if words[:1] == ["wayfarer"]:
             yield words[1:]

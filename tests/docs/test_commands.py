@@ -6,6 +6,7 @@ import ast
 import shutil
 import subprocess
 import tomllib
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,7 @@ def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own_folders: Path)
         (tmp_path / name).symlink_to(ROOT / name)
     shutil.copytree(ROOT / "field_logs", tmp_path / "field_logs")
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: {0})  # no processes: trials run in this one
     return tmp_path
 
 
@@ -58,7 +60,7 @@ def quick(words: list[str]) -> list[str]:
     if "--trials" in words:
         at = words.index("--trials")
         words = [*words[:at], *words[at + 2 :]]
-    return [*words, "--trials", QUICK_TRIALS[name], "--jobs", "1", *(QUICK_SWEEP if name == "sweep" else [])]
+    return [*words, "--trials", QUICK_TRIALS[name], *(QUICK_SWEEP if name == "sweep" else [])]
 
 
 def runs(page: str) -> list[str]:
@@ -87,9 +89,14 @@ def test_commands_of_a_page_run_one_after_the_other(page: str, run: Run) -> None
 # -- those that do not -------------------------------------------------------------------------------------------------
 
 
+@cache
+def program() -> Any:
+    return typer.main.get_command(cli.app)
+
+
 def command_of(words: list[str]) -> tuple[Any, list[str]]:
     """Return a command by its words, and the words that are its arguments."""
-    command: Any = typer.main.get_command(cli.app)
+    command = program()
     while words and (inner := getattr(command, "commands", {}).get(words[0])):
         command, words = inner, words[1:]
     return command, words

@@ -1,0 +1,34 @@
+"""The notebook runs from top to bottom, and gives the outputs that it was saved with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from docs.build import NOTEBOOK, ROOT
+
+nb_run = pytest.importorskip("nbmake.nb_run", reason="notebooks run with nbmake, of the extra test")
+
+
+def outputs(notebook: Any) -> list[list[dict[str, Any]]]:
+    return [
+        [{key: output[key] for key in ("text", "data") if key in output} for output in cell["outputs"]]
+        for cell in notebook["cells"]
+        if cell["cell_type"] == "code"
+    ]
+
+
+@pytest.mark.process
+def test_notebook_gives_the_outputs_that_it_shows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Save it again with new outputs: ``pytest --nbmake --overwrite docs/tutorial/campaign.ipynb``."""
+    import nbformat
+
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    monkeypatch.setenv("IPYTHONDIR", str(tmp_path))
+    saved = nbformat.read(ROOT / NOTEBOOK, as_version=4)
+    ran = nb_run.NotebookRun(ROOT / NOTEBOOK, 120).execute()
+    assert ran.error is None
+    assert outputs(ran.nb) == outputs(saved)
+    assert all(outputs(saved))

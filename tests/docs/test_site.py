@@ -1,0 +1,79 @@
+"""The site as it is built: strictly, without requests to other hosts, and dead links fail."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from docs import build
+from docs.notebook import as_markdown
+
+pytest.importorskip("zensical", reason="the site is built with the extra docs")
+
+# Attributes by which a browser fetches something by itself; a link waits for a person.
+FETCHES = {("script", "src"), ("link", "href"), ("img", "src"), ("source", "src"), ("iframe", "src"), ("video", "src")}
+
+
+class Fetched(HTMLParser):
+    """Addresses that a browser asks for when it opens a page."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.addresses: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.addresses += [value for name, value in attrs if value and (tag, name) in FETCHES]
+
+
+@pytest.mark.process
+def test_site_is_built_strictly_and_asks_no_other_host(tmp_path: Path) -> None:
+    build.build(tmp_path / "site")
+    places = set(build.pages().values())
+    for place in (place for place in places if place.endswith(".md")):
+        address = "index.html" if place == "index.md" else f"{place.removesuffix('.md')}/index.html"
+        assert (tmp_path / "site" / address).is_file(), place
+    for page in (tmp_path / "site").rglob("*.html"):
+        fetched = Fetched()
+        fetched.feed(page.read_text(encoding="utf-8"))
+        assert [address for address in fetched.addresses if re.match(r"(https?:)?//", address)] == [], page
+    for style in (tmp_path / "site").rglob("*.css"):
+        assert not re.search(r"(url\(|@import )['\"]?(https?:)?//", style.read_text(encoding="utf-8")), style
+
+
+@pytest.mark.process
+def test_dead_link_or_anchor_fails_the_build(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    real = build.page_text
+
+    def broken(source: str, places: dict[str, str]) -> str:
+        dead = (
+            "\n[page](no-such-page.md) [anchor](install.md#no-such-heading)\n" if source.endswith("campaign.md") else ""
+        )
+        return real(source, places) + dead
+
+    monkeypatch.setattr(build, "page_text", broken)
+    with pytest.raises(SystemExit):
+        build.build(tmp_path / "site")
+    told = "".join(capfd.readouterr())
+    assert "no-such-page.md" in told
+    assert "no-such-heading" in told
+    assert not (tmp_path / "site").exists()
+
+
+def test_links_of_a_page_that_is_elsewhere_lead_to_pages_of_the_site() -> None:
+    places = build.pages()
+    assert "](../how-to/service.md)" not in build.page_text("README.md", places)
+    assert "](how-to/service.md)" in build.page_text("README.md", places)
+    assert "](what-stops-the-wheels.md)" in build.page_text("ARCHITECTURE.md", places)
+
+
+def test_notebook_becomes_text_code_and_what_it_printed() -> None:
+    page = as_markdown(
+        '{"cells": [{"cell_type": "markdown", "source": ["# T"]}, {"cell_type": "code", "source": ["print(1)"], '
+        '"outputs": [{"output_type": "stream", "name": "stdout", "text": ["1\\n"]}]}]}'
+    )
+    assert page == "# T\n\n```python\nprint(1)\n```\n\n```text\n1\n```"
