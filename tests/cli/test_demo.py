@@ -1,9 +1,8 @@
 """``wayfarer demo``, and the options of ``wayfarer run`` for those who look on."""
 
-# ruff: noqa: TID251 - the clocks that the log's begins at
 from __future__ import annotations
 
-import time
+import asyncio
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,7 +12,9 @@ import pytest
 from tests.conftest import Run, refusal
 from wayfarer import cli
 from wayfarer.cli import demo
-from wayfarer.daemon.socket.paths import daemon_socket, single_daemon
+from wayfarer.config.rover_file import load_rover
+from wayfarer.experiments.campaign import Campaign
+from wayfarer.fieldlog.reader import read_header
 from wayfarer.safety.mission_limits import RunEnd
 
 pytest.importorskip("aiohttp", reason="the live page needs aiohttp")
@@ -38,54 +39,67 @@ def served(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
 
     def serve(service: Any) -> RunEnd:
         kept.service = service
-        (service.logs / "00001-20261121T061405Z").mkdir(parents=True)
-        (service.logs / "00001-20261121T061405Z" / "run.jsonl").touch()
-        kept.alone = single_daemon(service.socket)
-        with kept.alone:
-            for viewer in service.viewers:
-                if hasattr(viewer, "close"):
-                    viewer.close()
+        for viewer in service.viewers:
+            viewer.close()
         return RunEnd("escaped", "the simulated rover has escaped after 76.0 m")
 
     monkeypatch.setattr("wayfarer.daemon.daemon.serve", serve)
-    monkeypatch.setattr("wayfarer.experiments.demo.LEFT_S", 0.0)  # nobody has the page open
     return kept
 
 
-def test_demo_says_where_the_page_is_how_it_ended_and_what_to_try_next(served: SimpleNamespace, run: Run) -> None:
-    code, out, _ = run("demo", "--live-port", "0")
+@pytest.fixture
+def shown(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    """Have the demo end its trial at once, as if somebody had looked on; keep what it was asked for."""
+    kept = SimpleNamespace()
+
+    async def run(self: Any, page: Any) -> None:
+        page.close()
+        kept.demo = self
+        self._signal = kept.signal
+        self.seen()
+        self._page = SimpleNamespace(begin_run=kept.records.append, show=kept.records.append)
+        self._loop = asyncio.get_running_loop()
+        self.run_at(1000.0)
+        self._tell_end(await asyncio.to_thread(self._run_trial, self._seed))
+        self._lines.close()
+
+    kept.records, kept.signal = [], ""
+    monkeypatch.setattr("wayfarer.experiments.demo.Demo.run", run)
+    return kept
+
+
+def test_demo_says_where_the_page_is_how_it_ended_and_what_to_try_next(shown: SimpleNamespace, run: Run) -> None:
+    code, out, _ = run("demo", "--live-port", "0", "--seed", "45")
     assert code == 0
     first, *rest = out.splitlines()
     assert first.startswith("open this page; the rover starts when it is open: http://127.0.0.1:")
-    assert "the simulated rover has escaped after 76.0 m" in rest
+    assert "crossed the destination line: 39.5 m driven in 0:00:41" in rest
     assert any("the page and its buttons stay" in line and "Ctrl-C" in line for line in rest)
     (log,) = (line for line in rest if line.startswith("the field log: "))
     assert Path(log.partition(": ")[2]).is_dir()
-    assert any("wayfarer sim" in line for line in rest)
+    assert any(line.split()[:6] == ["wayfarer", "sim", "--seed", "45", "--trial", "0"] for line in rest)
 
 
-def test_demo_drives_only_the_simulated_rover_and_disturbs_no_daemon(served: SimpleNamespace) -> None:
-    with single_daemon(daemon_socket()):
-        assert cli.run(["demo", "--live-port", "0"]) == 0
-    service = served.service
-    assert (service.simulated, service.config.name, service.dry_run) == (True, "sim", False)
-    assert service.time_scale == demo.SPEED, "as the log says, so that it is known when the run began"
-    assert service.socket != daemon_socket()
-    assert not service.socket.parent.exists(), "only the log stays"
+def test_demo_that_a_signal_ends_does_not_say_that_the_page_stays(shown: SimpleNamespace, run: Run) -> None:
+    shown.signal = "SIGTERM"
+    code, out, _ = run("demo", "--live-port", "0", "--algorithm", "levy-walk")
+    assert code == 0
+    assert "ended by SIGTERM: 0.0 m driven in 0:00:00" in out
+    assert "the page and its buttons stay" not in out
+    assert "--trial 0 --algorithm levy-walk" in out
 
 
-def test_wall_clock_of_the_log_begins_now_and_goes_with_the_time_of_the_run(served: SimpleNamespace) -> None:
-    """Pause and speed change how fast that time goes; nobody sets the clock."""
-    before_s = time.time()
-    assert cli.run(["demo", "--live-port", "0"]) == 0
-    t_s = time.monotonic()
-    assert before_s - 0.01 <= served.service.wall(t_s) <= time.time() + 0.01
-    assert served.service.wall(t_s + 60.0) - served.service.wall(t_s) == pytest.approx(60.0)
-
-
-def test_demo_keeps_its_log_where_it_is_told(served: SimpleNamespace, tmp_path: Path) -> None:
-    assert cli.run(["demo", "--live-port", "0", "--log-dir", str(tmp_path / "kept"), "--seed", "5"]) == 0
-    assert (served.service.logs, served.service.seed) == (tmp_path / "kept", 5)
+def test_demo_shows_the_trial_that_it_is_asked_for_and_keeps_its_log_where_it_is_told(
+    shown: SimpleNamespace, tmp_path: Path
+) -> None:
+    shown.signal = "SIGTERM"
+    arguments = ["--seed", "5", "--trial", "17", "--log-dir", str(tmp_path / "kept")]
+    assert cli.run(["demo", "--live-port", "0", *arguments]) == 0
+    (folder,) = (tmp_path / "kept").iterdir()
+    header = read_header(folder)
+    campaign = Campaign(("forest-pledge",), 18, load_rover("sim"), 5)
+    assert (header["trial"], header["forest"], header["simulated"]) == (17, 8, True)
+    assert header["seed"] == campaign.trial_seed(17)
 
 
 def test_browser_is_opened_only_where_it_has_a_window(monkeypatch: pytest.MonkeyPatch) -> None:

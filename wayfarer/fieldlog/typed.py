@@ -104,8 +104,8 @@ class Header:
 class Tick(RunEvent):
     """One control tick, under the names of its keys.
 
-    ``motion`` is NaN where the motion sensor could not tell. The fold adds the last seven fields: ``period_s`` since the
-    tick before, NaN where records are missing between the two; ``place``, where dead reckoning has the rover, None
+    ``motion`` is NaN where the motion sensor could not tell. The fold adds the last seven fields: ``period_s`` since
+    the tick before, NaN where records are missing between the two; ``place``, where dead reckoning has the rover, None
     without a heading; ``before``, that of the tick before or None, where records are missing between the two;
     ``path_m``, how far it went; ``measured_m_s``, the speed that the motion sensor measured last, NaN where it could
     not for a while; ``fresh``, the sensors that have spoken since the tick before; and ``driven_m``, the true way of a

@@ -18,7 +18,7 @@ SIZES: dict[str, ViewportSize] = {
     "desktop": {"width": DESKTOP[0], "height": DESKTOP[1]},
     "phone": {"width": PHONE[0], "height": PHONE[1]},
 }
-MIDDLE_M = 45.0  # of the 84 to 129 m of the default demo
+MIDDLE_M = 45.0  # of the 75 m of the default demo
 
 
 def main() -> None:
@@ -37,7 +37,7 @@ def main() -> None:
 
 
 def _wait_for_metres(page: Page, metres: float) -> None:
-    while float(page.locator("#mission-m").inner_text().split()[0]) < metres:
+    while float(page.locator("#way").inner_text().split()[0]) < metres:
         page.wait_for_timeout(50)
 
 

@@ -35,12 +35,15 @@ class NoDisk(RunFiles):
 
 
 def run_log(
-    *viewers: Any, simulated: bool = True, parts: tuple[str, ...] = ("compass", "motion", "motors")
+    *viewers: Any,
+    simulated: bool = True,
+    parts: tuple[str, ...] = ("compass", "motion", "motors"),
+    trial: int | None = None,
 ) -> FieldLog:
     """Return a run's log whose records go to viewers."""
     about = {
         "rover": "sim", "algorithm": "forest-pledge", "simulated": simulated, "dry_run": False, "log": "logs/1",
-        "parts": dict.fromkeys(parts, "a part"), "config": load_rover("sim").model_dump(mode="json"),
+        "trial": trial, "parts": dict.fromkeys(parts, "a part"), "config": load_rover("sim").model_dump(mode="json"),
     }  # fmt: skip
     return FieldLog(NoDisk(), about | ({"world": WORLD} if simulated else {}), t_s=100.0, viewers=viewers)
 

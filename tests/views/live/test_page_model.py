@@ -15,7 +15,7 @@ from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.hal import PositionFix, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
-from wayfarer.views.live.page_model import LINES, MARKS, PageModel
+from wayfarer.views.live.page_model import COURSE_POINTS, LINES, MARKS, PageModel
 
 
 @pytest.fixture
@@ -68,7 +68,7 @@ def test_news_are_told_once_and_add_up_to_what_a_new_viewer_sees(model: PageMode
         log.tick(tick(100.0 + step * 0.05, moved_m=0.2, phase=phase, anomalies=anomalies))
     log.event("mark", 101.0, text="hit log")
     news, after = model.news(), model.snapshot()
-    for kind in ("track", "marks", "phases", "lines"):
+    for kind in ("track", "marks", "phases", "course", "lines"):
         assert before[kind] + news[kind] == after[kind]
     assert len(news["track"]) == 8
     assert model.news() == {}
@@ -103,7 +103,33 @@ def test_mission_counts_time_and_metres_from_arming(model: PageModel) -> None:
     log.tick(tick(100.0, travelled_m=5.0))
     log.event("armed", 110.0, goal_heading_deg=0.0)
     log.tick(tick(130.0, travelled_m=12.5))
-    assert (model.state()["mission_s"], model.state()["mission_m"]) == (20.0, 7.5)
+    state = model.state()
+    assert (state["time_text"], state["time_of"], state["way_m"], state["way_of"]) == (
+        "0:00:20", "mission", 7.5, "commanded",
+    )  # fmt: skip
+
+
+def test_trial_counts_time_from_its_start_and_the_true_way(model: PageModel) -> None:
+    log = shown(model, trial=3)
+    log.event("armed", 110.0, goal_heading_deg=0.0)
+    log.tick(tick(130.0, travelled_m=12.5))
+    log.note("truth", 130.0, {"x_m": 25.0, "y_m": 13.0, "driven_m": 9.876})
+    state = model.state()
+    assert (state["time_text"], state["time_of"], state["way_m"], state["way_of"]) == (
+        "0:00:30", "in all", 9.876, "driven",
+    )  # fmt: skip
+
+
+def test_course_is_the_heading_off_the_goal_and_c_five_times_a_second_for_two_minutes(model: PageModel) -> None:
+    log = shown(model)
+    log.tick(tick(100.0, heading_deg=350.0))
+    log.event("armed", 100.0, goal_heading_deg=10.0)
+    for step in range(1, 20 * 150):
+        log.tick(tick(100.0 + step * 0.05, heading_deg=None if step == 4 else 350.0, memory={"counter_deg": -20.04}))
+    course = model.snapshot()["course"]
+    assert model.news()["course"][:3] == [[100.0, None, 30.0], [100.2, None, -20.0], [100.4, -20.0, -20.0]]
+    assert len(course) == COURSE_POINTS
+    assert (course[-1][0] - course[0][0], course[-1][1:]) == (pytest.approx(120.0, abs=1.0), [-20.0, -20.0])
 
 
 def test_health_is_told_in_words(model: PageModel) -> None:

@@ -3,15 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 
 import pytest
 
-from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, numbered, outcome, record, tick
+from tests.views.text.records import (
+    BEGAN_WALL_S,
+    HEADER,
+    RUN,
+    drive,
+    event,
+    narrated,
+    numbered,
+    outcome,
+    record,
+    tick,
+    write,
+)  # fmt: skip
 from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.run_state import LowBattery
 from wayfarer.fieldlog.schema import Record
+from wayfarer.views.text.listing import CELLS, rows
+from wayfarer.views.text.run_narrator import Verbosity
 from wayfarer.views.text.summary import Mark, RunSummary, summarise
-from wayfarer.views.text.summary_text import summary_text
+from wayfarer.views.text.summary_text import distance_line, summary_text
 from wayfarer.views.text.verdict import NO_OUTCOME
 
 
@@ -63,6 +78,19 @@ def test_way_is_commanded_and_reckoned() -> None:
     found = summary(*drive(0.0, 10.05))
     assert found.commanded_m == pytest.approx(5.0)
     assert found.reckoned_m == pytest.approx(5.0)
+    assert found.driven_m is None
+
+
+def test_way_of_a_simulated_rover_is_the_true_one_in_summary_list_and_lines(tmp_path: Path) -> None:
+    truth = record("truth", 1.0, x_m=25.0, y_m=13.0, driven_m=3.26)
+    records = [HEADER, *drive(0.0, 1.0), truth, tick(1.0, phase="probe", travelled_m=7.0), outcome(1.05)]
+    found = summarise(records)
+    assert found.driven_m == 3.26
+    assert distance_line(found).startswith("3.3 m driven, 7.0 m commanded, ")
+    write(tmp_path / RUN, numbered(records))
+    assert [CELLS["m"](row) for row in rows(tmp_path, 0.0)] == ["3"]
+    lines = [line.text for line in narrated(records, Verbosity.CHANGES)]
+    assert any(line.startswith("Probing") and "3.3 m" in line for line in lines)
 
 
 def test_escapes_are_counted_over_all_missions() -> None:

@@ -26,7 +26,7 @@ class RunRow(NamedTuple):
     ``run`` is the name of the folder and ``number`` the number in it. ``trial`` is the number of a simulated trial,
     which has virtual time and no ``began_wall_s``, seconds since 1970. ``outcome`` is the reason why it ended, or
     ``running``, ``cut off`` or ``unreadable``. ``episodes`` are those of the last mission, as the
-    algorithm counted them.
+    algorithm counted them. ``driven_m`` is the true distance of a simulated rover.
     """
 
     run: str
@@ -38,12 +38,12 @@ class RunRow(NamedTuple):
     algorithm: str | None = None
     simulated: bool | None = None
     dry_run: bool | None = None
-    driven_m: float | None = None
     commanded_m: float | None = None
     episodes: int | None = None
     outcome: str = UNREADABLE
     size_bytes: int | None = None
     version: str | None = None
+    driven_m: float | None = None
 
 
 def _began(row: RunRow) -> str:
@@ -129,12 +129,12 @@ def row_of(run: Path, now_wall_s: float) -> RunRow:
         header.algorithm,
         header.simulated,
         header.dry_run,
-        number(last.get("truth", {}), "driven_m"),
         number(tick, "travelled_m"),
         integer(tick, "episodes"),
         _outcome(last.get("outcome"), alive=abs(now_wall_s - written_s) < ALIVE_S),
         size_bytes,
         header.version,
+        number(last.get("truth", {}), "driven_m"),
     )
 
 
