@@ -19,7 +19,7 @@ from wayfarer.detector.settings import DetectorSettings
 from wayfarer.escape.api import EscapeSettings, Vehicle
 from wayfarer.escape.failsafe import FailSafe
 from wayfarer.hal import CompassReading
-from wayfarer.safety.conditions import Level
+from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.responses import RESPONSES
 from wayfarer.safety.tick_interval import IntervalTimer
 from wayfarer_failsafe.messages import (
@@ -66,6 +66,8 @@ class GuardSettings:
     cruise_m_s: float = 0.5
     algorithm: str = "forest-pledge"
     goal_heading_deg: float = nan
+    stuck_s: float = 0.5
+    tilt_deg: float = 20.0
     imu_timeout_s: float = 0.25
     odom_timeout_s: float = 0.4
     cmd_timeout_s: float = 0.5
@@ -89,17 +91,21 @@ class Guard:
         self._settings = settings
         self.vehicle = Vehicle(settings.length_m, settings.width_m, settings.track_m, settings.max_speed_m_s)
         escape = EscapeSettings(cruise_m_s=settings.cruise_m_s, reverse_m_s=min(0.6, settings.cruise_m_s))
-        self._failsafe = FailSafe(
-            find_algorithm(settings.algorithm).make(escape, self.vehicle, Random(0)), self.vehicle
+        self._handler = find_algorithm(settings.algorithm).make(escape, self.vehicle, Random(0))
+        self._failsafe = FailSafe(self._handler, self.vehicle)
+        detection = DetectorSettings(
+            immobilised_s=settings.stuck_s,
+            tilt_deg=settings.tilt_deg,
+            compass_stale_s=settings.imu_timeout_s,
+            motion_stale_s=settings.odom_timeout_s,
         )
-        ages = DetectorSettings(compass_stale_s=settings.imu_timeout_s, motion_stale_s=settings.odom_timeout_s)
-        self._detector = Detector(ages, self.vehicle, may_reckon=False)
+        self._detector = Detector(detection, self.vehicle, may_reckon=False)
         self._timer = IntervalTimer(LATE_S, settings.max_speed_m_s)
         self._odometry = OdometrySum()
         self._compass: CompassReading | None = None
         self._command, self._command_t_s = STANDSTILL, float("-inf")
         self._applied, self._state = STANDSTILL, State.IDLE
-        self._enabled, self._gave_up = True, False
+        self._enabled = True
         self._goal_deg = settings.goal_heading_deg
         self._rescue_s, self._rescued_t_s = 0.0, float("-inf")
         self.takeovers = 0
@@ -119,7 +125,7 @@ class Guard:
     def enable(self, enabled: bool) -> None:
         """Let the fail-safe take over, or never; from false to true it tries again after it gave up."""
         if enabled and not self._enabled:
-            self._gave_up, self._rescue_s = False, 0.0
+            self._failsafe, self._rescue_s = FailSafe(self._handler, self.vehicle), 0.0
         self._enabled = enabled
 
     def tick(self, t_s: float) -> Output:
@@ -135,42 +141,44 @@ class Guard:
         return Output(speeds, state, text or state.text, self._values(tick))
 
     def _decide(self, tick: DetectorTick) -> tuple[Speeds, State, str]:
-        t_s, settings = tick.t_s, self._settings
-        silent = t_s - self._command_t_s > settings.cmd_timeout_s
-        if trouble := self._trouble(tick):
-            return STANDSTILL, State.STOPPED, f"stopped: {trouble}"
+        """Return who drives and how, as long as nothing speaks against that anybody does."""
+        silent = tick.t_s - self._command_t_s > self._settings.cmd_timeout_s
         if not self._enabled:
             return (STANDSTILL, State.IDLE, "") if silent else (self._command, State.DISABLED, "")
-        if self._gave_up:
-            return STANDSTILL, State.GAVE_UP, ""
-        if silent and not settings.alone:
+        if trouble := self._trouble(tick):
+            return STANDSTILL, State.STOPPED, f"stopped: {trouble}"
+        if silent and not self._settings.alone:
             return STANDSTILL, State.IDLE, ""
+        if self._rescue_s > self._settings.give_up_s:
+            return STANDSTILL, State.GAVE_UP, ""
+        return self._drive(tick, silent=silent)
+
+    def _drive(self, tick: DetectorTick, *, silent: bool) -> tuple[Speeds, State, str]:
+        """Let the planner drive, or the escape handler where the planner is stuck or silent."""
         assert self._detector.compass is not None
-        heading_deg, stuck = self._detector.compass.heading_deg, bool(tick.anomalies)
+        heading_deg = self._detector.compass.heading_deg
         self._note_goal(tick, heading_deg)
         goal_deg = self._goal_deg if isfinite(self._goal_deg) else heading_deg
-        decision = self._failsafe.update(t_s, heading_deg, goal_deg, stuck=stuck, blind=silent)
+        decision = self._failsafe.update(tick.t_s, heading_deg, goal_deg, stuck=bool(tick.anomalies), blind=silent)
         if decision is None:
-            if t_s - self._rescued_t_s > FORGIVEN_S:
+            if tick.t_s - self._rescued_t_s > FORGIVEN_S:
                 self._rescue_s = 0.0
             return self._command, State.PLANNER, ""
-        self._rescued_t_s = t_s
+        self._rescued_t_s = tick.t_s
         self._rescue_s += tick.dt_s
-        if self._rescue_s > settings.give_up_s:
-            self._gave_up = True
-            return STANDSTILL, State.GAVE_UP, ""
         found = ", ".join(anomaly.value for anomaly in tick.anomalies)
         text = f"{State.RESCUE.text}: {decision.phase.value}{found and f' ({found})'}"
         return speeds_from(decision.wheels, self.vehicle), State.RESCUE, text
 
     def _trouble(self, tick: DetectorTick) -> str:
         """Say which sense is missing or wrong, or that the rover lies on its side; empty if nothing is."""
-        if self._detector.compass is None:
-            return "no orientation from the IMU yet"
-        worst = max(tick.conditions, key=lambda each: RESPONSES[each].level_among_people, default=None)
-        if worst is None or RESPONSES[worst].level_among_people < Level.HOLD:
+        if self._detector.compass is None or not self._odometry.heard:
+            return "no orientation from the IMU yet" if self._detector.compass is None else "no odometry yet"
+        found = [RESPONSES[each] for each in tick.conditions if each is not Condition.RUNAWAY]  # nothing to stop there
+        worst = max(found, key=lambda each: each.level_among_people, default=None)
+        if worst is None or worst.level_among_people < Level.HOLD:
             return ""
-        return RESPONSES[worst].what.replace("compass", "IMU").replace("motion sensor", "odometry")
+        return worst.what.replace("compass", "IMU").replace("motion sensor", "odometry")
 
     def _note_goal(self, tick: DetectorTick, heading_deg: float) -> None:
         """Without a given goal, take the heading in which the planner drives straight on and the rover moves."""

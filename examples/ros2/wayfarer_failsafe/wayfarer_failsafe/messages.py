@@ -1,7 +1,7 @@
 """ROS messages to wayfarer's readings and back; pure, and without ROS: any object with the message's fields will do.
 
 ROS (REP 103): x ahead, y left, z up; a yaw counts counter-clockwise from east, a pitch is positive nose down.
-wayfarer: a heading counts clockwise from north, a pitch is positive nose up. A roll is positive right side down in both.
+wayfarer: a heading counts clockwise from north, a pitch is positive nose up. A roll is right side down in both.
 A fixed error of the yaw (magnetic declination, or an IMU that begins at 0) does not matter: goal and heading share it.
 """
 
@@ -46,6 +46,11 @@ class OdometrySum:
         self._came_s: float | None = None
         self._forward_m = self._right_m = 0.0
         self._sure_s = self._span_s = 0.0
+
+    @property
+    def heard(self) -> bool:
+        """Whether a message ever came."""
+        return self._came_s is not None
 
     def add(self, odometry: Any, t_s: float) -> None:
         """Take a message: its speed is taken as that since the message before, at most a second."""
