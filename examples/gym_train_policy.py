@@ -4,7 +4,7 @@ The policy steers for the goal, and does something else in the first seconds aft
 The cross-entropy method finds them: draw some policies, play each in the same trials, continue around the best ones.
 Held-out trials (0 to 99, which training never draws) then say how good it is.
 
-Run it: pip install '.[gym]' && python examples/gym_train_policy.py [GENERATIONS [POPULATION [HELD_OUT_TRIALS]]]
+Run it: pip install '.[gym]' && python examples/gym_train_policy.py [GENERATIONS POPULATION TRIALS HELD_OUT]
 """
 
 import os
@@ -28,7 +28,6 @@ Agent = Callable[[Floats, Observation], tuple[float, float]]
 KNOTS_S = np.array([0.0, 0.25, 0.5, 1.0, 2.0, 5.0])  # times since the last anomaly at which the policy has numbers
 SIZE = 3 * KNOTS_S.size + 1
 TICK_S = 0.05
-TRAINING_TRIALS = 10  # of each policy in a generation; other ones in the next
 ELITE = 0.25
 BUDGET_M = 100.0  # of path: what is not out by then is not good
 
@@ -93,14 +92,14 @@ def first_guess() -> Floats:
     return np.array([*speed, *turn, *pull, 0.1])
 
 
-def train(pool: ProcessPoolExecutor, generations: int, population: int) -> Floats:
-    """Return the numbers of the trained policy."""
+def train(pool: ProcessPoolExecutor, generations: int, population: int, trials: int) -> Floats:
+    """Return the numbers of the trained policy; ``trials`` is in how many each policy of a generation plays."""
     rng = np.random.default_rng(0)
     mean, spread = first_guess(), np.full(SIZE, 0.25)
     for generation in range(generations):
         drawn = [mean, *rng.normal(mean, spread, (population - 1, SIZE))]
-        trials = rng.integers(1000, 1_000_000, TRAINING_TRIALS).tolist()
-        earned = [np.mean([each.reward for each in found]) for found in pool.map(scores, drawn, [trials] * population)]
+        same = [rng.integers(1000, 1_000_000, trials).tolist()] * population
+        earned = [np.mean([each.reward for each in found]) for found in pool.map(scores, drawn, same)]
         best = np.array(drawn)[np.argsort(earned)[-max(2, round(ELITE * population)) :]]
         mean, spread = best.mean(axis=0), 0.7 * best.std(axis=0) + 0.3 * spread
         print(f"generation {generation + 1}: best {max(earned):.1f}, mean {np.mean(earned):.1f}", flush=True)
@@ -115,10 +114,9 @@ def report(pool: ProcessPoolExecutor, name: str, numbers: Floats | None, trials:
 
 
 if __name__ == "__main__":
-    given = dict(enumerate(map(int, sys.argv[1:])))
-    generations, population, held_out = given.get(0, 12), given.get(1, 12), given.get(2, 100)
+    generations, population, trials, held_out = map(int, sys.argv[1:] or (12, 12, 10, 100))
     with ProcessPoolExecutor(min(2, os.cpu_count() or 1)) as pool:
-        trained = train(pool, generations, population)
+        trained = train(pool, generations, population, trials)
         print("policy:", np.round(trained, 2).tolist())
         report(pool, "rule of thumb", first_guess(), held_out)
         report(pool, "trained policy", trained, held_out)
