@@ -2,7 +2,7 @@
 
 The policy steers for the goal, and does something else in the first seconds after an anomaly: what, are 19 numbers.
 The cross-entropy method finds them: draw some policies, play each in the same trials, continue around the best ones.
-Held-out trials (0 to 99, which training never draws) then say how good it is.
+Held-out trials (0 to 49, which training never draws) then say how good it is.
 
 Run it: pip install '.[gym]' && python examples/gym_train_policy.py [GENERATIONS POPULATION TRIALS HELD_OUT]
 """
@@ -114,7 +114,7 @@ def report(pool: ProcessPoolExecutor, name: str, numbers: Floats | None, trials:
 
 
 if __name__ == "__main__":
-    generations, population, trials, held_out = map(int, sys.argv[1:] or (12, 12, 10, 100))
+    generations, population, trials, held_out = map(int, sys.argv[1:] or (6, 10, 6, 50))
     with ProcessPoolExecutor(min(2, os.cpu_count() or 1)) as pool:
         trained = train(pool, generations, population, trials)
         print("policy:", np.round(trained, 2).tolist())
