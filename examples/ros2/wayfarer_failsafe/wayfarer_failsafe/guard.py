@@ -105,7 +105,7 @@ class Guard:
         self._compass: CompassReading | None = None
         self._command, self._command_t_s = STANDSTILL, float("-inf")
         self._applied, self._state = STANDSTILL, State.IDLE
-        self._enabled = True
+        self._enabled, self._on_ground = True, False
         self._goal_deg = settings.goal_heading_deg
         self._rescue_s, self._rescued_t_s = 0.0, float("-inf")
         self.takeovers = 0
@@ -125,6 +125,7 @@ class Guard:
     def enable(self, enabled: bool) -> None:
         """Let the fail-safe take over, or never; from false to true it tries again after it gave up."""
         if enabled and not self._enabled:
+            self._on_ground = False  # a person may have put it elsewhere
             self._failsafe, self._rescue_s = FailSafe(self._handler, self.vehicle), 0.0
         self._enabled = enabled
 
@@ -134,6 +135,9 @@ class Guard:
         self._timer.measure(tick)
         tick.compass, tick.motion = self._compass, self._odometry.take()
         self._detector.update(tick, armed=True)
+        if not self._on_ground and self._detector.compass is not None:
+            self._on_ground = True
+            self._detector.begin_mission(tick)  # it may stand on a slope: that is no trunk
         speeds, state, text = self._decide(tick)
         if state is State.RESCUE and self._state is not State.RESCUE:
             self.takeovers += 1
