@@ -1,0 +1,204 @@
+"""Who drives, and when nobody does: wayfarer's detector and fail-safe over ROS messages. Pure: no ROS, no clock.
+
+The planner's commands pass through unchanged until the detector says that the rover does not move as commanded, or
+tilts. Then the escape handler drives until the rover is free. Nothing moves while the IMU, the odometry or the planner
+is silent. If the handler does not get the rover out either, it stands and asks for a person.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from math import isfinite, nan
+from random import Random
+from typing import Any, NamedTuple
+
+from wayfarer.config.registry import find_algorithm
+from wayfarer.detector.detector import Detector, DetectorTick
+from wayfarer.detector.settings import DetectorSettings
+from wayfarer.escape.api import EscapeSettings, Vehicle
+from wayfarer.escape.failsafe import FailSafe
+from wayfarer.hal import CompassReading
+from wayfarer.safety.conditions import Condition, Level
+from wayfarer.safety.responses import RESPONSES
+from wayfarer.safety.tick_interval import IntervalTimer
+from wayfarer_failsafe.messages import (
+    STANDSTILL,
+    OdometrySum,
+    Speeds,
+    compass_reading,
+    speeds_from,
+    speeds_of,
+    wheels_of,
+)
+
+LATE_S = 0.2  # after a longer time between ticks, the base's own timeout has stopped the wheels
+FORGIVEN_S = 60.0  # that the planner must drive before the time of earlier rescues is forgotten; from no source
+STRAIGHT_RAD_S = 0.2  # a planner that turns more slowly than this goes where it wants to
+
+
+class State(Enum):
+    """What the node does; ``level`` is that of diagnostics: 0 OK, 1 WARN, 2 ERROR."""
+
+    PLANNER = "the planner drives", 0
+    DISABLED = "the planner drives, and the fail-safe is disabled", 1
+    RESCUE = "the escape handler drives", 1
+    IDLE = "stopped: no command from the planner", 0
+    STOPPED = "stopped", 2
+    GAVE_UP = "stopped: the rover is still stuck and needs a person; set enabled to false and to true to try again", 2
+
+    def __init__(self, text: str, level: int) -> None:
+        self.text, self.level = text, level
+
+
+@dataclass(frozen=True, slots=True)
+class GuardSettings:
+    """The node's parameters, in metres, seconds and degrees.
+
+    ``goal_heading_deg`` is clockwise from north, by the IMU's yaw; without it (NaN) the way out is where the planner
+    last drove straight on. ``alone`` lets the handler drive on, and take over, while the planner is silent.
+    """
+
+    length_m: float = 0.6
+    width_m: float = 0.5
+    track_m: float = 0.6
+    max_speed_m_s: float = 1.0
+    cruise_m_s: float = 0.5
+    algorithm: str = "forest-pledge"
+    goal_heading_deg: float = nan
+    stuck_s: float = 0.5
+    tilt_deg: float = 20.0
+    imu_timeout_s: float = 0.25
+    odom_timeout_s: float = 0.4
+    cmd_timeout_s: float = 0.5
+    give_up_s: float = 300.0
+    alone: bool = False
+
+
+class Output(NamedTuple):
+    """What to publish: speeds for the base, and what to tell people."""
+
+    speeds: Speeds
+    state: State
+    text: str
+    values: dict[str, str]
+
+
+class Guard:
+    """Takes messages when they come, and decides once a tick. Times are seconds on a clock that never goes back."""
+
+    def __init__(self, settings: GuardSettings) -> None:
+        self._settings = settings
+        self.vehicle = Vehicle(settings.length_m, settings.width_m, settings.track_m, settings.max_speed_m_s)
+        escape = EscapeSettings(cruise_m_s=settings.cruise_m_s, reverse_m_s=min(0.6, settings.cruise_m_s))
+        self._handler = find_algorithm(settings.algorithm).make(escape, self.vehicle, Random(0))
+        self._failsafe = FailSafe(self._handler, self.vehicle)
+        detection = DetectorSettings(
+            immobilised_s=settings.stuck_s,
+            tilt_deg=settings.tilt_deg,
+            compass_stale_s=settings.imu_timeout_s,
+            motion_stale_s=settings.odom_timeout_s,
+        )
+        self._detector = Detector(detection, self.vehicle, may_reckon=False)
+        self._timer = IntervalTimer(LATE_S, settings.max_speed_m_s)
+        self._odometry = OdometrySum()
+        self._compass: CompassReading | None = None
+        self._command, self._command_t_s = STANDSTILL, float("-inf")
+        self._applied, self._state = STANDSTILL, State.IDLE
+        self._enabled, self._on_ground = True, False
+        self._goal_deg = settings.goal_heading_deg
+        self._rescue_s, self._rescued_t_s = 0.0, float("-inf")
+        self.takeovers = 0
+
+    def take_imu(self, imu: Any, t_s: float) -> None:
+        """Take a ``sensor_msgs/Imu``; one without an orientation counts as silence."""
+        self._compass = compass_reading(imu, t_s) or self._compass
+
+    def take_odometry(self, odometry: Any, t_s: float) -> None:
+        """Take a ``nav_msgs/Odometry``; its speeds must not come from the wheels alone, which also turn in deep mud."""
+        self._odometry.add(odometry, t_s)
+
+    def take_command(self, twist: Any, t_s: float) -> None:
+        """Take the planner's Twist or TwistStamped; one that is not a number stops the rover."""
+        self._command, self._command_t_s = speeds_of(twist) or STANDSTILL, t_s
+
+    def enable(self, enabled: bool) -> None:
+        """Let the fail-safe take over, or never; from false to true it tries again after it gave up."""
+        if enabled and not self._enabled:
+            self._on_ground = False  # a person may have put it elsewhere
+            self._failsafe, self._rescue_s = FailSafe(self._handler, self.vehicle), 0.0
+        self._enabled = enabled
+
+    def tick(self, t_s: float) -> Output:
+        """Decide; at about 20 Hz."""
+        tick = DetectorTick(t_s, wheels_of(self._applied, self.vehicle))
+        self._timer.measure(tick)
+        tick.compass, tick.motion = self._compass, self._odometry.take()
+        self._detector.update(tick, armed=True)
+        if not self._on_ground and self._detector.compass is not None:
+            self._on_ground = True
+            self._detector.begin_mission(tick)  # it may stand on a slope: that is no trunk
+        speeds, state, text = self._decide(tick)
+        if state is State.RESCUE and self._state is not State.RESCUE:
+            self.takeovers += 1
+        self._applied, self._state = speeds, state
+        return Output(speeds, state, text or state.text, self._values(tick))
+
+    def _decide(self, tick: DetectorTick) -> tuple[Speeds, State, str]:
+        """Return who drives and how, as long as nothing speaks against that anybody does."""
+        silent = tick.t_s - self._command_t_s > self._settings.cmd_timeout_s
+        if not self._enabled:
+            return (STANDSTILL, State.IDLE, "") if silent else (self._command, State.DISABLED, "")
+        if trouble := self._trouble(tick):
+            return STANDSTILL, State.STOPPED, f"stopped: {trouble}"
+        if silent and not self._settings.alone:
+            return STANDSTILL, State.IDLE, ""
+        if self._rescue_s > self._settings.give_up_s:
+            return STANDSTILL, State.GAVE_UP, ""
+        return self._drive(tick, silent=silent)
+
+    def _drive(self, tick: DetectorTick, *, silent: bool) -> tuple[Speeds, State, str]:
+        """Let the planner drive, or the escape handler where the planner is stuck or silent."""
+        assert self._detector.compass is not None
+        heading_deg = self._detector.compass.heading_deg
+        self._note_goal(tick, heading_deg)
+        goal_deg = self._goal_deg if isfinite(self._goal_deg) else heading_deg
+        decision = self._failsafe.update(tick.t_s, heading_deg, goal_deg, stuck=bool(tick.anomalies), blind=silent)
+        if decision is None:
+            if tick.t_s - self._rescued_t_s > FORGIVEN_S:
+                self._rescue_s = 0.0
+            return self._command, State.PLANNER, ""
+        self._rescued_t_s = tick.t_s
+        self._rescue_s += tick.dt_s
+        found = ", ".join(anomaly.value for anomaly in tick.anomalies)
+        text = f"{State.RESCUE.text}: {decision.phase.value}{found and f' ({found})'}"
+        return speeds_from(decision.wheels, self.vehicle), State.RESCUE, text
+
+    def _trouble(self, tick: DetectorTick) -> str:
+        """Say which sense is missing or wrong, or that the rover lies on its side; empty if nothing is."""
+        if self._detector.compass is None or not self._odometry.heard:
+            return "no orientation from the IMU yet" if self._detector.compass is None else "no odometry yet"
+        found = [RESPONSES[each] for each in tick.conditions if each is not Condition.RUNAWAY]  # nothing to stop there
+        worst = max(found, key=lambda each: each.level_among_people, default=None)
+        if worst is None or worst.level_among_people < Level.HOLD:
+            return ""
+        return worst.what.replace("compass", "IMU").replace("motion sensor", "odometry")
+
+    def _note_goal(self, tick: DetectorTick, heading_deg: float) -> None:
+        """Without a given goal, take the heading in which the planner drives straight on and the rover moves."""
+        straight = self._applied.ahead_m_s > 0.1 and abs(self._applied.turn_rad_s) < STRAIGHT_RAD_S
+        moves = tick.motion is not None and tick.motion.forward_m > 0.0 and not tick.anomalies
+        if not isfinite(self._settings.goal_heading_deg) and not self._failsafe.drives and straight and moves:
+            self._goal_deg = heading_deg
+
+    def _values(self, tick: DetectorTick) -> dict[str, str]:
+        """Return what diagnostics show."""
+        return {
+            "state": self._state.name.lower(),
+            "takeovers": str(self.takeovers),
+            "rescue_s": f"{self._rescue_s:.1f}",
+            "anomalies": " ".join(anomaly.value for anomaly in tick.anomalies),
+            "conditions": " ".join(condition.value for condition in tick.conditions),
+            "heading_deg": "" if tick.compass is None else f"{tick.compass.heading_deg:.1f}",
+            "goal_heading_deg": f"{self._goal_deg:.1f}" if isfinite(self._goal_deg) else "",
+        }
