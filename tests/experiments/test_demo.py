@@ -205,10 +205,11 @@ def test_signal_ends_a_pause_the_trial_and_the_demo(tmp_path: Path, number: sign
     assert [each.state.ended and each.state.ended.text for each in site.ended] == [f"ended by {number.name}"]
 
 
-def test_signal_before_anybody_has_seen_the_page_ends_the_demo(site: Site) -> None:
+def test_signal_before_there_is_a_trial_ends_the_demo_and_no_press_keeps_it(site: Site) -> None:
     async def end(site: Site) -> None:
-        await site.until(lambda: site.demo._running)
         os.kill(os.getpid(), signal.SIGTERM)
+        await site.until(lambda: site.demo._signal)
+        site.demo.pause(True)
 
     site.run(end)
     assert site.log[-1]["reason"] == "signal"

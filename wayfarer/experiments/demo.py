@@ -8,6 +8,7 @@ real, and stays between the trials. What it asks of the rover is done in the tri
 from __future__ import annotations
 
 import asyncio
+import os
 import signal
 from collections.abc import Callable, Coroutine
 from contextlib import suppress
@@ -137,8 +138,8 @@ class Demo:
     def _end_by(self, name: str) -> None:
         """End the trial that is on, and then the demo."""
         self._signal = name
+        self.pause(False)
         if (running := self._running) is not None:
-            self.pause(False)
             running.finish("signal", f"ended by {name}")
 
     # -- the trial, in its thread ------------------------------------------------------------------------------------
@@ -147,7 +148,7 @@ class Demo:
         campaign = Campaign((self._algorithm,), self._trial + 1, self._rover, seed)
         spec = campaign.spec(Task(self._algorithm, self._trial), campaign.make_forest(self._trial))
         fold, folder = RunFold(reckons=False), new_run_folder(self._logs)
-        self._log = str(folder.absolute())
+        self._log = os.fsencode(folder.absolute()).decode(errors="replace")  # JSON has no bytes that are no text
         shown_to = (fold.take, Console("", self._lines.write).show, self._show)
 
         def make_log(world: SimulatedWorld, rover: Rover) -> Tee:
@@ -188,8 +189,8 @@ class Demo:
             self.pause(False)
 
     def pause(self, paused: bool) -> None:
-        """Let the trial's time stand still, or continue."""
-        self._pace.paused = paused
+        """Let the trial's time stand still, or continue; an end that a signal asks for takes time."""
+        self._pace.paused = paused and not self._signal
         if (running := self._running) is not None:
             running.loop.wake()
 

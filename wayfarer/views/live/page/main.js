@@ -126,9 +126,9 @@ function showBanner(isOld, silentS) {
   else if (isOld) write("banner-text", lostText(silentS));
 }
 
-// How far it drove and for how long, where that is known and not only commanded.
+// How far the rover of a demo drove and for how long.
 function totalsText(state) {
-  return state.way_of === "driven" ? `, ${fixed(state.way_m, 1, " m")} driven in ${state.time_text}` : "";
+  return state.demo ? `, ${fixed(state.way_m, 1, " m")} driven in ${state.time_text}` : "";
 }
 
 function afterwards() {
