@@ -29,7 +29,7 @@ ELSEWHERE = {
     NOTEBOOK: "tutorial/campaign.md",
 }
 STATIC = {".png", ".webp", ".svg", ".css", ".json"}
-LINK = re.compile(r"(?<=\]\()(?!https?:|mailto:|#)([^)#\s]+)")
+LINK = re.compile(r"(?<=\]\()(?!https?:|mailto:|data:|#)([^)#\s]+)")
 
 
 def build(site: Path = SITE) -> None:
