@@ -49,15 +49,13 @@ def test_site_is_built_strictly_and_asks_no_other_host(tmp_path: Path) -> None:
 def test_dead_link_or_anchor_fails_the_build(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    real = build.page_text
-
-    def broken(source: str, places: dict[str, str]) -> str:
-        dead = (
-            "\n[page](no-such-page.md) [anchor](install.md#no-such-heading)\n" if source.endswith("campaign.md") else ""
-        )
-        return real(source, places) + dead
-
-    monkeypatch.setattr(build, "page_text", broken)
+    (tmp_path / "docs/how-to").mkdir(parents=True)
+    (tmp_path / "docs/how-to/install.md").write_text("# Install\n", encoding="utf-8")
+    dead = "# Home\n\n[page](docs/no-such-page.md) [anchor](docs/how-to/install.md#no-such-heading)\n"
+    (tmp_path / "README.md").write_text(dead, encoding="utf-8")
+    (tmp_path / "zensical.toml").write_text('[project]\nsite_name = "dead"\n', encoding="utf-8")
+    monkeypatch.setattr(build, "ROOT", tmp_path)
+    monkeypatch.setattr(build, "ELSEWHERE", {"README.md": "index.md"})
     with pytest.raises(SystemExit):
         build.build(tmp_path / "site")
     told = "".join(capfd.readouterr())
