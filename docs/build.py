@@ -36,7 +36,7 @@ def build(site: Path = SITE) -> None:
     """Write the site into a folder, in place of what was there.
 
     Raises:
-        SystemExit: the generator has printed what is wrong; the text is its last line.
+        SystemExit: with what is wrong, as the generator says it.
     """
     with tempfile.TemporaryDirectory() as folder:
         staged = Path(folder)
@@ -46,7 +46,7 @@ def build(site: Path = SITE) -> None:
         environment = {**os.environ, "PYTHONPATH": str(ROOT)}  # where docstrings are read from
         done = subprocess.run(command, cwd=staged, env=environment, stderr=subprocess.PIPE, text=True, check=False)
         if done.returncode:
-            sys.exit(f"docs.build: {(done.stderr.strip() or 'zensical failed').splitlines()[-1]}")
+            sys.exit(done.stderr.partition("Traceback (most recent call last)")[0])  # it raises to end
         shutil.rmtree(site, ignore_errors=True)
         shutil.copytree(staged / "site", site)
 
