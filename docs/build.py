@@ -29,14 +29,14 @@ ELSEWHERE = {
     NOTEBOOK: "tutorial/campaign.md",
 }
 STATIC = {".png", ".webp", ".svg", ".css", ".json"}
-LINK = re.compile(r"(?<=\]\()(?!https?:|mailto:|#)([^)#\s]+)")
+LINK = re.compile(r"(?<=\]\()(?!https?:|mailto:|data:|#)([^)#\s]+)")
 
 
 def build(site: Path = SITE) -> None:
     """Write the site into a folder, in place of what was there.
 
     Raises:
-        SystemExit: with the generator's exit code; it has printed what is wrong.
+        SystemExit: with what is wrong, as the generator says it.
     """
     with tempfile.TemporaryDirectory() as folder:
         staged = Path(folder)
@@ -44,9 +44,9 @@ def build(site: Path = SITE) -> None:
         shutil.copy(ROOT / "zensical.toml", staged)
         command = [sys.executable, "-m", "zensical", "build", "--strict", "--config-file", "zensical.toml"]
         environment = {**os.environ, "PYTHONPATH": str(ROOT)}  # where docstrings are read from
-        done = subprocess.run(command, cwd=staged, env=environment, check=False)
+        done = subprocess.run(command, cwd=staged, env=environment, stderr=subprocess.PIPE, text=True, check=False)
         if done.returncode:
-            sys.exit(done.returncode)
+            sys.exit(done.stderr.partition("Traceback (most recent call last)")[0])  # it raises to end
         shutil.rmtree(site, ignore_errors=True)
         shutil.copytree(staged / "site", site)
 

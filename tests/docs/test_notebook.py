@@ -22,7 +22,7 @@ def outputs(notebook: Any) -> list[list[dict[str, Any]]]:
 
 @pytest.mark.process
 def test_notebook_gives_the_outputs_that_it_shows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Save it again with new outputs: ``pytest --nbmake --overwrite docs/tutorial/campaign.ipynb``."""
+    """CONTRIBUTING.md says how to save it again with new outputs."""
     import nbformat
 
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
