@@ -76,6 +76,11 @@ def test_error_that_quotes_what_a_terminal_obeys_has_it_written_out(run: Run) ->
         (["run", "--sim"], "skfmm", "simulating needs scikit-fmm, which is not installed: pip install '.[sim]'"),
         (["compare", "r"], "scipy", "comparing needs scipy, which is not installed: pip install '.[sim]'"),
         (["report"], "bokeh", "a report needs bokeh, which is not installed: pip install '.[sim]'"),
+        (
+            ["report", "r", "--figures", "f"],
+            "matplotlib",
+            "matplotlib, which is not installed: pip install '.[figures]'",
+        ),
         (["run", "--sim", "--live"], "aiohttp", "page needs aiohttp, which is not installed: pip install '.[live]'"),
         (["demo"], "aiohttp", "the live page needs aiohttp, which is not installed: pip install '.[live]'"),
         (["logs", "export", *SAMPLE, "--out", "o.rosbag2"], "rosbags", "not installed: pip install '.[export]'"),
