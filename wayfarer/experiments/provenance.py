@@ -115,8 +115,8 @@ def facts_of(runs: Sequence[RecordedRun]) -> Iterator[tuple[str, str]]:
 
 
 def _without_home(command: str) -> str:
-    home = str(Path.home())
-    return command if home == "/" else re.sub(rf"{re.escape(home)}(?=[/\s]|$)", "~", command)
+    home = os.environ.get("HOME", "").rstrip("/")
+    return re.sub(rf"{re.escape(home)}(?=[/\s]|$)", "~", command) if home else command
 
 
 def _cpu() -> str:
