@@ -35,7 +35,6 @@ from wayfarer.experiments.report.escape_figure import (
 )
 from wayfarer.experiments.report.load_results import CampaignResults
 from wayfarer.experiments.report.paths_figure import BOX_LABEL, boxes_of
-from wayfarer.experiments.tables import PAPER_FIGURES
 from wayfarer.files import write_atomically
 from wayfarer.views import palette
 
@@ -114,7 +113,7 @@ def escape_curves_figure(results: CampaignResults, width_in: float) -> Figure:
 def paths_figure(results: CampaignResults, width_in: float) -> Figure:
     """Return box plots of the successes' paths, with mean and standard deviation beside the paper's."""
     boxes = boxes_of(results.by_algorithm)
-    papers = {name: PAPER_FIGURES[name] for name in results.by_algorithm if name in PAPER_FIGURES}
+    papers = {name: paper for name, paper in results.papers_paths.items() if name in results.by_algorithm}
     figure = Figure(figsize=(width_in, AXIS_IN + LEGEND_LINE_IN + 1.4 * ROW_IN * len(results.by_algorithm)))
     axes, at = _rows(figure.add_subplot(xlabel=BOX_LABEL), list(results.by_algorithm))
     stats = [
