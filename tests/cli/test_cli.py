@@ -79,6 +79,7 @@ GET = "which is not installed: pip install 'wayfarer-rover"
         (["run", "--sim"], "skfmm", f"simulating needs scikit-fmm, {GET}[sim]'"),
         (["compare", "r"], "scipy", f"comparing needs scipy, {GET}[sim]'"),
         (["report"], "bokeh", f"a report needs bokeh, {GET}[sim]'"),
+        (["report", "r", "--figures", "f"], "matplotlib", f"matplotlib, {GET}[figures]'"),
         (["run", "--sim", "--live"], "aiohttp", f"page needs aiohttp, {GET}[live]'"),
         (["demo"], "aiohttp", f"the live page needs aiohttp, {GET}[live]'"),
         (["logs", "export", *SAMPLE, "--out", "o.rosbag2"], "rosbags", f"{GET}[export]'"),

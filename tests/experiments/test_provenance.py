@@ -27,8 +27,8 @@ def test_each_run_is_kept_and_each_different_value_told_once(tmp_path: Path) -> 
 
 def test_home_folder_is_not_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOME", "/home/ada")
-    record_run(tmp_path, ["wayfarer", "sim", "--out", "/home/ada/out", "--forests", "/home/adam/f.jsonl"])
-    assert read_runs(tmp_path)[0].command == "wayfarer sim --out ~/out --forests /home/adam/f.jsonl"
+    record_run(tmp_path, ["wayfarer", "sim", "--out", "/home/ada/out", "--forests", "/home/adam/\udcff.jsonl"])
+    assert read_runs(tmp_path)[0].command == r"wayfarer sim --out ~/out --forests '/home/adam/\udcff.jsonl'"
 
 
 @pytest.mark.parametrize("content", ["", "[{}]", '{"began": 1}', "[" * 100_000])

@@ -23,6 +23,7 @@ from wayfarer.config import calibration_file
 from wayfarer.config.rover_file import load_rover, rover_names
 from wayfarer.daemon.stop_motors import stop_motors
 from wayfarer.errors import BadConfig, WayfarerError
+from wayfarer.experiments.provenance import RUNS, facts_of, read_runs
 from wayfarer.experiments.report.load_results import read_results
 from wayfarer.experiments.results_folder import FORESTS, PARTIAL, SETTINGS, TRIALS, ResultsFolder
 from wayfarer.experiments.rows import COLUMNS, TrialRow, csv_line
@@ -243,6 +244,10 @@ KEPT = (*COLUMNS, "ticks")
 NAMES = csv_line((*KEPT, CHECKSUM)).encode()
 TABLE = (csv_line(COLUMNS) + "".join(csv_line(COLUMNS, row) for row in ROWS)).encode()
 FINISHED = "".join(csv_line(KEPT, row) for row in ROWS).encode()
+RECORDED_RUN = {
+    "began": "2026-11-25T22:44:26Z", "command": "wayfarer sim --out results", "version": "0.1.0", "compiled": False,
+    "machine": {"cpu": "AMD EPYC", "cores": 2, "system": "Debian 12, x86_64", "python": "CPython 3.11.7"},
+}  # fmt: skip
 WITH_FORESTS = {**CAMPAIGN, "forests": {"file": "mine.jsonl", "blake2b": "00"}}
 CELLS = (b",", b"escaped", b"vanished", b"pledge", b"\n", b"-1", b"1e5")
 
@@ -258,7 +263,12 @@ def _campaigns() -> st.SearchStrategy[Case]:
     tables = {TRIALS: bytes_of([TABLE], CELLS, 3), PARTIAL: partial}
     return st.fixed_dictionaries(
         {},
-        optional={SETTINGS: settings | st.just(json.dumps(CAMPAIGN).encode()), **tables, FORESTS: st.just(FOREST_FILE)},
+        optional={
+            SETTINGS: settings | st.just(json.dumps(CAMPAIGN).encode()),
+            **tables,
+            FORESTS: st.just(FOREST_FILE),
+            RUNS: json_of([[RECORDED_RUN]]).map(as_json),
+        },
     ) | st.fixed_dictionaries({SETTINGS: st.just(json.dumps(CAMPAIGN).encode()), TRIALS: tables[TRIALS]})
 
 
@@ -277,7 +287,8 @@ def _resume(folder: Path) -> str:
 def _report_of(folder: Path) -> str:
     results = read_results(folder)
     check_finite(results.rows)
-    return f"{len(results.summaries)} algorithms, {reading(lambda: str(results.rebuild().trials))} trials"
+    made = reading(lambda: f"{len(dict(facts_of(read_runs(folder))))} facts")
+    return f"{len(results.summaries)} algorithms, {reading(lambda: str(results.rebuild().trials))} trials, {made}"
 
 
 def _read_folder(files: dict[str, bytes]) -> str:

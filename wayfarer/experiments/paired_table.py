@@ -56,7 +56,7 @@ def _in_words(gain: Difference | None, what: str, less_and_more: tuple[str, str]
         return ""
     mean, low, high = gain.estimate
     if mean < 0.0:
-        shown, word = Estimate(-mean, -high, -low), less_and_more[0]
+        shown, word = Estimate(-mean, 0.0 - high, 0.0 - low), less_and_more[0]
     else:
         shown, word = gain.estimate, less_and_more[1]
     value, *ends = (f"{part:.{decimals}f}" for part in shown)

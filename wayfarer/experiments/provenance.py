@@ -85,9 +85,7 @@ def record_run(folder: Path, command: Sequence[str] | None) -> None:
     """
     began = datetime.fromtimestamp(wall_clock(0.0), UTC).replace(microsecond=0)
     text = None if command is None else _without_home(shlex.join(command))
-    this = RecordedRun(
-        began=began, command=text, version=__version__, compiled=is_compiled(), machine=this_machine()
-    )  # fmt: skip
+    this = RecordedRun(began=began, command=text, version=__version__, compiled=is_compiled(), machine=this_machine())
     write_atomically(folder / RUNS, _RUNS.dump_json([*read_runs(folder), this], indent=2) + b"\n")
 
 
@@ -115,8 +113,9 @@ def facts_of(runs: Sequence[RecordedRun]) -> Iterator[tuple[str, str]]:
 
 
 def _without_home(command: str) -> str:
-    home = str(Path.home())
-    return command if home == "/" else re.sub(rf"{re.escape(home)}(?=[/\s]|$)", "~", command)
+    command = command.encode("utf-8", "backslashreplace").decode()  # a file's name may be no text
+    home = os.environ.get("HOME", "").rstrip("/")
+    return re.sub(rf"{re.escape(home)}(?=[/\s]|$)", "~", command) if home else command
 
 
 def _cpu() -> str:

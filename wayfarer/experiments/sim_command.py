@@ -19,7 +19,8 @@ from wayfarer.experiments.progress_bar import fault_line, say, shown_progress
 from wayfarer.experiments.results_folder import ResultsFolder, tasks_of
 from wayfarer.experiments.rows import columns_of, csv_line
 from wayfarer.experiments.run_campaign import CampaignRun
-from wayfarer.experiments.tables import FOREST_LAYOUT, Layout, print_table, spl_hint
+from wayfarer.experiments.site_table import layout_of
+from wayfarer.experiments.tables import print_table, spl_hint
 from wayfarer.simhal.world.forest_file import content_of
 from wayfarer.views.text.scripting import print_json, say_next
 
@@ -79,7 +80,7 @@ def run_all(
         print_json(finished.as_json())
         return 0
     console = Console()
-    print_table(console, finished.summaries, _layout(campaign))
+    print_table(console, finished.summaries, layout_of(campaign.scenario, campaign.rover.name))
     say(console, SITE_LEGEND if campaign.scenario else LEGEND)
     if hint := spl_hint(finished.summaries):
         say(console, hint)
@@ -182,14 +183,6 @@ def _connected(cluster: str | None) -> AbstractContextManager[Cluster | None]:
     from wayfarer.experiments.dask_cluster import connected
 
     return connected(cluster)
-
-
-def _layout(campaign: Campaign) -> Layout:
-    if campaign.scenario is None:
-        return FOREST_LAYOUT
-    from wayfarer.experiments.site_table import layout_of
-
-    return layout_of(campaign.scenario, campaign.rover.name)
 
 
 def _effort(finished: CampaignRun) -> str:

@@ -6,7 +6,15 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from wayfarer.experiments.statistics import AlgorithmSummary
-from wayfarer.experiments.tables import SPL_COLUMN, Layout, PaperColumn, mean_and_sd, number_text, success
+from wayfarer.experiments.tables import (
+    FOREST_LAYOUT,
+    SPL_COLUMN,
+    Layout,
+    PaperColumn,
+    mean_and_sd,
+    number_text,
+    success,
+)
 
 
 class FieldTrials(NamedTuple):
@@ -66,8 +74,13 @@ MEASURE_COLUMNS = (
 )
 
 
-def layout_of(scenario: str, rover: str) -> Layout:
-    """Return what the table of a scenario shows; the paper has figures of two scenarios and two rovers."""
+def layout_of(scenario: str | None, rover: str) -> Layout:
+    """Return what the table of a scenario, or of the abstract forests, shows.
+
+    The paper has figures of the forests, and of two scenarios with two rovers.
+    """
+    if scenario is None:
+        return FOREST_LAYOUT
     paper = {
         algorithm: trials for (site, who, algorithm), trials in FIELD_TRIALS.items() if (site, who) == (scenario, rover)
     }

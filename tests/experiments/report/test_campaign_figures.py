@@ -23,6 +23,7 @@ from wayfarer.experiments.report.ratio_figure import TIMES, quantile, ratio_figu
 from wayfarer.experiments.report.worst_trials import Trajectory, TrajectoryPoint
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import AlgorithmSummary, summarise
+from wayfarer.experiments.tables import PAPER_FIGURES
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, Plots
@@ -35,12 +36,12 @@ def summaries(rows: Rows) -> dict[str, AlgorithmSummary]:
 
 
 def paths_of(rows: Rows) -> Figure:
-    return paths_figure(rows, summaries(rows), [39.0, 41.0])
+    return paths_figure(rows, summaries(rows), [39.0, 41.0], PAPER_FIGURES)
 
 
 FIGURES: dict[str, Callable[[Rows], Figure]] = {
     "paths": paths_of,
-    "failures": lambda rows: failures_figure(summaries(rows)),
+    "failures": lambda rows: failures_figure(summaries(rows), PAPER_FIGURES),
     "escape": escape_figure,
     "ratio": ratio_figure,
 }
@@ -99,13 +100,13 @@ def test_papers_figure_shows_what_the_rows_say() -> None:
     assert columns(figure, "mean, the paper's")["text"] == ["81.3 ± 29.3"]
     assert columns(figure, "mean, the paper's")["high"] == pytest.approx([110.6])
     assert sum(columns(figure, "histogram")["count"]) == len(rows), "the path of a failure is no path of a success"
-    failures = columns(failures_figure(summaries(shown)), "failures")
+    failures = columns(failures_figure(summaries(shown), PAPER_FIGURES), "failures")
     assert failures["share"] == ["16.7 [3.0, 56.4] %"]
     assert failures["how"] == ["1 entrapped, 0 tipped, 0 faults of 6 trials"]
 
 
 def test_papers_entrapment_stands_beside_ours_where_it_is_known() -> None:
-    figure = failures_figure(summaries(rows_of(["pledge", "forest-pledge"])))
+    figure = failures_figure(summaries(rows_of(["pledge", "forest-pledge"])), PAPER_FIGURES)
     assert columns(figure, "paper")["text"] == ["0.3"]
     assert columns(figure, "paper")["y"] == columns(figure, "failures")["y"][1:]
 

@@ -63,7 +63,7 @@ def test_every_failure_is_counted_once_and_layouts_with_most_come_first(results:
         row("cv-react", 2, "fault", None),
     ]  # fmt: skip
     text = "".join(failures_section(replace(results, rows=rows)))
-    assert "All 5 failures of 7 trials" in text
+    assert "5 failures of 7 trials: all" in text
     causes, layouts = ([re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", line) for line in part.split("<tr")[2:]]
                        for part in text.split("<table>")[1:])  # fmt: skip
     assert causes == [

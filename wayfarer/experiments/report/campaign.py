@@ -25,9 +25,6 @@ from wayfarer.experiments.report.ratio_figure import ratio_figure, ratios_table
 from wayfarer.experiments.report.worst_trials import RerunTrial, Trajectory, TrajectoryPoint, choose, run_again
 from wayfarer.experiments.tables import (
     NAME_COLUMN,
-    OUTCOME_COLUMNS,
-    PAPER_FIGURES,
-    PATH_COLUMNS,
     PaperColumn,
     fault_columns,
     lines_of,
@@ -47,7 +44,6 @@ from wayfarer.views.text.terminal_table import known
 SLIPS = html.PlotLayer("slips", "Slips", palette.ANOMALY)
 PLACE = (("east", "@x{0.0} m"), ("north", "@y{0.0} m"))
 AFTER = ("after", "@t_s{0} s")
-TABLE_CAPTION = "Success with its 95 % interval; path: of the successes; time and anomalies: mean a trial."
 
 
 def write_report(
@@ -78,11 +74,15 @@ def _overview(results: CampaignResults, plots: Plots) -> Iterator[str]:
     yield html.section(
         "Path length and failures",
         drawn(
-            paths_figure(rows, summaries, results.shortest_paths_m),
+            paths_figure(rows, summaries, results.shortest_paths_m, results.papers_paths),
             words.paths_caption(results),
             "Path length by algorithm",
         ),
-        drawn(failures_figure(summaries), words.FAILURES_CAPTION, "Trials that did not get out, by algorithm"),
+        drawn(
+            failures_figure(summaries, results.papers_paths),
+            words.failures_caption(results),
+            "Trials that did not get out, by algorithm",
+        ),
     )
     legend = (words.SUCCESS, words.SPL if results.shortest_paths_m else "")
     yield html.section("Results beside the paper's", _results_table(results), *map(html.paragraph, legend))
@@ -103,16 +103,18 @@ def _overview(results: CampaignResults, plots: Plots) -> Iterator[str]:
 
 def _results_table(results: CampaignResults) -> str:
     """Return a row for each algorithm, under its group, with a row of the paper's below where the paper has one."""
-    columns = (NAME_COLUMN, *OUTCOME_COLUMNS, *fault_columns(results.summaries.values()), *PATH_COLUMNS)
-    columns = known(columns, list(results.summaries.values()))
-    return html.table(TABLE_CAPTION, [column.title for column in columns], _results_rows(results, columns))
+    summaries, layout = list(results.summaries.values()), results.layout
+    columns = known((NAME_COLUMN, *layout.outcomes, *fault_columns(summaries), *layout.measures), summaries)
+    return html.table(
+        words.table_caption(results), [column.title for column in columns], _results_rows(results, columns)
+    )
 
 
 def _results_rows(results: CampaignResults, columns: Sequence[PaperColumn]) -> Iterator[tuple[str, list[str]]]:
     for group in grouped(results.settings.algorithms):
         yield "group", [group.title, *[""] * (len(columns) - 1)]
         for name in group.algorithms:
-            for whose, cells in lines_of(results.summaries[name], columns, PAPER_FIGURES):
+            for whose, cells in lines_of(results.summaries[name], columns, results.layout.paper):
                 yield whose, [cell.strip() for cell in cells]
 
 

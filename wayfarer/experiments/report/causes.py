@@ -48,9 +48,9 @@ def failures_section(results: CampaignResults) -> Iterator[str]:
         yield html.paragraph(f"None of {plural(len(results.rows), 'trial')} failed.")
         return
     yield html.paragraph(
-        f"All {plural(len(failed), 'failure')} of {plural(len(results.rows), 'trial')} are counted, whether drawn "
-        f"below or not. Path budget: {settings.budget_m:g} m; time: {time_limit_s(settings):g} s. What held a rover is "
-        "not in trials.csv: the trial must be run again for that, as each drawn one was."
+        f"{plural(len(failed), 'failure')} of {plural(len(results.rows), 'trial')}: all are counted, drawn below or "
+        f"not. Path budget: {settings.budget_m:g} m; time: {time_limit_s(settings):g} s. What held a rover is not in "
+        "trials.csv: the trial must be run again for that, as each drawn one was."
     )
     yield _causes_table(results)
     yield _layouts_table(results)

@@ -45,10 +45,19 @@ GAINS = (
 )
 
 
+def compared(results: CampaignResults) -> list[Comparison]:
+    """Return the algorithms as ``wayfarer compare`` compares them.
+
+    Raises:
+        BadInput: there is one only, or the trials cannot be paired.
+    """
+    return compare(results.rows, usual_baseline(results.settings.algorithms))
+
+
 def comparison_section(results: CampaignResults, plots: Plots) -> Iterator[str]:
     """Yield how the algorithms, at least two, differ from one of them; or why they cannot be compared."""
     try:
-        base, *others = compare(results.rows, usual_baseline(results.settings.algorithms))
+        base, *others = compared(results)
     except BadInput as reason:
         yield html.paragraph(f"The trials cannot be compared: {reason}.")
         return
@@ -60,7 +69,7 @@ def comparison_section(results: CampaignResults, plots: Plots) -> Iterator[str]:
     )
     columns = known(COLUMNS, [base, *others])
     rows = [("", [str(column.cell(one)) for column in columns]) for one in (base, *others)]
-    yield html.table("As `wayfarer compare` prints it", [column.title for column in columns], rows)
+    yield html.table("The table of wayfarer compare", [column.title for column in columns], rows)
     yield from map(html.paragraph, sentences([base, *others]))
     yield html.bullets(LEGEND.format(base.layouts).splitlines())
 

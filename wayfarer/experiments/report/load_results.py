@@ -25,8 +25,10 @@ from wayfarer.experiments.results_folder import (
     finished_trials,
 )
 from wayfarer.experiments.rows import TrialRow
+from wayfarer.experiments.site_table import layout_of
 from wayfarer.experiments.statistics import AlgorithmSummary, summarise
 from wayfarer.experiments.sweep import MOST_TRIALS
+from wayfarer.experiments.tables import PAPER_FIGURES, Layout, PaperFigures
 from wayfarer.files import read_regular
 from wayfarer.simhal.mujoco.terrain import terrains_of
 from wayfarer.simhal.world.physics import GroundName, Physics
@@ -111,6 +113,16 @@ class CampaignResults:
     def summaries(self) -> dict[str, AlgorithmSummary]:
         """What the rows say of each algorithm."""
         return {name: summarise(name, rows) for name, rows in self.by_algorithm.items()}
+
+    @property
+    def layout(self) -> Layout:
+        """What a table of these results shows, with the paper's figures."""
+        return layout_of(self.settings.scenario, str(self.settings.rover.get("name", "")))
+
+    @property
+    def papers_paths(self) -> Mapping[str, PaperFigures]:
+        """The paper's path lengths by algorithm; it has those of the abstract forests alone."""
+        return {} if self.settings.scenario else PAPER_FIGURES
 
     @property
     def shortest_paths_m(self) -> list[float]:

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -19,9 +21,9 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from wayfarer.errors import BadInput
-from wayfarer.experiments.paired_statistics import compare, usual_baseline
+from wayfarer.experiments.paired_statistics import Comparison
 from wayfarer.experiments.report.algorithm_rows import grouped, short, span_of
-from wayfarer.experiments.report.comparison import GAINS, span_of_gains
+from wayfarer.experiments.report.comparison import GAINS, compared, span_of_gains
 from wayfarer.experiments.report.escape_figure import (
     DASHES,
     ESCAPED_LABEL,
@@ -33,7 +35,6 @@ from wayfarer.experiments.report.escape_figure import (
 )
 from wayfarer.experiments.report.load_results import CampaignResults
 from wayfarer.experiments.report.paths_figure import BOX_LABEL, boxes_of
-from wayfarer.experiments.tables import PAPER_FIGURES
 from wayfarer.files import write_atomically
 from wayfarer.views import palette
 
@@ -48,7 +49,6 @@ STYLE: Mapping[Any, Any] = {
 }  # fmt: skip
 ROW_IN, AXIS_IN, CURVES_IN, LEGEND_LINE_IN = 0.24, 0.5, 2.0, 0.15
 ROUND = [factor * 10.0**power for power in range(-2, 6) for factor in (1, 2, 5)]
-Draw = Callable[[CampaignResults, float], Figure]
 
 
 def write_figures(results: CampaignResults, folder: Path) -> list[Path]:
@@ -73,12 +73,15 @@ def write_figures(results: CampaignResults, folder: Path) -> list[Path]:
 
 
 def _drawn(results: CampaignResults) -> Iterator[tuple[str, bytes]]:
-    draws: dict[str, Draw] = {"escape-curves": escape_curves_figure, "paths": paths_figure}
-    if len(results.by_algorithm) > 1:
-        draws["comparison"] = comparison_figure
+    draws: dict[str, Callable[[float], Figure]] = {
+        "escape-curves": partial(escape_curves_figure, results),
+        "paths": partial(paths_figure, results),
+    }
+    with suppress(BadInput):  # one algorithm, or trials that are no pairs: the page says so
+        draws["comparison"] = partial(comparison_figure, compared(results))
     for name, draw in draws.items():
         for columns, width_in in WIDTHS_IN.items():
-            figure = draw(results, width_in)
+            figure = draw(width_in)
             for form, metadata in NO_DATE.items():
                 file = BytesIO()
                 figure.savefig(file, format=form, metadata=metadata)
@@ -110,7 +113,7 @@ def escape_curves_figure(results: CampaignResults, width_in: float) -> Figure:
 def paths_figure(results: CampaignResults, width_in: float) -> Figure:
     """Return box plots of the successes' paths, with mean and standard deviation beside the paper's."""
     boxes = boxes_of(results.by_algorithm)
-    papers = {name: PAPER_FIGURES[name] for name in results.by_algorithm if name in PAPER_FIGURES}
+    papers = {name: paper for name, paper in results.papers_paths.items() if name in results.by_algorithm}
     figure = Figure(figsize=(width_in, AXIS_IN + LEGEND_LINE_IN + 1.4 * ROW_IN * len(results.by_algorithm)))
     axes, at = _rows(figure.add_subplot(xlabel=BOX_LABEL), list(results.by_algorithm))
     stats = [
@@ -138,9 +141,9 @@ def paths_figure(results: CampaignResults, width_in: float) -> Figure:
     return figure
 
 
-def comparison_figure(results: CampaignResults, width_in: float) -> Figure:
+def comparison_figure(algorithms: Sequence[Comparison], width_in: float) -> Figure:
     """Return a forest plot of each known difference to the algorithm that the others are compared with."""
-    base, *others = compare(results.rows, usual_baseline(results.settings.algorithms))
+    base, *others = algorithms
     drawn = [(gain, found) for gain in GAINS if (found := gain.known(others))]
     beside = width_in >= WIDTHS_IN["2col"]
     height_in = AXIS_IN + ROW_IN * len(others)

@@ -13,7 +13,7 @@ from wayfarer.experiments.outcome import SUCCESSES
 from wayfarer.experiments.report.algorithm_rows import Rows, grouped, lay_out, plain_numbers, rows_plot, span_of
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import AlgorithmSummary
-from wayfarer.experiments.tables import PAPER_FIGURES, mean_and_sd, number_text
+from wayfarer.experiments.tables import PaperFigures, mean_and_sd, number_text
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, hover, source
 
@@ -55,14 +55,15 @@ def _box_of(rows: list[TrialRow]) -> Box:
 
 
 def paths_figure(
-    by_algorithm: ByAlgorithm, summaries: Mapping[str, AlgorithmSummary], shortest_paths_m: Sequence[float]
-) -> Figure:
+    by_algorithm: ByAlgorithm, summaries: Mapping[str, AlgorithmSummary], shortest_paths_m: Sequence[float],
+    papers: Mapping[str, PaperFigures],
+) -> Figure:  # fmt: skip
     """Return the successes' paths as histogram and box plot, with mean and standard deviation beside the paper's."""
     layout = lay_out(grouped(by_algorithm))
     boxes = boxes_of(by_algorithm)
     paths = {name: box.successes for name, box in boxes.items()}
     shortest_m = [statistics.fmean(shortest_paths_m)] if shortest_paths_m else []
-    papers = {name: PAPER_FIGURES[name] for name in layout.at if name in PAPER_FIGURES}
+    papers = {name: papers[name] for name in layout.at if name in papers}
     seen_m = [row.path_m or 0.0 for rows in paths.values() for row in rows]
     low_m, high_m = span_of([*seen_m, *shortest_m, *(paper.path_mean_m for paper in papers.values())])
     made = rows_plot("paths", layout, PATHS_ROW_PX, BOX_LABEL, low_m, high_m, x_axis_type="log")
@@ -152,7 +153,7 @@ def _means(
     made.add_tools(hover([line, mean], ("algorithm", "@algorithm"), (f"mean ± SD, {whose}", "@text m")))
 
 
-def failures_figure(summaries: Mapping[str, AlgorithmSummary]) -> Figure:
+def failures_figure(summaries: Mapping[str, AlgorithmSummary], papers: Mapping[str, PaperFigures]) -> Figure:
     """Return bars of the share that did not get out, with Wilson intervals, beside the paper's."""
     layout = lay_out(grouped(summaries))
     shares = {name: _failures_percent(summary) for name, summary in summaries.items()}
@@ -168,15 +169,13 @@ def failures_figure(summaries: Mapping[str, AlgorithmSummary]) -> Figure:
     interval = made.segment("low", "y", "high", "y", source=bars, line_color=palette.BLUE, line_width=2)
     rows = (("algorithm", "@algorithm"), ("did not get out [95 %]", "@share"), ("of these", "@how"))
     made.add_tools(hover([drawn, interval], *rows))
-    _papers_failures(made, layout)
+    _papers_failures(made, layout, papers)
     return made
 
 
-def _papers_failures(made: Figure, layout: Rows) -> None:
+def _papers_failures(made: Figure, layout: Rows, papers: Mapping[str, PaperFigures]) -> None:
     known = {
-        name: 100.0 - percent
-        for name in layout.at
-        if name in PAPER_FIGURES and (percent := PAPER_FIGURES[name].success_percent)
+        name: 100.0 - percent for name in layout.at if name in papers and (percent := papers[name].success_percent)
     }
     points = source(
         x=list(known.values()), y=[layout.at[name] for name in known], text=[number_text(x) for x in known.values()]

@@ -27,10 +27,6 @@ ESCAPE = (
     "as not escaped at any length (a tick marks the longest of them). The percentage is where the curve ends, as in "
     "the table. A click on a name hides its curve."
 )
-FAILURES_CAPTION = (
-    "Share of trials that did not get out (entrapped, tipped or faulty), line: Wilson 95 % interval. Diamond: the "
-    "paper's, which gives a number for Forest-Pledge alone (section IV)."
-)
 NO_SHORTEST_PATHS = (
     "The shortest paths of these forests are not known, and so neither is SPL, success weighted by path length. Run "
     "the campaign again with --spl, which computes them, or with a file of forests that gives shortest_path_m."
@@ -47,7 +43,8 @@ def title(results: CampaignResults) -> str:
     """Name the page."""
     names, trials = results.settings.algorithms, results.settings.trials
     what, each = (names[0], "") if len(names) == 1 else (f"{len(names)} algorithms", " each")
-    return f"{what} in {plural(trials, 'simulated forest trial')}{each}"
+    where = f" at the site {results.settings.scenario}" if results.settings.scenario else ""
+    return f"{what} in {plural(trials, 'simulated forest trial')}{each}{where}"
 
 
 def facts(settings: CampaignSettings, runs: Sequence[RecordedRun] = ()) -> Iterator[tuple[str, str]]:
@@ -75,14 +72,30 @@ def facts(settings: CampaignSettings, runs: Sequence[RecordedRun] = ()) -> Itera
     yield "algorithms", ", ".join(settings.algorithms)
 
 
+def table_caption(results: CampaignResults) -> str:
+    """Explain the table of results."""
+    time = "time: of the successes too; anomalies" if results.settings.scenario else "time and anomalies"
+    return f"Success with its 95 % interval; path: of the successes; {time}: mean a trial."
+
+
+def failures_caption(results: CampaignResults) -> str:
+    """Explain the figure of failures."""
+    paper = " Diamond: the paper's, which gives a number for Forest-Pledge alone (section IV)."
+    return (
+        "Share of trials that did not get out (entrapped, tipped or faulty), line: Wilson 95 % interval."
+        f"{paper if results.papers_paths else ''}"
+    )
+
+
 def paths_caption(results: CampaignResults) -> str:
     """Explain the figure of paths."""
     shortest_m = results.shortest_paths_m
+    paper = ", vermilion: the paper's (section IV)" if results.papers_paths else ""
     line = f" Broken line: mean shortest path, {statistics.fmean(shortest_m):.1f} m." if shortest_m else ""
     return (
         "Path length of the successes: how many trials had which path; box with quartiles and median, whiskers to the "
         "last trial within 1.5 interquartile ranges, a ring for every trial beyond; blue diamond: mean with one "
-        f"standard deviation, vermilion: the paper's (section IV).{line}"
+        f"standard deviation{paper}.{line}"
     )
 
 
