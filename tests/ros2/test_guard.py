@@ -188,6 +188,9 @@ def test_body_that_stays_held_needs_a_person_and_is_tried_again_when_that_person
 
 def test_only_where_it_is_allowed_does_it_drive_without_the_planner() -> None:
     ride = Ride(replace(SETTINGS, alone=True))
+    ride.silent = "cmd"
+    assert ride.for_s(2.0).speeds == STANDSTILL, "nobody has asked for anything yet"
+    ride.silent = ""
     ride.for_s(2.0)
     ride.silent = "cmd"
     assert ride.for_s(1.0).state is State.RESCUE

@@ -149,7 +149,7 @@ class Guard:
             return (STANDSTILL, State.IDLE, "") if silent else (self._command, State.DISABLED, "")
         if trouble := self._trouble(tick):
             return STANDSTILL, State.STOPPED, f"stopped: {trouble}"
-        if silent and not self._settings.alone:
+        if silent and not (self._settings.alone and isfinite(self._command_t_s)):  # it has spoken once, at least
             return STANDSTILL, State.IDLE, ""
         if self._rescue_s > self._settings.give_up_s:
             return STANDSTILL, State.GAVE_UP, ""
