@@ -99,9 +99,9 @@ def drive(forest: int, guard: Guard | None, time_s: float = 600.0) -> tuple[bool
 
 if __name__ == "__main__":
     for number in range(10):
-        guarded = Guard(SETTINGS)
-        alone, with_guard = drive(number, None), drive(number, guarded)
-        rescued_s = PERIOD_S * sum(each.state is State.RESCUE for each in with_guard[2])
-        print(
-            f"{number}: alone {alone[:2]}, guarded {with_guard[:2]}, {guarded.takeovers} takeovers, {rescued_s:.0f} s"
-        )
+        guard = Guard(SETTINGS)
+        alone, alone_s, _ = drive(number, None)
+        out, out_s, said = drive(number, guard)
+        rescued_s = PERIOD_S * sum(each.state is State.RESCUE for each in said)
+        print(f"{number}: alone out {alone} at {alone_s:.0f} s, with the node out {out} at {out_s:.0f} s,", end=" ")
+        print(f"{guard.takeovers} takeovers, {rescued_s:.0f} s of rescue")

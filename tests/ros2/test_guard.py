@@ -76,6 +76,18 @@ def test_planner_passes_unchanged_until_the_body_is_held_and_has_the_wheels_agai
     assert ride.for_s(20.0).state is State.PLANNER
 
 
+def test_way_out_is_where_the_planner_last_drove_straight_on_unless_it_is_given() -> None:
+    for given, goal in ((nan, 90.0), (45.0, 45.0)):
+        ride = Ride(replace(SETTINGS, goal_heading_deg=given))
+        ride.heading_deg = 90.0
+        ride.for_s(2.0)
+        ride.for_s(1.0, 0.5, 1.0)  # a turn of 57 degrees to the left
+        ride.held = True
+        output = ride.for_s(1.0, 0.5, 1.0)
+        assert output.state is State.RESCUE
+        assert float(output.values["goal_heading_deg"]) == pytest.approx(goal, abs=2.0)
+
+
 def test_planner_that_stands_on_purpose_is_not_stuck() -> None:
     ride = Ride()
     ride.held = True
@@ -176,6 +188,9 @@ def test_body_that_stays_held_needs_a_person_and_is_tried_again_when_that_person
 
 def test_only_where_it_is_allowed_does_it_drive_without_the_planner() -> None:
     ride = Ride(replace(SETTINGS, alone=True))
+    ride.silent = "cmd"
+    assert ride.for_s(2.0).speeds == STANDSTILL, "nobody has asked for anything yet"
+    ride.silent = ""
     ride.for_s(2.0)
     ride.silent = "cmd"
     assert ride.for_s(1.0).state is State.RESCUE

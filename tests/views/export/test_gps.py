@@ -98,7 +98,7 @@ def test_gpx_has_the_fixes_with_their_times(tmp_path: Path) -> None:
 
 
 def test_gpx_has_what_happened_where_it_happened(tmp_path: Path) -> None:
-    """The place is the nearest fix and the way from there: 0.5 m/s to the north."""
+    """The place is on the path: 0.5 m/s to the north, until the wheels stand."""
     waypoints = gpx(tmp_path, EVENTFUL).waypoints
     assert [(each.type, each.name) for each in waypoints] == [
         ("mark", "Mark: hit <log> & stone"),
@@ -110,12 +110,9 @@ def test_gpx_has_what_happened_where_it_happened(tmp_path: Path) -> None:
     north_m = [(each.latitude - 47.0) * METRES_PER_DEG for each in waypoints]
     assert north_m == pytest.approx([0.7, 1.6, 2.0, 2.0, 2.0], abs=0.03)
     assert all(each.longitude == 8.0 for each in waypoints)
-    mark, stalled, *_ = waypoints
+    mark = waypoints[0]
     assert mark.time == BEGAN + timedelta(seconds=1.4)
-    assert mark.description is not None
-    assert stalled.description == (
-        "0.6 m at 0 degrees (magnetic) from the fix at 0:00:02.00 (error 4.0 m), by dead reckoning"
-    )
+    assert {each.description for each in waypoints} == {"dead reckoning fitted to the fixes"}
 
 
 def test_geojson_says_the_same_as_gpx(tmp_path: Path) -> None:
@@ -136,8 +133,7 @@ def test_geojson_says_the_same_as_gpx(tmp_path: Path) -> None:
     ]
     assert [each["properties"]["placed"] for each in points] == [each.description for each in told.waypoints]
     stalled = points[1]["properties"]
-    assert (stalled["name"], stalled["elapsed_s"], stalled["fix_elapsed_s"]) == ("stalled", 3.2, 2.0)
-    assert (stalled["offset_north_m"], stalled["offset_east_m"]) == (pytest.approx(0.6, abs=0.03), 0.0)
+    assert (stalled["name"], stalled["elapsed_s"]) == ("stalled", 3.2)
 
 
 def test_path_is_dead_reckoning_fitted_to_the_fixes(tmp_path: Path) -> None:
@@ -174,9 +170,9 @@ def test_path_begins_at_the_given_origin_where_there_is_no_receiver(tmp_path: Pa
     assert (segment.points[-1].latitude - 47.0) * METRES_PER_DEG == pytest.approx(2.0, abs=0.25)
     mark, _ = told.waypoints
     assert (mark.latitude - 47.0) * METRES_PER_DEG == pytest.approx(2.0, abs=0.1)
-    assert mark.description == "2.0 m at 0 degrees (magnetic) from the given origin, by dead reckoning"
+    assert mark.description == "dead reckoning from the given origin"
     line, point, _ = geojson(tmp_path, records, origin="47.0,-8.0")
-    assert (line["properties"]["kind"], point["properties"]["fix_elapsed_s"]) == ("reckoned", None)
+    assert (line["properties"]["kind"], point["properties"]["placed"]) == ("reckoned", mark.description)
     assert len(line["geometry"]["coordinates"]) == len(segment.points)
 
 
@@ -213,11 +209,17 @@ def test_track_is_cut_at_the_date_line(tmp_path: Path) -> None:
     assert len(geojson(tmp_path, records)) == 2
 
 
+def test_without_any_path_what_happened_is_at_the_nearest_fix(tmp_path: Path) -> None:
+    (mark,) = gpx(tmp_path, [HEADER, fix(0.0), fix(1.0, 5.0), fix(2.0), event("mark", 1.2, text="here")]).waypoints
+    assert (mark.latitude - 47.0) * METRES_PER_DEG == pytest.approx(5.0, abs=1e-3)
+    assert mark.description == "the fix at 0:00:01.00 (error 4.0 m)"
+
+
 def test_receiver_that_tells_no_error_has_none(tmp_path: Path) -> None:
     records = [HEADER, fix(0.0, error_m=None), fix(1.0, error_m=None), event("mark", 1.0, text="here")]
     line, mark = geojson(tmp_path, records)
     assert line["properties"]["coordinateProperties"]["error_m"] == [None, None]
-    assert mark["properties"]["placed"] == "at the fix at 0:00:01.00"
+    assert mark["properties"]["placed"] == "the fix at 0:00:01.00"
     assert len(gpx(tmp_path, records).tracks[0].segments[0].points[0].extensions) == 1
 
 

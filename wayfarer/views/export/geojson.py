@@ -85,10 +85,6 @@ def _event(waypoint: Waypoint, zero_s: float) -> AnyFeature:
         "time": utc_time(zero_s + event.t_s),
         "elapsed_s": event.elapsed_s,
         "placed": waypoint.placed,
-        "fix_elapsed_s": waypoint.fix and waypoint.fix.elapsed_s,
-        "fix_error_m": waypoint.fix and waypoint.fix.error_m,
-        "offset_north_m": round(waypoint.north_m, 3),
-        "offset_east_m": round(waypoint.east_m, 3),
     }
     position = Position2D(waypoint.longitude_deg, waypoint.latitude_deg)
     return _feature(Point(type="Point", coordinates=position), properties)

@@ -1,8 +1,7 @@
 """Where a run was on the globe: the fixes of its receiver, its path, and the places of what happened.
 
-Dead reckoning has no latitude. So the place of an event is the fix nearest in time, and the offset from there by dead
-reckoning. That offset counts from magnetic north, as the compass does: with a declination of 5 degrees, 10 m of offset
-lie 0.9 m aside. Without fixes a person can say where the run began; then all is reckoned from there.
+Dead reckoning has no latitude. So the path is fitted to all fixes, or begins where a person says that it began. What
+happened has its place on that path. Where nothing could be reckoned, it is at the fix nearest in time.
 """
 
 from __future__ import annotations
@@ -10,12 +9,11 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from math import hypot, inf, nan
+from math import nan
 from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 
-from wayfarer.angles import bearing_deg, coordinates_deg
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.clock import duration_text
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
@@ -26,13 +24,21 @@ from wayfarer.fieldlog.run_events import AnomalyBegan, Ended, Noted
 from wayfarer.fieldlog.run_fold import HELD, RunFold
 from wayfarer.fieldlog.typed import Fix, RunEvent, Tick
 from wayfarer.fieldlog.vocabulary import in_words
-from wayfarer.fieldlog.wording import event_text, outcome_text, run_text, whole_deg
-from wayfarer.views.export.placed_path import Origin, PathPoint, ReckonedPath, fitted, on_globe
+from wayfarer.fieldlog.wording import event_text, outcome_text, run_text
+from wayfarer.views.export.placed_path import (
+    OnGlobe,
+    Origin,
+    PathPoint,
+    ReckonedPath,
+    from_origin,
+    on_globe,
+    onto_fixes,
+)
 from wayfarer.views.export.wall_time import read_clock_zero_s
-from wayfarer.views.receiver_fit import Fit, MapFix
+from wayfarer.views.receiver_fit import MapFix
 
 GAP_S = 10.0  # without a fix, and a track has a gap: ten readings at the usual ``rates.position_hz`` of 1
-NEAR_M = 0.05  # what is told as 0.0 m
+_time = attrgetter("t_s")
 
 
 class PlacedEvent(NamedTuple):
@@ -45,37 +51,19 @@ class PlacedEvent(NamedTuple):
 
 
 class Waypoint(NamedTuple):
-    """The place of something that happened, metres from the fix it was reckoned from; None: from where it began."""
+    """The place of something that happened, degrees; ``placed`` says how it was found."""
 
     placed_event: PlacedEvent
     latitude_deg: float
     longitude_deg: float
-    fix: Fix | None
-    north_m: float
-    east_m: float
-
-    @property
-    def placed(self) -> str:
-        """Say how the place was found."""
-        distance_m = hypot(self.north_m, self.east_m)
-        if distance_m < NEAR_M:
-            return f"at {self._origin}"
-        bearing = whole_deg(bearing_deg(self.north_m, self.east_m))
-        return f"{distance_m:.1f} m at {bearing} degrees (magnetic) from {self._origin}, by dead reckoning"
-
-    @property
-    def _origin(self) -> str:
-        if self.fix is None:
-            return "the given origin"
-        error = "" if self.fix.error_m is None else f" (error {self.fix.error_m:.1f} m)"
-        return f"the fix at {duration_text(self.fix.elapsed_s, 2)}{error}"
+    placed: str
 
 
 class Places(NamedTuple):
     """A run on the globe: its fixes and its path in segments without a gap, what happened, and the log's damage.
 
-    ``path`` is dead reckoning fitted to the fixes; without fixes it begins at the given origin. ``title`` is the name
-    of the run's folder, ``about`` says what ran, ``zero_s`` is the wall time at which ``t_s`` was zero.
+    ``path`` is dead reckoning, and ``path_name`` says how it was laid there. ``title`` is the name of the run's folder,
+    ``about`` says what ran, ``zero_s`` is the wall time at which ``t_s`` was zero.
     """
 
     title: str
@@ -83,6 +71,7 @@ class Places(NamedTuple):
     zero_s: float
     segments: list[list[Fix]]
     path: list[list[PathPoint]]
+    path_name: str
     waypoints: list[Waypoint]
     damage: Damage
 
@@ -90,11 +79,6 @@ class Places(NamedTuple):
     def began_t_s(self) -> float:
         """Return the time of the first fix, else that of the first point of the path."""
         return next((segment[0].t_s for tracks in (self.segments, self.path) for segment in tracks), 0.0)
-
-    @property
-    def path_name(self) -> str:
-        """Say how the path was found."""
-        return "dead reckoning fitted to the fixes" if self.segments else "dead reckoning from the given origin"
 
 
 def read_places(run: Path, form: str, origin: Origin | None) -> Places:
@@ -122,11 +106,12 @@ def read_places(run: Path, form: str, origin: Origin | None) -> Places:
                     fixes.append(_on_globe(event))
                     compared.append(_compared(event, fold.state.place))
     _check_origin(run, form, origin, fixes, poses)
-    fixes.sort(key=attrgetter("t_s"))
-    laid = fitted(path, compared) if origin is None else path.laid(Fit(1.0, 0.0), origin)
-    waypoints = [_placed(each, fixes, poses, origin) for each in placed_events]
+    fixes.sort(key=_time)
+    onto = onto_fixes(compared) if origin is None else from_origin(origin)
+    laid, how = (path.laid(onto), onto.how) if onto else ([], "")
+    waypoints = [_placed(each, fixes, poses, onto) for each in placed_events]
     title, about = run_title(run), run_text(fold.state.header)
-    return Places(title, about, zero_s, list(_segments(fixes)), laid, waypoints, reader.damage)
+    return Places(title, about, zero_s, list(_segments(fixes)), laid, how, waypoints, reader.damage)
 
 
 def _check_origin(
@@ -180,31 +165,18 @@ def _segments(fixes: Sequence[Fix]) -> Iterator[list[Fix]]:
 
 
 def _placed(
-    placed_event: PlacedEvent, fixes: Sequence[Fix], poses: Sequence[ReckonedPose], origin: Origin | None
+    placed_event: PlacedEvent, fixes: Sequence[Fix], poses: Sequence[ReckonedPose], onto: OnGlobe | None
 ) -> Waypoint:
-    """Return where something happened."""
-    if origin is not None:
-        north_m, east_m = _reckoned_m(poses, -inf, placed_event.t_s)
-        return Waypoint(placed_event, *on_globe(*coordinates_deg(origin, north_m, east_m)), None, north_m, east_m)
-    fix = min(_around(placed_event.t_s, fixes), key=lambda each: abs(each.t_s - placed_event.t_s))
-    north_m, east_m = _reckoned_m(poses, fix.t_s, placed_event.t_s)
-    return Waypoint(placed_event, *on_globe(*coordinates_deg(fix, north_m, east_m)), fix, north_m, east_m)
+    """Return where something happened: on the path, else at the nearest fix."""
+    t_s = placed_event.t_s
+    if onto is not None:
+        return Waypoint(placed_event, *onto(poses[max(0, bisect_right(poses, t_s, key=_time) - 1)]), onto.how)
+    fix = min(fixes, key=lambda each: abs(each.t_s - t_s))
+    error = "" if fix.error_m is None else f" (error {fix.error_m:.1f} m)"
+    placed = f"the fix at {duration_text(fix.elapsed_s, 2)}{error}"
+    return Waypoint(placed_event, fix.latitude_deg, fix.longitude_deg, placed)
 
 
 def _on_globe(fix: Fix) -> Fix:
     latitude_deg, longitude_deg = on_globe(fix.latitude_deg, fix.longitude_deg)
     return replace(fix, latitude_deg=latitude_deg, longitude_deg=longitude_deg)
-
-
-def _around(t_s: float, fixes: Sequence[Fix]) -> Sequence[Fix]:
-    """Return the fixes before and after a time; one of them where there is no other."""
-    after = bisect_right(fixes, t_s, key=attrgetter("t_s"))
-    return fixes[max(0, after - 1) : after + 1]
-
-
-def _reckoned_m(poses: Sequence[ReckonedPose], from_t_s: float, to_t_s: float) -> tuple[float, float]:
-    """Return metres north and east between two times by dead reckoning; none where it knows of no path."""
-    if not poses:
-        return 0.0, 0.0
-    begins, ends = (poses[max(0, bisect_right(poses, t_s, key=attrgetter("t_s")) - 1)] for t_s in (from_t_s, to_t_s))
-    return ends.north_m - begins.north_m, ends.east_m - begins.east_m

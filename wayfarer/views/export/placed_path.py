@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import dist, isfinite
+from math import dist
 from typing import NamedTuple
 
 from wayfarer.angles import Coordinates, coordinates_deg, wrap180
@@ -44,6 +44,31 @@ class Origin(NamedTuple):
         return cls(latitude_deg, longitude_deg)
 
 
+class OnGlobe(NamedTuple):
+    """Lays places by dead reckoning onto the globe: by a fit, whose zero is at an origin; ``how`` says it in words."""
+
+    fit: Fit
+    origin: Coordinates
+    how: str
+
+    def __call__(self, place: ReckonedPose) -> tuple[float, float]:
+        """Return latitude and longitude, degrees."""
+        there_m = self.fit.factor * complex(place.east_m, place.north_m) + self.fit.shift_m
+        return on_globe(*coordinates_deg(self.origin, there_m.imag, there_m.real))
+
+
+def onto_fixes(fixes: Sequence[MapFix]) -> OnGlobe | None:
+    """Return what lays the path onto the fixes that can be believed; None where dead reckoning knows of none."""
+    believed = believable(fixes)
+    found = fit(believed, believed[0]) if believed else None
+    return OnGlobe(found, believed[0], "dead reckoning fitted to the fixes") if found else None
+
+
+def from_origin(origin: Origin) -> OnGlobe:
+    """Return what lets the path begin at a given place."""
+    return OnGlobe(Fit(1.0, 0.0), origin, "dead reckoning from the given origin")
+
+
 @dataclass(frozen=True, slots=True)
 class PathPoint:
     """A place of the path, degrees."""
@@ -73,29 +98,19 @@ class ReckonedPath:
                 return
         segment.append((elapsed_s, place))
 
-    def laid(self, onto: Fit, origin: Coordinates) -> list[list[PathPoint]]:
+    def laid(self, onto: OnGlobe) -> list[list[PathPoint]]:
         """Return the path on the globe, cut at the date line as well, as RFC 7946 asks (3.1.9)."""
         found: list[list[PathPoint]] = []
         for segment in self._segments:
             points: list[PathPoint] = []
             for elapsed_s, place in segment:
-                there_m = onto.factor * complex(place.east_m, place.north_m) + onto.shift_m
-                if not isfinite(there_m.real + there_m.imag):
-                    continue
-                latitude_deg, longitude_deg = on_globe(*coordinates_deg(origin, there_m.imag, there_m.real))
+                latitude_deg, longitude_deg = onto(place)
                 if points and abs(longitude_deg - points[-1].longitude_deg) > 180.0:
                     found.append(points)
                     points = []
                 points.append(PathPoint(place.t_s, elapsed_s, latitude_deg, longitude_deg))
             found.append(points)
         return [points for points in found if len(points) > 1]
-
-
-def fitted(path: ReckonedPath, fixes: Sequence[MapFix]) -> list[list[PathPoint]]:
-    """Return the path laid onto the fixes that can be believed; empty where dead reckoning knows of none."""
-    believed = believable(fixes)
-    found = fit(believed, believed[0]) if believed else None
-    return path.laid(found, believed[0]) if found else []
 
 
 def on_globe(latitude_deg: float, longitude_deg: float) -> tuple[float, float]:

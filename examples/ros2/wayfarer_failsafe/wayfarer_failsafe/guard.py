@@ -139,8 +139,6 @@ class Guard:
             self._on_ground = True
             self._detector.begin_mission(tick)  # it may stand on a slope: that is no trunk
         speeds, state, text = self._decide(tick)
-        if state is State.RESCUE and self._state is not State.RESCUE:
-            self.takeovers += 1
         self._applied, self._state = speeds, state
         return Output(speeds, state, text or state.text, self._values(tick))
 
@@ -151,7 +149,7 @@ class Guard:
             return (STANDSTILL, State.IDLE, "") if silent else (self._command, State.DISABLED, "")
         if trouble := self._trouble(tick):
             return STANDSTILL, State.STOPPED, f"stopped: {trouble}"
-        if silent and not self._settings.alone:
+        if silent and not (self._settings.alone and isfinite(self._command_t_s)):  # it has spoken once, at least
             return STANDSTILL, State.IDLE, ""
         if self._rescue_s > self._settings.give_up_s:
             return STANDSTILL, State.GAVE_UP, ""
@@ -162,8 +160,9 @@ class Guard:
         assert self._detector.compass is not None
         heading_deg = self._detector.compass.heading_deg
         self._note_goal(tick, heading_deg)
-        goal_deg = self._goal_deg if isfinite(self._goal_deg) else heading_deg
-        decision = self._failsafe.update(tick.t_s, heading_deg, goal_deg, stuck=bool(tick.anomalies), blind=silent)
+        drove, stuck = self._failsafe.drives, bool(tick.anomalies)
+        decision = self._failsafe.update(tick.t_s, heading_deg, self._goal_deg, stuck=stuck, blind=silent)
+        self.takeovers += self._failsafe.drives and not drove
         if decision is None:
             if tick.t_s - self._rescued_t_s > FORGIVEN_S:
                 self._rescue_s = 0.0
@@ -185,10 +184,15 @@ class Guard:
         return worst.what.replace("compass", "IMU").replace("motion sensor", "odometry")
 
     def _note_goal(self, tick: DetectorTick, heading_deg: float) -> None:
-        """Without a given goal, take the heading in which the planner drives straight on and the rover moves."""
+        """Without a given goal, take the heading in which the planner drives straight on and the rover moves.
+
+        Before there is one, it is the heading at the time.
+        """
+        if isfinite(self._settings.goal_heading_deg) or self._failsafe.drives:
+            return
         straight = self._applied.ahead_m_s > 0.1 and abs(self._applied.turn_rad_s) < STRAIGHT_RAD_S
         moves = tick.motion is not None and tick.motion.forward_m > 0.0 and not tick.anomalies
-        if not isfinite(self._settings.goal_heading_deg) and not self._failsafe.drives and straight and moves:
+        if (straight and moves) or not isfinite(self._goal_deg):
             self._goal_deg = heading_deg
 
     def _values(self, tick: DetectorTick) -> dict[str, str]:
