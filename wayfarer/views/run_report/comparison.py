@@ -86,4 +86,5 @@ def _differs(first: Any, second: Any) -> bool:
     if not numbers:
         return bool(first != second)
     counted = isinstance(first, int) and isinstance(second, int)
-    return abs(first - second) > (CHANCE * sqrt(first + second) if counted else SHARE * max(abs(first), abs(second)))
+    bound = CHANCE * sqrt(first + second) if counted else SHARE * max(abs(first), abs(second))
+    return bool(abs(first - second) > bound)
