@@ -15,7 +15,8 @@ from wayfarer.files import open_regular
 
 # Parts of lines as ``lines.sealed`` writes them.
 MARK = b'"name":"mark"'
-ANOMALIES = re.compile(rb'"anomalies":\[([^]]*)\]|"heading_deg":null,"phase":')  # the second: a tick that saw nothing
+# The second is of a tick that saw nothing. The length is bounded: a line may be made to be searched for hours.
+ANOMALIES = re.compile(rb'"anomalies":\[([^]]{0,200})\]|"heading_deg":null,"phase":')
 BLOCK_BYTES = 4_000_000
 MOST_BYTES = 2_000_000_000  # of a run: twice ``log.run_mb``
 
