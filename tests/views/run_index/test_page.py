@@ -36,7 +36,7 @@ def rows_of(page: str) -> list[list[str]]:
 
 def eventful() -> list[Record]:
     """A drive with two marks and two anomalies, one of which begins again after a tick without a heading."""
-    seen = (["touched"], ["touched", "nose_up"], ["nose_up"], None, ["nose_up"], [])
+    seen: tuple[list[str] | None, ...] = (["touched"], ["touched", "nose_up"], ["nose_up"], None, ["nose_up"], [])
     bumped = [tick(6.0 + 0.05 * at, anomalies=each) for at, each in enumerate(seen) if each is not None]
     blind = tick(6.15, heading_deg=None)
     for key in ("goal_heading_deg", "anomalies", "travelled_m"):
