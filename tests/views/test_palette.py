@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.views import palette
 from wayfarer.views.live.document import document
+from wayfarer.views.page.frame import write_page
 
 CONTRAST = 3.0  # WCAG 2.1, success criterion 1.4.11
 APART = 0.06  # of OKLab: three times the difference that is just noticeable, 0.02
@@ -92,7 +93,5 @@ def test_every_phase_that_moves_and_every_anomaly_has_a_look() -> None:
 
 
 def test_pages_take_the_phases_from_the_palette(tmp_path: Path) -> None:
-    from wayfarer.views.page.frame import write_page  # and Bokeh with it
-
     live, report = document().html.decode(), write_page(tmp_path / "page.html", "A page", []).read_text()
     assert all(palette.css() in page for page in (live, report))

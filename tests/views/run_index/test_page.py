@@ -11,10 +11,12 @@ import pytest
 from tests.views.page.outline import Outline
 from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, numbered, outcome, tick, write
 from wayfarer.errors import BadInput
+from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.schema import Record
 from wayfarer.views.run_index import findings
 from wayfarer.views.run_index.findings import RunFindings, findings_of
 from wayfarer.views.run_index.page import write_index
+from wayfarer.views.text.summary import summarise
 
 FIRST, SECOND = "00001-20261121T061405Z", "00002-20261121T071405Z"
 HOSTILE = "</script><script>alert('&')</script>"
@@ -33,8 +35,13 @@ def rows_of(page: str) -> list[list[str]]:
 
 
 def eventful() -> list[Record]:
-    """A drive with two marks and two anomalies."""
-    bumped = [tick(at_s, phase="back_off", why=f"{phase}.anomaly") for at_s, phase in ((6.0, "follow"), (7.0, "probe"))]
+    """A drive with two marks and two anomalies, one of which begins again after a tick without a heading."""
+    seen: tuple[list[str] | None, ...] = (["touched"], ["touched", "nose_up"], ["nose_up"], None, ["nose_up"], [])
+    bumped = [tick(6.0 + 0.05 * at, anomalies=each) for at, each in enumerate(seen) if each is not None]
+    blind = tick(6.15, heading_deg=None)
+    for key in ("goal_heading_deg", "anomalies", "travelled_m"):
+        del blind[key]
+    bumped.insert(3, blind)
     marks = [event("mark", at_s, text=text) for at_s, text in ((2.0, "hit log"), (3.0, HOSTILE))]
     return numbered([HEADER, *drive(0.0, 2.0), *marks, *drive(4.0, 6.0), *bumped, outcome(8.0)])
 
@@ -46,17 +53,8 @@ def test_index_has_a_row_for_each_run_the_newest_first(tmp_path: Path) -> None:
     page = index_of(tmp_path)
     broken, whole = rows_of(page)
     assert whole[:2] == ["1", "report"]
-    assert whole[3:] == [
-        "0:00:08",
-        "minirover",
-        "forest-pledge",
-        "4",
-        "0",
-        "2",
-        "requested",
-        f"hit log{HOSTILE}",
-        "9.9",
-    ]
+    assert whole[3:8] == ["0:00:08", "minirover", "forest-pledge", "3", "0"]
+    assert whole[8:] == ["3", "requested", f"hit log{HOSTILE}", "9.9"]
     assert broken == ["2", *[""] * 8, "unreadable", "", ""]
     assert HOSTILE not in page
     assert Outline(page).links == [f"{SECOND}/", f"{FIRST}/", f"{FIRST}/report.html"]
@@ -80,7 +78,8 @@ def test_marks_are_found_wherever_a_block_ends(
 ) -> None:
     monkeypatch.setattr(findings, "BLOCK_BYTES", block_bytes)
     run = write(tmp_path / FIRST, eventful())
-    assert findings_of(run) == RunFindings(2, ("hit log", HOSTILE))
+    assert findings_of(run) == RunFindings(3, ("hit log", HOSTILE))
+    assert sum(summarise(RunReader(run)).anomalies.values()) == 3
 
 
 def test_changed_mark_is_none_and_what_is_too_large_is_not_searched(
@@ -89,6 +88,6 @@ def test_changed_mark_is_none_and_what_is_too_large_is_not_searched(
     run = write(tmp_path / FIRST, eventful())
     file = run / "run.jsonl"
     file.write_bytes(file.read_bytes().replace(b"hit log", b"hit dog"))
-    assert findings_of(run) == RunFindings(2, (HOSTILE,))
+    assert findings_of(run) == RunFindings(3, (HOSTILE,))
     monkeypatch.setattr(findings, "MOST_BYTES", 1000)
     assert findings_of(run) is None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -14,21 +15,22 @@ from wayfarer.files import open_regular
 
 # Parts of lines as ``lines.sealed`` writes them.
 MARK = b'"name":"mark"'
-BACKED_OFF = b'.anomaly","wanted_left":'  # the end of a tick's "why": an anomaly ended a phase
+# The second is of a tick that saw nothing. The length is bounded: a line may be made to be searched for hours.
+ANOMALIES = re.compile(rb'"anomalies":\[([^]]{0,200})\]|"heading_deg":null,"phase":')
 BLOCK_BYTES = 4_000_000
 MOST_BYTES = 2_000_000_000  # of a run: twice ``log.run_mb``
 
 
 class RunFindings(NamedTuple):
-    """How often a rover backed off from an anomaly, and the texts of a person's marks, in their order."""
+    """How many anomalies began, as ``RunFold`` counts them, and the texts of a person's marks, in their order."""
 
-    backed_off: int = 0
+    anomalies: int = 0
     marks: tuple[str, ...] = ()
 
 
 def findings_of(run: Path) -> RunFindings | None:
     """Return what is found in a run's log, damaged or not; None where it cannot be read, or is too large to search."""
-    backed_off, marks, left_bytes = 0, list[str](), MOST_BYTES
+    began, marks, left_bytes = _Began(), list[str](), MOST_BYTES
     try:
         for segment in log_segments(run):
             with open_regular(segment) as file:
@@ -36,11 +38,25 @@ def findings_of(run: Path) -> RunFindings | None:
                     left_bytes -= len(block)
                     if left_bytes < 0:
                         return None
-                    backed_off += block.count(BACKED_OFF)
+                    began.take(block)
                     marks += _marks(block)
     except (BadInput, OSError):
         return None
-    return RunFindings(backed_off, tuple(marks))
+    return RunFindings(began.count, tuple(marks))
+
+
+class _Began:
+    """Counts the anomalies that a tick has and the tick before it had not."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._before = b""
+
+    def take(self, block: bytes) -> None:
+        for now in ANOMALIES.findall(block):
+            if now != self._before:
+                self.count += len(set(now.split(b",")) - {b"", *self._before.split(b",")})
+                self._before = now
 
 
 def _blocks(file: BinaryIO) -> Iterator[bytes]:

@@ -68,7 +68,7 @@ def _columns(row: RunRow, found: RunFindings | None) -> Mapping[str, str]:
         "run": run,
         "report": "",
         **told,
-        "backed off": f"{known.backed_off}" if found else "",
+        "anomalies": f"{known.anomalies}" if found else "",
         "outcome": outcome,
         "marks": "\n".join(_marks(known.marks)),
         "version": row.version or "",

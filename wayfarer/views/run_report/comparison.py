@@ -11,11 +11,11 @@ from markupsafe import Markup
 
 from wayfarer.views.page import html
 from wayfarer.views.run_report.data import ANOMALY_KINDS, RunData
+from wayfarer.views.run_report.settings import NOT_THERE
 from wayfarer.views.run_report.tables import run_facts
 
 SHARE = 0.2  # of the larger of two amounts: by so much two runs differ that nobody changed anything in
 CHANCE = 2.0  # standard deviations of the difference of two counts (Poisson: the square root of their sum)
-NOT_THERE = "not there"
 CAPTION = (
     "Bold: what differs by more than a fifth, or in a count by more than chance explains, and other outcomes, goals, "
     "conditions, failures, rovers, algorithms and versions."
@@ -86,4 +86,5 @@ def _differs(first: Any, second: Any) -> bool:
     if not numbers:
         return bool(first != second)
     counted = isinstance(first, int) and isinstance(second, int)
-    return abs(first - second) > (CHANCE * sqrt(first + second) if counted else SHARE * max(abs(first), abs(second)))
+    bound = CHANCE * sqrt(first + second) if counted else SHARE * max(abs(first), abs(second))
+    return bool(abs(first - second) > bound)

@@ -28,6 +28,7 @@ from wayfarer.views.run_report.series import Line, around, spans, thinned
 HEIGHT_PX = 120
 LOG_FROM = 8.0  # times the usual period: then the axis is logarithmic
 SHADE = 0.16  # of a phase's colour, behind the lines
+FEW_EVENTS = 20  # of one kind
 ROW_PX, AXIS_PX = 18, 26
 NARROWEST_S = 1.0  # of what can be zoomed to: ticks are whole seconds
 CLOCK = """
@@ -154,8 +155,9 @@ def _background(made: Figure, shared: Sequence[PanelBackground]) -> None:
     for each in LAYERS:
         if each.name != "anomaly" and each.name in shared[0].events:
             colour = palette.TROUBLE if each.name == "trouble" else palette.GREY  # the first panel has those of all
-            look: Any = {"line_color": colour, "line_alpha": 0.6, "line_dash": [3, 3]}
-            layer(each.name, made.vspan("t", source=shared[0].events[each.name], **look))
+            events = shared[0].events[each.name]
+            faint = min(0.6, FEW_EVENTS * 0.6 / len(events.data["t"]))  # many lines would hide the curves
+            layer(each.name, made.vspan("t", source=events, line_color=colour, line_alpha=faint, line_dash=[3, 3]))
 
 
 def _events_panel(runs: Sequence[RunData], time: Range1d, shared: Sequence[PanelBackground]) -> Figure:
