@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import signal
 import subprocess
 import sys
 from functools import partial
@@ -18,9 +19,11 @@ import pytest
 
 import wayfarer
 from tests.conftest import Run
-from tests.experiments.fake_trials import third_fails
+from tests.experiments.fake_trials import quick, third_fails
 from wayfarer.escape.catalogue import BUILT_IN
 from wayfarer.experiments import run_campaign as runner
+from wayfarer.experiments.trial import TrialResult
+from wayfarer.experiments.trial_setup import TrialSpec
 
 BOTH = ["forest-pledge", "pledge"]
 # Two trials a second: a rover that may drive 15 m.
@@ -100,6 +103,7 @@ def test_sweep_has_the_swept_values_in_each_row(tmp_path: Path) -> None:
         {"slip_mean_m": [5, 10.5], "escape.turn_angle_deg": [30]}, "pledge", 1, budget_m=10.0, out=tmp_path / "out"
     )
     frame = results.trials.to_pandas()
+    assert pd.read_csv(tmp_path / "out/trials.csv")["slip_mean_m"].tolist() == frame["slip_mean_m"].tolist()
     assert frame[["point", "slip_mean_m", "escape.turn_angle_deg"]].to_numpy().tolist() == [[0, 5.0, 30], [1, 10.5, 30]]
     assert [row["slip_mean_m"] for row in results.summary] == [5, 10.5]
     assert wayfarer.open_results(tmp_path / "out").trials.to_arrow().equals(results.trials.to_arrow())
@@ -154,6 +158,21 @@ def test_trial_that_ends_in_a_fault_is_warned_of(monkeypatch: pytest.MonkeyPatch
     with pytest.warns(UserWarning, match=r"trial 3 of pledge ended in a fault: KeyError: 'no such\\nphase'"):
         results = wayfarer.run_campaign("pledge", trials=4)
     assert [row["outcome"] for row in results.trials].count("fault") >= 1
+
+
+def interrupted(spec: TrialSpec) -> TrialResult:
+    signal.raise_signal(signal.SIGINT)
+    return quick(spec)
+
+
+def test_ctrl_c_ends_a_campaign_whose_trials_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as broken, pytest.raises(KeyboardInterrupt):
+        broken.setattr(runner, "run", partial(runner.run, run_trial=interrupted))
+        wayfarer.run_campaign("pledge", trials=4, out=tmp_path / "out")
+    with pytest.raises(wayfarer.WayfarerError, match="not finished"):
+        wayfarer.open_results(tmp_path / "out")
+    monkeypatch.setattr(runner, "run", partial(runner.run, run_trial=quick))
+    assert len(wayfarer.run_campaign("pledge", trials=4, out=tmp_path / "out", resume=True).rows) == 4
 
 
 @pytest.mark.process
