@@ -111,6 +111,7 @@ def test_sweep_has_the_swept_values_in_each_row(tmp_path: Path) -> None:
         wayfarer.compare(results)
 
 
+NO_MOTORS = wayfarer.load_rover("sim").model_copy(update={"name": "mine", "parts": {}})
 REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"algorithms": "pledg"}, "unknown algorithm 'pledg': did you mean pledge"),
     ({"trials": 0}, "key 'trials' = 0: input should be greater than or equal to 1"),
@@ -120,11 +121,12 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"site": "extended-maze", "rover": "minirover", "forests": "reference"}, "site 'extended-maze' draws its own"),
     ({"ground": "ice"}, "key 'ground' = 'ice': input should be 'ideal'"),
     ({"forests": "no.jsonl"}, "no.jsonl"),
+    ({"rover": NO_MOTORS, "depth": "bus"}, "mine: key 'parts.compass' is missing"),
     ({"algorithms": "__main__:mine", "jobs": 2}, "put the algorithm in a module of its own"),
 ]
 
 
-@pytest.mark.parametrize(("arguments", "said"), REFUSED, ids=lambda value: "" if isinstance(value, str) else str(value))
+@pytest.mark.parametrize(("arguments", "said"), REFUSED, ids=lambda value: value if isinstance(value, str) else "")
 def test_what_cannot_be_used_is_refused_in_a_line(
     arguments: dict[str, Any], said: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
