@@ -50,9 +50,11 @@ PUBLIC = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("name", [name for name in EXAMPLES if name != LONG])
+BUILD_A_ROVER = (LONG, "simulated_chips")  # out of parts of the simulator, in the place of one that is not wayfarer's
+
+
+@pytest.mark.parametrize("name", [name for name in EXAMPLES if name not in BUILD_A_ROVER])
 def test_example_uses_nothing_but_what_is_public(name: str) -> None:
-    """The long one builds another stack's rover out of the simulator."""
     used = {each for each in named_in((FOLDER / f"{name}.py").read_text(encoding="utf-8")) if "wayfarer." in each}
     public = {f"wayfarer.{each}" for each in wayfarer.__all__}
     assert {each for each in used if f"{each}.".startswith(PUBLIC) or each in public} == used

@@ -1,8 +1,9 @@
 """wayfarer: an escape controller for ground rovers without vision.
 
 The names below are the public Python API. Each is imported when it is first used, so that ``import wayfarer`` takes a
-few milliseconds. For algorithms and drivers of your own ``wayfarer.escape``, ``wayfarer.hal``, ``wayfarer.errors``,
-``wayfarer.drivers.buses`` and ``wayfarer.testing`` are public as well. All else may change with any version.
+few milliseconds. For algorithms and drivers of your own ``wayfarer.escape``, ``wayfarer.hal``,
+``wayfarer.drivers.buses``, ``wayfarer.errors`` and ``wayfarer.testing`` are public as well. All else may
+change from one version to the next.
 
 The package is laid out as the data flows: ``drivers`` (or ``simhal``) behind the protocols of ``hal``, the pure
 ``detector``, ``escape`` and ``safety``, and the ``supervisor`` that runs them. See ``ARCHITECTURE.md``.

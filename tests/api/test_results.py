@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import signal
 import subprocess
 import sys
 from functools import partial
@@ -18,9 +19,11 @@ import pytest
 
 import wayfarer
 from tests.conftest import Run
-from tests.experiments.fake_trials import third_fails
+from tests.experiments.fake_trials import quick, third_fails
 from wayfarer.escape.catalogue import BUILT_IN
 from wayfarer.experiments import run_campaign as runner
+from wayfarer.experiments.trial import TrialResult
+from wayfarer.experiments.trial_setup import TrialSpec
 
 BOTH = ["forest-pledge", "pledge"]
 # Two trials a second: a rover that may drive 15 m.
@@ -100,6 +103,7 @@ def test_sweep_has_the_swept_values_in_each_row(tmp_path: Path) -> None:
         {"slip_mean_m": [5, 10.5], "escape.turn_angle_deg": [30]}, "pledge", 1, budget_m=10.0, out=tmp_path / "out"
     )
     frame = results.trials.to_pandas()
+    assert pd.read_csv(tmp_path / "out/trials.csv")["slip_mean_m"].tolist() == frame["slip_mean_m"].tolist()
     assert frame[["point", "slip_mean_m", "escape.turn_angle_deg"]].to_numpy().tolist() == [[0, 5.0, 30], [1, 10.5, 30]]
     assert [row["slip_mean_m"] for row in results.summary] == [5, 10.5]
     assert wayfarer.open_results(tmp_path / "out").trials.to_arrow().equals(results.trials.to_arrow())
@@ -107,6 +111,7 @@ def test_sweep_has_the_swept_values_in_each_row(tmp_path: Path) -> None:
         wayfarer.compare(results)
 
 
+NO_MOTORS = wayfarer.load_rover("sim").model_copy(update={"name": "mine", "parts": {}})
 REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"algorithms": "pledg"}, "unknown algorithm 'pledg': did you mean pledge"),
     ({"trials": 0}, "key 'trials' = 0: input should be greater than or equal to 1"),
@@ -116,11 +121,12 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"site": "extended-maze", "rover": "minirover", "forests": "reference"}, "site 'extended-maze' draws its own"),
     ({"ground": "ice"}, "key 'ground' = 'ice': input should be 'ideal'"),
     ({"forests": "no.jsonl"}, "no.jsonl"),
+    ({"rover": NO_MOTORS, "depth": "bus"}, "mine: key 'parts.compass' is missing"),
     ({"algorithms": "__main__:mine", "jobs": 2}, "put the algorithm in a module of its own"),
 ]
 
 
-@pytest.mark.parametrize(("arguments", "said"), REFUSED, ids=lambda value: "" if isinstance(value, str) else str(value))
+@pytest.mark.parametrize(("arguments", "said"), REFUSED, ids=lambda value: value if isinstance(value, str) else "")
 def test_what_cannot_be_used_is_refused_in_a_line(
     arguments: dict[str, Any], said: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -154,6 +160,21 @@ def test_trial_that_ends_in_a_fault_is_warned_of(monkeypatch: pytest.MonkeyPatch
     with pytest.warns(UserWarning, match=r"trial 3 of pledge ended in a fault: KeyError: 'no such\\nphase'"):
         results = wayfarer.run_campaign("pledge", trials=4)
     assert [row["outcome"] for row in results.trials].count("fault") >= 1
+
+
+def interrupted(spec: TrialSpec) -> TrialResult:
+    signal.raise_signal(signal.SIGINT)
+    return quick(spec)
+
+
+def test_ctrl_c_ends_a_campaign_whose_trials_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as broken, pytest.raises(KeyboardInterrupt):
+        broken.setattr(runner, "run", partial(runner.run, run_trial=interrupted))
+        wayfarer.run_campaign("pledge", trials=4, out=tmp_path / "out")
+    with pytest.raises(wayfarer.WayfarerError, match="not finished"):
+        wayfarer.open_results(tmp_path / "out")
+    monkeypatch.setattr(runner, "run", partial(runner.run, run_trial=quick))
+    assert len(wayfarer.run_campaign("pledge", trials=4, out=tmp_path / "out", resume=True).rows) == 4
 
 
 @pytest.mark.process

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import sys
 import warnings
 from io import BytesIO
 from pathlib import Path
@@ -58,6 +59,15 @@ def test_torn_log_gives_its_rows_and_a_warning(folder: Path, trial: wayfarer.Tri
     assert 0.4 < run.ticks.to_arrow().num_rows / trial.row.ticks < 0.6
     assert run.summary.reason is None
     assert "log 1 line is torn" in repr(run)
+
+
+def test_ticks_need_no_further_package_where_they_are_iterated(
+    folder: Path, trial: wayfarer.Trial, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a rover pyarrow is not installed."""
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    monkeypatch.delitem(sys.modules, "wayfarer.views.export.parquet", raising=False)
+    assert [row["phase"] for row in wayfarer.open_run(folder).ticks][-2] == "follow"
 
 
 def test_whole_log_is_replayed_to_its_end_also_in_a_running_loop(folder: Path, trial: wayfarer.Trial) -> None:

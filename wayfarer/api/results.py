@@ -55,8 +55,8 @@ class Results:
         Paths are in metres, times in simulated seconds, ``spl`` is 0 to 1, and ``outcome`` is ``escaped``,
         ``left_bounds``, ``entrapped``, ``tipped`` or ``fault``. What is not known is None.
         """
-        points, columns = swept_values(self.settings), columns_of(self.settings)
-        types = types_of(points)
+        points, types = self._points()
+        columns = columns_of(self.settings)
 
         def read() -> Iterator[dict[str, Any]]:
             for row in self.rows:
@@ -71,14 +71,19 @@ class Results:
 
         The columns are those of ``summary.json``, in per cent, metres and seconds.
         """
-        points = swept_values(self.settings)
-        types = types_of(points)
+        points, types = self._points()
 
         def read() -> Iterator[dict[str, Any]]:
             for (point, name), rows in groupby(self.rows, lambda row: (row.point, row.algorithm)):
                 yield points[point] | asdict(summarise(name, rows))
 
         return typed_rows({key: types[key] for key in points[0]} | _types_in(AlgorithmSummary), read)
+
+    def _points(self) -> tuple[list[dict[str, Any]], dict[str, type]]:
+        """Return the swept values at each point, of one type for each key, and the types of all columns."""
+        points = swept_values(self.settings)
+        types = types_of(points)
+        return [{key: types[key](value) for key, value in point.items()} for point in points], types
 
 
 def compare(results: Results, against: str = "forest-pledge") -> Rows:

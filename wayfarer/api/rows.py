@@ -38,6 +38,9 @@ class Rows(Iterable[dict[str, Any]]):
         self._read = read
         self._make_table = make_table
 
+    def __repr__(self) -> str:
+        return "<Rows: iterate over them, or take a frame with to_pandas(), to_polars() or to_arrow()>"
+
     def __iter__(self) -> Iterator[dict[str, Any]]:
         return map(dict, self._read())
 

@@ -13,6 +13,8 @@ from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.views.text.summary import RunSummary, summarise
 
 if TYPE_CHECKING:
+    import pyarrow
+
     from wayfarer.config.rover_file import RoverConfig
     from wayfarer.fieldlog.replay import Replay
 
@@ -48,15 +50,23 @@ class Run:
 
         What the log says after the last tick is in one more row.
         """
-        from wayfarer.views.export.parquet import read_table
-        from wayfarer.views.export.tables import table_rows
-
-        return Rows(lambda: table_rows(RunReader(self.folder)), lambda: read_table(self.folder))
+        return Rows(self._ticks, self._tick_table)
 
     @property
     def events(self) -> Rows:
         """A row for each event: ``elapsed_s`` since the beginning, ``name``, and ``text``, what happened in words."""
         return typed_rows(EVENT_COLUMNS, self._events)
+
+    def _ticks(self) -> Iterator[dict[str, Any]]:
+        from wayfarer.views.export.tables import COLUMNS, table_rows
+
+        for row in table_rows(RunReader(self.folder)):
+            yield dict.fromkeys(COLUMNS) | row
+
+    def _tick_table(self) -> pyarrow.Table:
+        from wayfarer.views.export.parquet import read_table
+
+        return read_table(self.folder)
 
     def _events(self) -> Iterator[dict[str, Any]]:
         from wayfarer.fieldlog.run_events import Noted
