@@ -11,19 +11,16 @@ import os
 import sys
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
-from random import Random
 from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.config.registry import find_algorithm
-from wayfarer.config.rover_file import load_rover
-from wayfarer.escape.api import Observation
+import wayfarer
 
 Floats = NDArray[np.float64]
-Agent = Callable[[Floats, Observation], tuple[float, float]]
+Agent = Callable[[Floats, wayfarer.Observation], tuple[float, float]]
 
 KNOTS_S = np.array([0.0, 0.25, 0.5, 1.0, 2.0, 5.0])  # times since the last anomaly at which the policy has numbers
 SIZE = 3 * KNOTS_S.size + 1
@@ -40,7 +37,7 @@ class Policy:
         self._long_s = 10.0 * abs(numbers[-1])  # after a longer free time, the next turn is to the other side
         self._side, self._free_s = 1.0, KNOTS_S[-1]
 
-    def __call__(self, seen: Floats, _: Observation) -> tuple[float, float]:
+    def __call__(self, seen: Floats, _: wayfarer.Observation) -> tuple[float, float]:
         """Return the duties for what was observed (the environment's 11 numbers)."""
         self._free_s += TICK_S
         if seen[4:10].any():
@@ -55,8 +52,8 @@ class Policy:
 
 def forest_pledge() -> Agent:
     """Return the catalogue's default algorithm as an agent."""
-    rover = load_rover("sim")
-    handler = find_algorithm("forest-pledge").make(rover.escape, rover.vehicle, Random(0))
+    rover = wayfarer.load_rover("sim")
+    handler = wayfarer.make_handler("forest-pledge", vehicle=rover.vehicle, settings=rover.escape, seed=0)
     return lambda _, observation: handler.decide(observation).wheels
 
 
