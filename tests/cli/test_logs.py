@@ -250,7 +250,7 @@ def test_reader_that_has_enough_ends_a_command_without_a_message(logs: Path) -> 
         "logs check 1 2 --log-dir logs",
         "list",
         "sim --help",
-        "--version",
+        "-V",
     ],
 )
 def test_command_whose_output_nobody_reads_ends_without_a_message_and_with_one_exit_code(

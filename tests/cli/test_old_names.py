@@ -33,6 +33,12 @@ def test_config_is_the_rover(run: Run, command: str) -> None:
     assert "'--rover' requires an argument" in refusal(run, *command.split(), "--config")
 
 
+@pytest.mark.usefixtures("own_folders")
+def test_unit_of_an_older_version_still_stops_its_motors(run: Run, tmp_path: Path) -> None:
+    missing = tmp_path / "rover.toml"
+    assert f"{missing}: cannot be read" in refusal(run, "stop-motors", "--config", missing)
+
+
 def test_scenario_and_log_of_a_trial_are_its_site_and_its_log_dir(run: Run, tmp_path: Path) -> None:
     trial = ("sim", "--rover", "minirover", "--trial", "0", "--budget-m", "1")
     new = run(*trial, "--site", "extended-maze", "--log-dir", tmp_path / "new")

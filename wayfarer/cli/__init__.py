@@ -71,8 +71,8 @@ for verb in control.COMMANDS:
     lenient = {"ignore_unknown_options": verb in control.ACCEPT_NEGATIVE}
     command(rich_help_panel=CONTROL, epilog=control.EXAMPLES.get(verb), context_settings=lenient)(verb)
 command("stop-motors", rich_help_panel=ROVER)(rover.stop_motors)
-command(rich_help_panel=ROVER)(commissioning.check)
-command(rich_help_panel=ROVER)(commissioning.calibrate)
+command(rich_help_panel=ROVER, epilog=commissioning.CHECK_EXAMPLES)(commissioning.check)
+command(rich_help_panel=ROVER, epilog=commissioning.CALIBRATE_EXAMPLES)(commissioning.calibrate)
 app.add_typer(
     logs.app,
     name="logs",
@@ -82,7 +82,7 @@ app.add_typer(
 command(rich_help_panel=AFTERWARDS, epilog=report.EXAMPLES)(report.report)
 command(rich_help_panel=AFTERWARDS, epilog=compare.EXAMPLES)(compare.compare)
 command(rich_help_panel=AFTERWARDS, epilog=replay.EXAMPLES)(replay.replay)
-command("install-service", rich_help_panel=ROVER)(commissioning.install_service)
+command("install-service", rich_help_panel=ROVER, epilog=commissioning.INSTALL_EXAMPLES)(commissioning.install_service)
 command("list")(listing.list_names)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from wayfarer.cli.options import LogDir, Rover, log_folder, rover_option
+from wayfarer.cli.options import LogDir, Rover, examples, log_folder, rover_option
 from wayfarer.cli.rover import chosen_rover
 from wayfarer.views.text.colour import painted
 from wayfarer.views.text.scripting import print_json, say_next
@@ -23,6 +23,11 @@ if TYPE_CHECKING:
 NOT_READY = 1
 TONES = {"ok": "good", "warn": "warning", "fail": "fault", "skipped": "quiet"}
 T = TypeVar("T")
+CHECK_EXAMPLES = examples(
+    "wayfarer check", "wayfarer check --rover ./rover.toml", "wayfarer check --rover minirover --json"
+)
+CALIBRATE_EXAMPLES = examples("wayfarer calibrate", "wayfarer calibrate compass motors --rover ./rover.toml")
+INSTALL_EXAMPLES = examples("wayfarer install-service --print", "sudo wayfarer install-service --rover ./rover.toml")
 
 
 class CalibrationStep(StrEnum):

@@ -34,7 +34,7 @@ Show = Annotated[Shell | None, _option(OPTIONS[1], _show, "Print what --install-
 
 def with_shell(arguments: list[str]) -> list[str]:
     """Return the arguments of ``wayfarer`` with a shell after an option of completion that stands alone."""
-    return [*arguments, THIS] if arguments[-1:] in ([OPTIONS[0]], [OPTIONS[1]]) else arguments
+    return [*arguments, THIS] if arguments in ([OPTIONS[0]], [OPTIONS[1]]) else arguments
 
 
 def register_shells() -> None:

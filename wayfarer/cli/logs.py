@@ -223,7 +223,7 @@ def check(
 def export(
     run: Run = None,
     *,
-    form: Annotated[ExportFormat | None, typer.Option("--format", help=FORMATS_HELP)] = None,
+    form: Annotated[ExportFormat | None, typer.Option("--format", metavar="FORMAT", help=FORMATS_HELP)] = None,
     out: Annotated[
         Path | None,
         typer.Option(
