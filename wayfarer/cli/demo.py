@@ -91,13 +91,13 @@ def open_page(url: str) -> None:
 def _last_words(ended: DemoTrial) -> str:
     from wayfarer.fieldlog.clock import duration_text
 
-    end, state, again = ended.state.ended, ended.state, f"--seed {ended.seed} --trial {ended.result.trial}"
+    state, again = ended.state, f"--seed {ended.seed} --trial {ended.result.trial}"
+    reason, text = (state.ended.reason, state.ended.text) if state.ended else (None, "the log has no end")
     if ended.result.algorithm != "forest-pledge":
         again += f" --algorithm {ended.result.algorithm}"
-    by_signal = end is not None and end.reason == "signal"
-    stays = "" if by_signal else "\nthe page and its buttons stay until you close the page or press Ctrl-C"
+    stays = "" if reason == "signal" else "\nthe page and its buttons stay until you close the page or press Ctrl-C"
     return f"""
-{end and end.text}: {state.driven_m or 0.0:.1f} m driven in {duration_text(state.elapsed_s)}{stays}
+{text}: {state.driven_m or 0.0:.1f} m driven in {duration_text(state.elapsed_s)}{stays}
 the field log: {ended.folder}
 
 next: wayfarer report {ended.folder}

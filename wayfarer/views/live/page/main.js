@@ -38,6 +38,7 @@ function takeSnapshot(snapshot) {
   const { lines, ...rest } = snapshot;
   Object.assign(model, rest);
   looked = false;
+  zoom.middle = null; // another run may be elsewhere
   say("");
   element("lines").replaceChildren();
   addLines(lines);
