@@ -62,7 +62,9 @@ def test_show_tells_a_run_from_its_beginning_without_colours_in_a_file(run: Run)
     assert "\x1b" not in out
 
 
-@pytest.mark.parametrize("command", ["logs list", "logs show", "logs summary", "logs check", "logs export", "report"])
+@pytest.mark.parametrize(
+    "command", ["logs list", "logs index", "logs show", "logs summary", "logs check", "logs export", "report"]
+)
 def test_name_of_a_folder_cannot_control_the_terminal(
     logs: Path, command: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -76,9 +76,9 @@ def write_run_report(run: Path, out: Path | None = None) -> Path:
         _drawn([data], [number_of(run)], plots),
         html.section("Anomalies and episodes", anomalies_table(data), episodes_table(data)),
         html.section("Conditions", conditions_table(data)),
-        html.section("Events", events_list(data)),
         html.section("Sensors", sensors_table(data)),
         html.section("Settings", own_settings_table(data)),
+        html.section("Events", events_list(data)),  # the longest
     ]
     return write_page(run / PAGE, _title(data), body, plots, _cursor_js(), out=out)
 
