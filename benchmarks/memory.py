@@ -16,6 +16,7 @@ from wayfarer.experiments.results_folder import ResultsFolder
 from wayfarer.experiments.trial import TrialResult
 from wayfarer.experiments.trial_setup import TrialSpec
 
+PROGRAM = "import sys; from benchmarks.memory import main; main(*sys.argv[1:])"  # workers import no ``__main__``
 FEW = 1_000
 JOBS = 2
 HEADER = ("trials", "s", "memory of the campaign's process, MB", "bytes a trial more")
@@ -61,10 +62,11 @@ def _row(trials: int, taken: Taken, more: str) -> tuple[str, ...]:
 
 def _fresh(trials: int) -> Taken:
     with TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "benchmarks.memory", str(trials), str(Path(folder) / "out")]
+        command = [sys.executable, "-c", PROGRAM, str(trials), str(Path(folder) / "out")]
         said = subprocess.run(command, check=True, stdout=subprocess.PIPE)
     return Taken(*json.loads(said.stdout))
 
 
-if __name__ == "__main__":
-    print(json.dumps(run(int(sys.argv[1]), Path(sys.argv[2]))))
+def main(trials: str, out: str) -> None:
+    """Print what a campaign took, as JSON."""
+    print(json.dumps(run(int(trials), Path(out))))

@@ -13,7 +13,7 @@ LOGS = Path(__file__).parents[1] / "field_logs"
 run = wayfarer.open_run(sys.argv[1] if len(sys.argv) > 1 else "last", log_dir=LOGS)
 before: set[str] = set()
 for tick in run.ticks:
-    now = set(tick.get("anomalies") or ())
+    now = set(tick["anomalies"] or ())
     for anomaly in sorted(now - before):
         print(f"{tick['elapsed_s']:8.2f} s  {anomaly:12} at {tick['heading_deg']:5.1f} deg, {tick['why']}")
     before = now

@@ -11,13 +11,9 @@ import sys
 from collections import deque
 from collections.abc import Callable
 from math import radians
-from random import Random
 from typing import NamedTuple
 
-from wayfarer.config.registry import find_algorithm
-from wayfarer.config.rover_file import load_rover
-from wayfarer.escape.api import EscapeSettings
-from wayfarer.escape.failsafe import FailSafe
+from wayfarer import FailSafe, load_rover, make_handler
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSensorModel, HeadingSensorModel
@@ -127,7 +123,7 @@ def is_out(world: World) -> bool:
 
 def make_failsafe(forest: int) -> FailSafe:
     """Return the fail-safe of one trip."""
-    return FailSafe(find_algorithm("forest-pledge").make(EscapeSettings(), VEHICLE, Random(forest)), VEHICLE)
+    return FailSafe(make_handler("forest-pledge", vehicle=VEHICLE, seed=forest), VEHICLE)
 
 
 def tell(who: str, trip: Trip) -> None:

@@ -12,9 +12,8 @@ from typing import Any
 
 import pytest
 
-from wayfarer.config.rover_file import load_rover
-from wayfarer.experiments.campaign import Campaign, Task
-from wayfarer.experiments.trial import run_trial
+import wayfarer
+from tests.test_imports import named_in
 
 pytestmark = pytest.mark.process  # a second and more each: not a unit test's
 
@@ -26,7 +25,7 @@ LONG = "failsafe_under_a_planner"  # has another stack's planner and rover in it
 PRINTS = {
     "algorithm_of_your_own": [r"left_hand: (escaped|left_bounds) after \d+\.\d m"],
     "anomalies_in_a_field_log": [r"s  immobilised  at +\d+\.\d deg, follow\.anomaly", r"log: complete"],
-    "campaign_at_a_site": [r"interventions", r"forest-pledge +4 ", r"paper +10 ", r"\d+ s simulated"],
+    "campaign_at_a_site": [r"^trial 0: escaped after \d+ s, helped \d", r"forest-pledge: 100 % \[\d+, 100\]"],
     "compare_two_algorithms": [r"^forest-pledge: SPL 0", r"tight-pledge: SPL 0", r"gain of SPL in pairs: [+-]0\."],
     "driver_of_your_own": [r"^b'Z'", r"b'n\\xff\\x99\\x00'", r"b'n\\x00\\x00\\x00'$"],
     "escape_handler_alone": [r"follow\.anomaly", r"back_off\.done", r"turn_away\.done", r"probe\.realigned"],
@@ -35,8 +34,23 @@ PRINTS = {
     "gym_forest_pledge": [r"^trial 7, forest-pledge: escaped after"],
     "replay_a_log": [r"^as logged: \d+ decisions, then the end", r"patient: .* key='anomalies'"],
     "simulated_chips": [r"^CMPS14Chip"],
-    "trial_in_a_forest": [r"^layout 7", r"outcome +(escaped|left_bounds)", r"spl +0\.\d", r"ticks +\d+$"],
+    "trial_in_a_forest": [r"^trial +7", r"outcome +(escaped|left_bounds)", r"spl +0\.\d", r"it probed for \d"],
 }
+
+
+PUBLIC = (
+    "wayfarer.escape.", "wayfarer.hal.", "wayfarer.drivers.buses.", "wayfarer.errors.", "wayfarer.testing."
+)  # fmt: skip
+
+
+BUILD_A_ROVER = (LONG, "simulated_chips")  # out of parts of the simulator, in the place of one that is not wayfarer's
+
+
+@pytest.mark.parametrize("name", [name for name in EXAMPLES if name not in BUILD_A_ROVER])
+def test_example_uses_nothing_but_what_is_public(name: str) -> None:
+    used = {each for each in named_in((FOLDER / f"{name}.py").read_text(encoding="utf-8")) if "wayfarer." in each}
+    public = {f"wayfarer.{each}" for each in wayfarer.__all__}
+    assert {each for each in used if f"{each}.".startswith(PUBLIC) or each in public} == used
 
 
 Output = Callable[..., str]
@@ -65,7 +79,7 @@ def test_example_prints_what_it_shows(name: str, output_of: Output) -> None:
 def test_example_runs_as_a_program_of_its_own() -> None:
     command = [sys.executable, str(FOLDER / "trial_in_a_forest.py")]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert (done.stdout.startswith("layout 7"), done.stderr) == (True, "")
+    assert (done.stdout.startswith("trial            7"), done.stderr) == (True, "")
 
 
 @pytest.fixture(scope="module")
@@ -84,6 +98,5 @@ def test_failsafe_gets_out_where_the_planner_alone_stays_stuck(failsafe_example:
 
 
 def test_agent_of_the_catalogue_ends_as_the_trial_of_that_number(output_of: Output) -> None:
-    campaign = Campaign(("forest-pledge",), 8, load_rover("sim"))
-    result = run_trial(campaign.spec(Task("forest-pledge", 7), campaign.make_forest(7)))
+    result = wayfarer.run_trial(7).row
     assert f"{result.outcome} after {result.path_m:.1f} m, {result.time_s:.2f} s" in output_of("gym_forest_pledge", "7")

@@ -54,7 +54,16 @@ MOST_NEAR, MOST_LISTED = 3, 20
 
 
 class WayfarerError(Exception):
-    """Base of all errors raised on purpose; ``exit_code`` is what a command that ends by it returns."""
+    """Base of all errors raised on purpose; ``exit_code`` is what a command that ends by it returns.
+
+    Its text is one line: what happened, where, and what to do.
+
+    >>> try:
+    ...     load_rover("minrover")
+    ... except WayfarerError as error:
+    ...     print(error)
+    unknown rover 'minrover': did you mean minirover or forestrover?
+    """
 
     exit_code = 1
 

@@ -55,7 +55,7 @@ def test_error_raised_on_purpose_is_one_line(
     def fail(name: str) -> None:
         raise error
 
-    monkeypatch.setattr("wayfarer.config.rover_file.load_rover", fail)
+    monkeypatch.setattr("wayfarer.experiments.make_campaign.load_rover", fail)
     text = str(error).replace("\n", " ")
     assert run("sim") == (code, "", f"wayfarer: {text}\n")
 

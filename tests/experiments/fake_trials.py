@@ -1,6 +1,6 @@
 """Trials that need no simulator; at module level, so that spawned workers can import them.
 
-Run as a module it is a campaign of slow trials, for tests with real processes and signals: ``FOLDER JOBS``, or
+``MAIN`` is a program: a campaign of slow trials, for tests with real processes and signals: ``FOLDER JOBS``, or
 ``FOLDER ADDRESS`` for a cluster; what ``wayfarer sim`` would say and return, it says and returns.
 """
 
@@ -23,6 +23,7 @@ from wayfarer.experiments.outcome import OUTCOMES, Outcome
 from wayfarer.experiments.trial import TrialResult
 from wayfarer.experiments.trial_setup import TrialSpec
 
+MAIN = "import sys; from tests.experiments.fake_trials import main; sys.exit(main(*sys.argv[1:]))"
 SLOW_S = 0.05
 MANY = 100
 
@@ -66,7 +67,7 @@ def third_kills_its_worker(spec: TrialSpec) -> TrialResult:
 
 def started(out: Path, where: str) -> AbstractContextManager[subprocess.Popen[str]]:
     """Start a campaign of slow trials in a process group; ``where`` says how many jobs, or on which cluster."""
-    command = [sys.executable, "-m", "tests.experiments.fake_trials", str(out), where]
+    command = [sys.executable, "-c", MAIN, str(out), where]
     return child(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
 
 
@@ -80,7 +81,3 @@ def main(out: str, jobs: str) -> int:
     except WayfarerError as error:
         print(f"wayfarer: {error}", file=sys.stderr)
         return error.exit_code
-
-
-if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))

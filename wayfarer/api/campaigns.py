@@ -7,12 +7,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from wayfarer.api.results import Results, open_results
-from wayfarer.config.rover_file import RoverConfig
-from wayfarer.experiments.campaign import Plan
+from wayfarer.errors import BadInput
 from wayfarer.extras import require
+
+if TYPE_CHECKING:
+    from wayfarer.config.rover_file import RoverConfig
+    from wayfarer.experiments.campaign import Plan
 
 Value = bool | int | float | str
 
@@ -67,9 +70,9 @@ def run_campaign(
         WayfarerError: a worker process died, or ``out`` cannot be written any more; finished trials are kept there.
         KeyboardInterrupt: Ctrl-C; finished trials are kept in ``out``.
 
-    >>> results = run_campaign(["forest-pledge", "pledge"], trials=2, seed=1)
-    >>> [(row["algorithm"], row["trial"], row["outcome"]) for row in results.trials][0]
-    ('forest-pledge', 0, 'escaped')
+    >>> results = run_campaign("forest-pledge", trials=2, slip_mean_m=5.0)
+    >>> [(row["trial"], row["outcome"]) for row in results.trials]
+    [(0, 'left_bounds'), (1, 'escaped')]
     """
     require("sweeping")
     from wayfarer.experiments.make_campaign import make_campaign
@@ -128,8 +131,8 @@ def run_sweep(
         BadInput: no such key, or a value out of its range; and as of ``run_campaign``.
 
     >>> results = run_sweep({"escape.turn_angle_deg": [30, 60]}, trials=1)
-    >>> [(row["point"], row["escape.turn_angle_deg"], row["outcome"]) for row in results.trials]
-    [(0, 30, 'escaped'), (1, 60, 'escaped')]
+    >>> [(row["point"], row["escape.turn_angle_deg"], row["trial"]) for row in results.trials]
+    [(0, 30, 0), (1, 60, 0)]
     """
     require("sweeping")
     from wayfarer.experiments.commands import check_body, check_rover
@@ -157,6 +160,8 @@ def _run(
     from wayfarer.experiments.sim_command import run_shown
     from wayfarer.simhal.world.forest_file import content_of
 
+    if jobs > 1 and any(name.startswith("__main__:") for name in plan.points[0].algorithms):
+        raise BadInput("processes do not import this script: put the algorithm in a module of its own, or use jobs=1")
     faults: list[Done] = []
 
     def note(done: Done) -> None:

@@ -14,6 +14,7 @@ from wayfarer.experiments.results_folder import swept_values
 from wayfarer.experiments.rows import TrialRow, columns_of, types_of
 from wayfarer.experiments.statistics import AlgorithmSummary, Estimate, summarise
 from wayfarer.extras import require
+from wayfarer.fieldlog.wording import plural
 
 if TYPE_CHECKING:
     from wayfarer.experiments.paired_statistics import Comparison, Difference
@@ -30,7 +31,14 @@ class Results:
     """The results of a campaign or a sweep.
 
     ``settings`` are all that decided them, as in ``campaign.json`` or ``sweep.json``: the same settings give the same
-    rows, on any computer and with any number of processes.
+    rows, on any computer and with any number of processes. ``rows`` are named tuples, as ``Trial.row``.
+
+    >>> results = run_campaign("pledge", trials=1)
+    >>> frame = results.trials.to_pandas()
+    >>> frame.groupby("algorithm").size().to_dict()
+    {'pledge': 1}
+    >>> [row["success_percent"] for row in results.summary]
+    [100.0]
     """
 
     settings: Mapping[str, Any]
@@ -38,7 +46,7 @@ class Results:
 
     def __repr__(self) -> str:
         campaign = self.settings.get("campaign", self.settings)
-        return f"<Results: {len(self.rows)} trials of {', '.join(campaign['algorithms'])}>"
+        return f"<Results: {plural(len(self.rows), 'trial')} of {', '.join(campaign['algorithms'])}>"
 
     @property
     def trials(self) -> Rows:
@@ -47,8 +55,8 @@ class Results:
         Paths are in metres, times in simulated seconds, ``spl`` is 0 to 1, and ``outcome`` is ``escaped``,
         ``left_bounds``, ``entrapped``, ``tipped`` or ``fault``. What is not known is None.
         """
-        points, columns = swept_values(self.settings), columns_of(self.settings)
-        types = types_of(points)
+        points, types = self._points()
+        columns = columns_of(self.settings)
 
         def read() -> Iterator[dict[str, Any]]:
             for row in self.rows:
@@ -63,14 +71,19 @@ class Results:
 
         The columns are those of ``summary.json``, in per cent, metres and seconds.
         """
-        points = swept_values(self.settings)
-        types = types_of(points)
+        points, types = self._points()
 
         def read() -> Iterator[dict[str, Any]]:
             for (point, name), rows in groupby(self.rows, lambda row: (row.point, row.algorithm)):
                 yield points[point] | asdict(summarise(name, rows))
 
         return typed_rows({key: types[key] for key in points[0]} | _types_in(AlgorithmSummary), read)
+
+    def _points(self) -> tuple[list[dict[str, Any]], dict[str, type]]:
+        """Return the swept values at each point, of one type for each key, and the types of all columns."""
+        points = swept_values(self.settings)
+        types = types_of(points)
+        return [{key: types[key](value) for key, value in point.items()} for point in points], types
 
 
 def compare(results: Results, against: str = "forest-pledge") -> Rows:
@@ -86,9 +99,9 @@ def compare(results: Results, against: str = "forest-pledge") -> Rows:
     Raises:
         BadInput: no trial of ``against``, or of no other algorithm; or the results are those of a sweep.
 
-    >>> results = run_campaign(["forest-pledge", "pledge"], trials=4)
+    >>> results = run_campaign(["forest-pledge", "pledge"], trials=2)
     >>> [(row["algorithm"], row["path_gain_pairs"]) for row in compare(results)]
-    [('forest-pledge', 0), ('pledge', 4)]
+    [('forest-pledge', 0), ('pledge', 2)]
     """
     require("comparing")
     from wayfarer.experiments.paired_statistics import compare as compared
@@ -129,10 +142,10 @@ def open_results(folder: str | Path) -> Results:
     Raises:
         BadInput: no such folder, no campaign or sweep in it, not finished, or damaged; the text says what to do.
 
-    >>> run_campaign("pledge", trials=2, out="results")
-    <Results: 2 trials of pledge>
+    >>> run_campaign("pledge", trials=1, out="results")
+    <Results: 1 trial of pledge>
     >>> open_results("results")
-    <Results: 2 trials of pledge>
+    <Results: 1 trial of pledge>
     """
     from wayfarer.experiments.report.load_results import read_results
     from wayfarer.experiments.report.sweep_results import is_sweep, read_sweep

@@ -25,12 +25,11 @@ class Rows(Iterable[dict[str, Any]]):
     pandas or Polars, or a ``Table`` of Arrow, which DuckDB and others read as well. All of them are made through Arrow,
     which is in the extra ``sim``. Whatever takes an Arrow stream also takes the rows themselves.
 
-    >>> import wayfarer
-    >>> rows = wayfarer.run_campaign("pledge", trials=2).trials
-    >>> [row["trial"] for row in rows]
-    [0, 1]
-    >>> rows.to_arrow().num_rows
-    2
+    >>> rows = open_run(1, log_dir="field_logs").events
+    >>> next(iter(rows))["name"]
+    'opened'
+    >>> rows.to_pandas().columns.tolist() == rows.to_polars().columns == rows.to_arrow().column_names
+    True
     """
 
     def __init__(
@@ -38,6 +37,9 @@ class Rows(Iterable[dict[str, Any]]):
     ) -> None:
         self._read = read
         self._make_table = make_table
+
+    def __repr__(self) -> str:
+        return "<Rows: iterate over them, or take a frame with to_pandas(), to_polars() or to_arrow()>"
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
         return map(dict, self._read())

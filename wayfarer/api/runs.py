@@ -13,6 +13,8 @@ from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.views.text.summary import RunSummary, summarise
 
 if TYPE_CHECKING:
+    import pyarrow
+
     from wayfarer.config.rover_file import RoverConfig
     from wayfarer.fieldlog.replay import Replay
 
@@ -23,7 +25,14 @@ class Run:
     """A run's field log.
 
     ``folder`` is where it is, ``summary`` what ``wayfarer logs summary`` tells of it, and ``damage`` what of it could
-    not be read, false where that is nothing.
+    not be read, false where that is nothing. The log is read again for each table, block by block.
+
+    >>> run = open_run(1, log_dir="field_logs")
+    >>> run
+    <Run 00001-20261122T072828Z: 19 s, log complete>
+    >>> frame = run.ticks.to_pandas()
+    >>> len(frame), list(frame.columns[:2])
+    (376, ['elapsed_s', 't_s'])
     """
 
     def __init__(self, folder: Path) -> None:
@@ -37,16 +46,27 @@ class Run:
 
     @property
     def ticks(self) -> Rows:
-        """A row for each control tick, with the columns of ``wayfarer logs export``: readings, decisions, duties."""
-        from wayfarer.views.export.parquet import read_table
-        from wayfarer.views.export.tables import table_rows
+        """A row for each control tick, with the columns of ``wayfarer logs export``: readings, decisions, duties.
 
-        return Rows(lambda: table_rows(RunReader(self.folder)), lambda: read_table(self.folder))
+        What the log says after the last tick is in one more row.
+        """
+        return Rows(self._ticks, self._tick_table)
 
     @property
     def events(self) -> Rows:
         """A row for each event: ``elapsed_s`` since the beginning, ``name``, and ``text``, what happened in words."""
         return typed_rows(EVENT_COLUMNS, self._events)
+
+    def _ticks(self) -> Iterator[dict[str, Any]]:
+        from wayfarer.views.export.tables import COLUMNS, table_rows
+
+        for row in table_rows(RunReader(self.folder)):
+            yield dict.fromkeys(COLUMNS) | row
+
+    def _tick_table(self) -> pyarrow.Table:
+        from wayfarer.views.export.parquet import read_table
+
+        return read_table(self.folder)
 
     def _events(self) -> Iterator[dict[str, Any]]:
         from wayfarer.fieldlog.run_events import Noted
@@ -78,8 +98,8 @@ def open_run(run: int | str | Path = "last", *, log_dir: str | Path | None = Non
     >>> run = open_run(1, log_dir="field_logs")
     >>> run.summary.rover, run.summary.episodes > 0
     ('sim', True)
-    >>> next(iter(run.events))["name"]
-    'arming'
+    >>> [event["text"] for event in run.events if event["name"] == "mark"]
+    ['Mark: hit log']
     """
     opened = Run(_find(run, log_dir))
     if opened.damage:

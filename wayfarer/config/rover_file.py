@@ -193,6 +193,10 @@ def load_rover(name_or_path: str) -> RoverConfig:
     Raises:
         UnknownName: no shipped rover of that name.
         BadConfig: the file cannot be read or is not right; the text names file, key and what is allowed.
+
+    >>> rover = load_rover("forestrover")
+    >>> rover.vehicle.max_speed_m_s > 1.0, rover.parts["compass"]["driver"]
+    (True, 'cmps14')
     """
     return parse_rover(name_or_path, rover_text(name_or_path))
 
@@ -222,8 +226,14 @@ def line_in(name_or_path: str, key: str) -> int | None:
 
 
 def with_location(name_or_path: str, said: str) -> str:
-    """Return what is wrong with a key, found after the file was read, with the file before it and the line after."""
-    return located(name_or_path, _text_of(name_or_path), said)
+    """Return what is wrong with a key, found after the file was read, with the file before it and the line after.
+
+    Where there is no such file, as of a rover that a program has changed, the line is left out.
+    """
+    try:
+        return located(name_or_path, _text_of(name_or_path), said)
+    except OSError:
+        return f"{name_or_path}: {said}"
 
 
 def _text_of(name_or_path: str) -> str:

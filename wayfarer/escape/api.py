@@ -19,7 +19,11 @@ from wayfarer.setting_ranges import Degrees, DegreesPerSecond, Gain, Metres, Met
 
 
 class Anomaly(Enum):
-    """The signs by which a blind rover notices an obstacle, in the order of the log, not of severity."""
+    """The signs by which a blind rover notices an obstacle, in the order of the log, not of severity.
+
+    >>> Anomaly("nose_up") is Anomaly.NOSE_UP
+    True
+    """
 
     IMMOBILISED = "immobilised"
     NOSE_UP = "nose_up"
@@ -43,10 +47,19 @@ class Phase(Enum):
 class Observation(NamedTuple):
     """What an algorithm sees in one control tick.
 
+    ``t_s`` is seconds on any clock that does not go back. Headings are degrees clockwise, 0 to 360, all from the same
+    north. ``pitch_deg`` is positive with the nose up, ``roll_deg`` with the right side down.
     ``travelled_m`` is the distance commanded so far; driving forwards and backwards both increase it. ``measured_m`` is
     the distance that the motion sensor saw, or the commanded one where the sensor is not usable; None where nothing
     measures it. ``contact`` is None on a rover without a contact sensor. ``applied`` is the wheel command that was
     applied since the last tick, after the gate's limits; None where that is not known.
+
+    >>> seen = Observation(
+    ...     t_s=0.05, heading_deg=12.0, pitch_deg=0.0, roll_deg=0.0, anomalies=(Anomaly.IMMOBILISED,), contact=None,
+    ...     goal_heading_deg=0.0, travelled_m=0.02,
+    ... )
+    >>> seen.covered_m
+    0.02
     """
 
     t_s: float
@@ -94,6 +107,9 @@ class Vehicle:
     ``track_m`` is the effective track for turning, as found by calibration: a skid-steered rover slips sideways and
     turns as if its wheels stood further apart than they do. ``turn_from_duty`` is half the difference of the two sides'
     duties from which the body begins to turn on the spot, as calibrate measured it; 0 = not measured.
+
+    >>> Vehicle(length_m=0.6, width_m=0.5, track_m=0.6, max_speed_m_s=1.2).mix(speed_m_s=0.6, turn_rad_s=0.0)
+    WheelCommand(left=0.5, right=0.5)
     """
 
     length_m: Metres
@@ -152,6 +168,9 @@ class EscapeSettings:
     The distances are those of the paper's released simulator, so that its results can be compared: reverse 0.15 m,
     straight 0.6 m, then an arc of 5 degrees every 0.1 m (radius 1.15 m), strides of the Lévy walk 0.6 to 10 m.
     The turn angle, the 5 degree reset and the 20 degree compatibility are from the paper, section III.
+
+    >>> EscapeSettings(cruise_m_s=0.5).turn_angle_deg
+    30.0
     """
 
     cruise_m_s: MetresPerSecond = 1.0

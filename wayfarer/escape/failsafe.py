@@ -37,6 +37,13 @@ class FailSafe:
         free_run_m: the first free run, metres commanded.
         free_run_max_m: the longest one.
         relapse_s: seconds after the wheels were given back; a planner that gets stuck later has met something new.
+
+    >>> vehicle = Vehicle(length_m=0.6, width_m=0.5, track_m=0.6, max_speed_m_s=1.2)
+    >>> failsafe = FailSafe(make_handler("forest-pledge", vehicle=vehicle), vehicle)
+    >>> print(failsafe.update(0.0, heading_deg=10.0, goal_heading_deg=0.0, stuck=False))
+    None
+    >>> failsafe.update(0.05, heading_deg=10.0, goal_heading_deg=0.0, stuck=True).phase.value
+    'back_off'
     """
 
     def __init__(

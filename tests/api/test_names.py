@@ -1,0 +1,64 @@
+"""The public names: what is told to type checkers is what Python gives, and each example in a docstring holds."""
+
+from __future__ import annotations
+
+import ast
+import doctest
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import wayfarer
+
+ROOT = Path(wayfarer.__file__).parent
+
+
+def source_of(module: str) -> ast.Module:
+    return ast.parse((ROOT.parent / f"{module.replace('.', '/')}.py").read_text(encoding="utf-8"))
+
+
+def test_type_checkers_are_told_the_names_that_there_are() -> None:
+    guarded = next(node for node in source_of("wayfarer.__init__").body if isinstance(node, ast.If))
+    told = {
+        alias.name: node.module for node in guarded.body if isinstance(node, ast.ImportFrom) for alias in node.names
+    }
+    assert told == wayfarer._MODULE_OF
+    assert sorted(wayfarer.__all__) == sorted(told)
+
+
+def test_names_are_offered_and_others_are_refused_in_a_line() -> None:
+    assert set(wayfarer.__all__) <= set(dir(wayfarer))
+    with pytest.raises(AttributeError, match=r"^module 'wayfarer' has no attribute 'run_campain'$"):
+        wayfarer.run_campain  # type: ignore[attr-defined]  # noqa: B018
+
+
+@pytest.mark.parametrize("name", wayfarer.__all__)
+def test_example_in_the_docstring_holds(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The text is that of the source: what is compiled keeps no docstrings."""
+    (tmp_path / "field_logs").symlink_to(Path(__file__).parents[2] / "field_logs")
+    monkeypatch.chdir(tmp_path)
+    found = next(node for node in source_of(wayfarer._MODULE_OF[name]).body if getattr(node, "name", "") == name)
+    assert isinstance(found, ast.ClassDef | ast.FunctionDef)
+    names: dict[str, Any] = {each: getattr(wayfarer, each) for each in wayfarer.__all__}
+    example = doctest.DocTestParser().get_doctest(ast.get_docstring(found) or "", names, name, None, None)
+    assert example.examples
+    said: list[str] = []
+    doctest.DocTestRunner().run(example, out=said.append)
+    assert not said, "".join(said)
+
+
+def test_documentation_says_what_works_in_at_most_12_lines_each(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = next((Path(__file__).parents[2] / "docs").rglob("from-python.md")).read_text(encoding="utf-8")
+    blocks = re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
+    assert len(blocks) == 4
+    assert max(len(block.splitlines()) for block in blocks) <= 12
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    for block in blocks:
+        quickly = block.replace("trials=100", "trials=1").replace("jobs=2", "jobs=1")
+        exec(compile(quickly, "from-python.md", "exec"), names)
+    assert set(names["gains"]["algorithm"]) == {"forest-pledge", "pledge"}

@@ -1,0 +1,196 @@
+"""Campaigns, sweeps and comparisons from Python: the rows of the commands, as frames of other libraries."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import polars as pl
+import pyarrow as pa
+import pytest
+
+import wayfarer
+from tests.conftest import Run
+from tests.experiments.fake_trials import quick, third_fails
+from wayfarer.escape.catalogue import BUILT_IN
+from wayfarer.experiments import run_campaign as runner
+from wayfarer.experiments.trial import TrialResult
+from wayfarer.experiments.trial_setup import TrialSpec
+
+BOTH = ["forest-pledge", "pledge"]
+# Two trials a second: a rover that may drive 15 m.
+short = partial(wayfarer.run_campaign, BOTH, trials=3, budget_m=15.0, seed=4)
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("out") / "results"
+
+
+@pytest.fixture(scope="module")
+def results(out: Path) -> wayfarer.Results:
+    return short(out=out)
+
+
+def test_rows_are_those_of_the_command(results: wayfarer.Results, out: Path, run: Run, tmp_path: Path) -> None:
+    options = ["--trials", "3", "--budget-m", "15", "--seed", "4", "--jobs", "1", "--out", str(tmp_path / "out")]
+    assert run("sim", "--algorithm", ",".join(BOTH), *options)[0] == 0
+    assert (tmp_path / "out/trials.csv").read_bytes() == (out / "trials.csv").read_bytes()
+    written = pd.read_csv(out / "trials.csv")
+    frame = results.trials.to_pandas()
+    assert list(frame) == list(written)
+    assert frame["path_m"].tolist() == written["path_m"].tolist()
+
+
+def test_same_seed_gives_equal_frames_of_each_library(results: wayfarer.Results) -> None:
+    again = short()
+    pd.testing.assert_frame_equal(again.trials.to_pandas(), results.trials.to_pandas())
+    assert again.trials.to_polars().equals(results.trials.to_polars())
+    assert again.trials.to_arrow().equals(results.trials.to_arrow())
+    assert list(again.trials) == list(results.trials) == results.trials.to_arrow().to_pylist()
+    assert again.settings == results.settings
+
+
+def test_frames_are_plain_ones_and_rows_are_an_arrow_stream(results: wayfarer.Results) -> None:
+    rows = results.trials
+    assert [type(rows.to_pandas()), type(rows.to_polars()), type(rows.to_arrow())] == [
+        pd.DataFrame, pl.DataFrame, pa.Table,
+    ]  # fmt: skip
+    assert pa.table(rows).equals(rows.to_arrow())
+    assert pl.DataFrame(rows).equals(rows.to_polars())
+
+
+def test_folder_gives_the_same_results_as_the_run(results: wayfarer.Results, out: Path) -> None:
+    opened = wayfarer.open_results(out)
+    assert (opened.rows, opened.settings) == (results.rows, results.settings)
+    assert repr(opened) == "<Results: 6 trials of forest-pledge, pledge>"
+
+
+def test_trial_alone_is_that_of_the_campaign(results: wayfarer.Results) -> None:
+    trial = wayfarer.run_trial(2, "pledge", budget_m=15.0, seed=4)
+    assert results.rows[-1] == trial.row._replace(ticks=None)
+
+
+def test_summary_has_the_numbers_of_summary_json(results: wayfarer.Results, out: Path) -> None:
+    table = json.loads((out / "summary.json").read_text(encoding="utf-8"))["table"]
+    assert [row["algorithm"] for row in table] == BOTH
+    for row, written in zip(results.summary, table, strict=True):
+        assert row == pytest.approx(written, abs=1e-4)
+    assert results.summary.to_polars()["trials"].to_list() == [3, 3]
+
+
+def test_comparison_has_the_numbers_of_the_command(results: wayfarer.Results, out: Path, run: Run) -> None:
+    code, said, _ = run("compare", str(out), "--against", "pledge", "--json")
+    base, other = json.loads(said)["algorithms"]
+    rows = list(wayfarer.compare(results, against="pledge"))
+    assert (code, [row["algorithm"] for row in rows]) == (0, [base["algorithm"], other["algorithm"]])
+    for row, written in zip(rows, (base, other), strict=True):
+        assert [row["entrapped"], row["entrapped_low"], row["entrapped_high"]] == list(written["entrapped"].values())
+        assert (row["spl"], row["spl_gain"], row["worst_trial"]) == (None, None, written["worst"]["trial"])
+    assert (rows[0]["path_gain_m"], rows[0]["path_gain_pairs"]) == (None, 0)
+
+
+def test_sweep_has_the_swept_values_in_each_row(tmp_path: Path) -> None:
+    results = wayfarer.run_sweep(
+        {"slip_mean_m": [5, 10.5], "escape.turn_angle_deg": [30]}, "pledge", 1, budget_m=10.0, out=tmp_path / "out"
+    )
+    frame = results.trials.to_pandas()
+    assert pd.read_csv(tmp_path / "out/trials.csv")["slip_mean_m"].tolist() == frame["slip_mean_m"].tolist()
+    assert frame[["point", "slip_mean_m", "escape.turn_angle_deg"]].to_numpy().tolist() == [[0, 5.0, 30], [1, 10.5, 30]]
+    assert [row["slip_mean_m"] for row in results.summary] == [5, 10.5]
+    assert wayfarer.open_results(tmp_path / "out").trials.to_arrow().equals(results.trials.to_arrow())
+    with pytest.raises(wayfarer.WayfarerError, match="sweep"):
+        wayfarer.compare(results)
+
+
+NO_MOTORS = wayfarer.load_rover("sim").model_copy(update={"name": "mine", "parts": {}})
+REFUSED: list[tuple[dict[str, Any], str]] = [
+    ({"algorithms": "pledg"}, "unknown algorithm 'pledg': did you mean pledge"),
+    ({"trials": 0}, "key 'trials' = 0: input should be greater than or equal to 1"),
+    ({"slip_mean_m": math.inf}, "key 'slip_mean_m' = inf: input should be a finite number"),
+    ({"rover": "sims"}, "unknown rover 'sims': did you mean sim"),
+    ({"site": "maze"}, "unknown site 'maze'"),
+    ({"site": "extended-maze", "rover": "minirover", "forests": "reference"}, "site 'extended-maze' draws its own"),
+    ({"ground": "ice"}, "key 'ground' = 'ice': input should be 'ideal'"),
+    ({"forests": "no.jsonl"}, "no.jsonl"),
+    ({"rover": NO_MOTORS, "depth": "bus"}, "mine: key 'parts.compass' is missing"),
+    ({"algorithms": "__main__:mine", "jobs": 2}, "put the algorithm in a module of its own"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "said"), REFUSED, ids=lambda value: value if isinstance(value, str) else "")
+def test_what_cannot_be_used_is_refused_in_a_line(
+    arguments: dict[str, Any], said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys.modules["__main__"], "mine", BUILT_IN["pledge"], raising=False)
+    with pytest.raises(wayfarer.WayfarerError) as refusal:
+        wayfarer.run_campaign(**arguments)
+    assert said in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_folder_in_use_is_not_written_over_and_can_be_resumed(results: wayfarer.Results, out: Path) -> None:
+    with pytest.raises(wayfarer.WayfarerError, match="is not empty"):
+        short(out=out)
+    assert short(out=out, resume=True).rows == results.rows
+
+
+def test_library_that_is_not_there_is_named_with_its_remedy(
+    results: wayfarer.Results, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("wayfarer.api.rows.find_spec", lambda _: None)
+    monkeypatch.setattr("wayfarer.extras.find_spec", lambda _: None)
+    with pytest.raises(wayfarer.WayfarerError, match=r"pandas, which is not installed: pip install pandas"):
+        results.trials.to_pandas()
+    with pytest.raises(wayfarer.WayfarerError, match=r"a table needs pyarrow, which is not installed"):
+        results.trials.to_arrow()
+    assert len(list(results.trials)) == 6
+
+
+def test_trial_that_ends_in_a_fault_is_warned_of(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runner, "run", partial(runner.run, run_trial=third_fails))
+    with pytest.warns(UserWarning, match=r"trial 3 of pledge ended in a fault: KeyError: 'no such\\nphase'"):
+        results = wayfarer.run_campaign("pledge", trials=4)
+    assert [row["outcome"] for row in results.trials].count("fault") >= 1
+
+
+def interrupted(spec: TrialSpec) -> TrialResult:
+    signal.raise_signal(signal.SIGINT)
+    return quick(spec)
+
+
+def test_ctrl_c_ends_a_campaign_whose_trials_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as broken, pytest.raises(KeyboardInterrupt):
+        broken.setattr(runner, "run", partial(runner.run, run_trial=interrupted))
+        wayfarer.run_campaign("pledge", trials=4, out=tmp_path / "out")
+    with pytest.raises(wayfarer.WayfarerError, match="not finished"):
+        wayfarer.open_results(tmp_path / "out")
+    monkeypatch.setattr(runner, "run", partial(runner.run, run_trial=quick))
+    assert len(wayfarer.run_campaign("pledge", trials=4, out=tmp_path / "out", resume=True).rows) == 4
+
+
+@pytest.mark.process
+def test_script_without_a_guard_runs_in_processes_inside_a_running_loop(tmp_path: Path) -> None:
+    """As a cell of a notebook does: workers import nothing of the script, and its loop is not in the way."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import asyncio, wayfarer\n"
+        "async def cell():\n"
+        "    arguments = dict(algorithms='pledge', trials=2, budget_m=5.0)\n"
+        "    one, two = (wayfarer.run_campaign(jobs=jobs, **arguments).rows for jobs in (1, 2))\n"
+        "    alone = wayfarer.run_trial(1, 'pledge', budget_m=5.0).row\n"
+        "    print(one == two, alone._replace(ticks=None) == one[1])\n"
+        "asyncio.run(cell())\n",
+        encoding="utf-8",
+    )
+    env = {**os.environ, "PYTHONPATH": str(Path(wayfarer.__file__).parents[1])}
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=False, env=env)
+    assert (done.stdout, done.stderr) == ("True True\n", "")
