@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.views.text.records import HEADER, write
+from wayfarer import cli
 
 # Asks bash's own registered function, as readline does when TAB is pressed.
 ASK = """
@@ -45,6 +46,8 @@ def test_bash_completes_commands_runs_algorithms_rovers_and_scenarios(tmp_path: 
         "wayfarer sim --algorithm pledge,levy-": "pledge,levy-pledge pledge,levy-walk",
         "wayfarer run --rover ": "forestrover minirover sim",
         "wayfarer sim --site ext": "extended-maze",
+        "wayfarer sweep escape.turn_a": "escape.turn_angle_deg=",
+        "wayfarer sweep --rover minirover footpr": "footprint_m=",
         "wayfarer faults --only stall-3s,board-f": "stall-3s,board-fault stall-3s,board-fault-over",
     }
     assert BASH is not None
@@ -54,3 +57,12 @@ def test_bash_completes_commands_runs_algorithms_rovers_and_scenarios(tmp_path: 
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
     assert dict(zip(wanted, done.stdout.splitlines(), strict=True)) == wanted
+
+
+@pytest.mark.parametrize(("shell", "says"), [("zsh", "#compdef wayfarer"), ("fish", "complete --command wayfarer")])
+def test_completion_is_shown_for_the_shell_that_is_named(
+    capsys: pytest.CaptureFixture[str], shell: str, says: str
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        cli.run(["--show-completion", shell])
+    assert (ended.value.code, capsys.readouterr().out.splitlines()[0][: len(says)]) == (0, says)

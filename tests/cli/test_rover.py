@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import sys
+from itertools import count, cycle
 from math import radians
 from pathlib import Path
+from threading import Event
 from time import monotonic  # noqa: TID251 - the chips of a real-time check need the loop's own clock
 from typing import Any
 
@@ -28,6 +31,7 @@ from wayfarer.config.calibration_file import (
 from wayfarer.config.rover_file import load_rover
 from wayfarer.daemon.daemon import Service
 from wayfarer.daemon.motors_lock import motors_lock
+from wayfarer.daemon.socket.client import NoDaemon
 from wayfarer.daemon.socket.paths import daemon_socket, single_daemon
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import BadInput
@@ -51,18 +55,21 @@ STATUS: dict[str, Any] = {
 
 
 class Daemon:
-    """Stands in for the daemon: keeps what it is asked and gives a set answer."""
+    """Stands in for the daemon: keeps what it is asked and gives a set answer, or those of a list in turn."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, answer: dict[str, Any] | Exception) -> None:
+    def __init__(
+        self, monkeypatch: pytest.MonkeyPatch, answer: dict[str, Any] | Exception | list[dict[str, Any] | Exception]
+    ) -> None:
         self.asked: list[dict[str, object]] = []
-        self.answer = answer
+        self.answers = cycle(answer if isinstance(answer, list) else [answer])
         monkeypatch.setattr("wayfarer.daemon.socket.client.ask", self.ask)
 
     def ask(self, request: dict[str, object], timeout_s: float) -> dict[str, Any]:
         self.asked.append(request)
-        if isinstance(self.answer, Exception):
-            raise self.answer
-        return self.answer
+        answer = next(self.answers)
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
 
 
 # -- to a running rover ------------------------------------------------------------------------------------------
@@ -151,7 +158,7 @@ def test_heading_that_cannot_be_is_refused_before_anything_is_asked(
 def test_status_says_the_most_important_first() -> None:
     assert status_text(STATUS).splitlines() == [
         "minirover armed (dry run)",
-        "health    well",
+        "health    No faults",
         "doing     Driving straight ahead (forest-pledge), counter 30, stalled",
         "heading   0, goal 20, pitch +2, roll -1",
         "mission   61 s, 12.3 m commanded",
@@ -185,6 +192,64 @@ def test_status_of_a_limited_rover_says_since_when_what_it_does_and_until_when()
 
 def test_status_tells_of_records_that_the_log_has_lost() -> None:
     assert status_text({**STATUS, "log_dropped": 3}).splitlines()[-1].endswith(", 3 records lost")
+
+
+@pytest.fixture
+def seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let no second pass; Ctrl-C after five."""
+
+    def wait(_event: Event, timeout_s: float) -> None:
+        assert timeout_s == 1.0
+        if next(passed) == 5:
+            raise KeyboardInterrupt
+
+    passed = count(1)
+    monkeypatch.setattr(Event, "wait", wait)
+
+
+GONE = NoDaemon("no wayfarer daemon is running: start it with 'wayfarer run'")
+SEEN: list[dict[str, Any] | Exception] = [
+    STATUS,
+    {**STATUS, "mission_s": 62.0},
+    GONE,
+    GONE,
+    {**STATUS, "phase": "back_off"},
+]
+
+
+@pytest.mark.usefixtures("seconds")
+def test_watched_status_in_a_pipe_is_a_line_a_change_and_waits_for_a_daemon_that_is_gone(
+    monkeypatch: pytest.MonkeyPatch, run: Run
+) -> None:
+    daemon = Daemon(monkeypatch, SEEN)
+    code, out, err = run("status", "--watch")
+    assert (code, err, daemon.asked) == (0, "", [{"do": "status"}] * 5)
+    assert [line.partition("  ")[2] for line in out.splitlines()] == [
+        "minirover armed (dry run); No faults; Driving straight ahead",
+        f"{GONE}; waiting",
+        "minirover armed (dry run); No faults; Backing off",
+    ]
+
+
+@pytest.mark.usefixtures("seconds")
+def test_watched_status_as_json_is_a_document_a_line(monkeypatch: pytest.MonkeyPatch, run: Run) -> None:
+    Daemon(monkeypatch, SEEN)
+    code, out, err = run("status", "--watch", "--json")
+    assert (code, err) == (0, f"wayfarer: {GONE}; waiting\n")
+    assert [json.loads(line) for line in out.splitlines()] == [SEEN[0], SEEN[1], SEEN[4]]
+
+
+@pytest.mark.usefixtures("seconds")
+def test_watched_status_on_a_terminal_stays_in_its_place(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Daemon(monkeypatch, SEEN)
+    monkeypatch.setenv("TTY_COMPATIBLE", "1")
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    assert cli.run(["status", "--watch"]) == 0
+    out = capsys.readouterr().out
+    assert out.count("minirover") == 4, "three answers, and the last one stays"
+    assert "\x1b[1A\x1b[2K" * 7 in out, "the lines before are taken back"
 
 
 # -- run ---------------------------------------------------------------------------------------------------------

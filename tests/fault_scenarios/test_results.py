@@ -26,9 +26,9 @@ OWN = MET._replace(row=None, name="[own]")
 SKIPPED = MET._replace(name="camera-black", row=20, remark="", skipped="OpenCV is not installed")
 
 
-def printed(width: int, *results: Result, untried: tuple[int, ...] = ()) -> str:
+def printed(width: int, *results: Result, untried: tuple[int, ...] = (), verbose: bool = True) -> str:
     console = Console(file=io.StringIO(), width=width)
-    print_results(console, results, untried)
+    print_results(console, results, untried, verbose=verbose)
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()
 
@@ -60,6 +60,17 @@ def test_what_failed_remarks_and_what_was_skipped_stand_below() -> None:
         "Untried": "no scenario for row 3, 4 of the fault catalogue",
     }.items():
         assert f"{title}\n  {line}" in text
+
+
+def test_only_what_failed_is_printed_unless_asked_and_the_sum_has_ten_lines_at_most() -> None:
+    many = [SKIPPED._replace(name=f"s{number}", skipped=f"reason {number}") for number in range(30)]
+    by_tests = [SKIPPED._replace(tried=Tried.TEST, skipped=f"covered by test {number}") for number in range(30)]
+    text = printed(80, MET, MISSED, *many, *by_tests, verbose=False)
+    assert "undervoltage-thrice: S3 was reached, S2 is expected" in text
+    assert not any(word in text for word in ("compass-answers", "Remarks", "covered by test 3", "reason 29"))
+    told = printed(80, MET, *many, *by_tests, verbose=False).splitlines()
+    assert len(told) <= 10
+    assert "30 scenarios skipped: covered by a test in wayfarer's checkout" in told
 
 
 def test_a_remark_of_several_is_told_once() -> None:

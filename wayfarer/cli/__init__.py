@@ -20,7 +20,21 @@ from typing import Annotated, Any
 import typer
 
 from wayfarer import __version__
-from wayfarer.cli import commissioning, compare, control, demo, faults, listing, logs, replay, report, rover, sim, sweep
+from wayfarer.cli import (
+    commissioning,
+    compare,
+    completion,
+    control,
+    demo,
+    faults,
+    listing,
+    logs,
+    replay,
+    report,
+    rover,
+    sim,
+    sweep,
+)
 from wayfarer.cli.help_texts import HELP_OPTIONS, HelpCommand, HelpGroup, error_text
 from wayfarer.cli.options import examples
 from wayfarer.errors import WayfarerError
@@ -44,6 +58,7 @@ app = typer.Typer(
     cls=HelpGroup,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    add_completion=False,
     suggest_commands=False,
     context_settings=HELP_OPTIONS,
 )
@@ -95,7 +110,7 @@ def run(arguments: list[str]) -> int:
 
 def _run(arguments: list[str]) -> int:
     try:
-        code = int(_command()(arguments, prog_name="wayfarer", standalone_mode=False) or 0)
+        code = int(_command()(completion.with_shell(arguments), prog_name="wayfarer", standalone_mode=False) or 0)
         sys.stdout.flush()
         return code
     except WayfarerError as error:
@@ -111,6 +126,7 @@ def _run(arguments: list[str]) -> int:
 @cache
 def _command() -> Any:
     """Return what ``app`` describes, as Typer runs it: built once, for that takes longer than most mistakes."""
+    completion.register_shells()
     return typer.main.get_command(app)
 
 
@@ -145,5 +161,7 @@ def _root(
         bool,
         typer.Option("--version", "-V", callback=_print_version, is_eager=True, help="Print the version and exit."),
     ] = False,
+    install_completion: completion.Install = None,
+    show_completion: completion.Show = None,
 ) -> None:
     """Drive a rover out of a forest without vision: compass, tilt and stall detection only."""

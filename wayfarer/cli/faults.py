@@ -16,7 +16,7 @@ EXAMPLES = examples(
     "wayfarer faults",
     "wayfarer faults --only 37",
     "wayfarer faults --only compass-nack,board-fault --out results",
-    "wayfarer faults --scenario my-fault.toml",
+    "wayfarer faults --scenario my-fault.toml -v",
     "wayfarer faults --missions 100 --out survival",
 )
 MISSIONS = "Missions"
@@ -41,6 +41,10 @@ Out = Annotated[
     typer.Option(metavar="DIR", help="New or empty folder for results.csv, results.json and each run's field log."),
 ]
 Show = Annotated[bool, typer.Option("--list", help="List the scenarios, and run nothing.")]
+Verbose = Annotated[
+    bool,
+    typer.Option("--verbose", "-v", help="Print each scenario, not only what is not as expected; remarks and tests."),
+]
 Missions = Annotated[
     int | None,
     typer.Option(
@@ -64,24 +68,25 @@ def faults(
     scenario: ScenarioFile = None,
     out: Out = None,
     show: Show = False,
+    verbose: Verbose = False,
     jobs: Jobs = None,
     missions: Missions = None,
     seed: Seed = None,
     as_json: AsJson = False,
 ) -> None:
     """Inject each fault of the catalogue into a simulated rover, and check its response against a time bound."""
-    check_together(ctx, needs=[("seed", "missions")])
+    check_together(ctx, needs=[("seed", "missions")], excludes=[("verbose", "missions")])
     if missions is not None and show:
         raise BadInput("--missions has its own trials; leave out --list")
     require("simulating")
     if missions is not None:
         raise typer.Exit(_missions(missions, only, rover, scenario, out, jobs, seed or 0, as_json=as_json))
-    raise typer.Exit(_run(only, rover, scenario, out, jobs, show=show, as_json=as_json))
+    raise typer.Exit(_run(only, rover, scenario, out, jobs, show=show, verbose=verbose, as_json=as_json))
 
 
 def _run(
     only: str | None, rover: str | None, scenario: Path | None, out: Path | None, jobs: int | None, *, show: bool,
-    as_json: bool,
+    verbose: bool, as_json: bool,
 ) -> int:  # fmt: skip
     """Run what was asked for and return the exit code.
 
@@ -126,7 +131,9 @@ def _run(
     for line in skipped_lines(unequipped):  # at once, not after the minutes that the others take
         say(Console(stderr=True), line)
     skipped = [*elsewhere, *misfits, *unequipped]
-    return run_scenarios(scenarios, jobs=jobs, out=out, skipped=skipped, untried=untried, as_json=as_json)
+    return run_scenarios(
+        scenarios, jobs=jobs, out=out, skipped=skipped, untried=untried, verbose=verbose, as_json=as_json
+    )
 
 
 def _missions(

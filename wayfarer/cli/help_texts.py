@@ -78,18 +78,18 @@ class HelpGroup(TyperGroup):
 
 def error_text(error: typer.TyperException) -> str:
     """Return what is wrong with a command line, and the nearest option, or an example of the command."""
-    context: Any = getattr(error, "ctx", None)
-    if hasattr(error, "possibilities") and context:  # no such option
-        known = [option for param in context.command.get_params(context) for option in param.opts if not param.hidden]
-        return error.message + _suggestion(error.option_name, known)
+    problem: Any = error  # Typer does not export the classes that differ
+    if hasattr(problem, "possibilities") and problem.ctx:  # no such option
+        params = problem.ctx.command.get_params(problem.ctx)
+        return error.message + _suggestion(problem.option_name, [option for param in params for option in param.opts])
     text = error.format_message().replace("Value error, ", "", 1)  # the name of a class
-    if hasattr(error, "param_type") and context.command.epilog:  # something is missing
-        _, example, *_ = context.command.epilog.splitlines()
+    if hasattr(problem, "param_type") and problem.ctx.command.epilog:  # something is missing
+        _, example, *_ = problem.ctx.command.epilog.splitlines()
         return f"{text.rstrip('.')}, for example: {example}"
     return text
 
 
 def _suggestion(typed: str, known: Iterable[str]) -> str:
-    near = near_names(typed.lstrip("-"), [name.lstrip("-") for name in known])
-    dashes = "--" if typed.startswith("--") else ""
-    return f"; did you mean {' or '.join(f'{dashes}{name}' for name in near)}?" if near else ""
+    names = {name.lstrip("-"): name for name in known}
+    near = [names[each] for each in near_names(typed.lstrip("-"), names)]
+    return f"; did you mean {' or '.join(near)}?" if near else ""

@@ -59,6 +59,21 @@ def complete_fault_scenarios(incomplete: str) -> list[str]:
     return _next_in_list(incomplete, [each.name for each in catalogue()])
 
 
+def complete_sweep_keys(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Return the keys that ``wayfarer sweep`` takes for its ``--rover``."""
+    from wayfarer.config.rover_file import load_rover
+    from wayfarer.experiments.campaign import Campaign
+    from wayfarer.experiments.sweep import current
+
+    if "=" in incomplete:
+        return []
+    try:
+        campaign = Campaign((), 1, load_rover(ctx.params.get("rover") or "sim"))
+    except BadInput:
+        return []
+    return [f"{key}=" for key in current(campaign)]
+
+
 def _next_in_list(incomplete: str, names: Iterable[str]) -> list[str]:
     before, comma, _ = incomplete.rpartition(",")
     return [f"{before}{comma}{name}" for name in names]

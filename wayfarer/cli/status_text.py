@@ -6,14 +6,22 @@ from collections.abc import Mapping
 from typing import Any
 
 from wayfarer.fieldlog.clock import duration_text
-from wayfarer.fieldlog.vocabulary import disarmed_text, in_words
+from wayfarer.fieldlog.vocabulary import disarmed_text, in_words, level_text
 from wayfarer.fieldlog.wording import marks, whole_deg
 from wayfarer.views.text.colour import painted
+
+WELL = level_text("well", None)
 
 
 def status_text(status: Mapping[str, Any]) -> str:
     """Return what ``status`` answered, as lines."""
     return "\n".join(f"{name:<9} {text}" for name, text in _lines(status) if text)
+
+
+def status_line(status: Mapping[str, Any]) -> str:
+    """Return of it what changes seldom, in a line: mode, health and phase."""
+    mode = f"{status['rover']} {_mode(status)}{_marks(status)}"
+    return "; ".join(filter(None, [mode, _wrong(status) or WELL, _phase(status)]))
 
 
 def _lines(status: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -44,10 +52,13 @@ def _marks(status: Mapping[str, Any]) -> str:
 
 
 def _health(status: Mapping[str, Any]) -> str:
-    conditions = [in_words(condition) for condition in status["conditions"]]
+    wrong = _wrong(status)
     since = f" (for {duration_text(status['cause_for_s'])})" if "cause_for_s" in status else ""
-    wrong = f"{', '.join([*conditions, *status['motor_faults']])}{since}"
-    return painted(wrong, "warning") if wrong else painted("well", "good")
+    return painted(f"{wrong}{since}", "warning") if wrong else painted(WELL, "good")
+
+
+def _wrong(status: Mapping[str, Any]) -> str:
+    return ", ".join([*map(in_words, status["conditions"]), *status["motor_faults"]])
 
 
 def _doing(status: Mapping[str, Any]) -> str:
@@ -55,8 +66,11 @@ def _doing(status: Mapping[str, Any]) -> str:
         return ""
     seen = [in_words(anomaly) for anomaly in status.get("anomalies") or ()]
     counter = f"counter {status.get('counter_deg', 0):.0f}"
-    phase = in_words(status["phase"])
-    return ", ".join([f"{phase} ({status['algorithm']})", counter, *seen])
+    return ", ".join([f"{_phase(status)} ({status['algorithm']})", counter, *seen])
+
+
+def _phase(status: Mapping[str, Any]) -> str:
+    return in_words(status["phase"]) if status["mode"] == "armed" else ""
 
 
 def _heading(status: Mapping[str, Any], heading_deg: float) -> str:

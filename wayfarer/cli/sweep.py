@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from wayfarer.cli import trial_options as options
-from wayfarer.cli.options import AsJson, examples
+from wayfarer.cli.options import AsJson, complete_sweep_keys, examples
 from wayfarer.cli.trial_options import RUNNING
 from wayfarer.extras import require
 
@@ -24,6 +24,7 @@ Keys = Annotated[
     list[str],
     typer.Argument(
         metavar="KEY=VALUES",
+        autocompletion=complete_sweep_keys,
         help="One key or two, each FIRST:LAST:STEP or a list. Any key of a rover file by its dotted name; "
         "footprint_m, length and width together; slip_mean_m; budget_m; ground; sim.trees_per_ha; "
         "sim. and any number of the simulated world.",

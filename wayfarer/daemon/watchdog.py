@@ -23,6 +23,7 @@ from traceback import walk_stack
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.errors import one_line
+from wayfarer.fieldlog.wording import event_text
 from wayfarer.safety.gate import STALL_LIMIT_S
 
 WHERE_FRAMES = 4  # the innermost calls: the one that blocks, and its callers
@@ -163,7 +164,7 @@ class WatchdogFeed(PartialLog):
             self._ready = True
             self._guard.start()
             self._notifier.tell("READY=1")
-            self._notifier.status("disarmed")
+            self._notifier.status("Disarmed")
         self._guard.beat()
 
     def event(self, name: str, t_s: float, **details: object) -> None:  # noqa: ARG002
@@ -172,8 +173,7 @@ class WatchdogFeed(PartialLog):
             self._guard.stop()
             self._notifier.tell("STOPPING=1")
         elif name in {"arming", "armed", "disarmed", "health"}:
-            shown = ", ".join(str(value) for value in details.values() if isinstance(value, str))
-            self._notifier.status(f"{name}: {shown}" if shown else name)
+            self._notifier.status(event_text({"record": "event", "name": name, **details}))
 
     def close(self, reason: str, text: str) -> None:  # noqa: ARG002
         """Show systemd how the run ended."""

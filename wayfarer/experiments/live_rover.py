@@ -10,6 +10,7 @@ from wayfarer.config.rover_file import RoverConfig
 from wayfarer.daemon.daemon import RoverSetup
 from wayfarer.experiments.outcome import OutcomeMonitor
 from wayfarer.experiments.trial_log import GroundTruthLog
+from wayfarer.fieldlog.vocabulary import outcome_in_words
 from wayfarer.simhal.build_rover import Depth, build
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest_file import as_row
@@ -30,7 +31,7 @@ def live_rover_setup(config: RoverConfig, depth: Depth, seed: int, finish: Calla
     world = World(forest, config.vehicle, physics, streams, starts_s=clock())
 
     def tell(outcome: str, _: str) -> None:
-        finish(outcome, f"the simulated rover has {outcome.replace('_', ' ')} after {world.path_m:.1f} m")
+        finish(outcome, f"the simulated rover has {outcome_in_words(outcome)} after {world.path_m:.1f} m")
 
     world.after_step = OutcomeMonitor(forest, NO_BUDGET_M, physics.tip_deg, tell).watch
     rover = build(depth, world, streams, config, clock)

@@ -83,6 +83,6 @@ GAIN_COLUMNS: tuple[Column[Comparison], ...] = (
 )
 OUTCOME_COLUMNS: tuple[Column[Comparison], ...] = (
     Column("entrapped %\n[95 %]", lambda one: _share(one.entrapped, 2)),
-    Column("left bounds %\n[95 %]", lambda one: _share(one.left_bounds, 1)),
+    Column("left the map %\n[95 %]", lambda one: _share(one.left_bounds, 1)),
     Column("worst\nforest/noise", _worst),
 )

@@ -46,7 +46,7 @@ OUTCOME_COLUMNS = (
     PaperColumn("trials", lambda s: str(s.trials), papers=lambda _: "10"),
     PaperColumn("success %\n[95 %]", success, papers=lambda p: number_text(10.0 * p.successes)),
     PaperColumn("entrapped", lambda s: str(s.entrapped), papers=lambda p: str(10 - p.successes)),
-    PaperColumn("left\nbounds", lambda s: str(s.left_bounds)),
+    PaperColumn("left\nthe map", lambda s: str(s.left_bounds)),
 )
 MEASURE_COLUMNS = (
     PaperColumn(

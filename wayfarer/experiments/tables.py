@@ -66,7 +66,7 @@ OUTCOME_COLUMNS = (
     PaperColumn("trials", lambda s: str(s.trials)),
     PaperColumn("success %\n[95 %]", success, papers=lambda p: number_text(p.success_percent)),
     PaperColumn("entrapped", lambda s: str(s.entrapped)),
-    PaperColumn("left\nbounds", lambda s: str(s.left_bounds)),
+    PaperColumn("left\nthe map", lambda s: str(s.left_bounds)),
     PaperColumn("tipped", lambda s: str(s.tipped)),
 )
 FAULTS = PaperColumn("faults", lambda s: str(s.fault))

@@ -70,6 +70,7 @@ def run_scenarios(
     out: Path | None = None,
     skipped: Sequence[Result] = (),
     untried: Sequence[int] = (),
+    verbose: bool = False,
     as_json: bool = False,
 ) -> int:
     """Run scenarios, print what came of them, and return the exit code: 1 if one is not as expected.
@@ -93,7 +94,7 @@ def run_scenarios(
     if as_json:
         print_json({"results": [_as_row(result) for result in results], "untried": untried})
     else:
-        print_results(Console(), results, untried)
+        print_results(Console(), results, untried, verbose=verbose)
     if out is not None:
         store_rows(out, COLUMNS, [_as_row(result) for result in results])
         say(aside, f"the results are in {out}")

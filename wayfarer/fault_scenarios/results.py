@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from enum import StrEnum
+from textwrap import wrap
 from typing import NamedTuple
 
 from rich.console import Console
@@ -66,6 +67,7 @@ def not_run(row: Row, skipped: str = "") -> Result:
     return Result(row.name, row.row, row.about, tried, row.asked, level, within_s=within_s, skipped=skipped)
 
 
+REASONS_SHOWN = 4  # without ``verbose``, so that the sum is at most ten lines
 LEGEND = (
     "S0 note, S1 degrade, S2 hold, S3 fault until re-armed, S4 the board's deadman",
     "seen: reported; stopped: wheels commanded to stop; seconds since the fault",
@@ -100,26 +102,48 @@ LISTED: tuple[Column[Row], ...] = (
 )
 
 
-def print_results(console: Console, results: Sequence[Result], untried: Sequence[int]) -> None:
-    """Print the table, what was not as expected, remarks, what was skipped, and the sum.
+def print_results(
+    console: Console, results: Sequence[Result], untried: Sequence[int], *, verbose: bool = False
+) -> None:
+    """Print what was not as expected, and the sum; with ``verbose`` all of the table, remarks and what was skipped.
 
     Args:
         console: where to.
         results: in the order of the table.
         untried: rows of the fault catalogue that nothing tries.
+        verbose: whether a person asked for all.
     """
-    shown = [column for from_width, column in COLUMNS if from_width <= console.width]
-    console.print(table(shown, results))
-    for line in LEGEND:
-        say(console, line)
-    section(console, "Not as expected", [f"{each.name}: {problem}" for each in results for problem in each.problems])
-    section(console, "Remarks", with_names((each.remark, each.name) for each in results))
-    section(console, "Skipped", with_names((each.skipped, each.name) for each in results))
+    shown = list(results) if verbose else [each for each in results if each.problems]
+    if shown:
+        console.print(table([column for from_width, column in COLUMNS if from_width <= console.width], shown))
+        for line in LEGEND:
+            say(console, line)
+    section(console, "Not as expected", [f"{each.name}: {problem}" for each in shown for problem in each.problems])
+    if verbose:
+        section(console, "Remarks", with_names((each.remark, each.name) for each in results))
+        section(console, "Skipped", with_names((each.skipped, each.name) for each in results))
     if untried:
         section(console, "Untried", [f"no scenario for row {', '.join(map(str, untried))} of the fault catalogue"])
-    console.print()
+    if shown or untried:
+        console.print()
     for line in summed_up(results, untried):
         say(console, line)
+    if not verbose:
+        for line in _skipped_in_brief(results):
+            say(console, line)
+        say(console, "-v prints each scenario, remarks, and what is skipped and why")
+
+
+def _skipped_in_brief(results: Iterable[Result]) -> Iterator[str]:
+    """Say what is skipped, in a few lines."""
+    skipped = [each for each in results if each.skipped]
+    by_tests = sum(each.tried is Tried.TEST for each in skipped)
+    if by_tests:
+        yield f"{by_tests} scenario{'s' * (by_tests > 1)} skipped: covered by a test in wayfarer's checkout"
+    lines = list(skipped_lines(each for each in skipped if each.tried is not Tried.TEST))
+    yield from lines[:REASONS_SHOWN]
+    if len(lines) > REASONS_SHOWN:
+        yield f"{len(lines) - REASONS_SHOWN} more reasons for which scenarios are skipped"
 
 
 def skipped_lines(skipped: Iterable[Result]) -> Iterator[str]:
@@ -158,10 +182,12 @@ def with_names(remarks: Iterable[tuple[str, str]]) -> Iterator[str]:
 
 
 def section(console: Console, title: str, lines: Iterable[str]) -> None:
-    """Print lines under a title, each broken at words and indented; nothing without any."""
+    """Print lines under a title, indented and broken at spaces, so that a test's name is whole; nothing without any."""
     lines = list(lines)
     if lines:
         console.print(Text(f"\n{title}", "bold"))
     for line in lines:
-        for number, piece in enumerate(Text(line).wrap(console, max(20, console.width - 4))):
-            console.print(Text(f"{'    ' if number else '  '}{piece.plain.rstrip()}"), soft_wrap=True)
+        for number, piece in enumerate(
+            wrap(line, max(20, console.width - 4), break_long_words=False, break_on_hyphens=False)
+        ):
+            console.print(Text(f"{'    ' if number else '  '}{piece}"), soft_wrap=True)

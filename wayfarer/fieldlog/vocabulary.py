@@ -1,4 +1,4 @@
-"""The words for each phase, anomaly, level, condition and reason in a log: one for each name. Pure.
+"""The words for each phase, anomaly, level, condition, reason and outcome in a log: one for each name. Pure.
 
 The one place for these words, with ``safety.responses``, which has those of the conditions: terminal, journal, live
 page, Foxglove and reports take them from here.
@@ -74,6 +74,14 @@ LEVEL_TEXTS: Mapping[str, str] = {
     Level.FAULT.name.lower(): "Fault: stopped until re-armed",
 }
 
+# How a run or a trial ended, where its name is not the word for it.
+OUTCOME_TEXTS: Mapping[str, str] = {
+    "left_bounds": "left the map",
+    "mission_time": "time limit",
+    "mission_distance": "distance limit",
+    "mission_radius": "radius limit",
+}
+
 # Why a phase ended, as ``why`` of the tick after it names it: ``probe.unwound``.
 _REASONS: Mapping[str, str] = {
     f"{phase}.{event}": text.format(phase=_clause(doing))
@@ -92,6 +100,11 @@ def in_words(name: str) -> str:
     A name that is unknown is returned as it is: a third party's algorithm or a newer wayfarer may give any.
     """
     return _WORDS.get(name, name)
+
+
+def outcome_in_words(name: str) -> str:
+    """Return the word for how a run or a trial ended; a name that is unknown is returned as it is."""
+    return OUTCOME_TEXTS.get(name, name)
 
 
 def level_text(level: str, cause: str | None) -> str:

@@ -113,7 +113,7 @@ def test_trial_that_cannot_be_run_again_has_no_drawing_and_says_why(finished: Pa
 
 def test_endings_read_well() -> None:
     assert ending(row("pledge", 0)) == "escaped after 80.0 m"
-    assert ending(row("pledge", 0, "left_bounds")) == "left bounds after 80.0 m"
+    assert ending(row("pledge", 0, "left_bounds")) == "left the map after 80.0 m"
     assert ending(row("pledge", 0, "fault", None)) == "fault"
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from PIL import Image, ImageDraw, ImageFont
 
 from wayfarer.experiments.film.footage import FilmedTick, Footage
+from wayfarer.fieldlog.vocabulary import in_words, outcome_in_words
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.views import palette
 
@@ -37,8 +38,9 @@ class Caption:
         draw, margin = ImageDraw.Draw(picture, "RGBA"), self._margin
         draw.text((margin, margin), self._title, WHITE, self._small, stroke_width=2, stroke_fill=(20, 20, 16, 150))
         phase = tick.phase.value
-        label, colour = (self._end, WHITE) if over else (phase, palette.PHASE_COLOURS.get(phase, QUIET))
-        self._write_state(draw, picture.height, tick, label.replace("_", " ").upper(), colour)
+        colour = WHITE if over else palette.PHASE_COLOURS.get(phase, QUIET)
+        label = outcome_in_words(self._end) if over else in_words(phase)
+        self._write_state(draw, picture.height, tick, label, colour)
         shown = self._map_at(tick)
         picture.paste(shown, (picture.width - margin - self._map_px, margin), shown)
 
@@ -49,11 +51,11 @@ class Caption:
         text_px, left = self._text_px, self._margin
         top = height - left - 2.0 * text_px
         middle, radius = top + text_px, 0.32 * text_px
-        draw.rounded_rectangle((left, top, left + 15.0 * text_px, top + 2.0 * text_px), 0.5 * text_px, SHADE)
+        draw.rounded_rectangle((left, top, left + 18.8 * text_px, top + 2.0 * text_px), 0.5 * text_px, SHADE)
         spot = left + 3.8 * text_px
         draw.ellipse((spot, middle - radius, spot + 2.0 * radius, middle + radius), colour)
         minutes, seconds = divmod(int(tick.t_s), 60)
-        for at_ems, text in ((0.8, f"{minutes}:{seconds:02d}"), (4.8, label), (11.6, f"{tick.path_m:.0f} m")):
+        for at_ems, text in ((0.8, f"{minutes}:{seconds:02d}"), (4.8, label), (15.2, f"{tick.path_m:.0f} m")):
             draw.text((left + at_ems * text_px, middle), text, WHITE, self._font, anchor="lm")
 
     def _map_at(self, tick: FilmedTick) -> Image.Image:

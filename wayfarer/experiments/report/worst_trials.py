@@ -26,6 +26,7 @@ from wayfarer.experiments.outcome import SUCCESSES
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.trial import TrialResult, run_watched
 from wayfarer.experiments.trial_setup import TrialSpec
+from wayfarer.fieldlog.vocabulary import outcome_in_words
 from wayfarer.hal import Rover
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
@@ -125,7 +126,7 @@ def _difference(row: TrialRow, again: TrialRow) -> str:
 
 def ending(row: TrialRow) -> str:
     """Say how a trial ended, and after which path."""
-    outcome = row.outcome.replace("_", " ")
+    outcome = outcome_in_words(row.outcome)
     return outcome if row.path_m is None else f"{outcome} after {row.path_m:.1f} m"
 
 

@@ -15,6 +15,7 @@ from wayfarer.fieldlog.last_run import end_of_log
 from wayfarer.fieldlog.reader import first_record, log_segments, read_header
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Header
+from wayfarer.fieldlog.vocabulary import outcome_in_words
 
 UNREADABLE = "unreadable"
 ALIVE_S = 5.0  # a log without an outcome that was written to so recently is of a run that goes on
@@ -61,7 +62,7 @@ CELLS: Mapping[str, Callable[[RunRow], str]] = {
     "algorithm": lambda row: row.algorithm or "",
     "m": lambda row: "" if row.commanded_m is None else f"{row.commanded_m:.0f}",
     "episodes": lambda row: "" if row.episodes is None else str(row.episodes),
-    "outcome": lambda row: row.outcome,
+    "outcome": lambda row: outcome_in_words(row.outcome),
     "MB": lambda row: "" if row.size_bytes is None else f"{row.size_bytes / MB:.1f}",
 }
 RIGHT = {"run", "lasted", "m", "episodes", "MB"}

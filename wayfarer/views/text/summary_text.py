@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from wayfarer.escape.phases import PhaseEvent
 from wayfarer.fieldlog.clock import duration_text, local_time
 from wayfarer.fieldlog.reader import Damage
-from wayfarer.fieldlog.vocabulary import in_words
+from wayfarer.fieldlog.vocabulary import in_words, outcome_in_words
 from wayfarer.fieldlog.wording import place_text, plural, whole_deg
 from wayfarer.views.text.summary import LastPosition, RangeBearing, RunSummary
 from wayfarer.views.text.verdict import NO_OUTCOME
@@ -55,7 +55,8 @@ def _about(summary: RunSummary) -> str:
 def _outcome(summary: RunSummary) -> str:
     if summary.reason is None:
         return NO_OUTCOME
-    return f"{summary.reason}: {summary.text}" if summary.text else summary.reason
+    word, text = outcome_in_words(summary.reason), summary.text or ""
+    return text if text.startswith(word) else ": ".join(filter(None, [word, text]))
 
 
 def where_lines(where: LastPosition, missing: int) -> Iterator[str]:
