@@ -27,6 +27,7 @@ from wayfarer.config.rover_file import RoverConfig
 
 FOLDER = Path(__file__).parent / "reference"
 SCHEMA = "rover.schema.json"
+BOUNDS = {"minimum": "from", "exclusiveMinimum": "above", "maximum": "to", "exclusiveMaximum": "below"}
 WRITTEN_BY = "<!-- Written by `python -m docs.generate`: change the code instead. -->\n"
 
 PYTHON = """# Python
@@ -107,7 +108,19 @@ def rover_schema() -> dict[str, Any]:
         "additionalProperties": False,
         "properties": {part: {"anyOf": [*drivers, other]} for part, drivers in sorted(by_part.items())},
     }
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **_plain_bounds(schema)}
+
+
+def _plain_bounds(schema: Any) -> Any:
+    """Write whole bounds as whole numbers: ``Annotated`` gives 1 or 1.0, whichever was imported first."""
+    if isinstance(schema, list):
+        return [_plain_bounds(each) for each in schema]
+    if not isinstance(schema, dict):
+        return schema
+    return {
+        key: int(value) if key in BOUNDS and value == int(value) else _plain_bounds(value)
+        for key, value in schema.items()
+    }
 
 
 def _rover_sections(schema: dict[str, Any]) -> Iterator[str]:
@@ -162,16 +175,7 @@ def _allowed_one(value: dict[str, Any]) -> str:
         return f"a list: {_allowed(items)}"
     if value["type"] == "string":
         return f"text, at most {value['maxLength']} characters" if "maxLength" in value else "text"
-    bounds = [
-        f"{words} {value[bound]:g}"
-        for bound, words in [
-            ("minimum", "from"),
-            ("exclusiveMinimum", "above"),
-            ("maximum", "to"),
-            ("exclusiveMaximum", "below"),
-        ]
-        if bound in value
-    ]
+    bounds = [f"{words} {value[bound]:g}" for bound, words in BOUNDS.items() if bound in value]
     kind = {"number": "number", "integer": "whole number", "boolean": "`true` or `false`"}[value["type"]]
     return " ".join([kind, *bounds])
 

@@ -56,11 +56,12 @@ def test_first_drive_is_five_commands(tmp_path: Path, terminal: dict[str, str]) 
 def test_own_rover_is_checked_and_drives_on_simulated_chips(tmp_path: Path, terminal: dict[str, str]) -> None:
     """As the page says, but for the ten seconds in which a person steps away."""
     shipped = (ROOT / "wayfarer/rovers/forestrover.toml").read_text(encoding="utf-8")
-    (tmp_path / "my-rover.toml").write_text(shipped, encoding="utf-8")
-    reason = 'start_delay_s = 0.0\ndeadman_unproved_because = "simulated chips"\n#'
-    rehearsal = 'buses = "simulated_chips:buses"\n' + shipped.replace("start_delay_s = 10.0", reason)
-    (tmp_path / "rehearsal.toml").write_text(rehearsal, encoding="utf-8")
-    check, *commands = drive_commands("docs/tutorial/my-own-rover.md")
+    without_delay = shipped.replace("start_delay_s = 10.0", "start_delay_s = 0.0")
+    (tmp_path / "my-rover.toml").write_text(without_delay, encoding="utf-8")
+    page = "docs/tutorial/my-own-rover.md"
+    lines = [line for fence in fences(page) for line in shell_lines(fence) if line.startswith(("reason=", "(echo"))]
+    subprocess.run(["bash", "-c", "\n".join(lines)], cwd=tmp_path, check=True)
+    check, *commands = drive_commands(page)
     assert [words[0] for words in (check, *commands)] == ["check", "run", "arm", "status", "stop"]
     checked = command(*check, cwd=tmp_path, env=terminal, stdin=subprocess.DEVNULL)
     assert (checked.returncode, "ok      compass: heading" in checked.stdout) == (0, True), checked.stderr
