@@ -26,9 +26,10 @@ ELSEWHERE = {
     "CONTRIBUTING.md": "how-to/contributing.md",
     "benchmarks/README.md": "explanation/benchmarks.md",
     "README.md": "index.md",
+    "examples/ros2/wayfarer_failsafe/README.md": "how-to/ros2.md",
     NOTEBOOK: "tutorial/campaign.md",
 }
-STATIC = {".png", ".webp", ".svg", ".css", ".json"}
+STATIC = {".png", ".webp", ".svg", ".css", ".json", ".xml"}
 LINK = re.compile(r"(?<=\]\()(?!https?:|mailto:|data:|#)([^)#\s]+)")
 
 
