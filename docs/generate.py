@@ -98,10 +98,15 @@ def rover_schema() -> dict[str, Any]:
         driver = find_driver(name)
         if driver.__module__.startswith("wayfarer."):
             settings = TypeAdapter(driver.Settings).json_schema()
-            settings["properties"] = {"driver": {"const": name}, **settings.get("properties", {})}
-            settings["required"] = ["driver", *settings.get("required", [])]
-            settings |= {"title": name, "additionalProperties": False, "description": getdoc(driver.Settings) or ""}
-            by_part.setdefault(driver.part, []).append(settings)
+            own = {
+                "title": name,
+                "description": getdoc(driver.Settings) or "",
+                "type": "object",
+                "properties": {"driver": {"const": name}, **settings.get("properties", {})},
+                "required": ["driver", *settings.get("required", [])],
+                "additionalProperties": False,
+            }
+            by_part.setdefault(driver.part, []).append(own)
     other = {"properties": {"driver": {"type": "string", "pattern": ":"}}, "required": ["driver"], "title": "other"}
     schema["properties"]["parts"] = {
         "type": "object",
