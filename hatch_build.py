@@ -130,9 +130,9 @@ def compile_libraries(root: Path, into: Path, libraries: Mapping[str, Sequence[s
     with TemporaryDirectory() as work:
         shutil.copytree(root / "wayfarer", Path(work, "wayfarer"), ignore=shutil.ignore_patterns("*.so", "__pycache__"))
         task = json.dumps([libraries, min(len(libraries), os.cpu_count() or 1)])
-        done = subprocess.run(
-            [sys.executable, "-c", SETUP, task], cwd=work, capture_output=True, text=True, check=False
-        )
+        command = [sys.executable, "-c", SETUP, task]
+        environment = {**os.environ, "LDSHARED": _linker()}
+        done = subprocess.run(command, cwd=work, env=environment, capture_output=True, text=True, check=False)
         if done.returncode != 0:
             last = (done.stderr.strip() or done.stdout.strip()).splitlines()[-1:]
             return f"compiling failed: {' '.join(last)}"
@@ -142,6 +142,12 @@ def compile_libraries(root: Path, into: Path, libraries: Mapping[str, Sequence[s
                 (into / inside).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy(path, into / inside)
     return None
+
+
+def _linker() -> str:
+    """Return Python's command for linking, without the folder of this computer where it would look for libraries."""
+    words = shlex.split(os.environ.get("LDSHARED") or sysconfig.get_config_var("LDSHARED") or "cc -shared")
+    return shlex.join(word for word in words if not word.startswith(("-Wl,-rpath", "-Wl,-R")))
 
 
 def _demand() -> str:
