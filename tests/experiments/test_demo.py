@@ -225,3 +225,16 @@ def test_signal_after_the_trial_ends_the_demo(site: Site, monkeypatch: pytest.Mo
 
     site.run(end)
     assert site.log[-1]["reason"] == "escaped"
+
+
+def test_error_beside_the_trial_ends_it_too(tmp_path: Path) -> None:
+    async def fail(site: Site) -> None:
+        await see(site)
+        await site.until(lambda: site.t_s > 1.0)
+        site.demo.pause(True)
+        raise ZeroDivisionError
+
+    site = Site(tmp_path, 6.0)
+    with pytest.raises(ExceptionGroup):
+        site.run(fail)
+    assert site.log[-1]["text"] == "ended by an error"

@@ -118,6 +118,7 @@ class Demo:
                         self._tell_end(shown)
                     press = await self._next_press()
         finally:
+            self._end_by("an error")  # a trial that is still on would keep the program from ending
             self._lines.close()
 
     @property
