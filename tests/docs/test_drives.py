@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 from pathlib import Path
 
@@ -49,7 +50,7 @@ def test_first_drive_is_five_commands(tmp_path: Path, terminal: dict[str, str]) 
     commands = drive_commands("docs/tutorial/first-drive.md")
     assert [words[0] for words in commands] == ["run", "arm", "status", "stop", "report"]
     printed = drive(commands, tmp_path, terminal)
-    assert "armed (simulated)" in printed
+    assert re.search(r"arm(ed|ing) \(simulated\)", printed)
     assert list(tmp_path.glob("field_logs/*/*.html"))
 
 
