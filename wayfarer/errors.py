@@ -62,7 +62,7 @@ class WayfarerError(Exception):
     ...     load_rover("minrover")
     ... except WayfarerError as error:
     ...     print(error)
-    unknown rover 'minrover': did you mean minirover or forestrover?
+    unknown rover 'minrover': did you mean minirover?
     """
 
     exit_code = 1
