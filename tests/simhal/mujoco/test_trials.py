@@ -216,7 +216,7 @@ def test_fault_of_the_engine_is_told_in_its_own_words_and_leaves_no_file(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("feather.toml").write_text(rover_file({**CHASSIS, "weight_kg": 1e-9, "motors_n_m": 1000.0}), encoding="utf-8")
-    code, _, err = run(*SIM, "--rover", "feather.toml", "--trial", "0")
+    code, _, err = run("sim", "--physics", "mujoco", "--budget-m", "6", "--rover", "feather.toml", "--trial", "0")
     assert (code, err.count("\n")) == (1, 1)
     assert "Unstable: MuJoCo could not work out the motion up to " in err
     assert "The simulation is unstable." in err
