@@ -96,6 +96,10 @@ def test_comparison_has_the_numbers_of_the_command(results: wayfarer.Results, ou
     for row, written in zip(rows, (base, other), strict=True):
         assert [row["entrapped"], row["entrapped_low"], row["entrapped_high"]] == list(written["entrapped"].values())
         assert (row["spl"], row["spl_gain"], row["worst_trial"]) == (None, None, written["worst"]["trial"])
+        gain = written["success_gain"] or {"estimate": {"value": None}, "p": None, "pairs": 0}  # of the base
+        assert [row["success_gain"], row["success_gain_p"], row["success_gain_pairs"]] == [
+            gain["estimate"]["value"], gain["p"], gain["pairs"],
+        ]  # fmt: skip
     assert (rows[0]["path_gain_m"], rows[0]["path_gain_pairs"]) == (None, 0)
 
 

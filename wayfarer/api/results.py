@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 # The types of the columns of a comparison; the others are numbers with a fraction.
 COMPARED = {
     "algorithm": str,
-    **dict.fromkeys(("trials", "layouts", "spl_gain_pairs", "path_gain_pairs", "worst_trial"), int),
+    **dict.fromkeys(("trials", "layouts", "worst_trial"), int),
+    **dict.fromkeys(("success_gain_pairs", "spl_gain_pairs", "path_gain_pairs"), int),
 }
 
 
@@ -91,10 +92,11 @@ def compare(results: Results, against: str = "forest-pledge") -> Rows:
 
     Gives a row for each algorithm, the one that the others are compared with first; its own gains are None.
     ``path_gain_m`` is the mean difference of the paths over the pairs in which both got out, metres, negative where
-    this algorithm's path is shorter; ``spl_gain`` is that of the SPL, where shortest paths are known. ``_low`` and
-    ``_high`` are the ends of the 95 % interval, ``_p`` says how likely there is no difference, and ``_pairs`` how many
-    pairs there were. ``entrapped`` and ``left_bounds`` are shares of the trials, 0 to 1. ``worst_trial`` is the number
-    of a trial that failed, else of the longest path.
+    this algorithm's path is shorter; ``success_gain`` is that of the success over all pairs, percentage points;
+    ``spl_gain`` is that of the SPL, where shortest paths are known. ``_low`` and ``_high`` are the ends of the 95 %
+    interval, ``_p`` says how likely a difference so large is by chance, and ``_pairs`` how many pairs there were.
+    ``entrapped`` and ``left_bounds`` are shares of the trials, 0 to 1. ``worst_trial`` is the number of a trial that
+    failed, else of the longest path.
 
     Raises:
         BadInput: no trial of ``against``, or of no other algorithm; or the results are those of a sweep.
@@ -118,6 +120,7 @@ def _paired_row(one: Comparison) -> dict[str, Any]:
         "trials": one.trials,
         "layouts": one.layouts,
         "spl": one.spl,
+        **_gain("success_gain", one.success_gain),
         **_gain("spl_gain", one.spl_gain),
         **_gain("path_gain", one.path_gain_m, "_m"),
         **_interval("entrapped", one.entrapped),
