@@ -101,6 +101,10 @@ def test_comparison_has_the_numbers_of_the_command(results: wayfarer.Results, ou
             gain["estimate"]["value"], gain["p"], gain["pairs"],
         ]  # fmt: skip
     assert (rows[0]["path_gain_m"], rows[0]["path_gain_pairs"]) == (None, 0)
+    assert next(iter(wayfarer.compare(results)))["algorithm"] == "forest-pledge"
+    own = [row._replace(algorithm=row.algorithm.replace("forest-pledge", "own")) for row in results.rows]
+    without = wayfarer.Results({"algorithms": ["own", "pledge"]}, own)
+    assert next(iter(wayfarer.compare(without)))["algorithm"] == "own", "the first one, as of the command"
 
 
 def test_sweep_has_the_swept_values_in_each_row(tmp_path: Path) -> None:

@@ -87,9 +87,10 @@ class Results:
         return [{key: types[key](value) for key, value in point.items()} for point in points], types
 
 
-def compare(results: Results, against: str = "forest-pledge") -> Rows:
+def compare(results: Results, against: str | None = None) -> Rows:
     """Compare the algorithms of a campaign in pairs: each met the same forests with the same noise.
 
+    All are compared with ``against``: without it with Forest-Pledge, or the first one where that is not among them.
     Gives a row for each algorithm, the one that the others are compared with first; its own gains are None.
     ``path_gain_m`` is the mean difference of the paths over the pairs in which both got out, metres, negative where
     this algorithm's path is shorter; ``success_gain`` is that of the success over all pairs, percentage points;
@@ -107,10 +108,12 @@ def compare(results: Results, against: str = "forest-pledge") -> Rows:
     """
     require("comparing")
     from wayfarer.experiments.paired_statistics import compare as compared
+    from wayfarer.experiments.paired_statistics import usual_baseline
 
     if "axes" in results.settings:
         raise BadInput("the results of a sweep have a campaign at each point; compare those of one campaign")
-    rows = [_paired_row(one) for one in compared(results.rows, against)]
+    base = against or usual_baseline(results.settings["algorithms"])
+    rows = [_paired_row(one) for one in compared(results.rows, base)]
     return typed_rows({name: COMPARED.get(name, float) for name in rows[0]}, lambda: rows)
 
 
