@@ -55,6 +55,21 @@ def test_anything_else_is_refused(
         release.refuse_unless_release(tags, changed, changelog, citation)
 
 
+@pytest.mark.parametrize(
+    ("version", "debian", "others"),
+    [
+        ("1.2.3", "1.2.3~deb12", ["wayfarer_1.2.3~rc1~deb12_amd64.deb", "wayfarer_rover-1.2.3rc1.tar.gz"]),
+        ("1.2.3", "1.2.3~deb13", ["wayfarer_1.2.30~deb12_arm64.deb", "wayfarer_rover-1.2.30-py3-none-any.whl"]),
+        ("1.2.3rc1", "1.2.3~rc1~deb12", ["notes.txt", "wayfarer_1.2.3~deb12_amd64.deb"]),
+    ],
+)
+def test_files_of_another_release_are_told_from_those_of_this_one(
+    release: Any, version: str, debian: str, others: list[str]
+) -> None:
+    ours = [f"wayfarer_rover-{version}{ending}" for ending in (".tar.gz", ".cdx.json", "-py3-none-any.whl")]
+    assert release.not_of(version, [*ours, *others, f"wayfarer_{debian}_amd64.deb", "SHA256SUMS"]) == others
+
+
 def test_debian_package_has_every_library_that_wayfarer_needs() -> None:
     text = (ROOT / "packaging" / "debian" / "requirements.txt").read_text(encoding="utf-8")
     inside = {name.replace("_", "-").lower() for name in LIBRARY.findall(text)}

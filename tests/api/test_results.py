@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import polars as pl
 import pyarrow as pa
@@ -95,13 +96,22 @@ def test_comparison_has_the_numbers_of_the_command(results: wayfarer.Results, ou
     for row, written in zip(rows, (base, other), strict=True):
         assert [row["entrapped"], row["entrapped_low"], row["entrapped_high"]] == list(written["entrapped"].values())
         assert (row["spl"], row["spl_gain"], row["worst_trial"]) == (None, None, written["worst"]["trial"])
+        gain = written["success_gain"] or {"estimate": {"value": None}, "p": None, "pairs": 0}  # of the base
+        assert [row["success_gain"], row["success_gain_p"], row["success_gain_pairs"]] == [
+            gain["estimate"]["value"], gain["p"], gain["pairs"],
+        ]  # fmt: skip
     assert (rows[0]["path_gain_m"], rows[0]["path_gain_pairs"]) == (None, 0)
+    assert next(iter(wayfarer.compare(results)))["algorithm"] == "forest-pledge"
+    own = [row._replace(algorithm=row.algorithm.replace("forest-pledge", "own")) for row in results.rows]
+    without = wayfarer.Results({"algorithms": ["own", "pledge"]}, own)
+    assert next(iter(wayfarer.compare(without)))["algorithm"] == "own", "the first one, as of the command"
 
 
 def test_sweep_has_the_swept_values_in_each_row(tmp_path: Path) -> None:
     results = wayfarer.run_sweep(
-        {"slip_mean_m": [5, 10.5], "escape.turn_angle_deg": [30]}, "pledge", 1, budget_m=10.0, out=tmp_path / "out"
-    )
+        {"slip_mean_m": [5, np.float64(10.5)], "escape.turn_angle_deg": [30, 30]},
+        "pledge", 1, budget_m=10.0, out=tmp_path / "out",
+    )  # fmt: skip
     frame = results.trials.to_pandas()
     assert pd.read_csv(tmp_path / "out/trials.csv")["slip_mean_m"].tolist() == frame["slip_mean_m"].tolist()
     assert frame[["point", "slip_mean_m", "escape.turn_angle_deg"]].to_numpy().tolist() == [[0, 5.0, 30], [1, 10.5, 30]]
@@ -109,6 +119,8 @@ def test_sweep_has_the_swept_values_in_each_row(tmp_path: Path) -> None:
     assert wayfarer.open_results(tmp_path / "out").trials.to_arrow().equals(results.trials.to_arrow())
     with pytest.raises(wayfarer.WayfarerError, match="sweep"):
         wayfarer.compare(results)
+    with pytest.raises(wayfarer.WayfarerError, match="key 'slip_mean_m' has no value"):
+        wayfarer.run_sweep({"slip_mean_m": []})
 
 
 NO_MOTORS = wayfarer.load_rover("sim").model_copy(update={"name": "mine", "parts": {}})
@@ -122,6 +134,9 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"ground": "ice"}, "key 'ground' = 'ice': input should be 'ideal'"),
     ({"forests": "no.jsonl"}, "no.jsonl"),
     ({"rover": NO_MOTORS, "depth": "bus"}, "mine: key 'parts.compass' is missing"),
+    ({"anomaly_source": "sight"}, "key 'anomaly_source' = 'sight': input should be 'motion' or 'contact'"),
+    ({"resume": True}, "name it with out"),
+    ({"jobs": 0}, "one process at least"),
     ({"algorithms": "__main__:mine", "jobs": 2}, "put the algorithm in a module of its own"),
 ]
 

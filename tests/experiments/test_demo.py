@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Coroutine
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
@@ -184,6 +185,27 @@ def test_what_the_page_asks_of_the_rover_is_done_also_in_a_pause(tmp_path: Path)
         "mark", "hold", "resume", "wheels_stopped",
     ]  # fmt: skip
     assert site.log[-1]["reason"] == "requested"
+
+
+def test_command_that_the_end_of_the_trial_overtakes_is_refused(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    def overtaken(work: Coroutine[Any, Any, Any], _loop: object) -> Future[Any]:
+        """Do what the end of a loop does to a task that has not begun."""
+        work.close()
+        answer: Future[Any] = Future()
+        answer.cancel()
+        return answer
+
+    async def ask(site: Site) -> None:
+        await see(site)
+        await site.until(lambda: site.t_s > 1.0)
+        with pytest.raises(Refused, match="the run has just ended"):
+            await site.rover.mark(text="too late")
+        refused.append(True)  # a task that was cancelled would end the demo without an error
+
+    refused: list[bool] = []
+    monkeypatch.setattr(asyncio, "run_coroutine_threadsafe", overtaken)
+    site.run(ask)
+    assert refused
 
 
 def test_command_without_a_trial_is_refused(site: Site) -> None:

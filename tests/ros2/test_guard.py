@@ -31,7 +31,8 @@ class Ride:
             noise = self._rng.gauss
             self.guard.take_imu(imu(self.heading_deg + noise(0, 0.3), noise(0, 0.3), self.roll_deg), self.t_s)
         if self.silent != "odom":
-            self.guard.take_odometry(odometry(self.speed_m_s + noise_m_s), self.t_s)
+            speed_m_s = nan if self.silent == "odom is nan" else self.speed_m_s + noise_m_s
+            self.guard.take_odometry(odometry(speed_m_s), self.t_s)
         if self.silent != "cmd":
             self.guard.take_command(twist(ahead_m_s, turn_rad_s), self.t_s)
         self.output = self.guard.tick(self.t_s)
@@ -99,6 +100,7 @@ def test_planner_that_stands_on_purpose_is_not_stuck() -> None:
     [
         ("imu", State.STOPPED, 0.35, "stopped: the IMU is silent"),
         ("odom", State.STOPPED, 0.5, "stopped: the odometry is silent"),
+        ("odom is nan", State.STOPPED, 0.5, "stopped: the odometry is silent"),
         ("cmd", State.IDLE, 0.6, "stopped: no command from the planner"),
     ],
 )

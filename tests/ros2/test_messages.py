@@ -52,7 +52,7 @@ def test_odometry_is_added_up_until_it_is_taken() -> None:
     assert moved.take() is None
 
 
-@pytest.mark.parametrize("unknown", [odometry(nan), odometry(0.0, variance=1e6), odometry(0.0, variance=-1.0)])
+@pytest.mark.parametrize("unknown", [odometry(0.0, variance=1e6), odometry(0.0, variance=-1.0)])
 def test_speed_that_nobody_knows_is_no_standstill(unknown: object) -> None:
     moved = OdometrySum()
     moved.add(odometry(0.5), 0.0)
@@ -60,6 +60,15 @@ def test_speed_that_nobody_knows_is_no_standstill(unknown: object) -> None:
     reading = moved.take()
     assert reading is not None
     assert reading.quality == 0.0
+
+
+def test_odometry_that_is_no_number_counts_as_silence() -> None:
+    moved = OdometrySum()
+    moved.add(odometry(nan), 0.0)
+    assert not moved.heard
+    moved.add(odometry(0.5), 0.05)
+    moved.add(odometry(0.5, left_m_s=nan), 0.1)
+    assert moved.take() is None
 
 
 def test_silence_between_two_messages_is_not_driven() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from importlib import import_module
@@ -101,6 +102,24 @@ def test_messages_go_in_and_a_twist_and_diagnostics_come_out(node: Any) -> None:
     assert node.told[-1][0] == "error"
     assert [text for level, text in node.told if level == "info"] == ["the planner drives"]
     assert len(node.sent["/diagnostics"]) == 3, "when the planner begins, after a second, when all fell silent"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_last_command_before_the_end_is_a_stop(
+    node: Any, monkeypatch: pytest.MonkeyPatch, number: signal.Signals
+) -> None:
+    glue = sys.modules["wayfarer_failsafe.node"]
+    rclpy = SimpleNamespace(init=lambda **_: None, spin=lambda _: signal.raise_signal(number), shutdown=lambda: None)
+    node.destroy_node = lambda: None
+    monkeypatch.setattr(glue, "rclpy", rclpy)
+    monkeypatch.setattr(glue, "FailSafeNode", lambda: node)
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        glue.main()
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    (last,) = node.sent["cmd_vel_out"]
+    assert (last.linear.x, last.angular.z) == (0.0, 0.0)
 
 
 def test_every_parameter_of_the_guard_is_the_nodes_and_stands_in_the_file(node: Any) -> None:

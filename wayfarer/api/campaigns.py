@@ -143,11 +143,16 @@ def run_sweep(
         algorithms, rover=rover, anomaly_source=anomaly_source, forests=forests, senses=senses,
         trials=trials, seed=seed, slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth,
     )  # fmt: skip
-    sweep = make_sweep(campaign, [Axis(key, tuple(each)) for key, each in values.items()])
+    sweep = make_sweep(campaign, [Axis(key, tuple(dict.fromkeys(map(_plain, each)))) for key, each in values.items()])
     for point in sweep.points:
         check_body(point, point.rover.name)
         check_rover(point.rover, point.depth, point.rover.name)
     return _run(sweep, forests, jobs, out, resume=resume, progress=progress)
+
+
+def _plain(value: Value) -> Value:
+    """Return a number of numpy as Python's own: settings are kept as JSON."""
+    return value.item() if hasattr(value, "item") else value
 
 
 def _run(
@@ -158,8 +163,13 @@ def _run(
     from wayfarer.experiments.results_folder import ResultsFolder
     from wayfarer.experiments.run_campaign import run
     from wayfarer.experiments.sim_command import run_shown
+    from wayfarer.fieldlog.wording import plural
     from wayfarer.simhal.world.forest_file import content_of
 
+    if jobs < 1:
+        raise BadInput(f"jobs = {jobs}: a campaign needs one process at least")
+    if resume and out is None:
+        raise BadInput("resume = True continues the results in a folder: name it with out")
     if jobs > 1 and any(name.startswith("__main__:") for name in plan.points[0].algorithms):
         raise BadInput("processes do not import this script: put the algorithm in a module of its own, or use jobs=1")
     faults: list[Done] = []
@@ -179,7 +189,7 @@ def _run(
         if finished.interrupted:
             raise KeyboardInterrupt
         if faults:
-            warnings.warn(f"{len(faults)} trials ended in a fault; {fault_line(faults[0])}", stacklevel=3)
+            warnings.warn(f"{plural(len(faults), 'trial')} ended in a fault: {fault_line(faults[0])}", stacklevel=3)
         return open_results(path)
 
 

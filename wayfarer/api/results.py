@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 # The types of the columns of a comparison; the others are numbers with a fraction.
 COMPARED = {
     "algorithm": str,
-    **dict.fromkeys(("trials", "layouts", "spl_gain_pairs", "path_gain_pairs", "worst_trial"), int),
+    **dict.fromkeys(("trials", "layouts", "worst_trial"), int),
+    **dict.fromkeys(("success_gain_pairs", "spl_gain_pairs", "path_gain_pairs"), int),
 }
 
 
@@ -86,15 +87,17 @@ class Results:
         return [{key: types[key](value) for key, value in point.items()} for point in points], types
 
 
-def compare(results: Results, against: str = "forest-pledge") -> Rows:
+def compare(results: Results, against: str | None = None) -> Rows:
     """Compare the algorithms of a campaign in pairs: each met the same forests with the same noise.
 
+    All are compared with ``against``: without it with Forest-Pledge, or the first one where that is not among them.
     Gives a row for each algorithm, the one that the others are compared with first; its own gains are None.
     ``path_gain_m`` is the mean difference of the paths over the pairs in which both got out, metres, negative where
-    this algorithm's path is shorter; ``spl_gain`` is that of the SPL, where shortest paths are known. ``_low`` and
-    ``_high`` are the ends of the 95 % interval, ``_p`` says how likely there is no difference, and ``_pairs`` how many
-    pairs there were. ``entrapped`` and ``left_bounds`` are shares of the trials, 0 to 1. ``worst_trial`` is the number
-    of a trial that failed, else of the longest path.
+    this algorithm's path is shorter; ``success_gain`` is that of the success over all pairs, percentage points;
+    ``spl_gain`` is that of the SPL, where shortest paths are known. ``_low`` and ``_high`` are the ends of the 95 %
+    interval, ``_p`` says how likely a difference so large is by chance, and ``_pairs`` how many pairs there were.
+    ``entrapped`` and ``left_bounds`` are shares of the trials, 0 to 1. ``worst_trial`` is the number of a trial that
+    failed, else of the longest path.
 
     Raises:
         BadInput: no trial of ``against``, or of no other algorithm; or the results are those of a sweep.
@@ -105,10 +108,12 @@ def compare(results: Results, against: str = "forest-pledge") -> Rows:
     """
     require("comparing")
     from wayfarer.experiments.paired_statistics import compare as compared
+    from wayfarer.experiments.paired_statistics import usual_baseline
 
     if "axes" in results.settings:
         raise BadInput("the results of a sweep have a campaign at each point; compare those of one campaign")
-    rows = [_paired_row(one) for one in compared(results.rows, against)]
+    base = against or usual_baseline(results.settings["algorithms"])
+    rows = [_paired_row(one) for one in compared(results.rows, base)]
     return typed_rows({name: COMPARED.get(name, float) for name in rows[0]}, lambda: rows)
 
 
@@ -118,6 +123,7 @@ def _paired_row(one: Comparison) -> dict[str, Any]:
         "trials": one.trials,
         "layouts": one.layouts,
         "spl": one.spl,
+        **_gain("success_gain", one.success_gain),
         **_gain("spl_gain", one.spl_gain),
         **_gain("path_gain", one.path_gain_m, "_m"),
         **_interval("entrapped", one.entrapped),

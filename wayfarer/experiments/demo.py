@@ -218,12 +218,13 @@ class Demo:
         if verb in {"stop", "hold", "resume"}:
             self.pause(False)  # what they do takes time
         work: Coroutine[Any, Any, Details] = getattr(running.commands, verb)(**keys)
-        try:
-            async with asyncio.timeout(ANSWER_S):
-                return await asyncio.wrap_future(asyncio.run_coroutine_threadsafe(work, running.loop))
-        except TimeoutError:
+        answer = asyncio.wrap_future(asyncio.run_coroutine_threadsafe(work, running.loop))
+        await asyncio.wait([answer], timeout=ANSWER_S)
+        if answer.cancel():  # no answer has come
             work.close()  # it has never begun
-            raise Refused("the run has just ended") from None
+        if answer.cancelled():  # also by the end of the trial's loop
+            raise Refused("the run has just ended")
+        return answer.result()
 
 
 class ForwardedCommands:

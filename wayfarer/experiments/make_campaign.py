@@ -32,6 +32,7 @@ class CampaignNumbers:
     depth: Literal["device", "bus"]
     ground: GroundName
     spl: bool
+    anomaly_source: AnomalySource | None
 
 
 def make_campaign(
@@ -63,9 +64,11 @@ def make_campaign(
         CampaignNumbers,
         {
             "trials": trials, "seed": seed, "slip_mean_m": slip_mean_m, "budget_m": budget_m, "depth": depth,
-            "ground": ground, "spl": spl,
+            "ground": ground, "spl": spl, "anomaly_source": anomaly_source,
         },
     )  # fmt: skip
+    settings = asdict(numbers)
+    del settings["anomaly_source"]  # it is the rover's
     where = rover.name if isinstance(rover, RoverConfig) else str(rover)
     config = rover if isinstance(rover, RoverConfig) else load_rover(where)
     campaign = Campaign(
@@ -73,7 +76,7 @@ def make_campaign(
         rover=config.with_anomaly_source(anomaly_source) if anomaly_source else config,
         forests=read_forest_file(forests) if forests else None,
         physics=commands.senses(senses),
-        **asdict(numbers),
+        **settings,
         **drawn,
     )
     if site is not None:

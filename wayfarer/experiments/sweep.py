@@ -75,12 +75,14 @@ def make_sweep(base: Campaign, axes: Sequence[Axis]) -> Sweep:
     Raises:
         UnknownName: no such key; the text offers the nearest ones.
         BadConfig: a value is out of its range, or two do not go together.
-        BadInput: too many keys or trials, or keys that do not go together.
+        BadInput: too many keys or trials, a key without a value, or keys that do not go together.
     """
     if not 1 <= len(axes) <= MOST_AXES:
         raise BadInput(f"{len(axes)} keys to sweep: one gives curves, two give maps, more cannot be drawn")
     keys = [axis.key for axis in axes]
     _check_keys(base, keys)
+    if without := [axis.key for axis in axes if not axis.values]:
+        raise BadInput(f"key '{without[0]}' has no value to sweep: give one at least")
     count = math.prod(len(axis.values) for axis in axes) * len(base.algorithms) * base.trials
     if count > MOST_TRIALS:
         raise BadInput(f"this sweep has {count:,} trials, allowed are {MOST_TRIALS:,}; take fewer values or --trials")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 
 import matplotlib as mpl
@@ -11,7 +13,7 @@ import pytest
 from tests.conftest import Run, refusal
 from tests.experiments.report.campaigns import ALGORITHMS
 from wayfarer.experiments.report.load_results import read_results
-from wayfarer.experiments.report.paper_figures import WIDTHS_IN, write_figures
+from wayfarer.experiments.report.paper_figures import STYLE, WIDTHS_IN, escape_curves_figure, write_figures
 from wayfarer.experiments.tables import number_text
 
 
@@ -63,3 +65,13 @@ def test_curves_and_rows_are_of_every_algorithm(figures: Path) -> None:
     for name in ("paths", "escape-curves"):
         svg = (figures / f"{name}-2col.svg").read_text()
         assert all(algorithm in svg for algorithm in ALGORITHMS), name
+
+
+def test_name_of_an_algorithm_is_no_formula_and_stands_in_the_legend(finished: Path) -> None:
+    results, names = read_results(finished), (r"a$\bad{$", "_mine:Own")
+    settings = results.settings.model_copy(update={"algorithms": list(names)})
+    odd = replace(results, settings=settings, rows=[results.rows[0]._replace(algorithm=name) for name in names])
+    file = BytesIO()
+    with mpl.rc_context(dict(STYLE)):
+        escape_curves_figure(odd, WIDTHS_IN["1col"]).savefig(file, format="svg")
+    assert all(f">{name}, ".encode() in file.getvalue() for name in names)

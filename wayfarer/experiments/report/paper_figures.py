@@ -46,6 +46,7 @@ STYLE: Mapping[Any, Any] = {
     "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True, "grid.color": "#e4e4e4",
     "grid.linewidth": 0.5, "xtick.major.width": 0.6, "ytick.major.width": 0.6, "lines.linewidth": 1.1,
     "legend.frameon": False, "legend.handlelength": 3.0, "figure.constrained_layout.use": True,
+    "text.parse_math": False,  # the name of an algorithm is no formula
 }  # fmt: skip
 ROW_IN, AXIS_IN, CURVES_IN, LEGEND_LINE_IN = 0.24, 0.5, 2.0, 0.15
 ROUND = [factor * 10.0**power for power in range(-2, 6) for factor in (1, 2, 5)]
@@ -96,17 +97,19 @@ def escape_curves_figure(results: CampaignResults, width_in: float) -> Figure:
     height_in = CURVES_IN + LEGEND_LINE_IN * math.ceil(len(curves) / columns)
     figure = Figure(figsize=(width_in, height_in))
     axes = figure.add_subplot(xlabel=PATH_LABEL, ylabel=ESCAPED_LABEL, ylim=(0.0, 102.0))
+    lines: list[Line2D] = []
     for place, (name, curve) in enumerate(curves.items()):
         dash = DASHES[place % len(DASHES)]
         path_m, percent = curve.steps(span_m[0])
-        axes.step(
+        lines += axes.step(
             path_m, percent, where="post", color=colour_of(place), linestyle=(0, dash) if dash else "-",
             label=curve_label(name, curve),
         )  # fmt: skip
         if curve.failed_m:
             axes.plot(curve.failed_m[-1], percent[-1], marker="|", color=colour_of(place))
     _logarithmic(axes, span_m)
-    figure.legend(loc="outside lower center", ncols=columns)
+    # Named, because a legend that looks for its lines leaves out those whose name begins with an underscore.
+    figure.legend(handles=lines, loc="outside lower center", ncols=columns)
     return figure
 
 

@@ -19,7 +19,7 @@ from wayfarer.views.export.wall_time import nanoseconds, read_clock_zero_s
 
 VERSION: Final = 8  # of the metadata: ROS 2 Iron writes it, and later ones read it
 NO_LIMIT = QosTime(9223372036, 854775807)  # ROS 2's infinite time
-# As tf2 publishes and subscribes to static transforms: whoever plays the bag later gets them too.
+# As tf2 publishes and subscribes to static transforms: who plays the bag later gets them too.
 LATCHED = Qos(
     QosHistory.KEEP_LAST, 1, QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL, NO_LIMIT, NO_LIMIT,
     QosLiveliness.AUTOMATIC, NO_LIMIT, avoid_ros_namespace_conventions=False,

@@ -53,14 +53,20 @@ class OdometrySum:
         return self._came_s is not None
 
     def add(self, odometry: Any, t_s: float) -> None:
-        """Take a message: its speed is taken as that since the message before, at most a second."""
+        """Take a message: its speed is taken as that since the message before, at most a second.
+
+        One whose speed is not a number counts as silence.
+        """
+        moved = odometry.twist
+        ahead_m_s, left_m_s = moved.twist.linear.x, moved.twist.linear.y
+        if not isfinite(ahead_m_s + left_m_s):
+            return
         before_s, self._came_s = self._came_s, t_s
         if before_s is None or not before_s < t_s <= before_s + 1.0:
             return
-        dt_s, moved = t_s - before_s, odometry.twist
-        ahead_m_s, left_m_s = moved.twist.linear.x, moved.twist.linear.y
+        dt_s = t_s - before_s
         self._span_s += dt_s
-        if isfinite(ahead_m_s + left_m_s) and 0.0 <= moved.covariance[0] < UNKNOWN_VARIANCE:
+        if 0.0 <= moved.covariance[0] < UNKNOWN_VARIANCE:
             self._forward_m += ahead_m_s * dt_s
             self._right_m -= left_m_s * dt_s
             self._sure_s += dt_s

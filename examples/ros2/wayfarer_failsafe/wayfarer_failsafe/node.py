@@ -1,5 +1,6 @@
 """The ROS 2 node: topics and parameters around ``guard.Guard``, which decides. It has not run under ROS 2 yet."""
 
+import signal
 from dataclasses import fields
 
 import rclpy
@@ -82,8 +83,9 @@ class FailSafeNode(Node):
 
 
 def main() -> None:
-    """Run the node until it is interrupted; its last command is a stop."""
+    """Run the node until SIGINT or SIGTERM; its last command is a stop."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)  # rclpy's own would take the publishers down first
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # systemd and containers end a node by it
     node = FailSafeNode()
     try:
         rclpy.spin(node)
