@@ -1,4 +1,4 @@
-"""packaging/release: what it refuses to release."""
+"""packaging/release: what it refuses to release, and what its .deb takes from the project."""
 
 from __future__ import annotations
 
@@ -77,3 +77,10 @@ def test_debian_package_has_every_library_that_wayfarer_needs() -> None:
     needed = {re.split(r"[^\w-]", dependency)[0] for dependency in project["dependencies"]}
     assert "pydantic" in needed
     assert {*needed, "smbus2"} <= inside
+
+
+@pytest.mark.parametrize("taken", ["docs", "examples"])
+def test_debian_package_takes_files_that_are_there(taken: str) -> None:
+    patterns = (ROOT / "packaging" / "debian" / f"wayfarer.{taken}").read_text(encoding="utf-8").split()
+    assert patterns
+    assert [pattern for pattern in patterns if not any(ROOT.glob(pattern))] == []
