@@ -92,9 +92,10 @@ def compare(results: Results, against: str = "forest-pledge") -> Rows:
     Gives a row for each algorithm, the one that the others are compared with first; its own gains are None.
     ``path_gain_m`` is the mean difference of the paths over the pairs in which both got out, metres, negative where
     this algorithm's path is shorter; ``spl_gain`` is that of the SPL, where shortest paths are known. ``_low`` and
-    ``_high`` are the ends of the 95 % interval, ``_p`` says how likely there is no difference, and ``_pairs`` how many
-    pairs there were. ``entrapped`` and ``left_bounds`` are shares of the trials, 0 to 1. ``worst_trial`` is the number
-    of a trial that failed, else of the longest path.
+    ``_high`` are the ends of the 95 % interval, ``_p`` is the two-sided p-value (small: chance alone would seldom make
+    such a difference; both by bootstrap over layouts), and ``_pairs`` how many pairs there were. ``entrapped`` and
+    ``left_bounds`` are shares of the trials, 0 to 1. ``worst_trial`` is the number of a trial that failed, else of the
+    longest path.
 
     Raises:
         BadInput: no trial of ``against``, or of no other algorithm; or the results are those of a sweep.
