@@ -56,8 +56,9 @@ For an editor, [{SCHEMA}]({SCHEMA}) is the JSON Schema of all this. With its pat
 def pages() -> dict[str, str]:
     """Return the text of each generated file by its name in ``docs/reference``."""
     schema = rover_schema()
+    names = sorted(wayfarer.__all__, key=lambda name: (name[0].isupper(), name))  # what one calls, then what it returns
     return {
-        "python.md": "\n".join([WRITTEN_BY, PYTHON, *(f"::: wayfarer.{name}\n" for name in wayfarer.__all__)]),
+        "python.md": "\n".join([WRITTEN_BY, PYTHON, *(f"::: wayfarer.{name}\n" for name in names)]),
         "command-line.md": "\n".join([WRITTEN_BY, COMMAND_LINE, *map(_command_section, commands())]),
         "rover-file.md": "\n".join([WRITTEN_BY, ROVER_FILE, *_rover_sections(schema)]),
         SCHEMA: json.dumps(schema, indent=1, ensure_ascii=False) + "\n",

@@ -97,4 +97,4 @@ def test_text_is_escaped_once_and_a_line_feed_in_a_table_parts_lines(tmp_path: P
     assert HOSTILE not in text
     assert text.count("&lt;/script&gt;&lt;b&gt;bold&lt;/b&gt;") == 5, "title, heading, section, caption, and body"
     assert '<th scope="row">a &amp; b</th><td data-column="path m">1<br>&lt;2</td>' in text
-    assert '<th scope="col">path<br>m</th>' in text
+    assert '<th scope="col" data-column="path m">path<br>m</th>' in text

@@ -67,7 +67,7 @@ def test_links_lead_from_where_the_page_is_to_a_run_of_any_name(tmp_path: Path) 
 
 
 def test_folder_without_runs_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match="holds no run; give their folder with --log-dir DIR"):
+    with pytest.raises(BadInput, match="holds no run; give the folder of the logs with --log-dir DIR"):
         write_index(tmp_path, BEGAN_WALL_S)
     assert not list(tmp_path.iterdir())
 

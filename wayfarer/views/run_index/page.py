@@ -38,7 +38,7 @@ def write_index(logs: Path, now_wall_s: float, out: Path | None = None) -> Path:
     """
     runs = run_folders(logs)
     if not runs:
-        raise BadInput(f"{logs} holds no run; give their folder with --log-dir DIR")
+        raise BadInput(f"{logs} holds no run; give the folder of the logs with --log-dir DIR")
     begin = Path(os.path.relpath(logs, out.parent if out else logs))
     rows = [_row(run, begin / run.name, now_wall_s) for run in reversed(runs)]
     caption = (
