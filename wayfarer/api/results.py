@@ -95,9 +95,9 @@ def compare(results: Results, against: str | None = None) -> Rows:
     ``path_gain_m`` is the mean difference of the paths over the pairs in which both got out, metres, negative where
     this algorithm's path is shorter; ``success_gain`` is that of the success over all pairs, percentage points;
     ``spl_gain`` is that of the SPL, where shortest paths are known. ``_low`` and ``_high`` are the ends of the 95 %
-    interval, ``_p`` is the two-sided p-value (both by bootstrap over layouts), and ``_pairs`` how many pairs there were.
-    ``entrapped`` and ``left_bounds`` are shares of the trials, 0 to 1. ``worst_trial`` is the number of a trial that
-    failed, else of the longest path.
+    interval, ``_p`` is the two-sided p-value (both by bootstrap over layouts), and ``_pairs`` how many pairs there
+    were. ``entrapped`` and ``left_bounds`` are shares of the trials, 0 to 1. ``worst_trial`` is the number of a trial
+    that failed, else of the longest path.
 
     Raises:
         BadInput: no trial of ``against``, or of no other algorithm; or the results are those of a sweep.
