@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from importlib import import_module
 from importlib.machinery import SourceFileLoader
 from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
@@ -84,3 +85,9 @@ def test_debian_package_takes_files_that_are_there(taken: str) -> None:
     patterns = (ROOT / "packaging" / "debian" / f"wayfarer.{taken}").read_text(encoding="utf-8").split()
     assert patterns
     assert [pattern for pattern in patterns if not any(ROOT.glob(pattern))] == []
+
+
+def test_launcher_of_the_debian_package_starts_the_command() -> None:
+    launcher = (ROOT / "packaging" / "debian" / "launcher").read_text(encoding="utf-8")
+    module = re.findall(r"-c 'from ([\w.]+) import main; main\(\)'", launcher)
+    assert callable(import_module(module[0]).main)
