@@ -174,6 +174,6 @@ def test_two_runs_share_the_cursor(runs: list[Path], browser_page: OpenPage, vie
     shown.page.locator(".cursor input").fill("2.9")
     assert read(shown.page, "phase") == "17: Probing in a curve, 18: Following the goal"
     shown.page.locator(".cursor input").fill("3.3")
-    assert read(shown.page, "phase") == "17: Probing in a curve, 18: unknown"  # the second run has ended
+    assert read(shown.page, "phase") == "17: Probing in a curve, 18: ended"
     assert shown.overflow_px() == 0
     assert shown.trouble == []

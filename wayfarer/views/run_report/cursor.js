@@ -32,7 +32,8 @@ document.addEventListener("plotted", ({ detail: plotted }) => {
   }
 
   function valueAt({ data, decimals, unit, run }, t) {
-    const at = t > runs[run].end ? -1 : before(data.x, t), value = at < 0 ? undefined : (data.value ?? data.y)[at];
+    if (t > runs[run].end) return "ended";
+    const at = before(data.x, t), value = at < 0 ? undefined : (data.value ?? data.y)[at];
     if (typeof value === "string") return value;
     if (value === undefined || Number.isNaN(value)) return "unknown";
     const digits = value.toFixed(decimals);
