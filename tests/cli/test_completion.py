@@ -40,14 +40,12 @@ def test_bash_completes_commands_runs_algorithms_rovers_and_scenarios(tmp_path: 
     wanted = {
         "wayfarer logs su": "summary",
         "wayfarer logs summary --log-dir logs ": "my-trial 7",
-        "wayfarer replay --log-dir logs my": "my-trial",
         "wayfarer report --log-dir none ": "",
         "wayfarer run --algorithm levy-w": "levy-walk",
         "wayfarer sim --algorithm pledge,levy-": "pledge,levy-pledge pledge,levy-walk",
         "wayfarer run --rover ": "forestrover minirover sim",
         "wayfarer sim --site ext": "extended-maze",
         "wayfarer sweep escape.turn_a": "escape.turn_angle_deg=",
-        "wayfarer sweep --rover minirover footpr": "footprint_m=",
         "wayfarer faults --only stall-3s,board-f": "stall-3s,board-fault stall-3s,board-fault-over",
     }
     assert BASH is not None

@@ -77,7 +77,7 @@ def test_several_processes_give_what_one_gives(tmp_path: Path) -> None:
 
 @pytest.mark.process
 def test_several_processes_give_the_missions_that_one_gives(tmp_path: Path) -> None:
-    asked = ["faults", "--missions", "3", "--only", "motion-silent,flipped", "--rover", "sim"]
+    asked = ["faults", "--missions", "2", "--only", "motion-silent", "--rover", "sim"]
     for jobs in ("1", "2"):
         assert cli.run([*asked, "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
     for name in ("results.csv", "results.json"):

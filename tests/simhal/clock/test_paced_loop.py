@@ -12,7 +12,9 @@ import pytest
 
 from tests.simhal.clock.programs import PROGRAMS, Program, trace_of
 from wayfarer.errors import NothingScheduled
-from wayfarer.simhal.clock.paced_loop import Pace, PacedLoop
+from wayfarer.simhal.clock.paced_loop import CATCH_UP_S, Pace, PacedLoop
+
+pytestmark = pytest.mark.process  # it waits for the clock
 
 FAST = 1e6
 
@@ -42,7 +44,7 @@ def test_program_runs_as_in_virtual_time(program: Program) -> None:
 
 def test_time_goes_at_its_speed_and_stands_where_nothing_can_happen(loop: PacedLoop, pace: Pace) -> None:
     pace.speed = 20.0
-    assert 0.19 < took_s(loop, 4.0) < 2.0
+    assert 0.2 - 1.1 * CATCH_UP_S < took_s(loop, 4.0) < 2.0
     assert loop.time() == 4.0
     with pytest.raises(NothingScheduled):
         loop.run_until_complete(loop.create_future())
@@ -104,4 +106,5 @@ def test_long_delay_is_not_made_up_for(loop: PacedLoop, pace: Pace) -> None:
     loop.call_later(1.0, time.sleep, 0.3)
     began_s = time.monotonic()
     loop.run_until_complete(steps())
-    assert time.monotonic() - began_s > 0.3 + 0.3 - 0.06
+    # At the beginning and after the delay it may hurry a little. Were the delay made up for, it would take 0.4 s.
+    assert time.monotonic() - began_s > 0.3 + 0.3 - 2.2 * CATCH_UP_S
