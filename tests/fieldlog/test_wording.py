@@ -40,7 +40,7 @@ EVENTS: list[tuple[str, dict[str, Any], str]] = [
     ("unclean_shutdown", {}, "The run before (not known) was cut off: killed, or without power"),
     ("unclean_shutdown", {"run": "00016-x", "mode": None, "error": "no entry"},
      "The run before (00016-x) cannot be read: no entry"),
-    ("wheels_stopped", {"reason": "mission_time"}, "The wheels are stopped: mission time"),
+    ("wheels_stopped", {"reason": "mission_time"}, "The wheels are stopped: time limit"),
 ]  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from wayfarer.fieldlog.fields import MAX_PLAUSIBLE, escape_control_chars
 from wayfarer.fieldlog.run_events import Ended, FaultInjected, Silence, event_name
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Fix, Header
-from wayfarer.fieldlog.vocabulary import disarmed_text, ends_text, in_words, level_text
+from wayfarer.fieldlog.vocabulary import disarmed_text, ends_text, in_words, level_text, outcome_in_words
 
 
 class Tone(Enum):
@@ -192,7 +192,7 @@ MISSING = {"goal_heading_deg": "straight ahead", "dropped": "Some records"}  # e
 WORDS: Mapping[str, Callable[[Any], str]] = {
     "goal_heading_deg": lambda angle_deg: f"towards {whole_deg(angle_deg)} degrees",
     **dict.fromkeys(("part", "sensor", "cause"), in_words),
-    "reason": lambda reason: disarmed_text(reason).replace("_", " "),
+    "reason": lambda reason: outcome_in_words(disarmed_text(reason)).replace("_", " "),
     "counts": lambda counts: _value(counts).replace("_", " "),
     "dropped": lambda count: plural(count, "record"),
     "last_t_wall": lambda wall_s: local_time(wall_s, " at %Y-%m-%d %H:%M:%S"),
