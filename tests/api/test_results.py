@@ -137,7 +137,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"anomaly_source": "sight"}, "key 'anomaly_source' = 'sight': input should be 'motion' or 'contact'"),
     ({"resume": True}, "name it with out"),
     ({"jobs": 0}, "one process at least"),
-    ({"algorithms": "__main__:mine", "jobs": 2}, "put the algorithm in a module of its own"),
+    ({"algorithms": "__main__:mine", "jobs": 2}, "put the algorithm in another file"),
 ]
 
 

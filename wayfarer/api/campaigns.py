@@ -74,7 +74,8 @@ def run_campaign(
     >>> [(row["trial"], row["outcome"]) for row in results.trials]
     [(0, 'left_bounds'), (1, 'escaped')]
     """
-    require("sweeping")
+    require("simulating")
+    require("keeping results")
     from wayfarer.experiments.make_campaign import make_campaign
 
     campaign = make_campaign(
@@ -135,7 +136,7 @@ def run_sweep(
     [(0, 30, 0), (1, 60, 0)]
     """
     require("sweeping")
-    from wayfarer.experiments.commands import check_body, check_rover
+    from wayfarer.experiments.commands import check_points
     from wayfarer.experiments.make_campaign import make_campaign
     from wayfarer.experiments.sweep import Axis, make_sweep
 
@@ -144,9 +145,7 @@ def run_sweep(
         trials=trials, seed=seed, slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth,
     )  # fmt: skip
     sweep = make_sweep(campaign, [Axis(key, tuple(dict.fromkeys(map(_plain, each)))) for key, each in values.items()])
-    for point in sweep.points:
-        check_body(point, point.rover.name)
-        check_rover(point.rover, point.depth, point.rover.name)
+    check_points(sweep.points, campaign.rover.name)
     return _run(sweep, forests, jobs, out, resume=resume, progress=progress)
 
 
@@ -171,7 +170,7 @@ def _run(
     if resume and out is None:
         raise BadInput("resume = True continues the results in a folder: name it with out")
     if jobs > 1 and any(name.startswith("__main__:") for name in plan.points[0].algorithms):
-        raise BadInput("processes do not import this script: put the algorithm in a module of its own, or use jobs=1")
+        raise BadInput("processes do not import this script: put the algorithm in another file, or use jobs=1")
     faults: list[Done] = []
 
     def note(done: Done) -> None:

@@ -108,12 +108,10 @@ def compare(results: Results, against: str | None = None) -> Rows:
     """
     require("comparing")
     from wayfarer.experiments.paired_statistics import compare as compared
-    from wayfarer.experiments.paired_statistics import usual_baseline
 
     if "axes" in results.settings:
         raise BadInput("the results of a sweep have a campaign at each point; compare those of one campaign")
-    base = against or usual_baseline(results.settings["algorithms"])
-    rows = [_paired_row(one) for one in compared(results.rows, base)]
+    rows = [_paired_row(one) for one in compared(results.rows, against)]
     return typed_rows({name: COMPARED.get(name, float) for name in rows[0]}, lambda: rows)
 
 

@@ -34,15 +34,12 @@ def compare(
     from rich.console import Console
 
     from wayfarer.experiments.paired_statistics import compare as compared
-    from wayfarer.experiments.paired_statistics import usual_baseline
     from wayfarer.experiments.paired_table import print_comparison
     from wayfarer.experiments.report.load_results import read_results
     from wayfarer.views.text.scripting import print_json
 
-    campaign = read_results(results)
-    against = against or usual_baseline(campaign.settings.algorithms)
-    algorithms = compared(campaign.rows, against)
+    algorithms = compared(read_results(results).rows, against)
     if as_json:
-        print_json({"against": against, "algorithms": algorithms})
+        print_json({"against": algorithms[0].algorithm, "algorithms": algorithms})
     else:
         print_comparison(Console(), algorithms)

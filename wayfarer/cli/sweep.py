@@ -56,7 +56,7 @@ def sweep(
 ) -> None:
     """Run the same trials at each point of a grid of settings, and show how the results change."""
     require("sweeping")
-    from wayfarer.experiments.commands import check_body, check_rover, cores
+    from wayfarer.experiments.commands import check_points, cores
     from wayfarer.experiments.make_campaign import make_campaign
     from wayfarer.experiments.sweep import make_sweep, parse_axis
     from wayfarer.experiments.sweep_command import run_all
@@ -66,9 +66,7 @@ def sweep(
         trials=trials, seed=seed, slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth,
     )  # fmt: skip
     plan = make_sweep(campaign, [parse_axis(text) for text in keys])
-    for point in plan.points:
-        check_body(point, rover)
-        check_rover(point.rover, point.depth, rover)
+    check_points(plan.points, rover)
     raise typer.Exit(
         run_all(plan, out, resume=resume, jobs=jobs or cores(), as_json=as_json, command=command_line(ctx))
     )

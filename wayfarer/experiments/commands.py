@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -109,6 +109,17 @@ def _number(asked: str, text: str) -> float:
         raise BadInput(f"--senses {asked}: '{text}' is not a number") from None
 
 
+def check_points(points: Iterable[Campaign], where: str) -> None:
+    """Make sure that the rover can drive in a campaign, or at each point of a sweep; ``where`` as ``check_rover``.
+
+    Raises:
+        BadInput: it cannot, or something that it needs is not installed.
+    """
+    for point in points:
+        check_body(point, where)
+        check_rover(point.rover, point.depth, where)
+
+
 def check_body(campaign: Campaign, where: str) -> None:
     """Make sure that wheels that slip can have this rover's body, before the first trial; ``where`` as ``check_rover``.
 
@@ -187,8 +198,16 @@ def at_site(campaign: Campaign, scenario: str) -> Campaign:
     """Return a campaign whose trials take place at the site of a scenario, with a receiver where it logs positions.
 
     Raises:
+        UnknownName: no such site; the text offers the nearest names.
         BadConfig: the rover's file does not say how it meets a branch.
+        BadInput: the campaign has its own forests.
     """
+    from wayfarer.simhal.world.sites import SITES
+
+    if scenario not in SITES:
+        raise UnknownName("site", scenario, SITES)
+    if campaign.forests is not None:
+        raise BadInput(f"site '{scenario}' draws its own layouts; leave out the site or the forests")
     if missing := campaign.rover.chassis.missing(CLIMBING_KEYS):
         raise BadConfig(
             f"rover '{campaign.rover.name}' has no chassis.{missing[0]}, which --site needs for branches;"

@@ -12,7 +12,6 @@ from annotated_types import Interval
 
 from wayfarer.config.messages import validated
 from wayfarer.config.rover_file import RoverConfig, load_rover
-from wayfarer.errors import BadInput, UnknownName
 from wayfarer.experiments import commands
 from wayfarer.experiments.campaign import Campaign, read_forest_file
 from wayfarer.experiments.sweep import MOST_TRIALS
@@ -80,17 +79,6 @@ def make_campaign(
         **drawn,
     )
     if site is not None:
-        campaign = _at_site(campaign, site)
-    commands.check_body(campaign, where)
-    commands.check_rover(campaign.rover, campaign.depth, where)
+        campaign = commands.at_site(campaign, site)
+    commands.check_points([campaign], where)
     return campaign
-
-
-def _at_site(campaign: Campaign, site: str) -> Campaign:
-    from wayfarer.simhal.world.sites import SITES
-
-    if site not in SITES:
-        raise UnknownName("site", site, SITES)
-    if campaign.forests is not None:
-        raise BadInput(f"site '{site}' draws its own layouts; leave out the site or the forests")
-    return commands.at_site(campaign, site)

@@ -63,13 +63,10 @@ class Comparison:
     worst: TrialRow
 
 
-def usual_baseline(algorithms: Sequence[str]) -> str:
-    """Return the algorithm that others are compared with where none is named: Forest-Pledge, else the first one."""
-    return USUAL_BASELINE if USUAL_BASELINE in algorithms else algorithms[0]
-
-
-def compare(rows: Sequence[TrialRow], against: str) -> list[Comparison]:
+def compare(rows: Sequence[TrialRow], against: str | None = None) -> list[Comparison]:
     """Compare every algorithm of a campaign with one of them, which comes first.
+
+    Where none is named that is Forest-Pledge, else the campaign's first one.
 
     Raises:
         BadInput: that one is not there, is alone, or two trials have the same algorithm, forest and noise.
@@ -81,6 +78,8 @@ def compare(rows: Sequence[TrialRow], against: str) -> list[Comparison]:
                 f"{row.algorithm} has two trials in forest {row.forest} with noise {row.noise}, so its trials cannot "
                 "be paired; give each line of the forest file its own forest and noise"
             )
+    if against is None:
+        against = USUAL_BASELINE if USUAL_BASELINE in trials else next(iter(trials))
     if against not in trials:
         raise BadInput(f"no trial of '{against}' to compare with; --against takes one of {', '.join(trials)}")
     if len(trials) == 1:

@@ -56,7 +56,7 @@ _RUNS = TypeAdapter(list[RecordedRun])
 
 
 def read_runs(folder: Path) -> list[RecordedRun]:
-    """Return who made the results in a folder, the first run first; nothing where an older version made them.
+    """Return the runs that made the results in a folder, the first one first; none where an older version made them.
 
     Raises:
         BadInput: the file is damaged, or cannot be read.

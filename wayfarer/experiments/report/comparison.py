@@ -8,7 +8,7 @@ from typing import NamedTuple
 from bokeh.models.annotations import Span
 
 from wayfarer.errors import BadInput
-from wayfarer.experiments.paired_statistics import Comparison, Difference, compare, usual_baseline
+from wayfarer.experiments.paired_statistics import Comparison, Difference, compare
 from wayfarer.experiments.paired_table import COLUMNS, LEGEND, sentences
 from wayfarer.experiments.report.algorithm_rows import grouped, lay_out, rows_plot
 from wayfarer.experiments.report.load_results import CampaignResults
@@ -51,7 +51,7 @@ def compared(results: CampaignResults) -> list[Comparison]:
     Raises:
         BadInput: there is one only, or the trials cannot be paired.
     """
-    return compare(results.rows, usual_baseline(results.settings.algorithms))
+    return compare(results.rows)
 
 
 def comparison_section(results: CampaignResults, plots: Plots) -> Iterator[str]:

@@ -17,7 +17,7 @@ def run_virtually(
 ) -> T:
     """Run ``main`` on a loop of virtual time to its end, and return its result.
 
-    A notebook runs its cells on a loop of its own, and a thread has one running loop at most: there it is another
+    A notebook runs its cells on an event loop, and a thread has one running loop at most: there it is another
     thread that runs ``main``, while this one waits.
     """
     if asyncio._get_running_loop() is None:

@@ -59,7 +59,7 @@ class FailSafeNode(Node):
                 self._log(output)
 
     def _log(self, output: Output) -> None:
-        """Tell the operator by /rosout; each severity has a line of its own, because rclpy lets none of them change."""
+        """Tell the operator by /rosout; each severity has a separate line, because rclpy lets none of them change."""
         if output.state.level == 0:
             self.get_logger().info(output.text)
         elif output.state.level == 1:
