@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -100,15 +100,24 @@ def chromium() -> Iterator[Browser]:
         browser.close()
 
 
-@pytest.fixture
-def browser_page(chromium: Browser) -> Iterator[OpenPage]:
-    """Open pages, each with cookies, storage and network of its own; they are closed with the test."""
+@contextmanager
+def opening_pages(chromium: Browser) -> Iterator[OpenPage]:
+    """Open pages, each with separate cookies, storage and network; all are closed at the end."""
+    opened = []
 
     def open_page(viewport: tuple[int, int] = DESKTOP, *, offline: bool = False) -> Opened:
         width, height = viewport
         context = chromium.new_context(viewport={"width": width, "height": height}, offline=offline)
+        opened.append(context)
         return Opened(context.new_page())
 
     yield open_page
-    for context in chromium.contexts:
+    for context in opened:
         context.close()
+
+
+@pytest.fixture
+def browser_page(chromium: Browser) -> Iterator[OpenPage]:
+    """Open pages, see ``opening_pages``; they are closed with the test."""
+    with opening_pages(chromium) as open_page:
+        yield open_page

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page
+from playwright.sync_api import Browser, Page
 
-from tests.browser import SIZES, OpenPage, drag, plotted
+from tests.browser import PHONE, SIZES, OpenPage, drag, opening_pages, plotted
 from tests.views.run_report.logs import ARMED, HEADER, OUTCOME, by_time, episode, fix, tick, write_log
 from tests.views.text.records import event, outcome
 from wayfarer.views import palette
@@ -27,6 +28,19 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     first = by_time(HEADER, ARMED, *episode(), fix(2.0, 2.0), event("mark", 4.5, text=TEXT), OUTCOME)
     second = [HEADER, ARMED, *(tick(0.05 * at, heading_deg=90.0) for at in range(60)), outcome(2.95)]
     return [write_log(folder / f"0001{each}-20261121T061405Z", records) for each, records in ((7, first), (8, second))]
+
+
+@pytest.fixture(scope="module")
+def report(runs: list[Path]) -> Path:
+    """The page of the run with an episode."""
+    return write_run_report(runs[0])
+
+
+@pytest.fixture(scope="module")
+def desk(chromium: Browser, report: Path) -> Iterator[Page]:
+    """That page in a wide window: drawing it takes seconds, so tests share it, and leave it as it was."""
+    with opening_pages(chromium) as open_page:
+        yield plotted(open_page, report).page
 
 
 def read(page: Page, name: str) -> str:
@@ -62,9 +76,9 @@ def panel(page: Page, title: str) -> str:
 
 @SIZES
 def test_page_shows_plots_and_tables_and_does_not_overflow(
-    runs: list[Path], browser_page: OpenPage, viewport: tuple[int, int]
+    report: Path, browser_page: OpenPage, viewport: tuple[int, int]
 ) -> None:
-    shown = plotted(browser_page, write_run_report(runs[0]), viewport)
+    shown = plotted(browser_page, report, viewport)
     assert shown.page.locator(".map .plot canvas").count() > 0
     assert shown.page.locator(".panels .key b").all_inner_texts() == [
         "events", "heading about the goal, °", "counter C, °", "tilt, °", "speed, m/s", "left wheel's duty",
@@ -101,10 +115,8 @@ def test_index_filters_and_sorts_its_rows(runs: list[Path], browser_page: OpenPa
     assert shown.trouble == []
 
 
-def test_whole_map_is_in_the_first_screen_and_is_brighter_on_a_dark_page(
-    runs: list[Path], browser_page: OpenPage
-) -> None:
-    shown = plotted(browser_page, write_run_report(runs[0]), (1280, 800))
+def test_whole_map_is_in_the_first_screen_and_is_brighter_on_a_dark_page(report: Path, browser_page: OpenPage) -> None:
+    shown = plotted(browser_page, report, (1280, 800))
     map_, bar = (shown.page.locator(each).bounding_box() for each in (".map .plot", ".cursor"))
     assert map_ is not None
     assert bar is not None
@@ -115,11 +127,8 @@ def test_whole_map_is_in_the_first_screen_and_is_brighter_on_a_dark_page(
     assert shown.page.evaluate(look) == f"brightness({palette.BRIGHTER})"
 
 
-@SIZES
-def test_slider_moves_the_cursor_through_map_panels_and_values(
-    runs: list[Path], browser_page: OpenPage, viewport: tuple[int, int]
-) -> None:
-    shown = plotted(browser_page, write_run_report(runs[0]), viewport)
+def test_slider_moves_the_cursor_through_map_panels_and_values(report: Path, browser_page: OpenPage) -> None:
+    shown = plotted(browser_page, report, PHONE)
     shown.page.locator(".cursor input").fill("2.2")
     assert read(shown.page, "time") == "0:00:02.2"
     assert read(shown.page, "phase") == "Backing off"
@@ -131,39 +140,38 @@ def test_slider_moves_the_cursor_through_map_panels_and_values(
     assert shown.overflow_px() == 0
 
 
-def test_pointer_over_a_panel_moves_the_cursor(runs: list[Path], browser_page: OpenPage) -> None:
-    shown = plotted(browser_page, write_run_report(runs[0]))
-    times = [time_at(shown.page, panel(shown.page, "speed"), right, 0.4) for right in (0.3, 0.6, 0.9)]
+def test_pointer_over_a_panel_moves_the_cursor(desk: Page) -> None:
+    times = [time_at(desk, panel(desk, "speed"), right, 0.4) for right in (0.3, 0.6, 0.9)]
     assert times == sorted(times)
     assert len(set(times)) == 3
 
 
-def test_pointer_over_the_map_finds_the_time(runs: list[Path], browser_page: OpenPage) -> None:
-    shown = plotted(browser_page, write_run_report(runs[0]))
-    early, late = (time_at(shown.page, ".map .bk-events", 0.5, down) for down in (0.8, 0.1))
+def test_pointer_over_the_map_finds_the_time(desk: Page) -> None:
+    early, late = (time_at(desk, ".map .bk-events", 0.5, down) for down in (0.8, 0.1))
     assert early < late  # the rover drove north: what is above comes later
 
 
-def test_drag_zooms_all_panels_and_the_button_shows_all_again(runs: list[Path], browser_page: OpenPage) -> None:
-    shown = plotted(browser_page, write_run_report(runs[0]))
-    whole = shown.page.evaluate(SEEN)
-    plot = panel(shown.page, "heading")
-    drag(shown.page, at(shown.page, plot, 0.4, 0.4), at(shown.page, plot, 0.9, 0.5), f"{SEEN}[0] > {whole[0]}")
-    start, end = shown.page.evaluate(SEEN)
+def test_drag_zooms_all_panels_and_the_button_shows_all_again(desk: Page) -> None:
+    whole = desk.evaluate(SEEN)
+    plot = panel(desk, "heading")
+    drag(desk, at(desk, plot, 0.4, 0.4), at(desk, plot, 0.9, 0.5), f"{SEEN}[0] > {whole[0]}")
+    start, end = desk.evaluate(SEEN)
     assert whole[0] < start < end < whole[1] + 1e-6
-    shown.page.get_by_role("button", name="the whole time").click()
-    assert shown.page.evaluate(SEEN) == whole
-    shown.page.get_by_role("button", name="zoom in").click()
-    start, end = shown.page.evaluate(SEEN)
+    desk.get_by_role("button", name="the whole time").click()
+    assert desk.evaluate(SEEN) == whole
+    desk.get_by_role("button", name="zoom in").click()
+    start, end = desk.evaluate(SEEN)
     assert end - start < 0.7 * (whole[1] - whole[0])
+    desk.get_by_role("button", name="the whole time").click()
 
 
-def test_anomalies_can_be_switched_off_on_map_and_panels(runs: list[Path], browser_page: OpenPage) -> None:
-    shown = plotted(browser_page, write_run_report(runs[0]))
+def test_anomalies_can_be_switched_off_on_map_and_panels(desk: Page) -> None:
     visible = f"{MODELS}.filter((model) => model.tags.includes('layer:anomaly')).map((drawn) => drawn.visible)"
-    assert shown.page.evaluate(visible) == [True, True]
-    shown.page.get_by_label("anomalies").uncheck()
-    assert shown.page.evaluate(visible) == [False, False]
+    assert desk.evaluate(visible) == [True, True]
+    desk.get_by_label("anomalies").uncheck()
+    assert desk.evaluate(visible) == [False, False]
+    desk.get_by_label("anomalies").check()
+    assert desk.evaluate(visible) == [True, True]
 
 
 @SIZES
