@@ -2,14 +2,15 @@
 
 mypyc compiles, where a C compiler works. Which modules, and into which shared libraries, is a table in
 ``pyproject.toml``. The environment variable ``WAYFARER_COMPILE`` decides: ``0`` installs pure Python, ``1`` fails where
-nothing can be compiled; without it, pure Python is installed there, which does the same more slowly. An editable
-installation is pure. ``wayfarer --version`` says which of the two it is.
+nothing can be compiled; without it, pure Python is installed there, and where the compiler needs more memory than the
+computer has. It does the same more slowly. An editable installation is pure. ``wayfarer --version`` says which it is.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import re
 import shlex
 import shutil
 import subprocess
@@ -21,6 +22,11 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+# Compiling two libraries side by side takes 1.0 GB at its peak (mypy, setuptools and two cc1 of gcc 12, on x86_64), and
+# the system needs the rest. A board of 1 GB has a MemTotal of some 0.95 GB, one of 2 GB some 1.9 GB.
+LEAST_MEMORY_GB = 1.5
+MEMINFO = Path("/proc/meminfo")
 
 # mypyc gets at its options through setuptools only. Types of libraries that are not there do not matter.
 # -O1: -O2 takes a third longer and makes a control tick 0.1 % cheaper.
@@ -38,8 +44,11 @@ extensions = mypycify(
     debug_level="0",
     separate=[(library, name) for name, library in libraries.items()],
 )
-for extension in extensions:  # a warning of another compiler is no reason for pure Python
-    extension.extra_compile_args = [flag for flag in extension.extra_compile_args if flag != "-Werror"]
+for extension in extensions:
+    # A warning of another compiler is no reason for pure Python. aarch64 can multiply and add with one rounding, which
+    # compilers may use unless told not to: a trial would not have the same bytes as on x86_64.
+    flags = [flag for flag in extension.extra_compile_args if flag != "-Werror"]
+    extension.extra_compile_args = [*flags, "-ffp-contract=off"]
 setup(ext_modules=extensions, script_args=["-q", "build_ext", "--inplace", "--parallel", str(jobs)])
 """
 
@@ -93,7 +102,7 @@ class CompileHook(BuildHookInterface[Any]):
     def _why_pure(self) -> str | None:
         if _demand() == "0":
             return "WAYFARER_COMPILE=0"
-        return why_no_compiler()
+        return why_no_compiler() or (why_too_little_memory(MEMINFO) if _demand() == "" else None)
 
     def _compile(self, build_data: dict[str, Any]) -> str | None:
         """Compile and tell the wheel what to take; return why that failed, or None."""
@@ -112,6 +121,15 @@ def why_no_compiler() -> str | None:
         return f"there is no C compiler ({compiler})"
     if not Path(sysconfig.get_path("include"), "Python.h").exists():
         return "Python's header files are not installed (python3-dev)"
+    return None
+
+
+def why_too_little_memory(meminfo: Path) -> str | None:
+    """Return why compiling could exhaust the memory of a computer with this ``/proc/meminfo``, None where it fits."""
+    found = re.search(r"^MemTotal: +(\d+) kB$", meminfo.read_text(encoding="ascii"), re.MULTILINE)
+    memory_gb = int(found[1]) * 1024 / 1e9 if found else LEAST_MEMORY_GB
+    if memory_gb < LEAST_MEMORY_GB:
+        return f"compiling needs {LEAST_MEMORY_GB} GB of memory, and this computer has {memory_gb:.1f} GB"
     return None
 
 

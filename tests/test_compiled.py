@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from hatch_build import CompileHook, compile_libraries, why_no_compiler
+from hatch_build import CompileHook, compile_libraries, why_no_compiler, why_too_little_memory
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -134,6 +134,27 @@ def test_missing_compiler_means_pure_python_unless_it_is_demanded(monkeypatch: p
     monkeypatch.setenv("WAYFARER_COMPILE", "1")
     with pytest.raises(RuntimeError, match="WAYFARER_COMPILE=1, but there is no C compiler"):
         hook().initialize("standard", {"force_include": {}})
+
+
+@pytest.mark.parametrize(("board", "memory_kb"), [("Pi 3, 1 GB", 942_344), ("Zero 2 W", 437_248)])
+def test_board_with_little_memory_compiles_only_on_demand(
+    board: str, memory_kb: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    meminfo = tmp_path / "meminfo"
+    meminfo.write_text(f"MemTotal:         {memory_kb} kB\nMemFree:          100000 kB\n", encoding="ascii")
+    monkeypatch.setattr("hatch_build.MEMINFO", meminfo)
+    monkeypatch.setattr("hatch_build.why_no_compiler", lambda: None)
+    monkeypatch.delenv("WAYFARER_COMPILE", raising=False)
+    assert hook().dependencies() == []
+    why = f"compiling needs 1.5 GB of memory, and this computer has {memory_kb * 1.024e-6:.1f} GB"
+    assert why_too_little_memory(meminfo) == why
+    monkeypatch.setenv("WAYFARER_COMPILE", "1")
+    assert hook().dependencies() == HOOK["requires"]
+
+
+def test_board_of_2_gb_compiles(tmp_path: Path) -> None:
+    (tmp_path / "meminfo").write_text("MemTotal:        1886820 kB\n", encoding="ascii")
+    assert why_too_little_memory(tmp_path / "meminfo") is None
 
 
 def test_other_demand_than_0_and_1_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

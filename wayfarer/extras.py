@@ -16,11 +16,13 @@ class OptionalExtra(NamedTuple):
 
 
 NEEDS = {
-    "simulating": OptionalExtra("sim", {"numpy": "numpy", "skfmm": "scikit-fmm"}),
+    "simulating": OptionalExtra("sim", {"numpy": "numpy"}),
+    "--spl": OptionalExtra("spl", {"skfmm": "scikit-fmm"}),
+    "--site": OptionalExtra("sim", {"scipy": "scipy"}),
     "comparing": OptionalExtra("sim", {"numpy": "numpy", "scipy": "scipy"}),
     "keeping results": OptionalExtra("sim", {"pyarrow": "pyarrow"}),
     "a cluster": OptionalExtra("cluster", {"distributed": "distributed"}),
-    "sweeping": OptionalExtra("sim", {"numpy": "numpy", "skfmm": "scikit-fmm", "pyarrow": "pyarrow"}),
+    "sweeping": OptionalExtra("sim", {"numpy": "numpy", "pyarrow": "pyarrow"}),
     "--physics mujoco": OptionalExtra("physics", {"mujoco": "mujoco"}),
     "--video": OptionalExtra("physics", {"av": "av", "PIL": "pillow", "scipy": "scipy"}),
     "--figures": OptionalExtra("figures", {"matplotlib": "matplotlib"}),

@@ -35,7 +35,7 @@ FOREST = {
 def test_version_imports_nothing_heavy() -> None:
     script = (
         "import sys; from wayfarer.cli import run; code = run(['--version']);"
-        "heavy = {'numpy', 'scipy', 'pydantic', 'rich', 'asyncio', 'structlog', 'wayfarer.simhal'};"
+        "heavy = {'numpy', 'scipy', 'pydantic', 'rich', 'asyncio', 'wayfarer.simhal'};"
         "print(code, sorted(heavy & set(sys.modules)))"
     )
     told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
@@ -76,7 +76,10 @@ GET = "which is not installed: pip install 'wayfarer-rover"
         (["sim", "--trials", "1"], "numpy", f"simulating needs numpy, {GET}[sim]'"),
         (["sim", "--out", "o"], "pyarrow", f"results needs pyarrow, {GET}[sim]'"),
         (["sim", "--cluster", "x:1"], "distributed", f"distributed, {GET}[cluster]'"),
-        (["run", "--sim"], "skfmm", f"simulating needs scikit-fmm, {GET}[sim]'"),
+        (["run", "--sim"], "numpy", f"simulating needs numpy, {GET}[sim]'"),
+        (["sim", "--spl"], "skfmm", f"--spl needs scikit-fmm, {GET}[spl]'"),
+        (["sweep", "footprint_m=0.4", "--out", "o", "--spl"], "skfmm", f"{GET}[spl]'"),
+        (["sim", "--site", "extended-maze"], "scipy", f"--site needs scipy, {GET}[sim]'"),
         (["compare", "r"], "scipy", f"comparing needs scipy, {GET}[sim]'"),
         (["report"], "bokeh", f"a report needs bokeh, {GET}[sim]'"),
         (["report", "r", "--figures", "f"], "matplotlib", f"matplotlib, {GET}[figures]'"),

@@ -15,6 +15,7 @@ from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.experiments import commands
 from wayfarer.experiments.campaign import Campaign, read_forest_file
 from wayfarer.experiments.sweep import MOST_TRIALS
+from wayfarer.extras import require
 from wayfarer.simhal.world.physics import GroundName
 
 AnomalySource = Literal["motion", "contact"]
@@ -58,6 +59,7 @@ def make_campaign(
     Raises:
         BadInput: no such algorithm, rover, forest file, senses or site, or one that cannot be used with the others; or
             a number is out of its range.
+        MissingPackage: shortest paths or a site need a library that is not installed.
     """
     numbers = validated(
         CampaignNumbers,
@@ -78,7 +80,10 @@ def make_campaign(
         **settings,
         **drawn,
     )
+    if numbers.spl:
+        require("--spl")
     if site is not None:
+        require("--site")
         campaign = commands.at_site(campaign, site)
     commands.check_points([campaign], where)
     return campaign

@@ -11,7 +11,7 @@ from wayfarer.experiments.campaign import read_forest_file
 from wayfarer.simhal.world import shortest_path
 from wayfarer.simhal.world.forest import CLEARING, Trunk
 from wayfarer.simhal.world.generate import generate_forest
-from wayfarer.simhal.world.shortest_path import shortest_path_m
+from wayfarer.simhal.world.shortest_path import has_path, shortest_path_m
 
 WALL = Trunk(0.0, 30.0, 50.0, 30.0, "across")
 
@@ -51,20 +51,23 @@ def test_path_goes_round_a_tree() -> None:
 @pytest.mark.parametrize(("gap_m", "passable"), [(0.2, False), (0.3, False), (0.5, True), (0.6, True)])
 def test_gap_must_be_wider_than_the_rover(gap_m: float, passable: bool) -> None:
     forest = replace(CLEARING, trunks=wall_with_gap(gap_m))
-    assert (shortest_path_m(forest) is not None) is passable
-    assert shortest_path_m(forest, rover_width_m=1.0) is None
-    assert shortest_path_m(forest, rover_width_m=0.1) is not None
+    for width_m, fits in ((0.4, passable), (1.0, False), (0.1, True)):
+        assert has_path(forest, width_m) is fits
+        assert (shortest_path_m(forest, width_m) is not None) is fits
 
 
 def test_world_edge_is_no_way_out() -> None:
     behind_a_wall = replace(CLEARING, trunks=(WALL,))
     assert shortest_path_m(behind_a_wall) is None
+    assert not has_path(behind_a_wall)
 
 
 def test_start_without_room_for_the_rover_has_no_way() -> None:
     forest = replace(CLEARING, trees_m=((25.6, 12.5), (24.4, 12.5)))
     assert shortest_path_m(forest) is not None
     assert shortest_path_m(forest, rover_width_m=0.9) is None
+    assert has_path(forest)
+    assert not has_path(forest, rover_width_m=0.9)
 
 
 def test_obstacles_beyond_the_goal_line_do_not_matter() -> None:
@@ -81,5 +84,6 @@ def test_looking_at_likely_detours_first_changes_no_length(layout: int, monkeypa
 
 def test_reference_lengths_are_reproduced() -> None:
     forests = read_forest_file("reference").forests[::62]
+    assert all(map(has_path, forests))
     longer_m = [(shortest_path_m(forest) or inf) - (forest.shortest_path_m or inf) for forest in forests]
     assert all(0.0 < more_m < 0.2 for more_m in longer_m)  # the file's paths begin and end a little inside

@@ -14,7 +14,7 @@ from wayfarer.escape.api import Vehicle
 from wayfarer.simhal.world.collision import Box
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest, Trunk, lean_of
 from wayfarer.simhal.world.generate import TREE_RADIUS_M, TRUNK_DIAMETER_M, Draw, draw_from
-from wayfarer.simhal.world.shortest_path import shortest_path_m
+from wayfarer.simhal.world.shortest_path import has_path
 
 GOAL_HEADING_DEG = 0.0  # north, as in the abstract forests
 SITE_STREAM = 3  # beside those of generate.py
@@ -103,7 +103,7 @@ class FieldSite:
         for attempt in count():
             forest = self.lay(draw_from(seed, SITE_STREAM, len(self.name), number, attempt)).as_forest(number)
             can_turn = all(gap_m > reach_m for gap_m in forest.gaps_m(*forest.start_m))
-            if can_turn and shortest_path_m(forest, width_m) is not None:
+            if can_turn and has_path(forest, width_m):
                 return forest
         raise AssertionError("unreachable: the attempts do not end")
 
