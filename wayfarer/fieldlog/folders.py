@@ -27,6 +27,7 @@ SYSTEM_LOGS = STATE_FOLDER / "field_logs"
 OWN_LOGS = Path("field_logs")
 FILE_NAME = "run.jsonl"  # the newest segment of a run's log; older ones are run.00001.jsonl and so on
 RUN_NAME = re.compile(r"(\d{1,9})-\d{8}T\d{6}Z", re.ASCII)
+DELETING = ".deleting-"  # begins the name of a run's folder that ``retention`` removes
 LAST_NUMBER = 999_999_999  # a longer number is not taken for a run's
 LONGEST_NAME = 255  # of a file, in bytes
 LOCK_TRIES, LOCK_TRY_S = 500, 0.01  # a daemon holds the lock for some milliseconds
@@ -81,7 +82,7 @@ def _folders(logs: Path) -> list[Path]:
     """Return the folders in the logs' folder, in the order of ``run_folders``."""
     try:
         with os.scandir(logs) as entries:
-            names = [entry.name for entry in entries if _is_folder(entry)]
+            names = [entry.name for entry in entries if not entry.name.startswith(DELETING) and _is_folder(entry)]
         return [logs / name for name in sorted(names, key=_place)]
     except FileNotFoundError:
         return []
