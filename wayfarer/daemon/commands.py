@@ -47,7 +47,7 @@ class RoverCommands:
         log: the run's log.
         about: constant details for ``status``: version, rover, algorithm.
         checks: the checks that must not fail before the rover is armed.
-        log_dropped: returns how many records the field log has lost.
+        storage: returns what ``status`` says of the log and its disk.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class RoverCommands:
         log: RunLog,
         about: Mapping[str, Any],
         checks: Sequence[Check],
-        log_dropped: Callable[[], int] = lambda: 0,
+        storage: Callable[[], Mapping[str, Any]] = dict,
     ) -> None:
         self._supervisor = supervisor
         self._controller = supervisor.controller
@@ -67,7 +67,7 @@ class RoverCommands:
         self._log = log
         self._about = about
         self._checks = checks
-        self._log_dropped = log_dropped
+        self._storage = storage
         self._checking = False
         self._warnings: list[str] = []
         self._marks = RateLimiter()  # for all clients together: one that connects again is another client
@@ -77,7 +77,7 @@ class RoverCommands:
         controller = self._controller
         return {
             **self._about,
-            "log_dropped": self._log_dropped(),
+            **self._storage(),
             "mode": controller.mode.value,
             "why_disarmed": controller.why_disarmed if controller.mode is Mode.DISARMED else None,
             "held": controller.held,

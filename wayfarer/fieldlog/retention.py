@@ -83,7 +83,7 @@ def prune(
     if now_wall_s < CLOCK_SET_S:
         trouble = "no run is deleted while the clock is not set"
     elif settings.keep_mb is not None and left_mb > settings.keep_mb and trouble is None:
-        trouble = f"{left_mb:.0f} MB are left, over keep_mb: the runs of a day, and those that somebody marked or keeps"
+        trouble = "the runs that may not be deleted are more than keep_mb: those of a day, and the marked and kept ones"
     names = tuple(run.name for run in gone)
     return Pruned(names, round(gone_mb, 1), len(runs) - len(gone), round(left_mb, 1), trouble)
 

@@ -32,15 +32,22 @@ class RunFiles:
         folder: the run's folder; made where it is not there.
         settings: limits in size.
         tell: takes a line for the person when the log has trouble, and when it is over.
+        clock: gives seconds, to measure by ``slowest_sync_s`` how long the disk takes.
     """
 
     def __init__(
-        self, folder: Path, settings: LogSettings = UNLIMITED, tell: Callable[[str], None] = lambda _: None
+        self,
+        folder: Path,
+        settings: LogSettings = UNLIMITED,
+        tell: Callable[[str], None] = lambda _: None,
+        clock: Callable[[], float] = lambda: 0.0,
     ) -> None:
         self.dropped = 0
+        self.slowest_sync_s = 0.0
         self.trouble = DiskTrouble(tell)
         self._folder = folder
         self._settings = settings
+        self._clock = clock
         self._batch: list[bytes] = []
         self._batch_bytes = 0
         self._unsynced = 0
@@ -160,6 +167,7 @@ class RunFiles:
             self.trouble.begins("disk", f"{self._folder}: {text}: delete old runs{DRIVES_ON}")
 
     def _sync(self, segment: Segment) -> None:
+        began_s = self._clock()
         try:
             segment.sync()
         except OSError:
@@ -167,6 +175,7 @@ class RunFiles:
             raise
         finally:
             self._unsynced = 0
+            self.slowest_sync_s = max(self.slowest_sync_s, self._clock() - began_s)
 
     def _fail(self, error: OSError) -> None:
         self._failing = True

@@ -146,7 +146,7 @@ def _user() -> str:
 def system_text(path: str, root: Path = Path("/")) -> str | None:
     """Return what a system file says, None where it cannot be read: not every computer has it."""
     try:
-        return (root / path.lstrip("/")).read_text(encoding="ascii").strip()
+        return (root / path.lstrip("/")).read_text(encoding="utf-8").strip()
     except (OSError, ValueError):
         return None
 
