@@ -13,9 +13,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.fieldlog.disks import FailingCall, files_no_longer_than
-from tests.fieldlog.lines import SMALL, Log, event, gaps, numbers, read, tick, torn_lines, write
+from tests.fieldlog.lines import FREE, SMALL, Log, event, gaps, numbers, read, run_record, tick, torn_lines, write
+from wayfarer.errors import BadInput
 from wayfarer.fieldlog.disk import DiskTrouble
 from wayfarer.fieldlog.reader import log_segments, read_header
+from wayfarer.fieldlog.writer import RunFiles
 
 
 def test_deleted_folder_is_made_again_and_what_was_lost_is_counted(tmp_path: Path) -> None:
@@ -113,6 +115,30 @@ def test_disk_that_fails_to_write_is_told_with_what_to_do(
     assert (numbers(tmp_path), gaps(tmp_path)) == ([1, 4, 5], [2])
     assert advice in log.told[0]
     assert log.told[1:] == ["the field log is written again; records missing: 2"]
+
+
+@pytest.mark.parametrize("error", [errno.EROFS, errno.ENOSPC, errno.EIO])
+def test_log_that_is_not_needed_begins_when_the_disk_takes_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: int
+) -> None:
+    told: list[str] = []
+    files = RunFiles(tmp_path / "logs" / "run", FREE, told.append)
+    making = FailingCall(monkeypatch, "mkdir", error)
+    making.failures = 2
+    files.open(run_record, needed=False)
+    assert os.strerror(error) in (files.trouble.now or "")
+    for number in range(1, 4):
+        files.urgent(event(number))
+    files.close()
+    assert (numbers(tmp_path / "logs" / "run"), gaps(tmp_path / "logs" / "run")) == ([2, 3], [1])
+    assert read_header(tmp_path / "logs" / "run")["part"] == 1
+    assert told[1:] == ["the field log is written again; records missing: 1"]
+
+
+def test_folder_that_is_not_the_disks_fault_is_refused_though_the_log_is_not_needed(tmp_path: Path) -> None:
+    (tmp_path / "logs").write_text("in the way", encoding="ascii")
+    with pytest.raises(BadInput, match="a file stands where the folder should be"):
+        RunFiles(tmp_path / "logs" / "run").open(run_record, needed=False)
 
 
 def test_failure_is_tried_again_once_a_second_and_not_with_every_batch(

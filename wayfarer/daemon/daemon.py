@@ -109,7 +109,7 @@ def serve(service: Service) -> RunEnd:
 
     Raises:
         AlreadyRunning: another daemon serves this socket, or drives these motors.
-        BadInput: the log, the socket or the record of what is driven cannot be made.
+        BadInput: the log's folder may not be written, or the socket or the record of what is driven cannot be made.
         WayfarerError: a part did not open; the wheels were stopped. Any other error is a bug and is raised unchanged.
     """
     config = service.config
@@ -148,7 +148,7 @@ class Daemon:
         self._lines = StderrWriter()
         self._guard = StallGuard(self._rover.motors.halt, self._lines.write, self._tell_of_stall)
         self._suspension: asyncio.TimerHandle | None = None
-        before, folder = unfinished_run(service.logs), new_run_folder(service.logs)
+        before, folder = unfinished_run(service.logs), new_run_folder(service.logs, needed=False)
         about = {
             "version": __version__,
             "rover": config.name,

@@ -56,8 +56,11 @@ class WriterThread(WaitingThread):
         return slowest_s
 
     def open(self, header: Callable[[int], Record]) -> None:
-        """Make the files, which may wait for the disk, and start the thread; see ``RunFiles``."""
-        self._files.open(header)
+        """Make the files, which may wait for the disk, and start the thread; see ``RunFiles``.
+
+        A rover drives on without a log, so it also begins without one where the disk takes none.
+        """
+        self._files.open(header, needed=False)
         with self._changed:
             self._wake()
 
