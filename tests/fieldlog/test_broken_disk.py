@@ -12,10 +12,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.fieldlog.disks import FailingCall, files_no_longer_than
+from tests.fieldlog.disks import FailingCall, files_no_longer_than, power_cut_at
 from tests.fieldlog.lines import FREE, SMALL, Log, event, gaps, numbers, read, run_record, tick, torn_lines, write
+from wayfarer.config.rover_file import LogSettings
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.disk import DiskTrouble
+from wayfarer.fieldlog.folders import new_run_folder
 from wayfarer.fieldlog.reader import log_segments, read_header
 from wayfarer.fieldlog.writer import RunFiles
 
@@ -200,6 +202,25 @@ def test_write_that_cannot_be_taken_back_ends_its_part(tmp_path: Path, monkeypat
     assert [record["n"] for record in found if "n" in record] == [1, 3]
     assert (its.damage.torn, its.damage.missing) == (1, 1)
     assert log.parts() == ["run.00001.jsonl", "run.jsonl"]
+
+
+@pytest.mark.parametrize("call", range(0, 120, 3))
+def test_power_cut_at_any_change_of_the_disk_leaves_a_log_that_says_what_was_synced(tmp_path: Path, call: int) -> None:
+    """In parts, of which the oldest but the first are deleted."""
+    written = 0
+    with power_cut_at(call):
+        log = Log(tmp_path / "run", LogSettings(part_mb=0.0004, run_mb=0.0016, free_mb=0.0))
+        for number in range(1, 21):
+            log.files.urgent(tick(number))
+            written = number
+    there = numbers(tmp_path / "run") if (tmp_path / "run").exists() else []
+    assert torn_lines(tmp_path / "run") == 0 if there else written == 0
+    assert there[-1:] in ([], [written], [written + 1])
+    assert there == sorted(there)
+    next_one = Log(new_run_folder(tmp_path))
+    next_one.files.urgent(event(1))
+    next_one.files.close()
+    assert numbers(next_one.folder) == [1]
 
 
 @settings(max_examples=40)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.fieldlog.disks import power_cut_at
 from tests.fieldlog.lines import event, header, numbers, tick
 from wayfarer.config.rover_file import LogSettings
 from wayfarer.fieldlog.clock import CLOCK_SET_S
@@ -157,33 +156,12 @@ def test_age_is_never_negative_and_falls_from_run_to_run(times_s: list[float], n
 # -- power cuts ------------------------------------------------------------------------------------------------------
 
 
-class PowerCut(BaseException):
-    """Ends everything at once."""
-
-
-@pytest.mark.parametrize("call", range(10))
-def test_power_cut_at_any_change_leaves_whole_runs_and_the_next_deletion_ends_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: int
-) -> None:
+@pytest.mark.parametrize("call", range(24))
+def test_power_cut_at_any_change_leaves_whole_runs_and_the_next_deletion_ends_it(tmp_path: Path, call: int) -> None:
     for number, days in ((1, 40), (2, 40), (3, 0)):
         make(tmp_path, number, days, parts=2)
-    calls_left = call
-
-    def counted(real: Callable[..., Any]) -> Callable[..., Any]:
-        def change(*args: Any, **keys: Any) -> Any:
-            nonlocal calls_left
-            if calls_left == 0:
-                raise PowerCut
-            calls_left -= 1
-            return real(*args, **keys)
-
-        return change
-
-    with monkeypatch.context() as patch:
-        for name in ("rename", "unlink", "rmdir", "fsync"):
-            patch.setattr(os, name, counted(getattr(os, name)))
-        with pytest.raises(PowerCut):
-            prune(tmp_path, OLD, NOW_S)
+    with power_cut_at(call):
+        prune(tmp_path, OLD, NOW_S)
     for run in run_folders(tmp_path):
         assert numbers(run) == [1, 2], "half a run"
     assert run_number(new_run_folder(tmp_path)) == 4

@@ -110,8 +110,9 @@ class SegmentRotation:
         Raises:
             OSError: it cannot be made.
         """
-        self._make_folder()
+        self._folder.mkdir(parents=True, exist_ok=True)
         self._make(1, sealed(self._header(1)))
+        sync_folder(self._folder.parent)
 
     def fills(self, lines: list[bytes]) -> bool:
         """Whether these lines are too many for the newest segment."""
@@ -138,7 +139,9 @@ class SegmentRotation:
             OSError: it cannot be made.
         """
         self.close()
-        self._make_folder()
+        if not self._folder.is_dir():  # somebody has deleted it, or the disk took none before
+            self._folder.mkdir(parents=True, exist_ok=True)
+            sync_folder(self._folder.parent)
         self._archive()
         number = self._number + 1
         segment = self._make(number, sealed_at(line, self._header(number)))
@@ -150,11 +153,6 @@ class SegmentRotation:
         if self.newest is not None:
             self.newest.close()
             self.newest = None
-
-    def _make_folder(self) -> None:
-        if not self._folder.is_dir():
-            self._folder.mkdir(parents=True, exist_ok=True)
-            sync_folder(self._folder.parent)
 
     def _make(self, number: int, header: bytes) -> Segment:
         self.newest = Segment(self._folder / FILE_NAME, header)
