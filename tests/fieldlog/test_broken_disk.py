@@ -204,7 +204,7 @@ def test_write_that_cannot_be_taken_back_ends_its_part(tmp_path: Path, monkeypat
     assert log.parts() == ["run.00001.jsonl", "run.jsonl"]
 
 
-@pytest.mark.parametrize("call", range(0, 120, 3))
+@pytest.mark.parametrize("call", range(0, 96, 3))
 def test_power_cut_at_any_change_of_the_disk_leaves_a_log_that_says_what_was_synced(tmp_path: Path, call: int) -> None:
     """In parts, of which the oldest but the first are deleted."""
     written = 0

@@ -34,6 +34,11 @@ def free_mb(folder: Path) -> float:
     return shutil.disk_usage(folder).free / MB
 
 
+def total_mb(folder: Path) -> float:
+    """Return the size of the disk of a folder; errors as ``free_mb``."""
+    return shutil.disk_usage(folder).total / MB
+
+
 def error_advice(error: OSError) -> str:
     """Return what went wrong and what a person can do about it."""
     if error.errno in {errno.EACCES, errno.EPERM}:
