@@ -94,9 +94,6 @@ class SegmentRotation:
         folder: the run's folder; made where it is not there.
         settings: limits in size.
         header: gives the first record of a segment, by its number from 1.
-
-    Raises:
-        OSError: the first segment cannot be made.
     """
 
     def __init__(self, folder: Path, settings: LogSettings, header: Callable[[int], Record]) -> None:
@@ -104,10 +101,18 @@ class SegmentRotation:
         self._segment_bytes = settings.part_mb * MB
         self._run_bytes = settings.run_mb * MB
         self._header = header
-        folder.mkdir(parents=True, exist_ok=True)
+        self._number = self._empty_bytes = 0
         self.newest: Segment | None = None
-        self._make(1, sealed(header(1)))
-        sync_folder(folder.parent)
+
+    def open(self) -> None:
+        """Make the first segment, in a folder without one.
+
+        Raises:
+            OSError: it cannot be made.
+        """
+        self._folder.mkdir(parents=True, exist_ok=True)
+        self._make(1, sealed(self._header(1)))
+        sync_folder(self._folder.parent)
 
     def fills(self, lines: list[bytes]) -> bool:
         """Whether these lines are too many for the newest segment."""
@@ -134,7 +139,9 @@ class SegmentRotation:
             OSError: it cannot be made.
         """
         self.close()
-        self._folder.mkdir(parents=True, exist_ok=True)
+        if not self._folder.is_dir():  # somebody has deleted it, or the disk took none before
+            self._folder.mkdir(parents=True, exist_ok=True)
+            sync_folder(self._folder.parent)
         self._archive()
         number = self._number + 1
         segment = self._make(number, sealed_at(line, self._header(number)))
