@@ -226,7 +226,7 @@ def test_only_the_demo_arms_a_rover_by_itself_and_gives_a_page_buttons_for_the_c
 @pytest.mark.parametrize(
     ("modules", "kept_out"),
     [
-        (["wayfarer"], {"numpy", "pydantic", "typer", "asyncio", "typing"}),
+        (["wayfarer"], {"numpy", "pydantic", "typer", "structlog", "asyncio", "typing"}),
         (["wayfarer.api.handlers", "wayfarer.escape.failsafe"], {"numpy", "pydantic", "asyncio"}),
         (["wayfarer.api.campaigns", "wayfarer.api.trials", "wayfarer.api.runs"], {"numpy", "pyarrow", "pandas"}),
         (
@@ -236,7 +236,7 @@ def test_only_the_demo_arms_a_rover_by_itself_and_gives_a_page_buttons_for_the_c
         (["wayfarer.experiments.sim_command"], {"numpy", "pyarrow"}),
         (["wayfarer.control.supervisor"], HEAVY),
         (["wayfarer.testing"], HEAVY),
-        (["wayfarer.daemon.daemon"], HEAVY | {"rich"}),
+        (["wayfarer.daemon.daemon"], HEAVY),
         (["wayfarer.daemon.stop_motors", "wayfarer.daemon.stop_board"], HEAVY),
         (modules_of("commissioning", "config"), HEAVY),
         (modules_of("drivers"), HEAVY),

@@ -35,7 +35,7 @@ FOREST = {
 def test_version_imports_nothing_heavy() -> None:
     script = (
         "import sys; from wayfarer.cli import run; code = run(['--version']);"
-        "heavy = {'numpy', 'scipy', 'pydantic', 'rich', 'asyncio', 'wayfarer.simhal'};"
+        "heavy = {'numpy', 'scipy', 'pydantic', 'rich', 'asyncio', 'structlog', 'wayfarer.simhal'};"
         "print(code, sorted(heavy & set(sys.modules)))"
     )
     told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

@@ -12,6 +12,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import structlog
+from structlog.typing import EventDict, WrappedLogger
+
 from wayfarer import __version__
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Observation
@@ -56,6 +59,7 @@ class FieldLog:
         self._number = 0
         self._unmade = 0
         self._wall_offset_s: float | None = None
+        self._logger = structlog.wrap_logger(sink, [self._line], structlog.BoundLogger).bind()
         sink.open(self._header)
         self._show(self._header(1))
 
@@ -67,48 +71,46 @@ class FieldLog:
     def tick(self, record: TickRecord) -> None:
         """Write a control tick: what was seen, wanted, and applied."""
         self._note_clock_step(record.t_s)
-        self._write(self._sink.bulk, "tick", record.t_s, record)
+        self._write("bulk", "tick", record.t_s, record)
 
     def event(self, name: str, t_s: float, **details: object) -> None:
         """Write something that happened."""
-        self._write(self._sink.urgent, "event", t_s, {"name": name, **details})
+        self._write("urgent", "event", t_s, {"name": name, **details})
 
     def position(self, fix: PositionFix | None) -> None:
         """Write a position."""
         if fix is not None:
-            self._write(self._sink.urgent, "position", fix.t_s, fix._asdict())
+            self._write("urgent", "position", fix.t_s, fix._asdict())
 
     def board(self, t_s: float, health: MotorHealth, duties: WheelCommand | None) -> None:
         """Write what the motor board reports."""
         left, right = duties or (None, None)
-        self._write(self._sink.bulk, "board", t_s, {**health._asdict(), "says_left": left, "says_right": right})
+        self._write("bulk", "board", t_s, {**health._asdict(), "says_left": left, "says_right": right})
 
     def note(self, kind: str, t_s: float, fields: Mapping[str, Any]) -> None:
         """Write a record of another kind: ``computer``, or a simulation's ``truth``."""
-        self._write(self._sink.bulk, kind, t_s, fields)
+        self._write("bulk", kind, t_s, fields)
 
     def close(self, reason: str, text: str) -> None:
         """Write the outcome and close the log."""
-        self._write(self._sink.urgent, "outcome", self._t_s, {"reason": reason, "text": text, "dropped": self.dropped})
+        self._write("urgent", "outcome", self._t_s, {"reason": reason, "text": text, "dropped": self.dropped})
         self._sink.close()
 
-    def _write(
-        self, write: Callable[[bytes], None], kind: str, t_s: float, fields: Mapping[str, Any] | TickRecord
-    ) -> None:
+    def _write(self, urgency: str, kind: str, t_s: float, fields: Mapping[str, Any] | TickRecord) -> None:
         self._t_s = t_s
         self._number += 1
         try:
-            write(self._line(kind, fields))
+            getattr(self._logger, urgency)(kind, fields=fields)
         except Exception:  # a third party's memory() or decision, or a detail that is no JSON; no log is worth a run
             self._unmade += 1  # its number is missing, which a reader sees
         else:
             self._show(self._newest)
 
-    def _line(self, kind: str, fields: Mapping[str, Any] | TickRecord) -> bytes:
-        """Return the line of what happened."""
-        t_s = self._t_s
+    def _line(self, _logger: WrappedLogger, _method: str, event: EventDict) -> bytes:
+        """Return the line of what happened; structlog gives it to the sink."""
+        fields, t_s = event["fields"], self._t_s
         # Kind and times come first, for the person who tails the file; times are whole, for replay.
-        stamp = {"record": kind, "n": self._number, "t_s": t_s, "t_wall": round(self._wall(t_s), 3)}
+        stamp = {"record": event["event"], "n": self._number, "t_s": t_s, "t_wall": round(self._wall(t_s), 3)}
         if isinstance(fields, TickRecord):
             fields = tick_fields(fields)
         self._newest = {**stamp, **fields, **stamp}

@@ -47,7 +47,7 @@ def shortest_path_m(forest: Forest, rover_width_m: float = ROVER_WIDTH_M) -> flo
 
 
 def has_path(forest: Forest, rover_width_m: float = ROVER_WIDTH_M) -> bool:
-    """Return whether ``shortest_path_m`` is a length, in a fifth of the time."""
+    """Return whether ``shortest_path_m`` is a length, in a twentieth of the time."""
     from scipy import ndimage
 
     regions, _ = ndimage.label(~_blocked(forest, rover_width_m / 2.0))  # 0 where it is blocked
