@@ -49,12 +49,22 @@ SOON = frozenset(  # the rover holds its wheels, and continues by itself
 class Supervisor:
     """Runs one rover with one algorithm, once. It starts disarmed.
 
+    A mission that reaches a limit ends the run, as a trial does. With ``goes_on`` it only disarms the rover, which can
+    be armed again.
+
     Raises:
         MissingPart: the algorithm or the configuration needs a part that the rover does not have.
     """
 
     def __init__(
-        self, rover: Rover, config: RoverConfig, algorithm: Algorithm, handler: EscapeHandler, log: RunLog
+        self,
+        rover: Rover,
+        config: RoverConfig,
+        algorithm: Algorithm,
+        handler: EscapeHandler,
+        log: RunLog,
+        *,
+        goes_on: bool = False,
     ) -> None:
         self._rover = rover
         self._control_hz = config.control_hz
@@ -62,7 +72,9 @@ class Supervisor:
         self.buffers = SensorBuffers()
         needs = check_parts(rover, algorithm, config)
         detector = make_detector(config, needs, watches_motion=rover.motion is not None)
-        self.controller = Controller(rover.motors, self.buffers, config, detector, handler, log, _loop_time)
+        self.controller = Controller(
+            rover.motors, self.buffers, config, detector, handler, log, _loop_time, goes_on=goes_on
+        )
         self._board = BoardWatch(rover.motors, self.controller, log, config.board.health_hz)
         self._patience_s = config.detector.compass_stale_s  # after this a silent compass is a condition
         self._disarms = 0

@@ -102,7 +102,7 @@ class Service:
 
 
 def serve(service: Service) -> RunEnd:
-    """Run the daemon until a limit, a signal or a request ends it; return why.
+    """Run the daemon until a signal or a request ends it, not with a mission; return why.
 
     Raises:
         AlreadyRunning: another daemon serves this socket, or drives these motors.
@@ -166,7 +166,7 @@ class Daemon:
         ground_truth_logs = [rover_setup.ground_truth_log(self._field_log)] if rover_setup.ground_truth_log else []
         self._log = Tee(self._field_log, *ground_truth_logs, WatchdogFeed(self._notifier, self._guard))
         handler = service.algorithm.make(config.escape, config.vehicle, Random(service.seed))
-        self._supervisor = Supervisor(self._rover, config, service.algorithm, handler, self._log)
+        self._supervisor = Supervisor(self._rover, config, service.algorithm, handler, self._log, goes_on=True)
         checks: list[Check] = [*rover_setup.checks, partial(system.log, lambda: self._writer.trouble)]
         self._commands = RoverCommands(
             self._supervisor, self._rover.motors, self._inspect, self._log,

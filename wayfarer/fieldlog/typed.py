@@ -188,7 +188,7 @@ class Board(RunEvent):
 
 @dataclass(slots=True)
 class Fix(RunEvent):
-    """A position from the receiver; ``error_m`` is horizontal, None where it is unknown.
+    """A position from the receiver; ``error_m`` is horizontal, and ``utc_s`` its clock; None where they are unknown.
 
     The fold adds ``period_s``, the seconds since the position before; None for the first one.
     """
@@ -196,6 +196,7 @@ class Fix(RunEvent):
     latitude_deg: Annotated[float, Values(NUMBER, -90.0, 90.0)]
     longitude_deg: Annotated[float, Values(NUMBER, -180.0, 180.0)]
     error_m: Annotated[float | None, Values(NUMBER, 0.0, 1e8)] = None
+    utc_s: Annotated[float | None, Values(NUMBER, -1e11, 1e12)] = None  # the calendar's years 1 to 9999
     period_s: float | None = None
 
 

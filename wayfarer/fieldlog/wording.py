@@ -17,7 +17,7 @@ from wayfarer.fieldlog.fields import MAX_PLAUSIBLE, escape_control_chars
 from wayfarer.fieldlog.run_events import Ended, FaultInjected, Silence, event_name
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Fix, Header
-from wayfarer.fieldlog.vocabulary import disarmed_text, ends_text, in_words, level_text, outcome_in_words
+from wayfarer.fieldlog.vocabulary import disarmed_text, ends_text, in_words, level_text
 
 
 class Tone(Enum):
@@ -35,7 +35,7 @@ class Tone(Enum):
 PERSON = {"arming", "armed", "disarmed", "hold", "resume", "goal", "mark"}
 WARNINGS = {
     "arming_refused", "sensor_failed", "board_silent", "motors_not_opened", "light_failed", "part_failed", "clock_step",
-    "log_gap", "viewer_failed", "close_hangs", "unclean_shutdown", "power",
+    "clock_wrong", "log_gap", "viewer_failed", "close_hangs", "unclean_shutdown", "power",
 }  # fmt: skip
 FAULTS = {"motors_failed", "loop_stalled", "stop_not_confirmed", "control_error"}
 LEVEL_TONES = {"degrade": Tone.WARNING, "hold": Tone.WARNING, "fault": Tone.FAULT}
@@ -176,6 +176,8 @@ SENTENCES: Mapping[str, str] = {
     "light_failed": "The status light did not answer: {error}",
     "power": "The computer's supply: {text}",
     "clock_step": "The computer's clock was set[ by {by_s:+.0f} s]",
+    "clock_wrong": "The computer's clock is wrong[ by {by_s:+.0f} s]: the log follows the position receiver's",
+    "clock_right": "The computer's clock is right again: the log follows it",
     "log_gap": "{dropped} could not be written into the log",
     "loop_stalled": "The control loop stood still[ for {stall_s:.1f} s][ in {where}]",
     "stop_not_confirmed": "The {part} did not confirm the stop: {error}",
@@ -192,7 +194,7 @@ MISSING = {"goal_heading_deg": "straight ahead", "dropped": "Some records"}  # e
 WORDS: Mapping[str, Callable[[Any], str]] = {
     "goal_heading_deg": lambda angle_deg: f"towards {whole_deg(angle_deg)} degrees",
     **dict.fromkeys(("part", "sensor", "cause"), in_words),
-    "reason": lambda reason: outcome_in_words(disarmed_text(reason)).replace("_", " "),
+    "reason": lambda reason: disarmed_text(reason).replace("_", " "),
     "counts": lambda counts: _value(counts).replace("_", " "),
     "dropped": lambda count: plural(count, "record"),
     "last_t_wall": lambda wall_s: local_time(wall_s, " at %Y-%m-%d %H:%M:%S"),
