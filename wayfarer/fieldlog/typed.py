@@ -202,13 +202,17 @@ class Fix(RunEvent):
 
 @dataclass(slots=True)
 class Computer(RunEvent):
-    """How the computer is."""
+    """How the computer is, and what the latest mission has come to; see ``daemon.mission_totals``."""
 
     cpu_c: Annotated[float | None, Values(NUMBER, -273.0, 1000.0)] = None
     throttled: Text = None
     load_1min: Annotated[float | None, Values(NUMBER, 0.0, 1e6)] = None
     disk_free_mb: Annotated[float | None, Values(NUMBER, 0.0, 1e12)] = None
     log_dropped: Count = None
+    mission_s: Lasting = None
+    mission_m: Metres = None
+    mission_anomalies: Count = None
+    mission_ended: Text = None
 
     @property
     def power_bits(self) -> str:

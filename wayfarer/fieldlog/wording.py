@@ -76,6 +76,15 @@ def event_text(event: Record) -> str:
     return f"{what.replace('_', ' ')}{': ' if told else ''}{', '.join(told)}"
 
 
+def last_run_text(last_run: Mapping[str, Any]) -> str:
+    """Say how the run before this one ended, given the fields of ``last_run.LastRun``."""
+    what = "unclean_shutdown" if last_run["ended"] is None else "last_run"
+    told = {"error", *DETAIL.findall(SENTENCES[what])}
+    return event_text(
+        {"name": what, **{key: value for key, value in last_run.items() if key in told and value is not None}}
+    )
+
+
 def event_tone(event: Record) -> Tone:
     """Return how an event is meant."""
     what = event_name(event)
@@ -154,6 +163,8 @@ def _degrees(value: object) -> str:
 # -- sentences for events --------------------------------------------------------------------------------------------
 
 # Details of an event are in braces. A piece in brackets is told only where its details are known, and not zero.
+_OF_MISSION = "{mission_s:.0f} s][, {mission_m:.0f} m][, anomalies: {mission_anomalies}]"
+_ITS_MISSION = f"[. Its last mission: {_OF_MISSION}[, {{mission_ended}}]"
 SENTENCES: Mapping[str, str] = {
     "opened": "The parts are open: {parts}",
     "arming": "Arming:[ in {start_delay_s:.0f} s] it drives {goal_heading_deg}",
@@ -184,7 +195,10 @@ SENTENCES: Mapping[str, str] = {
     "close_hangs": "The {part} did not close in time",
     "control_error": "An error inside wayfarer, in a command: {error}",
     "viewer_failed": "An error inside wayfarer, in a viewer: {error}",
-    "unclean_shutdown": "The run before ({run}) was cut off[ while {mode}][{last_t_wall}]: killed, or without power",
+    "unclean_shutdown": "The run before ({run}) was cut off[ while {mode}][{last_t_wall}]: killed, or without power"
+    + _ITS_MISSION,
+    "last_run": "The run before ({run}) ended: {text}" + _ITS_MISSION + "[. Its log has lost {dropped}]",
+    "mission_ended": f"The mission is over[ after {_OF_MISSION}: {{mission_ended}}",
     "wheels_stopped": "The wheels are stopped[: {reason}]",
 }
 UNREADABLE_RUN = "The run before ({run}) cannot be read: {error}"
@@ -194,7 +208,7 @@ MISSING = {"goal_heading_deg": "straight ahead", "dropped": "Some records"}  # e
 WORDS: Mapping[str, Callable[[Any], str]] = {
     "goal_heading_deg": lambda angle_deg: f"towards {whole_deg(angle_deg)} degrees",
     **dict.fromkeys(("part", "sensor", "cause"), in_words),
-    "reason": lambda reason: disarmed_text(reason).replace("_", " "),
+    **dict.fromkeys(("reason", "mission_ended"), lambda reason: disarmed_text(reason).replace("_", " ")),
     "counts": lambda counts: _value(counts).replace("_", " "),
     "dropped": lambda count: plural(count, "record"),
     "last_t_wall": lambda wall_s: local_time(wall_s, " at %Y-%m-%d %H:%M:%S"),
