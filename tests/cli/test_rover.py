@@ -36,6 +36,7 @@ from wayfarer.daemon.socket.paths import daemon_socket, single_daemon
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.clock import wall_clock
+from wayfarer.fieldlog.last_run import LastRun
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chip_wiring import ChipWiring
 from wayfarer.simhal.random_streams import RandomStreams
