@@ -2,9 +2,9 @@
 
 With ``daemon`` only those of ``wayfarer run --sim``, with ``log`` only those of the field log; with ``trial``, what a
 trial costs in units that hold on any computer; with ``profile``, where the time of a control tick goes; with ``soak``,
-whether anything grows in a simulated day full of faults; with ``campaign``, the memory of a small and of a large one;
-with ``gps``, how near dead reckoning is to the true way, before and after a report lays it onto the receiver's fixes;
-with ``detector``, how well each anomaly is noticed.
+whether anything grows in a simulated day full of faults; with ``missions``, in a thousand missions of one daemon; with
+``campaign``, the memory of a small and of a large one; with ``gps``, how near dead reckoning is to the true way, before
+and after a report lays it onto the receiver's fixes; with ``detector``, how well each anomaly is noticed.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import os
 import platform
 import sys
 
-from benchmarks import calibration, command, daemon, detector, disk, gps, memory, rover, stack
+from benchmarks import calibration, command, daemon, detector, disk, gps, memory, missions, rover, stack
 from benchmarks.breakdown import print_breakdown
 from benchmarks.figures import HEADER, Figure, print_table
 from benchmarks.soak import print_soak
@@ -25,10 +25,12 @@ from wayfarer.config.rover_file import load_rover
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    kinds = ("figures", "trial", "profile", "daemon", "log", "soak", "campaign", "gps", "detector")
+    kinds = ("figures", "trial", "profile", "daemon", "log", "soak", "missions", "campaign", "gps", "detector")
     parser.add_argument("what", nargs="?", choices=kinds, default="figures")
     parser.add_argument("--quick", action="store_true", help="fewer trials and runs: half a minute")
     parser.add_argument("--hours", type=float, default=24.0, help="of the soak, simulated")
+    parser.add_argument("--missions", type=int, default=1000, help="in one daemon")
+    parser.add_argument("--idle-s", type=float, default=1.0, help="disarmed after each mission, simulated")
     parser.add_argument("--trials", type=int, help="of the large campaign (20,000); of each case of the detector (60)")
     parser.add_argument("--rover", default="sim", help="whose detector")
     parser.add_argument("--mujoco", action="store_true", help="measure the detector on grounds of five frictions")
@@ -37,6 +39,8 @@ def main() -> None:
     print(f"{version_text()}, Python {platform.python_version()}, {cores} cores, {platform.machine()}\n")
     if asked.what == "soak":
         sys.exit(print_soak(asked.hours))
+    if asked.what == "missions":
+        sys.exit(missions.print_missions(asked.missions, asked.idle_s))
     if asked.what == "trial":
         print_table(HEADER, [calibration.trial_cost(runs=3 if asked.quick else 20).row()])
     elif asked.what == "profile":

@@ -148,7 +148,7 @@ async def _soak(for_s: float, seed: int, folder: Path, beside: Beside | None) ->
     setup = TrialSetup(
         spec, lambda *_: Tee(FieldLog(RunFiles(logs, LOG), {"simulated": True}, wall=lambda t_s: t_s), rules)
     )
-    setup.world.after_step = partial(_carry_back, forest)  # in place of the outcome monitor, who would end the run
+    setup.world.after_step = partial(carry_back, forest)  # in place of the outcome monitor, who would end the run
     rules.follow(setup)
     assert setup.injector is not None
     setup.injector.start(setup.world, setup.supervisor.controller.power, rules.note)
@@ -171,7 +171,7 @@ async def _soak(for_s: float, seed: int, folder: Path, beside: Beside | None) ->
     return samples, rules.broken
 
 
-def _carry_back(forest: Forest, world: World) -> None:
+def carry_back(forest: Forest, world: World) -> None:
     """Put a rover that is out of the forest back to where it began."""
     if not (0.0 <= world.x_m <= WORLD_SIZE_M and 0.0 <= world.y_m < forest.goal_y_m):
         world.carry_to(*forest.start_m, forest.heading_deg)
@@ -223,18 +223,28 @@ async def _person(setup: TrialSetup, log: Any, rng: Random) -> None:
 
 def _sample(logs: Path, counts: Counts) -> Sample:
     gc.collect()
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     return Sample(
         asyncio.get_running_loop().time(),
-        pages * os.sysconf("SC_PAGESIZE") / MB,
+        resident_mb(),
         sys.getallocatedblocks(),
         len(asyncio.all_tasks()),
-        len(os.listdir("/proc/self/fd")),  # noqa: PTH208 - of links that may be gone
+        open_files(),
         sum(path.stat().st_size for path in logs.iterdir()) / MB,
         counts.ticks,
         counts.faults,
         counts.missions,
     )
+
+
+def resident_mb() -> float:
+    """Return how much of the computer's memory this process has, in MB."""
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * os.sysconf("SC_PAGESIZE") / MB
+
+
+def open_files() -> int:
+    """Return how many files, sockets and pipes this process has open."""
+    return len(os.listdir("/proc/self/fd"))  # noqa: PTH208 - of links that may be gone
 
 
 def _is_too_long(sample: Sample) -> bool:

@@ -112,12 +112,14 @@ class PositionFix(NamedTuple):
     """A position for the log and for mission limits; escape decisions never see one.
 
     Degrees north and east (WGS 84) and the horizontal error in metres (None where the receiver does not report it).
+    ``utc_s`` is what the receiver's own clock said, UTC in seconds since 1970; None where it did not, and not judged.
     """
 
     t_s: float
     latitude_deg: float
     longitude_deg: float
     error_m: float | None
+    utc_s: float | None = None
 
 
 @runtime_checkable

@@ -25,6 +25,7 @@ from wayfarer.experiments.run_campaign import ComputeCost
 from wayfarer.experiments.statistics import AlgorithmSummary, Estimate
 from wayfarer.fault_scenarios.results import Result
 from wayfarer.fault_scenarios.survival import MissionLine
+from wayfarer.fieldlog.last_run import LastRun
 from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.replay import DecisionDifference, Replay
 from wayfarer.fieldlog.run_state import LowBattery
@@ -39,7 +40,7 @@ tables = cache(read_tables)
 # Tables of what a class holds, and the keys that are added to it; a key is in no table that is not in its class.
 CLASSES: dict[type, set[str]] = {
     RunRow: set(), RunSummary: set(), LowBattery: set(), PeriodPercentiles: set(), Mark: set(), LastPosition: set(),
-    RangeBearing: set(), Fix: set(), Damage: set(), Replay: {"run"}, DecisionDifference: set(),
+    RangeBearing: set(), LastRun: set(), Fix: set(), Damage: set(), Replay: {"run"}, DecisionDifference: set(),
     AlgorithmSummary: set(), ComputeCost: {"cpu_us_per_tick"}, Comparison: set(), Difference: set(), Estimate: set(),
     TrialRow: set(), Result: {"passed"}, MissionLine: set(), Finding: set(), Described: set(),
 }  # fmt: skip

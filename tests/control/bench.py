@@ -51,6 +51,7 @@ class Bench:
         *,
         give_up: bool = False,
         watches_motion: bool = False,
+        goes_on: bool = False,
         **safety: Any,
     ) -> None:
         limits = SafetySettings(**{"start_delay_s": 0.0, "settle_s": 0.2, "slew_per_s": 1000.0} | safety)
@@ -64,7 +65,7 @@ class Bench:
         self.suspended_s = 0.0  # of the process, after each tick has begun
         self.controller = Controller(
             wheels or self.motors, self.buffers, self.config, detector, handler or self.handler, self.log,
-            clock=lambda: self.t_s + self.suspended_s,
+            clock=lambda: self.t_s + self.suspended_s, goes_on=goes_on,
         )  # fmt: skip
 
     async def tick(

@@ -33,6 +33,19 @@ async def test_each_limit_ends_the_run_with_its_reason(limit: str, value: float,
     assert text in bench.controller.end.text
 
 
+@pytest.mark.parametrize("limit", ["mission_time_s", "mission_distance_m", "mission_radius_m"])
+async def test_run_that_goes_on_is_disarmed_by_each_limit_and_can_be_armed_again(limit: str) -> None:
+    bench = Bench(goes_on=True, **{limit: 1.0})
+    for _ in range(3):
+        await bench.armed()
+        assert bench.motors.commands[-1] != STOP
+        await bench.tick(80)
+        assert bench.controller.mode is Mode.DISARMED
+        assert bench.controller.why_disarmed == limit.rpartition("_")[0]
+        assert bench.motors.commands[-1] == STOP
+    assert bench.end is None
+
+
 async def test_limits_count_from_arming_and_not_while_disarmed() -> None:
     bench = Bench(mission_time_s=1.0)
     await bench.tick(100)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from wayfarer.control import status_light
 from wayfarer.control.controller import Controller, Mode
-from wayfarer.control.status_light import LIGHT_HZ, OFF, colour
+from wayfarer.control.status_light import LIGHT_HZ, OFF, LastEnd, colour
 from wayfarer.escape.api import Phase
 from wayfarer.hal import Colour
 from wayfarer.safety.conditions import Condition, Level
@@ -26,8 +26,9 @@ RHYTHMS = {  # of two seconds, lit or not at each refresh of the light
     "slow": [*[True] * 4, *[False] * 4] * 2,
     "fast": [True, False] * 8,
     "twice": [True, True, False, False, True, True, *[False] * 10],
+    "thrice": [True, True, False, False, True, True, False, False, True, True, *[False] * 6],
 }
-ROW = re.compile(r"^(\w+) +(steady|slow|fast|twice) +(driving with limits|\w+)", re.MULTILINE)
+ROW = re.compile(r"^(\w+) +(steady|slow|fast|twice|thrice) +(driving with limits|\w+)", re.MULTILINE)
 TABLE = {meaning: (COLOURS[shown], rhythm) for shown, rhythm, meaning in ROW.findall(status_light.__doc__ or "")}
 
 
@@ -67,8 +68,11 @@ STATES: list[tuple[str, Any]] = [
 ]
 
 
+LAST_ENDS = {"out": LastEnd.OUT, "stopped": LastEnd.STOPPED, "failed": LastEnd.FAILED, "unfinished": LastEnd.UNFINISHED}
+
+
 def test_table_has_a_row_for_every_state() -> None:
-    assert set(TABLE) == {state for state, _ in STATES}
+    assert set(TABLE) == {state for state, _ in STATES} | set(LAST_ENDS)
     assert len(set(TABLE.values())) == len(TABLE), "no two states look the same"
 
 
@@ -77,6 +81,18 @@ def test_light_does_what_its_table_says(state: str, seen: Controller) -> None:
     shown, rhythm = TABLE[state]
     lit = [colour(seen, count / LIGHT_HZ) for count in range(int(2 * LIGHT_HZ))]
     assert lit == [shown if is_lit else OFF for is_lit in RHYTHMS[rhythm]]
+
+
+@pytest.mark.parametrize(("told", "last_end"), LAST_ENDS.items())
+def test_light_tells_how_the_last_mission_ended_only_while_all_is_well_and_disarmed(
+    told: str, last_end: LastEnd
+) -> None:
+    assert set(LAST_ENDS.values()) == set(LastEnd)
+    shown, rhythm = TABLE[told]
+    for state, seen in STATES:
+        lit = [colour(seen, count / LIGHT_HZ, last_end) for count in range(int(2 * LIGHT_HZ))]
+        usual = [colour(seen, count / LIGHT_HZ) for count in range(int(2 * LIGHT_HZ))]
+        assert lit == ([shown if is_lit else OFF for is_lit in RHYTHMS[rhythm]] if state == "disarmed" else usual)
 
 
 def test_a_light_of_one_colour_tells_driving_escaping_and_limits_apart() -> None:

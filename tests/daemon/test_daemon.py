@@ -23,7 +23,7 @@ from tests.kit.workshop import Overriding
 from tests.views.text.records import HEADER, drive, event, numbered, write
 from wayfarer.commissioning.checks import Check, Finding, Inspection, system
 from wayfarer.commissioning.checks.api import fail
-from wayfarer.config.rover_file import load_rover
+from wayfarer.config.rover_file import laid_over, load_rover
 from wayfarer.daemon.daemon import Daemon, RoverSetup, Service, serve
 from wayfarer.daemon.socket.client import ask
 from wayfarer.daemon.socket.paths import AlreadyRunning, single_daemon
@@ -247,6 +247,27 @@ async def test_run_that_was_cut_off_is_told_by_the_next_which_stands_disarmed(
     assert (told["run"], told["last_t_s"], told["mode"], told["error"]) == (before, 101.95, "armed", None)
     assert f"The run before ({before}) was cut off while armed at " in capfd.readouterr().err
     assert site.log()[-1]["record"] == "outcome", "and the next one will not speak of this"
+
+
+async def test_next_run_tells_how_the_last_mission_ended(site: Site, capfd: pytest.CaptureFixture[str]) -> None:
+    """In its log, in the status, on stderr, and on the light."""
+    site.service = replace(
+        site.service,
+        config=laid_over(site.service.config, {"safety": {"mission_distance_m": 0.3, "start_delay_s": 0.0}}),
+    )
+    async with Running(site) as daemon:
+        await daemon.drives()
+        await daemon.until(lambda: bool(site.events("mission_ended")))
+        assert (await site.ask("status"))["why_disarmed"] == "mission_distance"
+        await daemon.stop()
+    first = max(site.logs.iterdir()).name
+    async with Running(site) as daemon:
+        told = (await site.ask("status"))["last_run"]
+        await daemon.stop()
+    (event,) = site.events("last_run")
+    assert (told["run"], told["ended"], told["mission_ended"]) == (first, "requested", "mission_distance")
+    assert told["mission_m"] == event["mission_m"] == pytest.approx(0.3, abs=0.1)
+    assert f"The run before ({first}) ended: requested by a person. Its last mission: " in capfd.readouterr().err
 
 
 async def test_log_of_the_run_before_that_cannot_be_read_stops_no_daemon(site: Site) -> None:

@@ -108,6 +108,16 @@ def test_dead_side_on_ground_that_holds_every_turn_is_suspected_because_the_body
     assert chassis.drive(20.0, FULL) is not None
 
 
+def test_rover_that_was_slow_in_its_last_mission_can_be_armed_again() -> None:
+    """A body that stands has no pace: it was slow until the end of the run, and no arming was possible."""
+    chassis = Chassis(DEAD_LEFT)
+    chassis.grip = 0.6
+    chassis.drive(20.0, FULL)
+    chassis.drive(5.0, STOP)
+    chassis.rover.detector.begin_arming()
+    assert chassis.drive(5.0, STOP) is None
+
+
 def test_side_that_lags_just_before_an_anomaly_is_a_trunk() -> None:
     """A trunk turns the rover that runs into it, and then holds it."""
     chassis = Chassis(DEAD_LEFT)

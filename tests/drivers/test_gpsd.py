@@ -22,6 +22,7 @@ from wayfarer.testing import check_position_receiver
 VERSION = b'{"class":"VERSION","release":"3.22","rev":"3.22","proto_major":3,"proto_minor":14}\n'
 # hardware.md 8.5, as Debian 12's gpsd 3.22 reports it
 LATITUDE_DEG, LONGITUDE_DEG, ERROR_M = 51.501666667, -0.125, 17.1
+NOON_S = 1_753_012_800.0  # of the reports below, seconds since 1970
 
 
 def report(second: int, **fields: Any) -> bytes:
@@ -51,7 +52,7 @@ def taken(*lines: bytes, stale_s: float = 3.0) -> Fixes:
 
 def test_a_fix_has_the_position_and_the_error_that_gpsd_says() -> None:
     fix = taken(report(0), report(1)).latest(1.0)
-    assert fix == PositionFix(1.0, LATITUDE_DEG, LONGITUDE_DEG, ERROR_M)
+    assert fix == PositionFix(1.0, LATITUDE_DEG, LONGITUDE_DEG, ERROR_M, NOON_S + 1.0)
 
 
 def test_a_first_fix_may_be_an_old_one_and_counts_when_its_time_moves_on() -> None:
@@ -64,12 +65,12 @@ def test_a_repeated_fix_goes_stale() -> None:
     assert fixes.latest(4.0) is not None
     assert fixes.latest(4.1) is None
     fixes.take(report(2), 10.0)
-    assert fixes.latest(10.0) == PositionFix(10.0, LATITUDE_DEG, LONGITUDE_DEG, ERROR_M)
+    assert fixes.latest(10.0) == PositionFix(10.0, LATITUDE_DEG, LONGITUDE_DEG, ERROR_M, NOON_S + 2.0)
 
 
 def test_of_several_reports_of_one_moment_the_last_counts() -> None:
     fixes = taken(report(0), report(1, mode=1, lat=None, lon=None), report(1, mode=2, eph=None), report(1, lat=51.6))
-    assert fixes.latest(3.0) == PositionFix(1.0, 51.6, LONGITUDE_DEG, ERROR_M)
+    assert fixes.latest(3.0) == PositionFix(1.0, 51.6, LONGITUDE_DEG, ERROR_M, NOON_S + 1.0)
 
 
 def test_time_that_leaps_back_counts_again_when_it_moves_on() -> None:
@@ -103,7 +104,16 @@ def test_what_is_no_fix_ends_the_one_before_and_never_becomes_zero(fields: dict[
 
 @pytest.mark.parametrize("error", [None, float("nan"), -1.0, "17"])
 def test_an_error_that_is_not_told_is_none(error: Any) -> None:
-    assert taken(report(0), report(1, eph=error)).latest(1.0) == PositionFix(1.0, LATITUDE_DEG, LONGITUDE_DEG, None)
+    assert taken(report(0), report(1, eph=error)).latest(1.0) == PositionFix(
+        1.0, LATITUDE_DEG, LONGITUDE_DEG, None, NOON_S + 1.0
+    )
+
+
+@pytest.mark.parametrize("time", ["2026-12-31T23:59:60.000Z", "2026-13-01T00:00:00Z", "2026-11-18T12:00:00", "x"])
+def test_a_time_that_no_clock_has_leaves_the_position(time: str) -> None:
+    fix = taken(report(0, time=time), report(0, time=time + "~")).latest(1.0)
+    assert fix is not None
+    assert fix.utc_s is None
 
 
 garbage = st.one_of(
@@ -119,7 +129,7 @@ def test_what_is_no_report_changes_nothing(lines: list[bytes]) -> None:
     fixes = taken(report(0), report(1))
     for line in lines:
         fixes.take(line, 1.5)
-    assert fixes.latest(2.0) == PositionFix(1.0, LATITUDE_DEG, LONGITUDE_DEG, ERROR_M)
+    assert fixes.latest(2.0) == PositionFix(1.0, LATITUDE_DEG, LONGITUDE_DEG, ERROR_M, NOON_S + 1.0)
 
 
 # -- the connection --------------------------------------------------------------------------------------------------
@@ -186,7 +196,7 @@ async def test_asks_for_reports_and_gives_the_fix() -> None:
         assert isinstance(client, PositionReceiver)
         await client.open()
         fix = await fix_from(client)
-        assert fix[1:] == (LATITUDE_DEG, LONGITUDE_DEG, ERROR_M)
+        assert fix[1:] == (LATITUDE_DEG, LONGITUDE_DEG, ERROR_M, NOON_S + 1.0)
         assert 0.0 <= asyncio.get_running_loop().time() - fix.t_s < 3.0
     assert asked == [b'?WATCH={"enable":true,"json":true};\n']
     assert len(asked[0]) <= 80  # gpsd_json(5) allows no longer request

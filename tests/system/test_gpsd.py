@@ -21,6 +21,7 @@ from wayfarer.errors import NotResponding
 from wayfarer.hal import PositionFix
 from wayfarer.simhal.buses import FakeBuses
 
+NOON_S = 1_753_012_800.0  # 2025-07-20T12:00Z, the first second of the track
 START_S = 20.0  # a busy machine takes seconds to start both
 
 pytestmark = pytest.mark.skipif(
@@ -99,6 +100,8 @@ async def test_fixes_come_while_gpsd_runs_and_its_death_is_noticed(daemon: Daemo
             assert fix.latitude_deg == pytest.approx(51.5016667, abs=1e-6)
             assert fix.longitude_deg == pytest.approx(-0.125, abs=1e-6)
             assert fix.error_m is None or 0.0 < fix.error_m < 100.0
+            assert fix.utc_s is not None
+            assert 0.0 <= fix.utc_s - NOON_S < 600.0
         daemon.kill()
         with pytest.raises(NotResponding, match="hung up"):
             await next_fix(daemon.client, float("inf"))

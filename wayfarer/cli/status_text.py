@@ -7,7 +7,7 @@ from typing import Any
 
 from wayfarer.fieldlog.clock import duration_text
 from wayfarer.fieldlog.vocabulary import disarmed_text, in_words, level_text
-from wayfarer.fieldlog.wording import marks, plural, whole_deg
+from wayfarer.fieldlog.wording import last_run_text, marks, plural, whole_deg
 from wayfarer.views.text.colour import painted
 
 WELL = level_text("well", None)
@@ -34,6 +34,7 @@ def _lines(status: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("doing", _doing(status)),
         ("heading", "" if heading is None else _heading(status, heading)),
         ("mission", _mission(status)),
+        ("last run", _last_run(status)),
         ("battery", "" if status.get("battery_v") is None else f"{status['battery_v']:.1f} V"),
         ("log", _log(status)),
         ("card", painted("; ".join(warnings), "warning") if (warnings := status.get("storage_warnings")) else ""),
@@ -84,6 +85,12 @@ def _log(status: Mapping[str, Any]) -> str:
     trouble = painted(f", {status['log_trouble']}", "warning") if status.get("log_trouble") else ""
     deleted = f", {plural(status['runs_deleted'], 'old run')} deleted" if status.get("runs_deleted") else ""
     return f"{status['log']}{lost}{trouble}{deleted}"
+
+
+def _last_run(status: Mapping[str, Any]) -> str:
+    """Return how the run before this one ended: until the rover is armed, it stands as that one has left it."""
+    last_run = status.get("last_run")
+    return last_run_text(last_run) if last_run and status["mode"] == "disarmed" else ""
 
 
 def _mission(status: Mapping[str, Any]) -> str:

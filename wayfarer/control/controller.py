@@ -61,7 +61,8 @@ class Controller:
     ``end`` is None until something ends the run; ``last`` is the record of the latest tick. ``power_reports`` takes the
     reports of the motor board and of the computer's supply; ``board`` is the monitor of the board's own reports.
     ``levels`` are the severities of this rover's conditions. ``cause_since_s`` is when the gate's present cause began,
-    or the last one ended. ``clock`` gives the time of now, on the clock of ``tick``.
+    or the last one ended. ``clock`` gives the time of now, on the clock of ``tick``. A mission's limit ends the run, or
+    disarms the rover where it ``goes_on``.
     """
 
     def __init__(
@@ -73,6 +74,8 @@ class Controller:
         handler: EscapeHandler,
         log: RunLog,
         clock: Callable[[], float],
+        *,
+        goes_on: bool = False,
     ) -> None:
         self.wheels = Wheels(motors, config.safety.tick_late_s, clock, log)
         self._buffers = buffers
@@ -82,6 +85,7 @@ class Controller:
         self._detector = detector
         self._handler = handler
         self._log = log
+        self._goes_on = goes_on
         self._gate = Gate(config.safety, config.control_hz)
         self.levels = self._gate.levels
         self._resume_warning = ResumeWarning(config.safety.resume_warning_s, self.levels)
@@ -199,8 +203,8 @@ class Controller:
             if not BLIND.isdisjoint(conditions):
                 ahead_m *= UNSEEN_SHARE
             mission.advance(tick.forward_m, ahead_m, observation.heading_deg, right_m)
-            if self.end is None:
-                self.end = mission.end(t_s)
+            if self.end is None and (limit := mission.end(t_s)) is not None:
+                self._end_mission(t_s, limit)
 
     def _wanted_wheels(self, tick: TickRecord) -> WheelCommand:
         """Decide, once there has been a heading, and return the duties that are wanted."""
@@ -282,6 +286,12 @@ class Controller:
         self.mission = Mission(self._safety, t_s)
         self.mode = Mode.ARMED
         self._log.event("armed", t_s, goal_heading_deg=goal_heading_deg)
+
+    def _end_mission(self, t_s: float, limit: RunEnd) -> None:
+        if not self._goes_on:
+            self.end = limit
+        elif self.mission is not None:  # else a fault has just disarmed it
+            self.disarm(t_s, limit.reason)
 
     def _note_health(self, t_s: float, level: Level, cause: Condition | None) -> None:
         if cause is not self._last_cause:

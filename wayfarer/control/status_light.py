@@ -13,12 +13,24 @@ magenta    slow     battery low
 red        fast     fault, or a motor board that failed while disarmed: only a person can arm it
 =========  =======  ========================================
 
-*Slow* is on and off for half a second each, *fast* for an eighth. *Twice* is two short flashes every two seconds, so
-that a light of one colour can be read as well.
+For ten seconds after its start, a rover that stands disarmed tells how the last mission before that ended:
+
+=========  =======  ========================================
+colour     rhythm   meaning
+=========  =======  ========================================
+green      twice    out: it has left the wood
+yellow     twice    stopped: by a person, or by its limit of time or distance
+red        thrice   failed: by a fault of the rover or of its program
+magenta    thrice   unfinished: its power went, or its process was killed
+=========  =======  ========================================
+
+*Slow* is on and off for half a second each, *fast* for an eighth. *Twice* is two short flashes every two seconds,
+*thrice* three, so that a light of one colour can be read as well.
 """
 
 from __future__ import annotations
 
+from enum import Enum
 from typing import TYPE_CHECKING, NamedTuple
 
 from wayfarer.escape.api import Phase
@@ -29,6 +41,7 @@ if TYPE_CHECKING:
     from wayfarer.control.controller import Controller
 
 LIGHT_HZ = 8.0
+LAST_END_S = 10.0  # five times two or three flashes: long enough to look up from the switch
 
 
 class Rhythm(NamedTuple):
@@ -45,6 +58,7 @@ class Rhythm(NamedTuple):
 
 
 STEADY, SLOW, FAST, TWICE = Rhythm(1.0, 1, 1.0), Rhythm(1.0, 1, 0.5), Rhythm(0.25, 1, 0.125), Rhythm(2.0, 2, 0.25)
+THRICE = Rhythm(2.0, 3, 0.25)
 
 OFF = Colour(0.0, 0.0, 0.0)
 BLUE, GREEN, RED = Colour(0.0, 0.0, 1.0), Colour(0.0, 1.0, 0.0), Colour(1.0, 0.0, 0.0)
@@ -52,13 +66,22 @@ YELLOW, MAGENTA, WHITE = Colour(1.0, 0.6, 0.0), Colour(1.0, 0.0, 1.0), Colour(1.
 CYAN = Colour(0.0, 1.0, 1.0)
 
 
-def colour(controller: Controller, t_s: float) -> Colour:
-    """Return what the light shows now."""
-    shown, rhythm = _signal(controller)
+class LastEnd(Enum):
+    """How the last mission of the run before ended, each with its colour and rhythm."""
+
+    OUT = (GREEN, TWICE)
+    STOPPED = (YELLOW, TWICE)
+    FAILED = (RED, THRICE)
+    UNFINISHED = (MAGENTA, THRICE)
+
+
+def colour(controller: Controller, t_s: float, last_end: LastEnd | None = None) -> Colour:
+    """Return what the light shows now; ``last_end`` in place of disarmed."""
+    shown, rhythm = _signal(controller, (BLUE, STEADY) if last_end is None else last_end.value)
     return shown if rhythm.lit(t_s) else OFF
 
 
-def _signal(controller: Controller) -> tuple[Colour, Rhythm]:
+def _signal(controller: Controller, disarmed: tuple[Colour, Rhythm]) -> tuple[Colour, Rhythm]:
     last, mode = controller.last, controller.mode.value
     level = Level.WELL if last is None else last.level
     if level is Level.FAULT or (mode == "disarmed" and Condition.MOTORS_FAILED in controller.conditions):
@@ -68,7 +91,7 @@ def _signal(controller: Controller) -> tuple[Colour, Rhythm]:
     if Condition.BATTERY_LOW in controller.conditions:
         return MAGENTA, SLOW
     if mode == "disarmed" or last is None:
-        return BLUE, STEADY
+        return disarmed
     if level is Level.HOLD:
         return YELLOW, STEADY
     return _driving(level, last.decision.phase)

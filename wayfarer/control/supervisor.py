@@ -22,7 +22,7 @@ from wayfarer.control.rate import Rate
 from wayfarer.control.run_log import NOTE_HZ, DriverCounters, RunLog
 from wayfarer.control.sensors import keep_sampling, sensor_tasks
 from wayfarer.control.shutdown import Shutdown, run_uncancellable
-from wayfarer.control.status_light import LIGHT_HZ, colour
+from wayfarer.control.status_light import LAST_END_S, LIGHT_HZ, LastEnd, colour
 from wayfarer.detector import Detector
 from wayfarer.errors import DriverError, MissingPart, NotArmed
 from wayfarer.escape.api import EscapeHandler
@@ -49,20 +49,34 @@ SOON = frozenset(  # the rover holds its wheels, and continues by itself
 class Supervisor:
     """Runs one rover with one algorithm, once. It starts disarmed.
 
+    A mission that reaches a limit ends the run, as a trial does. With ``goes_on`` it only disarms the rover, which can
+    be armed again. ``last_end`` is what the light tells of the run before.
+
     Raises:
         MissingPart: the algorithm or the configuration needs a part that the rover does not have.
     """
 
     def __init__(
-        self, rover: Rover, config: RoverConfig, algorithm: Algorithm, handler: EscapeHandler, log: RunLog
+        self,
+        rover: Rover,
+        config: RoverConfig,
+        algorithm: Algorithm,
+        handler: EscapeHandler,
+        log: RunLog,
+        *,
+        goes_on: bool = False,
+        last_end: LastEnd | None = None,
     ) -> None:
         self._rover = rover
         self._control_hz = config.control_hz
         self._log = log
+        self._last_end = last_end
         self.buffers = SensorBuffers()
         needs = check_parts(rover, algorithm, config)
         detector = make_detector(config, needs, watches_motion=rover.motion is not None)
-        self.controller = Controller(rover.motors, self.buffers, config, detector, handler, log, _loop_time)
+        self.controller = Controller(
+            rover.motors, self.buffers, config, detector, handler, log, _loop_time, goes_on=goes_on
+        )
         self._board = BoardWatch(rover.motors, self.controller, log, config.board.health_hz)
         self._patience_s = config.detector.compass_stale_s  # after this a silent compass is a condition
         self._disarms = 0
@@ -228,9 +242,10 @@ class Supervisor:
     async def _show_state(self, light: StatusLight) -> None:
         """Keep the status light showing the state of the rover; a light that fails does not stop the run."""
         controller, time, rate, failed = self.controller, asyncio.get_running_loop().time, Rate(LIGHT_HZ), False
+        until_s = time() + LAST_END_S
         while True:
             try:
-                await light.show(colour(controller, time()))
+                await light.show(colour(controller, now_s := time(), self._last_end if now_s < until_s else None))
                 failed = False
             except DriverError as error:
                 if not failed:

@@ -29,6 +29,7 @@ from wayfarer.daemon.arming_inspection import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.dry_run import DryMotors
 from wayfarer.daemon.host_health import Health, monitor_host_health
+from wayfarer.daemon.mission_totals import MissionTotals
 from wayfarer.daemon.motors_lock import motors_device, motors_lock
 from wayfarer.daemon.signals import handle_signals
 from wayfarer.daemon.socket.driven import DrivenBoard, remove_record, write_record
@@ -41,7 +42,7 @@ from wayfarer.daemon.watchdog import StallGuard, SystemdNotifier, WatchdogFeed, 
 from wayfarer.errors import WayfarerError
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.fieldlog.folders import new_run_folder
-from wayfarer.fieldlog.last_run import UnfinishedRun, unfinished_run
+from wayfarer.fieldlog.last_run import LastRun, last_run
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.writer import RunFiles
@@ -105,7 +106,7 @@ class Service:
 
 
 def serve(service: Service) -> RunEnd:
-    """Run the daemon until a limit, a signal or a request ends it; return why.
+    """Run the daemon until a signal or a request ends it, not with a mission; return why.
 
     Raises:
         AlreadyRunning: another daemon serves this socket, or drives these motors.
@@ -148,7 +149,7 @@ class Daemon:
         self._lines = StderrWriter()
         self._guard = StallGuard(self._rover.motors.halt, self._lines.write, self._tell_of_stall)
         self._suspension: asyncio.TimerHandle | None = None
-        before, folder = unfinished_run(service.logs), new_run_folder(service.logs, needed=False)
+        before, folder = last_run(service.logs), new_run_folder(service.logs, needed=False)
         about = {
             "version": __version__,
             "rover": config.name,
@@ -165,16 +166,20 @@ class Daemon:
             shown_to.append(service.console(self._lines.write))
         self._field_log = FieldLog(self._writer, self._header(about), t_s=self._loop.time(), viewers=shown_to)
         if before is not None:
-            self._tell_of_unfinished(before)
+            self._tell_of_last(before)
         ground_truth_logs = [rover_setup.ground_truth_log(self._field_log)] if rover_setup.ground_truth_log else []
-        self._log = Tee(self._field_log, *ground_truth_logs, WatchdogFeed(self._notifier, self._guard))
+        self._mission = MissionTotals(self._field_log)
+        self._log = Tee(self._field_log, *ground_truth_logs, self._mission, WatchdogFeed(self._notifier, self._guard))
         handler = service.algorithm.make(config.escape, config.vehicle, Random(service.seed))
-        self._supervisor = Supervisor(self._rover, config, service.algorithm, handler, self._log)
+        self._supervisor = Supervisor(
+            self._rover, config, service.algorithm, handler, self._log,
+            goes_on=True, last_end=before and before.end,
+        )  # fmt: skip
         self._storage = Storage(folder, config.log, self._writer, self._log, self._is_disarmed)
         checks: list[Check] = [*rover_setup.checks, partial(system.log, lambda: self._writer.trouble)]
         self._commands = RoverCommands(
             self._supervisor, self._rover.motors, self._inspect, self._log,
-            {**about, **service.addresses}, checks,
+            {**about, **service.addresses, "last_run": before and before._asdict()}, checks,
             lambda: {"log_dropped": self._field_log.dropped, **self._storage.status()},
         )  # fmt: skip
 
@@ -243,7 +248,8 @@ class Daemon:
         def note() -> None:
             sync_ms = self._storage.take_health(self._loop.time(), card)
             log = {"log_dropped": self._field_log.dropped, "log_sync_ms": sync_ms}
-            self._field_log.note("computer", self._loop.time(), {**health, **card._asdict(), **log})
+            totals = self._mission.totals
+            self._field_log.note("computer", self._loop.time(), {**health, **card._asdict(), **log, **totals})
 
         self._loop.call_soon_threadsafe(note)
 
@@ -259,13 +265,20 @@ class Daemon:
         """Pass the computer's power flags to the controller; called in another thread."""
         self._loop.call_soon_threadsafe(lambda: self._supervisor.controller.power(self._loop.time(), flags))
 
-    def _tell_of_unfinished(self, before: UnfinishedRun) -> None:
-        """Log that the previous run was cut off (fault catalogue, fault 33)."""
-        run, last_t_s, last_t_wall, mode, error = before
-        self._field_log.event(
-            "unclean_shutdown", self._loop.time(),
-            run=run, last_t_s=last_t_s, last_t_wall=last_t_wall, mode=mode, error=error,
-        )  # fmt: skip
+    def _tell_of_last(self, before: LastRun) -> None:
+        """Log how the run before ended, also if it was cut off (fault catalogue, fault 33)."""
+        run, ended, text, dropped, last_t_s, last_t_wall, mode, mission_s, mission_m, anomalies, why, error = before
+        if ended is None:
+            self._field_log.event(
+                "unclean_shutdown", self._loop.time(),
+                run=run, last_t_s=last_t_s, last_t_wall=last_t_wall, mode=mode, error=error,
+                mission_s=mission_s, mission_m=mission_m, mission_anomalies=anomalies, mission_ended=why,
+            )  # fmt: skip
+        else:
+            self._field_log.event(
+                "last_run", self._loop.time(), run=run, text=text, dropped=dropped,
+                mission_s=mission_s, mission_m=mission_m, mission_anomalies=anomalies, mission_ended=why,
+            )  # fmt: skip
 
     def _inspect(self) -> RunningInspection:
         host = HostEnvironment.here(self._service.logs, self._setup.devices, self._loop.time())

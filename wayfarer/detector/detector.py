@@ -120,9 +120,10 @@ class Detector:
             tick.anomalies, tick.conditions = tuple(anomalies), tuple(conditions)
 
     def begin_arming(self) -> None:
-        """Forget failed turns and sides from before the rover was armed: a person has looked at it since."""
+        """Forget failed turns, sides and pace from before the rover was armed: a person has looked at it since."""
         self.sides.reset()
         self._turns.reset()
+        self._motion.forget_pace()
 
     def begin_mission(self, tick: DetectorTick) -> None:
         """Take the ground to be as the body stands on it now, where a person has put it: that is no anomaly."""

@@ -58,7 +58,7 @@ class MotionMonitor:
         self.moves = self.stride_over = self._lies = False
         self.reading: MotionReading | None = None
         self.ahead_m = 0.0
-        self._mean_share = 1.0  # of the commanded distance that the body was seen to move
+        self.forget_pace()
         self._commanded_m = self._before_m = self._undriven_s = 0.0
         # Since the last reading: the mean distance commanded of the sides, ahead and back both positive; how much
         # further the left side was commanded than the mean of both; how far the body turned.
@@ -69,6 +69,10 @@ class MotionMonitor:
     def is_slow(self) -> bool:
         """Whether the body has moved far less than commanded for some metres."""
         return self._mean_share < SLOW_SHARE
+
+    def forget_pace(self) -> None:
+        """Take the body to move as commanded, until it is driven: one that stands would stay slow for ever."""
+        self._mean_share = 1.0  # of the commanded distance that it was seen to move
 
     def start(self, t_s: float) -> None:
         """Begin all ages now."""

@@ -15,6 +15,7 @@ import asyncio
 import json
 from contextlib import suppress
 from dataclasses import dataclass
+from datetime import datetime
 from math import inf, isfinite
 from typing import Annotated, Any, ClassVar
 
@@ -88,13 +89,23 @@ def parse(line: bytes) -> dict[str, Any]:
 
 
 def fix_of(report: dict[str, Any], t_s: float) -> PositionFix | None:
-    """Return the position in a TPV report, or None where it has none. The error is ``eph``, in metres."""
+    """Return the position in a TPV report, and its time, or None where it has none. The error is ``eph``, in metres."""
     mode, latitude_deg, longitude_deg, error_m = (number(report, key) for key in ("mode", "lat", "lon", "eph"))
     if mode is None or mode < FIX_2D or latitude_deg is None or longitude_deg is None:
         return None
     if abs(latitude_deg) > 90.0 or abs(longitude_deg) > 180.0:
         return None
-    return PositionFix(t_s, latitude_deg, longitude_deg, error_m if error_m is not None and error_m >= 0.0 else None)
+    error_m = error_m if error_m is not None and error_m >= 0.0 else None
+    return PositionFix(t_s, latitude_deg, longitude_deg, error_m, _utc_s(report.get("time")))
+
+
+def _utc_s(time: object) -> float | None:
+    """Return the time of a report (ISO 8601, UTC) in seconds since 1970, None where it is none."""
+    try:
+        moment = datetime.fromisoformat(str(time))
+    except ValueError:  # also the second 60 of a leap second
+        return None
+    return None if moment.tzinfo is None else moment.timestamp()
 
 
 def number(report: dict[str, Any], key: str) -> float | None:

@@ -2,7 +2,7 @@
 
 The first record says what ran (version, algorithm, the rover's whole configuration), the last how it ended; between
 them there is a record for each control tick and each event. Keys carry their units; ``t_s`` is the loop's clock and
-``t_wall`` the wall clock, which may step. ``docs/reference/log.md`` has the schema.
+``t_wall`` the wall time, which may step. ``docs/reference/log.md`` has the schema.
 
 Logging can never raise into control: what cannot be written is dropped and counted, and the rover drives on.
 """
@@ -20,12 +20,11 @@ from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Observation
 from wayfarer.fieldlog.clock import WallClock, wall_clock
 from wayfarer.fieldlog.lines import sealed
+from wayfarer.fieldlog.log_clock import LogClock
 from wayfarer.fieldlog.schema import SCHEMA, Record
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.fieldlog.writer_thread import WriterThread
 from wayfarer.hal import MotorHealth, PositionFix, WheelCommand
-
-CLOCK_STEP_S = 1.0  # more than a clock is slewed between two records; finding the right time steps it by hours
 
 
 class FieldLog:
@@ -34,7 +33,7 @@ class FieldLog:
     Args:
         sink: where the lines go.
         details: what else the first record says: algorithm, configuration, seed.
-        wall: the wall clock, given the loop's time.
+        wall: the computer's wall clock, given the loop's time.
         t_s: the loop's time at which the run begins.
         viewers: each is shown every record as it is written, and must neither wait nor change it; one that raises is
             not asked again.
@@ -52,13 +51,12 @@ class FieldLog:
         viewers: Sequence[Callable[[Record], object]] = (),
     ) -> None:
         self._sink = sink
-        self._wall = wall
+        self._clock = LogClock(wall)
         self._viewers = list(viewers)
         self._details = details
         self._t_s = t_s
         self._number = 0
         self._unmade = 0
-        self._wall_offset_s: float | None = None
         self._logger = structlog.wrap_logger(sink, [self._line], structlog.BoundLogger).bind()
         sink.open(self._header)
         self._show(self._header(1))
@@ -78,8 +76,9 @@ class FieldLog:
         self._write("urgent", "event", t_s, {"name": name, **details})
 
     def position(self, fix: PositionFix | None) -> None:
-        """Write a position."""
+        """Write a position; from the time in it on, ``t_wall`` is right."""
         if fix is not None:
+            self._note_right_time(fix)
             self._write("urgent", "position", fix.t_s, fix._asdict())
 
     def board(self, t_s: float, health: MotorHealth, duties: WheelCommand | None) -> None:
@@ -110,24 +109,30 @@ class FieldLog:
         """Return the line of what happened; structlog gives it to the sink."""
         fields, t_s = event["fields"], self._t_s
         # Kind and times come first, for the person who tails the file; times are whole, for replay.
-        stamp = {"record": event["event"], "n": self._number, "t_s": t_s, "t_wall": round(self._wall(t_s), 3)}
+        stamp = {"record": event["event"], "n": self._number, "t_s": t_s, "t_wall": round(self._clock.wall_s(t_s), 3)}
         if isinstance(fields, TickRecord):
             fields = tick_fields(fields)
         self._newest = {**stamp, **fields, **stamp}
         return sealed(self._newest)
 
     def _note_clock_step(self, t_s: float) -> None:
-        """Write down that the wall clock was set, before the first record with the new time."""
-        offset_s = self._wall(t_s) - t_s
-        before_s, self._wall_offset_s = self._wall_offset_s, offset_s
-        if before_s is not None and abs(offset_s - before_s) > CLOCK_STEP_S:
-            self.event("clock_step", t_s, by_s=round(offset_s - before_s, 3))
+        """Write down that the computer's clock was set, before the first record with the new time."""
+        if step_s := self._clock.step_s(t_s):
+            self.event("clock_step", t_s, by_s=round(step_s, 3))
+
+    def _note_right_time(self, fix: PositionFix) -> None:
+        """Write down that the receiver has another time than the computer, or that they agree again."""
+        wrong_by_s = self._clock.take(fix)
+        if wrong_by_s:
+            self.event("clock_wrong", fix.t_s, by_s=round(wrong_by_s, 3))
+        elif wrong_by_s is not None:
+            self.event("clock_right", fix.t_s)
 
     def _header(self, part: int) -> Record:
         """Return the first record of a part of the log."""
         t_s = self._t_s
         about = {"schema": SCHEMA, "part": part, "version": __version__, **self._details}
-        return {"record": "run", "t_s": t_s, "t_wall": round(self._wall(t_s), 3), **about}
+        return {"record": "run", "t_s": t_s, "t_wall": round(self._clock.wall_s(t_s), 3), **about}
 
     def _show(self, record: Record) -> None:
         """Show a record; a failing viewer must not end the log."""

@@ -133,6 +133,10 @@ class Noted(RunEvent):
     last_t_s: schema.SinceBoot = None
     last_t_wall: schema.Since1970 = None
     mode: schema.Text = None
+    mission_s: schema.Lasting = None
+    mission_m: schema.Metres = None
+    mission_anomalies: schema.Count = None
+    mission_ended: schema.Text = None
     stall_s: schema.Lasting = None
     by_s: Annotated[float, schema.Values(schema.NUMBER, -1e10, 1e10)] = 0.0  # a clock is set from any time to any other
     dropped: Annotated[int, schema.COUNT] = 0

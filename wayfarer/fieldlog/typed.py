@@ -188,7 +188,7 @@ class Board(RunEvent):
 
 @dataclass(slots=True)
 class Fix(RunEvent):
-    """A position from the receiver; ``error_m`` is horizontal, None where it is unknown.
+    """A position from the receiver; ``error_m`` is horizontal, and ``utc_s`` its clock; None where they are unknown.
 
     The fold adds ``period_s``, the seconds since the position before; None for the first one.
     """
@@ -196,12 +196,13 @@ class Fix(RunEvent):
     latitude_deg: Annotated[float, Values(NUMBER, -90.0, 90.0)]
     longitude_deg: Annotated[float, Values(NUMBER, -180.0, 180.0)]
     error_m: Annotated[float | None, Values(NUMBER, 0.0, 1e8)] = None
+    utc_s: Annotated[float | None, Values(NUMBER, -1e11, 1e12)] = None  # the calendar's years 1 to 9999
     period_s: float | None = None
 
 
 @dataclass(slots=True)
 class Computer(RunEvent):
-    """How the computer is."""
+    """How the computer is, and what the latest mission has come to; see ``daemon.mission_totals``."""
 
     cpu_c: Annotated[float | None, Values(NUMBER, -273.0, 1000.0)] = None
     throttled: Text = None
@@ -214,6 +215,10 @@ class Computer(RunEvent):
     disk_spare_low: Flag = None
     log_dropped: Count = None
     log_sync_ms: Annotated[float | None, Values(NUMBER, 0.0, 1e9)] = None
+    mission_s: Lasting = None
+    mission_m: Metres = None
+    mission_anomalies: Count = None
+    mission_ended: Text = None
 
     @property
     def power_bits(self) -> str:

@@ -140,9 +140,9 @@ def _said(level: object, cause: object) -> Said | None:
 
 
 def disarmed_text(reason: str) -> str:
-    """Return why a rover was disarmed, as ``fault: compass_lost``, with its conditions in words."""
+    """Return why a rover was disarmed, as ``fault: compass_lost`` or ``mission_time``, with its names in words."""
     what, colon, conditions = reason.partition(": ")
-    return f"{what}{colon}{', '.join(map(in_words, conditions.split(', ')))}"
+    return f"{outcome_in_words(what)}{colon}{', '.join(map(in_words, conditions.split(', ')))}"
 
 
 def met(anomalies: Iterable[str], phase: str | None) -> str:

@@ -17,7 +17,7 @@ from wayfarer.fieldlog.fields import MAX_PLAUSIBLE, escape_control_chars
 from wayfarer.fieldlog.run_events import Ended, FaultInjected, Silence, event_name
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Fix, Header
-from wayfarer.fieldlog.vocabulary import disarmed_text, ends_text, in_words, level_text, outcome_in_words
+from wayfarer.fieldlog.vocabulary import disarmed_text, ends_text, in_words, level_text
 
 
 class Tone(Enum):
@@ -35,8 +35,7 @@ class Tone(Enum):
 PERSON = {"arming", "armed", "disarmed", "hold", "resume", "goal", "mark"}
 WARNINGS = {
     "arming_refused", "sensor_failed", "board_silent", "motors_not_opened", "light_failed", "part_failed", "clock_step",
-    "log_gap", "viewer_failed", "close_hangs", "unclean_shutdown", "power",
-    "card", "runs_not_deleted",
+    "clock_wrong", "log_gap", "viewer_failed", "close_hangs", "unclean_shutdown", "power", "card", "runs_not_deleted",
 }  # fmt: skip
 FAULTS = {"motors_failed", "loop_stalled", "stop_not_confirmed", "control_error"}
 LEVEL_TONES = {"degrade": Tone.WARNING, "hold": Tone.WARNING, "fault": Tone.FAULT}
@@ -75,6 +74,15 @@ def event_text(event: Record) -> str:
         return escape_control_chars(", ".join([_filled(template, details), *starmap(detail_text, details.items())]))
     told = [detail_text(key.removeprefix(f"{what}_"), value) for key, value in details.items()]
     return f"{what.replace('_', ' ')}{': ' if told else ''}{', '.join(told)}"
+
+
+def last_run_text(last_run: Mapping[str, Any]) -> str:
+    """Say how the run before this one ended, given the fields of ``last_run.LastRun``."""
+    what = "unclean_shutdown" if last_run["ended"] is None else "last_run"
+    told = {"error", *DETAIL.findall(SENTENCES[what])}
+    return event_text(
+        {"name": what, **{key: value for key, value in last_run.items() if key in told and value is not None}}
+    )
 
 
 def event_tone(event: Record) -> Tone:
@@ -155,6 +163,8 @@ def _degrees(value: object) -> str:
 # -- sentences for events --------------------------------------------------------------------------------------------
 
 # Details of an event are in braces. A piece in brackets is told only where its details are known, and not zero.
+_OF_MISSION = "{mission_s:.0f} s][, {mission_m:.0f} m][, anomalies: {mission_anomalies}]"
+_ITS_MISSION = f"[. Its last mission: {_OF_MISSION}[, {{mission_ended}}]"
 SENTENCES: Mapping[str, str] = {
     "opened": "The parts are open: {parts}",
     "arming": "Arming:[ in {start_delay_s:.0f} s] it drives {goal_heading_deg}",
@@ -177,6 +187,8 @@ SENTENCES: Mapping[str, str] = {
     "light_failed": "The status light did not answer: {error}",
     "power": "The computer's supply: {text}",
     "clock_step": "The computer's clock was set[ by {by_s:+.0f} s]",
+    "clock_wrong": "The computer's clock is wrong[ by {by_s:+.0f} s]: the log follows the position receiver's",
+    "clock_right": "The computer's clock is right again: the log follows it",
     "log_gap": "{dropped} could not be written into the log",
     "card": "The card with the logs: {text}",
     "runs_deleted": "Old runs were deleted[, {deleted_mb:.0f} MB][, {left_mb:.0f} MB are left]: {runs}",
@@ -186,7 +198,10 @@ SENTENCES: Mapping[str, str] = {
     "close_hangs": "The {part} did not close in time",
     "control_error": "An error inside wayfarer, in a command: {error}",
     "viewer_failed": "An error inside wayfarer, in a viewer: {error}",
-    "unclean_shutdown": "The run before ({run}) was cut off[ while {mode}][{last_t_wall}]: killed, or without power",
+    "unclean_shutdown": "The run before ({run}) was cut off[ while {mode}][{last_t_wall}]: killed, or without power"
+    + _ITS_MISSION,
+    "last_run": "The run before ({run}) ended: {text}" + _ITS_MISSION + "[. Its log has lost {dropped}]",
+    "mission_ended": f"The mission is over[ after {_OF_MISSION}: {{mission_ended}}",
     "wheels_stopped": "The wheels are stopped[: {reason}]",
 }
 UNREADABLE_RUN = "The run before ({run}) cannot be read: {error}"
@@ -196,7 +211,7 @@ MISSING = {"goal_heading_deg": "straight ahead", "dropped": "Some records"}  # e
 WORDS: Mapping[str, Callable[[Any], str]] = {
     "goal_heading_deg": lambda angle_deg: f"towards {whole_deg(angle_deg)} degrees",
     **dict.fromkeys(("part", "sensor", "cause"), in_words),
-    "reason": lambda reason: outcome_in_words(disarmed_text(reason)).replace("_", " "),
+    **dict.fromkeys(("reason", "mission_ended"), lambda reason: disarmed_text(reason).replace("_", " ")),
     "counts": lambda counts: _value(counts).replace("_", " "),
     "dropped": lambda count: plural(count, "record"),
     "last_t_wall": lambda wall_s: local_time(wall_s, " at %Y-%m-%d %H:%M:%S"),
