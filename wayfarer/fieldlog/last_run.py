@@ -24,7 +24,7 @@ TAIL_BYTES = 65_536  # about a hundred ticks: the last one, the outcome and what
 # Twice the 10 s between two records of the computer's health, which have the totals of the last mission, at 14 kB a
 # second.
 LONG_TAIL_BYTES = 2 * 10 * 14_000
-MODES = ("arming", "armed", "disarmed")  # each begins with the event of its name
+MODES = ("arming", "armed", "disarmed", "manual")  # each begins with the event of its name
 TOTALS = ("mission_s", "mission_m", "mission_anomalies", "mission_ended")
 OUT = {"mission_radius", "escaped", "left_bounds"}  # ends of a rover that has left the wood
 
@@ -153,6 +153,8 @@ def _mode(tail: Sequence[Record]) -> str | None:
     for record in reversed(tail):
         if record["record"] == "event" and record.get("name") in MODES:
             return str(record["name"])
+        if record["record"] == "event" and record.get("name") == "manual_ended":
+            return str(record.get("mode"))
         if record["record"] == "tick" and record.get("phase") not in (None, "halt"):
-            return "armed"
+            return "manual" if record["phase"] == "manual" else "armed"
     return None
