@@ -313,3 +313,19 @@ def test_follow_tells_what_is_written_while_it_waits_and_ends_by_ctrl_c(
     Event().wait(0.1)  # it is likely to wait for more by now
     following.send_signal(signal.SIGINT)
     assert following.wait(LONG_S) == 0
+
+
+def test_prune_says_what_it_would_delete_then_deletes_it_and_never_without_a_limit(run: Run, logs: Path) -> None:
+    for number, name in enumerate([FIRST, SECOND]):
+        (logs / name / "run.jsonl").write_bytes(bytes(9_000_000))
+        os.utime(logs / name / "run.jsonl", (1_790_000_000 + number, 1_790_000_000 + number))
+    assert run("prune")[0] == 2
+    code, out, _ = run("prune", "--keep-mb", 10, "--dry-run")
+    assert (code, out) == (0, f"{FIRST}\n1 run would be deleted, 9.0 MB; 9.0 MB are left\n")
+    assert (logs / FIRST).exists()
+    assert run("prune", "--keep-mb", 10)[1] == f"{FIRST}\n1 run deleted, 9.0 MB; 9.0 MB are left\n"
+    assert not (logs / FIRST).exists()
+    (logs / SECOND / "run.jsonl").write_bytes(bytes(11_000_000))
+    code, out, err = run("prune", "--keep-mb", 10)
+    assert (code, out) == (1, "0 runs deleted, 0.0 MB; 11.0 MB are left\n")
+    assert "more than keep_mb" in err

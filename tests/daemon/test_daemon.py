@@ -305,6 +305,57 @@ async def test_disk_that_takes_no_records_lets_the_rover_drive_on_and_refuses_th
         await daemon.stop()
 
 
+async def test_daemon_starts_on_a_read_only_disk_drives_only_if_told_to_and_logs_as_soon_as_it_can(
+    site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real, read_only = os.mkdir, True
+
+    def mkdir(path: Any, *more: Any, **keys: Any) -> None:
+        if read_only and Path(path).is_relative_to(site.logs):
+            raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+        real(path, *more, **keys)
+
+    monkeypatch.setattr(os, "mkdir", mkdir)
+    run = asyncio.create_task(Daemon(site.service).run())
+    async with asyncio.timeout(LONG_S):
+        while not site.socket.exists() or not (status := await site.ask("status")).get("heading_deg"):
+            await asyncio.sleep(0.05)
+    assert "Read-only file system" in status["log_trouble"]
+    with pytest.raises(WayfarerError, match=r"not armed: log: .*Read-only.*: wayfarer arm --without-log"):
+        await site.ask("arm", heading_deg=0.0)
+    told = await site.ask("arm", heading_deg=0.0, without_log=True)
+    assert any("Read-only file system" in warning for warning in told["warnings"])
+    async with asyncio.timeout(LONG_S):
+        while await site.wheels() == STOP:
+            await asyncio.sleep(0.01)
+        read_only = False
+        while (await site.ask("status"))["log_trouble"]:
+            await asyncio.sleep(0.05)
+    await site.ask("stop")
+    await run
+    header, gap, *_, end = site.log()
+    assert (header["part"], gap["name"], end["record"]) == (1, "log_gap", "outcome")
+    assert gap["dropped"] == end["dropped"] > 0
+
+
+async def test_old_runs_are_deleted_at_the_start_where_the_rover_file_says_so(site: Site) -> None:
+    for number in (1, 2):
+        before = site.logs / f"{number:05d}-20261101T000000Z"
+        write(before, numbered([HEADER, *drive(0.0, 1.0)]))
+        os.utime(before / "run.jsonl", (0.0, time.time() - 40 * 86_400.0 * (3 - number)))
+    log = replace(site.service.config.log, keep_days=60)
+    site.service = replace(site.service, config=site.service.config.model_copy(update={"log": log}))
+    run = asyncio.create_task(Daemon(site.service).run())
+    async with asyncio.timeout(LONG_S):
+        while not site.events("runs_deleted"):
+            await asyncio.sleep(0.05)
+    assert (await site.ask("status"))["runs_deleted"] == 1
+    await site.ask("stop")
+    await run
+    assert site.events("runs_deleted")[0]["runs"] == ["00001-20261101T000000Z"]
+    assert [run.name[:5] for run in sorted(site.logs.iterdir())] == ["00002", "00003"]
+
+
 async def test_low_voltage_of_the_computer_is_noticed_within_a_second(
     site: Site, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -45,7 +45,7 @@ def test_watch_tells_at_once_and_ends_when_it_is_left(tmp_path: Path, monkeypatc
             enough.release()
             raise RuntimeError("Event loop is closed")
 
-    with monitor_host_health(tmp_path, lambda found: take(found["throttled"]), take, tmp_path):
+    with monitor_host_health(tmp_path, lambda found, _: take(found["throttled"]), take, root=tmp_path):
         assert enough.acquire(timeout=5.0)
         assert enough.acquire(timeout=5.0)
     assert {"50005", 0x50005} <= set(told)
@@ -62,7 +62,7 @@ def test_card_that_hangs_does_not_hold_up_the_power_flags(tmp_path: Path, monkey
     def hang() -> None:
         answers.wait(5.0)
 
-    with monitor_host_health(tmp_path, lambda _: hang(), lambda _: polled.release(), tmp_path):
+    with monitor_host_health(tmp_path, lambda *_: hang(), lambda _: polled.release(), root=tmp_path):
         for _ in range(3):
             assert polled.acquire(timeout=5.0)
         answers.set()

@@ -7,9 +7,10 @@ import os
 import resource
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -41,6 +42,43 @@ def small_disk(mount_point: Path, kb: int) -> Iterator[bool]:
     finally:
         if mounted:
             subprocess.run(["umount", "-l", str(mount_point)], check=True)
+
+
+class PowerCut(BaseException):
+    """Ends everything at once; nothing that a program does about an error happens."""
+
+
+@contextmanager
+def power_cut_at(call: int) -> Iterator[None]:
+    """Let the power go at the n-th change of the disk, from 0; where there are fewer, nothing happens."""
+    left = call
+
+    def counted(real: Callable[..., Any]) -> Callable[..., Any]:
+        def change(*args: Any, **keys: Any) -> Any:
+            nonlocal left
+            if left == 0:
+                raise PowerCut
+            left -= 1
+            return real(*args, **keys)
+
+        return change
+
+    with pytest.MonkeyPatch.context() as patch:
+        for name in (
+            "open",
+            "mkdir",
+            "write",
+            "ftruncate",
+            "fdatasync",
+            "fsync",
+            "rename",
+            "replace",
+            "unlink",
+            "rmdir",
+        ):
+            patch.setattr(os, name, counted(getattr(os, name)))
+        with suppress(PowerCut):
+            yield
 
 
 class FailingCall:

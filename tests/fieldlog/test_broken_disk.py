@@ -12,10 +12,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.fieldlog.disks import FailingCall, files_no_longer_than
-from tests.fieldlog.lines import SMALL, Log, event, gaps, numbers, read, tick, torn_lines, write
+from tests.fieldlog.disks import FailingCall, files_no_longer_than, power_cut_at
+from tests.fieldlog.lines import FREE, SMALL, Log, event, gaps, numbers, read, run_record, tick, torn_lines, write
+from wayfarer.config.rover_file import LogSettings
+from wayfarer.errors import BadInput
 from wayfarer.fieldlog.disk import DiskTrouble
+from wayfarer.fieldlog.folders import new_run_folder
 from wayfarer.fieldlog.reader import log_segments, read_header
+from wayfarer.fieldlog.writer import RunFiles
 
 
 def test_deleted_folder_is_made_again_and_what_was_lost_is_counted(tmp_path: Path) -> None:
@@ -115,6 +119,30 @@ def test_disk_that_fails_to_write_is_told_with_what_to_do(
     assert log.told[1:] == ["the field log is written again; records missing: 2"]
 
 
+@pytest.mark.parametrize("error", [errno.EROFS, errno.ENOSPC, errno.EIO])
+def test_log_that_is_not_needed_begins_when_the_disk_takes_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: int
+) -> None:
+    told: list[str] = []
+    files = RunFiles(tmp_path / "logs" / "run", FREE, told.append)
+    making = FailingCall(monkeypatch, "mkdir", error)
+    making.failures = 2
+    files.open(run_record, needed=False)
+    assert os.strerror(error) in (files.trouble.now or "")
+    for number in range(1, 4):
+        files.urgent(event(number))
+    files.close()
+    assert (numbers(tmp_path / "logs" / "run"), gaps(tmp_path / "logs" / "run")) == ([2, 3], [1])
+    assert read_header(tmp_path / "logs" / "run")["part"] == 1
+    assert told[1:] == ["the field log is written again; records missing: 1"]
+
+
+def test_folder_that_is_not_the_disks_fault_is_refused_though_the_log_is_not_needed(tmp_path: Path) -> None:
+    (tmp_path / "logs").write_text("in the way", encoding="ascii")
+    with pytest.raises(BadInput, match="a file stands where the folder should be"):
+        RunFiles(tmp_path / "logs" / "run").open(run_record, needed=False)
+
+
 def test_failure_is_tried_again_once_a_second_and_not_with_every_batch(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -174,6 +202,25 @@ def test_write_that_cannot_be_taken_back_ends_its_part(tmp_path: Path, monkeypat
     assert [record["n"] for record in found if "n" in record] == [1, 3]
     assert (its.damage.torn, its.damage.missing) == (1, 1)
     assert log.parts() == ["run.00001.jsonl", "run.jsonl"]
+
+
+@pytest.mark.parametrize("call", range(0, 96, 3))
+def test_power_cut_at_any_change_of_the_disk_leaves_a_log_that_says_what_was_synced(tmp_path: Path, call: int) -> None:
+    """In parts, of which the oldest but the first are deleted."""
+    written = 0
+    with power_cut_at(call):
+        log = Log(tmp_path / "run", LogSettings(part_mb=0.0004, run_mb=0.0016, free_mb=0.0))
+        for number in range(1, 21):
+            log.files.urgent(tick(number))
+            written = number
+    there = numbers(tmp_path / "run") if (tmp_path / "run").exists() else []
+    assert torn_lines(tmp_path / "run") == 0 if there else written == 0
+    assert there[-1:] in ([], [written], [written + 1])
+    assert there == sorted(there)
+    next_one = Log(new_run_folder(tmp_path))
+    next_one.files.urgent(event(1))
+    next_one.files.close()
+    assert numbers(next_one.folder) == [1]
 
 
 @settings(max_examples=40)

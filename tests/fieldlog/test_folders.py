@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 from concurrent.futures import ThreadPoolExecutor
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.fieldlog.disks import FailingCall
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog import folders
 from wayfarer.fieldlog.folders import find_run, new_run_folder, run_folders, run_number
@@ -30,6 +32,19 @@ def test_next_number_follows_the_highest_and_the_folder_is_made(tmp_path: Path) 
     assert first.name.startswith("00001-2")
     make(logs, f"00017-{TIME}")
     assert new_run_folder(logs).name.startswith("00018-2")
+
+
+def test_read_only_disk_gives_a_log_that_is_not_needed_the_next_name_without_a_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make(tmp_path, f"00017-{TIME}")
+    making = FailingCall(monkeypatch, "mkdir", errno.EROFS)
+    making.failures = 5  # a folder that is there is asked for, too
+    with pytest.raises(BadInput, match="Read-only file system"):
+        new_run_folder(tmp_path)
+    run = new_run_folder(tmp_path, needed=False)
+    assert (run_number(run), run.exists()) == (18, False)
+    assert run_number(new_run_folder(tmp_path / "none", needed=False)) == 1
 
 
 def test_counter_goes_on_past_five_digits_in_order(tmp_path: Path) -> None:

@@ -13,10 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.fieldlog.disks import files_no_longer_than, small_disk
-from tests.fieldlog.lines import Log, event, gaps, header, numbers, tick, torn_lines, write
+from tests.fieldlog.lines import Log, event, gaps, header, numbers, run_record, tick, torn_lines, write
+from wayfarer.commissioning.checks.card import card_health
 from wayfarer.config.rover_file import LogSettings
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import new_run_folder
+from wayfarer.fieldlog.writer import RunFiles
 
 
 @pytest.fixture
@@ -109,10 +111,21 @@ def test_real_disk_runs_full_and_is_freed(card: Path) -> None:
 
 
 @pytest.mark.process
-def test_read_only_disk_is_told_before_a_run_begins(card: Path) -> None:
+def test_read_only_disk_is_told_before_a_run_begins_or_while_it_cannot(card: Path) -> None:
     (card / "logs").mkdir()
     subprocess.run(["mount", "-o", "remount,ro", str(card)], check=True)
     with pytest.raises(BadInput, match="cannot be written: Read-only file system: mount the disk for writing"):
         Log(card / "logs" / "run")
     with pytest.raises(BadInput, match="no folder can be made for the field log: Read-only file system"):
         new_run_folder(card / "logs")
+    assert card_health(card / "logs").disk_read_only
+    files = RunFiles(new_run_folder(card / "logs", needed=False), LogSettings(free_mb=0.0))
+    files.open(run_record, needed=False)
+    files.urgent(event(1))
+    assert files.trouble.now is not None
+    subprocess.run(["mount", "-o", "remount,rw", str(card)], check=True)
+    files.urgent(event(2))
+    files.close()
+    (run,) = (card / "logs").iterdir()
+    assert (numbers(run), gaps(run), files.trouble.now) == ([2], [1], None)
+    assert card_health(card / "logs").disk_memory == "tmpfs"

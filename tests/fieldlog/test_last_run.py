@@ -17,6 +17,7 @@ from wayfarer.fieldlog import last_run as last_run_module
 from wayfarer.fieldlog.folders import FILE_NAME, new_run_folder
 from wayfarer.fieldlog.last_run import LONG_TAIL_BYTES, LastRun, last_run
 from wayfarer.fieldlog.lines import LogLines
+from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.wording import last_run_text
 
@@ -173,6 +174,20 @@ def test_torn_last_line_leaves_the_one_before_it(tmp_path: Path) -> None:
     with (run / FILE_NAME).open("ab") as file:
         file.write(b'{"record":"outcome","t_s":1')
     assert last_run(tmp_path) == LastRun(RUN, last_t_s=101.0, last_t_wall=BEGAN_WALL_S + 1.0, mode="armed")
+
+
+@pytest.mark.parametrize("tail", [b"", bytes(50)], ids=["cut", "NUL bytes"])
+def test_log_that_the_power_cut_off_at_any_byte_has_every_line_before_it(tmp_path: Path, tail: bytes) -> None:
+    run = write(tmp_path / RUN, numbered([HEADER, event("armed", 0.5), tick(1.0), tick(2.0)]))
+    whole = (run / FILE_NAME).read_bytes()
+    ends = [at for at, byte in enumerate(whole) if byte == ord("\n")]
+    for cut in range(ends[0] + 1, len(whole), 3):
+        (run / FILE_NAME).write_bytes(whole[:cut] + tail)
+        lines = sum(end < cut for end in ends)
+        assert len(list(RunReader(run))) == lines
+        found = last_run(tmp_path)
+        assert found is not None
+        assert found.last_t_s == [100.0, 100.5, 101.0, 102.0][lines - 1] or cut in ends, "only its end is missing"
 
 
 INTEGERS = st.integers(-(2**63), 2**64 - 1)  # those that the log's JSON can hold

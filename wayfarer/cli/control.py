@@ -80,10 +80,13 @@ def arm(
     ] = None,
     *,
     north: North = "magnetic",
+    without_log: Annotated[
+        bool, typer.Option("--without-log", help="Arm even if the log cannot be written: nothing is recorded then.")
+    ] = False,
 ) -> None:
     """Run the checks that need no motion, wait for the start delay, then drive. Step away from the rover."""
-    keys = {} if heading_deg is None else {"heading_deg": wrap360(heading_deg), "north": north}
-    reply = _ask("arm", **keys)
+    keys: dict[str, Any] = {} if heading_deg is None else {"heading_deg": wrap360(heading_deg), "north": north}
+    reply = _ask("arm", **keys, **({"without_log": True} if without_log else {}))
     with _as_this_version():
         for warning in reply["warnings"]:
             print("warning:", warning)

@@ -1,4 +1,4 @@
-"""``wayfarer logs``: list, follow, show, summarise, check and export field logs."""
+"""``wayfarer logs``: list, follow, show, summarise, check, export and delete field logs."""
 
 from __future__ import annotations
 
@@ -44,6 +44,7 @@ EXAMPLES = examples(
     "wayfarer logs summary 17",
     "wayfarer logs export 17 --format csv",
     "wayfarer logs export 17 --format gpx",
+    "wayfarer logs prune --keep-mb 8000 --dry-run",
 )
 app = typer.Typer(cls=HelpGroup, no_args_is_help=True, suggest_commands=False, epilog=EXAMPLES)
 command = partial(app.command, cls=HelpCommand)
@@ -191,6 +192,37 @@ def summary(
         print_json({"run": title, **asdict(found), "damage": reader.damage})
     else:
         print(summary_text(title, found, reader.damage))
+
+
+@command(epilog="Exit code: 0 if all runs together are within the limits now, 1 if not.")
+def prune(
+    *,
+    keep_days: Annotated[
+        float | None, typer.Option(metavar="DAYS", min=1, help="Delete runs that were last written longer ago.")
+    ] = None,
+    keep_mb: Annotated[
+        float | None,
+        typer.Option(metavar="MB", min=10, help="Delete the oldest runs beyond this size of all together."),
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would be deleted.")] = False,
+    log_dir: LogDir = None,
+) -> None:
+    """Delete old runs, but never those of the last day, marked ones, or the newest."""
+    from wayfarer.config.rover_file import LogSettings
+    from wayfarer.fieldlog.clock import wall_clock
+    from wayfarer.fieldlog.retention import prune as delete_old_runs
+    from wayfarer.fieldlog.wording import plural
+
+    if keep_days is None and keep_mb is None:
+        raise BadInput("say how much to keep: give --keep-days DAYS, --keep-mb MB, or both")
+    limits = LogSettings(keep_days=keep_days, keep_mb=keep_mb)
+    found = delete_old_runs(log_folder(log_dir), limits, wall_clock(0.0), dry_run=dry_run)
+    print(*found.deleted, sep="\n", end="\n" if found.deleted else "")
+    done = "would be deleted" if dry_run else "deleted"
+    print(f"{plural(len(found.deleted), 'run')} {done}, {found.deleted_mb:.1f} MB; {found.left_mb:.1f} MB are left")
+    if found.trouble is not None:
+        print(found.trouble, file=sys.stderr)
+        raise typer.Exit(1)
 
 
 @command(epilog="Exit code: 0 if every log is complete, 3 if records of one are lost, 1 if one cannot be read at all.")

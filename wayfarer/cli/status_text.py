@@ -7,7 +7,7 @@ from typing import Any
 
 from wayfarer.fieldlog.clock import duration_text
 from wayfarer.fieldlog.vocabulary import disarmed_text, in_words, level_text
-from wayfarer.fieldlog.wording import last_run_text, marks, whole_deg
+from wayfarer.fieldlog.wording import last_run_text, marks, plural, whole_deg
 from wayfarer.views.text.colour import painted
 
 WELL = level_text("well", None)
@@ -37,6 +37,7 @@ def _lines(status: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("last run", _last_run(status)),
         ("battery", "" if status.get("battery_v") is None else f"{status['battery_v']:.1f} V"),
         ("log", _log(status)),
+        ("card", painted("; ".join(warnings), "warning") if (warnings := status.get("storage_warnings")) else ""),
         ("live page", status.get("live_page", "")),
         ("Foxglove", status.get("foxglove", "")),
     ]
@@ -80,8 +81,10 @@ def _heading(status: Mapping[str, Any], heading_deg: float) -> str:
 
 
 def _log(status: Mapping[str, Any]) -> str:
-    lost = f", {status['log_dropped']} records lost" if status.get("log_dropped") else ""
-    return f"{status['log']}{lost}"
+    lost = f", {plural(status['log_dropped'], 'record')} lost" if status.get("log_dropped") else ""
+    trouble = painted(f", {status['log_trouble']}", "warning") if status.get("log_trouble") else ""
+    deleted = f", {plural(status['runs_deleted'], 'old run')} deleted" if status.get("runs_deleted") else ""
+    return f"{status['log']}{lost}{trouble}{deleted}"
 
 
 def _last_run(status: Mapping[str, Any]) -> str:

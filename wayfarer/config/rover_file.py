@@ -46,11 +46,17 @@ class LogSettings:
     loses its oldest parts but the first, which says how it began: a daemon that stands disarmed for weeks must not fill
     the card. With less than ``free_mb`` left on the disk only events are written: the computer needs that to boot and
     to let a person log in. A rover is armed only where a part fits beside it.
+
+    ``keep_days`` and ``keep_mb`` let the daemon delete old runs, the oldest first: those last written so many days ago,
+    and those beyond so many MB of all runs together. Without them nothing is deleted. ``fieldlog/retention.py`` says
+    which runs always stay.
     """
 
     part_mb: Annotated[float, Interval(ge=1, le=2000)] = 50.0
     run_mb: Annotated[float, Interval(ge=10, le=1_000_000)] = 1000.0
     free_mb: Annotated[float, Interval(ge=0, le=100_000)] = 100.0
+    keep_days: Annotated[float, Interval(ge=1, le=10_000)] | None = None
+    keep_mb: Annotated[float, Interval(ge=10, le=100_000_000)] | None = None
 
 
 # One file, whatever the disk is like: the same simulated trial writes the same bytes everywhere.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 from wayfarer.commissioning.checks import Check, CheckVerdict, Finding, Inspection, run_checks
@@ -34,6 +35,7 @@ REMEDIES: Mapping[Condition, tuple[str, str]] = {
     Condition.POWER_UNSTABLE: ("the computer's supply dips again and again", "give it a separate 5 V supply"),
 }
 
+LOGGING = ("disk", "log")  # the checks that ``arm --without-log`` only warns of
 OPENING_S = 3.0  # just after the start, arming waits this long for the parts to open; the client waits for 5 s
 
 
@@ -47,7 +49,7 @@ class RoverCommands:
         log: the run's log.
         about: constant details for ``status``: version, rover, algorithm.
         checks: the checks that must not fail before the rover is armed.
-        log_dropped: returns how many records the field log has lost.
+        storage: returns what ``status`` says of the log and its disk.
     """
 
     def __init__(
@@ -58,7 +60,7 @@ class RoverCommands:
         log: RunLog,
         about: Mapping[str, Any],
         checks: Sequence[Check],
-        log_dropped: Callable[[], int] = lambda: 0,
+        storage: Callable[[], Mapping[str, Any]] = dict,
     ) -> None:
         self._supervisor = supervisor
         self._controller = supervisor.controller
@@ -67,7 +69,7 @@ class RoverCommands:
         self._log = log
         self._about = about
         self._checks = checks
-        self._log_dropped = log_dropped
+        self._storage = storage
         self._checking = False
         self._warnings: list[str] = []
         self._marks = RateLimiter()  # for all clients together: one that connects again is another client
@@ -77,7 +79,7 @@ class RoverCommands:
         controller = self._controller
         return {
             **self._about,
-            "log_dropped": self._log_dropped(),
+            **self._storage(),
             "mode": controller.mode.value,
             "why_disarmed": controller.why_disarmed if controller.mode is Mode.DISARMED else None,
             "held": controller.held,
@@ -89,14 +91,14 @@ class RoverCommands:
             **self._mission(),
         }
 
-    async def arm(self, heading_deg: float | None = None) -> Details:
+    async def arm(self, heading_deg: float | None = None, *, without_log: bool = False) -> Details:
         """Check everything, then begin to arm."""
         if self._controller.mode is not Mode.DISARMED or self._checking:
             now = "being checked" if self._checking else self._controller.mode.value
             raise Refused(f"the rover is {now} already: disarm it first (wayfarer disarm)")
         self._checking = True
         try:
-            await self._supervisor.arm(heading_deg, self._check)
+            await self._supervisor.arm(heading_deg, partial(self._check, without_log=without_log))
         except DriverError as error:
             raise Refused(f"not armed: {error}") from None
         finally:
@@ -107,17 +109,23 @@ class RoverCommands:
             "warnings": self._warnings,
         }
 
-    async def _check(self) -> None:
-        """Refuse to arm a rover on which a check fails."""
+    async def _check(self, *, without_log: bool) -> None:
+        """Refuse to arm a rover on which a check fails; ``without_log``: the log need not work."""
         with suppress(TimeoutError):  # then the checks say which part is missing
             async with asyncio.timeout(OPENING_S):
                 await self._supervisor.ticked.wait()
         findings = await run_checks(self._inspect(), self._checks)
-        self._warnings = [_finding_text(finding) for finding in findings if finding.verdict is CheckVerdict.WARN]
-        failed = [finding for finding in findings if finding.verdict is CheckVerdict.FAIL] + self._standing()
+        failed = [finding for finding in findings if finding.verdict is CheckVerdict.FAIL]
+        not_logging = [finding for finding in failed if finding.name in LOGGING]
+        if without_log:
+            failed = [finding for finding in failed if finding not in not_logging]
+        failed += self._standing()
         if failed:
             self._log.event("arming_refused", _now_s(), failed=[finding.name for finding in failed])
-            raise Refused("not armed: " + "; ".join(_finding_text(finding) for finding in failed))
+            hint = "; without a log: wayfarer arm --without-log" if failed == not_logging else ""
+            raise Refused(f"not armed: {'; '.join(map(_finding_text, failed))}{hint}")
+        warned = [finding for finding in findings if finding.verdict is CheckVerdict.WARN] + not_logging
+        self._warnings = list(map(_finding_text, warned))
 
     def _standing(self) -> list[Finding]:
         """Return the conditions that would let the arming fail later (fault catalogue, fault 51)."""

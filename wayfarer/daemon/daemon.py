@@ -18,8 +18,10 @@ import orjson
 
 from wayfarer import __version__
 from wayfarer.commissioning.checks import ARMING, Check, HostEnvironment, system
+from wayfarer.commissioning.checks.card import CardHealth
 from wayfarer.config.calibration_file import Calibration
 from wayfarer.config.rover_file import RoverConfig
+from wayfarer.control.controller import Mode
 from wayfarer.control.run_log import RunLog, Tee
 from wayfarer.control.shutdown import STOP_DEADLINE_S
 from wayfarer.control.supervisor import Supervisor, check_parts, first_cause
@@ -35,6 +37,7 @@ from wayfarer.daemon.socket.paths import single_daemon
 from wayfarer.daemon.socket.protocol import Commands
 from wayfarer.daemon.socket.server import ControlServer
 from wayfarer.daemon.stderr_writer import StderrWriter
+from wayfarer.daemon.storage import Storage
 from wayfarer.daemon.watchdog import StallGuard, SystemdNotifier, WatchdogFeed, feed_watchdog, watchdog_period_s
 from wayfarer.errors import WayfarerError
 from wayfarer.escape.catalogue import Algorithm
@@ -107,7 +110,7 @@ def serve(service: Service) -> RunEnd:
 
     Raises:
         AlreadyRunning: another daemon serves this socket, or drives these motors.
-        BadInput: the log, the socket or the record of what is driven cannot be made.
+        BadInput: the log's folder may not be written, or the socket or the record of what is driven cannot be made.
         WayfarerError: a part did not open; the wheels were stopped. Any other error is a bug and is raised unchanged.
     """
     config = service.config
@@ -146,7 +149,7 @@ class Daemon:
         self._lines = StderrWriter()
         self._guard = StallGuard(self._rover.motors.halt, self._lines.write, self._tell_of_stall)
         self._suspension: asyncio.TimerHandle | None = None
-        before, folder = last_run(service.logs), new_run_folder(service.logs)
+        before, folder = last_run(service.logs), new_run_folder(service.logs, needed=False)
         about = {
             "version": __version__,
             "rover": config.name,
@@ -157,7 +160,7 @@ class Daemon:
             "log": os.fsencode(folder.absolute()).decode(errors="replace"),
             "start_delay_s": config.safety.start_delay_s,
         }
-        self._writer = WriterThread(RunFiles(folder, config.log, self._lines.write))
+        self._writer = WriterThread(RunFiles(folder, config.log, self._lines.write, self._loop.time))
         shown_to: list[Callable[[Record], None]] = [viewer.show for viewer in service.viewers]
         if service.console is not None:
             shown_to.append(service.console(self._lines.write))
@@ -172,11 +175,12 @@ class Daemon:
             self._rover, config, service.algorithm, handler, self._log,
             goes_on=True, last_end=before and before.end,
         )  # fmt: skip
+        self._storage = Storage(folder, config.log, self._writer, self._log, self._is_disarmed)
         checks: list[Check] = [*rover_setup.checks, partial(system.log, lambda: self._writer.trouble)]
         self._commands = RoverCommands(
             self._supervisor, self._rover.motors, self._inspect, self._log,
             {**about, **service.addresses, "last_run": before and before._asdict()}, checks,
-            lambda: self._field_log.dropped,
+            lambda: {"log_dropped": self._field_log.dropped, **self._storage.status()},
         )  # fmt: skip
 
     @property
@@ -197,7 +201,10 @@ class Daemon:
             async with server, AsyncExitStack() as stack:
                 for viewer in self._service.viewers:
                     await stack.enter_async_context(viewer.serving(self._commands))
-                stack.enter_context(monitor_host_health(self._service.logs, self._note_computer, self._note_power))
+                delete_old_runs = self._delete_old_runs if self._storage.deletes else None
+                stack.enter_context(
+                    monitor_host_health(self._service.logs, self._note_computer, self._note_power, delete_old_runs)
+                )
                 return await self._run_watched()
         finally:
             self._guard.stop()
@@ -235,14 +242,25 @@ class Daemon:
             "boot_id": system.system_text(BOOT_ID),
         }
 
-    def _note_computer(self, health: Health) -> None:
+    def _note_computer(self, health: Health, card: CardHealth) -> None:
         """Log the computer's health; called in another thread."""
 
         def note() -> None:
-            told = {"log_dropped": self._field_log.dropped}
-            self._field_log.note("computer", self._loop.time(), {**health, **told, **self._mission.totals})
+            sync_ms = self._storage.take_health(self._loop.time(), card)
+            log = {"log_dropped": self._field_log.dropped, "log_sync_ms": sync_ms}
+            self._field_log.note(
+                "computer", self._loop.time(), {**health, **card._asdict(), **log, **self._mission.totals}
+            )
 
         self._loop.call_soon_threadsafe(note)
+
+    def _delete_old_runs(self) -> None:
+        """Delete old runs and log which; called in another thread."""
+        if (pruned := self._storage.delete_old_runs()) is not None:
+            self._loop.call_soon_threadsafe(lambda: self._storage.take_pruned(self._loop.time(), pruned))
+
+    def _is_disarmed(self) -> bool:
+        return self._supervisor.controller.mode is Mode.DISARMED
 
     def _note_power(self, flags: int | None) -> None:
         """Pass the computer's power flags to the controller; called in another thread."""

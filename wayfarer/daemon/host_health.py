@@ -12,11 +12,13 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from wayfarer.commissioning.checks.card import CardHealth, card_health
 from wayfarer.commissioning.checks.system import THROTTLED, power_flags, system_text
 from wayfarer.fieldlog.disk import free_mb
 
 EVERY_S = 10.0  # field.md, users' complaint 34
 POWER_EVERY_S = 1.0  # fault catalogue, fault 32
+OLD_RUNS_EVERY_S = 3600.0
 CPU_TEMPERATURE = "/sys/class/thermal/thermal_zone0/temp"  # thousandths of a degree Celsius, on every Linux board
 
 Health = Mapping[str, float | str | None]
@@ -25,16 +27,20 @@ Health = Mapping[str, float | str | None]
 @contextmanager
 def monitor_host_health(
     logs: Path,
-    take: Callable[[Health], None],
+    take: Callable[[Health, CardHealth], None],
     take_power: Callable[[int | None], None],
+    delete_old_runs: Callable[[], None] | None = None,
     root: Path = Path("/"),
 ) -> Iterator[None]:
     """Read the computer's health every ``EVERY_S``, and its power flags every ``POWER_EVERY_S``, while entered.
 
+    Once an hour old runs are deleted.
+
     Args:
         logs: the folder whose disk is of interest; it need not be there.
-        take: takes the health, in a thread of the monitor.
+        take: takes the health and that of the logs' disk, in a thread of the monitor.
         take_power: takes the firmware's power flags, None where it does not tell; in another thread of the monitor.
+        delete_old_runs: deletes them, in another thread of the monitor; None where nothing is to be deleted.
         root: where the file system begins; another one in a test.
     """
     ended = threading.Event()
@@ -48,8 +54,10 @@ def monitor_host_health(
 
         threading.Thread(target=watch, name=name, daemon=True).start()
 
-    start("computer watch", EVERY_S, lambda: take(health(logs, root)))
+    start("computer watch", EVERY_S, lambda: take(health(logs, root), card_health(logs, root)))
     start("power watch", POWER_EVERY_S, lambda: take_power(power_flags(root)))
+    if delete_old_runs is not None:
+        start("old runs", OLD_RUNS_EVERY_S, delete_old_runs)
     try:
         yield
     finally:

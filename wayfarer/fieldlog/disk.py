@@ -21,6 +21,8 @@ ADVICE = {
     errno.EEXIST: "log into a separate folder",
     errno.EFBIG: "the disk allows no file of this size: set a smaller part_mb",
 }
+# What a disk does to anybody, as opposed to a folder that was named wrongly or that another user may write only.
+DISK_FAILS = frozenset({errno.EROFS, errno.EIO, errno.ENOSPC, errno.EDQUOT})
 
 
 def free_mb(folder: Path) -> float:
@@ -30,6 +32,11 @@ def free_mb(folder: Path) -> float:
         OSError: there is no such folder, or its disk does not answer.
     """
     return shutil.disk_usage(folder).free / MB
+
+
+def total_mb(folder: Path) -> float:
+    """Return the size of the disk of a folder; errors as ``free_mb``."""
+    return shutil.disk_usage(folder).total / MB
 
 
 def error_advice(error: OSError) -> str:

@@ -20,13 +20,14 @@ from threading import Event
 from wayfarer.config.rover_path import STATE_FOLDER
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.clock import wall_clock
-from wayfarer.fieldlog.disk import error_advice
+from wayfarer.fieldlog.disk import DISK_FAILS, error_advice
 from wayfarer.fieldlog.fields import escape_control_chars
 
 SYSTEM_LOGS = STATE_FOLDER / "field_logs"
 OWN_LOGS = Path("field_logs")
 FILE_NAME = "run.jsonl"  # the newest segment of a run's log; older ones are run.00001.jsonl and so on
 RUN_NAME = re.compile(r"(\d{1,9})-\d{8}T\d{6}Z", re.ASCII)
+DELETING = ".deleting-"  # begins the name of a run's folder that ``retention`` removes
 LAST_NUMBER = 999_999_999  # a longer number is not taken for a run's
 LONGEST_NAME = 255  # of a file, in bytes
 LOCK_TRIES, LOCK_TRY_S = 500, 0.01  # a daemon holds the lock for some milliseconds
@@ -38,23 +39,35 @@ def default_log_folder() -> Path:
     return SYSTEM_LOGS if os.access(SYSTEM_LOGS.parent, os.W_OK) else OWN_LOGS
 
 
-def new_run_folder(logs: Path) -> Path:
+def new_run_folder(logs: Path, *, needed: bool = True) -> Path:
     """Make the next run's folder, and that of all logs; no other daemon gets the same number.
+
+    Args:
+        logs: the folder of all logs.
+        needed: if not, and the disk is full, failing or read-only, the folder has only its name: whoever writes into it
+            makes it when that is possible. If the other runs could not be seen, its number may be that of one of them.
 
     Raises:
         BadInput: it cannot be made.
     """
+    last = 0
     try:
         logs.mkdir(parents=True, exist_ok=True)
         with _only_one(logs):
             last = max((number for path in logs.iterdir() if (number := run_number(path)) is not None), default=0)
-            # Where another user has made the last one, the number stays and the name has something more.
-            name = f"{min(last + 1, LAST_NUMBER):05d}-{time.strftime('%Y%m%dT%H%M%SZ', time.gmtime(wall_clock(0.0)))}"
-            folder = logs / (name if last < LAST_NUMBER else f"{name}-{secrets.token_hex(4)}")
+            folder = logs / _name_after(last)
             folder.mkdir()
     except OSError as error:
-        raise BadInput(f"{logs}: no folder can be made for the field log: {error_advice(error)}") from None
+        if needed or error.errno not in DISK_FAILS:
+            raise BadInput(f"{logs}: no folder can be made for the field log: {error_advice(error)}") from None
+        return logs / _name_after(last)
     return folder
+
+
+def _name_after(last: int) -> str:
+    # Where another user has made the last one, the number stays and the name has something more.
+    name = f"{min(last + 1, LAST_NUMBER):05d}-{time.strftime('%Y%m%dT%H%M%SZ', time.gmtime(wall_clock(0.0)))}"
+    return name if last < LAST_NUMBER else f"{name}-{secrets.token_hex(4)}"
 
 
 def run_folders(logs: Path) -> list[Path]:
@@ -81,7 +94,7 @@ def _folders(logs: Path) -> list[Path]:
     """Return the folders in the logs' folder, in the order of ``run_folders``."""
     try:
         with os.scandir(logs) as entries:
-            names = [entry.name for entry in entries if _is_folder(entry)]
+            names = [entry.name for entry in entries if not entry.name.startswith(DELETING) and _is_folder(entry)]
         return [logs / name for name in sorted(names, key=_place)]
     except FileNotFoundError:
         return []

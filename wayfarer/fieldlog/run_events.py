@@ -141,6 +141,9 @@ class Noted(RunEvent):
     by_s: Annotated[float, schema.Values(schema.NUMBER, -1e10, 1e10)] = 0.0  # a clock is set from any time to any other
     dropped: Annotated[int, schema.COUNT] = 0
     where: schema.Text = None
+    runs: schema.Texts = ()
+    deleted_mb: Annotated[float, schema.Values(schema.NUMBER, 0.0, 1e12)] = 0.0
+    left_mb: Annotated[float, schema.Values(schema.NUMBER, 0.0, 1e12)] = 0.0
 
     number: int = 0
 

@@ -29,7 +29,8 @@ class Segment:
     """Makes a new file that begins with a header, and appends to it; what fails raises ``OSError``.
 
     ``lines`` and ``size`` count the whole lines in it and their bytes, the header's included; ``drove`` is whether a
-    wheel turned in any of them. Once it is no longer ``fit``, it cannot be trusted with more lines: a write or its repair failed, or the file is not where it was made.
+    wheel turned in any of them. Once it is no longer ``fit``, it cannot be trusted with more lines: a write or its
+    repair failed, or the file is not where it was made.
 
     Raises:
         OSError: it cannot be made, or exists; nothing is left of it then.
@@ -98,9 +99,6 @@ class SegmentRotation:
         folder: the run's folder; made where it is not there.
         settings: limits in size.
         header: gives the first record of a segment, by its number from 1.
-
-    Raises:
-        OSError: the first segment cannot be made.
     """
 
     def __init__(self, folder: Path, settings: LogSettings, header: Callable[[int], Record]) -> None:
@@ -109,10 +107,19 @@ class SegmentRotation:
         self._run_bytes = settings.run_mb * MB
         self._header = header
         self._idle: set[Path] = set()  # segments in which no wheel turned
-        folder.mkdir(parents=True, exist_ok=True)
+        self._number = self._empty_bytes = 0
+        self._latest: Segment | None = None
         self.newest: Segment | None = None
-        self._make(1, sealed(header(1)))
-        sync_folder(folder.parent)
+
+    def open(self) -> None:
+        """Make the first segment, in a folder without one.
+
+        Raises:
+            OSError: it cannot be made.
+        """
+        self._folder.mkdir(parents=True, exist_ok=True)
+        self._make(1, sealed(self._header(1)))
+        sync_folder(self._folder.parent)
 
     def fills(self, lines: list[bytes]) -> bool:
         """Whether these lines are too many for the newest segment."""
@@ -139,7 +146,9 @@ class SegmentRotation:
             OSError: it cannot be made.
         """
         self.close()
-        self._folder.mkdir(parents=True, exist_ok=True)
+        if not self._folder.is_dir():  # somebody has deleted it, or the disk took none before
+            self._folder.mkdir(parents=True, exist_ok=True)
+            sync_folder(self._folder.parent)
         self._archive()
         number = self._number + 1
         segment = self._make(number, sealed_at(line, self._header(number)))
@@ -171,7 +180,7 @@ class SegmentRotation:
         while segment_path(self._folder, self._number).exists():
             self._number += 1
         newest.rename(path := segment_path(self._folder, self._number))
-        if not self._latest.drove:
+        if self._latest is not None and not self._latest.drove:
             self._idle.add(path)
 
     def _delete_oldest(self) -> None:

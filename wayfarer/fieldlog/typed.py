@@ -208,7 +208,13 @@ class Computer(RunEvent):
     throttled: Text = None
     load_1min: Annotated[float | None, Values(NUMBER, 0.0, 1e6)] = None
     disk_free_mb: Annotated[float | None, Values(NUMBER, 0.0, 1e12)] = None
+    disk_read_only: Flag = None
+    disk_memory: Text = None
+    disk_errors: Count = None
+    disk_worn_percent: Count = None
+    disk_spare_low: Flag = None
     log_dropped: Count = None
+    log_sync_ms: Annotated[float | None, Values(NUMBER, 0.0, 1e9)] = None
     mission_s: Lasting = None
     mission_m: Metres = None
     mission_anomalies: Count = None

@@ -36,6 +36,7 @@ PERSON = {"arming", "armed", "disarmed", "hold", "resume", "goal", "mark"}
 WARNINGS = {
     "arming_refused", "sensor_failed", "board_silent", "motors_not_opened", "light_failed", "part_failed", "clock_step",
     "clock_wrong", "log_gap", "viewer_failed", "close_hangs", "unclean_shutdown", "power",
+    "card", "runs_not_deleted",
 }  # fmt: skip
 FAULTS = {"motors_failed", "loop_stalled", "stop_not_confirmed", "control_error"}
 LEVEL_TONES = {"degrade": Tone.WARNING, "hold": Tone.WARNING, "fault": Tone.FAULT}
@@ -190,6 +191,9 @@ SENTENCES: Mapping[str, str] = {
     "clock_wrong": "The computer's clock is wrong[ by {by_s:+.0f} s]: the log follows the position receiver's",
     "clock_right": "The computer's clock is right again: the log follows it",
     "log_gap": "{dropped} could not be written into the log",
+    "card": "The card with the logs: {text}",
+    "runs_deleted": "Old runs were deleted[, {deleted_mb:.0f} MB][, {left_mb:.0f} MB are left]: {runs}",
+    "runs_not_deleted": "Old runs were not deleted: {text}",
     "loop_stalled": "The control loop stood still[ for {stall_s:.1f} s][ in {where}]",
     "stop_not_confirmed": "The {part} did not confirm the stop: {error}",
     "close_hangs": "The {part} did not close in time",

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from wayfarer.config.rover_file import UNLIMITED, LogSettings
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.disk import DRIVES_ON, DiskTrouble, error_advice, free_mb
+from wayfarer.fieldlog.disk import DISK_FAILS, DRIVES_ON, DiskTrouble, error_advice, free_mb
 from wayfarer.fieldlog.lines import sealed_at
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.segments import Segment, SegmentRotation
@@ -32,31 +32,45 @@ class RunFiles:
         folder: the run's folder; made where it is not there.
         settings: limits in size.
         tell: takes a line for the person when the log has trouble, and when it is over.
+        clock: gives seconds, to measure by ``slowest_sync_s`` how long the disk takes.
     """
 
     def __init__(
-        self, folder: Path, settings: LogSettings = UNLIMITED, tell: Callable[[str], None] = lambda _: None
+        self,
+        folder: Path,
+        settings: LogSettings = UNLIMITED,
+        tell: Callable[[str], None] = lambda _: None,
+        clock: Callable[[], float] = lambda: 0.0,
     ) -> None:
         self.dropped = 0
+        self.slowest_sync_s = 0.0
         self.trouble = DiskTrouble(tell)
         self._folder = folder
         self._settings = settings
+        self._clock = clock
         self._batch: list[bytes] = []
         self._batch_bytes = 0
         self._unsynced = 0
         self._gap = 0  # dropped lines that no ``log_gap`` tells of yet
         self._failing = self._try_again = self._scarce = self._closed = False
 
-    def open(self, header: Callable[[int], Record]) -> None:
-        """Make folder and file; ``header`` gives the first record of each segment of the log, by its number from 1.
+    def open(self, header: Callable[[int], Record], *, needed: bool = True) -> None:
+        """Make folder and file.
+
+        Args:
+            header: gives the first record of each segment of the log, by its number from 1.
+            needed: if not, a disk that is full, failing or read-only is tried again later, as during the run.
 
         Raises:
             BadInput: they cannot be made.
         """
+        self._rotation = SegmentRotation(self._folder, self._settings, header)
         try:
-            self._rotation = SegmentRotation(self._folder, self._settings, header)
+            self._rotation.open()
         except OSError as error:
-            raise BadInput(f"{self._folder}: the field log cannot be written: {error_advice(error)}") from None
+            if needed or error.errno not in DISK_FAILS:
+                raise BadInput(f"{self._folder}: the field log cannot be written: {error_advice(error)}") from None
+            self._fail(error)
 
     def bulk(self, line: bytes) -> None:
         """Write a line of a frequent kind with the next batch; without such lines the log is still useful."""
@@ -160,6 +174,7 @@ class RunFiles:
             self.trouble.begins("disk", f"{self._folder}: {text}: delete old runs{DRIVES_ON}")
 
     def _sync(self, segment: Segment) -> None:
+        began_s = self._clock()
         try:
             segment.sync()
         except OSError:
@@ -167,6 +182,7 @@ class RunFiles:
             raise
         finally:
             self._unsynced = 0
+            self.slowest_sync_s = max(self.slowest_sync_s, self._clock() - began_s)
 
     def _fail(self, error: OSError) -> None:
         self._failing = True

@@ -50,9 +50,17 @@ class WriterThread(WaitingThread):
         """Why records are lost at present, None where they are not."""
         return self._files.trouble.now
 
+    def take_slowest_sync_s(self) -> float:
+        """Return the longest time that the disk has taken to store records since this was asked last, in seconds."""
+        slowest_s, self._files.slowest_sync_s = self._files.slowest_sync_s, 0.0
+        return slowest_s
+
     def open(self, header: Callable[[int], Record]) -> None:
-        """Make the files, which may wait for the disk, and start the thread; see ``RunFiles``."""
-        self._files.open(header)
+        """Make the files, which may wait for the disk, and start the thread; see ``RunFiles``.
+
+        A rover drives on without a log, so it also begins without one where the disk takes none.
+        """
+        self._files.open(header, needed=False)
         with self._changed:
             self._wake()
 

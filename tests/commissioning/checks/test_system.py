@@ -108,13 +108,20 @@ def test_a_part_of_a_log_must_fit_beside_what_the_log_leaves_free(
     rig: Rig, monkeypatch: pytest.MonkeyPatch, settings: LogSettings, needed_mb: int
 ) -> None:
     rig.config = rig.config.model_copy(update={"log": settings})
-    disk = SimpleNamespace(free=needed_mb * 1_000_000)
+    disk = SimpleNamespace(free=needed_mb * 1_000_000, total=1e9)
     monkeypatch.setattr(shutil, "disk_usage", lambda path: disk)
     assert rig.look(system.disk).verdict is CheckVerdict.OK
     disk.free -= 1
     finding = rig.look(system.disk)
     assert finding.verdict is CheckVerdict.FAIL
     assert f"{needed_mb} MB are needed: free_mb ({settings.free_mb:g})" in finding.remedy
+
+
+def test_a_keep_mb_that_is_larger_than_the_disk_is_a_warning(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=1e9, total=4e9))
+    for keep_mb, verdict in ((3850.0, CheckVerdict.OK), (3851.0, CheckVerdict.WARN)):
+        rig.config = rig.config.model_copy(update={"log": LogSettings(keep_mb=keep_mb)})
+        assert rig.look(system.disk).verdict is verdict
 
 
 def test_a_log_folder_that_cannot_be_written_fails_and_names_the_user(

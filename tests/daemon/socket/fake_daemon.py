@@ -34,7 +34,7 @@ class FakeDaemon:
         self.told.append(("status",))
         return self.answers
 
-    async def arm(self, heading_deg: float | None = None) -> Details:
+    async def arm(self, heading_deg: float | None = None, *, without_log: bool = False) -> Details:
         self.told.append(("arm", heading_deg))
         await self.waits.wait()
         return {"start_delay_s": 10.0}

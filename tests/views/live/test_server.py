@@ -45,7 +45,7 @@ class Rover:
         self.asked.append(("stop", None))
         return {"log": "logs/1"}
 
-    async def arm(self, heading_deg: float | None = None) -> Details:
+    async def arm(self, heading_deg: float | None = None, *, without_log: bool = False) -> Details:
         raise AssertionError("armed from a web page")
 
     async def disarm(self) -> Details:

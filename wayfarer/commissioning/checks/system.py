@@ -16,7 +16,7 @@ from wayfarer.commissioning.checks.api import Finding, HostEnvironment, Inspecti
 from wayfarer.config.rover_file import LogSettings, RoverConfig, line_in, part_settings
 from wayfarer.errors import BadConfig
 from wayfarer.fieldlog.clock import CLOCK_SET_S
-from wayfarer.fieldlog.disk import free_mb
+from wayfarer.fieldlog.disk import free_mb, total_mb
 from wayfarer.safety.power import SLOWED_NOW, UNDER_VOLTAGE_NOW, UNDER_VOLTAGE_SINCE_BOOT
 
 # The debug connector of a Raspberry Pi 5, which its /dev/serial0 leads to. Second hand, from the issue tracker of the
@@ -146,7 +146,7 @@ def _user() -> str:
 def system_text(path: str, root: Path = Path("/")) -> str | None:
     """Return what a system file says, None where it cannot be read: not every computer has it."""
     try:
-        return (root / path.lstrip("/")).read_text(encoding="ascii").strip()
+        return (root / path.lstrip("/")).read_text(encoding="utf-8").strip()
     except (OSError, ValueError):
         return None
 
@@ -187,7 +187,7 @@ def _disk(folder: Path, settings: LogSettings) -> Finding:
         there = next(path for path in (there, *there.parents) if path.exists())
         with tempfile.TemporaryFile(dir=there) as file:
             file.write(b"wayfarer")
-        left_mb = free_mb(there)
+        left_mb, size_mb = free_mb(there), total_mb(there)
     except OSError as error:
         return fail(
             "disk",
@@ -201,6 +201,11 @@ def _disk(folder: Path, settings: LogSettings) -> Finding:
         wanted = f"free_mb ({settings.free_mb:g}) and part_mb ({settings.part_mb:g}) under [log] in the rover file"
         remedy = f"copy old runs from {folder} and delete them; {needed_mb:g} MB are needed: {wanted}"
         return fail("disk", found, "old runs fill it", remedy)
+    if (settings.keep_mb or 0.0) + needed_mb > size_mb:
+        cause = f"keep_mb ({settings.keep_mb:g}) under [log] in the rover file is more than this disk can hold"
+        return warn(
+            "disk", found, cause, f"set at most {size_mb - needed_mb:.0f}, or it runs full before runs are deleted"
+        )
     return ok("disk", found)
 
 

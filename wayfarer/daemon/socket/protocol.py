@@ -45,8 +45,11 @@ class Commands(Protocol):
     async def status(self) -> Details:
         """Return the state of the rover."""
 
-    async def arm(self, heading_deg: float | None = None) -> Details:
-        """Begin to arm, towards a heading or, if None, the rover's own at the end of the start delay."""
+    async def arm(self, heading_deg: float | None = None, *, without_log: bool = False) -> Details:
+        """Begin to arm, towards a heading or, if None, the rover's own at the end of the start delay.
+
+        ``without_log``: also where the log cannot be written.
+        """
 
     async def disarm(self) -> Details:
         """Stop the wheels until the rover is re-armed."""
@@ -76,7 +79,7 @@ class Verb(NamedTuple):
 
 VERBS: Mapping[str, Verb] = {
     "status": Verb(),
-    "arm": Verb(takes=("heading_deg", "north")),
+    "arm": Verb(takes=("heading_deg", "north", "without_log")),
     "disarm": Verb(),
     "hold": Verb(),
     "resume": Verb(),
@@ -181,6 +184,7 @@ _CHECKS = {
         lambda value: isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < 360,
     ),
     "north": _Check(" or ".join(NORTHS), lambda value: value in NORTHS),
+    "without_log": _Check("true or false", lambda value: isinstance(value, bool)),
     "text": _Check(
         f"a text of 1 to {TEXT_CHARACTERS} characters",
         lambda value: isinstance(value, str) and bool(value.strip()) and len(value) <= TEXT_CHARACTERS,

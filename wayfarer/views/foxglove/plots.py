@@ -158,7 +158,13 @@ PLOTS: Mapping[str, Plot] = {
             "throttled": "power and heat bits of a Raspberry Pi, hexadecimal",
             "load_1min": "processes that run or wait, mean of a minute",
             "disk_free_mb": "free disk space for logs, MB",
+            "disk_read_only": "whether the disk of the logs cannot be written",
+            "disk_memory": f"what keeps the logs in memory only, or {NOTHING}",
+            "disk_errors": "errors that the file system has counted",
+            "disk_worn_percent": "how much of the card's life is used at most",
+            "disk_spare_low": "whether the card's spare blocks are nearly used up",
             "log_dropped": "records that could not be written so far",
+            "log_sync_ms": "longest time in which the card stored records, ms",
         },
     ),
     "/truth_contact": Plot(
