@@ -12,10 +12,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.fieldlog.disks import FailingCall, files_no_longer_than
-from tests.fieldlog.lines import SMALL, Log, event, gaps, header, numbers, read, tick, write
+from tests.fieldlog.lines import SMALL, Log, event, gaps, header, numbers, read, standing, tick, write
+from tests.kit.workshop import AHEAD
 from wayfarer.config.rover_file import UNLIMITED, LogSettings
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.reader import log_segments, read_header
+from wayfarer.fieldlog.log import FieldLog
+from wayfarer.fieldlog.reader import RunReader, log_segments, read_header
+from wayfarer.fieldlog.writer import RunFiles
+from wayfarer.hal import STOP, WheelCommand
 
 
 def test_lines_are_written_in_order_and_closing_writes_the_rest(tmp_path: Path) -> None:
@@ -137,6 +141,35 @@ def test_run_beyond_its_limit_keeps_its_first_part_and_the_newest(tmp_path: Path
     assert read_header(tmp_path)["part"] == 1
     assert read(tmp_path)[1].damage.missing == 300 - len(kept)
     assert log.files.dropped == 0, "what was deleted on purpose was not dropped"
+
+
+def test_rover_that_stands_for_days_keeps_the_log_of_its_mission(tmp_path: Path) -> None:
+    """Parts in which no wheel turned are deleted first; the oldest mission only where missions alone are too many."""
+    log = FieldLog(RunFiles(tmp_path, LogSettings(part_mb=0.005, run_mb=0.03, free_mb=0.0)), {}, wall=lambda t_s: t_s)
+    moments = iter(range(10_000))
+
+    def goes_on(ticks: int, wheels: WheelCommand) -> list[float]:
+        times_s = [next(moments) / 20 for _ in range(ticks)]
+        for t_s in times_s:
+            record = standing(t_s)
+            record.applied = wheels
+            log.tick(record)
+            log.event("mark", t_s, text="written at once")
+        return times_s
+
+    def driven() -> list[float]:
+        return [record["t_s"] for record in RunReader(tmp_path) if record.get("applied_left")]
+
+    goes_on(30, STOP)
+    mission = goes_on(20, AHEAD)
+    goes_on(300, STOP)
+    assert driven() == mission
+    mission = goes_on(300, AHEAD)
+    kept = driven()
+    assert 20 < len(kept) < 300
+    assert kept == mission[-len(kept) :]
+    assert sum(part.stat().st_size for part in log_segments(tmp_path)) <= 30_000
+    log.close("requested", "enough")
 
 
 def test_part_that_cannot_be_renamed_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""The files of a log, its segments: lines go in whole or not at all, full files get a number, the oldest are deleted.
+"""The files of a log, its segments: lines go in whole or not at all, full files get a number, old ones are deleted.
 
 The newest is always ``run.jsonl``, so that ``tail -F`` follows. It becomes ``run.00001.jsonl`` and so on, by the number
 that its header gives; the next begins with the header again, so that each can be read alone.
@@ -20,14 +20,17 @@ from wayfarer.fieldlog.schema import Record
 from wayfarer.files import sync_folder
 
 # Appending: whatever else happens to the file, a line never lands in the middle of it.
+TICK = b'{"record":"tick"'
+STANDS = b'"applied_left":0.0,"applied_right":0.0'  # in a tick with still wheels, as ``log.tick_fields`` orders it
 FLAGS = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC
 
 
 class Segment:
     """Makes a new file that begins with a header, and appends to it; what fails raises ``OSError``.
 
-    ``lines`` and ``size`` count the whole lines in it and their bytes, the header's included. Once it is no longer
-    ``fit``, it cannot be trusted with more lines: a write or its repair failed, or the file is not where it was made.
+    ``lines`` and ``size`` count the whole lines in it and their bytes, the header's included; ``drove`` is whether a
+    wheel turned in any of them. Once it is no longer ``fit``, it cannot be trusted with more lines: a write or its
+    repair failed, or the file is not where it was made.
 
     Raises:
         OSError: it cannot be made, or exists; nothing is left of it then.
@@ -36,7 +39,7 @@ class Segment:
     def __init__(self, path: Path, header: bytes) -> None:
         self._path = path
         self.lines = self.size = 0
-        self.fit = True
+        self.fit, self.drove = True, False
         self._file = os.open(path, FLAGS, 0o644)
         try:
             self.append([header])
@@ -50,7 +53,9 @@ class Segment:
 
     def append(self, lines: Iterable[bytes]) -> None:
         """Append lines, each without its end. Where this fails, those that went in whole stay."""
+        lines = list(lines)
         data, done = b"".join(line + b"\n" for line in lines), 0
+        self.drove = self.drove or any(line.startswith(TICK) and STANDS not in line for line in lines)
         try:
             while done < len(data):
                 done += os.write(self._file, memoryview(data)[done:])
@@ -101,7 +106,9 @@ class SegmentRotation:
         self._segment_bytes = settings.part_mb * MB
         self._run_bytes = settings.run_mb * MB
         self._header = header
+        self._idle: set[Path] = set()  # segments in which no wheel turned
         self._number = self._empty_bytes = 0
+        self._latest: Segment | None = None
         self.newest: Segment | None = None
 
     def open(self) -> None:
@@ -155,7 +162,7 @@ class SegmentRotation:
             self.newest = None
 
     def _make(self, number: int, header: bytes) -> Segment:
-        self.newest = Segment(self._folder / FILE_NAME, header)
+        self.newest = self._latest = Segment(self._folder / FILE_NAME, header)
         self._number = number
         self._empty_bytes = self.newest.size
         self._full_bytes = self._segment_bytes
@@ -172,14 +179,21 @@ class SegmentRotation:
             return
         while segment_path(self._folder, self._number).exists():
             self._number += 1
-        newest.rename(segment_path(self._folder, self._number))
+        newest.rename(path := segment_path(self._folder, self._number))
+        if self._latest is not None and not self._latest.drove:
+            self._idle.add(path)
 
     def _delete_oldest(self) -> None:
-        """Delete the oldest segments but the first, until the run and another full segment fit into its limit."""
+        """Delete segments but the first, until the run and another full one fit into its limit.
+
+        Those in which no wheel turned go first, then the oldest: a rover that stands disarmed for days must not lose
+        the log of its missions for that.
+        """
         with suppress(OSError):
             sizes = {path: path.stat().st_size for path in older_segments(self._folder)}
-            for path in list(sizes)[1:]:
+            for path in sorted(list(sizes)[1:], key=lambda path: path not in self._idle):
                 if sum(sizes.values()) + self._segment_bytes <= self._run_bytes:
                     break
                 path.unlink()
+                self._idle.discard(path)
                 del sizes[path]
