@@ -20,7 +20,7 @@ class Budget:
     def __init__(self, bytes_per_s: float) -> None:
         self._bytes_per_s = bytes_per_s
         self.share = 1.0
-        self._left = 0.0
+        self._left = BURST_S * bytes_per_s
         self._at_s: float | None = None
 
     def fill(self, now_s: float) -> None:

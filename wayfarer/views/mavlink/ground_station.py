@@ -63,7 +63,7 @@ class GroundStation:
         self._refused_told, self._refused_told_s = 0, float("-inf")
         self._is_connected = False
         # The most important first: what the budget does not reach waits.
-        self._streams = (
+        self._streams = [
             Stream(telemetry.heartbeat, 1.0),
             Stream(telemetry.attitude, settings.attitude_hz),
             Stream(telemetry.position, settings.position_hz),
@@ -72,7 +72,7 @@ class GroundStation:
             Stream(telemetry.speed, settings.position_hz),
             Stream(telemetry.receiver, 1.0),
             Stream(telemetry.battery, 0.5),
-        )
+        ]
         self._on_request = {
             common.MAVLINK_MSG_ID_AUTOPILOT_VERSION: answers.version,
             common.MAVLINK_MSG_ID_HEARTBEAT: telemetry.heartbeat,
@@ -112,22 +112,23 @@ class GroundStation:
 
     async def _tell_regularly(self) -> None:
         rate = Rate(LOOK_HZ)
-        try:
-            while True:
-                await rate.wait()
-                now_s = asyncio.get_running_loop().time()
-                self._budget.fill(now_s)
-                await self._watch_link(now_s)
-                self._send_due(now_s)
-        except Exception:
-            _log.exception("in telling a ground station: it is not told anything any more")
+        while True:
+            await rate.wait()
+            now_s = asyncio.get_running_loop().time()
+            self._budget.fill(now_s)
+            await self._watch_link(now_s)
+            self._send_due(now_s)
 
     def _send_due(self, now_s: float) -> None:
-        for stream in self._streams:
+        for stream in list(self._streams):
             if not self._budget.is_left:
                 return
             if stream.is_due(now_s):
-                self._send(*stream.make())
+                try:
+                    self._send(*stream.make())
+                except Exception:  # a bug must not end the others, nor the watch on the link
+                    self._streams.remove(stream)
+                    _log.exception("in telling a ground station: this is not told any more")
                 stream.sent(now_s)
         if self._is_connected and self._texts and self._budget.is_left:
             self._send(*self._texts.pop())
@@ -155,7 +156,8 @@ class GroundStation:
         refused = self._link.refused - self._refused_told
         if refused and now_s - self._refused_told_s > REFUSED_S:
             self._refused_told, self._refused_told_s = self._link.refused, now_s
-            self._tell(f"{refused} messages without a right signature were ignored: has the station the passphrase?")
+            text = f"{refused} messages without a right signature were ignored: has the station the passphrase?"
+            self._send(*self._texts.chunks(text, common.MAV_SEVERITY_WARNING))  # now: nobody is believed to listen
 
     async def _keep_time(self) -> None:
         """Reserve the signing time of the next minutes, so that no restart makes it go back."""

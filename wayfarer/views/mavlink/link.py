@@ -63,7 +63,7 @@ class Link:
 
     async def run(self) -> None:
         """Keep the link open until cancelled."""
-        loop, told = asyncio.get_running_loop(), ""
+        told = ""
         while True:
             try:
                 port = await self._opened()
@@ -77,12 +77,11 @@ class Link:
                 continue
             told, self._port = "", port
             self._broken.clear()
-            loop.add_reader(port.fileno(), self._read)
+            port.listen(self._read)
             try:
-                await self._serve_until_broken()
+                await self._wait_until_broken()
             finally:
                 self._port = None
-                loop.remove_reader(port.fileno())
                 port.close()
 
     async def _opened(self) -> Port:
@@ -90,7 +89,7 @@ class Link:
             return await asyncio.to_thread(open_port, self._address)
         return open_port(self._address)
 
-    async def _serve_until_broken(self) -> None:
+    async def _wait_until_broken(self) -> None:
         time = asyncio.get_running_loop().time
         opened_s = time()
         while not self._broken.is_set():
@@ -122,13 +121,16 @@ class Link:
             self._port.forget()
 
     def _read(self) -> None:
-        assert self._port is not None
+        port = self._port
+        if port is None:
+            return
         try:
-            for frame, local in self._port.read(asyncio.get_running_loop().time()):
+            for frame, local in port.read(asyncio.get_running_loop().time()):
                 self._take(frame, local)
         except OSError:
+            port.close()  # or its descriptor would stay readable, and keep the loop busy
+            self._port = None
             self._broken.set()
-            asyncio.get_running_loop().remove_reader(self._port.fileno())
         except Exception:
             _log.exception("in taking what a ground station sent")
 

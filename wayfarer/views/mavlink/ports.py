@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Protocol
 
 from wayfarer.views.mavlink.address import Address, is_this_computer
@@ -14,8 +15,8 @@ from wayfarer.views.mavlink.frames import INPUT_BYTES, Frame, FrameReader
 class Port(Protocol):
     """An open link. Its methods raise OSError where it has to be opened again."""
 
-    def fileno(self) -> int:
-        """Return the descriptor that becomes readable when something has arrived."""
+    def listen(self, ready: Callable[[], None]) -> None:
+        """Call ``ready`` on the running loop when something has arrived, until the port is closed."""
 
     def read(self, now_s: float) -> Iterator[tuple[Frame, bool]]:
         """Yield the frames of one datagram or one read, each with whether a program of this computer sent it."""
@@ -51,12 +52,12 @@ class UdpPort:
         try:
             self._socket.connect(where) if self._connected else self._socket.bind(where)
         except OSError:
-            self.close()
+            self._socket.close()
             raise
 
-    def fileno(self) -> int:
-        """Return the descriptor."""
-        return self._socket.fileno()
+    def listen(self, ready: Callable[[], None]) -> None:
+        """Call ``ready`` for each datagram."""
+        asyncio.get_running_loop().add_reader(self._socket, ready)
 
     def read(self, now_s: float) -> Iterator[tuple[Frame, bool]]:  # noqa: ARG002 - a datagram is whole
         """Yield the frames of one datagram."""
@@ -89,7 +90,9 @@ class UdpPort:
 
     def close(self) -> None:
         """Close the socket."""
-        self._socket.close()
+        if self._socket.fileno() >= 0:
+            asyncio.get_running_loop().remove_reader(self._socket)
+            self._socket.close()
 
 
 class SerialPort:
@@ -105,14 +108,14 @@ class SerialPort:
         self._reader = FrameReader()
         self._unsent = b""
 
-    def fileno(self) -> int:
-        """Return the descriptor."""
-        return int(self._line.fileno())
+    def listen(self, ready: Callable[[], None]) -> None:
+        """Call ``ready`` when bytes are there."""
+        asyncio.get_running_loop().add_reader(self._line.fileno(), ready)
 
     def read(self, now_s: float) -> Iterator[tuple[Frame, bool]]:
         """Yield the frames that the bytes so far complete."""
         try:
-            data = os.read(self.fileno(), INPUT_BYTES)
+            data = os.read(self._line.fileno(), INPUT_BYTES)
         except BlockingIOError:
             return
         if not data:
@@ -124,9 +127,9 @@ class SerialPort:
         """Send a frame, after the rest of the one before; drop it where that has not gone yet."""
         try:
             if self._unsent:
-                self._unsent = self._unsent[os.write(self.fileno(), self._unsent) :]
+                self._unsent = self._unsent[os.write(self._line.fileno(), self._unsent) :]
             if not self._unsent:
-                self._unsent = frame[os.write(self.fileno(), frame) :]
+                self._unsent = frame[os.write(self._line.fileno(), frame) :]
         except BlockingIOError:
             return
 
@@ -138,7 +141,9 @@ class SerialPort:
 
     def close(self) -> None:
         """Close the line."""
-        self._line.close()
+        if self._line.is_open:
+            asyncio.get_running_loop().remove_reader(self._line.fileno())
+            self._line.close()
 
 
 def open_port(address: Address) -> Port:

@@ -33,6 +33,8 @@ MOTION = common.MAV_SYS_STATUS_SENSOR_OPTICAL_FLOW
 RECEIVER = common.MAV_SYS_STATUS_SENSOR_GPS
 MOTORS = common.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
 BATTERY = common.MAV_SYS_STATUS_SENSOR_BATTERY
+ARMING_CHECKS = common.MAV_SYS_STATUS_PREARM_CHECK
+NO_FENCE_BREACH = common.MAV_SYS_STATUS_GEOFENCE  # healthy, though there is none: MAVProxy warns of a breach otherwise
 BITS = {"compass": COMPASS, "motion": MOTION, "position": RECEIVER}
 
 
@@ -112,11 +114,10 @@ class Telemetry:
     def health(self) -> Messages:
         """Tell which parts there are and which of them are well, the battery, and how many log records were lost."""
         state = self.state
-        present = sum(BITS[name] for name in state.sensors if name in BITS) | MOTORS
+        present = sum(BITS[name] for name in state.sensors if name in BITS) | MOTORS | ARMING_CHECKS
         ill = sum(BITS[name] for name, each in state.sensors.items() if name in BITS and each.is_late(state.t_s))
         board = self._fresh(state.board)
-        if state.board.faults:
-            ill |= MOTORS
+        ill |= (MOTORS if state.board.faults else 0) | (ARMING_CHECKS if state.tick.level == "fault" else 0)
         if board is not None and board.battery_v is not None:
             present |= BATTERY
         yield common.MAVLink_sys_status_message(

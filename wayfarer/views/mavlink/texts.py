@@ -28,15 +28,18 @@ SEVERITIES: Final = {
 LAST_NUMBER: Final = 0xFFFF  # of a text in chunks; 0 means that there is one chunk only
 
 
+Chunks = list[common.MAVLink_message]
+
+
 class StatusTexts:
     """The texts that wait to be sent."""
 
     def __init__(self) -> None:
-        self._chunks: deque[list[common.MAVLink_message]] = deque(maxlen=WAITING)
+        self._waiting: deque[Chunks] = deque(maxlen=WAITING)
         self._number = 0
 
     def __len__(self) -> int:
-        return len(self._chunks)
+        return len(self._waiting)
 
     def take(self, events: Iterable[RunEvent]) -> None:
         """Queue a text for each event that has one."""
@@ -46,21 +49,23 @@ class StatusTexts:
                     self.add(text, SEVERITIES.get(tone, common.MAV_SEVERITY_INFO))
 
     def add(self, text: str, severity: int) -> None:
-        """Queue a text with a severity (MAV_SEVERITY); what stations cannot show becomes a question mark."""
+        """Queue a text with a severity (MAV_SEVERITY)."""
+        self._waiting.append(self.chunks(text, severity))
+
+    def chunks(self, text: str, severity: int) -> Chunks:
+        """Return the messages of a text; what stations cannot show becomes a question mark."""
         data = text.encode("ascii", "replace")[: CHUNKS * CHUNK_BYTES]
         number, pieces = 0, [data]
         if len(data) > CHUNK_BYTES:
             self._number = number = self._number % LAST_NUMBER + 1
             # A chunk that is not full ends a text: an empty one does, where the others are all full.
             pieces = [data[begin : begin + CHUNK_BYTES] for begin in range(0, len(data) + 1, CHUNK_BYTES)]
-        self._chunks.append(
-            [common.MAVLink_statustext_message(severity, piece, number, place) for place, piece in enumerate(pieces)]
-        )
+        return [common.MAVLink_statustext_message(severity, piece, number, place) for place, piece in enumerate(pieces)]
 
-    def pop(self) -> list[common.MAVLink_message]:
+    def pop(self) -> Chunks:
         """Return the chunks of the oldest text.
 
         Raises:
             IndexError: none waits.
         """
-        return self._chunks.popleft()
+        return self._waiting.popleft()
