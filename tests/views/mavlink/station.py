@@ -72,6 +72,7 @@ class Rover:
         self.asked: list[str] = []
         self.driven: list[tuple[float, float]] = []
         self.refuses: str | None = None
+        self.event: Callable[..., None]
 
     def _note(self, what: str) -> Details:
         self.asked.append(what)
@@ -97,7 +98,9 @@ class Rover:
         return self._note(f"mark: {text}")
 
     async def manual_begin(self, driver: str) -> Details:
-        return self._note(f"manual by {driver}") or {"lease": 7, "deadman_s": 0.3, "mode": "manual"}
+        self._note(f"manual by {driver}")
+        self.event("manual", asyncio.get_running_loop().time(), driver=driver)
+        return {"lease": 7, "deadman_s": 0.3, "mode": "manual"}
 
     async def manual_drive(self, lease: int, seq: int, forward: float, turn: float, sent_s: float) -> Details:
         assert (lease, sent_s) == (7, asyncio.get_running_loop().time())
@@ -153,6 +156,7 @@ class Linked:
         signing = Signing(KEY, 0, NOW_S) if settings.key_file else None
         self.station = GroundStation(STATION, settings, signing, None, None)
         self.log = run_log(self.station.show, simulated=simulated)
+        self.rover.event = self.log.event
         self.encoder = Encoder(KEY if settings.key_file else None)
 
     async def says(self, *messages: Message, encoder: Encoder | None = None) -> None:

@@ -182,7 +182,7 @@ async def test_texts_wait_for_a_station_and_come_whole(monkeypatch: pytest.Monke
 async def bytes_a_second(monkeypatch: pytest.MonkeyPatch, settings: MavlinkSettings) -> float:
     """What a rover sends that drives, has everything and meets something each second; the station is there."""
     async with linked(monkeypatch, settings) as link:
-        for second in range(60):
+        for second in range(20):
             t_s = 100.0 + second
             for each in range(20):
                 link.log.tick(tick(t_s + each / 20.0))
@@ -190,7 +190,7 @@ async def bytes_a_second(monkeypatch: pytest.MonkeyPatch, settings: MavlinkSetti
             link.log.event("mark", t_s, text="stalled while probing in a curve")
             await link.says(heartbeat())
             await asyncio.sleep(0.99)
-        return sum(map(len, link.port.sent)) / 60.0
+        return sum(map(len, link.port.sent)) / 20.0
 
 
 @virtual
@@ -199,9 +199,9 @@ async def test_all_messages_fit_half_of_a_radio_signed_or_not(monkeypatch: pytes
     assert 300.0 < unsigned < signed < 1_000.0, (unsigned, signed)
     fast = {"attitude_hz": 20.0, "position_hz": 20.0, "values_hz": 20.0}
     at_most = await bytes_a_second(monkeypatch, MavlinkSettings(key_file="key", **fast))
-    assert 2_700.0 < at_most <= 2_880.0
+    assert 2_700.0 < at_most <= 1.06 * 2_880.0  # a second of it at once, at the beginning
     floor = await bytes_a_second(monkeypatch, MavlinkSettings(bytes_per_s=500, **fast))
-    assert floor <= 510.0
+    assert floor <= 1.06 * 500.0
 
 
 @virtual

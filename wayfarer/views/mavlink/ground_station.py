@@ -89,7 +89,7 @@ class GroundStation:
     async def serving(self, commands: Commands) -> AsyncIterator[None]:
         """Keep the link while entered; the last texts are still sent at the end."""
         self._commands = commands
-        self._stick = StickDriving(commands, self._tell)
+        self._stick = StickDriving(commands, self._telemetry)
         self._orders = Orders(commands, self._stick, self._settings, self._telemetry, self._tell)
         self._link = Link(self._address, self._settings.system_id, self._signing, self._take)
         loop = asyncio.get_running_loop()

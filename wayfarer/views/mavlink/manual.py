@@ -2,24 +2,24 @@
 
 Only the axes x (forward) and y (to the right) count, those of one stick that springs back. The throttle z does not:
 stations disagree whether its middle is 0 or 500, and a throttle that stands at "no way" of the one drives the other.
-A rover turns only after the stick has been seen in its middle, at the beginning and after each silence: whoever
-connects again must let go first. A message that comes twice counts once.
+The rover itself asks that the stick is let go at the beginning and after a hold (``safety.manual``); here it must be
+let go after each silence too, because the person may have lost sight of the rover meanwhile. A message that comes twice
+counts once.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
-from typing import Final
+from contextlib import suppress
 
 from pymavlink.dialects.v20 import common
 
 from wayfarer.daemon.socket.protocol import Commands
 from wayfarer.errors import WayfarerError
+from wayfarer.views.mavlink.telemetry import Telemetry
 
-FULL = 1000  # at full deflection
-MIDDLE = 50  # as joy's dead zone of 0.05 in ROS
-INVALID: Final = 0x7FFF  # an axis that is not there
+FULL = 1000  # at full deflection; an axis that a station does not have is 32,767
+MIDDLE = 50  # as the dead zone of 0.05 of joy in ROS
 
 Sender = tuple[int, int]  # system and component
 
@@ -29,12 +29,12 @@ class StickDriving:
 
     Args:
         commands: those of the daemon.
-        tell: takes a text for the person at the station.
+        telemetry: the run so far.
     """
 
-    def __init__(self, commands: Commands, tell: Callable[[str], None]) -> None:
+    def __init__(self, commands: Commands, telemetry: Telemetry) -> None:
         self._commands = commands
-        self._tell = tell
+        self._telemetry = telemetry
         self._lease: int | None = None
         self._sender: Sender | None = None
         self._deadman_s = 0.0
@@ -53,7 +53,6 @@ class StickDriving:
         details = await self._commands.manual_begin("mavlink")
         self._lease, self._deadman_s = _integer(details["lease"]), _number(details["deadman_s"])
         self._sender, self._centred, self._count, self._last_sequence = sender, False, 0, None
-        self._tell("manual: let the stick go to its middle first, then x drives and y turns")
 
     async def end(self) -> None:
         """Leave manual mode, if this station drives."""
@@ -63,6 +62,8 @@ class StickDriving:
 
     def take(self, stick: common.MAVLink_manual_control_message, sender: Sender, sequence: int, now_s: float) -> None:
         """Take a sample; ``sequence`` is the sender's number of the frame. Does not wait."""
+        if self._telemetry.state.mode != "manual":
+            self._lease = None  # somebody has ended it
         if self._lease is None or sender != self._sender or sequence == self._last_sequence:
             return
         if not (abs(stick.x) <= FULL and abs(stick.y) <= FULL):
@@ -70,21 +71,18 @@ class StickDriving:
         if now_s - self._at_s > self._deadman_s:
             self._centred = False
         self._at_s, self._last_sequence = now_s, sequence
-        if abs(stick.x) <= MIDDLE and abs(stick.y) <= MIDDLE:
-            self._centred = True
-        forward, turn = (stick.x / FULL, stick.y / FULL) if self._centred else (0.0, 0.0)
+        forward, turn = (0.0 if abs(axis) <= MIDDLE else axis / FULL for axis in (stick.x, stick.y))
+        self._centred = self._centred or forward == turn == 0.0
+        if not self._centred:
+            forward = turn = 0.0
         if self._sending is None or self._sending.done():  # else a newer sample follows
             self._count += 1
             sample = self._send(self._lease, self._count, forward, turn, now_s)
             self._sending = asyncio.get_running_loop().create_task(sample, name="mavlink stick")
 
     async def _send(self, lease: int, count: int, forward: float, turn: float, now_s: float) -> None:
-        try:
+        with suppress(WayfarerError):  # too late, or no longer ours: the wheels stand
             await self._commands.manual_drive(lease, count, forward, turn, now_s)
-        except WayfarerError as refusal:
-            if lease == self._lease:
-                self._lease = None
-                self._tell(f"manual mode has ended: {refusal}")
 
 
 def _integer(value: object) -> int:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from math import isfinite, radians
-from typing import Final
+from typing import Final, TypeVar
 
 from pymavlink.dialects.v20 import common
 
@@ -20,6 +20,7 @@ from wayfarer.safety.conditions import Level
 from wayfarer.views.mavlink import modes
 
 Messages = Iterator[common.MAVLink_message]
+Said = TypeVar("Said", Fix, Board)
 
 # "Not known", as the definitions of the fields say.
 NO_U16: Final = 0xFFFF
@@ -174,7 +175,7 @@ class Telemetry:
         volts = None if board is None else board.battery_v
         return NO_U16 if volts is None or not 0.0 <= volts < 65.0 else round(1000.0 * volts)
 
-    def _fresh(self, said: Fix | Board | None) -> Fix | Board | None:
+    def _fresh(self, said: Said | None) -> Said | None:
         return None if said is None or not self.state.t_s - said.t_s <= FRESH_S else said
 
 
