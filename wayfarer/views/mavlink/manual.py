@@ -57,7 +57,7 @@ class StickDriving:
     async def end(self) -> None:
         """Leave manual mode, if this station drives."""
         lease, self._lease = self._lease, None
-        if lease is not None:
+        if lease is not None and self._telemetry.state.mode == "manual":
             await self._commands.manual_end(lease)
 
     def take(self, stick: common.MAVLink_manual_control_message, sender: Sender, sequence: int, now_s: float) -> None:
