@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import random
+from dataclasses import replace
 
 import pytest
 from pymavlink.dialects.v20 import common
@@ -197,10 +198,10 @@ async def bytes_a_second(monkeypatch: pytest.MonkeyPatch, settings: MavlinkSetti
 async def test_all_messages_fit_half_of_a_radio_signed_or_not(monkeypatch: pytest.MonkeyPatch) -> None:
     unsigned, signed = await bytes_a_second(monkeypatch, NO_KEY), await bytes_a_second(monkeypatch, SIGNED)
     assert 300.0 < unsigned < signed < 1_000.0, (unsigned, signed)
-    fast = {"attitude_hz": 20.0, "position_hz": 20.0, "values_hz": 20.0}
-    at_most = await bytes_a_second(monkeypatch, MavlinkSettings(key_file="key", **fast))
+    fast = MavlinkSettings(key_file="key", attitude_hz=20.0, position_hz=20.0, values_hz=20.0)
+    at_most = await bytes_a_second(monkeypatch, fast)
     assert 2_700.0 < at_most <= 1.06 * 2_880.0  # a second of it at once, at the beginning
-    floor = await bytes_a_second(monkeypatch, MavlinkSettings(bytes_per_s=500, **fast))
+    floor = await bytes_a_second(monkeypatch, replace(fast, bytes_per_s=500))
     assert floor <= 1.06 * 500.0
 
 
