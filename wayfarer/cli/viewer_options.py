@@ -96,6 +96,7 @@ def ground_station(address: str, config: RoverConfig) -> GroundStation:
     import os
     from pathlib import Path
 
+    from wayfarer.commissioning.checks.system import device_files
     from wayfarer.config.calibration_file import calibration_file
     from wayfarer.fieldlog.clock import wall_clock
     from wayfarer.views.mavlink.address import check_not_a_part, parse_address
@@ -103,15 +104,15 @@ def ground_station(address: str, config: RoverConfig) -> GroundStation:
     from wayfarer.views.mavlink.signing import Signing, TimeFile, read_key
 
     where = parse_address(address)
-    check_not_a_part(where, config)
-    settings, signing, time_file = config.mavlink, None, None
-    if settings.key_file:
+    check_not_a_part(where, device_files(config))
+    key_file, signing, time_file = config.mavlink.key_file, None, None
+    if key_file:
         time_file = TimeFile(calibration_file(os.environ, Path.home()).with_name("mavlink_time"))
-        signing = Signing(read_key(Path(settings.key_file)), time_file.read(), wall_clock(0.0))
+        signing = Signing(read_key(Path(key_file)), time_file.read(), wall_clock(0.0))
     print(
         f"ground station: {where}, {'signed' if signing else 'without a key: it cannot start the wheels'}", flush=True
     )
-    return GroundStation(where, settings, signing, time_file, config.declination_deg)
+    return GroundStation(where, config, signing, time_file)
 
 
 def live_page(host: str | None, port: int | None, demo: DemoControls | None = None) -> LivePage:

@@ -14,6 +14,7 @@ from pymavlink.dialects.v20 import common
 
 from tests.views.live.records import run_log
 from wayfarer.config.mavlink_settings import MavlinkSettings
+from wayfarer.config.rover_file import load_rover
 from wayfarer.daemon.socket.protocol import Commands, Details, Refused
 from wayfarer.views.mavlink.address import Address
 from wayfarer.views.mavlink.frames import Frame, FrameReader
@@ -153,8 +154,9 @@ class Linked:
     def __init__(self, settings: MavlinkSettings, *, simulated: bool, port: FakePort) -> None:
         self.port = port
         self.rover = Rover()
+        config = load_rover("sim").model_copy(update={"mavlink": settings})
         signing = Signing(KEY, 0, NOW_S) if settings.key_file else None
-        self.station = GroundStation(STATION, settings, signing, None, None)
+        self.station = GroundStation(STATION, config, signing, None)
         self.log = run_log(self.station.show, simulated=simulated)
         self.rover.event = self.log.event
         self.encoder = Encoder(KEY if settings.key_file else None)
@@ -183,7 +185,7 @@ async def linked(
 ) -> AsyncIterator[Linked]:
     """Give a rover with its link, as a task group of the daemon would have it."""
     port = FakePort()
-    monkeypatch.setattr("wayfarer.views.mavlink.link.open_port", lambda _address: port)
+    monkeypatch.setattr("wayfarer.views.mavlink.link.open_port", lambda _address, _devices: port)
     monkeypatch.setattr("wayfarer.views.mavlink.link.wall_clock", lambda t_s: NOW_S + t_s)
     made = Linked(settings, simulated=simulated, port=port)
     async with made.station.serving(cast(Commands, made.rover)):

@@ -28,9 +28,11 @@ from wayfarer.views.mavlink.signing import MOST_TICKS, signing_ticks
 
 pytestmark = pytest.mark.process
 
-SETTINGS = '[mavlink]\nkey_file = "{key}"\nmay_arm = true\non_link_lost = "hold"\n[manual]\nallowed = true\n'
+SETTINGS = (
+    '[mavlink]\nkey_file = "{key}"\nmay_arm = true\non_link_lost = "hold"\nlink_lost_s = 3\n[manual]\nallowed = true\n'
+)
 LONG_S = 30.0  # this machine may be busy
-HOSTILE = 2_000
+HOSTILE = 1_000
 
 
 class Station:
@@ -121,7 +123,7 @@ def test_station_commands_under_loss_and_enemies_do_not(tmp_path: Path) -> None:
                 station.send(station.encoder.frame(each))
                 time.sleep(0.05)
             station.reaches(MODE_AUTO, armed=True, again=mode(MODE_AUTO))
-            station.reaches(MODE_HOLD, armed=True, beats=False)  # 5 s of silence: it holds
+            station.reaches(MODE_HOLD, armed=True, beats=False)  # 3 s of silence: it holds
             station.reaches(MODE_HOLD, armed=False, again=arming(0.0))
             daemon.terminate()
             assert daemon.wait(10.0) == 0, daemon.stderr

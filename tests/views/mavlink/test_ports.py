@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.views.mavlink.station import Encoder, heartbeat
+from wayfarer.commissioning.checks.system import device_files
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput
 from wayfarer.views.mavlink.address import Address, check_not_a_part, parse_address
@@ -44,8 +45,8 @@ def test_line_of_the_motor_board_is_no_link() -> None:
     rover = load_rover("forestrover")
     board = str(rover.parts["motors"]["port"])
     with pytest.raises(BadInput, match="a part of the rover"):
-        check_not_a_part(Address("serial", board, 57600), rover)
-    check_not_a_part(Address("serial", "/dev/ttyUSB7", 57600), rover)
+        open_port(Address("serial", board, 57600), device_files(rover))
+    check_not_a_part(Address("serial", "/dev/ttyUSB7", 57600), device_files(rover))
 
 
 def sequences(port: Port) -> list[tuple[int, bool]]:
@@ -132,4 +133,4 @@ async def test_serial_line_carries_frames_drops_what_does_not_fit_and_notices_th
 
 def test_device_that_is_not_there_is_an_os_error(tmp_path: Path) -> None:
     with pytest.raises(OSError):
-        open_port(Address("serial", str(tmp_path / "ttyUSB0"), 57600))
+        open_port(Address("serial", str(tmp_path / "ttyUSB0"), 57600), ())

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import os
 import socket
+import termios
+from collections.abc import Iterable
 from ipaddress import ip_address
 from typing import NamedTuple
 
-from wayfarer.commissioning.checks.system import device_files
-from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import BadInput
 
 KINDS = ("udpout", "udpin", "serial")
 PORTS = range(1, 65_536)
-BAUDS = range(1_200, 4_000_001)
+# In baud, and what termios calls them.
+BAUDS = {int(name[1:]): getattr(termios, name) for name in dir(termios) if name[:1] == "B" and name[1:].isdecimal()}
 FORM = "give udpout:HOST:PORT, udpin:HOST:PORT or serial:DEVICE:BAUD, such as udpout:192.168.1.5:14550"
 
 
@@ -37,7 +38,7 @@ def parse_address(text: str) -> Address:
     """
     kind, _, rest = text.partition(":")
     where, _, digits = rest.rpartition(":")
-    allowed = BAUDS if kind == "serial" else PORTS
+    allowed = BAUDS.keys() - {0} if kind == "serial" else PORTS
     if kind not in KINDS or not where or not (digits.isascii() and digits.isdecimal() and int(digits[:8]) in allowed):
         raise BadInput(f"--mavlink {text}: no address of a link; {FORM}")
     if kind == "serial":
@@ -45,14 +46,23 @@ def parse_address(text: str) -> Address:
     return Address(kind, _ip_address(where.removeprefix("[").removesuffix("]")), int(digits))
 
 
-def check_not_a_part(address: Address, config: RoverConfig) -> None:
+def check_not_a_part(address: Address, devices: Iterable[str]) -> None:
     """Refuse a serial line that a part of the rover is on: what a motor board is sent could turn the wheels.
+
+    Asked at each opening: an adapter that is plugged in again may get the name that another one had.
+
+    Args:
+        address: of the link.
+        devices: the device files of the rover's parts.
 
     Raises:
         BadInput: the text names the device.
     """
-    if address.kind == "serial" and os.path.realpath(address.where) in map(os.path.realpath, device_files(config)):
-        raise BadInput(f"--mavlink {address}: a part of the rover is on {address.where}; name the radio's device")
+    if address.kind == "serial" and os.path.realpath(address.where) in map(os.path.realpath, devices):
+        raise BadInput(
+            f"--mavlink {address}: a part of the rover is on {address.where}; name the radio's device, best by"
+            " /dev/serial/by-id"
+        )
 
 
 def is_this_computer(host: str) -> bool:

@@ -13,7 +13,8 @@ from contextlib import asynccontextmanager, suppress
 
 from pymavlink.dialects.v20 import common
 
-from wayfarer.config.mavlink_settings import MavlinkSettings
+from wayfarer.commissioning.checks.system import device_files
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.rate import Rate, RateLimiter
 from wayfarer.daemon.socket.protocol import Commands
 from wayfarer.errors import WayfarerError
@@ -41,21 +42,20 @@ class GroundStation:
 
     Args:
         address: where it is.
-        settings: what it gets and may do.
+        config: the rover; ``mavlink`` in it says what a station gets and may do.
         signing: whose messages are believed, and what signs ours; None without a key.
         time_file: keeps the time of ``signing``; None without a key.
-        declination_deg: of the rover file.
     """
 
     def __init__(
-        self, address: Address, settings: MavlinkSettings, signing: Signing | None, time_file: TimeFile | None,
-        declination_deg: float | None,
-    ) -> None:  # fmt: skip
+        self, address: Address, config: RoverConfig, signing: Signing | None, time_file: TimeFile | None
+    ) -> None:
         self._address = address
-        self._settings = settings
+        self._settings = settings = config.mavlink
+        self._devices = device_files(config)
         self._signing = signing
         self._time_file = time_file
-        self._telemetry = telemetry = Telemetry(declination_deg)
+        self._telemetry = telemetry = Telemetry(config.declination_deg)
         self._texts = StatusTexts()
         self._answers = answers.Answers(settings)
         self._budget = Budget(settings.bytes_per_s)
@@ -91,7 +91,7 @@ class GroundStation:
         self._commands = commands
         self._stick = StickDriving(commands, self._telemetry)
         self._orders = Orders(commands, self._stick, self._settings, self._telemetry, self._tell)
-        self._link = Link(self._address, self._settings.system_id, self._signing, self._take)
+        self._link = Link(self._address, self._settings.system_id, self._devices, self._signing, self._take)
         loop = asyncio.get_running_loop()
         tasks = [
             loop.create_task(self._link.run(), name="mavlink link"),

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from pymavlink.dialects.v20 import common
 
+from wayfarer.errors import BadInput
 from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.views.mavlink.address import Address
 from wayfarer.views.mavlink.frames import Frame
@@ -42,14 +43,17 @@ class Link:
     Args:
         address: where it goes.
         system_id: the rover's number.
+        devices: the device files of the rover's parts, which are no link.
         signing: checks and signs; None: there is no key.
         on_message: takes what is believed; must not wait.
     """
 
     def __init__(
-        self, address: Address, system_id: int, signing: Signing | None, on_message: Callable[[Received], None]
-    ) -> None:
+        self, address: Address, system_id: int, devices: tuple[str, ...], signing: Signing | None,
+        on_message: Callable[[Received], None],
+    ) -> None:  # fmt: skip
         self._address = address
+        self._devices = devices
         self._signing = signing
         self._on_message = on_message
         self._encoder = common.MAVLink(None, system_id, COMPONENT)
@@ -67,7 +71,7 @@ class Link:
         while True:
             try:
                 port = await self._opened()
-            except OSError as error:
+            except (OSError, BadInput) as error:
                 if told != str(error):  # once, not every two seconds
                     told = str(error)
                     _log.warning(
@@ -86,8 +90,8 @@ class Link:
 
     async def _opened(self) -> Port:
         if self._address.kind == "serial":  # a driver may take its time
-            return await asyncio.to_thread(open_port, self._address)
-        return open_port(self._address)
+            return await asyncio.to_thread(open_port, self._address, self._devices)
+        return open_port(self._address, self._devices)
 
     async def _wait_until_broken(self) -> None:
         time = asyncio.get_running_loop().time

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+import fcntl
 import os
 import socket
-from collections.abc import Callable, Iterator
+import termios
+import tty
+from collections.abc import Callable, Iterable, Iterator
 from typing import Protocol
 
-from wayfarer.views.mavlink.address import Address, is_this_computer
+from wayfarer.views.mavlink.address import BAUDS, Address, check_not_a_part, is_this_computer
 from wayfarer.views.mavlink.frames import INPUT_BYTES, Frame, FrameReader
+
+CONTROL, SPEED_IN, SPEED_OUT = 2, 4, 5  # places in what termios.tcgetattr returns
 
 
 class Port(Protocol):
@@ -99,23 +104,28 @@ class SerialPort:
     """A serial line, as of a telemetry radio."""
 
     def __init__(self, address: Address) -> None:
-        import serial
-
+        self._line = os.open(address.where, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         try:
-            self._line = serial.Serial(address.where, address.number, timeout=0, write_timeout=0, exclusive=True)
-        except ValueError as error:  # a rate that the device does not have
-            raise OSError(str(error)) from None
+            fcntl.flock(self._line, fcntl.LOCK_EX | fcntl.LOCK_NB)  # two programs would take each other's bytes
+            tty.setraw(self._line)
+            settings = termios.tcgetattr(self._line)
+            settings[CONTROL] = settings[CONTROL] & ~termios.CRTSCTS | termios.CLOCAL | termios.CREAD
+            settings[SPEED_IN] = settings[SPEED_OUT] = BAUDS[address.number]
+            termios.tcsetattr(self._line, termios.TCSANOW, settings)
+        except (OSError, termios.error) as error:
+            os.close(self._line)
+            raise OSError(f"{address.where} is no serial line that can be used: {error}") from None
         self._reader = FrameReader()
         self._unsent = b""
 
     def listen(self, ready: Callable[[], None]) -> None:
         """Call ``ready`` when bytes are there."""
-        asyncio.get_running_loop().add_reader(self._line.fileno(), ready)
+        asyncio.get_running_loop().add_reader(self._line, ready)
 
     def read(self, now_s: float) -> Iterator[tuple[Frame, bool]]:
         """Yield the frames that the bytes so far complete."""
         try:
-            data = os.read(self._line.fileno(), INPUT_BYTES)
+            data = os.read(self._line, INPUT_BYTES)
         except BlockingIOError:
             return
         if not data:
@@ -127,9 +137,9 @@ class SerialPort:
         """Send a frame, after the rest of the one before; drop it where that has not gone yet."""
         try:
             if self._unsent:
-                self._unsent = self._unsent[os.write(self._line.fileno(), self._unsent) :]
+                self._unsent = self._unsent[os.write(self._line, self._unsent) :]
             if not self._unsent:
-                self._unsent = frame[os.write(self._line.fileno(), frame) :]
+                self._unsent = frame[os.write(self._line, frame) :]
         except BlockingIOError:
             return
 
@@ -141,15 +151,18 @@ class SerialPort:
 
     def close(self) -> None:
         """Close the line."""
-        if self._line.is_open:
-            asyncio.get_running_loop().remove_reader(self._line.fileno())
-            self._line.close()
+        if self._line >= 0:
+            asyncio.get_running_loop().remove_reader(self._line)
+            os.close(self._line)
+            self._line = -1
 
 
-def open_port(address: Address) -> Port:
-    """Open a link.
+def open_port(address: Address, devices: Iterable[str]) -> Port:
+    """Open a link; ``devices`` are the device files of the rover's parts.
 
     Raises:
         OSError: it is not there, or not yet.
+        BadInput: a part of the rover is there.
     """
+    check_not_a_part(address, devices)
     return SerialPort(address) if address.kind == "serial" else UdpPort(address)
