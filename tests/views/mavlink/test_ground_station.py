@@ -262,7 +262,7 @@ async def test_forged_frame_from_the_future_shuts_nobody_out(monkeypatch: pytest
         await link.says(mode(MODE_HOLD))
         assert link.rover.asked == ["hold"]
         await asyncio.sleep(31.0)
-        assert any("2 messages without a right signature" in text for text in texts(link.heard()))
+        assert any("2 messages ignored: not signed with our key" in text for text in texts(link.heard()))
 
 
 @virtual

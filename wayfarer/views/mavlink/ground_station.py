@@ -156,7 +156,7 @@ class GroundStation:
         refused = self._link.refused - self._refused_told
         if refused and now_s - self._refused_told_s > REFUSED_S:
             self._refused_told, self._refused_told_s = self._link.refused, now_s
-            text = f"{refused} messages without a right signature were ignored: has the station the passphrase?"
+            text = f"{refused} messages ignored: not signed with our key"
             self._send(*self._texts.chunks(text, common.MAV_SEVERITY_WARNING))  # now: nobody is believed to listen
 
     async def _keep_time(self) -> None:
