@@ -17,7 +17,7 @@ class MavlinkSettings:
     ``system_id`` is the rover's number among the vehicles of a station. ``key_file`` is a file with the passphrase that
     signs (16 characters or more, only for its owner to read, mode 0600); empty: none. Without it no other computer can
     command the rover, and none can start its wheels. ``may_arm`` lets a station arm the rover; it needs the key.
-    A link is lost when nothing valid came from the station for ``link_lost_s`` (5 s, as ArduPilot's FS_GCS_TIMEOUT);
+    A link is lost without a heartbeat of a station for ``link_lost_s`` (5 s, as ArduPilot's FS_GCS_TIMEOUT);
     ``on_link_lost`` says whether an armed rover then goes on or holds its wheels until somebody resumes. All messages
     together take at most ``bytes_per_s``: half of what a radio of 57,600 baud carries, which has 10 bits a byte.
     ``attitude_hz``, ``position_hz`` and ``values_hz`` are the rates of attitude, of position and speed, and of the

@@ -84,7 +84,7 @@ async def test_who_may_do_what(monkeypatch: pytest.MonkeyPatch) -> None:
 async def test_person_is_told_why_an_order_was_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     async with linked(monkeypatch, SIGNED) as link:
         link.rover.refuses = "not armed: compass: no answer (check its wires)"
-        await link.says(arming(1.0), mode(MODE_HOLD))
+        await link.says(heartbeat(), arming(1.0), mode(MODE_HOLD))
         await asyncio.sleep(1.0)
         heard = link.heard()
         assert [each.result for each in heard if each.get_type() == "COMMAND_ACK"] == [DENIED, BUSY]
@@ -246,7 +246,9 @@ async def test_lost_link_does_what_the_rover_file_says(
                 await link.says(heartbeat())
             await asyncio.sleep(1.0)
         assert not link.rover.asked
-        await asyncio.sleep(5.0)
+        for data in link.port.sent[-9:]:  # an enemy sends back what the rover said
+            link.port.receive(data)
+            await asyncio.sleep(0.6)
         holds = armed and on_link_lost == "hold"
         noted = f"mark: the ground station is silent{': held' if holds else ''}"
         assert link.rover.asked == ["hold"] * holds + [noted]

@@ -38,7 +38,8 @@ class Received(NamedTuple):
 class Link:
     """One link to one station.
 
-    ``heard_s`` is the loop's time at which something valid last came, ``refused`` how many frames were not believed.
+    ``heard_s`` is the loop's time at which a station's heartbeat last came, ``refused`` how many frames were not
+    believed.
 
     Args:
         address: where it goes.
@@ -149,7 +150,8 @@ class Link:
             message = self._decoder.decode(bytearray(frame.data))
         except common.MAVError:
             return  # a text that is no UTF-8
-        if not is_radio:
+        if message.id == common.MAVLINK_MSG_ID_HEARTBEAT and message.type == common.MAV_TYPE_GCS:
+            # Nothing else: another vehicle may have the same key, and an enemy may send our own messages back to us.
             self.heard_s = asyncio.get_running_loop().time()
             if self._port is not None:
                 self._port.believe()

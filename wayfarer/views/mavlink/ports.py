@@ -30,7 +30,7 @@ class Port(Protocol):
         """Send a frame, if there is a station to send it to and room for it."""
 
     def believe(self) -> None:
-        """Note that the frame that was read last is valid: its sender is the station."""
+        """Note that the frame that was read last was a station's heartbeat: its sender is the station."""
 
     def forget(self) -> None:
         """Note that the station is silent: another may take its place."""
