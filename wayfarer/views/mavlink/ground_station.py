@@ -19,6 +19,7 @@ from wayfarer.control.rate import Rate, RateLimiter
 from wayfarer.daemon.socket.protocol import Commands
 from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.schema import Record
+from wayfarer.fieldlog.wording import plural
 from wayfarer.views.mavlink import answers
 from wayfarer.views.mavlink.address import Address
 from wayfarer.views.mavlink.budget import Budget, Stream
@@ -156,7 +157,7 @@ class GroundStation:
         refused = self._link.refused - self._refused_told
         if refused and now_s - self._refused_told_s > REFUSED_S:
             self._refused_told, self._refused_told_s = self._link.refused, now_s
-            text = f"{refused} messages ignored: not signed with our key"
+            text = f"{plural(refused, 'message')} ignored: not signed with our key"
             self._send(*self._texts.chunks(text, common.MAV_SEVERITY_WARNING))  # now: nobody is believed to listen
 
     async def _keep_time(self) -> None:
