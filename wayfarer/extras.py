@@ -36,6 +36,7 @@ NEEDS = {
     "geojson": OptionalExtra("export", {"geojson_pydantic": "geojson-pydantic", "numpy": "numpy"}),
     "rosbag2": OptionalExtra("export", {"rosbags": "rosbags"}),
     "Foxglove": OptionalExtra("foxglove", {"foxglove": "foxglove-sdk"}),
+    "--mavlink": OptionalExtra("mavlink", {"pymavlink": "pymavlink"}),
 }
 
 

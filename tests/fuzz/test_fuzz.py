@@ -7,11 +7,11 @@ from collections import Counter
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from tests.fuzz import on_command, on_control, on_files, on_gpsd, on_live, on_logs, on_parts
+from tests.fuzz import on_command, on_control, on_files, on_gpsd, on_live, on_logs, on_mavlink, on_parts
 from tests.fuzz.damage import DEPTH, as_json, changed, damaged, nested
 from tests.fuzz.target import Case, Target
 
-MODULES = (on_control, on_files, on_logs, on_parts, on_gpsd, on_live, on_command)
+MODULES = (on_control, on_files, on_logs, on_parts, on_gpsd, on_live, on_mavlink, on_command)
 TARGETS = [each for module in MODULES for each in vars(module).values() if isinstance(each, Target)]
 LONG_TIMES = 40  # as many cases in the tier ``long``: minutes, from no source
 SLOW_BELOW = 10  # few cases are quick where each takes long

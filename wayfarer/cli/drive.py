@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated, Any
@@ -36,6 +37,8 @@ def drive(
     from wayfarer.cli.driving.loop import Driving
     from wayfarer.daemon.socket.client import Connection
 
+    for number in (signal.SIGTERM, signal.SIGHUP):  # as Ctrl-C: the daemon is told, and the terminal is as before
+        signal.signal(number, signal.default_int_handler)
     check_together(ctx, needs=(("device", "gamepad"),))
     opened: AbstractContextManager[Source] = open_gamepad(device) if gamepad else terminal_keys(EXPIRY_S)
     with opened as source, Connection() as daemon, _screen(source) as show:

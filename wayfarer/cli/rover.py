@@ -10,7 +10,17 @@ import typer
 
 from wayfarer.cli.options import AlgorithmOption, LogDir, Rover, check_together, examples, log_folder
 from wayfarer.cli.trial_options import DepthName
-from wayfarer.cli.viewer_options import NEEDS, Foxglove, FoxglovePort, Live, LiveHost, LivePort, viewers
+from wayfarer.cli.viewer_options import (
+    NEEDS,
+    Foxglove,
+    FoxglovePort,
+    Live,
+    LiveHost,
+    LivePort,
+    Mavlink,
+    ground_station,
+    viewers,
+)
 from wayfarer.config.rover_path import ROVER_FILE
 from wayfarer.errors import BadInput
 from wayfarer.extras import require
@@ -25,6 +35,7 @@ HINT = "In another terminal: wayfarer arm, wayfarer status, wayfarer stop"
 RUN_EXAMPLES = examples(
     "wayfarer run --sim",
     "wayfarer run --sim --live",
+    "wayfarer run --sim --mavlink udpout:127.0.0.1:14550",
     "wayfarer run --rover minirover --dry-run",
     "wayfarer run --rover /etc/wayfarer/rover.toml --log-dir /var/lib/wayfarer/field_logs",
     "then, from another terminal: wayfarer arm",
@@ -56,6 +67,7 @@ def run(
     live_port: LivePort = None,
     foxglove: Foxglove = False,
     foxglove_port: FoxglovePort = None,
+    mavlink: Mavlink = None,
 ) -> None:
     """Run the daemon: it starts disarmed, and drives once it is armed from another terminal."""
     from wayfarer.config.registry import find_algorithm
@@ -77,6 +89,9 @@ def run(
     if manual:
         loaded = laid_over(loaded, {"manual": {"allowed": True}})
     shown = viewers(live, live_host, live_port, foxglove, foxglove_port)
+    if mavlink is not None:
+        shown.viewers.append(ground_station(mavlink, loaded))
+        shown.addresses["mavlink"] = mavlink
     service = Service(
         config=loaded,
         algorithm=find_algorithm(algorithm),

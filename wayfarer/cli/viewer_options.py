@@ -1,4 +1,4 @@
-"""Options of the viewers of a running rover: the live page and Foxglove."""
+"""Options of the viewers of a running rover: the live page, Foxglove and a ground station."""
 
 from __future__ import annotations
 
@@ -11,9 +11,11 @@ from wayfarer.views.foxglove import PORT as FOXGLOVE_PORT
 from wayfarer.views.live import HOST, PORT
 
 if TYPE_CHECKING:
+    from wayfarer.config.rover_file import RoverConfig
     from wayfarer.daemon.daemon import Viewer
     from wayfarer.views.live.demo_controls import DemoControls
     from wayfarer.views.live.server import LivePage
+    from wayfarer.views.mavlink.ground_station import GroundStation
 
 LOOKING_ON = "Viewers"
 
@@ -37,6 +39,14 @@ Foxglove = Annotated[
 ]
 FoxglovePort = Annotated[int | None, _port_option(f"Port for Foxglove. (default: {FOXGLOVE_PORT})")]
 
+Mavlink = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="Link to a ground station: udpout:HOST:PORT, udpin:HOST:PORT or serial:DEVICE:BAUD.",
+        rich_help_panel=LOOKING_ON,
+    ),
+]
 
 # For ``options.check_together``.
 NEEDS = (("live_host", "live"), ("live_port", "live"), ("foxglove_port", "foxglove"))
@@ -73,6 +83,36 @@ def viewers(
         found.viewers.append(channels)
         found.addresses["foxglove"] = channels.url
     return found
+
+
+def ground_station(address: str, config: RoverConfig) -> GroundStation:
+    """Return the link to a ground station, with the key that the rover file names.
+
+    Raises:
+        BadInput: no such address, or the key cannot be used; the text says why.
+        WayfarerError: a package is missing.
+    """
+    require("--mavlink")
+    import os
+    from pathlib import Path
+
+    from wayfarer.commissioning.checks.system import device_files
+    from wayfarer.config.calibration_file import calibration_file
+    from wayfarer.fieldlog.clock import wall_clock
+    from wayfarer.views.mavlink.address import check_not_a_part, parse_address
+    from wayfarer.views.mavlink.ground_station import GroundStation
+    from wayfarer.views.mavlink.signing import Signing, TimeFile, read_key
+
+    where = parse_address(address)
+    check_not_a_part(where, device_files(config))
+    key_file, signing, time_file = config.mavlink.key_file, None, None
+    if key_file:
+        time_file = TimeFile(calibration_file(os.environ, Path.home()).with_name("mavlink_time"))
+        signing = Signing(read_key(Path(key_file)), time_file.read(), wall_clock(0.0))
+    print(
+        f"ground station: {where}, {'signed' if signing else 'without a key: it cannot start the wheels'}", flush=True
+    )
+    return GroundStation(where, config, signing, time_file)
 
 
 def live_page(host: str | None, port: int | None, demo: DemoControls | None = None) -> LivePage:

@@ -17,6 +17,7 @@ from annotated_types import Interval
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from wayfarer.config.chassis import Chassis
+from wayfarer.config.mavlink_settings import MavlinkSettings
 from wayfarer.config.messages import line_of, located, shown, validated
 from wayfarer.config.registry import check_buses, driver_names, find_driver
 from wayfarer.config.rover_path import ROVER_FILE_BYTES, SHIPPED, is_rover_file, rover_path
@@ -97,6 +98,7 @@ class RoverConfig(BaseModel):
     progress: EntrapmentSettings = EntrapmentSettings()
     board: BoardSettings = BoardSettings()
     log: LogSettings = LogSettings()
+    mavlink: MavlinkSettings = MavlinkSettings()
     declination_deg: float | None = Field(default=None, ge=-180, le=180)
     buses: str = Field(default="linux", max_length=_TEXT_MAX)
     parts: dict[str, dict[str, Any]] = {}

@@ -1,0 +1,96 @@
+"""A ground station: a stream that is garbled, and whole frames whose fields say anything, signed or not."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import SimpleNamespace
+
+import pytest
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import common
+
+from tests.fuzz.damage import bytes_of
+from tests.fuzz.target import Case, Target, Try
+from tests.views.mavlink.station import KEY, MAY_ARM, NO_KEY, Encoder, arming, heartbeat, kinds, linked, mode, stick
+from tests.virtual import run_virtually
+from wayfarer.config.mavlink_settings import MavlinkSettings
+from wayfarer.views.mavlink.frames import LONGEST_BYTES, FrameReader
+
+SPOKEN = [
+    Encoder(key).frame(message) for key in (None, KEY) for message in (heartbeat(), arming(1.0), mode(4), stick(9, -9))
+]
+WORDS = [b"\xfd", b"\xfd\xff", b"\xfd\x00\x01", b"\xfe\x09"]
+
+
+@contextmanager
+def _read() -> Iterator[Try]:
+    def attempt(pieces: list[bytes]) -> str:
+        reader, found = FrameReader(), 0
+        for place, piece in enumerate(pieces):
+            found += len(list(reader.feed(piece, 0.06 * place)))
+            assert len(reader._rest) < LONGEST_BYTES
+        return f"{min(found, 3)} frames"
+
+    yield attempt
+
+
+STREAM = Target("mavlink-stream", st.lists(bytes_of(SPOKEN, WORDS), max_size=4), _read, quick=30)
+
+
+def _frame(number: int, payload: bytes, signed: bool) -> bytes:
+    """Return a frame whose checksum and signature are right, whatever is in it."""
+    kind = common.mavlink_map[number]
+
+    class AnyFields(common.MAVLink_message):
+        def pack(self, mavlink: common.MAVLink, force_mavlink1: bool = False) -> bytes:
+            packed: bytes = self._pack(mavlink, kind.crc_extra, payload or b"\0")
+            return packed
+
+    return Encoder(KEY if signed else None).frame(AnyFields(number, kind.msgname))
+
+
+FRAMES = st.lists(
+    st.tuples(
+        st.sampled_from(sorted(common.mavlink_map)) | st.sampled_from([11, 20, 21, 23, 43, 69, 75, 76, 109]),
+        st.binary(max_size=40) | st.just(bytes([1] * 40)) | st.just(b"\xff" * 40),
+        st.booleans(),
+    ),
+    min_size=1,
+    max_size=8,
+)
+
+
+async def _talked(settings: MavlinkSettings, spoken: Case) -> str:
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        async with linked(monkeypatch, settings) as link:
+            for each in spoken:
+                link.port.receive(_frame(*each))
+                await asyncio.sleep(1.0)
+            heard = link.heard()
+            assert kinds(heard)["HEARTBEAT"] >= len(spoken) - 1
+            assert sum(map(len, link.port.sent)) < 3_000 * (len(spoken) + 1)
+            if not any(signed for _, _, signed in spoken):
+                assert not link.rover.asked
+            return " ".join(sorted({each.get_type() for each in heard} & {"COMMAND_ACK", "PARAM_VALUE", "STATUSTEXT"}))
+
+
+@contextmanager
+def _linked() -> Iterator[Try]:
+    errors: list[str] = []
+    logger = SimpleNamespace(exception=errors.append, warning=errors.append)
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        for module in ("link", "ground_station", "orders"):
+            monkeypatch.setattr(f"wayfarer.views.mavlink.{module}._log", logger)
+
+        def attempt(case: Case) -> str:
+            settings, spoken = case
+            said = run_virtually(_talked(MAY_ARM if settings else NO_KEY, spoken))
+            assert not errors, errors
+            return said
+
+        yield attempt
+
+
+STATION = Target("mavlink-station", st.tuples(st.booleans(), FRAMES), _linked, quick=20)

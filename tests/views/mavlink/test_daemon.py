@@ -1,0 +1,151 @@
+"""A daemon that drives a simulated rover, and a station behind a radio that loses three frames in ten."""
+
+# ruff: noqa: TID251 - processes live in real time
+from __future__ import annotations
+
+import json
+import os
+import random
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import pairwise
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import common
+
+from tests.children import child
+from tests.views.mavlink.station import KEY, Encoder, Message, arming, heartbeat, mode, stick
+from wayfarer.config.rover_path import SHIPPED
+from wayfarer.views.mavlink.modes import MODE_AUTO, MODE_HOLD, MODE_MANUAL
+from wayfarer.views.mavlink.signing import MOST_TICKS, signing_ticks
+
+pytestmark = pytest.mark.process
+
+SETTINGS = (
+    '[mavlink]\nkey_file = "{key}"\nmay_arm = true\non_link_lost = "hold"\nlink_lost_s = 3\n[manual]\nallowed = true\n'
+)
+LONG_S = 30.0  # this machine may be busy
+HOSTILE = 1_000
+
+
+class Station:
+    """Loses three frames in ten, in both directions, while ``loses``."""
+
+    def __init__(self, udp: socket.socket) -> None:
+        self._udp = udp
+        self._chance = random.Random(4)
+        self._decoder = common.MAVLink(None)
+        self._beat_s = 0.0
+        self.encoder = Encoder(KEY, signing_ticks(time.time()))
+        self.rover: Any = None
+        self.loses = True
+        self.mode = self.armed = -1
+
+    def send(self, data: bytes) -> None:
+        if not (self.loses and self._chance.random() < 0.3):
+            self._udp.sendto(data, self.rover)
+
+    def until(self, holds: Callable[[Any], bool], again: Message = None, *, beats: bool = True) -> None:
+        """Send heartbeats, and a message again and again, until the rover sends what is waited for."""
+        ends_s, said_s = time.monotonic() + LONG_S, 0.0
+        while True:
+            now_s = time.monotonic()
+            assert now_s < ends_s, (self.mode, self.armed)
+            if self.rover is not None and now_s - said_s > 0.5:
+                said_s = now_s
+                if beats:
+                    self.send(self.encoder.frame(heartbeat()))
+                if again is not None:
+                    self.send(self.encoder.frame(again))
+            try:
+                data, self.rover = self._udp.recvfrom(2_048)
+            except TimeoutError:
+                continue
+            if self.loses and self._chance.random() < 0.3:
+                continue
+            message = self._decoder.decode(bytearray(data))
+            if message.get_type() == "HEARTBEAT":
+                self.mode = message.custom_mode
+                self.armed = bool(message.base_mode & common.MAV_MODE_FLAG_SAFETY_ARMED)
+            if holds(message):
+                return
+
+    def reaches(self, number: int, armed: bool, again: Message = None, *, beats: bool = True) -> None:
+        """Wait until the rover is in a mode."""
+        self.until(lambda _: (self.mode, self.armed) == (number, armed), again, beats=beats)
+
+
+@contextmanager
+def running(folder: Path, udp: socket.socket) -> Iterator[subprocess.Popen[str]]:
+    (folder / "key").write_text("a passphrase for tests")
+    (folder / "key").chmod(0o600)
+    settings = SETTINGS.format(key=folder / "key")
+    (folder / "rover.toml").write_text((SHIPPED / "sim.toml").read_text(encoding="utf-8") + settings)
+    folder.chmod(0o700)
+    environment = {**os.environ, "RUNTIME_DIRECTORY": str(folder), "STATE_DIRECTORY": str(folder)}
+    command = [
+        sys.executable, "-m", "wayfarer", "run", "--sim", "--rover", str(folder / "rover.toml"),
+        "--mavlink", f"udpout:127.0.0.1:{udp.getsockname()[1]}", "--log-dir", str(folder / "logs"),
+    ]  # fmt: skip
+    with child(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
+        yield process
+
+
+def lateness_s(records: list[dict[str, Any]], since_s: float, until_s: float) -> list[float]:
+    """How much later than 20 times a second the ticks came, between two wall times."""
+    ticks = [each["t_s"] for each in records if each["record"] == "tick" and since_s < each["t_wall"] < until_s]
+    return [after - before - 0.05 for before, after in pairwise(ticks)]
+
+
+def test_station_commands_under_loss_and_enemies_do_not(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
+        udp.bind(("127.0.0.1", 0))
+        udp.settimeout(0.1)
+        station = Station(udp)
+        with running(tmp_path, udp) as daemon:
+            station.reaches(MODE_HOLD, armed=False)
+            station.until(lambda each: each.get_type() == "ATTITUDE")  # it knows its heading
+            station.reaches(MODE_AUTO, armed=True, again=arming(1.0))
+            began_s = time.time()
+            _attack(station)
+            station.reaches(MODE_AUTO, armed=True)
+            ended_s = time.time()
+            station.reaches(MODE_HOLD, armed=True, again=mode(MODE_HOLD))
+            station.reaches(MODE_MANUAL, armed=True, again=mode(MODE_MANUAL))
+            for each in (stick(0, 0), *[stick(1000, 0)] * 5):
+                station.send(station.encoder.frame(each))
+                time.sleep(0.05)
+            station.reaches(MODE_AUTO, armed=True, again=mode(MODE_AUTO))
+            station.reaches(MODE_HOLD, armed=True, beats=False)  # 3 s of silence: it holds
+            station.reaches(MODE_HOLD, armed=False, again=arming(0.0))
+            daemon.terminate()
+            assert daemon.wait(10.0) == 0, daemon.stderr
+    (path,) = (tmp_path / "logs").glob("*/run.jsonl")
+    records = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    assert median(lateness_s(records, began_s, ended_s)) < 0.01
+    events = [each for each in records if each["record"] == "event"]
+    assert [each["name"] for each in events].count("armed") == 1
+    assert any(each.get("text") == "the ground station is silent: held" for each in events)
+    assert any(each.get("applied_left", 0.0) > 0.2 for each in records if each.get("phase") == "manual")
+    assert (tmp_path / "mavlink_time").stat().st_mode & 0o777 == 0o600
+
+
+def _attack(station: Station) -> None:
+    """Send from the station's own address what an enemy who hears everything can send; the real one goes on."""
+    chance, unsigned, forged = random.Random(1), Encoder(), Encoder(bytes(32), MOST_TICKS - 2 * HOSTILE)
+    recorded = station.encoder.frame(arming(0.0))
+    station.loses = False
+    station.send(station.encoder.frame(heartbeat()))  # its time is later: from now on the other one is old
+    orders = [arming(0.0), mode(MODE_HOLD), mode(MODE_MANUAL), stick(1000, 1000)]
+    for number in range(HOSTILE):
+        kinds = (unsigned.frame(chance.choice(orders)), forged.frame(chance.choice(orders)), chance.randbytes(200))
+        station.send(recorded if number % 50 == 7 else kinds[number % 3])
+        time.sleep(0.0005)  # or the kernel drops most of them
+    station.loses = True
