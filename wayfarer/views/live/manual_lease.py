@@ -1,0 +1,72 @@
+"""Driving by hand from the page: the lease of one viewer, and how old what it sends may be.
+
+The page is never told its lease. It is kept here, with the connection: no other page can use it, and it ends when the
+connection ends. Nothing is remembered for a page that connects again.
+
+A sample of the pad carries the newest time of the daemon's clock that the page knew when it took the sample. The
+sample is younger than that time, so the daemon can refuse what waited in a network or in a busy browser, and does not
+have to believe the browser's clock.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+from contextlib import suppress
+
+from wayfarer.daemon.socket.protocol import Commands, Details, Refused, check, perform
+from wayfarer.errors import WayfarerError
+
+BEGIN, DRIVE, END = VERBS = ("manual_begin", "manual_drive", "manual_end")
+DRIVER = "page"  # for the log
+# A time that the page was told cannot be ahead of the daemon's clock; those of states are rounded to milliseconds.
+ROUNDED_S = 0.001
+
+
+class ManualLease:
+    """What one viewer may drive: nothing before ``begin``, and nothing after ``end``.
+
+    Args:
+        commands: what the daemon can do.
+    """
+
+    def __init__(self, commands: Commands) -> None:
+        self._commands = commands
+        self._lease: object = None
+
+    async def begin(self) -> Details:
+        """Ask for the wheels, and return ``deadman_s``.
+
+        Raises:
+            Refused: they cannot be had now.
+        """
+        details = await self._perform({"do": BEGIN, "driver": DRIVER})
+        self._lease = details["lease"]
+        return {"deadman_s": details["deadman_s"]}
+
+    async def drive(self, fields: Mapping[str, object], told_s: object) -> Details:
+        """Drive by a sample.
+
+        Args:
+            fields: ``seq``, ``forward`` and ``turn``, see ``Commands.manual_drive``.
+            told_s: the newest time of the daemon's loop that the page knew.
+
+        Raises:
+            WayfarerError: this viewer does not drive, or the daemon refuses the sample.
+        """
+        if self._lease is None:
+            raise Refused("this page does not drive the rover: press Drive by hand first")
+        sample = {key: fields.get(key) for key in ("seq", "forward", "turn")}
+        if isinstance(told_s, int | float) and told_s > asyncio.get_running_loop().time() + ROUNDED_S:
+            raise Refused("the page names a time that has not come yet: load it again")
+        return await self._perform({"do": DRIVE, "lease": self._lease, "sent_s": told_s, **sample})
+
+    async def end(self) -> None:
+        """Let go of the wheels; safe if this viewer does not drive."""
+        lease, self._lease = self._lease, None
+        if lease is not None:
+            with suppress(WayfarerError):  # it has ended already: somebody stopped the rover, or it fell silent
+                await self._perform({"do": END, "lease": lease})
+
+    async def _perform(self, fields: Mapping[str, object]) -> Details:
+        return await perform(check(fields), self._commands, None)
