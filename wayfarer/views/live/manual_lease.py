@@ -10,7 +10,6 @@ have to believe the browser's clock.
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Mapping
 from contextlib import suppress
 
@@ -19,8 +18,6 @@ from wayfarer.errors import WayfarerError
 
 BEGIN, DRIVE, END = VERBS = ("manual_begin", "manual_drive", "manual_end")
 DRIVER = "page"  # for the log
-# A time that the page was told cannot be ahead of the daemon's clock; those of states are rounded to milliseconds.
-ROUNDED_S = 0.001
 
 
 class ManualLease:
@@ -33,19 +30,26 @@ class ManualLease:
     def __init__(self, commands: Commands) -> None:
         self._commands = commands
         self._lease: object = None
+        self._asking = False
 
     async def begin(self) -> Details:
         """Ask for the wheels, and return ``deadman_s``.
 
         Raises:
-            Refused: they cannot be had now.
+            Refused: they cannot be had now, or this viewer has asked already.
         """
-        details = await self._perform({"do": BEGIN, "driver": DRIVER})
+        if self._asking:
+            raise Refused("this page has asked to drive by hand already: wait for the answer")
+        self._asking = True
+        try:
+            details = await self._perform({"do": BEGIN, "driver": DRIVER})
+        finally:
+            self._asking = False
         self._lease = details["lease"]
         return {"deadman_s": details["deadman_s"]}
 
     async def drive(self, fields: Mapping[str, object], told_s: object) -> Details:
-        """Drive by a sample.
+        """Drive by a sample, and return what ``Commands.manual_drive`` does.
 
         Args:
             fields: ``seq``, ``forward`` and ``turn``, see ``Commands.manual_drive``.
@@ -57,8 +61,6 @@ class ManualLease:
         if self._lease is None:
             raise Refused("this page does not drive the rover: press Drive by hand first")
         sample = {key: fields.get(key) for key in ("seq", "forward", "turn")}
-        if isinstance(told_s, int | float) and told_s > asyncio.get_running_loop().time() + ROUNDED_S:
-            raise Refused("the page names a time that has not come yet: load it again")
         return await self._perform({"do": DRIVE, "lease": self._lease, "sent_s": told_s, **sample})
 
     async def end(self) -> None:

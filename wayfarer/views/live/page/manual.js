@@ -36,8 +36,8 @@ function takeManual(reply) {
   manual.toldS = Math.max(manual.toldS, reply.t_s);
   manual.answered = Math.max(manual.answered, reply.seq);
   manual.delayMs = now - manual.sentAt[reply.seq % TIMED];
+  manual.why = reply.ok ? reply.why_not : reply.why;
   if (reply.ok) manual.acceptedAt = now;
-  else manual.why = reply.why;
 }
 
 function takeBegin({ ok, why, deadman_s, t_s }) {
@@ -84,8 +84,9 @@ function writeLink() {
   const nowMs = answered < seq ? performance.now() - sentAt[(answered + 1) % TIMED] : 0;
   const worstMs = Math.max(delayMs ?? 0, nowMs);
   const isSlow = worstMs > deadmanS * 1000;
-  const held = handsNow() ? "driving" : "nothing is held: the wheels stand";
-  write("link", isSlow ? `The wheels stand: the connection takes ${ago(worstMs / 1000)}, ${deadmanS} s is the most` : `${held}; ${Math.round(delayMs ?? 0)} ms there and back`);
+  const why = isSlow ? `the connection takes ${ago(worstMs / 1000)}, ${deadmanS} s is the most` : manual.why;
+  const delay = isSlow || delayMs === null ? "" : `, ${Math.round(delayMs)} ms there and back`;
+  write("link", `${why ? `The wheels stand: ${why}` : "Driving"}${delay}`);
   element("link").className = isSlow ? "bad caption" : "caption";
 }
 
