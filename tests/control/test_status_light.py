@@ -54,8 +54,11 @@ STATES: list[tuple[str, Any]] = [
     *(
         ("escaping", controller(Mode.ARMED, Level.WELL, phase))
         for phase in Phase
-        if phase not in {Phase.FOLLOW, Phase.HALT}
+        if phase not in {Phase.FOLLOW, Phase.HALT, Phase.MANUAL}
     ),
+    ("driven", controller(Mode.MANUAL, Level.WELL, Phase.MANUAL)),
+    ("driven", controller(Mode.MANUAL, Level.DEGRADE, Phase.MANUAL, Condition.COMPASS_LOST)),
+    ("held", controller(Mode.MANUAL, Level.HOLD, Phase.MANUAL, Condition.MOTORS_FAILED)),
     ("held", controller(Mode.ARMED, Level.HOLD, Phase.HALT, Condition.OPERATOR_HOLD)),
     ("held", controller(Mode.ARMED, Level.HOLD, Phase.HALT, Condition.COMPASS_STALE)),
     ("battery", controller(Mode.ARMED, Level.DEGRADE, Phase.FOLLOW, Condition.BATTERY_LOW)),

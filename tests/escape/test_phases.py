@@ -151,7 +151,7 @@ ROUTES: Mapping[tuple[Phase, PhaseEvent], Callable[[Walk], None]] = {
     (Phase.STRIDE, PhaseEvent.ANOMALY): met_something(Phase.STRIDE),
     (Phase.STRIDE, PhaseEvent.DONE): free(Phase.STRIDE),
     (Phase.STRIDE, PhaseEvent.EXHAUSTED): spinning(Phase.STRIDE),
-    **{(phase, PhaseEvent.OVERWOUND): overwinding(phase) for phase in Phase if phase is not Phase.HALT},
+    **{(phase, PhaseEvent.OVERWOUND): overwinding(phase) for phase in Phase if phase not in {Phase.HALT, Phase.MANUAL}},
 }
 
 

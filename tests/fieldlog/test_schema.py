@@ -18,6 +18,7 @@ import wayfarer
 from tests.fieldlog import lines
 from tests.views.text.outing import outing
 from wayfarer.config.rover_file import load_rover
+from wayfarer.control.tick_record import TickRecord
 from wayfarer.experiments.trial import run_trial
 from wayfarer.experiments.trial_log import GroundTruthLog, field_log
 from wayfarer.experiments.trial_setup import TrialSpec
@@ -29,6 +30,7 @@ from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.schema import SCHEMA, Record
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import PositionFix
+from wayfarer.safety.manual import ManualSample
 from wayfarer.simhal.build_rover import device_depth
 from wayfarer.simhal.drawn_ranges import Range
 from wayfarer.simhal.faults.kinds import Fault
@@ -99,13 +101,17 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Record]]:
     rigid.close("requested", "enough")
     on_mud = replace(trial, budget_m=1.0, ground=GroundName.mud)
     run_trial(replace(on_mud, slopes=Slopes(Range(5.0, 5.0)), physics=Physics(blind_share=0.1)), folder / "mud")
+    driven, tick = FieldLog(RunFiles(folder / "driven"), {}), TickRecord(1.0)
+    tick.manual = ManualSample(1, 1.0, 0.0, 0.9)
+    driven.tick(tick)
+    driven.close("requested", "enough")
     files = RunFiles(folder / "full disk")
     files.open(lines.run_record)
     files.lose(3)
     files.urgent(lines.event(4))
     files.close()
     places = {"daemon": run_folders(folder / "logs")[0]} | {
-        name: folder / name for name in ("trial", "receiver", "harmed", "mujoco", "mud", "full disk")
+        name: folder / name for name in ("trial", "receiver", "harmed", "mujoco", "mud", "driven", "full disk")
     }
     return {name: list(RunReader(place)) for name, place in places.items()}
 
@@ -140,7 +146,7 @@ def constants(node: ast.AST) -> Iterator[str]:
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "event"])
 def test_keys_that_runs_write_are_those_of_the_table(runs: dict[str, list[Record]], kind: str) -> None:
-    names = ("daemon", "trial", "receiver", "harmed", "mujoco", "mud")
+    names = ("daemon", "trial", "receiver", "harmed", "mujoco", "mud", "driven")
     real = [record for name in names for record in runs[name] if record["record"] == kind]
     assert {key for record in real for key in record} - documented("Every record") == documented(kind)
 

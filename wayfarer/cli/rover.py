@@ -37,6 +37,9 @@ def run(
     rover: Rover = None,
     sim: Annotated[bool, typer.Option("--sim", help="Run on the simulated rover, in real time.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Run everything, but do not drive the motors.")] = False,
+    manual: Annotated[
+        bool, typer.Option("--manual", help="Allow driving by hand, as [manual] allowed = true in the rover file does.")
+    ] = False,
     algorithm: AlgorithmOption = "forest-pledge",
     log_dir: LogDir = None,
     depth: Annotated[
@@ -56,7 +59,7 @@ def run(
 ) -> None:
     """Run the daemon: it starts disarmed, and drives once it is armed from another terminal."""
     from wayfarer.config.registry import find_algorithm
-    from wayfarer.config.rover_file import load_rover
+    from wayfarer.config.rover_file import laid_over, load_rover
     from wayfarer.daemon.daemon import Service, serve
     from wayfarer.daemon.socket.paths import daemon_socket
     from wayfarer.views.text.console import Console
@@ -71,6 +74,8 @@ def run(
         make_rover = simulated(loaded, name, depth or "device", seed)
     else:
         loaded, make_rover = _real(loaded, name, folder)
+    if manual:
+        loaded = laid_over(loaded, {"manual": {"allowed": True}})
     shown = viewers(live, live_host, live_port, foxglove, foxglove_port)
     service = Service(
         config=loaded,

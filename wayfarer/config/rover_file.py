@@ -26,7 +26,7 @@ from wayfarer.errors import BadConfig, BadInput, UnknownName, one_line
 from wayfarer.escape.api import EscapeSettings, Vehicle
 from wayfarer.files import read_regular
 from wayfarer.safety.gate import STALL_LIMIT_S
-from wayfarer.safety.settings import BoardSettings, EntrapmentSettings, SafetySettings
+from wayfarer.safety.settings import BoardSettings, EntrapmentSettings, ManualSettings, SafetySettings
 from wayfarer.setting_ranges import Hertz
 
 # The schema is built when a file is read: a worker of a campaign gets its rover read already.
@@ -87,6 +87,7 @@ class RoverConfig(BaseModel):
     escape: EscapeSettings = EscapeSettings()
     detector: DetectorSettings = DetectorSettings()
     safety: SafetySettings = SafetySettings()
+    manual: ManualSettings = ManualSettings()
     progress: EntrapmentSettings = EntrapmentSettings()
     board: BoardSettings = BoardSettings()
     log: LogSettings = LogSettings()

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from enum import Enum
 from functools import partial
+from math import radians
 from typing import Final
 
 from wayfarer.config.rover_file import RoverConfig
@@ -26,26 +27,30 @@ from wayfarer.control.tick_record import TickRecord
 from wayfarer.control.wheels import WheelMotors, Wheels
 from wayfarer.detector import Detector
 from wayfarer.detector.odometer import Odometer
-from wayfarer.escape.api import Decision, EscapeHandler, Observation
+from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase
 from wayfarer.hal import STOP, PositionFix, WheelCommand
 from wayfarer.safety.arming import ArmingSequence
 from wayfarer.safety.conditions import BLIND, Condition, Level
 from wayfarer.safety.gate import Gate
+from wayfarer.safety.manual import LEASE_S, ManualControl
 from wayfarer.safety.mission_limits import Mission, RunEnd
+from wayfarer.safety.responses import MANUAL_LEVELS
 from wayfarer.safety.resume_warning import BOARD_FAILED, ResumeWarning
 from wayfarer.safety.tick_interval import IntervalTimer
 
 
 class Mode(Enum):
-    """Arming state of the rover; the wheels may turn only while it is ``ARMED``."""
+    """Arming state of the rover; the wheels may turn only while it is ``ARMED``, or while a person drives."""
 
     DISARMED = "disarmed"
     ARMING = "arming"
     ARMED = "armed"
+    MANUAL = "manual"
 
 
 # Looking up a member of an Enum through its class is slow, and the tick does it 20 times a second.
 _ARMED: Final = Mode.ARMED
+_MANUAL: Final = Mode.MANUAL
 _FAULT: Final = Level.FAULT
 _RUNAWAY: Final = Condition.RUNAWAY
 _UNCOMMANDED_MOTION: Final = frozenset({Condition.BOARD_DISAGREES, Condition.RUNAWAY})
@@ -53,6 +58,7 @@ _BOARD_FAULT: Final = Condition.BOARD_FAULT
 # Of what is driven without sight, this share counts for the distance from the start: the body drove, or pushed at a
 # trunk, and nobody knows which.
 UNSEEN_SHARE: Final = 0.5
+BY_HAND: Final = Decision(STOP, Phase.MANUAL, Phase.MANUAL.value)
 
 
 class Controller:
@@ -61,7 +67,8 @@ class Controller:
     ``end`` is None until something ends the run; ``last`` is the record of the latest tick. ``power_reports`` takes the
     reports of the motor board and of the computer's supply; ``board`` is the monitor of the board's own reports.
     ``levels`` are the severities of this rover's conditions. ``cause_since_s`` is when the gate's present cause began,
-    or the last one ended. ``clock`` gives the time of now, on the clock of ``tick``.
+    or the last one ended. ``manual`` is who drives by hand, if the mode says that somebody does.
+    ``clock`` gives the time of now, on the clock of ``tick``.
     """
 
     def __init__(
@@ -87,6 +94,10 @@ class Controller:
         self._resume_warning = ResumeWarning(config.safety.resume_warning_s, self.levels)
         self._odometer = Odometer(config.detector.quality_min)
         self._recovery = Recovery(config.progress, config.detector.quality_min, detector.sides)
+        self.manual = ManualControl(config.manual)
+        self._speed_m_s = config.manual.speed_m_s or config.escape.cruise_m_s
+        self._turn_rad_s = radians(config.manual.turn_deg_s or config.escape.turn_deg_s)
+        self._vehicle = config.vehicle
         self.power_reports = PowerReports(config.board, log)
         self.board = self.power_reports.board
         self.mode = Mode.DISARMED
@@ -122,12 +133,41 @@ class Controller:
         self._log.event("arming", t_s, start_delay_s=delay_s, goal_heading_deg=goal_heading_deg)
 
     def disarm(self, t_s: float, reason: str) -> None:
-        """Stop the wheels from the next tick on, until re-armed."""
+        """Stop the wheels from the next tick on, until re-armed; also where a person drives."""
+        if self.mode is _MANUAL:
+            self._gate.answer_by(self.levels)
         self.mode = Mode.DISARMED
         self.why_disarmed = reason
         self._arming = None
         self.mission = None
         self._log.event("disarmed", t_s, reason=reason)
+
+    def begin_manual(self, t_s: float, lease: int, driver: str) -> None:
+        """Let a client drive, see ``ManualControl.begin``; a mission waits, with the clock of its algorithm.
+
+        The motors of a rover that was not armed must have been opened just before, as for ``arm``.
+        """
+        self.wheels.failed = self.held = False
+        self._forget_place()
+        self._gate.answer_by(MANUAL_LEVELS)
+        self.manual.begin(t_s, lease, driver)
+        self.mode = _MANUAL
+        self._log.event("manual", t_s, driver=driver)
+
+    def end_manual(self, t_s: float, reason: str) -> None:
+        """Stop the wheels: the rover is disarmed as before, or its mission is held until ``resume``."""
+        self.mode = Mode.DISARMED if self.mission is None else _ARMED
+        self.held = self.mission is not None
+        self._forget_place()
+        self._gate.answer_by(self.levels)
+        self._log.event("manual_ended", t_s, reason=reason, mode=self.mode.value)
+
+    def _forget_place(self) -> None:
+        """Begin the algorithm again: what it remembers is of another place."""
+        self._handler.reset()
+        self._recovery.reset()
+        self._resume_warning.reset()
+        self._detector.begin_arming()
 
     def hold(self, t_s: float, *, held: bool) -> None:
         """Hold the wheels, or let them continue; the mission is not changed."""
@@ -152,8 +192,8 @@ class Controller:
 
     @property
     def waits_for_motors(self) -> bool:
-        """Whether a mission waits until the motor board has been opened again."""
-        return self.wheels.failed and self.mode is _ARMED
+        """Whether a mission, or a person, waits until the motor board has been opened again."""
+        return self.wheels.failed and (self.mode is _ARMED or self.mode is _MANUAL)
 
     def motors_opened(self, t_s: float) -> None:
         """Go on with a mission that waits: the motor board was opened again, and reports no fault."""
@@ -170,11 +210,13 @@ class Controller:
 
     async def tick(self, t_s: float) -> None:
         """Do one control tick at time ``t_s``."""
+        if self.mode is _MANUAL and self.manual.is_silent(t_s):
+            self.end_manual(t_s, f"nothing was heard of {self.manual.driver} for {LEASE_S:g} s")
         tick, gate, mission = TickRecord(t_s, self._driven), self._gate, self.mission
         self._timer.measure(tick)
         self._buffers.read(tick)
         self._travelled_m += abs(tick.forward_m)
-        self._detector.update(tick, armed=self.mode is _ARMED)
+        self._detector.update(tick, armed=mission is not None)
         ahead_m, right_m = self._odometer.update(tick, self._detector.motion)
         self._add_conditions(tick)
         conditions = self.conditions = tick.conditions
@@ -183,9 +225,13 @@ class Controller:
         if self._arming is not None:
             self._continue_arming(tick, self._arming)
         observation = tick.observation = self._observe(tick)
-        armed = self.mode is _ARMED
-        wheels = gate.update(conditions, partial(self._wanted_wheels, tick), armed=armed)
-        if gate.holds:
+        manual = self.mode is _MANUAL
+        may_drive = manual or self.mode is _ARMED
+        wanted = self._wanted_by_hand if manual else self._wanted_wheels
+        wheels = gate.update(conditions, partial(wanted, tick), armed=may_drive)
+        if manual:
+            self._note_manual(tick)
+        if gate.holds or manual:
             self._held_s += tick.dt_s
         applied = await self.wheels.drive(t_s, wheels)
         self._applied = tick.applied = applied
@@ -193,13 +239,15 @@ class Controller:
         tick.level, tick.cause, tick.memory = gate.level, gate.cause, self._handler.memory
         self.last = tick
         self._log.tick(tick)
-        if tick.cause is not self._last_cause or (armed and tick.level is _FAULT):
+        if tick.cause is not self._last_cause or (may_drive and tick.level is _FAULT):
             self._note_health(t_s, tick.level, tick.cause)
         if mission is not None and observation is not None:
             if not BLIND.isdisjoint(conditions):
                 ahead_m *= UNSEEN_SHARE
-            mission.advance(tick.forward_m, ahead_m, observation.heading_deg, right_m)
-            if self.end is None:
+            mission.advance(0.0 if manual else tick.forward_m, ahead_m, observation.heading_deg, right_m)
+            if manual:
+                mission.wait(tick.dt_s)
+            elif self.end is None:
                 self.end = mission.end(t_s)
 
     def _wanted_wheels(self, tick: TickRecord) -> WheelCommand:
@@ -207,6 +255,20 @@ class Controller:
         if tick.observation is not None:
             tick.decision = self._decide(tick, tick.observation)
         return tick.decision.wheels
+
+    def _wanted_by_hand(self, tick: TickRecord) -> WheelCommand:
+        """Return the duties that the person wants who drives."""
+        forward, turn = self.manual.wanted(tick.t_s)
+        wheels = self._vehicle.mix(forward * self._speed_m_s, turn * self._turn_rad_s)
+        tick.decision = BY_HAND._replace(wheels=wheels)
+        return wheels
+
+    def _note_manual(self, tick: TickRecord) -> None:
+        """Note the sample of this tick; what the gate has stopped goes on only once the person has let go."""
+        tick.manual = self.manual.sample
+        if self._gate.holds:
+            self.manual.must_let_go()
+            tick.decision = BY_HAND
 
     def _decide(self, tick: TickRecord, observation: Observation) -> Decision:
         """Return the decision of the algorithm, or of what has taken the wheels from it; its clock stands then."""
@@ -222,10 +284,11 @@ class Controller:
     def _add_conditions(self, tick: TickRecord) -> None:
         """Add the controller's own conditions to those of the detector."""
         armed, late = self.mode is _ARMED, tick.dt_s > self._late_s
+        may_drive = armed or self.mode is _MANUAL
         mission = self.mission
         if mission is not None and armed and self._recovery.judge(tick, self._detector.motion, mission):
             self._handler.reset()
-        may_move = not armed or tick.t_s < self.wheels.unheard_until_s
+        may_move = not may_drive or tick.t_s < self.wheels.unheard_until_s
         if tick.conditions and may_move and self._gate.cause is not _RUNAWAY:
             # A person may push a rover that is not armed; a rover that ran away is still stopped at each tick.
             tick.conditions = tuple(condition for condition in tick.conditions if condition is not _RUNAWAY)
@@ -233,7 +296,7 @@ class Controller:
             tick.conditions += (Condition.TICK_LATE,)
         if self.power_reports.judge(self._applied):
             tick.conditions += self.power_reports.conditions(tick.t_s)
-            if armed and _BOARD_FAULT in tick.conditions:
+            if may_drive and _BOARD_FAULT in tick.conditions:
                 self.wheels.failed = True  # once the fault has gone, the board is opened again like a silent one
         if self.wheels.failed:
             tick.conditions += (Condition.MOTORS_FAILED,)

@@ -8,6 +8,7 @@ yellow     fast     arming, or a long hold has ended: step away, it drives off s
 green      steady   driving
 white      slow     escaping: feeling its way around something
 cyan       twice    driving with limits: a sense is lost, a side is weak, there is no progress
+green      slow     driven by a person
 yellow     steady   held, goes on by itself or by ``wayfarer resume``
 magenta    slow     battery low
 red        fast     fault, or a motor board that failed while disarmed: only a person can arm it
@@ -75,6 +76,8 @@ def _signal(controller: Controller) -> tuple[Colour, Rhythm]:
 
 
 def _driving(level: Level, phase: Phase) -> tuple[Colour, Rhythm]:
+    if phase is Phase.MANUAL:
+        return GREEN, SLOW
     if level is Level.DEGRADE:
         return CYAN, TWICE
     return (GREEN, STEADY) if phase is Phase.FOLLOW else (WHITE, SLOW)

@@ -75,7 +75,7 @@ class Supervisor:
 
     @property
     def mode(self) -> Mode:
-        """The arming state; the wheels may turn only while it is ``ARMED``."""
+        """The arming state; the wheels may turn only while it is ``ARMED`` or ``MANUAL``."""
         return self.controller.mode
 
     @property
@@ -99,13 +99,26 @@ class Supervisor:
             DriverError: the motor board does not answer, or its deadman does not arm.
             NotArmed: somebody disarmed the rover, or ended the run, while this was under way.
         """
+        await self._open_motors(check)
+        self.controller.arm(asyncio.get_running_loop().time(), goal_heading_deg)
+
+    async def begin_manual(self, lease: int, driver: str, check: Callable[[], Awaitable[None]] | None = None) -> None:
+        """Let a person drive; see ``arm`` for ``check`` and errors, and ``ManualControl.begin`` for the others.
+
+        The motors of a mission are open already, and turn: they are left as they are.
+        """
+        if self.mode is not Mode.ARMED:
+            await self._open_motors(check)
+        self.controller.begin_manual(asyncio.get_running_loop().time(), lease, driver)
+
+    async def _open_motors(self, check: Callable[[], Awaitable[None]] | None) -> None:
+        """Check, and open the motors again, unless somebody disarms the rover meanwhile."""
         asked = self._disarms
         if check is not None:
             await check()
         await self._rover.motors.open()
         if self._disarms != asked or self.controller.end is not None:
             raise NotArmed("not armed: the rover was disarmed while it was being checked")
-        self.controller.arm(asyncio.get_running_loop().time(), goal_heading_deg)
 
     def disarm(self, reason: str) -> None:
         """Stop the wheels until re-armed, also while arming is under way; the run continues."""
@@ -128,7 +141,7 @@ class Supervisor:
         last = self.controller.last
         if last is None or asyncio.get_running_loop().time() - last.t_s > FRESH_S:
             return False
-        goes_on = self.mode is Mode.ARMED and (last.level < Level.HOLD or last.cause in SOON)
+        goes_on = self.mode in {Mode.ARMED, Mode.MANUAL} and (last.level < Level.HOLD or last.cause in SOON)
         return goes_on or STALE.isdisjoint(self.controller.conditions)
 
     async def run(self) -> RunEnd:

@@ -9,6 +9,7 @@ from wayfarer.detector.detector import DetectorTick
 from wayfarer.escape.api import Decision, Observation, Phase
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
+from wayfarer.safety.manual import ManualSample
 
 STAND: Final = Decision(STOP, Phase.HALT, Phase.HALT.value)
 
@@ -16,7 +17,8 @@ STAND: Final = Decision(STOP, Phase.HALT, Phase.HALT.value)
 class TickRecord(DetectorTick):
     """One control tick, filled in stage by stage: what was seen, decided and applied, and the gate's level and cause.
 
-    ``observation`` is what the handler saw of the readings (None before the first plausible heading). ``memory`` gives
+    ``observation`` is what the handler saw of the readings (None before the first plausible heading). ``manual`` is the
+    newest sample of a person who drives, None where nobody does, or has asked for anything yet. ``memory`` gives
     the handler's inner state and is valid only until the next tick, so a log that keeps it calls it at once.
     """
 
@@ -25,4 +27,5 @@ class TickRecord(DetectorTick):
     applied: WheelCommand = STOP
     level: Level = Level.WELL
     cause: Condition | None = None
+    manual: ManualSample | None = None
     memory: Callable[[], Mapping[str, float | str]] = dict

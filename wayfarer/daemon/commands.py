@@ -3,25 +3,30 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
+from secrets import randbelow
 from typing import Any
 
-from wayfarer.commissioning.checks import Check, CheckVerdict, Finding, Inspection, run_checks
+from wayfarer.commissioning.checks import BY_HAND, Check, CheckVerdict, Finding, Inspection, run_checks
 from wayfarer.commissioning.checks.api import fail
 from wayfarer.control.controller import Mode
 from wayfarer.control.rate import ASKED_AT_ONCE, ASKED_HZ, RateLimiter
 from wayfarer.control.run_log import RunLog
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.control.tick_record import TickRecord
-from wayfarer.daemon.socket.protocol import Details, Refused
+from wayfarer.daemon.socket.protocol import WHOLE_MAX, Details, Refused
 from wayfarer.errors import DriverError
+from wayfarer.escape.api import Phase
 from wayfarer.hal import DriveMotors
-from wayfarer.safety.conditions import Condition
-from wayfarer.safety.responses import said_of
+from wayfarer.safety.conditions import Condition, Level
+from wayfarer.safety.manual import ManualControl, ManualSample
+from wayfarer.safety.responses import MANUAL_LEVELS, RESPONSES, said_of
 
 # Faults that re-arming cannot clear while they last. It clears the others; those that still exist are detected again.
-REMEDIES: Mapping[Condition, tuple[str, str]] = {
+Remedies = Mapping[Condition, tuple[str, str]]
+REMEDIES: Remedies = {
     Condition.OVERTURNED: ("it lies on its side or roof, or its compass is mounted askew", "stand it on its wheels"),
     Condition.COMPASS_LOST: ("a loose wire, or no power", "check the compass's wires and power; wayfarer check"),
     Condition.MOTION_GONE: ("a loose wire, or no power", "check the motion sensor's wires and power; wayfarer check"),
@@ -33,6 +38,8 @@ REMEDIES: Mapping[Condition, tuple[str, str]] = {
     Condition.BATTERY_CRITICAL: ("the battery is almost empty", "charge it or replace it"),
     Condition.POWER_UNSTABLE: ("the computer's supply dips again and again", "give it a separate 5 V supply"),
 }
+
+REMEDIES_BY_HAND = {each: REMEDIES[each] for each in REMEDIES if MANUAL_LEVELS[each] >= Level.HOLD}
 
 OPENING_S = 3.0  # just after the start, arming waits this long for the parts to open; the client waits for 5 s
 
@@ -70,6 +77,7 @@ class RoverCommands:
         self._log_dropped = log_dropped
         self._checking = False
         self._warnings: list[str] = []
+        self._begun = RateLimiter()  # a log has a record of each
         self._marks = RateLimiter()  # for all clients together: one that connects again is another client
 
     async def status(self) -> Details:
@@ -92,40 +100,101 @@ class RoverCommands:
     async def arm(self, heading_deg: float | None = None) -> Details:
         """Check everything, then begin to arm."""
         if self._controller.mode is not Mode.DISARMED or self._checking:
-            now = "being checked" if self._checking else self._controller.mode.value
-            raise Refused(f"the rover is {now} already: disarm it first (wayfarer disarm)")
-        self._checking = True
-        try:
-            await self._supervisor.arm(heading_deg, self._check)
-        except DriverError as error:
-            raise Refused(f"not armed: {error}") from None
-        finally:
-            self._checking = False
+            raise Refused(f"the rover is {self._mode_text()} already: disarm it first (wayfarer disarm)")
+        await self._checked(self._supervisor.arm(heading_deg, partial(self._check, self._checks, REMEDIES)))
         return {
             "mode": self._controller.mode.value,
             "start_delay_s": self._about["start_delay_s"],
             "warnings": self._warnings,
         }
 
-    async def _check(self) -> None:
-        """Refuse to arm a rover on which a check fails."""
+    def _mode_text(self) -> str:
+        mode = self._controller.mode
+        return "being checked" if self._checking else "driven by a person" if mode is Mode.MANUAL else mode.value
+
+    async def _checked(self, doing: Awaitable[None]) -> None:
+        """Await what checks the rover first; nothing else may begin meanwhile."""
+        self._checking = True
+        try:
+            await doing
+        except DriverError as error:
+            raise Refused(f"not armed: {error}") from None
+        finally:
+            self._checking = False
+
+    async def _check(self, checks: Sequence[Check], remedies: Remedies) -> None:
+        """Refuse to arm a rover on which a check fails, or that one of the conditions would stop again."""
         with suppress(TimeoutError):  # then the checks say which part is missing
             async with asyncio.timeout(OPENING_S):
                 await self._supervisor.ticked.wait()
-        findings = await run_checks(self._inspect(), self._checks)
+        findings = await run_checks(self._inspect(), checks)
         self._warnings = [_finding_text(finding) for finding in findings if finding.verdict is CheckVerdict.WARN]
-        failed = [finding for finding in findings if finding.verdict is CheckVerdict.FAIL] + self._standing()
+        failed = [finding for finding in findings if finding.verdict is CheckVerdict.FAIL] + self._standing(remedies)
         if failed:
             self._log.event("arming_refused", _now_s(), failed=[finding.name for finding in failed])
             raise Refused("not armed: " + "; ".join(_finding_text(finding) for finding in failed))
 
-    def _standing(self) -> list[Finding]:
+    def _standing(self, remedies: Remedies) -> list[Finding]:
         """Return the conditions that would let the arming fail later (fault catalogue, fault 51)."""
         return [
-            fail(condition.value.replace("_", " "), "at this moment", *REMEDIES[condition])
+            fail(condition.value.replace("_", " "), "at this moment", *remedies[condition])
             for condition in self._controller.conditions
-            if condition in REMEDIES
+            if condition in remedies
         ]
+
+    async def manual_begin(self, driver: str) -> Details:
+        """Check the motors, and let a client drive by hand."""
+        settings = self._controller.manual.settings
+        if not settings.allowed:
+            raise Refused(
+                "driving by hand is not allowed: set allowed = true in [manual] of the rover file, or start the daemon"
+                " with wayfarer run --manual"
+            )
+        if self._checking or self._controller.mode not in {Mode.DISARMED, Mode.ARMED}:
+            raise Refused(f"the rover is {self._mode_text()} already: wait, or disarm it first (wayfarer disarm)")
+        if self._controller.waits_for_motors:
+            raise Refused("the motor board has failed and is being opened again: try again in some seconds")
+        if not self._begun.take(_now_s()):
+            raise Refused(f"begun too often: at most {ASKED_HZ:g} times a second for long; wait a second")
+        checks = [check for check in self._checks if check in BY_HAND]
+        lease = randbelow(WHOLE_MAX)
+        if self._controller.mode is Mode.ARMED:
+            self._motors.halt()
+        await self._checked(
+            self._supervisor.begin_manual(lease, driver, partial(self._check, checks, REMEDIES_BY_HAND))
+        )
+        return {"mode": self._controller.mode.value, "lease": lease, "deadman_s": settings.deadman_s}
+
+    async def manual_drive(self, lease: int, seq: int, forward: float, turn: float, sent_s: float) -> Details:
+        """Take a sample of a person who drives; the next tick acts on it."""
+        manual = self._driving(lease)
+        if why := manual.take(_now_s(), ManualSample(seq, forward, turn, sent_s)):
+            raise Refused(why)
+        last = self._controller.last
+        if last is None or last.decision.phase is not Phase.MANUAL:
+            return {"wheels": [0.0, 0.0], "why_not": "it begins"}
+        held = RESPONSES[last.cause].what if last.cause is not None and last.level >= Level.HOLD else None
+        return {"wheels": list(last.applied), "why_not": held or manual.why}
+
+    async def manual_end(self, lease: int) -> Details:
+        """Stop the wheels, and go back to what was before."""
+        self._driving(lease)
+        self._motors.halt()
+        self._controller.end_manual(_now_s(), "requested by the person who drove")
+        return {"mode": self._controller.mode.value}
+
+    def _driving(self, lease: int) -> ManualControl:
+        """Return who drives.
+
+        Raises:
+            Refused: nobody does, or another client.
+        """
+        controller = self._controller
+        if controller.mode is not Mode.MANUAL or not controller.manual.is_held_by(lease):
+            raise Refused(
+                "this client does not drive any more: somebody ended it, or it was silent too long; begin again"
+            )
+        return controller.manual
 
     async def disarm(self) -> Details:
         """Stop the wheels until re-armed; never refused."""
@@ -139,8 +208,11 @@ class RoverCommands:
         if self._controller.mode is Mode.DISARMED:
             self._supervisor.disarm("asked to hold")  # arming may be under way
             raise Refused("the rover is disarmed: its wheels do not turn")
-        self._controller.hold(_now_s(), held=True)
-        return {"held": True}
+        if self._controller.mode is Mode.MANUAL:
+            self._controller.end_manual(_now_s(), "asked to hold")
+        else:
+            self._controller.hold(_now_s(), held=True)
+        return {"held": self._controller.held}
 
     async def resume(self) -> Details:
         """Let the wheels turn again."""

@@ -172,7 +172,7 @@ class WatchdogFeed(PartialLog):
         if name == "wheels_stopped":
             self._guard.stop()
             self._notifier.tell("STOPPING=1")
-        elif name in {"arming", "armed", "disarmed", "health"}:
+        elif name in {"arming", "armed", "disarmed", "manual", "manual_ended", "health"}:
             self._notifier.status(event_text({"record": "event", "name": name, **details}))
 
     def close(self, reason: str, text: str) -> None:  # noqa: ARG002

@@ -42,6 +42,7 @@ class Phase(Enum):
     PROBE = "probe"
     STRIDE = "stride"
     HALT = "halt"
+    MANUAL = "manual"  # a person drives; no algorithm is ever in it
 
 
 class Observation(NamedTuple):

@@ -15,7 +15,7 @@ from wayfarer.fieldlog.schema import Record
 from wayfarer.files import open_regular
 
 TAIL_BYTES = 65_536  # about a hundred ticks: the last one, the outcome and what stood between them
-MODES = ("arming", "armed", "disarmed")  # each begins with the event of its name
+MODES = ("arming", "armed", "disarmed", "manual")  # each begins with the event of its name
 
 
 class UnfinishedRun(NamedTuple):
@@ -87,6 +87,8 @@ def _mode(tail: Sequence[Record]) -> str | None:
     for record in reversed(tail):
         if record["record"] == "event" and record.get("name") in MODES:
             return str(record["name"])
+        if record["record"] == "event" and record.get("name") == "manual_ended":
+            return str(record.get("mode"))
         if record["record"] == "tick" and record.get("phase") not in (None, "halt"):
-            return "armed"
+            return "manual" if record["phase"] == "manual" else "armed"
     return None

@@ -164,6 +164,8 @@ def tick_fields(record: TickRecord) -> dict[str, Any]:
         "level": record.level.name.lower(),
         "cause": record.cause.value if record.cause is not None else None,
     }
+    if record.manual is not None:
+        fields |= {f"manual_{key}": value for key, value in record.manual._asdict().items()}
     for key, value in record.memory().items():
         fields.setdefault(key, value)
     return fields

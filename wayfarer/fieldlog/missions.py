@@ -13,7 +13,9 @@ from wayfarer.fieldlog.run_state import RunState
 from wayfarer.fieldlog.typed import RunEvent, Tick
 
 SIDES = {1.0: "right", -1.0: "left"}  # tau: clockwise is to the right
-MANOEUVRES = frozenset(phase.value for phase in Phase) - {Phase.FOLLOW.value, Phase.HALT.value}
+MANOEUVRES = frozenset(phase.value for phase in Phase) - {
+    Phase.FOLLOW.value, Phase.HALT.value, Phase.MANUAL.value,
+}  # fmt: skip
 
 
 class MissionTracker:
@@ -50,6 +52,11 @@ class MissionTracker:
                 self._began_t_s = None
             case Noted(name="hold" | "resume"):
                 state.operator_hold = event.name == "hold"
+            case Noted(name="manual"):
+                state.mode, state.operator_hold = event.name, False
+            case Noted(name="manual_ended"):
+                state.mode = event.mode or "disarmed"
+                state.operator_hold = state.mode == "armed"
             case Noted(name="goal"):
                 state.goal_heading_deg = event.goal_heading_deg
 

@@ -30,6 +30,7 @@ from wayfarer.fieldlog.log import tick_fields
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.schema import OLDEST, Record
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, MotorHealth, Side, WheelCommand
+from wayfarer.safety.manual import ManualSample
 
 # What a tick concluded, the root first: a heading that is believed or not explains an anomaly, that a phase.
 CONCLUSIONS = ("heading_deg", "anomalies", "level", "cause", "goal_heading_deg", "phase", "why", "wanted_left")
@@ -143,6 +144,9 @@ class Rerun:
         self._buffers.contact.reading = _contact_of(record["contact"])
         if record["motion"] is not None:
             self._buffers.motion.write(MotionReading(**_with_nan(record["motion"])))
+        if record.get("manual_seq") is not None:
+            sample = (record[f"manual_{key}"] for key in ManualSample._fields)
+            self._controller.manual.sample = ManualSample._make(sample)
         self._motors.applied = WheelCommand(float(record["applied_left"]), float(record["applied_right"]))
 
     def _event(self, name: str, record: Record) -> None:
@@ -153,6 +157,10 @@ class Rerun:
             controller.disarm(t_s, record["reason"])
         elif name in {"hold", "resume"}:
             controller.hold(t_s, held=name == "hold")
+        elif name == "manual":
+            controller.begin_manual(t_s, 0, str(record["driver"]))
+        elif name == "manual_ended" and controller.mode is Mode.MANUAL:
+            controller.end_manual(t_s, record["reason"])
         elif name == "goal":
             controller.set_goal(t_s, float(record["goal_heading_deg"]))
         elif name == "board_silent":

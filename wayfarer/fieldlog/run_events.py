@@ -137,6 +137,7 @@ class Noted(RunEvent):
     by_s: Annotated[float, schema.Values(schema.NUMBER, -1e10, 1e10)] = 0.0  # a clock is set from any time to any other
     dropped: Annotated[int, schema.COUNT] = 0
     where: schema.Text = None
+    driver: schema.Text = None
 
     number: int = 0
 

@@ -176,7 +176,7 @@ class RunFold:
         state.events[event.name] += 1
         self._missions.note(event)
         match event:
-            case Noted(name="armed" | "disarmed"):
+            case Noted(name="armed" | "disarmed" | "manual"):
                 self._episodes.end(event.name)
             case Noted(name="sensor_failed"):
                 self._sensor(event.sensor).failures += 1

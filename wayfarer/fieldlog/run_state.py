@@ -30,11 +30,11 @@ class RunState:
     ``lasted_s`` those to the latest of all: a position is a little older than the record before it. Before the first
     header, tick or motor board report, those are views without values.
 
-    ``mode`` is ``disarmed``, ``arming``, ``armed`` or ``ended``. ``place`` is the latest by dead reckoning, metres from
-    where the log begins, and ``start`` where the rover was first armed, if that is in the log (``from_start``; None: it
-    was not armed yet). ``path_m`` is the way by dead reckoning, ``commanded_m`` the one commanded, and
-    ``driven_m`` the true one of a simulated rover, None of any other; all three forwards and backwards added up.
-    ``mission_s`` and ``mission_m`` are those of the last mission.
+    ``mode`` is ``disarmed``, ``arming``, ``armed``, ``manual`` or ``ended``. ``place`` is the latest by dead reckoning,
+    metres from where the log begins, and ``start`` where the rover was first armed, if that is in the log
+    (``from_start``; None: it was not armed yet). ``path_m`` is the way by dead reckoning, ``commanded_m`` the one
+    commanded, and ``driven_m`` the true one of a simulated rover, None of any other; all three forwards and backwards
+    added up. ``mission_s`` and ``mission_m`` are those of the last mission.
 
     ``armed_s`` is the time armed, ``held_s`` the part of it with the wheels held, by cause, ``limited_s`` that of
     driving with limits (level ``degrade``). ``cause_since_s`` is when the present cause began. ``anomalies`` counts

@@ -132,6 +132,10 @@ class Tick(RunEvent):
     applied_right: Duty = None
     level: Text = None
     cause: Text = None
+    manual_seq: Count = None
+    manual_forward: Duty = None
+    manual_turn: Duty = None
+    manual_sent_s: SinceBoot = None
 
     counter_deg: float | None = None
     side: float | None = None

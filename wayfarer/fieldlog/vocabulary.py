@@ -27,6 +27,7 @@ PHASE_TEXTS: Mapping[str, str] = {
     Phase.PROBE.value: "Probing in a curve",
     Phase.STRIDE.value: "Driving straight ahead",
     Phase.HALT.value: "Standing",
+    Phase.MANUAL.value: "Driven by hand",
 }
 
 # What the rover is, while it is in a phase: "nose up while backing off".

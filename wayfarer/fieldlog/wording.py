@@ -32,7 +32,7 @@ class Tone(Enum):
     END = "end"
 
 
-PERSON = {"arming", "armed", "disarmed", "hold", "resume", "goal", "mark"}
+PERSON = {"arming", "armed", "disarmed", "hold", "resume", "manual", "manual_ended", "goal", "mark"}
 WARNINGS = {
     "arming_refused", "sensor_failed", "board_silent", "motors_not_opened", "light_failed", "part_failed", "clock_step",
     "log_gap", "viewer_failed", "close_hangs", "unclean_shutdown", "power",
@@ -163,6 +163,8 @@ SENTENCES: Mapping[str, str] = {
     "disarmed": "Disarmed: {reason}",
     "hold": "Held by an operator",
     "resume": "Resumed by an operator",
+    "manual": "A person drives by {driver}",
+    "manual_ended": "Nobody drives by hand any more, the rover is {mode}: {reason}",
     "goal": "A new goal: drives {goal_heading_deg}",
     "mark": "Mark: {text}",
     "health": "{level}[: {cause}][. This ends when {ends_when}]",

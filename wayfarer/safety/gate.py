@@ -6,7 +6,7 @@ the rover is re-armed. A command that passes is limited in duty and in the growt
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from typing import Final
 
@@ -40,9 +40,14 @@ class Gate:
         self.holds = False
 
     def clear_fault(self) -> None:
-        """Forget the latched fault; only arming does this."""
+        """Forget the latched fault; only a person who arms or drives does this."""
         self._fault = None
         self._judge(())
+
+    def answer_by(self, levels: Mapping[Condition, Level]) -> None:
+        """Judge conditions by other severities from the next tick on; a latched fault is forgotten."""
+        self.levels = levels
+        self.clear_fault()
 
     def update(
         self, conditions: Sequence[Condition], decide: Callable[[], WheelCommand], *, armed: bool
@@ -52,7 +57,7 @@ class Gate:
         Args:
             conditions: of this tick.
             decide: returns the wanted duties; it is asked only if the wheels may turn, so that a manoeuvre waits.
-            armed: whether the rover is armed.
+            armed: whether the rover is armed, or a person drives it.
         """
         if conditions or self.cause is not None:
             self._judge(conditions)

@@ -48,6 +48,10 @@ class Mission:
         self.north_m += north_m
         self.east_m += east_m
 
+    def wait(self, for_s: float) -> None:
+        """Let the time limit wait, as long as a person drives."""
+        self._ends_s += for_s
+
     def position(self, fix: PositionFix) -> None:
         """Take a fix; the first one is the start. Impossible fixes are ignored (fault catalogue, fault 8).
 

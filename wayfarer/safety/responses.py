@@ -42,7 +42,8 @@ class Response(NamedTuple):
 
     ``what`` is wrong, ``does`` is what the rover does about it ("it ..."), and ``ends_when`` says what must happen for
     that to end: clauses without a full stop. ``among_people`` is the level of a rover with ``on_lost_sense = "hold"``
-    where it is another one; ``level_among_people`` is its level in any case.
+    where it is another one; ``level_among_people`` is its level in any case. ``manual`` is the level while a person
+    drives, where it is another one than ``level``: they see what the rover does not.
     """
 
     level: Level
@@ -51,6 +52,7 @@ class Response(NamedTuple):
     does: str
     ends_when: str
     among_people: Level | None = None
+    manual: Level | None = None
 
     @property
     def level_among_people(self) -> Level:
@@ -75,16 +77,18 @@ _BOARD_IS_BACK: Final = "the board answers, its deadman is on, it reports no fau
 # fmt: off
 RESPONSES: Final[Mapping[Condition, Response]] = {
     Condition.COMPASS_STALE: Response(
-        Level.HOLD, Kind.IGNORANCE, "the compass is silent", _STANDS_FOR_COMPASS, _COMPASS_IS_BACK),
+        Level.HOLD, Kind.IGNORANCE, "the compass is silent", _STANDS_FOR_COMPASS, _COMPASS_IS_BACK,
+        manual=Level.DEGRADE),
     Condition.COMPASS_LOST: Response(
         Level.FAULT, Kind.IGNORANCE, "the compass has been silent for seconds",
         f"{_DISARMS}; a rover on a mission reckons its heading before that, unless it drives among people",
-        f"the compass answers and {_ARMED_AGAIN}"),
+        f"the compass answers and {_ARMED_AGAIN}", manual=Level.DEGRADE),
     Condition.COMPASS_IMPLAUSIBLE: Response(
-        Level.HOLD, Kind.IGNORANCE, "compass readings are implausible", _STANDS_FOR_COMPASS, _COMPASS_IS_BACK),
+        Level.HOLD, Kind.IGNORANCE, "compass readings are implausible", _STANDS_FOR_COMPASS, _COMPASS_IS_BACK,
+        manual=Level.DEGRADE),
     Condition.COMPASS_FROZEN: Response(
         Level.HOLD, Kind.IGNORANCE, "the heading does not change while the rover turns",
-        _STANDS_FOR_COMPASS, _COMPASS_IS_BACK),
+        _STANDS_FOR_COMPASS, _COMPASS_IS_BACK, manual=Level.DEGRADE),
     Condition.COMPASS_UNCALIBRATED: Response(
         Level.DEGRADE, Kind.IGNORANCE, "the compass has lost its calibration",
         "drives on, and does not believe the compass for a second after each jump of the heading",
@@ -132,7 +136,7 @@ RESPONSES: Final[Mapping[Condition, Response]] = {
         "it turns on the spot"),
     Condition.ENTRAPPED: Response(
         Level.FAULT, Kind.FOREST, "the rover makes no progress any more",
-        f"{_DISARMS}, because its rover file has give_up = true", _ARMED_AGAIN),
+        f"{_DISARMS}, because its rover file has give_up = true", _ARMED_AGAIN, manual=Level.NOTE),
     Condition.NO_PROGRESS: Response(
         Level.DEGRADE, Kind.FOREST, "the rover makes no progress: it tries other manoeuvres",
         "tries other manoeuvres, one after the other, each followed by 10 s of its algorithm",
@@ -182,6 +186,11 @@ RESPONSES: Final[Mapping[Condition, Response]] = {
 # Looked up at each tick.
 LEVELS: Final[Mapping[Condition, Level]] = {condition: row.level for condition, row in RESPONSES.items()}
 
+# While a person drives, with any rover file.
+MANUAL_LEVELS: Final[Mapping[Condition, Level]] = {
+    condition: row.level if row.manual is None else row.manual for condition, row in RESPONSES.items()
+}
+
 # For a rover that drives among people (``SafetySettings.on_lost_sense``): what it cannot sense stops it, and a motor
 # board that failed needs a person.
 HOLDING_LEVELS: Final[Mapping[Condition, Level]] = {
@@ -206,6 +215,8 @@ def said_of(condition: Condition, level: Level) -> Said:
     row = RESPONSES[condition]
     if level is row.level:
         return Said(row.does, row.ends_when)
+    if level is row.manual:
+        return Said("drives as the person wants", row.ends_when)
     return Said(_DISARMS, _ARMED_AGAIN) if level is Level.FAULT else Said("stands", row.ends_when)
 
 

@@ -1,4 +1,4 @@
-"""Settings of the safety package: sections ``safety``, ``board`` and ``progress`` of a rover file.
+"""Settings of the safety package: sections ``safety``, ``manual``, ``board`` and ``progress`` of a rover file.
 
 They stand apart from the logic that reads them, because the logic is compiled and pydantic needs plain Python classes.
 """
@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Interval, MaxLen
 
-from wayfarer.setting_ranges import Count, Hertz, Metres, Seconds
+from wayfarer.setting_ranges import Count, DegreesPerSecond, Hertz, Metres, MetresPerSecond, Seconds
 
 Volts = Annotated[float, Interval(gt=0, le=60)]
 
@@ -47,6 +47,22 @@ class SafetySettings:
     calibration_min: Annotated[int, Interval(ge=0, le=3)] = 2
     allow_no_deadman: bool = False
     deadman_unproved_because: Annotated[str, MaxLen(200)] = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ManualSettings:
+    """Driving by a person: ``wayfarer drive``, the live page's pad, a ground station.
+
+    Nobody may drive unless the file says ``allowed``, or ``wayfarer run --manual``. Without a sample that is younger
+    than ``deadman_s`` the wheels stand: ROSbot and LeKiwi allow 0.5 s, in which a rover goes 0.5 m at 1 m/s; 0.3 s
+    bears the jitter of a wireless link. ``speed_m_s`` and ``turn_deg_s`` are those of full deflection; without them
+    they are ``cruise_m_s`` and ``turn_deg_s`` of ``escape``.
+    """
+
+    allowed: bool = False
+    deadman_s: Annotated[float, Interval(ge=0.1, le=1)] = 0.3
+    speed_m_s: MetresPerSecond | None = None
+    turn_deg_s: DegreesPerSecond | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ M. Okabe, K. Ito, "Color Universal Design", 2008, without their light hues, whic
 of all colours it is the farthest from the others for every eye. Each colour has a contrast of 3 or more to ``PAPER``
 and to ``NIGHT`` (WCAG 2.1, 1.4.11), and all that are drawn in one map can be told apart by colour-blind people too
 (G. Machado, 2009; ``tests/views/test_palette.py`` computes both). ORANGE, SKY and SAND are for marks with a dark edge
-only. MAGENTA, RED, SKY and SAND were searched for: of all colours they are far from the others.
+only. MAGENTA, RED, SKY, SAND and INDIGO were searched for: of all colours they are far from the others.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from wayfarer.safety.conditions import Level
 PAPER, NIGHT = "#ffffff", "#121412"  # the ground of a light and of a dark page
 BLUE, VERMILION, GREEN, PURPLE, ORANGE = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00"
 VIOLET, GREY, EDGE = "#9C6CFC", "#6E6E6E", "#4A4A4A"
-MAGENTA, RED, SKY, SAND = "#CC00AA", "#CC0022", "#66CCFF", "#B4B49C"
+MAGENTA, RED, SKY, SAND, INDIGO = "#CC00AA", "#CC0022", "#66CCFF", "#B4B49C", "#8800FF"
 BRIGHTER = 1.2  # times each part of a colour, for the plots of a run on a dark page
 
 PHASE_COLOURS: Mapping[str, str] = {
@@ -26,6 +26,7 @@ PHASE_COLOURS: Mapping[str, str] = {
     Phase.STRIDE.value: GREEN,
     Phase.TURN_AWAY.value: PURPLE,
     Phase.BACK_OFF.value: VIOLET,
+    Phase.MANUAL.value: INDIGO,
 }  # a rover that stands draws no path
 STANDS = RECKONED = GREY  # no phase that moves, and the path by dead reckoning
 

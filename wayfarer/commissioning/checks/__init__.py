@@ -29,6 +29,7 @@ from wayfarer.hal import Rover
 
 __all__ = [
     "ARMING",
+    "BY_HAND",
     "CALIBRATED",
     "Ask",
     "Check",
@@ -64,6 +65,9 @@ ARMING: tuple[Check, ...] = (
     *CALIBRATED,
 )
 """What gates arming."""
+
+BY_HAND: tuple[Check, ...] = (system.power, parts.motor_board, parts.battery, parts.motor_faults, deadman.proved)
+"""Which of them gate driving by a person, who sees what the sensors do not."""
 
 AT_REST: tuple[Check, ...] = (
     calibrated.heading_at_rest,

@@ -11,6 +11,7 @@ server, because any program can write to the socket. Pure: no clock, no loop, no
 
 from __future__ import annotations
 
+import re
 import reprlib
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
@@ -21,11 +22,14 @@ from wayfarer.angles import wrap360
 from wayfarer.errors import BadInput, UnknownName, WayfarerError
 
 TEXT_CHARACTERS = 500
+DRIVER_CHARACTERS = 20
+WHOLE_MAX = 2**53  # up to here JavaScript knows whole numbers from each other
 # Of one line, without its end. The longest request there is, a text of escaped characters, has 6,100 bytes; reading
 # 64 KiB of brackets (the bound of field.md, fault 50) would hold up the control tick for milliseconds.
 REQUEST_BYTES = 8_192
 REPLY_BYTES = 65_536
 NORTHS = ("magnetic", "true")
+_DRIVER = re.compile(rf"[a-z]{{1,{DRIVER_CHARACTERS}}}").fullmatch
 
 Details = Mapping[str, object]
 
@@ -60,6 +64,29 @@ class Commands(Protocol):
     async def goal(self, heading_deg: float) -> Details:
         """Set a new goal heading."""
 
+    async def manual_begin(self, driver: str) -> Details:
+        """Let a person drive by hand; ``driver`` says in a word by what ("keys"), for the log.
+
+        Returns ``lease``, which the other two need, ``deadman_s``, and ``mode``. The rover was disarmed, or its mission
+        waits. Two seconds without a sample, or ``hold`` or ``disarm`` of anybody, end it. One client at a time.
+        """
+
+    async def manual_drive(self, lease: int, seq: int, forward: float, turn: float, sent_s: float) -> Details:
+        """Take a sample of what a person wants; the wheels turn while the newest one is younger than the deadman.
+
+        Args:
+            lease: of ``manual_begin``.
+            seq: grows with each sample taken of keys, stick or finger; a relay that repeats a sample repeats it.
+            forward: share of full speed, -1 to 1, ahead positive.
+            turn: share of full turn rate, -1 to 1, clockwise positive.
+            sent_s: when it was taken, on the daemon's loop clock; on the same computer that is ``CLOCK_MONOTONIC``.
+
+        Returns ``wheels`` as applied last, and ``why_not``: why they are not asked to turn, empty where they are.
+        """
+
+    async def manual_end(self, lease: int) -> Details:
+        """Stop the wheels: the rover is disarmed as before, or its mission is held until ``resume``."""
+
     async def mark(self, text: str) -> Details:
         """Write a person's note into the log."""
 
@@ -81,6 +108,9 @@ VERBS: Mapping[str, Verb] = {
     "hold": Verb(),
     "resume": Verb(),
     "goal": Verb(needs=("heading_deg",), takes=("north",)),
+    "manual_begin": Verb(needs=("driver",)),
+    "manual_drive": Verb(needs=("lease", "seq", "forward", "turn", "sent_s")),
+    "manual_end": Verb(needs=("lease",)),
     "mark": Verb(needs=("text",)),
     "stop": Verb(),
 }
@@ -175,11 +205,30 @@ class _Check(NamedTuple):
     fits: Callable[[Any], bool]
 
 
+def _is_number(value: object, low: float, high: float) -> bool:
+    """Return whether this is a number within bounds; NaN is not."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high
+
+
+def _is_count(value: object) -> bool:
+    return isinstance(value, int) and _is_number(value, 0, WHOLE_MAX)
+
+
+_COUNT = _Check("a whole number from 0 to 2^53", _is_count)
+_SHARE = _Check("a number from -1 to 1", lambda value: _is_number(value, -1.0, 1.0))
 _CHECKS = {
     "heading_deg": _Check(
         "a number of degrees clockwise from north, 0 <= heading < 360",
-        lambda value: isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < 360,
+        lambda value: _is_number(value, 0, 360) and value != 360,
     ),
+    "driver": _Check(
+        f"a word of at most {DRIVER_CHARACTERS} letters", lambda value: isinstance(value, str) and _DRIVER(value)
+    ),
+    "lease": _COUNT,
+    "seq": _COUNT,
+    "forward": _SHARE,
+    "turn": _SHARE,
+    "sent_s": _Check("a time in seconds, on the daemon's clock", lambda value: _is_number(value, 0.0, 1e12)),
     "north": _Check(" or ".join(NORTHS), lambda value: value in NORTHS),
     "text": _Check(
         f"a text of 1 to {TEXT_CHARACTERS} characters",
