@@ -18,6 +18,7 @@ from urllib.parse import urlsplit
 from tests.children import child
 from wayfarer.daemon.socket.client import NoDaemon, ask
 
+
 class Daemon:
     """A ``wayfarer`` that runs, and the address at which it is shown."""
 

@@ -25,7 +25,7 @@ from wayfarer.views.live.broadcaster import PageViewer, TooSlow, ViewerLimits
 VERBS = ("hold", "resume", "stop", "mark")
 STOPPING = ("hold", "stop")  # never limited
 STARTING = ("resume",)  # what can make wheels turn: only with the token, and from a page that is not old
-SHOWN = "state_t_s"  # the newest time of the rover that the page knew; to start wheels needs it
+SHOWN = "state_t_s"  # which state the page shows, or when a sample was taken; to start wheels needs it
 
 _bugs = logging.getLogger("wayfarer.views.live")
 

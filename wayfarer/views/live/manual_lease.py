@@ -3,9 +3,9 @@
 The page is never told its lease. It is kept here, with the connection: no other page can use it, and it ends when the
 connection ends. Nothing is remembered for a page that connects again.
 
-A sample of the pad carries the newest time of the daemon's clock that the page knew when it took the sample. The
-sample is younger than that time, so the daemon can refuse what waited in a network or in a busy browser, and does not
-have to believe the browser's clock.
+A sample of the pad says when it was taken, on the daemon's clock as the page knows it from the answers to earlier
+samples (``page/rover_clock.js``). That is late by what a message takes to the page, and never ahead. So the daemon can
+refuse what waited in a network or in a busy browser.
 """
 
 from __future__ import annotations
@@ -48,12 +48,12 @@ class ManualLease:
         self._lease = details["lease"]
         return {"deadman_s": details["deadman_s"]}
 
-    async def drive(self, fields: Mapping[str, object], told_s: object) -> Details:
+    async def drive(self, fields: Mapping[str, object], taken_s: object) -> Details:
         """Drive by a sample, and return what ``Commands.manual_drive`` does.
 
         Args:
             fields: ``seq``, ``forward`` and ``turn``, see ``Commands.manual_drive``.
-            told_s: the newest time of the daemon's loop that the page knew.
+            taken_s: when the sample was taken, on the clock of the daemon's loop.
 
         Raises:
             WayfarerError: this viewer does not drive, or the daemon refuses the sample.
@@ -61,7 +61,7 @@ class ManualLease:
         if self._lease is None:
             raise Refused("this page does not drive the rover: press Drive by hand first")
         sample = {key: fields.get(key) for key in ("seq", "forward", "turn")}
-        return await self._perform({"do": DRIVE, "lease": self._lease, "sent_s": told_s, **sample})
+        return await self._perform({"do": DRIVE, "lease": self._lease, "sent_s": taken_s, **sample})
 
     async def end(self) -> None:
         """Let go of the wheels; safe if this viewer does not drive."""

@@ -101,7 +101,7 @@ function watchAge() {
   for (const id of ["resume", "send-mark"]) element(id).disabled = isOld; // what waits in a dead connection is done later, unseen
   showHowToArm(isOld);
   enableDemo(connection.isOpen, model.outcome !== null);
-  watchManual();
+  showManual();
   showBanner(isOld, silentS);
 }
 
