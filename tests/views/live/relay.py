@@ -1,10 +1,9 @@
-"""A bad network between a browser and a daemon: ``python -m tests.views.live.relay PORT``, told what to do on its stdin.
+"""A bad network between a browser and a daemon: ``python -m tests.views.live.relay PORT``, told how on its stdin.
 
 TCP loses nothing: a packet that is lost arrives after it was sent again, and all that came after it waits for it. So a
 loss is a pause here. Each line on stdin is a JSON object with the values of ``Network`` that change.
 """
 
-# ruff: noqa: TID251 - a real network
 from __future__ import annotations
 
 import asyncio
@@ -81,7 +80,7 @@ async def pump(reader: StreamReader, writer: StreamWriter, network: Network, dic
         while True:
             arrives_s, data = await under_way.get()
             await asyncio.sleep(arrives_s - loop.time())
-            while network.cut:
+            while network.cut:  # noqa: ASYNC110 - not worth an event
                 await asyncio.sleep(0.01)
             if not data:
                 writer.close()

@@ -25,6 +25,7 @@ class DrivenRover(Rover):
         self.control = ManualControl(ManualSettings())
         self.checked = asyncio.Event()
         self.checked.set()
+        self.ended = asyncio.Event()
 
     async def manual_begin(self, driver: str) -> Details:
         self.asked.append(("begin", driver))
@@ -47,6 +48,7 @@ class DrivenRover(Rover):
             raise Refused("this lease has ended")
         self.lease = None
         self.asked.append(("end", None))
+        self.ended.set()
         return {}
 
 
@@ -65,12 +67,6 @@ async def ask(connection: Any, do: str, **keys: object) -> dict[str, Any]:
 
 def sample(seq: int, **keys: object) -> dict[str, object]:
     return {"seq": seq, "forward": 0.5, "turn": -0.25, **keys}
-
-
-async def until_ended(rover: DrivenRover) -> None:
-    async with asyncio.timeout(5.0):
-        while ("end", None) not in rover.asked:
-            await asyncio.sleep(0.01)
 
 
 async def test_page_that_drives_is_told_what_it_needs_to_know_how_old_things_are() -> None:
@@ -112,7 +108,8 @@ async def test_page_that_connects_again_does_not_drive() -> None:
         async with site.connect() as connection:
             await ask(connection, "manual_begin")
             assert (await ask(connection, "manual_drive", **sample(1)))["ok"]
-        await until_ended(site.rover)
+        async with asyncio.timeout(5.0):
+            await site.rover.ended.wait()
         async with site.connect() as connection:
             assert "does not drive" in (await ask(connection, "manual_drive", **sample(2)))["why"]
 

@@ -72,9 +72,9 @@ class Driver:
     def wheels(self) -> Any:
         return self.daemon.ask("status")["wheels"]
 
-    def turn(self) -> None:
-        """Wait until the wheels turn."""
-        poll(lambda: any(self.wheels()), 3.0)
+    def turn(self, how: Callable[[float, float], bool] = lambda left, right: bool(left or right)) -> None:
+        """Wait until the wheels turn, in a certain way."""
+        poll(lambda: how(*self.wheels()), 3.0)
 
     def stand(self) -> float:
         """Wait until the wheels stand, and return how long that took, in seconds."""
@@ -106,7 +106,7 @@ def test_finger_that_drags_drives_and_that_lifts_stops(driver: Driver) -> None:
     driver.lift()
     assert driver.stand() < TICK_S + SLACK_S
     driver.drag(0.3, 0.0)
-    poll(lambda: (lambda duties: duties[0] > 0 > duties[1])(driver.wheels()), 3.0)  # clockwise
+    driver.turn(lambda left, right: left > 0 > right)  # clockwise
     driver.cancel()
     assert driver.stand() < TICK_S + SLACK_S
     driver.page.locator("#drive", has_text="End").click()
@@ -241,7 +241,7 @@ def test_keys_drive_while_they_are_held(browser_page: OpenPage, daemon: Daemon) 
     keyboard.up("KeyW")
     assert driver.stand() < TICK_S + SLACK_S
     keyboard.down("KeyA")
-    poll(lambda: (lambda duties: duties[0] < 0 < duties[1])(driver.wheels()), 3.0)  # to the left
+    driver.turn(lambda left, right: left < 0 < right)
     keyboard.up("KeyA")
     driver.page.locator("#mark").press_sequentially("wasd")
     assert not any(driver.wheels()), "it is a note"

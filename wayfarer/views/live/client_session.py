@@ -74,7 +74,8 @@ class ClientSession:
             pass  # it went away while it was being answered
         finally:
             following.cancel()
-            await asyncio.gather(following, self._let_go(), return_exceptions=True)
+            await self._let_go()
+            await asyncio.gather(following, return_exceptions=True)
 
     async def end(self, why: str) -> None:
         """Close the connection."""
@@ -117,18 +118,6 @@ class ClientSession:
             reply = {"ok": False, "why": "an error inside wayfarer: look at its terminal before you go on"}
         await self._reply(fields, reply)
 
-    async def _begin(self, fields: dict[str, object]) -> None:
-        """Answer beside other requests: checks and motors take a while, and a stop must not wait for them."""
-        with suppress(ConnectionError):  # it went away meanwhile
-            await self._answer(fields)
-
-    async def _let_go(self) -> None:
-        """Drive no more, also where driving has not quite begun."""
-        if self._beginning is not None:
-            self._beginning.cancel()
-            await asyncio.wait([self._beginning])
-        await self._lease.end()
-
     async def _reply(self, fields: dict[str, object], reply: dict[str, object]) -> None:
         """Say what became of a request; what is no verb may be too deep to be sent back."""
         do = fields.get("do")
@@ -149,18 +138,6 @@ class ClientSession:
             self._beginning.cancel()
             await asyncio.wait([self._beginning])
         await self._lease.end()
-
-    async def _reply(self, fields: dict[str, object], reply: dict[str, object]) -> None:
-        """Say what became of a request, and when; what is neither verb nor number may be too deep to be sent back."""
-        do, seq = fields.get("do"), fields.get("seq")
-        await self._send(
-            reply={
-                "do": do if isinstance(do, str) else None,
-                "seq": seq if isinstance(seq, int) else None,
-                "t_s": asyncio.get_running_loop().time(),
-                **reply,
-            }
-        )
 
     async def _send(self, **piece: object) -> None:
         """Send it what is for this viewer only."""
@@ -195,8 +172,9 @@ class ClientSession:
                 return await self._lease.begin()
             case manual_lease.DRIVE:
                 return await self._lease.drive(fields, fields.get(SHOWN))
-        await self._let_go()
-        return {}
+            case _:
+                await self._let_go()
+                return {}
 
     def _check_rate(self) -> None:
         if not self._rate_limiter.take(asyncio.get_running_loop().time()):
