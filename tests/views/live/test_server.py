@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import json
 import re
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from typing import Any
 
 import aiohttp
@@ -88,9 +88,9 @@ async def serving(
     host: str = "127.0.0.1",
     limits: ViewerLimits = LIMITS,
     demo: DemoControls | None = None,
-    make_rover: Callable[[], Rover] = Rover,
+    rover: Rover | None = None,
 ) -> AsyncIterator[Site]:
-    page, rover = LivePage(host, 0, TOKEN, limits, demo), make_rover()
+    page, rover = LivePage(host, 0, TOKEN, limits, demo), rover or Rover()
     log = run_log(page.show)
     async with aiohttp.ClientSession() as client, page.serving(rover):  # type: ignore[arg-type]
         yield Site(page, rover, log, client)
