@@ -16,10 +16,11 @@ from wayfarer.detector import Detector
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase
 from wayfarer.hal import CompassReading, MotorHealth, PositionFix, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
-from wayfarer.safety.settings import BoardSettings, EntrapmentSettings, SafetySettings
+from wayfarer.safety.settings import BoardSettings, EntrapmentSettings, ManualSettings, SafetySettings
 
 TICK_S = 0.05
 BOARD = BoardSettings(battery_low_v=11.0, battery_critical_v=10.0, battery_low_s=0.5, battery_critical_s=0.5)
+BY_HAND = ManualSettings(allowed=True, deadman_s=0.3, speed_m_s=0.8, turn_deg_s=90.0)
 HOME = PositionFix(0.0, 52.0, 13.0, 3.0)
 
 
@@ -55,7 +56,9 @@ class Bench:
     ) -> None:
         limits = SafetySettings(**{"start_delay_s": 0.0, "settle_s": 0.2, "slew_per_s": 1000.0} | safety)
         progress = EntrapmentSettings(give_up=give_up)
-        self.config = RoverConfig(name="bench", vehicle=VEHICLE, safety=limits, board=BOARD, progress=progress)
+        self.config = RoverConfig(
+            name="bench", vehicle=VEHICLE, safety=limits, board=BOARD, progress=progress, manual=BY_HAND
+        )
         self.motors, self.buffers, self.log = Motors(), SensorBuffers(), EventLog()
         self.handler = Wanting()
         may_reckon = limits.on_lost_sense == "continue"

@@ -48,7 +48,7 @@ from wayfarer.errors import NotArmed
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.fault_scenarios.safety_rules import SafetyRules
 from wayfarer.safety.conditions import Condition, Level
-from wayfarer.safety.responses import LEVELS
+from wayfarer.safety.responses import LEVELS, MANUAL_LEVELS
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults.kinds import Fault
@@ -79,7 +79,8 @@ class Daemon:
         self.lasting: dict[int, Fault] = {}
         self._number = 0
         config = load_rover(rover)
-        config = laid_over(config, quick_settings(config))
+        config = laid_over(config, {**quick_settings(config), "manual": {"allowed": True}})
+        self.lease = self._seq = 0
         self.places = possible_faults(config, depth)
         never = ready_for(self.places)
         algorithms = algorithms_of(config)
@@ -118,10 +119,23 @@ class Daemon:
         if not self.running and (error := self.run.exception()) is not None:
             assert type(first_cause(error)).__name__ in REFUSALS, repr(error)
 
-    def ask(self, verb: str, *args: float) -> None:
+    def ask(self, verb: str, *args: float | str) -> None:
         """Ask for something; the answer may come later."""
-        self._in_loop(lambda: self._asked.add(asyncio.ensure_future(getattr(self.commands, verb)(*args))))
+        self._ask(verb, *args)
         self.pass_time(SOON_S)
+
+    def _ask(self, verb: str, *args: float | str) -> None:
+        self._in_loop(lambda: self._asked.add(asyncio.ensure_future(getattr(self.commands, verb)(*args))))
+
+    def drives(self, forward: float, turn: float, samples: int, every_s: float, stale_s: float) -> None:
+        """A person holds keys for a while, over a link that takes its time; first they let go."""
+        self.ask("manual_begin", "keys")
+        self.lease = self.controller.manual._lease
+        for forward_, turn_ in [(0.0, 0.0), *[(forward, turn)] * samples]:
+            self._seq += 1
+            sent_s = self._runner.get_loop().time() - stale_s
+            self._ask("manual_drive", self.lease, self._seq, forward_, turn_, sent_s)
+            self.pass_time(every_s)
 
     def begin(self, fault: Fault) -> int:
         """Begin a fault and return its number; 0: it lasts already."""
@@ -232,6 +246,25 @@ class DaemonMachine(RuleBasedStateMachine):
         self.daemon.ask("goal", heading_deg)
 
     @precondition(lambda self: self.daemon.running)
+    @rule(
+        forward=st.floats(-1.0, 1.0),
+        turn=st.floats(-1.0, 1.0),
+        samples=st.integers(0, 20),
+        every_s=st.floats(0.02, 0.5),
+        stale_s=st.sampled_from((0.0, 0.0, 0.1, 0.29, 0.31, -0.5)),
+    )
+    def somebody_drives_by_hand(
+        self, forward: float, turn: float, samples: int, every_s: float, stale_s: float
+    ) -> None:
+        """The client is killed then, or the next rule comes while it still drives."""
+        self.daemon.drives(forward, turn, samples, every_s, stale_s)
+
+    @precondition(lambda self: self.daemon.running)
+    @rule(lease=st.booleans())
+    def somebody_ends_it(self, lease: bool) -> None:
+        self.daemon.ask("manual_end", self.daemon.lease if lease else 1)
+
+    @precondition(lambda self: self.daemon.running)
     @rule(sure=st.integers(0, 9))
     def somebody_stops_the_run(self, sure: int) -> None:
         if sure == 0:
@@ -290,10 +323,12 @@ class DaemonMachine(RuleBasedStateMachine):
         assert told["mode"] == controller.mode.value, f"the status says {told['mode']}, and it is {controller.mode}"
         assert (told["why_disarmed"] is None) == (controller.mode is not Mode.DISARMED)
         assert told["held"] == controller.held
-        assert ("mission_s" in told) == (controller.mission is not None) == (controller.mode is Mode.ARMED)
+        assert ("mission_s" in told) == (controller.mission is not None)
+        assert controller.mode is Mode.MANUAL or (controller.mission is not None) == (controller.mode is Mode.ARMED)
         if told.get("wheels", [0.0, 0.0]) != [0.0, 0.0]:
             assert told["level"] not in {"hold", "fault"}
-            assert told["cause"] is None or LEVELS[Condition(told["cause"])] < Level.HOLD
+            levels = MANUAL_LEVELS if told["phase"] == "manual" else LEVELS
+            assert told["cause"] is None or levels[Condition(told["cause"])] < Level.HOLD
         if not self.daemon.running:
             assert self.daemon.run.exception() is not None or self.daemon.run.result().reason
 

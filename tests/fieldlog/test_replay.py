@@ -20,7 +20,7 @@ from tests.virtual import virtual
 from wayfarer import cli
 from wayfarer.cli.replay import replay_text
 from wayfarer.config.rover_file import RoverConfig, load_rover
-from wayfarer.control.controller import Mode
+from wayfarer.control.controller import Controller, Mode
 from wayfarer.control.run_log import Tee
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import BadInput, NotResponding
@@ -35,6 +35,7 @@ from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.replay import Replay, replay
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import MotorHealth, Rover, WheelCommand
+from wayfarer.safety.manual import LEASE_S, ManualSample
 from wayfarer.safety.power import DIPS_S
 from wayfarer.safety.settings import BoardSettings
 from wayfarer.simhal.build_rover import Depth
@@ -279,6 +280,16 @@ class Trouble:
         return wrapped
 
 
+async def drive_by_hand(controller: Controller, for_s: float) -> None:
+    """A person begins, drives back, turns and lets go, over a link that loses some of it."""
+    now = asyncio.get_running_loop().time
+    controller.begin_manual(now(), 7, "keys")
+    for seq in range(round(for_s / 0.07)):
+        if seq % 11 < 8:
+            controller.manual.take(now(), ManualSample(seq, min(seq % 11, 1) / -2, seq % 3 / 4, now()))
+        await asyncio.sleep(0.07)
+
+
 @virtual
 async def eventful_run(folder: Path, config: RoverConfig) -> None:
     """Everything that comes from outside, once: each step is told how long it lasts."""
@@ -314,6 +325,11 @@ async def eventful_run(folder: Path, config: RoverConfig) -> None:
     await asyncio.sleep(2.03)
     controller.hold(now(), held=False)
     await asyncio.sleep(3.0)
+    await drive_by_hand(controller, 3.0)
+    controller.end_manual(now(), "requested")
+    await asyncio.sleep(1.0)
+    controller.hold(now(), held=False)
+    await asyncio.sleep(3.0)
     controller.set_goal(now(), 20.0)
     await fails("compass", 1.0)
     await fails("nonsense", 0.7)
@@ -324,6 +340,12 @@ async def eventful_run(folder: Path, config: RoverConfig) -> None:
         await asyncio.sleep(1.01)
     await asyncio.sleep(DIPS_S)
     supervisor.disarm("asked for")
+    await asyncio.sleep(1.0)
+    await drive_by_hand(controller, 1.0)
+    await asyncio.sleep(LEASE_S + 1.0)
+    assert controller.mode is Mode.DISARMED
+    await drive_by_hand(controller, 0.5)
+    supervisor.disarm("asked for, while a person drives")
     await asyncio.sleep(1.0)
     await supervisor.arm(350.0)
     await asyncio.sleep(config.safety.start_delay_s + 4.0)
@@ -368,7 +390,10 @@ def test_run_with_holds_failures_and_people_agrees(eventful: Path) -> None:
     assert "board_fault" in causes
     assert causes >= {"battery_low", "battery_critical", "board_disagrees", "undervoltage", "power_unstable"}
     named = [record["name"] for record in records(eventful) if record["record"] == "event"]
-    assert (named.count("armed"), named.count("disarmed")) == (4, 4)
+    assert (named.count("armed"), named.count("disarmed")) == (4, 5)
+    assert (named.count("manual"), named.count("manual_ended")) == (3, 2)
+    by_hand = [tick for tick in ticks(eventful) if tick["phase"] == "manual"]
+    assert {tick["applied_right"] < 0.0 for tick in by_hand} == {True, False}
     assert (named.count("motors_failed"), named.count("motors_opened")) == (1, 2)
 
 
@@ -379,6 +404,14 @@ def test_drive_that_went_unheard_is_part_of_what_is_replayed(eventful: Path, tmp
     found = replay(run).difference
     assert found is not None
     assert (found.key, found.logged, found.today) == ("level", "hold", "well")
+
+
+def test_what_a_person_wanted_is_part_of_what_is_replayed(eventful: Path, tmp_path: Path) -> None:
+    run = Path(copytree(eventful, tmp_path / "run"))
+    rewrite(run, lambda record: record | {"manual_forward": 0.25} if record.get("manual_forward") == -0.5 else record)
+    found = replay(run).difference
+    assert found is not None
+    assert found.key == "wanted_left"
 
 
 @pytest.mark.parametrize("other", [{"says_left": 0.0, "says_right": 0.0}, {"flags": "0x0"}])

@@ -190,7 +190,8 @@ class RoverCommands:
             Refused: nobody does, or another client.
         """
         controller = self._controller
-        if controller.mode is not Mode.MANUAL or not controller.manual.is_held_by(lease):
+        over = controller.mode is not Mode.MANUAL or controller.end is not None
+        if over or not controller.manual.is_held_by(lease):
             raise Refused(
                 "this client does not drive any more: somebody ended it, or it was silent too long; begin again"
             )

@@ -1,10 +1,11 @@
 """The safety rules of every run, monitored from outside the field code at each tick and world step.
 
-1. Nothing commands motion while the rover is not armed, and nothing arms it but a person.
+1. Nothing commands motion while the rover is not armed, unless a person drives it, and nothing arms it but a person.
+   Driven by hand, it moves only as long as the newest sample of what the person wants is younger than the deadman.
 2. From the tick on at which a hold or a fault is concluded, or somebody disarms, nothing commands motion, and the
    wheels are stopped within the bound. After a command that the motor board did not acknowledge, nothing commands
    motion before the board was opened again and the warning is over.
-3. A fault stays until the rover is re-armed.
+3. A fault stays until the rover is re-armed, or a person drives it.
 4. No decision sees a value that cannot be, or one that no valid reading of late gave.
 5. Every stop that the algorithm did not ask for has a reason in the log.
 
@@ -32,12 +33,13 @@ from wayfarer.fault_scenarios.recorder import after_each_step
 from wayfarer.hal import STOP, CompassReading, Side, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.power import SAME_DUTY
-from wayfarer.safety.responses import levels_for
+from wayfarer.safety.responses import MANUAL_LEVELS, levels_for
 from wayfarer.simhal.chip_wiring import MotorBoard
 from wayfarer.simhal.faults.bus import BusFault
 from wayfarer.simhal.faults.kinds import Fault
 
 PERIODS = 2
+MAY_DRIVE = frozenset({Mode.ARMED, Mode.MANUAL})
 KEPT = 20  # broken rules of one run; one is enough to know
 ROUNDING_S = 1e-6
 
@@ -86,6 +88,7 @@ class SafetyRules(PartialLog):
         self._board: MotorBoard | None = None if setup.injector is None else setup.injector.board
         self._period_s = 1.0 / setup.config.control_hz
         self._deadman_s = setup.rover.motors.deadman_s or 0.0
+        self._by_hand_s = setup.config.manual.deadman_s
         self._stale_s = setup.config.detector.compass_stale_s
         self._warning_s = setup.config.safety.resume_warning_s
         after_each_step(setup.world, self._check_wheels)
@@ -118,24 +121,38 @@ class SafetyRules(PartialLog):
                 self._why_stopped = str(details["reason"]) or None
             case "hold":
                 self._stand_from(t_s)
+            case "manual":
+                self._asked_to_arm = self._fault = False
+                self._not_armed_since_s = None
+                self._no_motion_before_s = -inf
+                self._stand_from(t_s)
+            case "manual_ended":
+                self._not_armed_since_s = t_s if details["mode"] == "disarmed" else None
+                self._stand_from(t_s)
+                self._why_stopped = str(details["reason"]) or None
             case "health":
                 self._told_cause = None if details["cause"] is None else str(details["cause"])
             case "motors_failed":
                 self._why_stopped = str(details["error"]) or None
                 self._no_motion_before_s = inf
-            case "motors_opened":
-                self._no_motion_before_s = t_s + self._warning_s
+            case "motors_opened":  # a person who drives must let go, and needs no warning
+                by_hand = self._controller.mode is Mode.MANUAL
+                self._no_motion_before_s = t_s if by_hand else t_s + self._warning_s
 
     def tick(self, record: TickRecord) -> None:
         """Check a control tick."""
         controller, t_s, moves = self._controller, record.t_s, record.applied != STOP
         self._check_told(t_s)
-        worst = max((self._levels[condition] for condition in controller.conditions), default=Level.WELL)
+        by_hand = record.decision.phase is Phase.MANUAL
+        levels = MANUAL_LEVELS if by_hand else self._levels
+        worst = max((levels[condition] for condition in controller.conditions), default=Level.WELL)
         level = max(worst, record.level)
         not_armed_s = self._not_armed_since_s
         was_armed = not_armed_s is None or not_armed_s > t_s  # the board took its time, and somebody disarmed meanwhile
-        if moves and not (was_armed and (not_armed_s is not None or controller.mode is Mode.ARMED)):
+        if moves and not (was_armed and (not_armed_s is not None or controller.mode in MAY_DRIVE)):
             self._break(t_s, f"rule 1: motion commanded while {controller.mode.value}")
+        if moves and by_hand and not self._is_wanted(record):
+            self._break(t_s, f"rule 1: motion commanded by hand, and the newest sample is {record.manual}")
         if moves and level >= Level.HOLD:
             self._break(t_s, f"rule 2: motion commanded at level {level.name.lower()}")
         if moves and t_s < self._no_motion_before_s - ROUNDING_S:
@@ -143,7 +160,7 @@ class SafetyRules(PartialLog):
         self._check_fault(record, controller.mode)
         self._check_seen(record)
         self._check_reason(record, moves=moves)
-        if was_armed and level < Level.HOLD:
+        if was_armed and level < Level.HOLD and (moves or not by_hand):
             self._must_stand_since_s = None if not_armed_s is None else self._must_stand_since_s
         else:
             self._stand_from(t_s)
@@ -182,10 +199,16 @@ class SafetyRules(PartialLog):
         """Return whether a fault was on the way to the motor board at any time since."""
         return bool(self._on_the_way) or self._way_free_since_s >= since_s - self._period_s
 
+    def _is_wanted(self, record: TickRecord) -> bool:
+        """Return whether a person wants to move, a short time ago."""
+        sample = record.manual
+        wanted = sample is not None and (sample.forward, sample.turn) != (0.0, 0.0)
+        return wanted and sample is not None and record.t_s - sample.sent_s <= self._by_hand_s + ROUNDING_S
+
     def _check_fault(self, record: TickRecord, mode: Mode) -> None:
         if self._fault and record.level is not Level.FAULT:
             self._break(record.t_s, "rule 3: a fault cleared by itself")
-        if self._fault and mode is Mode.ARMED:  # the controller disarms once the tick of a fault is written
+        if self._fault and mode in MAY_DRIVE:  # the controller disarms once the tick of a fault is written
             self._break(record.t_s, "rule 3: a fault left the rover armed")
         self._fault |= record.level is Level.FAULT
 
@@ -201,6 +224,7 @@ class SafetyRules(PartialLog):
             self._break(t_s, f"rule 4: a decision saw {seen}")
         attitude = (seen.heading_deg, seen.pitch_deg, seen.roll_deg)
         said = Condition.HEADING_RECKONED in record.conditions  # that no reading is believed
+        said |= record.decision.phase is Phase.MANUAL  # a person sees the rover, not its readings
         if record.decision.wheels != STOP and not said and attitude not in {each[1:4] for each in readings}:
             self._break(t_s, f"rule 4: a decision saw {attitude}, which no recent compass reading has")
         if not all(isfinite(duty) and abs(duty) <= 1.0 for duty in record.applied):
