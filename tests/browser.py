@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Protocol
 import pytest
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Browser, Page, ViewportSize
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 QUIET = (
@@ -54,9 +54,12 @@ class Opened:
 
 
 class OpenPage(Protocol):
-    """Opens an empty page with a window of this width and height in pixels; ``offline`` cuts its network."""
+    """Opens an empty page with a window of this width and height in pixels.
 
-    def __call__(self, viewport: tuple[int, int] = DESKTOP, *, offline: bool = False) -> Opened:
+    ``offline`` cuts its network, ``touch`` gives it a touch screen.
+    """
+
+    def __call__(self, viewport: tuple[int, int] = DESKTOP, *, offline: bool = False, touch: bool = False) -> Opened:
         """Open a page."""
 
 
@@ -105,9 +108,10 @@ def opening_pages(chromium: Browser) -> Iterator[OpenPage]:
     """Open pages, each with separate cookies, storage and network; all are closed at the end."""
     opened = []
 
-    def open_page(viewport: tuple[int, int] = DESKTOP, *, offline: bool = False) -> Opened:
+    def open_page(viewport: tuple[int, int] = DESKTOP, *, offline: bool = False, touch: bool = False) -> Opened:
         width, height = viewport
-        context = chromium.new_context(viewport={"width": width, "height": height}, offline=offline)
+        size: ViewportSize = {"width": width, "height": height}
+        context = chromium.new_context(viewport=size, offline=offline, has_touch=touch, is_mobile=touch)
         opened.append(context)
         return Opened(context.new_page())
 

@@ -18,8 +18,6 @@ from urllib.parse import urlsplit
 from tests.children import child
 from wayfarer.daemon.socket.client import NoDaemon, ask
 
-WAYFARER = str(Path(sys.executable).with_name("wayfarer"))
-
 
 class Daemon:
     """A ``wayfarer`` that runs, and the address at which it is shown."""
@@ -69,7 +67,7 @@ def running(*arguments: str) -> Iterator[Daemon]:
     """Run ``wayfarer`` with a socket and logs of its own; it is killed at the end if it has not ended before."""
     with tempfile.TemporaryDirectory(prefix="wf-") as folder:  # a socket's path must be short
         environment = {**os.environ, "RUNTIME_DIRECTORY": folder, "XDG_STATE_HOME": folder}
-        command = [WAYFARER, *arguments, "--log-dir", f"{folder}/logs"]
+        command = [sys.executable, "-m", "wayfarer", *arguments, "--log-dir", f"{folder}/logs"]
         with (
             (Path(folder) / "stderr").open("w+") as errors,
             child(command, env=environment, stdout=subprocess.PIPE, stderr=errors, text=True) as process,

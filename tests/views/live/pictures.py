@@ -1,6 +1,7 @@
 """Pictures of the live page for the documents: ``python -m tests.views.live.pictures``; half a minute.
 
-A demo is photographed in the middle of its escape and at its end, on a desk and on a telephone.
+A demo is photographed in the middle of its escape and at its end, on a desk and on a telephone; a daemon while a person
+drives its rover with a finger.
 """
 
 from __future__ import annotations
@@ -8,10 +9,11 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from playwright.sync_api import Page, ViewportSize, sync_playwright
+from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
 
-from tests.browser import DESKTOP, NAMES, PHONE, QUIET
+from tests.browser import DESKTOP, NAMES, PHONE, QUIET, Opened
 from tests.views.live.daemons import running
+from tests.views.live.test_pad import Driver
 
 FOLDER = Path(__file__).parents[3] / "docs" / "images"
 SIZES: dict[str, ViewportSize] = {
@@ -33,7 +35,20 @@ def main() -> None:
         _take(pages, "middle")
         pages["desktop"].locator("body.ended").wait_for(timeout=60_000)
         _take(pages, "end")
+        _take_pad(browser)
         browser.close()
+
+
+def _take_pad(browser: Browser) -> None:
+    with running("run", "--sim", "--manual", "--live", "--live-port", "0") as daemon:
+        daemon.arm()
+        opened = Opened(browser.new_page(viewport=SIZES["phone"], has_touch=True, is_mobile=True))
+        driver = Driver(opened, daemon)
+        driver.begin()
+        driver.drag(0.12, 0.25)
+        opened.page.locator("#link", has_text="Driving").wait_for()
+        opened.page.wait_for_timeout(7_000)  # until it has driven a little, and the reply is gone
+        _take({"phone": opened.page}, "drive")
 
 
 def _wait_for_metres(page: Page, metres: float) -> None:

@@ -85,9 +85,12 @@ class Site:
 
 @contextlib.asynccontextmanager
 async def serving(
-    host: str = "127.0.0.1", limits: ViewerLimits = LIMITS, demo: DemoControls | None = None
+    host: str = "127.0.0.1",
+    limits: ViewerLimits = LIMITS,
+    demo: DemoControls | None = None,
+    rover: Rover | None = None,
 ) -> AsyncIterator[Site]:
-    page, rover = LivePage(host, 0, TOKEN, limits, demo), Rover()
+    page, rover = LivePage(host, 0, TOKEN, limits, demo), rover or Rover()
     log = run_log(page.show)
     async with aiohttp.ClientSession() as client, page.serving(rover):  # type: ignore[arg-type]
         yield Site(page, rover, log, client)

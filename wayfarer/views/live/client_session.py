@@ -1,10 +1,10 @@
 """One viewer's connection: sends updates, and receives a few commands.
 
 Requests are handled as those of the control socket. A page cannot arm: wheels must not start from a web page. Only one
-with the token can resume, because every user of the rover's computer can open the page (``access``). Nor can an old
-page resume: the request may have waited in a network, or for a blocked daemon, until the viewer has gone. Both are not
-asked for in a demo, where no wheels turn. Only its page can pause, change the speed or begin another run
-(``demo_controls``).
+with the token can resume or drive by hand (``manual_lease``), because every user of the rover's computer can open the
+page (``access``). Nor can an old page: the request may have waited in a network, or for a blocked daemon, until the
+viewer has gone. A demo, where no wheels turn, asks for neither. Only its page can pause, change the speed or begin
+another run (``demo_controls``).
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ import orjson
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from wayfarer.control.rate import RateLimiter
-from wayfarer.daemon.socket.protocol import Commands, Refused, check, perform, read_line
+from wayfarer.daemon.socket.protocol import Commands, Details, Refused, check, perform, read_line
 from wayfarer.errors import WayfarerError
-from wayfarer.views.live import demo_controls
+from wayfarer.views.live import demo_controls, manual_lease
 from wayfarer.views.live.broadcaster import PageViewer, TooSlow, ViewerLimits
 
 VERBS = ("hold", "resume", "stop", "mark")
 STOPPING = ("hold", "stop")  # never limited
 STARTING = ("resume",)  # what can make wheels turn: only with the token, and from a page that is not old
-SHOWN = "state_t_s"  # which state the page shows; to resume needs it
+SHOWN = "state_t_s"  # which state the page shows, or when a sample was taken; to start wheels needs it
 
 _bugs = logging.getLogger("wayfarer.views.live")
 
@@ -56,6 +56,8 @@ class ClientSession:
         self._rate_limiter = RateLimiter(limits.requests, limits.requests_hz)
         self._demo = demo
         self.may_start = may_start
+        self._lease = manual_lease.ManualLease(commands)
+        self._beginning: asyncio.Task[None] | None = None
 
     async def run(self) -> None:
         """Serve until the viewer leaves or is disconnected."""
@@ -72,6 +74,7 @@ class ClientSession:
             pass  # it went away while it was being answered
         finally:
             following.cancel()
+            await self._let_go()
             await asyncio.gather(following, return_exceptions=True)
 
     async def end(self, why: str) -> None:
@@ -91,50 +94,100 @@ class ClientSession:
 
     async def _take(self, text: str) -> None:
         """Take an acknowledgement, or do what is asked for and reply."""
-        fields: dict[str, object] = {}
         try:
             fields = read_line(text.encode())
-            if "seen" in fields:
-                self._viewer.acknowledge(fields["seen"])
-                if self._demo is not None:
-                    self._demo.seen()
-                return
-            await self._do(fields)
-            reply: dict[str, object] = {"ok": True}
+        except WayfarerError as refusal:
+            await self._reply({}, {"ok": False, "why": str(refusal)})
+            return
+        if "seen" in fields:
+            self._viewer.acknowledge(fields["seen"])
+            if self._demo is not None:
+                self._demo.seen()
+        elif fields.get("do") == manual_lease.BEGIN and (self._beginning is None or self._beginning.done()):
+            self._beginning = asyncio.create_task(self._begin(fields), name="live viewer begins to drive")
+        else:
+            await self._answer(fields)
+
+    async def _answer(self, fields: dict[str, object]) -> None:
+        try:
+            reply: dict[str, object] = {"ok": True, **await self._do(fields)}
         except WayfarerError as refusal:
             reply = {"ok": False, "why": str(refusal)}
         except Exception:
             _bugs.exception("in doing what a page asked for")
             reply = {"ok": False, "why": "an error inside wayfarer: look at its terminal before you go on"}
+        await self._reply(fields, reply)
+
+    async def _reply(self, fields: dict[str, object], reply: dict[str, object]) -> None:
+        """Say what became of a request; what is no verb may be too deep to be sent back."""
         do = fields.get("do")
-        told = {"do": do if isinstance(do, str) else None, **reply}  # what is no verb may be too deep to be sent back
+        told = {"do": do if isinstance(do, str) else None, **reply}
+        if do in manual_lease.VERBS:  # its page must know which sample this is for, and what time it is
+            seq = fields.get("seq")
+            told |= {"seq": seq if isinstance(seq, int) else None, "t_s": asyncio.get_running_loop().time()}
         await self._send(reply=told)
+
+    async def _begin(self, fields: dict[str, object]) -> None:
+        """Answer beside other requests: checks and motors take a while, and a stop must not wait for them."""
+        with suppress(ConnectionError):  # it went away meanwhile
+            await self._answer(fields)
+
+    async def _let_go(self) -> None:
+        """Drive no more, also where driving has not quite begun."""
+        if self._beginning is not None:
+            self._beginning.cancel()
+            await asyncio.wait([self._beginning])
+        await self._lease.end()
 
     async def _send(self, **piece: object) -> None:
         """Send it what is for this viewer only."""
         await self._socket.send_str(orjson.dumps([piece]).decode())
 
-    async def _do(self, fields: dict[str, object]) -> None:
-        if fields.get("do") in demo_controls.VERBS:
+    async def _do(self, fields: dict[str, object]) -> Details:
+        """Do what is asked for, and return details for the page."""
+        do = fields.get("do")
+        if do in demo_controls.VERBS:
             self._do_in_demo(fields)
-            return
-        request = check({key: value for key, value in fields.items() if key != SHOWN})
-        if request.do not in VERBS:
-            raise Refused(f"{request.do} is not possible from the page: use wayfarer {request.do} in a terminal")
-        now_s = asyncio.get_running_loop().time()
-        if request.do not in STOPPING and not self._rate_limiter.take(now_s):
-            raise Refused("too many requests at once: wait a second and try again")
-        if request.do in STARTING and self._demo is None:
-            self._check_start(request.do, fields.get(SHOWN), now_s)
-        await perform(request, self._commands, None)
+        elif do in manual_lease.VERBS:
+            return await self._do_by_hand(fields)
+        else:
+            request = check({key: value for key, value in fields.items() if key != SHOWN})
+            if request.do not in VERBS:
+                raise Refused(f"{request.do} is not possible from the page: use wayfarer {request.do} in a terminal")
+            if request.do not in STOPPING:
+                self._check_rate()
+            if request.do in STARTING and self._demo is None:
+                self._check_start(request.do, request.do, fields.get(SHOWN))
+            await perform(request, self._commands, None)
+        return {}
 
-    def _check_start(self, do: str, state_t_s: object, now_s: float) -> None:
+    async def _do_by_hand(self, fields: dict[str, object]) -> Details:
+        """Do what drives the rover by hand. Samples are not limited: they are not written into the log one by one."""
+        if self._demo is not None:
+            raise Refused("the rover of a demo cannot be driven by hand: use wayfarer run --sim --live --manual")
+        match fields["do"]:
+            case manual_lease.BEGIN:
+                self._check_rate()
+                self._check_start("to drive by hand", "drive", fields.get(SHOWN))
+                return await self._lease.begin()
+            case manual_lease.DRIVE:
+                return await self._lease.drive(fields, fields.get(SHOWN))
+            case _:
+                await self._let_go()
+                return {}
+
+    def _check_rate(self) -> None:
+        if not self._rate_limiter.take(asyncio.get_running_loop().time()):
+            raise Refused("too many requests at once: wait a second and try again")
+
+    def _check_start(self, what: str, command: str, state_t_s: object) -> None:
         """Raise an error unless a request that can make wheels turn has the token and is of now."""
         if not self.may_start:
             raise Refused(
-                f"{do} needs the token: open the page at the address that wayfarer status shows, or use wayfarer {do}"
-                " in a terminal"
+                f"{what} needs the token: open the page at the address that wayfarer status shows, or use wayfarer"
+                f" {command} in a terminal"
             )
+        now_s = asyncio.get_running_loop().time()
         # What is no time is not new, and a state from the future is of another run.
         if not (isinstance(state_t_s, int | float) and abs(now_s - state_t_s) <= self._old_s):
             raise Refused("the page showed an old state: look at the new one, and press again if it is still right")

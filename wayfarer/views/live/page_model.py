@@ -14,6 +14,7 @@ from typing import Any
 
 from wayfarer.angles import wrap180
 from wayfarer.fieldlog.clock import duration_text
+from wayfarer.fieldlog.fields import table
 from wayfarer.fieldlog.run_events import AnomalyBegan, Ended, PhaseChanged, RunBegan
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
@@ -175,6 +176,7 @@ def _about(header: Header) -> dict[str, Any]:
         "version": header.version,
         "simulated": header.simulated,
         "dry_run": header.dry_run,
+        "manual": table(table(header.record, "config"), "manual").get("allowed") is True,
         "length_m": header.setting("vehicle", "length_m"),
         "width_m": header.setting("vehicle", "width_m"),
     }

@@ -56,6 +56,7 @@ function takeNews(news) {
 }
 
 function takeReply(reply) {
+  if (reply.do?.startsWith("manual_")) return takeManual(reply);
   const done = { stop: "Stopped", hold: "Held", resume: "Resumed", mark: "Noted" };
   say(reply.ok ? done[reply.do] ?? "" : `Not done: ${reply.why}`); // a demo's buttons show what they did
 }
@@ -100,6 +101,7 @@ function watchAge() {
   for (const id of ["resume", "send-mark"]) element(id).disabled = isOld; // what waits in a dead connection is done later, unseen
   showHowToArm(isOld);
   enableDemo(connection.isOpen, model.outcome !== null);
+  showManual();
   showBanner(isOld, silentS);
 }
 
@@ -179,5 +181,6 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 prepareDial();
 prepareMap(element("map"));
 prepareDemo();
+prepareManual();
 setInterval(watchAge, 250);
 connection.open();

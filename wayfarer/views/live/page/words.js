@@ -1,6 +1,6 @@
 // How numbers and names are written on the page. The server puts PHASES, the texts of the phases, before this.
 
-const MODES = { disarmed: "Disarmed", arming: "Arming: step away", armed: "Armed", ended: "Ended" };
+const MODES = { disarmed: "Disarmed", arming: "Arming: step away", armed: "Armed", manual: "Driven by hand", ended: "Ended" };
 
 // Why a run ends: well, or because somebody asked for it or a limit was reached. Any other reason is a bad one.
 const ENDS = { escaped: "good", left_bounds: "good", requested: "plain", signal: "plain", mission_time: "plain", mission_distance: "plain", mission_radius: "plain" };
