@@ -45,24 +45,23 @@ LEARN, OFF = 0x83, 0x80
 
 @dataclass(frozen=True, slots=True)
 class CMPS14Settings:
-    """Where the compass is and how it is mounted.
-
-    ``heading_offset_deg`` is added to the bearing: a part whose arrow points 90 degrees to the right of the rover's
-    nose needs -90. The signs of the part's tilt are not documented: compare with a rover that is held nose up (pitch
-    positive) and then right side down (roll positive). A part that is mounted across needs ``swap_pitch_roll``, which
-    is applied before ``reverse_pitch`` and ``reverse_roll``.
-
-    Background calibration is switched off when the part is opened, unless ``background_calibration``: near iron or
-    motors it learns a wrong calibration. ``wayfarer calibrate`` calibrates the part once, and the part stores it.
-    """
+    """Where the compass is and how it is mounted."""
 
     bus: str = "/dev/i2c-1"
+    """Device file of the I2C bus."""
     address: Annotated[int, Interval(ge=0x60, le=0x67)] = 0x60
+    """I2C address, 7-bit."""
     heading_offset_deg: Annotated[float, Interval(ge=-180, le=180)] = 0.0
+    """Added to the bearing: a part whose arrow points 90 degrees to the right of the rover's nose needs -90."""
     reverse_pitch: bool = False
+    """The part reads negative with the nose up; its data sheet does not say which way is up, ``check`` asks."""
     reverse_roll: bool = False
+    """The part reads negative with the right side down."""
     swap_pitch_roll: bool = False
+    """The part is mounted across; applied before ``reverse_pitch`` and ``reverse_roll``."""
     background_calibration: bool = False
+    """Let the part calibrate itself while it is used. Near iron or motors it learns a wrong calibration; ``wayfarer
+    calibrate`` calibrates it once, and the part stores it."""
 
 
 class CMPS14:

@@ -34,20 +34,21 @@ _DOES_NOT_ARM = (
 
 @dataclass(frozen=True, slots=True)
 class ThunderBorgSettings:
-    """How the board is wired.
-
-    ``duty_limit`` is the highest share of the battery's voltage that the motors get: 0.95 for 12 V motors on ten NiMH
-    cells, as in PiBorg's scripts. ``left`` is the output of the left wheels (a MonsterBorg's motor 2, "B"); the other
-    drives the right ones. ``reverse_left`` and ``reverse_right`` are for a side whose motors turn backwards when they
-    are commanded forwards.
-    """
+    """How the board is wired."""
 
     bus: str = "/dev/i2c-1"
+    """Device file of the I2C bus."""
     address: Annotated[int, Interval(ge=0x03, le=0x77)] = DEFAULT_ADDRESS
+    """I2C address, 7-bit."""
     duty_limit: Annotated[float, Interval(gt=0, le=1)] = 0.95
+    """The highest share of the battery's voltage that the motors get: 0.95 for 12 V motors on ten NiMH cells, as in
+    PiBorg's scripts."""
     left: Literal["A", "B"] = "B"
+    """The output of the left wheels (a MonsterBorg's motor 2, "B"); the other one drives the right ones."""
     reverse_left: bool = False
+    """The left motors turn backwards when they are commanded forwards."""
     reverse_right: bool = False
+    """The right motors turn backwards when they are commanded forwards."""
 
     @property
     def deadman_s(self) -> float:

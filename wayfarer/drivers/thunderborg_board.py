@@ -131,7 +131,9 @@ class ThunderBorgLightSettings:
     """Where the board is: as for the motors."""
 
     bus: str = "/dev/i2c-1"
+    """Device file of the I2C bus."""
     address: Annotated[int, Interval(ge=0x03, le=0x77)] = DEFAULT_ADDRESS
+    """I2C address, 7-bit."""
 
 
 class ThunderBorgLight:
