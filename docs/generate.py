@@ -52,9 +52,9 @@ A rover file is TOML. It names a rover's parts, and what differs from the defaul
 `[vehicle]` without a default are required. An unknown key, or a value out of its range, is one line that names
 file, line, key and what is allowed. The files that come with wayfarer are in `wayfarer/rovers`.
 
-[rover.schema.json](../../wayfarer/rovers/rover.schema.json) is the JSON Schema of all this. Where its path is in the first
-line, as in the shipped files and in those that `wayfarer init` writes, editors that know TOML schemas (Tombi, Even Better
-TOML) complete keys, show what they mean and mark mistakes:
+[rover.schema.json](../../wayfarer/rovers/rover.schema.json) is the JSON Schema of all this. Where its path is in the
+first line, as in the shipped files and in those that `wayfarer init` writes, editors that know TOML schemas (Tombi,
+Even Better TOML) complete keys, show what they mean and mark mistakes:
 
 ```toml
 #:schema ./rover.schema.json
@@ -154,14 +154,14 @@ def field_docstrings(table: type) -> dict[str, str]:
 
 
 def _plain(schema: Any, key: str = "") -> Any:
-    """Write whole bounds as whole numbers, and code in texts as Markdown has it.
+    """Write whole bounds as whole numbers, and code in texts as Markdown has it; leave out fractional steps.
 
-    ``Annotated`` gives 1 or 1.0, whichever was imported first.
+    ``Annotated`` gives 1 or 1.0, whichever was imported first. Some editors find that 0.3 is no multiple of 0.1.
     """
     if isinstance(schema, list):
         return [_plain(each) for each in schema]
     if isinstance(schema, dict):
-        return {each: _plain(value, each) for each, value in schema.items()}
+        return {each: _plain(value, each) for each, value in schema.items() if (each, value) != ("multipleOf", 0.1)}
     if key == "description":
         return schema.replace("``", "`")
     return int(schema) if key in BOUNDS and schema == int(schema) else schema

@@ -14,10 +14,9 @@ from docs.generate import FOLDER, pages
 from wayfarer.config.rover_path import SCHEMA
 
 # What a number may be measured in: as the end of its key, or as words of its description.
-UNIT_IN_KEY = re.compile(r"_(m|s|us|deg|hz|v|mb|kg|n_m|m_s|m_s2|deg_s|m_per_pixel|s2)$|^slew_per_s$|^m_per_pixel$")
+UNIT_IN_KEY = re.compile(r"_(m|s|us|deg|hz|v|mb|kg|m_s2)$|^m_per_pixel$")
 UNIT_IN_WORDS = re.compile(
-    r"\b(shares?|0 to \d|numbers?|pixels|grey levels?|degrees|in rad|deg/s|bit/s|a second|address|duty)\b",
-    re.IGNORECASE,
+    r"share|0 to \d|number|pixels|grey level|degrees|in rad|deg/s|bit/s|a second|address|duty", re.IGNORECASE
 )
 
 
@@ -26,10 +25,9 @@ def generated() -> dict[Path, str]:
     return pages()
 
 
-@pytest.mark.parametrize(
-    "path", [*(FOLDER / f"{name}.md" for name in ("python", "command-line", "rover-file")), SCHEMA]
-)
-def test_page_is_as_the_code_says_now(generated: dict[Path, str], path: Path) -> None:
+@pytest.mark.parametrize("name", ["python.md", "command-line.md", "rover-file.md", SCHEMA])
+def test_page_is_as_the_code_says_now(generated: dict[Path, str], name: str | Path) -> None:
+    path = FOLDER / name  # an absolute path stays what it is
     assert path.read_text(encoding="utf-8") == generated[path], "stale: python -m docs.generate"
     assert len(generated) == 4
 

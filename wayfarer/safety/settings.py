@@ -1,6 +1,7 @@
 """Settings of the safety package: sections ``safety``, ``board`` and ``progress`` of a rover file.
 
-What a field is stands below it; ``python -m docs.generate`` takes the schema of rover files from there. The settings stand apart from the logic that reads them, because the logic is compiled and pydantic needs plain Python classes.
+They stand apart from the logic that reads them, because the logic is compiled and pydantic needs plain Python classes.
+What a field means stands below it; ``python -m docs.generate`` makes the schema of rover files from that.
 """
 
 from __future__ import annotations
