@@ -26,12 +26,12 @@ from pydantic import TypeAdapter
 
 import wayfarer
 from wayfarer import cli
+from wayfarer.config.key_schema import BOUNDS, allowed, reference
 from wayfarer.config.registry import driver_names, find_driver
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.config.rover_path import SCHEMA
 
 FOLDER = Path(__file__).parent / "reference"
-BOUNDS = {"minimum": "from", "exclusiveMinimum": "above", "maximum": "to", "exclusiveMaximum": "below"}
 WRITTEN_BY = "<!-- Written by `python -m docs.generate`: change the code instead. -->\n"
 
 PYTHON = """# Python
@@ -171,7 +171,7 @@ def _rover_sections(schema: dict[str, Any]) -> Iterator[str]:
     """Yield a section for each table of a rover file: what its docstring says, and its keys."""
     properties = dict(schema["properties"])
     parts = properties.pop("parts")["properties"]
-    tables = {key: schema["$defs"][ref] for key, value in properties.items() if (ref := _reference(value))}
+    tables = {key: schema["$defs"][ref] for key, value in properties.items() if (ref := reference(value))}
     plain = {key: value for key, value in properties.items() if key not in tables}
     yield _section("At the top", {**schema, "properties": plain})
     for key, table in tables.items():
@@ -179,11 +179,6 @@ def _rover_sections(schema: dict[str, Any]) -> Iterator[str]:
     for part, choices in parts.items():
         for choice in choices["anyOf"][:-1]:
             yield _section(f'`[parts.{part}]`, `driver = "{choice["title"]}"`', choice)
-
-
-def _reference(value: dict[str, Any]) -> str | None:
-    reference = value.get("$ref") or next((each["$ref"] for each in value.get("allOf", []) if "$ref" in each), "")
-    return reference.rpartition("/")[2] or None
 
 
 def _section(title: str, table: dict[str, Any]) -> str:
@@ -199,28 +194,7 @@ def _row(key: str, value: dict[str, Any], table: dict[str, Any]) -> str:
         default = "none"
     else:
         default = f"`{json.dumps(value['default'], ensure_ascii=False)}`"
-    return f"| `{key}` | {default} | {_allowed(value)} | {value.get('description', '')} |"
-
-
-def _allowed(value: dict[str, Any]) -> str:
-    """Say in words what a schema allows."""
-    choices = [each for each in value.get("anyOf", [value]) if each.get("type") != "null"]
-    return " or ".join(map(_allowed_one, choices))
-
-
-def _allowed_one(value: dict[str, Any]) -> str:
-    if "enum" in value:
-        return ", ".join(f"`{json.dumps(each)}`" for each in value["enum"])
-    if "const" in value:
-        return f"`{json.dumps(value['const'])}`"
-    if value["type"] == "array":
-        items = value.get("items") or value.get("prefixItems", [{}])[0]
-        return f"a list: {_allowed(items)}"
-    if value["type"] == "string":
-        return f"text, at most {value['maxLength']} characters" if "maxLength" in value else "text"
-    bounds = [f"{words} {value[bound]:g}" for bound, words in BOUNDS.items() if bound in value]
-    kind = {"number": "number", "integer": "whole number", "boolean": "`true` or `false`"}[value["type"]]
-    return " ".join([kind, *bounds])
+    return f"| `{key}` | {default} | {allowed(value)} | {value.get('description', '')} |"
 
 
 def write() -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
@@ -68,6 +68,7 @@ class CMPS14:
     """The compass as ``hal.Compass``; ``error_counts`` counts the reads that needed a second transfer."""
 
     part: ClassVar[str] = "compass"
+    addresses: ClassVar[Sequence[int]] = range(0x60, 0x68)
     Settings = CMPS14Settings
 
     def __init__(self, settings: CMPS14Settings, buses: Buses) -> None:
@@ -80,7 +81,13 @@ class CMPS14:
         self.error_counts: Counter[str] = Counter()
 
     async def open(self) -> None:
-        """Read the firmware number, then one block; a part that is still booting gets a second.
+        """Identify the part, and switch its background calibration off unless the settings want it; raises as that."""
+        await self.identify()
+        if not self._settings.background_calibration:
+            await self.configure(OFF)
+
+    async def identify(self) -> None:
+        """Read the firmware number, then one block; a part that is still booting gets a second. Only reads.
 
         A CMPS12 answers at the same address and has no register with its type, but it has a bearing where a CMPS14 has
         its 16-bit pitch. A CMPS12 that lies level and points north is not noticed until it turns; one with a firmware
@@ -92,7 +99,7 @@ class CMPS14:
             BadReading: no plausible block within a second.
         """
         try:
-            await self._identify()
+            await self._read_version()
             block = await self._first_block()
         except NotResponding as error:
             raise NotResponding(
@@ -103,8 +110,6 @@ class CMPS14:
             got = f"pitch {block.pitch_deg:.1f} at 0x1A and {block.pitch8_deg} at 0x04, as from a CMPS12"
             raise WrongPart(self.name, "a CMPS14", got)
         self._check(block)
-        if not self._settings.background_calibration:
-            await self.configure(OFF)
 
     async def close(self) -> None:
         """Nothing to release."""
@@ -168,7 +173,7 @@ class CMPS14:
 
     # -- transfers -----------------------------------------------------------------------------------------------
 
-    async def _identify(self) -> None:
+    async def _read_version(self) -> None:
         (version,) = await self._read_with_retry(1)
         if version in SILENT_LINE:
             raise WrongPart(self.name, "a firmware number", f"0x{version:02X}")

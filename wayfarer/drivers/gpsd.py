@@ -138,6 +138,11 @@ class Gpsd:
         self._fixes = Fixes(self._settings.stale_s)
         self._follower = asyncio.create_task(self._follow(reader), name=self.name)
 
+    async def identify(self) -> None:
+        """Connect, make sure that it is gpsd, and hang up; raises as ``open``."""
+        await self.open()
+        await self.close()
+
     async def close(self) -> None:
         """Close the connection."""
         follower, self._follower = self._follower, None

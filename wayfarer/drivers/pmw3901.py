@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
@@ -92,6 +93,7 @@ class PMW3901:
     """
 
     part: ClassVar[str] = "motion"
+    unseen: ClassVar[Sequence[str]] = ("height_m",)
     Settings = PMW3901Settings
 
     def __init__(self, settings: PMW3901Settings, buses: Buses) -> None:
@@ -114,10 +116,18 @@ class PMW3901:
             WrongPart: something else answered.
         """
         await self._reset()
-        await self._identify()
+        await self.identify()
         await self._configure()
         await self._observe()
         self._is_first = True
+
+    async def identify(self) -> None:
+        """Read the product number and its inverse; raises as ``open``."""
+        product, inverse = await self._read(0x00), await self._read(0x5F)
+        if (product, inverse) != (PRODUCT, INVERSE_PRODUCT):
+            expected = f"product 0x{PRODUCT:02X} and inverse 0x{INVERSE_PRODUCT:02X}"
+            got = f"0x{product:02X} and 0x{inverse:02X}"
+            raise self._silence(bytes((product, inverse))) or WrongPart(self.name, expected, got)
 
     async def close(self) -> None:
         """Nothing to release: the bus belongs to ``Buses``."""
@@ -167,13 +177,6 @@ class PMW3901:
         await asyncio.sleep(RESET_S)
         for register in range(0x02, 0x07):  # the data sheet requires one read of each; the values do not matter
             await self._read(register)
-
-    async def _identify(self) -> None:
-        product, inverse = await self._read(0x00), await self._read(0x5F)
-        if (product, inverse) != (PRODUCT, INVERSE_PRODUCT):
-            expected = f"product 0x{PRODUCT:02X} and inverse 0x{INVERSE_PRODUCT:02X}"
-            got = f"0x{product:02X} and 0x{inverse:02X}"
-            raise self._silence(bytes((product, inverse))) or WrongPart(self.name, expected, got)
 
     async def _configure(self) -> None:
         """Write the start-up table (hardware.md 2.3), with its reads and choices."""

@@ -7,6 +7,7 @@ them.
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal, NamedTuple
@@ -86,6 +87,7 @@ class ThunderBorg:
 
     part: ClassVar[str] = "motors"
     chip: ClassVar[str] = CHIP
+    addresses: ClassVar[Sequence[int]] = (DEFAULT_ADDRESS,)
     Settings = ThunderBorgSettings
 
     def __init__(self, settings: ThunderBorgSettings, buses: Buses) -> None:
@@ -112,7 +114,7 @@ class ThunderBorg:
         If the failsafe is off now, the board has lost power, and its drive-fault flags are ignored until both motors
         have been driven. Otherwise a fault of the last mission still counts.
         """
-        await self._board.identify()
+        await self.identify()
         with suppress(BadReading):
             if not await self._failsafe_is_on():
                 self._driven.clear()
@@ -120,6 +122,10 @@ class ThunderBorg:
             raise NotResponding(f"{self.name}: {_DOES_NOT_ARM}")
         self._forgot = False
         await self.drive(STOP)
+
+    async def identify(self) -> None:
+        """Ask the board for its id; changes nothing. Raises as ``ThunderBorgLink.identify``."""
+        await self._board.identify()
 
     async def close(self) -> None:
         """Nothing to release; the failsafe stays armed."""
