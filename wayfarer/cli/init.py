@@ -31,8 +31,8 @@ EXAMPLES = examples(
     "wayfarer init --answers ./answers.toml --yes /etc/wayfarer/rover.toml",
 )
 ASK_FIRST = (
-    "To find parts, wayfarer reads the registers that tell which part it is: on the I2C and SPI buses, at the addresses\n"
-    "of the parts that it knows. Nothing is written, and nothing is sent to a serial port. Look now?"
+    "To find parts, the registers that tell which part it is are read on the I2C and SPI buses, at the addresses\n"
+    "of the parts that wayfarer knows. Nothing is written, and nothing is sent to a serial port. Look now?"
 )
 
 
@@ -47,7 +47,7 @@ class AtTerminal:
 
     def agrees(self, question: str) -> bool:
         """Ask a question of yes or no; Enter alone is a yes."""
-        return self.ask(f"{question} yes/no", "yes").lower() in {"yes", "y"}
+        return self.ask(f"{question} (yes, no)", "yes").lower() in {"yes", "y"}
 
     def ask(self, question: str, default: str) -> str:
         """Ask by a prompt.
@@ -60,7 +60,8 @@ class AtTerminal:
         from rich.text import Text
 
         try:
-            return Prompt.ask(Text(question), console=Console(stderr=True, highlight=False), default=default).strip()
+            console = Console(stderr=True, highlight=False, soft_wrap=True)
+            return Prompt.ask(Text(f"\n{question}"), console=console, default=default).strip()
         except EOFError:
             raise BadInput("no answer: the input has ended; nothing was written (--yes takes every default)") from None
 

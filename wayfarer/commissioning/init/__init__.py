@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from wayfarer.commissioning.init.interview import Person, interview
+from wayfarer.commissioning.init.draft import Person
+from wayfarer.commissioning.init.interview import interview
 from wayfarer.commissioning.init.probe import Inventory, Sighting, Verdict, i2c_buses, look
 from wayfarer.commissioning.init.rover_writer import rover_toml
 

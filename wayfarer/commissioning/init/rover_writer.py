@@ -34,7 +34,7 @@ def rover_toml(table: Mapping[str, Any], remarks: Mapping[str, str]) -> str:
     known = [key for key in RoverConfig.model_fields if key in table]
     plain = {key: table[key] for key in known if not isinstance(table[key], dict)}
     sections = [_comment(HEAD), "\n".join(_keys("", plain))]
-    sections += [_section(key, table[key]) for key in known if key not in {*plain, "parts"}]
+    sections += [_section(key, table[key]) for key in known if table[key] and key not in {*plain, "parts"}]
     for part, settings in table["parts"].items():
         sections.append(_section(f"parts.{part}", settings, remarks.get(part, "")))
     for part, text in ABSENT.items():
@@ -56,7 +56,7 @@ def _keys(section: str, table: Mapping[str, Any]) -> Iterator[str]:
         said = key_schema(f"{section}.{key}" if section else key, driver).get("description", "")
         if said:
             yield _comment(said)
-        yield f"{key} = {_toml(key, table[key])}"
+        yield f"{key} = {toml_value(key, table[key])}"
 
 
 def _comment(text: str) -> str:
@@ -65,7 +65,7 @@ def _comment(text: str) -> str:
     return "\n".join(f"# {line}" for lines in wrapped for line in lines)
 
 
-def _toml(key: str, value: Any) -> str:
+def toml_value(key: str, value: Any) -> str:
     """Return a value as TOML has it; I2C addresses as data sheets have them."""
     if key == "address" and isinstance(value, int) and value < 0x80:
         return f"0x{value:02X}"
