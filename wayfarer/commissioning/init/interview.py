@@ -76,11 +76,12 @@ class _Parts:
 
     def __init__(self, inventory: Inventory, draft: Draft) -> None:
         self._inventory, self._draft = inventory, draft
+        self._drivers = driver_names()  # asking installed packages takes time
 
     def driver_of(self, part: str) -> str:
         """Return which driver a part has, ``none`` for a part that there is not."""
         needed = part in NEEDED or (part == "contact" and self._draft.table.get("anomaly_source") == "contact")
-        drivers = [name for name in driver_names() if _is_for(name, part)]
+        drivers = [name for name in self._drivers if _is_for(name, part)]
         given = self._draft.given(f"parts.{part}").get("driver")
         if given is None:
             return self._found_driver(part) or self._ask_driver(part, drivers if needed else [*drivers, NONE])
