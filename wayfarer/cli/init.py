@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import asyncio
 import os
 import sys
-import tomllib
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -129,6 +127,8 @@ class _Answers:
     """
 
     def __init__(self, path: Path | None) -> None:
+        import tomllib
+
         self._path, self._text = path, ""
         if path is not None:
             try:
@@ -150,6 +150,8 @@ class _Answers:
 
 def _look() -> Inventory:
     """Look at the buses of this computer, which no daemon may use meanwhile."""
+    import asyncio
+
     from wayfarer.commissioning.checks import HostEnvironment
     from wayfarer.commissioning.init import i2c_buses, look
     from wayfarer.daemon.motors_lock import motors_lock
