@@ -39,17 +39,7 @@ address = 0x62
 driver = "sabertooth"
 port = "/dev/ttyAMA0"
 """
-TYPED = """yes
-sabertooth
-otter
-none
-
-
-bumper
-5
-
-
-"""
+TYPED = "yes\nsabertooth\notter\nnone\n\n\nbumper\n5\n" + 20 * "\n"  # then every default
 ANSWERS = """
 name = "found"
 [parts.motion]

@@ -24,6 +24,7 @@ from wayfarer.errors import BadConfig, BadInput
 
 SHIPPED_ROVERS = ("forestrover", "minirover")  # whose parts and bodies are the defaults; the first where none is alike
 PARTS = ("compass", "motion", "motors", "contact", "light", "position")
+NAMES = {"motion": "motion sensor", "contact": "bumper", "light": "status light", "position": "receiver"}  # for people
 USUAL = {"compass": "cmps14", "motion": "pmw3901", "motors": "sabertooth"}
 WHERE = ("bus", "port", "address", "camera")  # settings that say where a part is
 CRUISE_SHARE = 0.3  # of full speed, as the released field code drives (shipped rover files)
@@ -114,10 +115,9 @@ class _Parts:
 
     def _ask_driver(self, part: str, choices: list[str]) -> str:
         likely = "camera_motion" if part == "motion" and self._inventory.cameras else USUAL.get(part, choices[-1])
+        question = f"Driver of the {NAMES.get(part, part)}\n  parts.{part}.driver ({', '.join(choices)})"
         while True:
-            answer = self._draft.person.ask(
-                f"Driver of the {part}\n  parts.{part}.driver ({', '.join(choices)})", likely
-            )
+            answer = self._draft.person.ask(question, likely)
             if answer in choices or _is_for(answer, part):
                 return answer
             self._draft.person.say(f"'{answer}' is no driver for {part}; one of your own is module:Class")
