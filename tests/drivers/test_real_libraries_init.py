@@ -77,7 +77,7 @@ def test_rover_of_neither_kind(shim: Path, libraries: Path, tmp_path: Path) -> N
     own.write_text(NEITHER, encoding="utf-8")
     with mounts_or_skip(), real_site(str(own), libraries, shim) as site:
         site.dev.link(BY_ID, site.line.path)  # another name of the same port, which comes first
-        done = site.run("init", "found.toml", input=TYPED)
+        done = site.run("init", site.folder / "found.toml", input=TYPED)
         assert done.returncode == 0, done.stderr
         found = load_rover(str(site.folder / "found.toml"))
         assert (found.name, found.anomaly_source, set(found.parts)) == (
@@ -106,7 +106,7 @@ def test_computer_with_nothing_on_it(shim: Path, tmp_path: Path) -> None:
         dev = PrivateDev(tmp_path / "dev")
     try:
         done = subprocess.run(
-            [*dev.enter, *WAYFARER, "init"],
+            [*dev.enter, *WAYFARER, "init", tmp_path / "rover.toml"],
             input="yes\nno\n",
             capture_output=True,
             text=True,
