@@ -28,6 +28,7 @@ ELSEWHERE = {
     "README.md": "index.md",
     "examples/ros2/wayfarer_failsafe/README.md": "how-to/ros2.md",
     NOTEBOOK: "tutorial/campaign.md",
+    "wayfarer/rovers/rover.schema.json": "reference/rover.schema.json",
 }
 STATIC = {".png", ".webp", ".svg", ".css", ".json", ".xml"}
 LINK = re.compile(r"(?<=\]\()(?!https?:|mailto:|data:|#)([^)#\s]+)")

@@ -1,19 +1,23 @@
 """Write the pages that the code knows best: ``python -m docs.generate``.
 
-Python from the public names, the command line from its help, rover files from the JSON Schema of their settings. The
-pages are committed, because people read them in the checkout too; ``tests/docs/test_generated.py`` fails if one is old.
+Python from the public names, the command line from its help, rover files from the JSON Schema of their settings. What a
+key of a rover file means stands in the docstring below its field. The schema is in the package, beside the shipped
+rovers: editors and ``wayfarer init`` read it there. All are committed, because people read them in the checkout too;
+``tests/docs/test_generated.py`` fails if one is old.
 """
 
 from __future__ import annotations
 
+import ast
+import inspect
 import io
 import json
 import os
-import re
 from collections.abc import Iterator
 from contextlib import redirect_stdout
-from inspect import getdoc
+from itertools import pairwise
 from pathlib import Path
+from textwrap import dedent
 from typing import Any
 from unittest.mock import patch
 
@@ -22,12 +26,12 @@ from pydantic import TypeAdapter
 
 import wayfarer
 from wayfarer import cli
+from wayfarer.config.key_schema import BOUNDS, allowed, reference
 from wayfarer.config.registry import driver_names, find_driver
 from wayfarer.config.rover_file import RoverConfig
+from wayfarer.config.rover_path import SCHEMA
 
 FOLDER = Path(__file__).parent / "reference"
-SCHEMA = "rover.schema.json"
-BOUNDS = {"minimum": "from", "exclusiveMinimum": "above", "maximum": "to", "exclusiveMaximum": "below"}
 WRITTEN_BY = "<!-- Written by `python -m docs.generate`: change the code instead. -->\n"
 
 PYTHON = """# Python
@@ -42,25 +46,30 @@ COMMAND_LINE = """# Command line
 Every command and option, as `--help` shows them. A mistake gives one line and the exit code 2;
 `wayfarer/errors.py` lists all exit codes.
 """
-ROVER_FILE = f"""# Rover file
+ROVER_FILE = """# Rover file
 
 A rover file is TOML. It names a rover's parts, and what differs from the defaults below; only `name` and the keys of
 `[vehicle]` without a default are required. An unknown key, or a value out of its range, is one line that names
 file, line, key and what is allowed. The files that come with wayfarer are in `wayfarer/rovers`.
 
-For an editor, [{SCHEMA}]({SCHEMA}) is the JSON Schema of all this. With its path in the first line,
-`#:schema {SCHEMA}`, editors that know TOML schemas complete keys and mark mistakes.
+[rover.schema.json](../../wayfarer/rovers/rover.schema.json) is the JSON Schema of all this. Where its path is in the
+first line, as in the shipped files and in those that `wayfarer init` writes, editors that know TOML schemas (Tombi,
+Even Better TOML) complete keys, show what they mean and mark mistakes:
+
+```toml
+#:schema ./rover.schema.json
+```
 """
 
 
-def pages() -> dict[str, str]:
-    """Return the text of each generated file by its name in ``docs/reference``."""
+def pages() -> dict[Path, str]:
+    """Return the text of each generated file."""
     schema = rover_schema()
     names = sorted(wayfarer.__all__, key=lambda name: (name[0].isupper(), name))  # what one calls, then what it returns
     return {
-        "python.md": "\n".join([WRITTEN_BY, PYTHON, *(f"::: wayfarer.{name}\n" for name in names)]),
-        "command-line.md": "\n".join([WRITTEN_BY, COMMAND_LINE, *map(_command_section, commands())]),
-        "rover-file.md": "\n".join([WRITTEN_BY, ROVER_FILE, *_rover_sections(schema)]),
+        FOLDER / "python.md": "\n".join([WRITTEN_BY, PYTHON, *(f"::: wayfarer.{name}\n" for name in names)]),
+        FOLDER / "command-line.md": "\n".join([WRITTEN_BY, COMMAND_LINE, *map(_command_section, commands())]),
+        FOLDER / "rover-file.md": "\n".join([WRITTEN_BY, ROVER_FILE, *_rover_sections(schema)]),
         SCHEMA: json.dumps(schema, indent=1, ensure_ascii=False) + "\n",
     }
 
@@ -93,47 +102,76 @@ def rover_schema() -> dict[str, Any]:
 
     A part with another driver, ``"module:attribute"``, may have any settings.
     """
-    schema = RoverConfig.model_json_schema(ref_template="#/$defs/{model}")
+    schema = _described(RoverConfig.model_json_schema(ref_template="#/$defs/{model}"), RoverConfig)
+    for field in RoverConfig.model_fields.values():
+        if isinstance(table := field.annotation, type) and table.__name__ in schema["$defs"]:
+            _described(schema["$defs"][table.__name__], table)
     by_part: dict[str, list[dict[str, Any]]] = {}
     for name in driver_names():
         driver = find_driver(name)
         if driver.__module__.startswith("wayfarer."):
-            settings = TypeAdapter(driver.Settings).json_schema()
+            settings = _described(TypeAdapter(driver.Settings).json_schema(), driver.Settings)
             own = {
                 "title": name,
-                "description": getdoc(driver.Settings) or "",
+                "description": settings["description"],
                 "type": "object",
                 "properties": {"driver": {"const": name}, **settings.get("properties", {})},
                 "required": ["driver", *settings.get("required", [])],
                 "additionalProperties": False,
             }
             by_part.setdefault(driver.part, []).append(own)
+    parts = schema["properties"]["parts"]
+    parts |= {"additionalProperties": False, "properties": {part: _one_of(by_part[part]) for part in sorted(by_part)}}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **_plain(schema)}
+
+
+def _one_of(drivers: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the schema of a part, which has one of these drivers, or one of another package."""
     other = {"properties": {"driver": {"type": "string", "pattern": ":"}}, "required": ["driver"], "title": "other"}
-    schema["properties"]["parts"] = {
-        "type": "object",
-        "additionalProperties": False,
-        "properties": {part: {"anyOf": [*drivers, other]} for part, drivers in sorted(by_part.items())},
-    }
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **_plain_bounds(schema)}
+    return {"anyOf": [*drivers, other]}
 
 
-def _plain_bounds(schema: Any) -> Any:
-    """Write whole bounds as whole numbers: ``Annotated`` gives 1 or 1.0, whichever was imported first."""
-    if isinstance(schema, list):
-        return [_plain_bounds(each) for each in schema]
-    if not isinstance(schema, dict):
-        return schema
+def _described(schema: dict[str, Any], table: type) -> dict[str, Any]:
+    """Add to the schema of a table what its docstring says, without examples, and what those of its fields say."""
+    schema["description"] = inspect.cleandoc(table.__doc__ or "").partition("\n\n>>>")[0]
+    for key, text in field_docstrings(table).items():
+        schema["properties"][key]["description"] = text
+    return schema
+
+
+def field_docstrings(table: type) -> dict[str, str]:
+    """Return the string below each field of a class, which Python itself drops, as one line."""
+    body = ast.parse(dedent(inspect.getsource(table))).body[0].body  # type: ignore[attr-defined]
     return {
-        key: int(value) if key in BOUNDS and value == int(value) else _plain_bounds(value)
-        for key, value in schema.items()
+        field.target.id: " ".join(below.value.value.split())
+        for field, below in pairwise(body)
+        if isinstance(field, ast.AnnAssign)
+        and isinstance(field.target, ast.Name)
+        and isinstance(below, ast.Expr)
+        and isinstance(below.value, ast.Constant)
+        and isinstance(below.value.value, str)
     }
+
+
+def _plain(schema: Any, key: str = "") -> Any:
+    """Write whole bounds as whole numbers, and code in texts as Markdown has it; leave out fractional steps.
+
+    ``Annotated`` gives 1 or 1.0, whichever was imported first. Some editors find that 0.3 is no multiple of 0.1.
+    """
+    if isinstance(schema, list):
+        return [_plain(each) for each in schema]
+    if isinstance(schema, dict):
+        return {each: _plain(value, each) for each, value in schema.items() if (each, value) != ("multipleOf", 0.1)}
+    if key == "description":
+        return schema.replace("``", "`")
+    return int(schema) if key in BOUNDS and schema == int(schema) else schema
 
 
 def _rover_sections(schema: dict[str, Any]) -> Iterator[str]:
     """Yield a section for each table of a rover file: what its docstring says, and its keys."""
     properties = dict(schema["properties"])
     parts = properties.pop("parts")["properties"]
-    tables = {key: schema["$defs"][ref] for key, value in properties.items() if (ref := _reference(value))}
+    tables = {key: schema["$defs"][ref] for key, value in properties.items() if (ref := reference(value))}
     plain = {key: value for key, value in properties.items() if key not in tables}
     yield _section("At the top", {**schema, "properties": plain})
     for key, table in tables.items():
@@ -143,16 +181,10 @@ def _rover_sections(schema: dict[str, Any]) -> Iterator[str]:
             yield _section(f'`[parts.{part}]`, `driver = "{choice["title"]}"`', choice)
 
 
-def _reference(value: dict[str, Any]) -> str | None:
-    reference = value.get("$ref") or next((each["$ref"] for each in value.get("allOf", []) if "$ref" in each), "")
-    return reference.rpartition("/")[2] or None
-
-
 def _section(title: str, table: dict[str, Any]) -> str:
     rows = [_row(key, value, table) for key, value in table["properties"].items() if key != "driver"]
-    keys = "\n".join(["| key | default | allowed |", "|---|---|---|", *rows]) if rows else "It has no keys."
-    about = re.sub(r"``([^`]*)``", r"`\1`", table.get("description", "")).strip()
-    return f"## {title}\n\n{about}\n\n{keys}\n"
+    keys = "\n".join(["| key | default | allowed | what it is |", "|---|---|---|---|", *rows])
+    return f"## {title}\n\n{table['description']}\n\n{keys}\n"
 
 
 def _row(key: str, value: dict[str, Any], table: dict[str, Any]) -> str:
@@ -162,34 +194,13 @@ def _row(key: str, value: dict[str, Any], table: dict[str, Any]) -> str:
         default = "none"
     else:
         default = f"`{json.dumps(value['default'], ensure_ascii=False)}`"
-    return f"| `{key}` | {default} | {_allowed(value)} |"
-
-
-def _allowed(value: dict[str, Any]) -> str:
-    """Say in words what a schema allows."""
-    choices = [each for each in value.get("anyOf", [value]) if each.get("type") != "null"]
-    return " or ".join(map(_allowed_one, choices))
-
-
-def _allowed_one(value: dict[str, Any]) -> str:
-    if "enum" in value:
-        return ", ".join(f"`{json.dumps(each)}`" for each in value["enum"])
-    if "const" in value:
-        return f"`{json.dumps(value['const'])}`"
-    if value["type"] == "array":
-        items = value.get("items") or value.get("prefixItems", [{}])[0]
-        return f"a list: {_allowed(items)}"
-    if value["type"] == "string":
-        return f"text, at most {value['maxLength']} characters" if "maxLength" in value else "text"
-    bounds = [f"{words} {value[bound]:g}" for bound, words in BOUNDS.items() if bound in value]
-    kind = {"number": "number", "integer": "whole number", "boolean": "`true` or `false`"}[value["type"]]
-    return " ".join([kind, *bounds])
+    return f"| `{key}` | {default} | {allowed(value)} | {value.get('description', '')} |"
 
 
 def write() -> None:
     """Write every generated file."""
-    for name, text in pages().items():
-        (FOLDER / name).write_text(text, encoding="utf-8")
+    for path, text in pages().items():
+        path.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

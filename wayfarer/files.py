@@ -161,6 +161,25 @@ def write_atomically(
         draft.write(content.encode() if isinstance(content, str) else content)
 
 
+def write_new(path: Path, content: str) -> None:
+    """Write a file that is not there yet, as text in UTF-8; whatever fails, nothing is left.
+
+    Raises:
+        FileExistsError: something is there, also if it has come meanwhile.
+        OSError: the file cannot be written.
+    """
+    draft = _draft(path)
+    try:
+        with draft.open("xb") as file:
+            file.write(content.encode())
+            file.flush()
+            os.fsync(file.fileno())
+        os.link(draft, path)  # which replaces nothing, as a rename would
+    finally:
+        draft.unlink(missing_ok=True)
+    sync_folder(path.parent)
+
+
 def _draft(target: Path) -> Path:
     """Return a name beside the file that nobody can have guessed and taken."""
     return target.with_name(f".{target.name}.{secrets.token_hex(4)}.new")

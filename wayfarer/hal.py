@@ -249,6 +249,24 @@ class PositionReceiver(Driver, Protocol):
 
 
 @runtime_checkable
+class Recognised(Protocol):
+    """A driver that can say whether its part is there, so that ``wayfarer init`` finds it.
+
+    A driver on an I2C bus also has the class attribute ``addresses``: where such a part may answer. What a person must
+    say about a part because nothing shows it is in ``unseen``, the names of settings; any driver may have that.
+    """
+
+    async def identify(self) -> None:
+        """Make sure that the part answers, by reading what tells which part it is; changes nothing, turns no wheel.
+
+        Raises:
+            NotResponding: nothing answers.
+            WrongPart: something else does.
+            BadReading: something does, and what it says cannot be true.
+        """
+
+
+@runtime_checkable
 class HasErrorCounts(Driver, Protocol):
     """An optional property of any part: it counts errors that it recovered from, such as a read that was repeated."""
 

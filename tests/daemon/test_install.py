@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 import pytest
 
 from wayfarer.config.rover_file import load_rover, rover_text
+from wayfarer.config.rover_path import SCHEMA
 from wayfarer.daemon import install
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 
@@ -295,4 +296,5 @@ def test_rover_file_is_read_once(root: Path, python: Path, tmp_path: Path, monke
     monkeypatch.setattr(install, "rover_text", text)
     installed(root, python, str(path))
     assert read == [str(path)]
-    assert (root / ROVER_FILE).read_text(encoding="utf-8") == rover_text("sim")
+    installed_text = (root / ROVER_FILE).read_text(encoding="utf-8")
+    assert installed_text == rover_text("sim").replace("./rover.schema.json", str(SCHEMA)), "where an editor finds it"

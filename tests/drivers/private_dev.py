@@ -88,6 +88,7 @@ class PrivateDev:
 
     def link(self, device: str, to: str) -> None:
         """Make a link to a device file."""
+        self._path(device).parent.mkdir(parents=True, exist_ok=True)
         self._path(device).symlink_to(to)
 
     def unplug(self, device: str) -> None:

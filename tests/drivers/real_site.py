@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import pytest
 
@@ -55,7 +56,8 @@ class RealSite(Site):
 
     Args:
         folder: of its own, and short.
-        rover: ``forestrover``, or ``minirover`` with a flow chip in place of its camera, which has no simulated chip.
+        rover: a rover file, ``forestrover``, or ``minirover`` with a flow chip in place of its camera, which has no
+            simulated chip.
         dev: where the device files are.
         libraries: the folder of the libraries.
         shim: answers ``ioctl``.
@@ -88,9 +90,11 @@ class RealSite(Site):
         """Start a process that sees the private /dev."""
         return super().start(*self.dev.enter, *command)
 
-    def run(self, *arguments: str | Path, program: Sequence[str] = WAYFARER) -> subprocess.CompletedProcess[str]:
-        """Run a wayfarer command to its end."""
-        return super().run(*arguments, program=(*self.dev.enter, *program))
+    def run(
+        self, *arguments: str | Path, program: Sequence[str] = WAYFARER, **options: Any
+    ) -> subprocess.CompletedProcess[str]:
+        """Run a wayfarer command to its end; options as ``command``."""
+        return super().run(*arguments, program=(*self.dev.enter, *program), **options)
 
     def run_python(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
         """Run Python to its end."""

@@ -17,13 +17,13 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeVar
 
 from tests.system.hil_buses import SOCKET_VARIABLE, HilConnection, HilI2C, HilSerial
 from tests.system.measures import Commands, stop_after
 from tests.system.subprocesses import HARDWARE_PRIORITY, WAYFARER, command, put_first, starting
+from wayfarer.config.rover_file import rover_text
 from wayfarer.daemon.socket.client import ask
 from wayfarer.daemon.socket.paths import SOCKET_NAME
 from wayfarer.drivers.sabertooth import packet
@@ -68,12 +68,11 @@ def wait_for(what: str, holds: Callable[[], T | None], patience_s: float = PATIE
 
 
 def rover_toml(rover: str) -> str:
-    """Return a shipped rover's file for the bench.
+    """Return the file of a rover, shipped or not, for the bench.
 
     It starts at once, sees with a chip instead of a camera, and has a deadman that nobody has watched.
     """
-    text = files("wayfarer").joinpath("rovers", f"{rover}.toml").read_text(encoding="utf-8")
-    text = re.sub(r"start_delay_s = [\d.]+", f"start_delay_s = 0.0\n{UNPROVED}", text)
+    text = re.sub(r"start_delay_s = [\d.]+", f"start_delay_s = 0.0\n{UNPROVED}", rover_text(rover))
     text = re.sub(r"\[parts\.motion\].*?(?=\[parts\.motors\])", FLOW, text, flags=re.DOTALL)
     return 'buses = "tests.system.hil_buses:buses"\n' + text
 
@@ -83,7 +82,7 @@ class Site:
 
     Args:
         folder: of its own, and short: a socket's path has 107 bytes at most.
-        rover: ``forestrover`` or ``minirover``.
+        rover: ``forestrover``, ``minirover``, or a rover file.
 
     Raises:
         HilSetupError: the bench does not start.
@@ -91,7 +90,7 @@ class Site:
 
     def __init__(self, folder: Path, rover: str) -> None:
         self.folder, self.rover = folder, rover
-        self.deadman_s = DEADMAN_S[rover]
+        self.deadman_s = DEADMAN_S.get(rover, 0.0)
         self.logs, self.socket = folder / "logs", folder / SOCKET_NAME
         self.config = folder / "rover.toml"
         self.config.write_text(rover_toml(rover), encoding="utf-8")
@@ -296,9 +295,11 @@ class Site:
             port.write(packet(128, 0, 60) + packet(128, 4, 60))
             port.close()
 
-    def run(self, *arguments: str | Path, program: Sequence[str] = WAYFARER) -> subprocess.CompletedProcess[str]:
+    def run(
+        self, *arguments: str | Path, program: Sequence[str] = WAYFARER, **options: Any
+    ) -> subprocess.CompletedProcess[str]:
         """Run a wayfarer command at this site to its end; arguments as ``command``."""
-        return command(*arguments, program=program, env=self.environment, cwd=self.folder)
+        return command(*arguments, program=program, env=self.environment, cwd=self.folder, **options)
 
 
 @contextmanager

@@ -26,6 +26,7 @@ from wayfarer.cli import (
     demo,
     drive,
     faults,
+    init,
     listing,
     logs,
     replay,
@@ -67,6 +68,7 @@ command(epilog=demo.EXAMPLES)(demo.demo)
 command(epilog=sim.EXAMPLES)(sim.sim)
 command(epilog=sweep.EXAMPLES)(sweep.sweep)
 command(epilog=faults.EXAMPLES)(faults.faults)
+command(rich_help_panel=ROVER, epilog=init.EXAMPLES)(init.init)
 command(rich_help_panel=ROVER, epilog=rover.RUN_EXAMPLES)(rover.run)
 for verb in control.COMMANDS:
     lenient = {"ignore_unknown_options": verb in control.ACCEPT_NEGATIVE}

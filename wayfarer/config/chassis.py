@@ -21,18 +21,18 @@ STANDARD_GRAVITY_M_S2 = 9.80665
 
 @dataclass(frozen=True, slots=True)
 class Chassis:
-    """Weight, motors and belly of a rover; None where its file does not say.
-
-    A branch that is no thicker than ``ground_clearance_m`` passes under the belly. ``motors_n_m`` is the torque of all
-    motors together. ``wheel_radius_m`` and ``height_m``, from the ground to the top of the body, are asked for by
-    ``--ground`` and ``--physics mujoco`` only.
-    """
+    """Weight, motors and belly of a rover, for the simulator; None where its file does not say."""
 
     ground_clearance_m: Metres | None = None
+    """Height of the belly: a branch that is no thicker passes under it. For ``--site``."""
     weight_kg: Kilograms | None = None
+    """Mass of the rover with its batteries."""
     motors_n_m: NewtonMetres | None = None
+    """Torque of all motors together."""
     wheel_radius_m: Metres | None = None
+    """Radius of a wheel. For ``--ground`` and ``--physics mujoco``."""
     height_m: Metres | None = None
+    """From the ground to the top of the body. For ``--ground`` and ``--physics mujoco``."""
 
     def missing(self, asked: Sequence[str]) -> tuple[str, ...]:
         """Return which of the keys that are asked for the file does not give."""

@@ -12,27 +12,28 @@ StreamHertz = Annotated[float, Interval(ge=0.1, le=20)]
 
 @dataclass(frozen=True, slots=True)
 class MavlinkSettings:
-    """What a ground station gets, and what it may do.
-
-    ``system_id`` is the rover's number among the vehicles of a station. ``key_file`` is a file with the passphrase that
-    signs (16 characters or more, only for its owner to read, mode 0600); empty: none. Without it no other computer can
-    command the rover, and none can start its wheels. ``may_arm`` lets a station arm the rover; it needs the key.
-    A link is lost without a heartbeat of a station for ``link_lost_s`` (5 s, as ArduPilot's FS_GCS_TIMEOUT);
-    ``on_link_lost`` says whether an armed rover then goes on or holds its wheels until somebody resumes. All messages
-    together take at most ``bytes_per_s``: half of what a radio of 57,600 baud carries, which has 10 bits a byte.
-    ``attitude_hz``, ``position_hz`` and ``values_hz`` are the rates of attitude, of position and speed, and of the
-    named values.
-    """
+    """The link to a ground station, of ``wayfarer run --mavlink``: what the station gets, and what it may do."""
 
     system_id: Annotated[int, Interval(ge=1, le=255)] = 1
+    """The rover's number among the vehicles of a station."""
     key_file: Annotated[str, MaxLen(255)] = ""
+    """File with the passphrase that signs messages: 16 characters or more, only for its owner to read (mode 0600).
+    Without it no other computer can command the rover, and none can start its wheels."""
     may_arm: bool = False
+    """Let a station arm the rover; needs ``key_file``."""
     on_link_lost: Literal["continue", "hold"] = "continue"
+    """Whether an armed rover goes on when the link is lost, or holds its wheels until somebody resumes."""
     link_lost_s: Annotated[float, Interval(ge=1, le=600)] = 5.0
+    """The link is lost after this time without a heartbeat of a station (5 s, as ArduPilot's FS_GCS_TIMEOUT)."""
     bytes_per_s: Annotated[int, Interval(ge=500, le=1_000_000)] = 2880
+    """All messages together take at most so many bytes per second: half of what a radio of 57,600 baud carries, with
+    10 bits a byte."""
     attitude_hz: StreamHertz = 4.0
+    """Rate of the attitude."""
     position_hz: StreamHertz = 2.0
+    """Rate of position and speed."""
     values_hz: StreamHertz = 1.0
+    """Rate of the named values: phase, counter and others."""
 
     def __post_init__(self) -> None:
         if self.may_arm and not self.key_file:

@@ -40,24 +40,23 @@ _TEXT = "utf-8-sig"  # some editors begin a file with a byte order mark
 
 @dataclass(frozen=True, slots=True)
 class LogSettings:
-    """Limits of one run's log, in MB (1,000,000 bytes). At 20 Hz a run writes 14 kB a second: 50 MB an hour.
-
-    A file of ``part_mb`` is an hour, small enough for an editor and for a phone's connection, and far below the 4 GB
-    that a file may have on FAT. A run of more than ``run_mb``, which is most of a day and should be several parts,
-    loses its oldest parts but the first, which says how it began: a daemon that stands disarmed for weeks must not fill
-    the card. With less than ``free_mb`` left on the disk only events are written: the computer needs that to boot and
-    to let a person log in. A rover is armed only where a part fits beside it.
-
-    ``keep_days`` and ``keep_mb`` let the daemon delete old runs, the oldest first: those last written so many days ago,
-    and those beyond so many MB of all runs together. Without them nothing is deleted. ``fieldlog/retention.py`` says
-    which runs always stay.
-    """
+    """Limits of a run's log and of all logs together, in MB (1,000,000 bytes) and days. At 20 Hz a run writes 14 kB a
+    second: 50 MB an hour."""
 
     part_mb: Annotated[float, Interval(ge=1, le=2000)] = 50.0
+    """Size of one file of a log: an hour, small enough for an editor and for a phone's connection, and far below the
+    4 GB that a file may have on FAT. A rover is armed only where one fits beside ``free_mb``."""
     run_mb: Annotated[float, Interval(ge=10, le=1_000_000)] = 1000.0
+    """A longer run, which is most of a day and should be several parts, loses its oldest parts but the first, which
+    says how it began: a daemon that stands disarmed for weeks must not fill the card."""
     free_mb: Annotated[float, Interval(ge=0, le=100_000)] = 100.0
+    """With less left on the disk only events are written: the computer needs that to boot and to let a person log
+    in."""
     keep_days: Annotated[float, Interval(ge=1, le=10_000)] | None = None
+    """The daemon deletes runs that were last written so many days ago, the oldest first; without it none.
+    ``fieldlog/retention.py`` says which runs always stay."""
     keep_mb: Annotated[float, Interval(ge=10, le=100_000_000)] | None = None
+    """The daemon deletes the oldest runs where all runs together take more; without it none."""
 
 
 # One file, whatever the disk is like: the same simulated trial writes the same bytes everywhere.
@@ -70,24 +69,26 @@ class Rates(BaseModel):
     model_config = _STRICT
 
     compass_hz: Hertz = 20.0
+    """Readings of the compass a second."""
     motion_hz: Hertz = 20.0
+    """Readings of the motion sensor a second."""
     contact_hz: Hertz = 20.0
+    """Readings of the bumper a second."""
     position_hz: Hertz = 1.0
+    """Readings of the receiver a second."""
 
 
 class RoverConfig(BaseModel):
-    """One rover, as its file describes it.
-
-    ``declination_deg`` is how far magnetic north lies east of true north where the rover drives; without it bearings
-    are magnetic only. ``parts`` names a driver and its settings for each member of ``hal.Rover``, and ``buses`` who
-    hands out the buses that they sit on; a rover without parts can only be simulated.
-    """
+    """One rover, as its file describes it."""
 
     model_config = _STRICT
 
     name: str = Field(min_length=1, max_length=40)
+    """What this rover is called in logs and reports."""
     control_hz: Hertz = 20.0
+    """Control ticks a second."""
     anomaly_source: Literal["motion", "contact"] = "motion"
+    """The sense by which it notices obstacles."""
     vehicle: Vehicle
     chassis: Chassis = Chassis()
     rates: Rates = Rates()
@@ -100,8 +101,13 @@ class RoverConfig(BaseModel):
     log: LogSettings = LogSettings()
     mavlink: MavlinkSettings = MavlinkSettings()
     declination_deg: float | None = Field(default=None, ge=-180, le=180)
+    """How far magnetic north lies east of true north where the rover drives, in degrees; without it bearings are
+    magnetic only. For ``--north true``."""
     buses: str = Field(default="linux", max_length=_TEXT_MAX)
+    """Who hands out the buses that the parts sit on: ``linux`` for the device files of a Linux board, or
+    ``module:attribute``."""
     parts: dict[str, dict[str, Any]] = {}
+    """A driver and its settings for each part; a rover without parts can only be simulated."""
 
     @model_validator(mode="after")
     def _rates_meet_their_deadlines(self) -> Self:

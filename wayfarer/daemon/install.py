@@ -18,7 +18,7 @@ from pathlib import Path
 
 import wayfarer
 from wayfarer.config.rover_file import load_rover, parse_rover, rover_text
-from wayfarer.config.rover_path import ROVER_FILE, STATE_FOLDER
+from wayfarer.config.rover_path import ROVER_FILE, SCHEMA_BESIDE, SCHEMA_ELSEWHERE, STATE_FOLDER
 from wayfarer.errors import BadInput, one_line
 from wayfarer.files import write_atomically
 
@@ -149,6 +149,7 @@ def _place_rover_file(rover: str | None, path: Path) -> str:
     text = rover_text(rover)
     parse_rover(rover, text)  # the text that is installed is the one that was checked
     _make_folder(path.parent)
+    text = text.replace(SCHEMA_BESIDE, SCHEMA_ELSEWHERE, 1)
     write_atomically(path, text, mode=READABLE, follow_symlink=True)
     return f"wrote {path} (from {rover})"
 

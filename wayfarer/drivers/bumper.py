@@ -7,6 +7,7 @@ read. A switch whose wire is broken looks like one that nothing touches; this dr
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, ClassVar
@@ -18,17 +19,19 @@ from wayfarer.hal import ContactReading, Side
 
 @dataclass(frozen=True, slots=True)
 class BumperSettings:
-    """The pin of each side's switch, by GPIO number; None where there is none.
-
-    pull_up: the switches connect their pin to ground when pressed, and the Pi's own resistors pull it up otherwise.
-        False: they connect it to 3.3 V (never 5 V), and it is pulled down otherwise.
-    """
+    """The pin of each side's switch; None where there is none."""
 
     front: Pin | None = None
+    """GPIO number of the switch in front."""
     left: Pin | None = None
+    """GPIO number of the left switch."""
     right: Pin | None = None
+    """GPIO number of the right switch."""
     rear: Pin | None = None
+    """GPIO number of the switch at the rear."""
     pull_up: bool = True
+    """The switches connect their pin to ground when pressed, and the Pi's own resistors pull it up otherwise. False:
+    they connect it to 3.3 V (never 5 V), and it is pulled down otherwise."""
 
     def __post_init__(self) -> None:
         if not self.pins:
@@ -45,6 +48,7 @@ class Bumper(GpioPart):
     """The switches as a ``hal.ContactSensor``; they do not know the bearing of an obstacle."""
 
     part: ClassVar[str] = "contact"
+    unseen: ClassVar[Sequence[str]] = ("front", "left", "right", "rear")
     Settings = BumperSettings
 
     def __init__(self, settings: BumperSettings, _buses: Buses) -> None:

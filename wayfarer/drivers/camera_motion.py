@@ -17,7 +17,7 @@ moves.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
@@ -42,35 +42,37 @@ AXES = {"+x": (1.0, 0.0), "-x": (-1.0, 0.0), "+y": (0.0, 1.0), "-y": (0.0, -1.0)
 
 @dataclass(frozen=True, slots=True)
 class CameraMotionSettings:
-    """Which camera, how it looks, and what its pictures mean.
-
-    camera: its number among the connected ones, as text.
-    width, height: pixels; even. Registering 160 x 120 takes 0.5 ms on a desk computer.
-    exposure_us: fixed exposure in microseconds; None is automatic.
-    forward: for displacement, the image axis that points ahead; x runs to the right of the picture and y down.
-        ``-y`` is a camera whose picture has the rover's front at its top.
-    m_per_pixel: for displacement, the ground that one pixel shows, in metres: drive a metre and divide.
-    dark_below, flat_below: a picture with a lower mean grey level, or a lower standard deviation, is no evidence. From
-        no source: a covered lens must be below them, the darkest ground to be driven must not.
-    difference_still, difference_moving: for difference, the mean change of a pixel in grey levels from one picture to
-        the next (``CameraMotion.change``), while standing, and at ``difference_speed_m_s`` on the ground with the least
-        contrast.
-    difference_speed_m_s: that speed; choose the cruising speed. A higher speed is measured as this one.
-    """
+    """Which camera, how it looks, and what its pictures mean."""
 
     camera: Literal["0", "1", "2", "3"] = "0"
+    """Its number among the connected ones, as text."""
     width: Pixels = 160
+    """Width of a picture in pixels, even. Registering 160 x 120 takes 0.5 ms on a desk computer."""
     height: Pixels = 120
+    """Height of a picture in pixels, even."""
     rate_hz: Hertz = 20.0
+    """Pictures a second."""
     exposure_us: Annotated[int, Interval(ge=10, le=1_000_000)] | None = None
+    """Fixed exposure, so that a change of light is no motion; without a value it is automatic."""
     method: Literal["displacement", "difference"] = "displacement"
+    """``displacement`` for a camera that looks straight down, ``difference`` for one that looks in any direction."""
     forward: Literal["+x", "-x", "+y", "-y"] = "-y"
+    """For displacement, the image axis that points ahead; x runs to the right of the picture and y down. ``-y`` is a
+    camera whose picture has the rover's front at its top."""
     m_per_pixel: Annotated[float, Interval(gt=0, le=0.1)] | None = None
+    """For displacement, the ground that one pixel shows, in m: drive a metre and divide."""
     dark_below: GreyLevels = 15.0
+    """A picture with a lower mean grey level, 0 to 255, is no evidence. From no source: a covered lens must be below
+    it, the darkest ground to be driven must not."""
     flat_below: GreyLevels = 5.0
+    """A picture whose standard deviation in grey levels is lower is no evidence; from no source, as ``dark_below``."""
     difference_still: GreyLevels | None = None
+    """For difference, the mean change of a pixel in grey levels from one picture to the next while standing; ``wayfarer
+    calibrate flow`` measures it on your ground."""
     difference_moving: GreyLevels | None = None
+    """The same grey levels at ``difference_speed_m_s``, on the ground with the least contrast."""
     difference_speed_m_s: MetresPerSecond = 1.0
+    """That speed; choose the cruising speed. A higher speed is measured as this one."""
 
     def __post_init__(self) -> None:
         if self.method == "displacement":
@@ -98,6 +100,7 @@ class CameraMotion:
     """The camera as a ``hal.MotionSensor``."""
 
     part: ClassVar[str] = "motion"
+    unseen: ClassVar[Sequence[str]] = ("method", "m_per_pixel", "difference_still", "difference_moving")
     packages: ClassVar[Mapping[str, str]] = {"cv2": how_to_install("camera")}
     Settings = CameraMotionSettings
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
@@ -45,30 +45,30 @@ LEARN, OFF = 0x83, 0x80
 
 @dataclass(frozen=True, slots=True)
 class CMPS14Settings:
-    """Where the compass is and how it is mounted.
-
-    ``heading_offset_deg`` is added to the bearing: a part whose arrow points 90 degrees to the right of the rover's
-    nose needs -90. The signs of the part's tilt are not documented: compare with a rover that is held nose up (pitch
-    positive) and then right side down (roll positive). A part that is mounted across needs ``swap_pitch_roll``, which
-    is applied before ``reverse_pitch`` and ``reverse_roll``.
-
-    Background calibration is switched off when the part is opened, unless ``background_calibration``: near iron or
-    motors it learns a wrong calibration. ``wayfarer calibrate`` calibrates the part once, and the part stores it.
-    """
+    """Where the compass is and how it is mounted."""
 
     bus: str = "/dev/i2c-1"
+    """Device file of the I2C bus."""
     address: Annotated[int, Interval(ge=0x60, le=0x67)] = 0x60
+    """I2C address, 7-bit."""
     heading_offset_deg: Annotated[float, Interval(ge=-180, le=180)] = 0.0
+    """Added to the bearing: a part whose arrow points 90 degrees to the right of the rover's nose needs -90."""
     reverse_pitch: bool = False
+    """The part reads negative with the nose up; its data sheet does not say which way is up, ``check`` asks."""
     reverse_roll: bool = False
+    """The part reads negative with the right side down."""
     swap_pitch_roll: bool = False
+    """The part is mounted across; applied before ``reverse_pitch`` and ``reverse_roll``."""
     background_calibration: bool = False
+    """Let the part calibrate itself while it is used. Near iron or motors it learns a wrong calibration; ``wayfarer
+    calibrate`` calibrates it once, and the part stores it."""
 
 
 class CMPS14:
     """The compass as ``hal.Compass``; ``error_counts`` counts the reads that needed a second transfer."""
 
     part: ClassVar[str] = "compass"
+    addresses: ClassVar[Sequence[int]] = range(0x60, 0x68)
     Settings = CMPS14Settings
 
     def __init__(self, settings: CMPS14Settings, buses: Buses) -> None:
@@ -81,7 +81,13 @@ class CMPS14:
         self.error_counts: Counter[str] = Counter()
 
     async def open(self) -> None:
-        """Read the firmware number, then one block; a part that is still booting gets a second.
+        """Identify the part, and switch its background calibration off unless the settings want it; raises as that."""
+        await self.identify()
+        if not self._settings.background_calibration:
+            await self.configure(OFF)
+
+    async def identify(self) -> None:
+        """Read the firmware number, then one block; a part that is still booting gets a second. Only reads.
 
         A CMPS12 answers at the same address and has no register with its type, but it has a bearing where a CMPS14 has
         its 16-bit pitch. A CMPS12 that lies level and points north is not noticed until it turns; one with a firmware
@@ -93,7 +99,7 @@ class CMPS14:
             BadReading: no plausible block within a second.
         """
         try:
-            await self._identify()
+            await self._read_version()
             block = await self._first_block()
         except NotResponding as error:
             raise NotResponding(
@@ -104,8 +110,6 @@ class CMPS14:
             got = f"pitch {block.pitch_deg:.1f} at 0x1A and {block.pitch8_deg} at 0x04, as from a CMPS12"
             raise WrongPart(self.name, "a CMPS14", got)
         self._check(block)
-        if not self._settings.background_calibration:
-            await self.configure(OFF)
 
     async def close(self) -> None:
         """Nothing to release."""
@@ -169,7 +173,7 @@ class CMPS14:
 
     # -- transfers -----------------------------------------------------------------------------------------------
 
-    async def _identify(self) -> None:
+    async def _read_version(self) -> None:
         (version,) = await self._read_with_retry(1)
         if version in SILENT_LINE:
             raise WrongPart(self.name, "a firmware number", f"0x{version:02X}")

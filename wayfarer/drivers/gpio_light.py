@@ -5,6 +5,7 @@ Each pin is on or off, with nothing between: eight colours are enough at ten met
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -15,15 +16,16 @@ from wayfarer.hal import Colour
 
 @dataclass(frozen=True, slots=True)
 class GpioLightSettings:
-    """The pin of each colour, by GPIO number; None where there is none. A buzzer is a light with one colour.
-
-    active_high: the pin is high while its colour shines. False for LEDs with a common anode.
-    """
+    """The pin of each colour; None where there is none. A buzzer is a light with one colour."""
 
     red: Pin | None = None
+    """GPIO number of the red light."""
     green: Pin | None = None
+    """GPIO number of the green light."""
     blue: Pin | None = None
+    """GPIO number of the blue light."""
     active_high: bool = True
+    """A pin is high while its colour shines. False for LEDs with a common anode."""
 
     def __post_init__(self) -> None:
         if not self.pins:
@@ -40,6 +42,7 @@ class GpioLight(GpioPart):
     """The pins as a ``hal.StatusLight``; all are dark once claimed."""
 
     part: ClassVar[str] = "light"
+    unseen: ClassVar[Sequence[str]] = ("red", "green", "blue")
     Settings = GpioLightSettings
 
     def __init__(self, settings: GpioLightSettings, _buses: Buses) -> None:

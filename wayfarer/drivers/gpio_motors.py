@@ -30,21 +30,24 @@ from wayfarer.hal import MotorHealth, WheelCommand
 
 @dataclass(frozen=True, slots=True)
 class GpioMotorsSettings:
-    """The pins, by GPIO number.
-
-    left_forward, left_backward, right_forward, right_backward: the inputs of the H-bridge.
-    left_enable, right_enable: held high while the pins are claimed; None if the board has no such input, or a jumper.
-    duty_limit: no side gets more duty than this; if one would, both are scaled down together, so that a curve keeps its
-        shape. For motors whose rated voltage is below that of the battery.
-    """
+    """The pins of the H-bridges."""
 
     left_forward: Pin
+    """GPIO number of the input that drives the left side ahead."""
     left_backward: Pin
+    """GPIO number of the input that drives the left side back."""
     right_forward: Pin
+    """GPIO number of the input that drives the right side ahead."""
     right_backward: Pin
+    """GPIO number of the input that drives the right side back."""
     left_enable: Pin | None = None
+    """GPIO number of an input that is held high while the pins are claimed; none if the board has no such input, or a
+    jumper."""
     right_enable: Pin | None = None
+    """GPIO number of the same for the right side."""
     duty_limit: Annotated[float, Interval(gt=0, le=1)] = 1.0
+    """No side gets more than this share of the battery's voltage; if one would, both are scaled down together, so that
+    a curve keeps its shape. For motors whose rated voltage is below that of the battery."""
 
 
 class GpioMotors(GpioPart):

@@ -34,16 +34,15 @@ FIX_2D = 2  # TPV's mode: 0 unknown, 1 no fix, 2 without and 3 with altitude
 
 @dataclass(frozen=True, slots=True)
 class GpsdSettings:
-    """Where gpsd listens, and how old a fix may be.
-
-    host, port: gpsd listens on its own machine only, unless it was started with -G.
-    stale_s: a fix whose time has not advanced for this long is not reported any more. More than 3 s has no effect on
-        ``safety.mission_radius_m``, which uses a fix for 3 s at most (``safety.mission_limits.FIX_FRESH_S``).
-    """
+    """Where gpsd listens, and how old a fix may be."""
 
     host: Annotated[str, Len(1, 253)] = "127.0.0.1"
+    """Name or address of the computer; gpsd listens on its own one only, unless it was started with -G."""
     port: Annotated[int, Interval(ge=1, le=65_535)] = 2947
+    """Number of the TCP port."""
     stale_s: Seconds = 3.0
+    """A fix whose time has not advanced for this long is not reported any more. More than 3 s has no effect on
+    ``safety.mission_radius_m``, which uses a fix for 3 s at most (``safety.mission_limits.FIX_FRESH_S``)."""
 
 
 class Fixes:
@@ -149,6 +148,11 @@ class Gpsd:
             raise
         self._fixes = Fixes(self._settings.stale_s)
         self._follower = asyncio.create_task(self._follow(reader), name=self.name)
+
+    async def identify(self) -> None:
+        """Connect, make sure that it is gpsd, and hang up; raises as ``open``."""
+        await self.open()
+        await self.close()
 
     async def close(self) -> None:
         """Close the connection."""

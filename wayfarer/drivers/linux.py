@@ -137,6 +137,23 @@ def open_serial(path: str, baud: int) -> Any:
     return Serial(path, baud, timeout=0, write_timeout=1.0)
 
 
+def _picamera2() -> Any:
+    try:
+        from picamera2 import Picamera2
+    except ImportError as error:
+        raise OSError(f"{error}; sudo apt install python3-picamera2, and a venv with --system-site-packages") from None
+    return Picamera2
+
+
+def connected_cameras() -> list[str]:
+    """Return the models of the connected cameras, by number, as libcamera lists them; none is opened.
+
+    Raises:
+        OSError: picamera2 is not installed.
+    """
+    return [str(each.get("Model", "camera")) for each in _picamera2().global_camera_info()]
+
+
 class LibCamera:
     """A camera through picamera2, running.
 
@@ -144,12 +161,7 @@ class LibCamera:
     """
 
     def __init__(self, number: int, size: tuple[int, int], rate_hz: float, exposure_us: int | None) -> None:
-        try:
-            from picamera2 import Picamera2
-        except ImportError as error:
-            raise OSError(
-                f"{error}; sudo apt install python3-picamera2, and a venv with --system-site-packages"
-            ) from None
+        Picamera2 = _picamera2()  # noqa: N806 - a class
         self._width, self._height = size
         try:
             self._camera = Picamera2(number)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
@@ -39,31 +40,33 @@ OPEN_S = RESET_S + SETTLE_S + START_S + OBSERVE_S
 
 @dataclass(frozen=True, slots=True)
 class PMW3901Settings:
-    """Where the sensor is, and how it is mounted.
-
-    bus: the breakout's front slot is chip select 1, its back slot chip select 0 (``/dev/spidev0.0``).
-    spi_mode: the data sheet says 3; Pimoroni, PX4 and libdriver on the Pi use 0, and one port worked in 0 only.
-    speed_hz: the chip accepts 2 MHz, and needs 35 us to find a register's value. ``spidev`` makes no pause after the
-        address, so only a slow clock gives it time: at Pimoroni's 400 kHz a byte takes 20 us, which is known to work.
-    height_m: from lens to ground in metres.
-    rad_per_count: angle of one count. The default is the data sheet's; published drivers use 0.00126 to 0.0026, so
-        calibrate.
-    forward, right: which of the chip's axes increases as the rover moves forward, and to its right. The defaults are
-        the mounting of the Crazyflie's flow deck; a push by hand shows those of your rover.
-    squal_full: the SQUAL that counts as quality 1, in proportion below. Indoors 80 to 100, in the sun 120 to 150,
-        at night 0 to 60 (PX4 #12894).
-    led: light the breakout's own LED.
-    """
+    """Where the sensor is, and how it is mounted."""
 
     bus: str = "/dev/spidev0.1"
+    """Device file of the SPI device: the breakout's front slot is chip select 1, its back slot chip select 0
+    (``/dev/spidev0.0``)."""
     spi_mode: Literal[0, 3] = 0
+    """SPI mode, by its number. The data sheet says 3; Pimoroni, PX4 and libdriver on the Pi use 0, and one port worked
+    in 0 only."""
     speed_hz: Annotated[int, Interval(ge=10_000, le=2_000_000)] = 400_000
+    """Clock of the bus. The chip accepts 2 MHz, and needs 35 us to find a register's value. ``spidev`` makes no pause
+    after the address, so only a slow clock gives it time: at Pimoroni's 400 kHz a byte takes 20 us, which is known to
+    work."""
     height_m: Annotated[float, Interval(ge=0.08, le=10)] = 0.1
+    """From lens to ground. At 0.1 m it follows 0.74 m/s, in proportion higher up."""
     rad_per_count: Annotated[float, Interval(gt=0, le=0.01)] = RAD_PER_COUNT
+    """Angle of one count, in rad. The default is the data sheet's; published drivers use 0.00126 to 0.0026, so
+    calibrate."""
     forward: Axis = "-y"
+    """Which of the chip's axes increases as the rover moves forward. The default is the mounting of the Crazyflie's
+    flow deck; ``check`` asks you to push the rover, and finds this value."""
     right: Axis = "+x"
+    """Which of the chip's axes increases as the rover moves to its right."""
     squal_full: Annotated[int, Interval(ge=1, le=255)] = 95
+    """The chip's texture number (SQUAL) that counts as quality 1, in proportion below. Indoors 80 to 100, in the sun
+    120 to 150, at night 0 to 60 (PX4 #12894)."""
     led: bool = True
+    """Light the breakout's own LED."""
 
     def __post_init__(self) -> None:
         if self.forward[1] == self.right[1]:
@@ -90,6 +93,7 @@ class PMW3901:
     """
 
     part: ClassVar[str] = "motion"
+    unseen: ClassVar[Sequence[str]] = ("height_m",)
     Settings = PMW3901Settings
 
     def __init__(self, settings: PMW3901Settings, buses: Buses) -> None:
@@ -112,10 +116,18 @@ class PMW3901:
             WrongPart: something else answered.
         """
         await self._reset()
-        await self._identify()
+        await self.identify()
         await self._configure()
         await self._observe()
         self._is_first = True
+
+    async def identify(self) -> None:
+        """Read the product number and its inverse; raises as ``open``."""
+        product, inverse = await self._read(0x00), await self._read(0x5F)
+        if (product, inverse) != (PRODUCT, INVERSE_PRODUCT):
+            expected = f"product 0x{PRODUCT:02X} and inverse 0x{INVERSE_PRODUCT:02X}"
+            got = f"0x{product:02X} and 0x{inverse:02X}"
+            raise self._silence(bytes((product, inverse))) or WrongPart(self.name, expected, got)
 
     async def close(self) -> None:
         """Nothing to release: the bus belongs to ``Buses``."""
@@ -165,13 +177,6 @@ class PMW3901:
         await asyncio.sleep(RESET_S)
         for register in range(0x02, 0x07):  # the data sheet requires one read of each; the values do not matter
             await self._read(register)
-
-    async def _identify(self) -> None:
-        product, inverse = await self._read(0x00), await self._read(0x5F)
-        if (product, inverse) != (PRODUCT, INVERSE_PRODUCT):
-            expected = f"product 0x{PRODUCT:02X} and inverse 0x{INVERSE_PRODUCT:02X}"
-            got = f"0x{product:02X} and 0x{inverse:02X}"
-            raise self._silence(bytes((product, inverse))) or WrongPart(self.name, expected, got)
 
     async def _configure(self) -> None:
         """Write the start-up table (hardware.md 2.3), with its reads and choices."""

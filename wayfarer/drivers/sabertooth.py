@@ -42,23 +42,28 @@ def packet(address: int, command: int, data: int) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class SabertoothSettings:
-    """How the board is wired and switched: packetised serial, with its address on the DIP switches.
-
-    ``left`` is the output of the left wheels (M1 or M2), the other one drives the right ones. ``reverse_left`` and
-    ``reverse_right`` are for a side whose motors turn backwards when they are commanded forwards. ``timeout_s`` is the
-    board's own deadman, in whole tenths of a second. Below ``battery_min_v`` the board stops the motors (None: the
-    board's own setting). ``duty_limit`` is the highest share of the battery's voltage that the motors may get.
-    """
+    """How the board is wired and switched: packetised serial, with its address on the DIP switches."""
 
     port: str = "/dev/serial0"
+    """Device file of the serial port. On a Pi 5 the header's pins are ``/dev/ttyAMA0``; an adapter is found under
+    ``/dev/serial/by-id``, by a name that stays."""
     baud: Literal[2400, 9600, 19200, 38400] = 9600
+    """Speed of the serial line in bit/s."""
     address: Annotated[int, Interval(ge=128, le=135)] = 128
+    """Address of the board, as on its switches."""
     left: Literal[1, 2] = 1
+    """The output of the left wheels, M1 or M2, by its number; the other one drives the right ones."""
     reverse_left: bool = False
+    """The left motors turn backwards when they are commanded forwards."""
     reverse_right: bool = False
+    """The right motors turn backwards when they are commanded forwards."""
     timeout_s: Annotated[float, Interval(ge=0.1, le=12.7), MultipleOf(0.1)] = 0.3
+    """The board's own deadman, in whole tenths of a second; off at power-up, so it is sent again behind each command to
+    move."""
     battery_min_v: Annotated[float, Interval(ge=6, le=30)] | None = None
+    """Below this voltage the board stops the motors; without a value, as it is set itself. It cannot report it."""
     duty_limit: Annotated[float, Interval(gt=0, le=1)] = 1.0
+    """The highest share of the battery's voltage that the motors may get."""
 
     @property
     def deadman_s(self) -> float:

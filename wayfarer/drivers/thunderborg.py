@@ -7,6 +7,7 @@ them.
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal, NamedTuple
@@ -34,20 +35,21 @@ _DOES_NOT_ARM = (
 
 @dataclass(frozen=True, slots=True)
 class ThunderBorgSettings:
-    """How the board is wired.
-
-    ``duty_limit`` is the highest share of the battery's voltage that the motors get: 0.95 for 12 V motors on ten NiMH
-    cells, as in PiBorg's scripts. ``left`` is the output of the left wheels (a MonsterBorg's motor 2, "B"); the other
-    drives the right ones. ``reverse_left`` and ``reverse_right`` are for a side whose motors turn backwards when they
-    are commanded forwards.
-    """
+    """How the board is wired."""
 
     bus: str = "/dev/i2c-1"
+    """Device file of the I2C bus."""
     address: Annotated[int, Interval(ge=0x03, le=0x77)] = DEFAULT_ADDRESS
+    """I2C address, 7-bit."""
     duty_limit: Annotated[float, Interval(gt=0, le=1)] = 0.95
+    """The highest share of the battery's voltage that the motors get: 0.95 for 12 V motors on ten NiMH cells, as in
+    PiBorg's scripts."""
     left: Literal["A", "B"] = "B"
+    """The output of the left wheels (a MonsterBorg's motor 2, "B"); the other one drives the right ones."""
     reverse_left: bool = False
+    """The left motors turn backwards when they are commanded forwards."""
     reverse_right: bool = False
+    """The right motors turn backwards when they are commanded forwards."""
 
     @property
     def deadman_s(self) -> float:
@@ -85,6 +87,7 @@ class ThunderBorg:
 
     part: ClassVar[str] = "motors"
     chip: ClassVar[str] = CHIP
+    addresses: ClassVar[Sequence[int]] = (DEFAULT_ADDRESS,)
     Settings = ThunderBorgSettings
 
     def __init__(self, settings: ThunderBorgSettings, buses: Buses) -> None:
@@ -111,7 +114,7 @@ class ThunderBorg:
         If the failsafe is off now, the board has lost power, and its drive-fault flags are ignored until both motors
         have been driven. Otherwise a fault of the last mission still counts.
         """
-        await self._board.identify()
+        await self.identify()
         with suppress(BadReading):
             if not await self._failsafe_is_on():
                 self._driven.clear()
@@ -119,6 +122,10 @@ class ThunderBorg:
             raise NotResponding(f"{self.name}: {_DOES_NOT_ARM}")
         self._forgot = False
         await self.drive(STOP)
+
+    async def identify(self) -> None:
+        """Ask the board for its id; changes nothing. Raises as ``ThunderBorgLink.identify``."""
+        await self._board.identify()
 
     async def close(self) -> None:
         """Nothing to release; the failsafe stays armed."""

@@ -7,7 +7,7 @@ write, a stop and a read of 6 bytes: the echo of the command, the answer, and fi
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Annotated, ClassVar, TypeVar
@@ -131,7 +131,9 @@ class ThunderBorgLightSettings:
     """Where the board is: as for the motors."""
 
     bus: str = "/dev/i2c-1"
+    """Device file of the I2C bus."""
     address: Annotated[int, Interval(ge=0x03, le=0x77)] = DEFAULT_ADDRESS
+    """I2C address, 7-bit."""
 
 
 class ThunderBorgLight:
@@ -143,6 +145,7 @@ class ThunderBorgLight:
 
     part: ClassVar[str] = "light"
     chip: ClassVar[str] = CHIP
+    addresses: ClassVar[Sequence[int]] = (DEFAULT_ADDRESS,)
     Settings = ThunderBorgLightSettings
 
     def __init__(self, settings: ThunderBorgLightSettings, buses: Buses) -> None:
@@ -153,8 +156,12 @@ class ThunderBorgLight:
     async def open(self) -> None:
         """Find the board and take its LEDs from the battery display."""
         self._shown = None
-        await self._board.identify()
+        await self.identify()
         await self._board.write(Opcode.SET_LEDS_SHOW_BATTERY, 0)
+
+    async def identify(self) -> None:
+        """Ask the board for its id; changes nothing. Raises as ``ThunderBorgLink.identify``."""
+        await self._board.identify()
 
     async def close(self) -> None:
         """Nothing to release; the last colour stays."""

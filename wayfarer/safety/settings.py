@@ -1,6 +1,7 @@
 """Settings of the safety package: sections ``safety``, ``manual``, ``board`` and ``progress`` of a rover file.
 
 They stand apart from the logic that reads them, because the logic is compiled and pydantic needs plain Python classes.
+What a field means stands below it; ``python -m docs.generate`` makes the schema of rover files from that.
 """
 
 from __future__ import annotations
@@ -17,70 +18,74 @@ Volts = Annotated[float, Interval(gt=0, le=60)]
 
 @dataclass(frozen=True, slots=True)
 class SafetySettings:
-    """Limits at the gate, and what arming demands.
-
-    ``slew_per_s`` limits how fast a duty may grow, because motors that start too fast can reset the computer, the most
-    frequent problem of such rovers. ``mission_*`` are limits that end a run normally. A rover whose compass is
-    calibrated to less than ``calibration_min`` (0 to 3) is not armed. A rover whose motor board has no deadman is armed
-    only with ``allow_no_deadman``. A board that has one but cannot report it needs a person who has seen it stop the
-    wheels (``wayfarer check``), or a reason why nobody has in ``deadman_unproved_because``, which is shown at each
-    arming. Arming waits until the heading has stayed within ``settle_spread_deg`` for ``settle_s``; both from no
-    source. ``tick_late_s`` is the age from which a tick is late: its command becomes a stop, a condition says so, and
-    no more than this time counts as driven; below the shortest deadman of a board, 0.25 s. ``resume_warning_s`` is how
-    long the status light warns before a rover that held its wheels by itself, for more than a second, lets them turn
-    again; 0 for no warning. ``on_lost_sense`` says whether a rover that has lost its compass, motion or contact sensor,
-    or whose supply sags again and again, continues with limits, or holds its wheels, and whether one whose motor board
-    failed opens it again or waits for a person: "hold" is for a rover that drives among people.
-    """
+    """Limits at the gate, and what arming demands."""
 
     duty_max: Annotated[float, Interval(gt=0, le=1)] = 1.0
+    """Highest duty of a side, as a share of full duty."""
     slew_per_s: Annotated[float, Interval(gt=0, le=1000)] = 8.0
+    """How fast a duty may grow, in shares of full duty per second. Motors that start too fast can reset the computer,
+    the most frequent problem of such rovers. A stop is not limited."""
     tick_late_s: Seconds = 0.2
+    """Age from which a control tick is late: its command becomes a stop, a condition says so, and no more than this
+    time counts as driven. Below the shortest deadman of a board, 0.25 s."""
     mission_time_s: Seconds = 3600.0
+    """A mission ends normally after this time."""
     mission_distance_m: Annotated[float, Interval(gt=0, le=1_000_000)] = 2000.0
+    """A mission ends normally after this commanded distance."""
     mission_radius_m: Annotated[float, Interval(gt=0, le=1_000_000)] = 300.0
+    """A mission ends normally at this distance from its start. Needs a receiver, [parts.position]."""
     start_delay_s: Annotated[float, Interval(ge=0, le=600)] = 10.0
+    """Between arming and the first turn of a wheel: time to step away."""
     resume_warning_s: Annotated[float, Interval(ge=0, le=60)] = 1.0
+    """How long the status light warns before a rover that held its wheels by itself, for more than a second, lets them
+    turn again; 0 for no warning."""
     on_lost_sense: Literal["continue", "hold"] = "continue"
+    """Whether a rover that has lost its compass, motion or contact sensor, or whose supply sags again and again,
+    continues with limits, or holds its wheels; and whether one whose motor board failed opens it again or waits for a
+    person. "hold" is for a rover that drives among people."""
     settle_s: Seconds = 1.0
+    """Arming waits until the heading has stayed within ``settle_spread_deg`` for this time. From no source."""
     settle_spread_deg: Annotated[float, Interval(gt=0, le=180)] = 3.0
+    """See ``settle_s``. From no source."""
     calibration_min: Annotated[int, Interval(ge=0, le=3)] = 2
+    """Lowest calibration level of the compass, 0 to 3, at which the rover is armed."""
     allow_no_deadman: bool = False
+    """Arm a rover whose motor board has no deadman: nothing stops its wheels if the computer fails."""
     deadman_unproved_because: Annotated[str, MaxLen(200)] = ""
+    """Why nobody has seen the deadman of a board stop the wheels that cannot report it; shown at each arming. Without
+    a reason a person must see it (``wayfarer check``)."""
 
 
 @dataclass(frozen=True, slots=True)
 class ManualSettings:
-    """Driving by a person: ``wayfarer drive``, the live page's pad, a ground station.
-
-    Nobody may drive unless the file says ``allowed``, or ``wayfarer run --manual``. Without a sample that is younger
-    than ``deadman_s`` the wheels stand: ROSbot and LeKiwi allow 0.5 s, in which a rover goes 0.5 m at 1 m/s; 0.3 s
-    bears the jitter of a wireless link. ``speed_m_s`` and ``turn_deg_s`` are those of full deflection; without them
-    they are ``cruise_m_s`` and ``turn_deg_s`` of ``escape``.
-    """
+    """Driving by a person: ``wayfarer drive``, the live page's pad, a ground station."""
 
     allowed: bool = False
+    """Let a person drive the rover by hand. ``wayfarer run --manual`` allows it for one run."""
     deadman_s: Annotated[float, Interval(ge=0.1, le=1)] = 0.3
+    """The wheels stand without a sample of keys, finger or stick that is younger. ROSbot and LeKiwi allow 0.5 s, in
+    which a rover goes 0.5 m at 1 m/s; 0.3 s bears the jitter of a wireless link."""
     speed_m_s: MetresPerSecond | None = None
+    """Speed at full deflection; without it ``cruise_m_s`` of [escape]."""
     turn_deg_s: DegreesPerSecond | None = None
+    """Turn rate at full deflection; without it ``turn_deg_s`` of [escape]."""
 
 
 @dataclass(frozen=True, slots=True)
 class BoardSettings:
-    """Limits of the motor board.
-
-    A battery below ``battery_low_v`` for ``battery_low_s`` is reported, and the rover continues. Below
-    ``battery_critical_v`` for ``battery_critical_s`` it stops. The times are those of the fault catalogue, fault 31
-    (ArduPilot waits 10 s). A limit of None is not checked. The board is asked at ``health_hz``. A drive fault that it
-    reports twice in a row stops the wheels within 0.5 s (fault 26); twice, because a flag that is set at power-up takes
-    a moment to clear.
-    """
+    """Limits of the motor board. The times are those of the fault catalogue, fault 31 (ArduPilot waits 10 s)."""
 
     battery_low_v: Volts | None = None
+    """A battery below this voltage is reported, and the rover continues; without a value it is not checked."""
     battery_critical_v: Volts | None = None
+    """Below this voltage the rover stops for good; without a value it is not checked."""
     battery_low_s: Seconds = 10.0
+    """For how long the battery must be below ``battery_low_v``."""
     battery_critical_s: Seconds = 5.0
+    """For how long the battery must be below ``battery_critical_v``."""
     health_hz: Hertz = 4.0
+    """How often the board is asked. A drive fault that it reports twice in a row stops the wheels within 0.5 s (fault
+    26); twice, because a flag that is set at power-up takes a moment to clear."""
 
     def __post_init__(self) -> None:
         low_v, critical_v = self.battery_low_v, self.battery_critical_v
@@ -92,11 +97,7 @@ class BoardSettings:
 class EntrapmentSettings:
     """When a rover makes no progress: fault catalogue, fault 57.
 
-    A free run is ``free_run_m`` commanded ahead without an anomaly, of which the motion sensor sees ``covered_m``. Its
-    largest readings are not counted, so that single wild readings are no progress. Without such a run, after
-    ``anomalies_max`` anomalies, counted at most once in ``anomaly_every_s``, or after ``give_up_s`` in which the wheels
-    were commanded to turn, the rover climbs the ladder of ``escape.ladder``. With ``give_up`` it ends its mission with
-    a fault instead.
+    A rover that has no free run for too long climbs the ladder of ``escape.ladder``.
 
     The catalogue asks for 12 anomalies or 60 s. Of 1,660 simulated trials with all ten algorithms, 1,571 got out: with
     Forest-Pledge after 8 anomalies without a free run and 13 s at most, in a Lévy walk after 17 and 48 s. So the 60 s
@@ -104,8 +105,15 @@ class EntrapmentSettings:
     """
 
     anomalies_max: Count = 24
+    """Number of anomalies without a free run between them after which it makes no progress."""
     give_up_s: Seconds = 59.0
+    """Time in which the wheels were commanded to turn, without a free run, after which it makes no progress."""
     anomaly_every_s: Seconds = 0.5
+    """Anomalies are counted at most once in this time."""
     free_run_m: Metres = 0.2
+    """A free run is so far commanded ahead without an anomaly."""
     covered_m: Metres = 0.02
+    """What the motion sensor must see of a free run. Its largest readings are not counted, so that single wild readings
+    are no progress."""
     give_up: bool = False
+    """End the mission with a fault where there is no progress, instead of climbing the ladder."""
