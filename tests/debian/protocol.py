@@ -4,7 +4,7 @@ It runs there as root, with Debian's Python and without network. Each step print
 long it took. A step that goes wrong says why, and ends the phase.
 """
 
-# ruff: noqa: TID251, S101 - real time passes in a real systemd
+# ruff: noqa: TID251 - real time passes in a real systemd
 from __future__ import annotations
 
 import hashlib
@@ -19,8 +19,9 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
-from stat import S_ISREG
+from stat import S_ISDIR, S_ISREG
 
 PACKAGES = Path("/packages")
 SERVICE = "wayfarer.service"
@@ -123,14 +124,14 @@ def own_lines(said: str) -> str:
 def files_now() -> dict[str, tuple[int, int, int, str]]:
     """Return mode, user, group and checksum of every file that is compared."""
     found = {}
-    for folder, folders, names in os.walk("/"):
-        folders[:] = [name for name in folders if not NOT_COMPARED.match(os.path.join(folder, name))]
-        for path in (os.path.join(folder, name) for name in (*folders, *names)):
-            if NOT_COMPARED.match(path):
-                continue
-            info = os.lstat(path)
-            digest = hashlib.sha256(Path(path).read_bytes()).hexdigest() if S_ISREG(info.st_mode) else ""
-            found[path] = (info.st_mode, info.st_uid, info.st_gid, digest)
+    folders = [Path("/")]
+    for folder in folders:  # which grows meanwhile
+        for path in (each for each in folder.iterdir() if not NOT_COMPARED.match(str(each))):
+            info = path.lstat()
+            digest = hashlib.sha256(path.read_bytes()).hexdigest() if S_ISREG(info.st_mode) else ""
+            found[str(path)] = (info.st_mode, info.st_uid, info.st_gid, digest)
+            if S_ISDIR(info.st_mode):
+                folders.append(path)
     return found
 
 
@@ -147,7 +148,7 @@ def driven_through(action: Callable[[], str]) -> str:
     need(shown("MainPID") == pid, "the daemon is another process now")
     need(status().get("mode") == "armed", f"the rover is {status().get('mode')}")
     times_s = [float(str(tick["t_s"])) for tick in meanwhile]
-    longest_s = max(after - before for before, after in zip(times_s, times_s[1:], strict=False))
+    longest_s = max(after - before for before, after in pairwise(times_s))
     moved = sum(1 for tick in meanwhile if tick["applied_left"] or tick["applied_right"])
     metres = float(str(meanwhile[-1]["travelled_m"])) - float(str(meanwhile[0]["travelled_m"]))
     need(metres > 0.2, f"the rover drove {metres:.2f} m only")
@@ -166,7 +167,9 @@ ROVER_TEXT: list[bytes] = []
 def remember_all_files() -> str:
     """The machine before the package came."""
     BEFORE.update(files_now())
-    return f"{len(BEFORE)} files and folders; network: {' '.join(sorted(os.listdir('/sys/class/net')))}"
+    return (
+        f"{len(BEFORE)} files and folders; network: {' '.join(path.name for path in Path('/sys/class/net').iterdir())}"
+    )
 
 
 def install() -> str:
@@ -258,7 +261,7 @@ def upgrade_while_armed() -> str:
 
 def remove_while_armed() -> str:
     def remove() -> str:
-        code, said = apt("remove", "wayfarer")
+        code, _ = apt("remove", "wayfarer")
         need(code != 0, "the removal was not refused")
         need(must("dpkg", "--verify", "wayfarer") == "", "files were changed")
         return f"refused, {installed_version()}"
@@ -433,7 +436,7 @@ def lines(steps: tuple[Step, ...]) -> Iterator[str]:
         name, began_s = step.__name__.replace("_", " "), time.monotonic()
         try:
             seen = step()
-        except Exception as error:  # noqa: BLE001 - whatever it is, the person must see it
+        except Exception as error:  # whatever it is, the person must see it
             yield f"WRONG {name}: {error if isinstance(error, Wrong) else traceback.format_exc()}"
             yield run("journalctl", "--no-pager", "--output=short-monotonic", "--unit", SERVICE)[1][-5000:]
             return
