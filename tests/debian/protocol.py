@@ -7,6 +7,7 @@ long it took. A step that goes wrong says why, and ends the phase.
 # ruff: noqa: TID251 - real time passes in a real systemd
 from __future__ import annotations
 
+import grp
 import hashlib
 import json
 import os
@@ -161,6 +162,7 @@ def driven_through(action: Callable[[], str]) -> str:
 # -- the protocol ------------------------------------------------------------------------------------------------------
 
 BEFORE: dict[str, tuple[int, int, int, str]] = {}
+GROUPS_BEFORE: set[str] = set()
 ROVER_TEXT: list[bytes] = []
 
 
@@ -168,6 +170,7 @@ def remember_all_files() -> str:
     """The machine before the package came; the simulated forest needs numpy."""
     must("apt-get", "--yes", "--quiet", "install", "--no-install-recommends", "python3-numpy")
     BEFORE.update(files_now())
+    GROUPS_BEFORE.update(group.gr_name for group in grp.getgrall())
     return (
         f"{len(BEFORE)} files and folders; network: {' '.join(path.name for path in Path('/sys/class/net').iterdir())}"
     )
@@ -316,9 +319,9 @@ def kill_while_armed() -> str:
     os.kill(pid, signal.SIGKILL)
     took_s = wait_for("a new daemon", lambda: status().get("mode") == "disarmed", 30)
     said = must("journalctl", "--no-pager", "--output=cat", "--unit", SERVICE).splitlines()
-    stopped = [line for line in said if "stop" in line.lower() and "systemd" not in line]
+    stopped = [line for line in said[-20:] if "stop was sent" in line]
     need(stopped, "stop-motors said nothing")
-    return f"back and disarmed after {took_s:.1f} s; ExecStopPost: {shown('ExecStopPost')[:300]}; {stopped[-1]}"
+    return f"ExecStopPost: {stopped[0]}; back and disarmed after {took_s:.1f} s"
 
 
 def earlier_install_service() -> str:
@@ -358,8 +361,11 @@ def nothing_left() -> str:
     gone = [path for path in BEFORE if path not in now]
     changed = [path for path in now if path in BEFORE and now[path] != BEFORE[path]]
     need(not left and not gone, f"left: {left}; gone: {gone}; changed: {changed}")
-    need(not run("id", "wayfarer")[1].startswith("uid"), "the user is there")
-    return f"files left behind: none of {len(now)}; changed: {' '.join(changed) or 'none'}"
+    users, groups = {user.pw_name for user in pwd.getpwall()}, {group.gr_name for group in grp.getgrall()}
+    need("wayfarer" not in users | groups, "the user or its group is there")
+    added = groups - GROUPS_BEFORE
+    need(added <= {"i2c", "spi", "gpio"} and set(changed) <= {"/etc/group", "/etc/gshadow"}, f"{added}, {changed}")
+    return f"files left behind: none of {len(now)}; the groups of devices stay: {' '.join(sorted(added))}"
 
 
 def install_after_purge() -> str:
