@@ -80,6 +80,15 @@ def test_debian_package_has_every_library_that_wayfarer_needs() -> None:
     assert {*needed, "smbus2"} <= inside
 
 
+def test_pure_debian_package_has_or_takes_every_library_that_wayfarer_needs(release: Any) -> None:
+    text = (ROOT / "packaging" / "debian" / "requirements.txt").read_text(encoding="utf-8")
+    inside = set(LIBRARY.findall(release.not_of_debian(text)))
+    needed = {re.split(r"[^\w-]", dependency)[0] for dependency in release.PROJECT["dependencies"]}
+    assert needed <= inside | set(release.OF_DEBIAN)
+    assert "python3-pydantic (>= 2.7)" in release.depends("3.13", "all")
+    assert release.depends("3.13", "arm64").startswith("python3 (>= 3.13), python3 (<< 3.14), ")
+
+
 @pytest.mark.parametrize("taken", ["docs", "examples"])
 def test_debian_package_takes_files_that_are_there(taken: str) -> None:
     patterns = (ROOT / "packaging" / "debian" / f"wayfarer.{taken}").read_text(encoding="utf-8").split()

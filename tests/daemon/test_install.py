@@ -266,6 +266,15 @@ def test_installing_into_the_running_system_needs_root(python: Path, monkeypatch
         installed(Path("/"), python)
 
 
+def test_service_of_the_debian_package_is_not_hidden(root: Path, python: Path) -> None:
+    packaged = root / "usr/lib/systemd/system/wayfarer.service"
+    packaged.parent.mkdir(parents=True)
+    packaged.touch()
+    with pytest.raises(BadInput, match="the Debian package has installed the service"):
+        installed(root, python)
+    assert not (root / "etc/wayfarer").exists()
+
+
 def test_environment_without_the_command_is_refused(root: Path, tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="no such command"):
         install.unit_text(root, tmp_path / "python")

@@ -92,7 +92,7 @@ def boot(scenario: Path, folder: Path) -> Path:
             "--private-network", "--register=no", "--keep-unit",
             "--boot", "systemd.unit=driver.service",  # and what it needs: none of the host's own services
         ),
-        env={**os.environ, **_control_groups()},
+        env={**os.environ, **control_groups()},
         stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace", check=False,
     )  # fmt: skip
     (results / "console.txt").write_text(done.stdout + done.stderr, encoding="utf-8")
@@ -104,7 +104,7 @@ def in_own_mounts(script: str, *arguments: str | Path) -> list[str]:
     return ["unshare", "--mount", "--propagation=private", "sh", "-c", script, "sh", *map(str, arguments)]
 
 
-def _control_groups() -> dict[str, str]:
+def control_groups() -> dict[str, str]:
     """Ask for control groups of version 1 where the host has those; a container cannot have others than its host."""
     return {} if Path("/sys/fs/cgroup/cgroup.controllers").exists() else {"SYSTEMD_NSPAWN_UNIFIED_HIERARCHY": "0"}
 

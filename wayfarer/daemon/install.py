@@ -24,6 +24,7 @@ from wayfarer.files import write_atomically
 
 HERE = Path("/")
 UNIT = Path("etc/systemd/system/wayfarer.service")
+PACKAGED_UNIT = Path("usr/lib/systemd/system/wayfarer.service")
 USER = "wayfarer"
 READABLE = 0o644  # for everyone, whatever the caller's umask
 # Own the device files on Raspberry Pi OS (its udev rules; dialout is Debian's for serial ports): hardware.md 7.
@@ -80,6 +81,11 @@ def install(
     here = root == HERE
     if here and os.geteuid() != 0:
         raise BadInput("install-service writes below /etc and makes a user: run it with sudo, or see it with --print")
+    if (root / PACKAGED_UNIT).exists():  # the one in /etc would hide it
+        raise BadInput(
+            f"{root / PACKAGED_UNIT}: the Debian package has installed the service: it needs {ROVER_FILE} and"
+            " 'sudo systemctl enable --now wayfarer'; to have another installation, remove that package first"
+        )
     unit, rover_file = unit_text(root, python), root / ROVER_FILE.relative_to("/")
     try:
         say(_place_rover_file(rover, rover_file))

@@ -1,0 +1,14 @@
+"""The bus factory of the rover in the container: simulated chips, for a service that imports what Debian packages."""
+
+from pathlib import Path
+
+import picamera2
+import serial
+import simulated_chips
+import spidev
+
+buses = simulated_chips.buses
+# What the service's Python found where, for protocol.py.
+FOUND = Path("/run/wayfarer/imported.txt")
+if FOUND.parent.is_dir():
+    FOUND.write_text("".join(f"{module.__file__}\n" for module in (picamera2, serial, spidev)), encoding="utf-8")
