@@ -8,6 +8,7 @@ from importlib import import_module
 from importlib.machinery import SourceFileLoader
 from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -69,6 +70,13 @@ def test_files_of_another_release_are_told_from_those_of_this_one(
 ) -> None:
     ours = [f"wayfarer_rover-{version}{ending}" for ending in (".tar.gz", ".cdx.json", "-py3-none-any.whl")]
     assert release.not_of(version, [*ours, *others, f"wayfarer_{debian}_amd64.deb", "SHA256SUMS"]) == others
+
+
+def test_extension_of_a_cross_compiler_is_named_for_aarch64(release: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("os.uname", lambda: SimpleNamespace(machine="x86_64"))
+    environment = release.for_aarch64(".cpython-313-x86_64-linux-gnu.so")
+    assert environment["SETUPTOOLS_EXT_SUFFIX"] == ".cpython-313-aarch64-linux-gnu.so"
+    assert environment["LDSHARED"].split()[0] == environment["CC"]
 
 
 def test_debian_package_has_every_library_that_wayfarer_needs() -> None:

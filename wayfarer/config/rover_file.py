@@ -40,8 +40,7 @@ _TEXT = "utf-8-sig"  # some editors begin a file with a byte order mark
 
 @dataclass(frozen=True, slots=True)
 class LogSettings:
-    """Limits of a run's log and of all logs together, in MB (1,000,000 bytes) and days. At 20 Hz a run writes 14 kB a
-    second: 50 MB an hour."""
+    """Limits of the logs, in MB (1,000,000 bytes) and days. At 20 Hz a run writes 14 kB a second: 50 MB an hour."""
 
     part_mb: Annotated[float, Interval(ge=1, le=2000)] = 50.0
     """Size of one file of a log: an hour, small enough for an editor and for a phone's connection, and far below the
