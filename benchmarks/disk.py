@@ -30,9 +30,9 @@ HOUR = 72_000  # ticks at 20 Hz
 class FullFiles(RunFiles):
     """On a disk that takes nothing beyond the header."""
 
-    def open(self, header: Callable[[int], Record]) -> None:
+    def open(self, header: Callable[[int], Record], *, needed: bool = True) -> None:
         """Make the files, and have the operating system refuse more."""
-        super().open(header)
+        super().open(header, needed=needed)
         soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
         self._was = soft, hard
         resource.setrlimit(resource.RLIMIT_FSIZE, (1, hard))

@@ -201,6 +201,9 @@ def test_status_of_a_limited_rover_says_since_when_what_it_does_and_until_when()
 
 def test_status_tells_of_records_that_the_log_has_lost() -> None:
     assert status_text({**STATUS, "log_dropped": 3}).splitlines()[-1].endswith(", 3 records lost")
+    trouble = {"log_trouble": f"{STATUS['log']}: no room", "storage_warnings": ["it is worn"], "runs_deleted": 1}
+    log, card = status_text({**STATUS, **trouble}).splitlines()[-2:]
+    assert (log.split(", ")[-1], card.split()) == ("1 old run deleted", ["card", "no", "room;", "it", "is", "worn"])
 
 
 @pytest.fixture

@@ -67,6 +67,20 @@ def test_runs_beyond_the_size_go_oldest_first_but_none_of_the_last_day() -> None
     assert over((9, 500), (8, 500), keep_mb=2000) == []
 
 
+def test_a_rover_that_works_for_months_stays_within_its_limits() -> None:
+    """Three runs of half a GB a day, and a clock that is years wrong for a week."""
+    settings, stored, most_mb = LogSettings(keep_days=30, keep_mb=8000), [], 0.0
+    for number in range(3 * 120):
+        day = number / 3
+        now_s = NOW_S + day * DAY_S + (10 * YEAR_S if 50 <= day < 57 else 0.0)
+        stored.append(StoredRun(f"{number:05d}-20261101T000000Z", 500.0, now_s, deletable=True))
+        over = over_limits(stored, settings, now_s)
+        stored = [run for run in stored if run not in over]
+        most_mb = max(most_mb, sum(run.mb for run in stored))
+    assert most_mb == 8000.0
+    assert len(stored) == 16
+
+
 def test_without_a_setting_nothing_is_deleted(tmp_path: Path) -> None:
     for number in (1, 2):
         make(tmp_path, number, 3000)

@@ -209,6 +209,19 @@ def end() -> dict[str, Any]:
     return {"answer": answer, "state": shown()}
 
 
+def read_only() -> dict[str, Any]:
+    """Start where the logs' partition is mounted read-only, and arm."""
+    logs = WHEELS.parent
+    mounts = f"mount -t tmpfs tmpfs {logs}; chown wayfarer: {logs}; mount -o remount,ro {logs}"
+    subprocess.run(["sh", "-ec", mounts], check=True)
+    subprocess.run(["systemctl", "reset-failed", SERVICE], check=False)
+    started = run("systemctl", "start", SERVICE)
+    seen = {"started": started, "refused": run(WAYFARER, "arm"), "armed": run(WAYFARER, "arm", "--without-log")}
+    subprocess.run(["systemctl", "stop", SERVICE], check=True)
+    subprocess.run(["umount", str(logs)], check=True)
+    return seen
+
+
 def bad_rover_file() -> dict[str, Any]:
     """Start with a rover file that cannot be used."""
     ROVER_FILE.write_text("nonsense\n", encoding="utf-8")
@@ -218,7 +231,9 @@ def bad_rover_file() -> dict[str, Any]:
     return shown()
 
 
-STEPS = (install, security, start, arm, kill, suspend, exception, stop, end, changed_rover_file, bad_rover_file)
+STEPS = (
+    install, security, start, arm, kill, suspend, exception, stop, end, read_only, changed_rover_file, bad_rover_file,
+)  # fmt: skip
 
 
 def main() -> None:

@@ -102,6 +102,14 @@ def test_run_that_ended_as_it_should_stays_ended(report: Report) -> None:
     assert (seen["state"]["ActiveState"], seen["state"]["Result"]) == ("inactive", "success")
 
 
+def test_starts_where_nothing_can_be_logged_and_drives_only_if_told_to(report: Report) -> None:
+    seen = step(report, "read_only")
+    assert (seen["started"]["code"], seen["refused"]["code"]) == (0, 1), seen
+    assert "the field log cannot be written: Read-only file system" in seen["refused"]["err"]
+    assert seen["refused"]["err"].endswith("; without a log: wayfarer arm --without-log\n")
+    assert seen["armed"]["code"] == 0, seen["armed"]
+
+
 def test_killed_daemon_s_own_motors_are_stopped_where_the_rover_file_names_others(report: Report) -> None:
     seen = step(report, "changed_rover_file")
     assert seen["written"]["code"] == 0, seen

@@ -37,7 +37,7 @@ def _lines(status: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("last run", _last_run(status)),
         ("battery", battery_text(status)),
         ("log", _log(status)),
-        ("card", painted("; ".join(warnings), "warning") if (warnings := status.get("storage_warnings")) else ""),
+        ("card", _storage(status)),
         ("live page", status.get("live_page", "")),
         ("Foxglove", status.get("foxglove", "")),
     ]
@@ -90,9 +90,14 @@ def _heading(status: Mapping[str, Any], heading_deg: float) -> str:
 
 def _log(status: Mapping[str, Any]) -> str:
     lost = f", {plural(status['log_dropped'], 'record')} lost" if status.get("log_dropped") else ""
-    trouble = painted(f", {status['log_trouble']}", "warning") if status.get("log_trouble") else ""
     deleted = f", {plural(status['runs_deleted'], 'old run')} deleted" if status.get("runs_deleted") else ""
-    return f"{status['log']}{lost}{trouble}{deleted}"
+    return f"{status['log']}{lost}{deleted}"
+
+
+def _storage(status: Mapping[str, Any]) -> str:
+    trouble = str(status.get("log_trouble") or "").removeprefix(f"{status['log']}: ")
+    told = "; ".join(filter(None, [trouble, *status.get("storage_warnings", ())]))
+    return painted(told, "warning") if told else ""
 
 
 def _last_run(status: Mapping[str, Any]) -> str:

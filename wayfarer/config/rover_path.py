@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-# On a rover, and in the unit of its service (``StateDirectory=``).
+# On a rover, and in the unit of its service (``STATE_DIRECTORY``).
 ROVER_FILE = Path("/etc/wayfarer/rover.toml")
 STATE_FOLDER = Path("/var/lib/wayfarer")  # logs and calibration
 SHIPPED = Path(__file__).parents[1] / "rovers"

@@ -100,5 +100,5 @@ def test_check_warns_of_the_worst_and_passes_a_card_that_is_well(rig: Rig, root:
     mounts(root, OVERLAY, TMPFS)
     finding = rig.look(card.card)
     assert finding.verdict is CheckVerdict.WARN
-    assert finding.found == "the logs are in memory (tmpfs)"
-    assert "lost at power-off" in finding.remedy
+    assert finding.found == "the logs are in memory (tmpfs), lost at power-off"
+    assert "partition that is written" in finding.remedy

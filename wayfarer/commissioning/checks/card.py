@@ -92,8 +92,9 @@ def card_troubles(health: CardHealth, sync_ms: float | None = None) -> list[Card
         (spare_low, "spare", "its spare blocks are nearly used up", "writing wears it out", replace),
         ((sync_ms or 0.0) > SLOW_SYNC_MS, "slow", f"it took {(sync_ms or 0.0) / 1000.0:.1f} s to store records",
          "it is worn, or other programs write a lot", "see which (iotop), else replace the card"),
-        (memory, "memory", f"the logs are in memory ({memory})", "a read-only root with an overlay, or a tmpfs",
-         "they are lost at power-off: log to a partition that is written (docs/how-to/unattended.md)"),
+        (memory, "memory", f"the logs are in memory ({memory}), lost at power-off",
+         "a read-only root with an overlay, or a tmpfs",
+         "log to a partition that is written (docs/how-to/unattended.md)"),
     ]  # fmt: skip
     return [CardTrouble(kind, found, cause, remedy) for wrong, kind, found, cause, remedy in told if wrong]
 

@@ -1,0 +1,86 @@
+"""The storage side of a daemon: trouble is told once in a run and shown while it lasts; runs go only while disarmed."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from tests.fieldlog.lines import header
+from wayfarer.commissioning.checks.card import CardHealth
+from wayfarer.config.rover_file import LogSettings
+from wayfarer.control.run_log import PartialLog
+from wayfarer.daemon.storage import Storage
+from wayfarer.fieldlog.retention import Pruned
+from wayfarer.fieldlog.writer import RunFiles
+from wayfarer.fieldlog.writer_thread import WriterThread
+
+WELL = CardHealth(False, "", 0, 20, False)
+
+
+class Site(PartialLog):
+    """The storage of a run, and what it has logged."""
+
+    def __init__(self, logs: Path) -> None:
+        self.events: list[tuple[str, dict[str, object]]] = []
+        self.armed = False
+        self.files = RunFiles(logs / "00009-20261121T061405Z")
+        self.storage = Storage(
+            logs / "00009-20261121T061405Z",
+            LogSettings(keep_days=30),
+            WriterThread(self.files),
+            self,
+            lambda: not self.armed,
+        )
+
+    def event(self, name: str, t_s: float, **details: object) -> None:
+        """Take what is told."""
+        self.events.append((name, details))
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Site:
+    return Site(tmp_path)
+
+
+def test_trouble_of_the_card_is_told_once_and_shown_while_it_lasts(site: Site) -> None:
+    for health, shown in ((WELL, 0), (WELL._replace(disk_errors=3), 1), (WELL, 0), (WELL._replace(disk_errors=5), 1)):
+        site.storage.take_health(1.0, health)
+        assert len(site.storage.status()["storage_warnings"]) == shown
+    ((name, details),) = site.events
+    assert name == "card"
+    assert "3 errors" in str(details["text"])
+
+
+def test_slowest_write_since_the_last_look_is_told(site: Site) -> None:
+    site.files.slowest_sync_s = 2.5
+    assert site.storage.take_health(1.0, WELL) == 2500.0
+    assert site.storage.status()["storage_warnings"] == ["it took 2.5 s to store records"]
+    assert site.storage.take_health(11.0, WELL) == 0.0
+    assert site.storage.status()["storage_warnings"] == []
+
+
+def test_old_runs_are_deleted_while_disarmed_only(site: Site, tmp_path: Path) -> None:
+    for number in (1, 9):
+        run = tmp_path / f"{number:05d}-20261121T061405Z"
+        run.mkdir()
+        (run / "run.jsonl").write_bytes(header(1) + b"\n")
+        if number == 1:
+            os.utime(run / "run.jsonl", (0.0, (run / "run.jsonl").stat().st_mtime - 31 * 86_400.0))
+    site.armed = True
+    assert site.storage.delete_old_runs() is None
+    site.armed = False
+    pruned = site.storage.delete_old_runs()
+    assert pruned is not None
+    assert pruned.deleted == ("00001-20261121T061405Z",)
+
+
+def test_what_was_deleted_is_counted_and_each_reason_for_what_was_not_is_told_once(site: Site) -> None:
+    for _ in range(2):
+        site.storage.take_pruned(1.0, Pruned(("00001-x",), 50.0, 3, 70.0, "no room in the shed"))
+    assert site.storage.status()["runs_deleted"] == 2
+    assert site.storage.status()["storage_warnings"] == ["no room in the shed"]
+    assert [name for name, _ in site.events] == ["runs_deleted", "runs_not_deleted", "runs_deleted"]
+    site.storage.take_pruned(2.0, Pruned((), 0.0, 3, 70.0))
+    assert site.storage.status()["storage_warnings"] == []
