@@ -194,7 +194,7 @@ def _row(key: str, value: dict[str, Any], table: dict[str, Any]) -> str:
         default = "none"
     else:
         default = f"`{json.dumps(value['default'], ensure_ascii=False)}`"
-    return f"| `{key}` | {default} | {allowed(value)} | {value.get('description', '')} |"
+    return f"| `{key}` | {default} | {allowed(value, code=True)} | {value.get('description', '')} |"
 
 
 def write() -> None:

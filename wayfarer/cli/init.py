@@ -59,7 +59,8 @@ class AtTerminal:
 
         try:
             console = Console(stderr=True, highlight=False, soft_wrap=True)
-            return Prompt.ask(Text(f"\n{question}"), console=console, default=default).strip()
+            prompt = Text(f"\n{question}")
+            return Prompt.ask(prompt, console=console, default=default, show_default=bool(default)).strip()
         except EOFError:
             raise BadInput("no answer: the input has ended; nothing was written (--yes takes every default)") from None
 

@@ -48,22 +48,21 @@ def kinds(schema: dict[str, Any]) -> set[str]:
     return {each["type"] for each in schema.get("anyOf", [schema]) if "type" in each}
 
 
-def allowed(schema: dict[str, Any], quote: str = "`") -> str:
-    """Say in words what a schema allows; ``quote`` stands around values."""
+def allowed(schema: dict[str, Any], *, code: bool = False) -> str:
+    """Say in words what a schema allows, values as code in Markdown or plain."""
     choices = [each for each in schema.get("anyOf", [schema]) if each.get("type") != "null"]
-    return " or ".join(_allowed_one(each, quote) for each in choices)
+    return " or ".join(_allowed_one(each, code) for each in choices)
 
 
-def _allowed_one(schema: dict[str, Any], quote: str) -> str:
-    if "enum" in schema:
-        return ", ".join(f"{quote}{json.dumps(each)}{quote}" for each in schema["enum"])
-    if "const" in schema:
-        return f"{quote}{json.dumps(schema['const'])}{quote}"
+def _allowed_one(schema: dict[str, Any], code: bool) -> str:
+    if "enum" in schema or "const" in schema:
+        values = schema.get("enum") or [schema["const"]]
+        return ", ".join(f"`{json.dumps(each)}`" if code else str(each) for each in values)
     if schema["type"] == "array":
-        items = schema.get("items") or schema.get("prefixItems", [{}])[0]
-        return f"a list: {allowed(items, quote)}"
+        return f"a list: {allowed(schema.get('items') or schema.get('prefixItems', [{}])[0], code=code)}"
+    if schema["type"] == "boolean":
+        return "`true` or `false`" if code else "true or false"
     if schema["type"] == "string":
         return f"text, at most {schema['maxLength']} characters" if "maxLength" in schema else "text"
     bounds = [f"{words} {schema[bound]:g}" for bound, words in BOUNDS.items() if bound in schema]
-    kind = {"number": "number", "integer": "whole number", "boolean": f"{quote}true{quote} or {quote}false{quote}"}
-    return " ".join([kind[schema["type"]], *bounds])
+    return " ".join([{"number": "number", "integer": "whole number"}[schema["type"]], *bounds])

@@ -100,7 +100,7 @@ class CameraMotion:
     """The camera as a ``hal.MotionSensor``."""
 
     part: ClassVar[str] = "motion"
-    unseen: ClassVar[Sequence[str]] = ("method", "m_per_pixel", "difference_still", "difference_moving")
+    unseen: ClassVar[Sequence[str]] = ("method", "m_per_pixel")
     packages: ClassVar[Mapping[str, str]] = {"cv2": how_to_install("camera")}
     Settings = CameraMotionSettings
 

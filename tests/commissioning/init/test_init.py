@@ -237,7 +237,7 @@ class Hasty(Script):
         ("vehicle.width_m = 0", "key 'vehicle.width_m' = 0: input should be greater than 0"),
         ("vehicle.widht_m = 1", "unknown key 'vehicle.widht_m'; did you mean 'width_m'"),
         ("parts.motors.driver = 'none'", "key 'parts.motors.driver' = 'none': the rover needs this part"),
-        ("parts.motors.driver = 'gpio_motors'", "key 'parts.motors.left_forward' = 'none': it is no whole number"),
+        ("parts.motors.driver = 'gpio_motors'", "key 'parts.motors.left_forward' = '': it is no whole number"),
         ("parts.motion.driver = 'cmps14'", "'cmps14' is not a driver for motion, but for compass"),
         ("parts.motors.timeout_s = 99", "key 'parts.motors.timeout_s' = 99"),
         ("parts.contact.driver = 'bumper'", "key 'parts.contact': a bumper needs the pin of at least one side"),

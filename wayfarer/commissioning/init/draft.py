@@ -76,16 +76,17 @@ class Draft:
         table = self._section(section)
         given = self.given(section).get(name)
         schema = key_schema(key, table.get("driver"))
+        asked = given is None
         while True:
-            answer = None if given is not None else self.person.ask(_question(key, schema), _shown(name, default))
+            answer = self.person.ask(_question(key, schema), _shown(name, default, schema)) if asked else ""
             try:
-                _set(table, name, given if answer is None else _value(answer, schema))
+                _set(table, name, _value(answer, schema) if asked else given)
                 problem = self._problem(key)
             except ValueError:
-                problem = f"key '{key}' = '{answer}': it is no {allowed(schema, '')}"
+                problem = f"key '{key}' = '{answer}': it is no {allowed(schema)}"
             if problem is None:
                 return table.get(name)
-            if given is not None or not self.person.patient:
+            if not (asked and self.person.patient):
                 raise BadConfig(problem)
             self.person.say(problem)
 
@@ -115,14 +116,14 @@ class Draft:
 def _question(key: str, schema: Table) -> str:
     """Return the question for a key: what it means, its name, what is allowed."""
     meaning = schema.get("description", "").partition(". ")[0].rstrip(".")
-    range_text = f" ({allowed(schema, '')})" if schema else ""
+    range_text = f" ({allowed(schema)})" if schema else ""
     return "\n".join(filter(None, [meaning, f"  {key}{range_text}"]))
 
 
-def _shown(name: str, value: Any) -> str:
-    """Return a value as a person types it."""
+def _shown(name: str, value: Any, schema: Table) -> str:
+    """Return a default as a person types it; empty where a key has none."""
     if value is None:
-        return NONE
+        return NONE if "null" in kinds(schema) else ""
     return value if isinstance(value, str) else toml_value(name, value)
 
 

@@ -20,7 +20,7 @@ from wayfarer.commissioning.checks.system import DEVICE_KINDS, PI5_DEBUG_PORT, d
 from wayfarer.config.registry import driver_names, find_driver
 from wayfarer.config.wiring import I2C, SPI, required_buses
 from wayfarer.drivers.buses import Buses
-from wayfarer.errors import BadInput, DriverError, NotResponding, one_line
+from wayfarer.errors import BadInput, DriverError, NotResponding, kind_and_text, one_line
 from wayfarer.hal import Recognised
 
 PATTERNS = {I2C: "dev/i2c-*", SPI: "dev/spidev*"}
@@ -166,6 +166,8 @@ async def _ask(
             silent.append(there.name)
         except DriverError as error:
             found.note(Verdict.OTHER, str(error))
+        except Exception as error:  # a third party's driver
+            found.note(Verdict.OTHER, f"{there.name}: an error in driver {name}: {kind_and_text(error)}")
         else:
             found.parts.append(FoundPart(driver.part, name, place, there.name))
             found.note(Verdict.FOUND, there.name)
