@@ -65,6 +65,9 @@ def test_runs_beyond_the_size_go_oldest_first_but_none_of_the_last_day() -> None
     assert over((9, 500), (8, 500), (7, 500), (0, 1), keep_mb=1000) == [1, 2]
     assert over((9, 500), (0.9, 500), (0.8, 500), (0, 1), keep_mb=10) == [1]
     assert over((9, 500), (8, 500), keep_mb=2000) == []
+    runs = runs_of((9, 500), (8, 500), (0, 1))
+    left = over_limits(runs, LogSettings(keep_mb=600), NOW_S, lambda name: name != runs[0].name)
+    assert left == [runs[1]], "one that somebody has marked takes its space"
 
 
 def test_a_rover_that_works_for_months_stays_within_its_limits() -> None:

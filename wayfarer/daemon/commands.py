@@ -41,6 +41,7 @@ REMEDIES: Remedies = {
 
 REMEDIES_BY_HAND = {each: REMEDIES[each] for each in REMEDIES if MANUAL_LEVELS[each] >= Level.HOLD}
 
+NO_STORAGE: Mapping[str, Any] = {"log_dropped": 0, "log_trouble": None, "storage_warnings": [], "runs_deleted": 0}
 LOGGING = ("disk", "log")  # the checks that ``arm --without-log`` only warns of
 OPENING_S = 3.0  # just after the start, arming waits this long for the parts to open; the client waits for 5 s
 
@@ -55,7 +56,7 @@ class RoverCommands:
         log: the run's log.
         about: constant details for ``status``: version, rover, algorithm.
         checks: the checks that must not fail before the rover is armed.
-        storage: returns what ``status`` says of the log and its disk.
+        storage: returns what ``status`` says of the log and its disk; nothing is wrong where nobody watches it.
     """
 
     def __init__(
@@ -66,7 +67,7 @@ class RoverCommands:
         log: RunLog,
         about: Mapping[str, Any],
         checks: Sequence[Check],
-        storage: Callable[[], Mapping[str, Any]] = dict,
+        storage: Callable[[], Mapping[str, Any]] = lambda: NO_STORAGE,
     ) -> None:
         self._supervisor = supervisor
         self._controller = supervisor.controller

@@ -13,7 +13,7 @@ from __future__ import annotations
 import os
 import re
 import stat
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -26,7 +26,8 @@ from wayfarer.fieldlog.folders import DELETING, FILE_NAME, RUN_NAME, SEGMENT_NAM
 DAY_S = 86_400.0
 # No clock that runs is this far wrong, and few rovers rest for so long: one that steps further was or is not set.
 STEP_S = 183 * DAY_S
-MARK = b'"name":"mark"'  # as ``lines.sealed`` writes it; in a person's text the quotes are escaped
+MARK = re.compile(rb'"name": ?"mark"')  # the event; in a person's text the quotes are escaped
+MARK_BYTES = 20  # more than it is long
 KEEP = "keep"  # the file that a run with a mark gets, so that its log is searched once
 CHUNK_BYTES = 1_000_000
 WHOLE_NAME = re.compile(RUN_NAME.pattern + r"(-[0-9a-f]{8})?\Z", re.ASCII)
@@ -72,8 +73,13 @@ def prune(
             if not dry_run:
                 _finish_deletions(folder)
             runs = stored_runs(folder)
-            over = [run for run in over_limits(runs, settings, now_wall_s) if run.name != open_run]
-            gone, trouble = _delete_all(folder, over, dry_run=dry_run)
+            over = over_limits(
+                runs,
+                settings,
+                now_wall_s,
+                lambda name: name != open_run and _is_unmarked(folder, name, dry_run=dry_run),
+            )
+            gone, trouble = (over, None) if dry_run else _delete_all(folder, over)
     except FileNotFoundError:
         return Pruned((), 0.0, 0, 0.0)
     except OSError as error:
@@ -88,8 +94,16 @@ def prune(
     return Pruned(names, round(gone_mb, 1), len(runs) - len(gone), round(left_mb, 1), trouble)
 
 
-def over_limits(runs: Sequence[StoredRun], settings: LogSettings, now_wall_s: float) -> list[StoredRun]:
-    """Return which runs may go, oldest first, from all of them in their order. Pure."""
+def over_limits(
+    runs: Sequence[StoredRun],
+    settings: LogSettings,
+    now_wall_s: float,
+    may_go: Callable[[str], bool] = lambda _: True,
+) -> list[StoredRun]:
+    """Return which runs are to go, oldest first, from all of them in their order.
+
+    ``may_go`` is asked last, by the name of a run that would go: looking for marks takes seconds.
+    """
     if now_wall_s < CLOCK_SET_S:
         return []
     keep_days, keep_mb = settings.keep_days, settings.keep_mb
@@ -98,7 +112,7 @@ def over_limits(runs: Sequence[StoredRun], settings: LogSettings, now_wall_s: fl
     for run, age_s in zip(runs[:-1], ages_s([run.wall_s for run in runs], now_wall_s), strict=False):
         too_old = keep_days is not None and age_s > keep_days * DAY_S
         too_much = keep_mb is not None and left_mb > keep_mb
-        if run.deletable and age_s > DAY_S and (too_old or too_much):
+        if run.deletable and age_s > DAY_S and (too_old or too_much) and may_go(run.name):
             over.append(run)
             left_mb -= run.mb
     return over
@@ -166,15 +180,12 @@ def _is_log_name(name: str) -> bool:
 # -- deleting --------------------------------------------------------------------------------------------------------
 
 
-def _delete_all(logs: int, runs: Sequence[StoredRun], *, dry_run: bool) -> tuple[list[StoredRun], str | None]:
-    """Delete runs unless a person has marked them; return those that went, and what went wrong."""
+def _delete_all(logs: int, runs: Sequence[StoredRun]) -> tuple[list[StoredRun], str | None]:
+    """Delete runs; return those that went, and what went wrong."""
     gone, trouble = [], None
     for run in runs:
         try:
-            if _is_marked(logs, run.name, dry_run=dry_run):
-                continue
-            if not dry_run:
-                _delete(logs, run.name)
+            _delete(logs, run.name)
         except FileNotFoundError:  # somebody else deletes it
             continue
         except OSError as error:
@@ -184,24 +195,26 @@ def _delete_all(logs: int, runs: Sequence[StoredRun], *, dry_run: bool) -> tuple
     return gone, trouble
 
 
-def _is_marked(logs: int, name: str, *, dry_run: bool) -> bool:
-    """Return whether a person has marked something in a run, which then gets the file ``keep``."""
-    with _opened(name, logs) as run:
-        if not any(_holds_mark(run, file) for file in _files(run)):
-            return False
-        if not dry_run:
-            with suppress(OSError):  # it is searched again next time
+def _is_unmarked(logs: int, name: str, *, dry_run: bool) -> bool:
+    """Return whether nobody has marked anything in a run; one with a mark gets the file ``keep``."""
+    try:
+        with _opened(name, logs) as run:
+            if not any(_holds_mark(run, file) for file in _files(run)):
+                return True
+            if not dry_run:
                 os.close(os.open(KEEP, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644, dir_fd=run))
-        return True
+    except OSError:  # nobody knows whether it is marked, or it is searched again next time
+        pass
+    return False
 
 
 def _holds_mark(run: int, name: str) -> bool:
     with os.fdopen(os.open(name, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC, dir_fd=run), "rb", 0) as file:
         before = b""
         while chunk := file.read(CHUNK_BYTES):
-            if MARK in before + chunk:
+            if MARK.search(before + chunk):
                 return True
-            before = chunk[-len(MARK) :]
+            before = chunk[-MARK_BYTES:]
     return False
 
 

@@ -16,7 +16,7 @@ from wayfarer.commissioning.checks.api import Finding, HostEnvironment, Inspecti
 from wayfarer.config.rover_file import LogSettings, RoverConfig, line_in, part_settings
 from wayfarer.errors import BadConfig
 from wayfarer.fieldlog.clock import CLOCK_SET_S
-from wayfarer.fieldlog.disk import free_mb, total_mb
+from wayfarer.fieldlog.disk import ADVICE, DISK_FAILS, free_mb, total_mb
 from wayfarer.safety.power import SLOWED_NOW, UNDER_VOLTAGE_NOW, UNDER_VOLTAGE_SINCE_BOOT
 
 # The debug connector of a Raspberry Pi 5, which its /dev/serial0 leads to. Second hand, from the issue tracker of the
@@ -189,12 +189,10 @@ def _disk(folder: Path, settings: LogSettings) -> Finding:
             file.write(b"wayfarer")
         left_mb, size_mb = free_mb(there), total_mb(there)
     except OSError as error:
-        return fail(
-            "disk",
-            f"{there} cannot be written: {error.strerror}",
-            "the folder belongs to another user, or the card went read-only after an error",
-            f"sudo chown {_user()} {there}; if it is read-only, reboot and look at `dmesg`",
-        )
+        cause, remedy = "the folder belongs to another user", f"sudo chown {_user()} {there}"
+        if error.errno in DISK_FAILS:
+            cause, remedy = "the disk is full, fails, or is mounted read-only", ADVICE[error.errno]
+        return fail("disk", f"{there} cannot be written: {error.strerror}", cause, remedy)
     found = f"{left_mb:.0f} MB free in {there}"
     needed_mb = settings.free_mb + settings.part_mb
     if left_mb < needed_mb:
