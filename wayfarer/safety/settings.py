@@ -20,7 +20,7 @@ class SafetySettings:
     """Limits at the gate, and what arming demands.
 
     ``slew_per_s`` limits how fast a duty may grow, because motors that start too fast can reset the computer, the most
-    frequent problem of such rovers. ``mission_*`` are limits that end a run normally. A rover whose compass is
+    frequent problem of such rovers. ``mission_*`` are limits that end a mission. A rover whose compass is
     calibrated to less than ``calibration_min`` (0 to 3) is not armed. A rover whose motor board has no deadman is armed
     only with ``allow_no_deadman``. A board that has one but cannot report it needs a person who has seen it stop the
     wheels (``wayfarer check``), or a reason why nobody has in ``deadman_unproved_because``, which is shown at each
