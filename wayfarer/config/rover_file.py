@@ -44,8 +44,9 @@ class LogSettings:
     A file of ``part_mb`` is an hour, small enough for an editor and for a phone's connection, and far below the 4 GB
     that a file may have on FAT. A run of more than ``run_mb``, which is most of a day and should be several parts,
     loses parts, but never the first, which says how it began: a daemon that stands disarmed for weeks must not fill the
-    card. Those in which no wheel turned go first, then the oldest. With less than ``free_mb`` left on the disk only events are written: the computer needs that to boot and
-    to let a person log in. A rover is armed only where a part fits beside it.
+    card. Those in which no wheel turned go first, then the oldest. With less than ``free_mb`` left on the disk only
+    events are written: the computer needs that to boot and to let a person log in. A rover is armed only where a part
+    fits beside it.
 
     ``keep_days`` and ``keep_mb`` let the daemon delete old runs, the oldest first: those last written so many days ago,
     and those beyond so many MB of all runs together. Without them nothing is deleted. ``fieldlog/retention.py`` says
