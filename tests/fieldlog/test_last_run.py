@@ -37,7 +37,7 @@ def test_first_run_of_all_has_none_before_it(tmp_path: Path) -> None:
 def test_run_with_an_outcome_was_ended_in_order(tmp_path: Path) -> None:
     found = left(tmp_path, event("armed", 1.0), tick(2.0), outcome(3.0) | {"dropped": 4})
     assert found is not None
-    assert (found.was_cut_off, found.ended, found.text, found.dropped) == (False, "requested", "enough", 4)
+    assert (found.ended, found.text, found.dropped) == ("requested", "enough", 4)
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from wayfarer.fieldlog.fields import escape_control_chars
 from wayfarer.fieldlog.folders import newest_run
 from wayfarer.fieldlog.lines import LogLines
 from wayfarer.fieldlog.reader import log_segments
-from wayfarer.fieldlog.run_events import Noted
+from wayfarer.fieldlog.run_events import Ended, Noted
 from wayfarer.fieldlog.schema import Record, fields_of
 from wayfarer.fieldlog.typed import Computer
 from wayfarer.files import open_regular
@@ -54,17 +54,12 @@ class LastRun(NamedTuple):
     error: str | None = None
 
     @property
-    def was_cut_off(self) -> bool:
-        """Whether it has no outcome, or cannot be read."""
-        return self.ended is None
-
-    @property
     def end(self) -> LastEnd | None:
         """Return how it ended, as the status light tells it; None where there was no mission."""
         why = self.mission_ended or (self.ended if self.mode == "armed" or self.mission_s is not None else None)
         if self.error is not None or self.ended == "failed" or (why or "").startswith("fault"):
             return LastEnd.FAILED
-        if self.was_cut_off and (self.mode in {"arming", "armed"} or (self.mission_s is not None and why is None)):
+        if self.ended is None and (self.mode in {"arming", "armed"} or (self.mission_s is not None and why is None)):
             return LastEnd.UNFINISHED
         if why is None:
             return None
@@ -94,7 +89,7 @@ def _told_of(run: Path) -> LastRun:
     outcome = next((each for each in reversed(tail) if each["record"] == "outcome"), None)
     found: dict[str, Any] = _totals(tail)
     if outcome is not None:
-        told = fields_of(Noted, outcome)
+        told = fields_of(Ended, outcome)
         found |= {"ended": told.get("reason", "unknown"), "text": told.get("text"), "dropped": told.get("dropped", 0)}
     wall_s = last.get("t_wall")
     return LastRun(

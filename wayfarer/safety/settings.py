@@ -29,11 +29,11 @@ class SafetySettings:
     """Age from which a control tick is late: its command becomes a stop, a condition says so, and no more than this
     time counts as driven. Below the shortest deadman of a board, 0.25 s."""
     mission_time_s: Seconds = 3600.0
-    """A mission ends normally after this time."""
+    """A mission ends after this time."""
     mission_distance_m: Annotated[float, Interval(gt=0, le=1_000_000)] = 2000.0
-    """A mission ends normally after this commanded distance."""
+    """A mission ends after this commanded distance."""
     mission_radius_m: Annotated[float, Interval(gt=0, le=1_000_000)] = 300.0
-    """A mission ends normally at this distance from its start. Needs a receiver, [parts.position]."""
+    """A mission ends at this distance from its start. Needs a receiver, [parts.position]."""
     start_delay_s: Annotated[float, Interval(ge=0, le=600)] = 10.0
     """Between arming and the first turn of a wheel: time to step away."""
     resume_warning_s: Annotated[float, Interval(ge=0, le=60)] = 1.0
