@@ -150,7 +150,7 @@ class Link:
             message = self._decoder.decode(bytearray(frame.data))
         except common.MAVError:
             return  # a text that is no UTF-8
-        if message.id == common.MAVLINK_MSG_ID_HEARTBEAT and message.type == common.MAV_TYPE_GCS:
+        if isinstance(message, common.MAVLink_heartbeat_message) and message.type == common.MAV_TYPE_GCS:
             # Nothing else: another vehicle may have the same key, and an enemy may send our own messages back to us.
             self.heard_s = asyncio.get_running_loop().time()
             if self._port is not None:
