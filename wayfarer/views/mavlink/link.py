@@ -73,8 +73,9 @@ class Link:
             try:
                 port = await self._opened()
             except (OSError, BadInput) as error:
-                if told != str(error):  # once, not every two seconds
-                    told = str(error)
+                why = getattr(error, "strerror", None) or str(error)
+                if told != why:  # once, not every two seconds
+                    told = why
                     _log.warning(
                         "MAVLink at %s does not open (tried again every %g s): %s", self._address, AGAIN_S, told
                     )
