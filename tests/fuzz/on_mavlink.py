@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import SimpleNamespace
@@ -43,12 +44,9 @@ def _frame(number: int, payload: bytes, signed: bool) -> bytes:
     """Return a frame whose checksum and signature are right, whatever is in it."""
     kind = common.mavlink_map[number]
 
-    class AnyFields(common.MAVLink_message):
-        def pack(self, mavlink: common.MAVLink, force_mavlink1: bool = False) -> bytes:
-            packed: bytes = self._pack(mavlink, kind.crc_extra, payload or b"\0")
-            return packed
-
-    return Encoder(KEY if signed else None).frame(AnyFields(number, kind.msgname))
+    message = common.MAVLink_message(number, kind.msgname)
+    message.pack = lambda mavlink, **_: message._pack(mavlink, kind.crc_extra, payload or b"\0")
+    return Encoder(KEY if signed else None).frame(message)
 
 
 FRAMES = st.lists(
@@ -79,13 +77,14 @@ async def _talked(settings: MavlinkSettings, spoken: Case) -> str:
 @contextmanager
 def _linked() -> Iterator[Try]:
     errors: list[str] = []
-    logger = SimpleNamespace(exception=errors.append, warning=errors.append)
+    logger = SimpleNamespace(exception=lambda *_: errors.append(traceback.format_exc()))
     with pytest.MonkeyPatch.context() as monkeypatch:
         for module in ("link", "ground_station", "orders"):
             monkeypatch.setattr(f"wayfarer.views.mavlink.{module}._log", logger)
 
         def attempt(case: Case) -> str:
             settings, spoken = case
+            errors.clear()
             said = run_virtually(_talked(MAY_ARM if settings else NO_KEY, spoken))
             assert not errors, errors
             return said

@@ -81,4 +81,4 @@ def version() -> Messages:
 def on_request(streams: Mapping[int, Callable[[], Messages]], number: float) -> common.MAVLink_message | None:
     """Return the message with a number that a station asks for (REQUEST_MESSAGE); None where the rover has none."""
     make = streams.get(int(number)) if isfinite(number) else None
-    return None if make is None else next((each for each in make() if each.id == number), None)
+    return None if make is None else next((each for each in make() if type(each).id == number), None)

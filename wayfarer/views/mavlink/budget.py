@@ -56,10 +56,12 @@ class Stream:
     Args:
         make: makes them, of the newest state.
         rate_hz: how often.
+        always: also where no bytes are left.
     """
 
-    def __init__(self, make: Make, rate_hz: float) -> None:
+    def __init__(self, make: Make, rate_hz: float, *, always: bool = False) -> None:
         self.make = make
+        self.always = always
         self._period_s = 1.0 / rate_hz
         self._due_s = float("-inf")
 

@@ -74,12 +74,13 @@ class FrameReader:
         yield from self._found(data[:INPUT_BYTES], 0.0, at_end=True)
 
     def _found(self, data: bytes, now_s: float, *, at_end: bool) -> Iterator[Frame]:
-        place, self._rest = data.find(MARKER), b""
+        place, was_waiting, self._rest = data.find(MARKER), bool(self._rest), b""
         while place >= 0:
             length = _length(data, place)
             if length is None or place + length > len(data):
                 if not at_end:
-                    self._rest, self._since_s = data[place:], now_s
+                    self._rest = data[place:]
+                    self._since_s = self._since_s if was_waiting and place == 0 else now_s
                     return
                 length = 0
             frame = Frame(data[place : place + length])

@@ -65,7 +65,7 @@ class GroundStation:
         self._is_connected = False
         # The most important first: what the budget does not reach waits.
         self._streams = [
-            Stream(telemetry.heartbeat, 1.0),
+            Stream(telemetry.heartbeat, 1.0, always=True),
             Stream(telemetry.attitude, settings.attitude_hz),
             Stream(telemetry.position, settings.position_hz),
             Stream(telemetry.health, 1.0),
@@ -122,9 +122,7 @@ class GroundStation:
 
     def _send_due(self, now_s: float) -> None:
         for stream in list(self._streams):
-            if not self._budget.is_left:
-                return
-            if stream.is_due(now_s):
+            if stream.is_due(now_s) and (self._budget.is_left or stream.always):
                 try:
                     self._send(*stream.make())
                 except Exception:  # a bug must not end the others, nor the watch on the link

@@ -73,8 +73,9 @@ class Link:
             try:
                 port = await self._opened()
             except (OSError, BadInput) as error:
-                if told != str(error):  # once, not every two seconds
-                    told = str(error)
+                why = getattr(error, "strerror", None) or str(error)
+                if told != why:  # once, not every two seconds
+                    told = why
                     _log.warning(
                         "MAVLink at %s does not open (tried again every %g s): %s", self._address, AGAIN_S, told
                     )
@@ -150,7 +151,7 @@ class Link:
             message = self._decoder.decode(bytearray(frame.data))
         except common.MAVError:
             return  # a text that is no UTF-8
-        if message.id == common.MAVLINK_MSG_ID_HEARTBEAT and message.type == common.MAV_TYPE_GCS:
+        if isinstance(message, common.MAVLink_heartbeat_message) and message.type == common.MAV_TYPE_GCS:
             # Nothing else: another vehicle may have the same key, and an enemy may send our own messages back to us.
             self.heard_s = asyncio.get_running_loop().time()
             if self._port is not None:

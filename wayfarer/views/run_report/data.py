@@ -91,14 +91,15 @@ class RunData:
     def goals(self) -> list[tuple[float, float]]:
         """Return when the rover took each goal, and its heading in degrees.
 
-        Of a log that begins after the first one, it is that of the first tick in which the rover does not halt: a
-        disarmed rover halts, and its ticks have a goal that nobody gave.
+        Of a log that begins after the first one, it is that of the first tick in which an algorithm drives: the ticks
+        of a disarmed rover, and of one that a person drives, have a goal that nobody gave.
         """
         events = [event for event in self.events if isinstance(event, Noted) and event.name in {"armed", "goal"}]
         if events:
             told = ((event.elapsed_s, number(event.record, "goal_heading_deg")) for event in events)
             return [(t_s, goal_deg) for t_s, goal_deg in told if goal_deg is not None]
-        known = ~np.isnan(self.ticks["goal_heading_deg"]) & (self.ticks["phase"] != PHASES.index(Phase.HALT.value))
+        nobody = [PHASE_INDEX[phase.value] for phase in (Phase.HALT, Phase.MANUAL)]
+        known = ~np.isnan(self.ticks["goal_heading_deg"]) & ~np.isin(self.ticks["phase"], nobody)
         return list(zip(*(self.ticks[name][known][:1].tolist() for name in ("t_s", "goal_heading_deg")), strict=True))
 
     def setting(self, section: str, key: str) -> float:
