@@ -14,7 +14,7 @@ import os
 import platform
 import sys
 
-from benchmarks import calibration, command, daemon, detector, disk, gps, memory, rover, stack
+from benchmarks import by_hand, calibration, command, daemon, detector, disk, gps, memory, rover, stack
 from benchmarks.breakdown import print_breakdown
 from benchmarks.figures import HEADER, Figure, print_table
 from benchmarks.soak import print_soak
@@ -42,7 +42,8 @@ def main() -> None:
     elif asked.what == "profile":
         print_breakdown(trials=20 if asked.quick else 200)
     elif asked.what == "daemon":
-        print_table(HEADER, [figure.row() for figure in daemon.figures(for_s=10 if asked.quick else 60)])
+        for_s = 10 if asked.quick else 60
+        print_table(HEADER, [figure.row() for figure in (*daemon.figures(for_s), *by_hand.figures(for_s))])
     elif asked.what == "campaign":
         print_table(memory.HEADER, memory.rows(asked.trials or 20_000))
     elif asked.what == "gps":
@@ -69,6 +70,7 @@ def _figures(quick: bool) -> list[Figure]:
         *rover.depths(trials=5 if quick else 50),
         *rover.hanging_bus(runs=1 if quick else 5),
         *daemon.figures(for_s=10 if quick else 60),
+        *by_hand.figures(for_s=10 if quick else 60),
         *_log(quick),
     ]
 

@@ -15,7 +15,8 @@ def rows() -> list[str]:
 
 def _row(condition: Condition, row: Response) -> str:
     people = "" if row.among_people is None else f"; among people S{row.among_people.value}"
-    cells = (f"`{condition.value}`", f"S{row.level.value}{people}", row.kind.value,
+    by_hand = "" if row.manual is None else f"; by hand S{row.manual.value}"
+    cells = (f"`{condition.value}`", f"S{row.level.value}{people}{by_hand}", row.kind.value,
              *map(sentence, (row.what, row.does, row.ends_when)))  # fmt: skip
     return f"| {' | '.join(cells)} |"
 

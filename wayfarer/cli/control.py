@@ -98,8 +98,8 @@ def disarm() -> None:
 
 def hold() -> None:
     """Pause: stop the wheels until `wayfarer resume`; the mission continues after that."""
-    _ask("hold")
-    print("held; continue with wayfarer resume")
+    held = _ask("hold")["held"]
+    print("held; continue with wayfarer resume" if held else "stopped: nobody drives by hand any more")
 
 
 def resume() -> None:

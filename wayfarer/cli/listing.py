@@ -93,6 +93,7 @@ def _print_conditions(*, as_json: bool) -> None:
         Column("condition", lambda row: row["condition"], left=True),
         Column("level", lambda row: row["level"], left=True),
         Column("among people", lambda row: row["among_people"], left=True, wraps=True),
+        Column("by hand", lambda row: row["by_hand"], left=True, wraps=True),
         Column("what is wrong, what the rover does, and until when", _sentences, left=True, wraps=True),
     ]
     console = Console()
@@ -108,6 +109,7 @@ def _condition_in_words(condition: Condition, row: Response) -> dict[str, str]:
         "condition": condition.value,
         "level": row.level.name.lower(),
         "among_people": row.level_among_people.name.lower(),
+        "by_hand": (row.level if row.manual is None else row.manual).name.lower(),
         "kind": row.kind.value,
         "what": row.what,
         "does": row.does,

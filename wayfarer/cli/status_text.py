@@ -28,13 +28,13 @@ def _lines(status: Mapping[str, Any]) -> list[tuple[str, str]]:
     heading = status.get("heading_deg")
     return [
         (status["rover"], f"{_mode(status)}{_marks(status)}"),
-        ("health", _health(status)),
+        ("health", health_text(status)),
         ("so it", status.get("does", "")),
         ("until", status.get("ends_when", "")),
         ("doing", _doing(status)),
         ("heading", "" if heading is None else _heading(status, heading)),
         ("mission", _mission(status)),
-        ("battery", "" if status.get("battery_v") is None else f"{status['battery_v']:.1f} V"),
+        ("battery", battery_text(status)),
         ("log", _log(status)),
         ("live page", status.get("live_page", "")),
         ("Foxglove", status.get("foxglove", "")),
@@ -43,6 +43,8 @@ def _lines(status: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 def _mode(status: Mapping[str, Any]) -> str:
     why = status.get("why_disarmed")
+    if status["mode"] == "manual":
+        return f"driven by hand, by {status['driver']}"
     return f"disarmed: {disarmed_text(why)}" if why else "held" if status["held"] else str(status["mode"])
 
 
@@ -51,10 +53,16 @@ def _marks(status: Mapping[str, Any]) -> str:
     return f" ({told})" if told else ""
 
 
-def _health(status: Mapping[str, Any]) -> str:
+def health_text(status: Mapping[str, Any]) -> str:
+    """Return what is wrong, and since when."""
     wrong = _wrong(status)
     since = f" (for {duration_text(status['cause_for_s'])})" if "cause_for_s" in status else ""
     return painted(f"{wrong}{since}", "warning") if wrong else painted(WELL, "good")
+
+
+def battery_text(status: Mapping[str, Any]) -> str:
+    """Return the battery's voltage, empty where it is not known."""
+    return "" if status.get("battery_v") is None else f"{status['battery_v']:.1f} V"
 
 
 def _wrong(status: Mapping[str, Any]) -> str:

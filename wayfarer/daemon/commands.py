@@ -89,6 +89,7 @@ class RoverCommands:
             "mode": controller.mode.value,
             "why_disarmed": controller.why_disarmed if controller.mode is Mode.DISARMED else None,
             "held": controller.held,
+            "driver": controller.manual.driver if controller.mode is Mode.MANUAL else None,
             "conditions": [condition.value for condition in controller.conditions],
             "battery_v": controller.board.health and controller.board.health.battery_v,
             "motor_faults": list(controller.board.health.faults) if controller.board.health else [],
@@ -269,7 +270,7 @@ class RoverCommands:
         if last is None or last.cause is None:
             return {}
         for_s = round(_now_s() - self._controller.cause_since_s, 1)
-        if self._controller.mode is not Mode.ARMED:
+        if self._controller.mode not in {Mode.ARMED, Mode.MANUAL}:
             return {"cause_for_s": for_s}
         return {"cause_for_s": for_s, **said_of(last.cause, last.level)._asdict()}
 

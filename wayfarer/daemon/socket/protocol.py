@@ -222,7 +222,8 @@ _CHECKS = {
         lambda value: _is_number(value, 0, 360) and value != 360,
     ),
     "driver": _Check(
-        f"a word of at most {DRIVER_CHARACTERS} letters", lambda value: isinstance(value, str) and _DRIVER(value)
+        f"a word of at most {DRIVER_CHARACTERS} letters",
+        lambda value: isinstance(value, str) and _DRIVER(value) is not None,
     ),
     "lease": _COUNT,
     "seq": _COUNT,
