@@ -31,10 +31,10 @@ class Driver:
         now_s = self.bench.t_s
         return self.bench.controller.manual.take(now_s, ManualSample(self.seq, forward, turn, now_s - age_s))
 
-    async def drive(self, forward: float, turn: float = 0.0, ticks: int = 1, **tick: float) -> None:
+    async def drive(self, forward: float, turn: float = 0.0, ticks: int = 1) -> None:
         for _ in range(ticks):
             assert self.send(forward, turn) == ""
-            await self.bench.tick(**tick)
+            await self.bench.tick()
 
 
 async def driven(bench: Bench | None = None, forward: float = 1.0) -> Driver:

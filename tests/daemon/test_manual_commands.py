@@ -193,7 +193,7 @@ WHILE_ANOTHER_DRIVES: dict[str, Way] = {
     "infinity": lambda hand: hand.line(orjson.dumps(hand.sample()).replace(b"-1.0", b"1e999")),
     "more than full": lambda hand: hand.ask(**hand.sample(forward=-1.5)),
     "true": lambda hand: hand.ask(**hand.sample(forward=True)),
-    "a text": lambda hand: hand.ask(**hand.sample(forward="-1")),
+    "a text": lambda hand: hand.ask(**hand.sample() | {"forward": "-1"}),
     "a number that is a fraction": lambda hand: hand.ask(**hand.sample(seq=hand.seq + 0.5)),
     "a key more": lambda hand: hand.ask(**hand.sample(force=True)),
     "a driver who says too much": lambda hand: hand.ask(do="manual_begin", driver="x\n" * 30),

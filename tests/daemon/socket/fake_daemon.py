@@ -54,6 +54,18 @@ class FakeDaemon:
         self.told.append(("goal", heading_deg))
         return {}
 
+    async def manual_begin(self, driver: str) -> Details:
+        self.told.append(("manual_begin", driver))
+        return {"lease": 7}
+
+    async def manual_drive(self, lease: int, seq: int, forward: float, turn: float, sent_s: float) -> Details:
+        self.told.append(("manual_drive", lease, seq, forward, turn, sent_s))
+        return {}
+
+    async def manual_end(self, lease: int) -> Details:
+        self.told.append(("manual_end", lease))
+        return {}
+
     async def mark(self, text: str) -> Details:
         self.told.append(("mark", text))
         return {}

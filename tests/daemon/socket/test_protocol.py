@@ -36,6 +36,12 @@ from wayfarer.errors import BadInput, UnknownName
         ({"do": "resume"}, ("resume",)),
         ({"do": "goal", "heading_deg": 359.9}, ("goal", 359.9)),
         ({"do": "goal", "heading_deg": 2.0, "north": "true"}, ("goal", 358.5)),
+        ({"do": "manual_begin", "driver": "keys"}, ("manual_begin", "keys")),
+        (
+            {"do": "manual_drive", "lease": 2**53, "seq": 1, "forward": -1, "turn": 0.5, "sent_s": 12.5},
+            ("manual_drive", 2**53, 1, -1, 0.5, 12.5),
+        ),
+        ({"do": "manual_end", "lease": 7}, ("manual_end", 7)),
         ({"do": "mark", "text": "hit log"}, ("mark", "hit log")),
         ({"do": "mark", "text": "ä" * 500}, ("mark", "ä" * 500)),
         ({"do": "stop"}, ("stop",)),
