@@ -299,6 +299,7 @@ def test_pad_can_be_read_and_is_above_stop_at_every_size(browser_page: OpenPage,
     page = driver.page
     for size in (NARROW, PHONE, LANDSCAPE, DESKTOP):
         page.set_viewport_size({"width": size[0], "height": size[1]})
+        page.evaluate("scrollTo(0, 0)")
         driver.begin()
         page.locator("#mode", has_text="Driven by hand").wait_for()
         for name in ("pad", "drive", "stop", "hold"):

@@ -107,7 +107,10 @@ function showManual() {
   element("drive").disabled = manual.state === "no" && !isFresh();
 }
 
-const showPad = () => element("manual").scrollIntoView({ block: "nearest" });
+// Scrolls to the pad, but Stop never away: on a wide screen it is at the top of the page.
+function showPad() {
+  if (getComputedStyle(element("controls")).position === "fixed") element("manual").scrollIntoView({ block: "nearest" });
+}
 
 function prepareManual() {
   element("drive").onclick = pressDrive;
