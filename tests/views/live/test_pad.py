@@ -198,6 +198,7 @@ def test_network_that_is_cut_stops_the_wheels_and_its_return_does_not_start_them
     assert not any(driver.wheels()), "the button must be pressed first"
 
 
+@pytest.mark.long
 def test_bad_network_drives_in_pieces_and_a_lifted_finger_stops_in_time(
     browser_page: OpenPage, daemon: Daemon, relay: Relay
 ) -> None:
@@ -217,6 +218,7 @@ def test_bad_network_drives_in_pieces_and_a_lifted_finger_stops_in_time(
     assert driver.stand() < DEADMAN_S + TICK_S + SLACK_S
 
 
+@pytest.mark.long
 def test_slow_network_says_why_it_does_not_drive(browser_page: OpenPage, daemon: Daemon, relay: Relay) -> None:
     driver = Driver(browser_page(PHONE, touch=True), daemon, relay.port)
     driver.begin()
