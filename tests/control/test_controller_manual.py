@@ -95,6 +95,8 @@ async def test_lost_compass_keeps_nobody_from_driving_but_a_rover_on_its_roof_do
         await bench.controller.tick(bench.t_s)
     assert (bench.controller.mode, bench.wheels) == (Mode.DISARMED, STOP)
     assert bench.controller.why_disarmed == "fault: overturned"
+    await bench.tick(200)
+    assert bench.health == (Level.FAULT, Condition.OVERTURNED), "it stays until a person arms it, or drives again"
 
 
 async def test_late_tick_stops_the_wheels_until_the_person_lets_go() -> None:

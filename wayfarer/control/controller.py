@@ -111,6 +111,7 @@ class Controller:
         self._arming: ArmingSequence | None = None
         self._travelled_m = 0.0
         self._held_s = self._away_s = 0.0  # in which the gate held the wheels, and the algorithm did not have them
+        self._carried = False
         self._applied = STOP
         self._driven = STOP  # what was applied, less what the slope takes up
         self._last_cause: Condition | None = None
@@ -134,8 +135,7 @@ class Controller:
 
     def disarm(self, t_s: float, reason: str) -> None:
         """Stop the wheels from the next tick on, until re-armed; also where a person drives."""
-        if self.mode is _MANUAL:
-            self._gate.answer_by(self.levels)
+        self._gate.levels = self.levels
         self.mode = Mode.DISARMED
         self.why_disarmed = reason
         self._arming = None
@@ -148,8 +148,9 @@ class Controller:
         The motors of a rover that was not armed must have been opened just before, as for ``arm``.
         """
         self.wheels.failed = self.held = False
-        self._forget_place()
-        self._gate.answer_by(MANUAL_LEVELS)
+        self._carried = True
+        self._gate.levels = MANUAL_LEVELS
+        self._gate.clear_fault()
         self.manual.begin(t_s, lease, driver)
         self.mode = _MANUAL
         self._log.event("manual", t_s, driver=driver)
@@ -158,12 +159,13 @@ class Controller:
         """Stop the wheels: the rover is disarmed as before, or its mission is held until ``resume``."""
         self.mode = Mode.DISARMED if self.mission is None else _ARMED
         self.held = self.mission is not None
-        self._forget_place()
-        self._gate.answer_by(self.levels)
+        self._carried = True
+        self._gate.levels = self.levels
         self._log.event("manual_ended", t_s, reason=reason, mode=self.mode.value)
 
     def _forget_place(self) -> None:
-        """Begin the algorithm again: what it remembers is of another place."""
+        """Begin the algorithm again: a person has carried it to another place."""
+        self._carried = False
         self._handler.reset()
         self._recovery.reset()
         self._resume_warning.reset()
@@ -212,6 +214,8 @@ class Controller:
         """Do one control tick at time ``t_s``."""
         if self.mode is _MANUAL and self.manual.is_silent(t_s):
             self.end_manual(t_s, f"nothing was heard of {self.manual.driver} for {LEASE_S:g} s")
+        if self._carried:
+            self._forget_place()
         tick, gate, mission = TickRecord(t_s, self._driven), self._gate, self.mission
         self._timer.measure(tick)
         self._buffers.read(tick)
@@ -233,10 +237,10 @@ class Controller:
             self._note_manual(tick)
         if gate.holds or manual:
             self._held_s += tick.dt_s
-        applied = await self.wheels.drive(t_s, wheels)
+        tick.level, tick.cause, tick.memory = gate.level, gate.cause, self._handler.memory
+        applied = await self.wheels.drive(t_s, wheels)  # meanwhile somebody may hold, disarm, or begin to drive
         self._applied = tick.applied = applied
         self._driven = self._detector.grade.level(applied)
-        tick.level, tick.cause, tick.memory = gate.level, gate.cause, self._handler.memory
         self.last = tick
         self._log.tick(tick)
         if tick.cause is not self._last_cause or (may_drive and tick.level is _FAULT):

@@ -112,6 +112,7 @@ class Rerun:
         handler = algorithm.make(config.escape, config.vehicle, Random(header["algorithm_seed"]))
         detector = make_detector(config, needs_of(algorithm, config), watches_motion="motion" in header["parts"])
         self._motors = LoggedMotors()
+        self._heard: list[Record] = []
         self._buffers = SensorBuffers()
         self._controller = Controller(self._motors, self._buffers, config, detector, handler, PartialLog(), _never_late)
         self._compass: tuple[Mapping[str, Any] | None, CompassReading | None] = (None, None)
@@ -120,6 +121,7 @@ class Rerun:
         """Take what came from outside, at a tick or between two; return whether the record can be what was written."""
         try:
             if record["record"] == "tick":
+                self._hear_until(record["t_s"])
                 self._sense(record)
             elif record["record"] == "board":
                 health = MotorHealth(record["battery_v"], tuple(record["faults"]))
@@ -127,7 +129,7 @@ class Rerun:
                 duties = None if left is None or right is None else WheelCommand(left, right)
                 self._controller.power_reports.board_said(record["t_s"], health, duties)
             elif record["record"] == "event":
-                self._event(record["name"], record)
+                self._heard.append(record)
         except (LookupError, TypeError, ValueError, AttributeError):
             return False
         return True
@@ -148,6 +150,18 @@ class Rerun:
             sample = (record[f"manual_{key}"] for key in ManualSample._fields)
             self._controller.manual.sample = ManualSample._make(sample)
         self._motors.applied = WheelCommand(float(record["applied_left"]), float(record["applied_right"]))
+
+    def _hear_until(self, t_s: float) -> None:
+        """Do what people asked for before the tick at ``t_s``.
+
+        An event is written at once, so those that came during a tick stand before it, and count after it.
+        """
+        heard, self._heard = self._heard, []
+        for record in heard:
+            if record["t_s"] <= t_s:
+                self._event(record["name"], record)
+            else:
+                self._heard.append(record)
 
     def _event(self, name: str, record: Record) -> None:
         controller, t_s = self._controller, record["t_s"]

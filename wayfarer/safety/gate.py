@@ -6,7 +6,7 @@ the rover is re-armed. A command that passes is limited in duty and in the growt
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from math import isfinite
 from typing import Final
 
@@ -26,7 +26,7 @@ class Gate:
     """Limits commands, holds the wheels, and latches faults.
 
     ``cause`` is the worst condition, ``level`` its severity, ``holds`` whether it keeps the wheels at zero. ``levels``
-    are the severities of this rover's conditions.
+    are the severities of this rover's conditions; others count from the next tick on.
     """
 
     def __init__(self, settings: SafetySettings, control_hz: float) -> None:
@@ -43,11 +43,6 @@ class Gate:
         """Forget the latched fault; only a person who arms or drives does this."""
         self._fault = None
         self._judge(())
-
-    def answer_by(self, levels: Mapping[Condition, Level]) -> None:
-        """Judge conditions by other severities from the next tick on; a latched fault is forgotten."""
-        self.levels = levels
-        self.clear_fault()
 
     def update(
         self, conditions: Sequence[Condition], decide: Callable[[], WheelCommand], *, armed: bool
