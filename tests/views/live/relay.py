@@ -82,7 +82,7 @@ async def pump(reader: StreamReader, writer: StreamWriter, network: Network, dic
             await asyncio.sleep(arrives_s - loop.time())
             while network.cut:  # noqa: ASYNC110 - not worth an event
                 await asyncio.sleep(0.01)
-            if not data:
+            if not data or writer.is_closing():
                 writer.close()
                 return
             writer.write(data)

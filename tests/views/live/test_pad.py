@@ -198,6 +198,7 @@ def test_network_that_is_cut_stops_the_wheels_and_its_return_does_not_start_them
     assert not any(driver.wheels()), "the button must be pressed first"
 
 
+@pytest.mark.long
 def test_bad_network_drives_in_pieces_and_a_lifted_finger_stops_in_time(
     browser_page: OpenPage, daemon: Daemon, relay: Relay
 ) -> None:
@@ -217,6 +218,7 @@ def test_bad_network_drives_in_pieces_and_a_lifted_finger_stops_in_time(
     assert driver.stand() < DEADMAN_S + TICK_S + SLACK_S
 
 
+@pytest.mark.long
 def test_slow_network_says_why_it_does_not_drive(browser_page: OpenPage, daemon: Daemon, relay: Relay) -> None:
     driver = Driver(browser_page(PHONE, touch=True), daemon, relay.port)
     driver.begin()
@@ -238,6 +240,10 @@ def test_keys_drive_while_they_are_held(browser_page: OpenPage, daemon: Daemon) 
     keyboard.up("ArrowUp")
     keyboard.down("KeyW")
     driver.turn()
+    slow, _ = driver.wheels()
+    keyboard.down("Shift")
+    driver.turn(lambda left, _: left > 1.5 * slow)
+    keyboard.up("Shift")
     keyboard.up("KeyW")
     assert driver.stand() < TICK_S + SLACK_S
     keyboard.down("KeyA")
@@ -291,14 +297,16 @@ def test_page_without_the_token_says_how_to_drive(browser_page: OpenPage, daemon
 
 
 def test_pad_can_be_read_and_is_above_stop_at_every_size(browser_page: OpenPage, daemon: Daemon) -> None:
+    driver = Driver(browser_page(NARROW), daemon)
+    page = driver.page
     for size in (NARROW, PHONE, LANDSCAPE, DESKTOP):
-        driver = Driver(browser_page(size, touch=size is not DESKTOP), daemon)
+        page.set_viewport_size({"width": size[0], "height": size[1]})
+        page.evaluate("scrollTo(0, 0)")
         driver.begin()
-        page = driver.page
         page.locator("#mode", has_text="Driven by hand").wait_for()
         for name in ("pad", "drive", "stop", "hold"):
             box = page.locator(f"#{name}").bounding_box()
-            assert box is not None, name
+            assert box is not None, (size, name, page.locator("#reply").inner_text())
             assert min(box["width"], box["height"]) >= 48, (size, name)
             middle = [box["x"] + box["width"] / 2, box["y"] + box["height"] - 4]
             assert page.evaluate("([x, y]) => document.elementFromPoint(x, y).id", middle) == name, (size, name)

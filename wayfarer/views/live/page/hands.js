@@ -1,15 +1,16 @@
-// What the hands of a person say: a finger or mouse on the pad, held keys, or a gamepad with a held shoulder button.
+// What the hands of a person say: a finger or mouse on the pad, held keys, or a gamepad with a held left shoulder button.
 // Each gives [forward, turn] from -1 to 1, turn clockwise; whatever is not held gives nothing. Nothing counts that was held
 // before `letGo`: it must be released first, and a gamepad's stick be in its middle.
 
 const DEADZONE = 0.05; // as joy of ROS: sticks do not come back to their exact middle
-const SHOULDERS = [4, 5, 6, 7]; // of the standard gamepad: one of them must be held
+const LEFT_SHOULDER = 4; // of the standard gamepad
+const SLOW = 0.5; // of full deflection: a key has no degrees
 const KEYS = {
   ArrowUp: [1, 0], KeyW: [1, 0], ArrowDown: [-1, 0], KeyS: [-1, 0],
   ArrowLeft: [0, -1], KeyA: [0, -1], ArrowRight: [0, 1], KeyD: [0, 1],
 };
 
-const hands = { finger: null, keys: new Set(), gamepads: new Set() }; // indices of the gamepads that were let go
+const hands = { finger: null, keys: new Set(), isFast: false, gamepads: new Set() }; // indices of the gamepads that were let go
 
 // What counts now; null where nothing is held.
 function handsNow() {
@@ -25,14 +26,14 @@ function letGo() {
 function keysNow() {
   if (!hands.keys.size) return null;
   const sum = (axis) => Math.max(-1, Math.min(1, [...hands.keys].reduce((total, code) => total + KEYS[code][axis], 0)));
-  return [sum(0), sum(1)];
+  return [sum(0), sum(1)].map((value) => value * (hands.isFast ? 1 : SLOW));
 }
 
 function gamepadNow() {
   for (const gamepad of navigator.getGamepads()) {
     if (!gamepad?.connected) continue;
     const sample = [outside(-gamepad.axes[1]), outside(gamepad.axes[0])];
-    const held = SHOULDERS.some((button) => gamepad.buttons[button]?.pressed);
+    const held = gamepad.buttons[LEFT_SHOULDER]?.pressed;
     if (held && hands.gamepads.has(gamepad.index)) return sample;
     if (!held && sample.every((value) => value === 0)) hands.gamepads.add(gamepad.index);
   }
@@ -59,6 +60,7 @@ function prepareHands(pad, counts, changed) {
     changed();
   };
   prepareFinger(pad, counts, changed);
+  for (const kind of ["keydown", "keyup"]) addEventListener(kind, (event) => (hands.isFast = event.shiftKey));
   addEventListener("keydown", (event) => {
     if (!counts() || !(event.code in KEYS) || event.ctrlKey || event.altKey || event.metaKey || event.target.matches("input")) return;
     event.preventDefault(); // the page must not scroll

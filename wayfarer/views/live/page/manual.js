@@ -42,7 +42,7 @@ function takeBegin({ ok, why, deadman_s, t_s }) {
   letGo(); // what was held before does not count
   say("You drive.");
   showManual();
-  element("manual").scrollIntoView({ block: "nearest" });
+  showPad();
 }
 
 function takeDriven({ ok, why, why_not, seq, t_s }) {
@@ -107,11 +107,17 @@ function showManual() {
   element("drive").disabled = manual.state === "no" && !isFresh();
 }
 
+// Scrolls to the pad, but Stop never away: on a wide screen it is at the top of the page.
+function showPad() {
+  if (getComputedStyle(element("controls")).position === "fixed") element("manual").scrollIntoView({ block: "nearest" });
+}
+
 function prepareManual() {
   element("drive").onclick = pressDrive;
   prepareHands(element("pad"), () => manual.state === "drives", sendSample);
   document.addEventListener("visibilitychange", () => document.hidden && endManual("Driving has ended: the page was hidden."));
   addEventListener("pagehide", () => endManual(""));
   addEventListener("keydown", (event) => event.code === "Escape" && endManual("The rover is not driven from this page any more."));
+  matchMedia("(orientation: portrait)").addEventListener("change", () => manual.state === "drives" && showPad());
   setInterval(sampleHands, SAMPLE_MS);
 }
