@@ -97,6 +97,15 @@ def test_pure_debian_package_has_or_takes_every_library_that_wayfarer_needs(rele
     assert release.depends("3.13", "arm64").startswith("python3 (>= 3.13), python3 (<< 3.14), ")
 
 
+def test_debhelper_neither_stops_nor_restarts_a_rover() -> None:
+    """Its restart would follow a refused upgrade, too; tests/debian/run shows what the package does instead."""
+    rules = (ROOT / "packaging" / "debian" / "rules").read_text(encoding="utf-8")
+    flags = re.findall(r"^\tdh_installsystemd (.*)$", rules, re.MULTILINE)
+    assert [set(each.split()) for each in flags] == [
+        {"--no-enable", "--no-start", "--no-restart-after-upgrade", "--no-stop-on-upgrade"}
+    ]
+
+
 @pytest.mark.parametrize("taken", ["docs", "examples"])
 def test_debian_package_takes_files_that_are_there(taken: str) -> None:
     patterns = (ROOT / "packaging" / "debian" / f"wayfarer.{taken}").read_text(encoding="utf-8").split()
