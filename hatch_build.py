@@ -129,7 +129,7 @@ def why_too_little_memory(meminfo: Path) -> str | None:
     found = re.search(r"^MemTotal: +(\d+) kB$", meminfo.read_text(encoding="ascii"), re.MULTILINE)
     memory_gb = int(found[1]) * 1024 / 1e9 if found else LEAST_MEMORY_GB
     if memory_gb < LEAST_MEMORY_GB:
-        return f"compiling needs {LEAST_MEMORY_GB} GB of memory, and this computer has {memory_gb:.1f} GB"
+        return f"compiling needs {LEAST_MEMORY_GB} GB of memory, not {memory_gb:.1f} GB; WAYFARER_COMPILE=1 tries it"
     return None
 
 

@@ -66,7 +66,7 @@ def run_campaign(
 
     Raises:
         BadInput: something that cannot be used; the text names it and says what is allowed.
-        MissingPackage: the extra ``sim`` is not installed.
+        MissingPackage: the extra ``sim`` is not installed, or ``spl`` for shortest paths.
         WayfarerError: a worker process died, or ``out`` cannot be written any more; finished trials are kept there.
         KeyboardInterrupt: Ctrl-C; finished trials are kept in ``out``.
 
