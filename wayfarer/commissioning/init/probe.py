@@ -199,7 +199,7 @@ def _list_ports(host: HostEnvironment, found: Inventory) -> None:
             found.note(Verdict.LEFT_ALONE, f"{device}: {PI5_DEBUG_PORT}, the debug connector of a Pi 5")
         else:
             found.ports.append(device)
-            found.note(Verdict.FOUND, f"{device}, a serial port; nothing is sent to it, a motor board may be there")
+            found.note(Verdict.FOUND, f"serial port {device}; nothing is sent to it")
     if not found.ports:
         found.note(Verdict.NOTHING, f"serial ports: {', '.join(f'/{pattern}' for pattern in PORTS)}")
 
