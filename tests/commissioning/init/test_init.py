@@ -240,6 +240,8 @@ class Hasty(Script):
         ("parts.motors.driver = 'gpio_motors'", "key 'parts.motors.left_forward' = '': it is no whole number"),
         ("parts.motion.driver = 'cmps14'", "'cmps14' is not a driver for motion, but for compass"),
         ("parts.motors.timeout_s = 99", "key 'parts.motors.timeout_s' = 99"),
+        ("parts.mototrs.driver = 'sabertooth'", "'sabertooth' is not a driver for mototrs, but for motors"),
+        (r'name = "\u007f"', "not valid TOML"),
         ("parts.contact.driver = 'bumper'", "key 'parts.contact': a bumper needs the pin of at least one side"),
     ],
 )

@@ -1,9 +1,8 @@
 """What is on this computer's buses: asks for each known part where it may be, and lists ports, cameras and pins.
 
-Only registers that tell which part it is are read, at the addresses that drivers know, and nothing is written to a
-part. Other addresses are left alone: a scan of all can change an EEPROM. So are parts that the kernel drives, and the
-buses of a PC's mainboard. Nothing is sent to a serial port, because a motor board may be there, and no camera is
-opened.
+Only registers that tell which part it is are read, at the addresses that drivers know, and none is written. Other
+addresses are left alone: a scan of all can change an EEPROM. So are parts that the kernel drives, and the buses of a
+PC's mainboard. Nothing is sent to a serial port, because a motor board may be there, and no camera is opened.
 """
 
 from __future__ import annotations
@@ -98,6 +97,11 @@ async def look(host: HostEnvironment, buses: Buses, cameras: Callable[[], Sequen
     pins = _device_files(host, "dev/gpiochip*")
     found.note(*(Verdict.FOUND, f"pins: {', '.join(pins)}") if pins else (Verdict.NOTHING, "pins: no /dev/gpiochip*"))
     return found
+
+
+def motor_devices(host: HostEnvironment) -> list[str]:
+    """Return the device files that motors may be on."""
+    return [*i2c_buses(host), *(device for pattern in PORTS for device in _device_files(host, pattern))]
 
 
 def i2c_buses(host: HostEnvironment) -> list[str]:
