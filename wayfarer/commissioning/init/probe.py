@@ -121,7 +121,7 @@ def _recognised() -> Iterator[tuple[str, Any]]:
     for name in driver_names():
         with suppress(BadInput):  # a package that cannot be imported
             driver = find_driver(name)
-            if issubclass(driver, Recognised):
+            if isinstance(driver, type) and issubclass(driver, Recognised):
                 yield name, driver
 
 
@@ -143,15 +143,18 @@ def _usable(host: HostEnvironment, kind: str, found: Inventory) -> list[str]:
 
 def _places(driver: Any, devices: Mapping[str, Sequence[str]]) -> Iterator[list[dict[str, Any]]]:
     """Give the settings that say where a driver may find its part, those on one device together."""
-    default = driver.Settings()
+    try:
+        default = driver.Settings()
+    except (TypeError, ValueError):  # a person must say something of it first
+        return
     wires = required_buses(driver, default)
     if not wires:  # a service of this computer, such as gpsd
         yield [{}]
-    for wire in wires[:1]:
-        key = next(each.name for each in fields(default) if getattr(default, each.name) == wire.name)
-        for device in devices.get(wire.kind, ()):
-            addresses = getattr(driver, "addresses", ()) if wire.kind == I2C else ()
-            yield [{key: device, "address": address} for address in addresses] or [{key: device}]
+    names = [each.name for wire in wires[:1] for each in fields(default) if getattr(default, each.name) == wire.name]
+    for name in names[:1]:
+        for device in devices.get(wires[0].kind, ()):
+            addresses = getattr(driver, "addresses", ()) if wires[0].kind == I2C else ()
+            yield [{name: device, "address": address} for address in addresses] or [{name: device}]
 
 
 async def _ask(
