@@ -11,7 +11,9 @@ from tests.conftest import Run, refusal
 from wayfarer.cli import init
 from wayfarer.commissioning.init import Inventory, Sighting, Verdict
 from wayfarer.config.rover_file import load_rover, parse_rover
+from wayfarer.daemon.socket.paths import AlreadyRunning, daemon_socket, single_daemon
 
+LOOK = init._look
 NOTHING = Inventory([Sighting(Verdict.NOTHING, "/dev/i2c-*: there is no I2C bus")])
 
 
@@ -109,3 +111,11 @@ def test_end_of_the_input_is_bad_input_and_leaves_nothing(
 
 def test_a_folder_that_is_not_there_is_said_first(run: Run) -> None:
     assert "no: no such folder" in refusal(run, "init", "no/rover.toml", "--yes")
+
+
+def test_nothing_is_looked_at_while_a_daemon_runs(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(init, "_look", LOOK)
+    with single_daemon(daemon_socket()):
+        code, _, err = run("init", "--yes")
+    assert code == AlreadyRunning.exit_code, err
+    assert names(tmp_path) == []

@@ -10,7 +10,14 @@ import pytest
 
 from tests.daemon.socket.fake_daemon import held_elsewhere, open_files
 from wayfarer.config.rover_file import RoverConfig, load_rover
-from wayfarer.daemon.motors_lock import MotorsTaken, device_of, motors_device, motors_lock, other_commander
+from wayfarer.daemon.motors_lock import (
+    MotorsTaken,
+    device_of,
+    motors_device,
+    motors_lock,
+    other_commander,
+    refuse_taken,
+)
 from wayfarer.daemon.socket.paths import AlreadyRunning
 from wayfarer.drivers.gpio_motors import GpioMotorsSettings
 from wayfarer.drivers.thunderborg import ThunderBorgSettings
@@ -45,7 +52,10 @@ def test_lock_ends_with_its_context_and_leaves_no_file_open(device: str) -> None
         assert other_commander(device) == f"another wayfarer (process {os.getpid()})"
         with pytest.raises(MotorsTaken):
             motors_lock(device).__enter__()
+        with pytest.raises(MotorsTaken, match=f"process {os.getpid()}"):
+            refuse_taken(device)  # without opening it
         assert open_files() == before + 1
+    refuse_taken(device)
     assert other_commander(device) is None
     assert open_files() == before
 

@@ -58,7 +58,7 @@ def test_file_of_a_rover_passes_its_check(site: RealSite) -> None:
     answers.write_text(ANSWERS, encoding="utf-8")
     done = site.run("init", "--yes", "--answers", answers, written)
     assert done.returncode == 0, done.stderr
-    board = "ThunderBorg at 0x15 on /dev/i2c-1" if site.rover == "minirover" else f"{SERIAL}, a serial port"
+    board = "ThunderBorg at 0x15 on /dev/i2c-1" if site.rover == "minirover" else f"serial port {SERIAL}"
     for part in (f"CMPS14 firmware 7 at 0x60 on {I2C}", f"PMW3901 on {SPI}", board):
         assert f"found   {part}" in done.stderr
     found, shipped = load_rover(str(written)), load_rover(site.rover)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -30,7 +29,7 @@ EXAMPLES = examples(
 )
 ASK_FIRST = (
     "To find parts, the registers that tell which part it is are read on the I2C and SPI buses, at the addresses\n"
-    "of the parts that wayfarer knows. Nothing is written, and nothing is sent to a serial port. Look now?"
+    "of the parts that wayfarer knows. No part is changed, and nothing is sent to a serial port. Look now?"
 )
 
 
@@ -133,7 +132,7 @@ class _Answers:
         self._path, self._text = path, ""
         if path is not None:
             try:
-                self._text = read_regular(path, ROVER_FILE_BYTES).decode()
+                self._text = read_regular(path, ROVER_FILE_BYTES).decode("utf-8-sig")
                 self.tables: dict[str, Any] = tomllib.loads(self._text + "\n")
             except OSError as error:
                 raise BadInput(f"{path}: cannot be read: {error.strerror}") from None
@@ -154,8 +153,8 @@ def _look() -> Inventory:
     import asyncio
 
     from wayfarer.commissioning.checks import HostEnvironment
-    from wayfarer.commissioning.init import i2c_buses, look
-    from wayfarer.daemon.motors_lock import motors_lock
+    from wayfarer.commissioning.init import look, motor_devices
+    from wayfarer.daemon.motors_lock import refuse_taken
     from wayfarer.daemon.socket.paths import daemon_socket, single_daemon
     from wayfarer.drivers.linux import LinuxBuses, connected_cameras
 
@@ -168,10 +167,9 @@ def _look() -> Inventory:
         finally:
             await buses.close()
 
-    with ExitStack() as stack:
-        stack.enter_context(single_daemon(daemon_socket()))
-        for device in i2c_buses(host):  # a daemon on another socket is found by its motors
-            stack.enter_context(motors_lock(device))
+    for device in motor_devices(host):  # a daemon on another socket is found by its motors
+        refuse_taken(device)
+    with single_daemon(daemon_socket()):
         return asyncio.run(run())
 
 

@@ -66,7 +66,7 @@ def motors_lock(device: str | None) -> Iterator[None]:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise MotorsTaken(_holder(file), device) from None
+            raise MotorsTaken(_holder(os.fstat(file)) or "another wayfarer", device) from None
         yield
     finally:
         os.close(file)
@@ -81,6 +81,17 @@ def other_commander(device: str | None) -> str | None:
         return taken.who
 
 
+def refuse_taken(device: str) -> None:
+    """Refuse a device file that another program has locked, without opening it: that may reset a board.
+
+    Raises:
+        MotorsTaken: another process holds its lock, as far as the kernel tells.
+    """
+    with suppress(OSError):
+        if who := _holder(Path(device).stat()):
+            raise MotorsTaken(who, device)
+
+
 def _opened(device: str) -> int | None:
     for mode in (os.O_RDONLY, os.O_RDWR):
         with suppress(OSError):
@@ -88,13 +99,12 @@ def _opened(device: str) -> int | None:
     return None
 
 
-def _holder(file: int) -> str:
-    """Say who has locked an open file, as far as the kernel tells."""
-    about = os.fstat(file)
+def _holder(about: os.stat_result) -> str | None:
+    """Say who has locked a file, None if nobody has, as far as the kernel tells."""
     inode = f"{os.major(about.st_dev):02x}:{os.minor(about.st_dev):02x}:{about.st_ino}"
     with suppress(OSError):
         for line in LOCKS.read_text(encoding="ascii").splitlines():
             _, kind, *fields = line.split()  # 1: FLOCK ADVISORY WRITE 1234 00:05:123 0 EOF
             if kind == "FLOCK" and inode in fields:
                 return f"another wayfarer (process {fields[2]})"
-    return "another wayfarer"
+    return None

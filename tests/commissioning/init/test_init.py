@@ -78,7 +78,7 @@ def test_forestrover(tmp_path: Path, runner: asyncio.Runner) -> None:
         ("found", "PMW3901 on /dev/spidev0.1"),
         ("nothing", "ThunderBorg at 0x15 on /dev/i2c-1"),
         ("nothing", "light of ThunderBorg at 0x15 on /dev/i2c-1"),
-        ("found", "/dev/ttyAMA0, a serial port; nothing is sent to it, a motor board may be there"),
+        ("found", "serial port /dev/ttyAMA0; nothing is sent to it"),
         ("nothing", "cameras: libcamera lists none"),
         ("found", "pins: /dev/gpiochip0"),
     ]
@@ -240,6 +240,8 @@ class Hasty(Script):
         ("parts.motors.driver = 'gpio_motors'", "key 'parts.motors.left_forward' = '': it is no whole number"),
         ("parts.motion.driver = 'cmps14'", "'cmps14' is not a driver for motion, but for compass"),
         ("parts.motors.timeout_s = 99", "key 'parts.motors.timeout_s' = 99"),
+        ("parts.mototrs.driver = 'sabertooth'", "'sabertooth' is not a driver for mototrs, but for motors"),
+        (r'name = "\u007f"', "not valid TOML"),
         ("parts.contact.driver = 'bumper'", "key 'parts.contact': a bumper needs the pin of at least one side"),
     ],
 )

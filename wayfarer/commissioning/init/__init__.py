@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from wayfarer.commissioning.init.draft import Person
 from wayfarer.commissioning.init.interview import interview
-from wayfarer.commissioning.init.probe import Inventory, Sighting, Verdict, i2c_buses, look
+from wayfarer.commissioning.init.probe import Inventory, Sighting, Verdict, look, motor_devices
 from wayfarer.commissioning.init.rover_writer import rover_toml
+from wayfarer.config.rover_file import parse_rover
 
-__all__ = ["Inventory", "Person", "Sighting", "Verdict", "first_rover_file", "i2c_buses", "interview", "look"]
+__all__ = ["Inventory", "Person", "Sighting", "Verdict", "first_rover_file", "look", "motor_devices"]
 
 
 def first_rover_file(inventory: Inventory, answers: dict[str, object], person: Person) -> str:
@@ -20,4 +21,6 @@ def first_rover_file(inventory: Inventory, answers: dict[str, object], person: P
         else "Nothing has shown it yet."
         for part, settings in table["parts"].items()
     }
-    return rover_toml(table, remarks)
+    text = rover_toml(table, remarks)
+    parse_rover("rover.toml", text)  # what is written was read
+    return text

@@ -95,8 +95,9 @@ class Draft:
         for key, value in self._answers.items():
             if key != "parts":
                 self.table[key] = {**self.table.get(key, {}), **value} if isinstance(value, dict) else value
-        for part in self.table["parts"]:
-            self.table["parts"][part] |= self.given(f"parts.{part}")
+        for part, table in self._answers.get("parts", {}).items():
+            if table.get("driver") != NONE:
+                self.table["parts"][part] = {**self.table["parts"].get(part, {}), **table}
 
     def _section(self, name: str) -> Table:
         table = self.table

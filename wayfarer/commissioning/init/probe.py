@@ -1,9 +1,8 @@
 """What is on this computer's buses: asks for each known part where it may be, and lists ports, cameras and pins.
 
-Only registers that tell which part it is are read, at the addresses that drivers know, and nothing is written to a
-part. Other addresses are left alone: a scan of all can change an EEPROM. So are parts that the kernel drives, and the
-buses of a PC's mainboard. Nothing is sent to a serial port, because a motor board may be there, and no camera is
-opened.
+Only registers that tell which part it is are read, at the addresses that drivers know, and none is written. Other
+addresses are left alone: a scan of all can change an EEPROM. So are parts that the kernel drives, and the buses of a
+PC's mainboard. Nothing is sent to a serial port, because a motor board may be there, and no camera is opened.
 """
 
 from __future__ import annotations
@@ -100,6 +99,11 @@ async def look(host: HostEnvironment, buses: Buses, cameras: Callable[[], Sequen
     return found
 
 
+def motor_devices(host: HostEnvironment) -> list[str]:
+    """Return the device files that motors may be on."""
+    return [*i2c_buses(host), *(device for pattern in PORTS for device in _device_files(host, pattern))]
+
+
 def i2c_buses(host: HostEnvironment) -> list[str]:
     """Return the device files of the I2C buses that parts may be on, without those of a PC's mainboard."""
     return [
@@ -117,7 +121,7 @@ def _recognised() -> Iterator[tuple[str, Any]]:
     for name in driver_names():
         with suppress(BadInput):  # a package that cannot be imported
             driver = find_driver(name)
-            if issubclass(driver, Recognised):
+            if isinstance(driver, type) and issubclass(driver, Recognised):
                 yield name, driver
 
 
@@ -139,15 +143,18 @@ def _usable(host: HostEnvironment, kind: str, found: Inventory) -> list[str]:
 
 def _places(driver: Any, devices: Mapping[str, Sequence[str]]) -> Iterator[list[dict[str, Any]]]:
     """Give the settings that say where a driver may find its part, those on one device together."""
-    default = driver.Settings()
+    try:
+        default = driver.Settings()
+    except (TypeError, ValueError):  # a person must say something of it first
+        return
     wires = required_buses(driver, default)
     if not wires:  # a service of this computer, such as gpsd
         yield [{}]
-    for wire in wires[:1]:
-        key = next(each.name for each in fields(default) if getattr(default, each.name) == wire.name)
-        for device in devices.get(wire.kind, ()):
-            addresses = getattr(driver, "addresses", ()) if wire.kind == I2C else ()
-            yield [{key: device, "address": address} for address in addresses] or [{key: device}]
+    names = [each.name for wire in wires[:1] for each in fields(default) if getattr(default, each.name) == wire.name]
+    for name in names[:1]:
+        for device in devices.get(wires[0].kind, ()):
+            addresses = getattr(driver, "addresses", ()) if wires[0].kind == I2C else ()
+            yield [{name: device, "address": address} for address in addresses] or [{name: device}]
 
 
 async def _ask(
@@ -199,7 +206,7 @@ def _list_ports(host: HostEnvironment, found: Inventory) -> None:
             found.note(Verdict.LEFT_ALONE, f"{device}: {PI5_DEBUG_PORT}, the debug connector of a Pi 5")
         else:
             found.ports.append(device)
-            found.note(Verdict.FOUND, f"{device}, a serial port; nothing is sent to it, a motor board may be there")
+            found.note(Verdict.FOUND, f"serial port {device}; nothing is sent to it")
     if not found.ports:
         found.note(Verdict.NOTHING, f"serial ports: {', '.join(f'/{pattern}' for pattern in PORTS)}")
 
