@@ -98,7 +98,8 @@ class Daemon:
 def test_verb_is_asked_of_the_daemon(
     monkeypatch: pytest.MonkeyPatch, arguments: list[str], asked: dict[str, object]
 ) -> None:
-    daemon = Daemon(monkeypatch, {"warnings": [], "start_delay_s": 10.0, "goal_heading_deg": 20.0, "log": "logs/1"})
+    answer = {"warnings": [], "start_delay_s": 10.0, "goal_heading_deg": 20.0, "log": "logs/1", "held": True}
+    daemon = Daemon(monkeypatch, answer)
     assert cli.run(arguments) == 0
     assert daemon.asked == [asked]
 

@@ -101,8 +101,9 @@ def disarm() -> None:
 
 def hold() -> None:
     """Pause: stop the wheels until `wayfarer resume`; the mission continues after that."""
-    held = _ask("hold")["held"]
-    print("held; continue with wayfarer resume" if held else "stopped: nobody drives by hand any more")
+    reply = _ask("hold")
+    with _as_this_version():
+        print("held; continue with wayfarer resume" if reply["held"] else "stopped: nobody drives by hand any more")
 
 
 def resume() -> None:
