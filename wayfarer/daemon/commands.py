@@ -284,7 +284,8 @@ class RoverCommands:
         for_s = round(_now_s() - self._controller.cause_since_s, 1)
         if self._controller.mode not in {Mode.ARMED, Mode.MANUAL}:
             return {"cause_for_s": for_s}
-        return {"cause_for_s": for_s, **said_of(last.cause, last.level)._asdict()}
+        by_hand = self._controller.mode is Mode.MANUAL
+        return {"cause_for_s": for_s, **said_of(last.cause, last.level, by_hand=by_hand)._asdict()}
 
     def _mission(self) -> dict[str, Any]:
         mission = self._controller.mission
