@@ -211,7 +211,7 @@ class Said(NamedTuple):
 
 
 def said_of(condition: Condition, level: Level, *, by_hand: bool = False) -> Said:
-    """Return the words for a condition of a rover for which it has this level; ``by_hand``: while a person drives it."""
+    """Return the words for a condition of a rover for which it has this level; ``by_hand``: a person drives it."""
     row = RESPONSES[condition]
     obeys = by_hand and level < Level.HOLD and row.kind in {Kind.IGNORANCE, Kind.FOREST}  # no manoeuvre is begun
     if obeys or (level is row.manual and level is not row.level):
