@@ -74,6 +74,18 @@ def test_key_counts_once_and_is_taken_back_when_it_was_not_repeated() -> None:
     assert keys.wish(10.32 + IDLE_S) is not None, "the lease is kept"
 
 
+def test_keys_that_waited_for_the_daemons_answer_drive_nothing_but_a_stop_counts() -> None:
+    keys = Keys(EXPIRY_S)
+    keys.take("www", 12.0, since_s=10.0)
+    assert keys.wish(12.0) == Wish(0.0, 0.0, 12.0)
+    keys.take("w", 12.05, since_s=12.0)
+    assert keys.wish(12.05) == Wish(0.5, 0.0, 12.05)
+    keys.take("w ", 15.0, since_s=12.05)
+    assert keys.wish(15.0) == Wish(0.0, 0.0, 15.0)
+    keys.take("q", 19.0, since_s=15.0)
+    assert keys.is_over
+
+
 @pytest.mark.parametrize("key", ["q", "\x04", "wwq"])
 def test_keys_end_it(key: str) -> None:
     keys = Keys(EXPIRY_S)

@@ -52,8 +52,12 @@ class Keys:
         self.speed = START_SPEED
         self.is_over = False
 
-    def take(self, text: str, t_s: float) -> None:
-        """Take characters that were read at ``t_s``; of several keys the last one counts, and a stop before any."""
+    def take(self, text: str, t_s: float, since_s: float | None = None) -> None:
+        """Take characters that were read at ``t_s``; of several keys the last one counts, and a stop before any.
+
+        Where nobody has looked since ``since_s``, longer than a key counts (the daemon took its time to answer), they
+        may be as old as that, and drive nothing.
+        """
         text = self._rest + text
         half = HALF_A_KEY.search(text)
         self._rest = half[0] if half else ""
@@ -64,7 +68,7 @@ class Keys:
         ways = [WAYS[key] for key in keys if key in WAYS]
         if STOP in keys or self.is_over:
             self._pressed = Wish(0.0, 0.0, t_s)
-        elif ways:
+        elif ways and (since_s is None or t_s - since_s <= self._expiry_s):
             forward, turn = ways[-1]
             self._pressed = Wish(forward * self.speed, turn * self.speed, t_s)
 
@@ -83,12 +87,17 @@ class Keys:
 class TerminalKeys(Keys):
     """The same, of this process's terminal; made by ``terminal_keys``."""
 
+    def __init__(self, expiry_s: float) -> None:
+        super().__init__(expiry_s)
+        self._looked_s = now_s()
+
     def wait(self, for_s: float) -> None:
         """Wait for a key, at most so long, and take all that there are."""
         stdin = sys.stdin.fileno()
         if select.select([stdin], [], [], for_s)[0]:
             text = os.read(stdin, 1024).decode(errors="replace")
-            self.take(text or END[-1], now_s())  # nothing: the terminal has gone
+            self.take(text or END[-1], now_s(), self._looked_s)  # nothing: the terminal has gone
+        self._looked_s = now_s()
 
 
 @contextmanager
