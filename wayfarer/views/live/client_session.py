@@ -158,7 +158,9 @@ class ClientSession:
                 self._check_rate()
             if request.do in STARTING and self._demo is None:
                 self._check_start(request.do, request.do, fields.get(SHOWN))
-            await perform(request, self._commands, None)
+            details = await perform(request, self._commands, None)
+            if request.do == "hold":  # who holds a rover that a person drives ends that; it may be disarmed then
+                return {"held": details.get("held")}
         return {}
 
     async def _do_by_hand(self, fields: dict[str, object]) -> Details:

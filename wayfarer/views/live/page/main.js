@@ -57,7 +57,8 @@ function takeNews(news) {
 
 function takeReply(reply) {
   if (reply.do?.startsWith("manual_")) return takeManual(reply);
-  const done = { stop: "Stopped", hold: "Held", resume: "Resumed", mark: "Noted" };
+  const held = reply.held === false ? "Stopped: nobody drives by hand any more" : "Held";
+  const done = { stop: "Stopped", hold: held, resume: "Resumed", mark: "Noted" };
   say(reply.ok ? done[reply.do] ?? "" : `Not done: ${reply.why}`); // a demo's buttons show what they did
 }
 
