@@ -54,7 +54,7 @@ ROVER_TEXT: list[bytes] = []
 
 def remember_all_files() -> str:
     """The machine before the package came; the simulated forest needs numpy."""
-    must("apt-get", "--yes", "--quiet", "install", "--no-install-recommends", "python3-numpy")
+    need(apt("install", "python3-numpy")[0] == 0, "numpy is not in the cache of apt-get")
     BEFORE.update(files_now())
     GROUPS_BEFORE.update(group.gr_name for group in grp.getgrall())
     return (
@@ -63,7 +63,7 @@ def remember_all_files() -> str:
 
 
 def install() -> str:
-    code, said = apt("install", "--no-install-recommends", package(0))
+    code, said = apt("install", package(0))
     need(code == 0, said[-2000:])
     size = must("dpkg-query", "--show", "--showformat=${Installed-Size}", "wayfarer")
     return f"{installed_version()}, {int(size) / 1024:.1f} MB; said: {own_lines(said) or 'nothing'}"
