@@ -35,7 +35,8 @@ async def test_each_limit_ends_the_run_with_its_reason(limit: str, value: float,
 
 @pytest.mark.parametrize("limit", ["mission_time_s", "mission_distance_m", "mission_radius_m"])
 async def test_run_that_goes_on_is_disarmed_by_each_limit_and_can_be_armed_again(limit: str) -> None:
-    bench = Bench(goes_on=True, **{limit: 1.0})
+    safety: dict[str, Any] = {limit: 1.0}
+    bench = Bench(goes_on=True, **safety)
     for _ in range(3):
         await bench.armed()
         assert bench.motors.commands[-1] != STOP
