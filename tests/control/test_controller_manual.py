@@ -166,6 +166,27 @@ async def test_mission_waits_with_its_clocks_and_is_held_afterwards(by: str) -> 
     assert bench.log.named("manual_ended")[0]["mode"] == "armed"
 
 
+@pytest.mark.parametrize("lost", ["before a person drives", "while a person drives"])
+async def test_mission_without_a_compass_goes_on_after_a_person_has_driven(lost: str) -> None:
+    """The heading that is reckoned from the commands is not forgotten: else the rover would have a fault for ever."""
+    bench = await Bench().armed()
+    if lost == "before a person drives":
+        await bench.tick(200, compass=False)
+        assert bench.health == (Level.DEGRADE, Condition.HEADING_RECKONED)
+    bench.controller.begin_manual(bench.t_s, 7, "keys")
+    driver = Driver(bench)
+    for number in range(200):
+        assert driver.send(0.5 if number % 40 else 0.0) == ""
+        await bench.tick(compass=False)
+    bench.controller.end_manual(bench.t_s, "the test says so")
+    await bench.tick(40, compass=False)
+    assert bench.health == (Level.HOLD, Condition.OPERATOR_HOLD)
+    bench.controller.hold(bench.t_s, held=False)
+    await bench.tick(200, compass=False)
+    assert bench.controller.mode is Mode.ARMED
+    assert (bench.wheels != STOP, bench.health[1]) == (True, Condition.HEADING_RECKONED)
+
+
 async def test_disarming_ends_it_with_the_mission() -> None:
     driver = await driven(await Bench().armed())
     driver.bench.controller.disarm(driver.bench.t_s, "asked for")

@@ -120,6 +120,37 @@ def test_run_begins_without_a_light_or_a_receiver_that_does_not_open(shop: Works
 
 
 @pytest.mark.parametrize("sensor", ["compass", "motion"])
+def test_run_that_a_person_may_drive_begins_without_a_sensor_and_reads_it_only_once_it_is_open(
+    shop: Workshop, sensor: str
+) -> None:
+    """A rover whose compass is dead after a power cut must still be brought back."""
+    shop.broken[f"{sensor}.open"] = NotResponding("gone")
+    by_hand: list[str] = []
+
+    async def drives(supervisor: Supervisor) -> None:
+        await supervisor.begin_manual(7, "keys")
+        by_hand.append(supervisor.mode.value)
+
+    tasks: list[asyncio.Task[None]] = []
+    script: Script = {
+        1.0: lambda it: it.disarm("only a person drives"),
+        2.0: lambda it: tasks.append(asyncio.create_task(drives(it))),
+        3.0: lambda it: by_hand.append(f"fresh: {it.is_fresh()}, read: {f'{sensor}.read' in shop.done}"),
+        4.0: mending(shop),
+    }
+    assert drive(shop, script, for_s=8.0, manual={"allowed": True}).reason == "requested"
+    assert by_hand == ["manual", "fresh: True, read: False"]
+    assert shop.named("part_failed") == [{"part": sensor, "error": "gone"}]
+    assert f"{sensor}.read" in shop.done
+
+
+def test_run_that_a_person_may_drive_does_not_begin_without_its_motors(shop: Workshop) -> None:
+    shop.broken["motors.open"] = NotResponding("motors: no answer")
+    with pytest.raises(NotResponding, match="motors: no answer"):
+        drive(shop, manual={"allowed": True})
+
+
+@pytest.mark.parametrize("sensor", ["compass", "motion"])
 def test_one_missed_answer_is_asked_again_soon_and_nothing_stops(shop: Workshop, sensor: str) -> None:
     missed = NotResponding("once")
     end = drive(shop, {0.49: breaking(shop, f"{sensor}.read", missed), 0.51: mending(shop)}, for_s=2.0)

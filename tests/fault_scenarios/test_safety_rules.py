@@ -74,6 +74,14 @@ def test_fault_that_is_met_breaks_no_rule(fault: Fault) -> None:
     assert broken(fault) == ""
 
 
+def test_rover_that_is_disarmed_while_its_motor_board_takes_its_time_has_a_reason_to_stop() -> None:
+    """The record of the tick that waits for the board comes after the event."""
+    late = Fault(3.0, inf, "motors", "late_answer", LateAnswer(by_s=0.14))
+    moments = [3.0 + 0.03 * number for number in range(1, 6)]
+    said = [broken(late, ask=(Command(0.0, "arm"), Command(at_s, "disarm"))) for at_s in moments]
+    assert said == [""] * len(moments)
+
+
 @breaks_the_product
 def test_stop_that_the_algorithm_asked_for_needs_no_reason(monkeypatch: Patch) -> None:
     decide = PhasedHandler.decide

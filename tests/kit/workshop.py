@@ -26,7 +26,7 @@ from wayfarer.hal import (
     WheelCommand,
 )
 from wayfarer.safety.mission_limits import RunEnd
-from wayfarer.safety.settings import SafetySettings
+from wayfarer.safety.settings import ManualSettings, SafetySettings
 
 AHEAD = WheelCommand(0.5, 0.5)
 VEHICLE = Vehicle(length_m=0.4, width_m=0.4, track_m=0.5, max_speed_m_s=1.0)
@@ -230,11 +230,12 @@ def supervisor(
     algorithm: str = "pledge",
     source: str = "motion",
     safety: Mapping[str, Any] | None = None,
+    manual: Mapping[str, Any] | None = None,
     **parts: Part | None,
 ) -> Supervisor:
     config = RoverConfig.model_validate({"name": "bench", "vehicle": VEHICLE, "anomaly_source": source})
     limits = {"start_delay_s": 0.0, "slew_per_s": 1000.0, **(safety or {})}
-    config = config.model_copy(update={"safety": SafetySettings(**limits)})
+    config = config.model_copy(update={"safety": SafetySettings(**limits), "manual": ManualSettings(**(manual or {}))})
     bundle: dict[str, Any] = {"motors": Motors(shop, "motors"), "motion": Motion(shop, "motion")} | parts
     rover = Rover(Compass(shop, "compass"), **bundle)
     handler: EscapeHandler = Handler(shop)

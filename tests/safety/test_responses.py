@@ -8,7 +8,7 @@ import pytest
 
 from tests.safety.conditions_page import HEAD, rows
 from wayfarer.safety.conditions import Condition, Level
-from wayfarer.safety.responses import HOLDING_LEVELS, LEVELS, RESPONSES, Response
+from wayfarer.safety.responses import HOLDING_LEVELS, LEVELS, MANUAL_LEVELS, RESPONSES, Response, said_of
 
 PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "what-stops-the-wheels.md"
 
@@ -28,6 +28,14 @@ def test_words_are_clauses_that_a_sentence_can_take(row: Response) -> None:
 def test_only_a_person_ends_a_latched_fault_and_only_that() -> None:
     for condition, row in RESPONSES.items():
         assert ("somebody arms" in row.ends_when) is (row.level is Level.FAULT), condition
+
+
+def test_rover_that_a_person_drives_is_not_said_to_begin_a_manoeuvre() -> None:
+    manoeuvres = {Condition.MOTION_GONE, Condition.DRIVE_SUSPECTED, Condition.CANNOT_TURN, Condition.COMPASS_LOST}
+    for condition in manoeuvres:
+        assert said_of(condition, MANUAL_LEVELS[condition], by_hand=True).does == "drives as the person wants"
+    for condition in (Condition.TICK_LATE, Condition.UNDERVOLTAGE, Condition.BATTERY_CRITICAL):
+        assert said_of(condition, MANUAL_LEVELS[condition], by_hand=True).does == RESPONSES[condition].does
 
 
 def test_documentation_has_the_table() -> None:

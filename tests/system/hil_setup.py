@@ -8,15 +8,17 @@ monotonic clock, so its times compare with those in the daemon's log.
 # ruff: noqa: TID251 - real processes need real time
 from __future__ import annotations
 
+import itertools
 import os
 import re
 import shutil
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -43,6 +45,8 @@ BUSY = re.compile(
     "a transfer did not (begin|end) within|an earlier transfer still hangs"
 )  # what a late transfer is told as
 DRIVES_M_S = 0.05
+KEY_S = 0.05  # between two samples of a key that is held
+LET_GO = 5  # samples, before a key is pressed
 UNPROVED = 'deadman_unproved_because = "its board is simulated"'
 FLOW = '[parts.motion]\ndriver = "pmw3901"\nbus = "/dev/spidev0.1"\n\n'
 
@@ -228,6 +232,34 @@ class Site:
         self.ask("arm", heading_deg=0.0)
         wait_for("the wheels turn", lambda: self.drives)
         return process
+
+    @contextmanager
+    def driven_by_hand(self) -> Iterator[subprocess.Popen[bytes]]:
+        """Give a daemon whose rover a person drives, who holds the key until the end, whatever the daemon answers.
+
+        Raises:
+            HilSetupError: it does not drive.
+        """
+        process = self.daemon("--manual")
+        lease = self.ask("manual_begin", driver="keys")["lease"]
+        over = threading.Event()
+
+        def press() -> None:
+            for seq in itertools.count(1):
+                pressed = {"seq": seq, "forward": 0.5 if seq > LET_GO else 0.0, "turn": 0.0, "sent_s": time.monotonic()}
+                with suppress(WayfarerError):
+                    ask({"do": "manual_drive", "lease": lease, **pressed}, self.socket, timeout_s=KEY_S)
+                if over.wait(KEY_S):
+                    return
+
+        pressing = threading.Thread(target=press)
+        pressing.start()
+        try:
+            wait_for("the wheels turn", lambda: self.drives)
+            yield process
+        finally:
+            over.set()
+            pressing.join()
 
     def ask(self, do: str, **details: object) -> dict[str, Any]:
         """Ask the daemon, as the user whose daemon it is; raises as ``socket.client.ask``."""

@@ -29,6 +29,27 @@ def test_board_stops_the_wheels_of_a_daemon_that_is_gone(site: Site, how: signal
     assert stopped_s - gone_s <= site.deadman_s + MARGIN_S
 
 
+def test_board_stops_the_wheels_of_a_killed_daemon_though_a_person_holds_the_key(site: Site) -> None:
+    with site.driven_by_hand() as daemon:
+        gone_s = time.monotonic()
+        daemon.kill()
+        turned_s, stopped_s = stop_after(site.stopped())
+    assert stopped_s - turned_s == pytest.approx(site.deadman_s, abs=MARGIN_S)
+    assert stopped_s - gone_s <= site.deadman_s + MARGIN_S
+
+
+@pytest.mark.parametrize("by", ["stop-motors", "SIGTERM"])
+def test_wheels_are_stopped_for_good_though_a_person_holds_the_key(site: Site, by: str) -> None:
+    with site.driven_by_hand() as daemon:
+        if by == "SIGTERM":
+            daemon.terminate()
+        else:
+            done = site.run("stop-motors", "--rover", site.config)
+            assert done.returncode == 0, done.stderr
+        assert daemon.wait(PATIENCE_S) == 0
+        site.stopped()
+
+
 def test_suspended_daemon_notices_when_it_wakes_and_ends_in_order(site: Site) -> None:
     daemon = site.armed()
     daemon.send_signal(signal.SIGSTOP)

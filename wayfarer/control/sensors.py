@@ -22,6 +22,7 @@ from wayfarer.hal import Driver, MotionReading, PositionFix, Rover
 
 RETRY_PAUSE_S = 0.05  # after one missed answer, read again within a control period (fault catalogue, fault 1)
 RETRY_PAUSE_MAX_S = 2.0
+REOPEN_FROM = 2  # failures in a row
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,12 +55,15 @@ def sensor_tasks(
     return tuple(rows)
 
 
-async def keep_sampling(row: SensorTask, buffers: SensorBuffers, log: RunLog) -> None:
-    """Sample for ever; after an error read again soon, and reopen the part if that did not help."""
-    failures, pause_s = 0, RETRY_PAUSE_S
+async def keep_sampling(row: SensorTask, buffers: SensorBuffers, log: RunLog, *, opened: bool = True) -> None:
+    """Sample for ever; after an error read again soon, and reopen the part if that did not help.
+
+    ``opened``: whether the part is open; else it is opened before it is read, because it may be a wrong one.
+    """
+    failures, pause_s = (0 if opened else REOPEN_FROM), RETRY_PAUSE_S
     while True:
         try:
-            if failures > 1:
+            if failures >= REOPEN_FROM:
                 await row.part.close()
                 await row.part.open()
             read, write, rate = row.read, row.write, Rate(row.rate_hz)

@@ -71,6 +71,7 @@ class Supervisor:
         self._control_hz = config.control_hz
         self._log = log
         self._last_end = last_end
+        self._by_hand = config.manual.allowed
         self.buffers = SensorBuffers()
         needs = check_parts(rover, algorithm, config)
         detector = make_detector(config, needs, watches_motion=rover.motion is not None)
@@ -86,6 +87,7 @@ class Supervisor:
         self._parts: tuple[Driver, ...] = (rover.motors, *lights, *(row.part for row in self.tasks))
         self._stopping = Shutdown(rover.motors, self._parts, log)
         self._opening: asyncio.Task[None] | None = None
+        self._unopened: list[Driver] = []
 
     @property
     def mode(self) -> Mode:
@@ -150,13 +152,13 @@ class Supervisor:
         """Return whether the control tick runs and every sensor that the run needs has answered recently.
 
         Where it is not, systemd starts the daemon again, disarmed. A mission that goes on without a sense must not end
-        this way.
+        this way, nor a run that a person may drive: they need no sensor, and a daemon that is there.
         """
         last = self.controller.last
         if last is None or asyncio.get_running_loop().time() - last.t_s > FRESH_S:
             return False
         goes_on = self.mode in {Mode.ARMED, Mode.MANUAL} and (last.level < Level.HOLD or last.cause in SOON)
-        return goes_on or STALE.isdisjoint(self.controller.conditions)
+        return goes_on or self._by_hand or STALE.isdisjoint(self.controller.conditions)
 
     async def run(self) -> RunEnd:
         """Open the parts and run until a limit or ``finish``; the wheels are stopped in any case.
@@ -190,21 +192,30 @@ class Supervisor:
     async def _open_each(self) -> None:
         for part in self._parts:
             await self._open(part)
-        self._log.event("opened", asyncio.get_running_loop().time(), parts=[part.name for part in self._parts])
+        opened = [part.name for part in self._parts if part not in self._unopened]
+        self._log.event("opened", asyncio.get_running_loop().time(), parts=opened)
 
     async def _open(self, part: Driver) -> None:
-        """Open a part; a run also begins if the light or the receiver does not open."""
+        """Open a part; a run also begins if the light or the receiver does not open.
+
+        Where a person may drive, it begins without any part but the motors: they bring the rover back.
+        """
         try:
             await part.open()
         except DriverError as error:
-            if part is not self._rover.light and part is not self._rover.position:
+            helps = part is self._rover.light or part is self._rover.position
+            if part is self._rover.motors or not (helps or self._by_hand):
                 raise
+            self._unopened.append(part)
             self._log.event("part_failed", asyncio.get_running_loop().time(), part=part.name, error=str(error))
 
     async def _run_tasks(self) -> RunEnd:
         async with asyncio.TaskGroup() as group:
             beside = [
-                group.create_task(keep_sampling(row, self.buffers, self._log), name=f"sensor:{row.name}")
+                group.create_task(
+                    keep_sampling(row, self.buffers, self._log, opened=row.part not in self._unopened),
+                    name=f"sensor:{row.name}",
+                )
                 for row in self.tasks
             ]
             beside.append(group.create_task(self._board.run(), name="board"))

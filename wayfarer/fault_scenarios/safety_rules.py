@@ -65,6 +65,7 @@ class SafetyRules(PartialLog):
         self._asked_to_arm = self._fault = self._moved = False
         self._no_motion_before_s = -inf
         self._why_stopped: str | None = None
+        self._why_since_s = -inf
         self._stopped_by: str | None = None
         self._told_cause: str | None = None
         self._readings: deque[CompassReading] = deque()
@@ -118,7 +119,7 @@ class SafetyRules(PartialLog):
                 self._asked_to_arm = False
                 self._not_armed_since_s = t_s
                 self._stand_from(t_s)
-                self._why_stopped = str(details["reason"]) or None
+                self._give_reason(t_s, details["reason"])
             case "hold":
                 self._stand_from(t_s)
             case "manual":
@@ -129,11 +130,11 @@ class SafetyRules(PartialLog):
             case "manual_ended":
                 self._not_armed_since_s = t_s if details["mode"] == "disarmed" else None
                 self._stand_from(t_s)
-                self._why_stopped = str(details["reason"]) or None
+                self._give_reason(t_s, details["reason"])
             case "health":
                 self._told_cause = None if details["cause"] is None else str(details["cause"])
             case "motors_failed":
-                self._why_stopped = str(details["error"]) or None
+                self._give_reason(t_s, details["error"])
                 self._no_motion_before_s = inf
             case "motors_opened":  # a person who drives must let go, and needs no warning
                 by_hand = self._controller.mode is Mode.MANUAL
@@ -170,6 +171,9 @@ class SafetyRules(PartialLog):
         """Check the end of a run."""
         if not (reason and text):
             self._break(self._world.t_s, f"rule 5: the run ended without a reason: {reason!r}, {text!r}")
+
+    def _give_reason(self, t_s: float, reason: object) -> None:
+        self._why_stopped, self._why_since_s = str(reason) or None, t_s
 
     def _stand_from(self, t_s: float) -> None:
         if self._must_stand_since_s is None:
@@ -232,9 +236,9 @@ class SafetyRules(PartialLog):
 
     def _check_reason(self, record: TickRecord, *, moves: bool) -> None:
         """Note what stops moving wheels; what the gate stopped must be told by the next tick (``_check_told``)."""
-        if moves:
+        if moves and self._why_since_s < record.t_s:  # else it is a reason to stop from the next tick on
             self._why_stopped = None
-        elif self._moved:
+        elif self._moved and not moves:
             asked_for = record.decision.phase is not Phase.HALT and _stands(record.decision.wheels)
             gate = record.cause.value if record.cause is not None and record.level >= Level.HOLD else None
             if not (asked_for or gate or self._why_stopped):

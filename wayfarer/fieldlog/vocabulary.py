@@ -118,12 +118,12 @@ def level_text(level: str, cause: str | None) -> str:
     return LEVEL_TEXTS.get(level, level)
 
 
-def response_text(level: object, cause: object) -> str:
+def response_text(level: object, cause: object, *, by_hand: bool = False) -> str:
     """Return what an armed rover does because of a condition, and until when: "it stands, until a tick comes in time".
 
-    Empty where the names are unknown, as they may be in a log.
+    ``by_hand``: what it does while a person drives. Empty where the names are unknown, as they may be in a log.
     """
-    said = _said(level, cause)
+    said = _said(level, cause, by_hand=by_hand)
     return "" if said is None else f"it {said.does}, until {said.ends_when}"
 
 
@@ -133,9 +133,9 @@ def ends_text(level: object, cause: object) -> str:
     return "" if said is None else said.ends_when
 
 
-def _said(level: object, cause: object) -> Said | None:
+def _said(level: object, cause: object, *, by_hand: bool = False) -> Said | None:
     try:
-        return said_of(Condition(cause), Level[str(level).upper()])
+        return said_of(Condition(cause), Level[str(level).upper()], by_hand=by_hand)
     except (ValueError, KeyError):
         return None
 

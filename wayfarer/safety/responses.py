@@ -210,13 +210,14 @@ class Said(NamedTuple):
     ends_when: str
 
 
-def said_of(condition: Condition, level: Level) -> Said:
-    """Return the words for a condition of a rover for which it has this level."""
+def said_of(condition: Condition, level: Level, *, by_hand: bool = False) -> Said:
+    """Return the words for a condition of a rover for which it has this level; ``by_hand``: a person drives it."""
     row = RESPONSES[condition]
+    obeys = by_hand and level < Level.HOLD and row.kind in {Kind.IGNORANCE, Kind.FOREST}  # no manoeuvre is begun
+    if obeys or (level is row.manual and level is not row.level):
+        return Said("drives as the person wants", row.ends_when)
     if level is row.level:
         return Said(row.does, row.ends_when)
-    if level is row.manual:
-        return Said("drives as the person wants", row.ends_when)
     return Said(_DISARMS, _ARMED_AGAIN) if level is Level.FAULT else Said("stands", row.ends_when)
 
 

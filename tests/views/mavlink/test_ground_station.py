@@ -286,6 +286,20 @@ async def test_hostile_packets_do_nothing_and_leave_nothing(monkeypatch: pytest.
 
 
 @virtual
+async def test_commands_that_are_refused_by_the_thousand_keep_nothing_from_the_station(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async with linked(monkeypatch) as link:
+        link.log.tick(tick(1.0))
+        for _ in range(3000):
+            link.port.receive(link.encoder.frame(arming(1.0)))
+        await asyncio.sleep(2.0)
+        heard = kinds(link.heard())
+        assert heard["COMMAND_ACK"] < 200
+        assert heard["ATTITUDE"] > 2
+
+
+@virtual
 async def test_link_that_breaks_is_opened_again(monkeypatch: pytest.MonkeyPatch) -> None:
     async with linked(monkeypatch) as link:
         link.port.broken = True

@@ -78,7 +78,7 @@ def _felt(kind: str) -> Callable[[Any], object]:
 _DERIVED: Mapping[str, Callable[[Any], object]] = {
     "error_deg": _error_deg,
     "cause": lambda tick: tick.cause or NOTHING,
-    "response": lambda tick: response_text(tick.level, tick.cause) or NOTHING,
+    "response": lambda tick: response_text(tick.level, tick.cause, by_hand=tick.phase == "manual") or NOTHING,
     "faults": lambda board: ", ".join(board.faults) or NOTHING,
     **{name: _moved(name) for name in ("forward_m", "right_m", "quality")},
     **{kind: _felt(kind) for kind in ANOMALY_TEXTS},

@@ -192,6 +192,8 @@ class GroundStation:
 
     def _command(self, received: Received, command: int, first: float, second: float) -> None:
         def answer(result: int) -> None:
+            if result == common.MAV_RESULT_DENIED and not self._budget.is_left:
+                return  # anybody can ask: what is told of the rover must not wait for that
             self._send(common.MAVLink_command_ack_message(command, result, 0, 0, received.system, received.component))
 
         order = asked_for(command, first, second)

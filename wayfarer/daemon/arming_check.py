@@ -1,0 +1,102 @@
+"""What must be right before a wheel may turn: checks, and conditions that would stop it again."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+
+from wayfarer.commissioning.checks import BY_HAND, Check, CheckVerdict, Finding, Inspection, run_checks
+from wayfarer.commissioning.checks.api import fail
+from wayfarer.control.run_log import RunLog
+from wayfarer.control.supervisor import Supervisor
+from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.safety.conditions import Condition, Level
+from wayfarer.safety.responses import MANUAL_LEVELS
+
+# Faults that re-arming cannot clear while they last. It clears the others; those that still exist are detected again.
+Remedies = Mapping[Condition, tuple[str, str]]
+REMEDIES: Remedies = {
+    Condition.OVERTURNED: ("it lies on its side or roof, or its compass is mounted askew", "stand it on its wheels"),
+    Condition.COMPASS_LOST: ("a loose wire, or no power", "check the compass's wires and power; wayfarer check"),
+    Condition.MOTION_GONE: ("a loose wire, or no power", "check the motion sensor's wires and power; wayfarer check"),
+    Condition.BOARD_FAULT: ("a low battery, a short circuit or a hot board", "wayfarer check says which"),
+    Condition.BOARD_DISAGREES: (
+        "the motor board applies another duty than commanded",
+        "disconnect the motors' battery, check the board's wires and that no other program commands it",
+    ),
+    Condition.BATTERY_CRITICAL: ("the battery is almost empty", "charge it or replace it"),
+    Condition.POWER_UNSTABLE: ("the computer's supply dips again and again", "give it a separate 5 V supply"),
+}
+REMEDIES_BY_HAND = {each: REMEDIES[each] for each in REMEDIES if MANUAL_LEVELS[each] >= Level.HOLD}
+
+LOGGING = ("disk", "log")  # the checks that ``arm --without-log`` only warns of
+OPENING_S = 3.0  # just after the start, arming waits this long for the parts to open; the client waits for 5 s
+
+
+class ArmingCheck:
+    """Checks a rover whose daemon runs.
+
+    ``warnings`` are those of the latest check.
+
+    Args:
+        supervisor: the run.
+        inspect: returns the present state for the checks.
+        log: the run's log.
+        checks: those that must not fail before the rover is armed.
+    """
+
+    def __init__(
+        self, supervisor: Supervisor, inspect: Callable[[], Inspection], log: RunLog, checks: Sequence[Check]
+    ) -> None:
+        self._supervisor = supervisor
+        self._inspect = inspect
+        self._log = log
+        self._checks = checks
+        self.warnings: list[str] = []
+
+    async def before_arming(self, *, without_log: bool) -> None:
+        """Refuse a rover that must not be armed.
+
+        Args:
+            without_log: the log need not work.
+
+        Raises:
+            Refused: a check fails, or one of the conditions would stop the rover again.
+        """
+        await self._check(self._checks, REMEDIES, without_log=without_log)
+
+    async def before_driving_by_hand(self) -> None:
+        """Refuse a rover that a person must not drive; raises as ``before_arming``."""
+        await self._check([check for check in self._checks if check in BY_HAND], REMEDIES_BY_HAND, without_log=False)
+
+    async def _check(self, checks: Sequence[Check], remedies: Remedies, *, without_log: bool) -> None:
+        with suppress(TimeoutError):  # then the checks say which part is missing
+            async with asyncio.timeout(OPENING_S):
+                await self._supervisor.ticked.wait()
+        findings = await run_checks(self._inspect(), checks)
+        failed = [finding for finding in findings if finding.verdict is CheckVerdict.FAIL]
+        not_logging = [finding for finding in failed if finding.name in LOGGING]
+        if without_log:
+            failed = [finding for finding in failed if finding not in not_logging]
+        failed += self._standing(remedies)
+        if failed:
+            self._log.event(
+                "arming_refused", asyncio.get_running_loop().time(), failed=[finding.name for finding in failed]
+            )
+            hint = "; without a log: wayfarer arm --without-log" if failed == not_logging else ""
+            raise Refused(f"not armed: {'; '.join(map(_finding_text, failed))}{hint}")
+        warned = [finding for finding in findings if finding.verdict is CheckVerdict.WARN] + not_logging
+        self.warnings = list(map(_finding_text, warned))
+
+    def _standing(self, remedies: Remedies) -> list[Finding]:
+        """Return the conditions that would let the arming fail later (fault catalogue, fault 51)."""
+        return [
+            fail(condition.value.replace("_", " "), "at this moment", *remedies[condition])
+            for condition in self._supervisor.controller.conditions
+            if condition in remedies
+        ]
+
+
+def _finding_text(finding: Finding) -> str:
+    return f"{finding.name}: {finding.found}" + (f" ({finding.remedy})" if finding.remedy else "")
