@@ -106,6 +106,14 @@ def test_debhelper_neither_stops_nor_restarts_a_rover() -> None:
     ]
 
 
+def test_the_container_s_test_builds_by_what_the_release_has(release: Any) -> None:
+    """tests/debian/run takes minutes and root, so it is not run here; a renamed step would be noticed late."""
+    text = (ROOT / "tests" / "debian" / "run").read_text(encoding="utf-8")
+    used = set(re.findall(r"\bmaking\.(\w+)", text))
+    assert "debian_package" in used
+    assert [name for name in used if name != "dist" and not hasattr(release.Release, name)] == []
+
+
 @pytest.mark.parametrize("taken", ["docs", "examples"])
 def test_debian_package_takes_files_that_are_there(taken: str) -> None:
     patterns = (ROOT / "packaging" / "debian" / f"wayfarer.{taken}").read_text(encoding="utf-8").split()
