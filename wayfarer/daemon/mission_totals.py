@@ -11,6 +11,7 @@ from typing import Any
 from wayfarer.control.run_log import PartialLog, RunLog
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Anomaly
+from wayfarer.fieldlog.last_run import MISSION_TOTALS
 
 
 class MissionTotals(PartialLog):
@@ -25,9 +26,7 @@ class MissionTotals(PartialLog):
         self._began_s: float | None = None
         self._from_m: float | None = None
         self._before: tuple[Anomaly, ...] = ()
-        self._totals: dict[str, Any] = dict.fromkeys(
-            ("mission_s", "mission_m", "mission_anomalies", "mission_ended"), None
-        )
+        self._totals: dict[str, Any] = dict.fromkeys(MISSION_TOTALS)
 
     @property
     def totals(self) -> dict[str, Any]:
@@ -51,11 +50,8 @@ class MissionTotals(PartialLog):
         """Begin or end a mission."""
         if name == "armed":
             self._began_s, self._from_m, self._before = t_s, None, ()
-            self._totals = {"mission_s": 0.0, "mission_m": 0.0, "mission_anomalies": 0, "mission_ended": None}
+            self._totals |= {"mission_s": 0.0, "mission_m": 0.0, "mission_anomalies": 0, "mission_ended": None}
         elif name == "disarmed" and self._began_s is not None:
             self._began_s = None
             self._totals["mission_ended"] = details["reason"]
-            s, m, anomalies, ended = self._totals.values()
-            self._log.event(
-                "mission_ended", t_s, mission_ended=ended, mission_s=s, mission_m=m, mission_anomalies=anomalies
-            )
+            self._log.event("mission_ended", t_s, **self._totals)
