@@ -154,10 +154,14 @@ def remove_while_armed() -> str:
 
 
 def to_the_end() -> str:
-    wait_for("the end of the mission", lambda: shown("ActiveState") == "inactive", MISSION_S + 20)
+    wait_for("the end of the mission", lambda: status().get("mode") == "disarmed", MISSION_S + 20)
+    now = status()
+    need(now["why_disarmed"] == "mission_time", str(now))
+    must("wayfarer", "stop")
+    wait_for("the service ends", lambda: shown("ActiveState") == "inactive")
     need(shown("Result") == "success", shown("Result"))
     need(shown("NRestarts") == "0", f"{shown('NRestarts')} restarts")
-    return f"the mission drove until its limit of {MISSION_S:g} s; the service has ended with success, and stays down"
+    return f"the mission drove until its limit of {MISSION_S:g} s and was disarmed; 'stop' ends the service for good"
 
 
 def upgrade_while_down() -> str:
