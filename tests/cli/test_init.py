@@ -93,9 +93,11 @@ def test_answers_are_not_asked_and_a_wrong_one_is_named_with_its_line(run: Run, 
 
 
 def test_a_person_is_asked_and_may_say_no(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    type_in(monkeypatch, "no\nno\n")
+    type_in(monkeypatch, "no\nfalse\nNo\n")
     code, _, err = run("init")
     assert code == 1
+    assert "'false' is neither yes nor no\n" in err
+    assert err.endswith("nothing was written\n")
     assert "Look now? (yes, no)" in err
     assert "Write a file with the defaults of ForestRover? (yes, no)" in err
     assert names(tmp_path) == []
