@@ -268,10 +268,9 @@ class Daemon:
     def _tell_of_last(self, before: LastRun) -> None:
         """Log how the run before ended, also if it was cut off (fault catalogue, fault 33)."""
         told = before._asdict()
+        name, of_run = "last_run", ["run", "text", "dropped"]
         if before.ended is None:
-            name, of_run = "unclean_shutdown", ("run", "last_t_s", "last_t_wall", "mode", "error")
-        else:
-            name, of_run = "last_run", ("run", "text", "dropped")
+            name, of_run = "unclean_shutdown", ["run", "last_t_s", "last_t_wall", "mode", "error"]
         self._field_log.event(name, self._loop.time(), **{key: told[key] for key in (*of_run, *MISSION_TOTALS)})
 
     def _inspect(self) -> RunningInspection:
