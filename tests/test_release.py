@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import subprocess
 import tomllib
 from importlib import import_module
 from importlib.machinery import SourceFileLoader
@@ -104,6 +105,43 @@ def test_debhelper_neither_stops_nor_restarts_a_rover() -> None:
     assert [set(each.split()) for each in flags] == [
         {"--no-enable", "--no-start", "--no-restart-after-upgrade", "--no-stop-on-upgrade"}
     ]
+
+
+def test_the_container_s_test_builds_by_what_the_release_has(release: Any) -> None:
+    """tests/debian/run takes minutes and root, so it is not run here; a renamed step would be noticed late."""
+    text = (ROOT / "tests" / "debian" / "run").read_text(encoding="utf-8")
+    used = set(re.findall(r"\bmaking\.(\w+)", text))
+    assert "debian_package" in used
+    assert [name for name in used if name != "dist" and not hasattr(release.Release, name)] == []
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(
+    ("status", "refused"),
+    [
+        ('{"last_run": {"mode": "armed"}, "mode": "disarmed"}', ""),
+        ('{"mode": "disarmed", "last_run": {"mode": "armed"}}', ""),
+        ('{"last_run": {"mode": "disarmed"}, "mode": "armed"}', "armed"),
+        ('{"mode": "armed", "last_run": {"mode": "disarmed"}}', "armed"),
+        ('{"mode": "manual", "last_run": null}', "manual"),
+        ("", ""),
+    ],
+)
+def test_removal_is_refused_by_the_mode_of_now_and_not_of_the_run_before(
+    tmp_path: Path, status: str, refused: str
+) -> None:
+    script = (ROOT / "packaging" / "debian" / "wayfarer.prerm").read_text(encoding="utf-8")
+    (tmp_path / "status").write_text(status, encoding="utf-8")
+    script = script.replace("/usr/bin/wayfarer status --json", f"cat {tmp_path / 'status'}")
+    decides = script.partition("if [ -d /run/systemd/system ]")[0]
+    there_is_no_service = "systemctl() { return 3; }\n"
+    done = subprocess.run(
+        ["sh", "-c", f"{there_is_no_service}{decides}leave_an_armed_rover_alone"],
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == (1 if refused else 0), done.stderr
+    assert done.stderr.startswith(f"wayfarer: the rover is {refused}, so" if refused else "")
+    assert refused or done.stderr == ""
 
 
 @pytest.mark.parametrize("taken", ["docs", "examples"])

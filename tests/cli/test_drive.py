@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
+from contextlib import nullcontext
 from typing import Any, NamedTuple
 
 import pytest
@@ -84,6 +85,13 @@ def test_keys_that_waited_for_the_daemons_answer_drive_nothing_but_a_stop_counts
     assert keys.wish(15.0) == Wish(0.0, 0.0, 15.0)
     keys.take("q", 19.0, since_s=15.0)
     assert keys.is_over
+
+
+def test_speed_is_shown_before_it_drives() -> None:
+    keys = Keys(EXPIRY_S)
+    assert "speed, now 50 %" in keys.help
+    keys.take("0", 1.0)
+    assert "speed, now 100 %" in keys.help
 
 
 @pytest.mark.parametrize("key", ["q", "\x04", "wwq"])
@@ -285,6 +293,17 @@ def test_loop_whose_daemon_or_pad_has_gone_ends_with_its_error(monkeypatch: pyte
 
     with pytest.raises(WayfarerError, match="closed the connection"):
         Driving(daemon, Unplugged(daemon, 10), lambda *_: None).drive()
+
+
+def test_ctrl_c_says_that_it_stopped(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def interrupted(_: Driving) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("wayfarer.cli.driving.keys.terminal_keys", lambda _: nullcontext(Keys(EXPIRY_S)))
+    monkeypatch.setattr("wayfarer.daemon.socket.client.Connection", nullcontext)
+    monkeypatch.setattr(Driving, "drive", interrupted)
+    assert cli.run(["drive"]) == 130
+    assert "stopped; wayfarer status shows whether a mission is held" in capsys.readouterr().out
 
 
 def test_keys_without_a_terminal_are_refused_in_a_line(

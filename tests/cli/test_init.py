@@ -85,14 +85,19 @@ def test_answers_are_not_asked_and_a_wrong_one_is_named_with_its_line(run: Run, 
         "wayfarer: answers.toml: key 'vehicle.width_m' = -1: input should be greater than 0;"
         " allowed is above 0 to 1000 (line 2)",
     )
+    answers.write_text("[parts.motors]\nport = 1979-05-27\n", encoding="utf-8")  # a date, which was meant as a text
+    assert run("init", "--yes", "--answers", answers, "dated.toml")[0] == 0
+    assert load_rover("./dated.toml").parts["motors"]["port"] == "1979-05-27"
     answers.write_text("[vehicle\n", encoding="utf-8")
     assert "answers.toml: not valid TOML" in refusal(run, "init", "--yes", "--answers", "answers.toml", "other.toml")
 
 
 def test_a_person_is_asked_and_may_say_no(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    type_in(monkeypatch, "no\nno\n")
+    type_in(monkeypatch, "no\nfalse\nNo\n")
     code, _, err = run("init")
     assert code == 1
+    assert "'false' is neither yes nor no\n" in err
+    assert err.endswith("nothing was written\n")
     assert "Look now? (yes, no)" in err
     assert "Write a file with the defaults of ForestRover? (yes, no)" in err
     assert names(tmp_path) == []

@@ -91,7 +91,7 @@ def package(number: int) -> str:
 
 def apt(*arguments: str) -> tuple[int, str]:
     """Run apt-get, which takes dependencies from its cache, because there is no network."""
-    return run("apt-get", "--yes", "--quiet", "--quiet", "-o", "Dpkg::Use-Pty=0", *arguments)
+    return run("apt-get", "--yes", "-qq", "--no-install-recommends", "-o", "Dpkg::Use-Pty=0", *arguments)
 
 
 def installed_version() -> str:

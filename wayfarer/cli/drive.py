@@ -41,20 +41,24 @@ def drive(
         signal.signal(number, signal.default_int_handler)
     check_together(ctx, needs=(("device", "gamepad"),))
     opened: AbstractContextManager[Source] = open_gamepad(device) if gamepad else terminal_keys(EXPIRY_S)
-    with opened as source, Connection() as daemon, _screen(source) as show:
-        end = Driving(lambda request: escape_document(daemon.ask(request)), source, show).drive()
+    try:
+        with opened as source, Connection() as daemon, _screen(source) as show:
+            end = Driving(lambda request: escape_document(daemon.ask(request)), source, show).drive()
+    except KeyboardInterrupt:
+        print("stopped; wayfarer status shows whether a mission is held")
+        raise
     print("stopped" if end["mode"] == "disarmed" else "stopped; the mission is held: wayfarer resume")
 
 
 @contextmanager
 def _screen(source: Source) -> Iterator[Callable[[Wish, str, Mapping[str, Any]], None]]:
-    """Show how it goes, always at the same place of the terminal; without one, say only what changes."""
+    """Show how it goes, always at the same place of the terminal, until the end; without one, say only what changes."""
     from rich.console import Console
     from rich.live import Live
     from rich.text import Text
 
     told = ""
-    with Live(console=Console(), auto_refresh=False) as live:
+    with Live(console=Console(), auto_refresh=False, transient=True) as live:
 
         def show(wish: Wish, why: str, status: Mapping[str, Any]) -> None:
             nonlocal told

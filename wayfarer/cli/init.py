@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from wayfarer.commissioning.init import Inventory
 
 NOTHING_WRITTEN = 1
+YES, NO = {"yes", "y"}, {"no", "n"}
 TONES = {"found": "good", "other": "warning", "skipped": "warning", "nothing": "quiet"}
 EXAMPLES = examples(
     "wayfarer init",
@@ -43,8 +44,10 @@ class AtTerminal:
         print(text, file=sys.stderr)
 
     def agrees(self, question: str) -> bool:
-        """Ask a question of yes or no; Enter alone is a yes."""
-        return self.ask(f"{question} (yes, no)", "yes").lower() in {"yes", "y"}
+        """Ask a question of yes or no, again after any other word; Enter alone is a yes."""
+        while (answer := self.ask(f"{question} (yes, no)", "yes").lower()) not in YES | NO:
+            self.say(f"'{answer}' is neither yes nor no")
+        return answer in YES
 
     def ask(self, question: str, default: str) -> str:
         """Ask by a prompt.
@@ -106,6 +109,7 @@ def init(
     if inventory.is_empty:
         person.say("Nothing was found that a rover can be made of.")
         if not person.agrees("Write a file with the defaults of ForestRover?"):
+            person.say("nothing was written")
             raise typer.Exit(NOTHING_WRITTEN)
     try:
         text = first_rover_file(inventory, given.tables, person)

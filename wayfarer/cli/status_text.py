@@ -40,6 +40,7 @@ def _lines(status: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("card", _storage(status)),
         ("live page", status.get("live_page", "")),
         ("Foxglove", status.get("foxglove", "")),
+        ("MAVLink", status.get("mavlink", "")),
     ]
 
 

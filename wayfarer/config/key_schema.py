@@ -19,7 +19,7 @@ def shipped_schema() -> dict[str, Any]:
 
 
 def table_schema(table: str, driver: str | None = None) -> dict[str, Any]:
-    """Return the schema of a table, such as ``vehicle``, or ``parts.motors`` with a driver; empty of an unknown one."""
+    """Return the schema of a table, such as ``vehicle``, or "parts.motors" with a driver; empty of an unknown one."""
     schema = shipped_schema()
     if not table:
         return schema

@@ -53,7 +53,7 @@ class LogSettings:
     """With less left on the disk only events are written: the computer needs that to boot and to let a person log
     in."""
     keep_days: Annotated[float, Interval(ge=1, le=10_000)] | None = None
-    """The daemon deletes runs that were last written so many days ago, the oldest first; without it none.
+    """The daemon deletes runs that were last written more days ago, the oldest first; without it none.
     ``fieldlog/retention.py`` says which runs always stay."""
     keep_mb: Annotated[float, Interval(ge=10, le=100_000_000)] | None = None
     """The daemon deletes the oldest runs where all runs together take more; without it none."""

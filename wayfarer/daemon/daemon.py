@@ -42,7 +42,7 @@ from wayfarer.daemon.watchdog import StallGuard, SystemdNotifier, WatchdogFeed, 
 from wayfarer.errors import WayfarerError
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.fieldlog.folders import new_run_folder
-from wayfarer.fieldlog.last_run import LastRun, last_run
+from wayfarer.fieldlog.last_run import MISSION_TOTALS, LastRun, last_run
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.writer import RunFiles
@@ -267,18 +267,11 @@ class Daemon:
 
     def _tell_of_last(self, before: LastRun) -> None:
         """Log how the run before ended, also if it was cut off (fault catalogue, fault 33)."""
-        run, ended, text, dropped, last_t_s, last_t_wall, mode, mission_s, mission_m, anomalies, why, error = before
-        if ended is None:
-            self._field_log.event(
-                "unclean_shutdown", self._loop.time(),
-                run=run, last_t_s=last_t_s, last_t_wall=last_t_wall, mode=mode, error=error,
-                mission_s=mission_s, mission_m=mission_m, mission_anomalies=anomalies, mission_ended=why,
-            )  # fmt: skip
-        else:
-            self._field_log.event(
-                "last_run", self._loop.time(), run=run, text=text, dropped=dropped,
-                mission_s=mission_s, mission_m=mission_m, mission_anomalies=anomalies, mission_ended=why,
-            )  # fmt: skip
+        told = before._asdict()
+        name, of_run = "last_run", ["run", "text", "dropped"]
+        if before.ended is None:
+            name, of_run = "unclean_shutdown", ["run", "last_t_s", "last_t_wall", "mode", "error"]
+        self._field_log.event(name, self._loop.time(), **{key: told[key] for key in (*of_run, *MISSION_TOTALS)})
 
     def _inspect(self) -> RunningInspection:
         host = HostEnvironment.here(self._service.logs, self._setup.devices, self._loop.time())

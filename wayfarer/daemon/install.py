@@ -180,9 +180,9 @@ def _make_user(root: Path) -> str:
 
 
 def _make_state_folder(folder: Path) -> None:
-    """Make the service's folder as systemd will: ``check`` and ``calibrate`` come before the service's first start.
+    """Make the service's folder as the unit does: ``check`` and ``calibrate`` come before the service's first start.
 
-    What root left in it becomes the user's too, because systemd sees to that only where the folder is not the user's.
+    What root left in it becomes the user's too, because the unit sees to the folder alone.
     """
     _make_folder(folder)
     folder.chmod(0o755)

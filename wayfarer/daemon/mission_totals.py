@@ -10,11 +10,14 @@ from typing import Any
 
 from wayfarer.control.run_log import PartialLog, RunLog
 from wayfarer.control.tick_record import TickRecord
-from wayfarer.escape.api import Anomaly
+from wayfarer.escape.api import Anomaly, Phase
+from wayfarer.fieldlog.last_run import MISSION_TOTALS
 
 
 class MissionTotals(PartialLog):
     """Follows a run, and writes an event at the end of each mission.
+
+    What a person drives during a mission counts as time only, as in ``wayfarer status``.
 
     Args:
         log: takes the event.
@@ -23,11 +26,10 @@ class MissionTotals(PartialLog):
     def __init__(self, log: RunLog) -> None:
         self._log = log
         self._began_s: float | None = None
-        self._from_m: float | None = None
+        self._at_m: float | None = None  # of all that the run has commanded so far
+        self._driven_m = 0.0
         self._before: tuple[Anomaly, ...] = ()
-        self._totals: dict[str, Any] = dict.fromkeys(
-            ("mission_s", "mission_m", "mission_anomalies", "mission_ended"), None
-        )
+        self._totals: dict[str, Any] = dict.fromkeys(MISSION_TOTALS)
 
     @property
     def totals(self) -> dict[str, Any]:
@@ -39,23 +41,20 @@ class MissionTotals(PartialLog):
         seen = record.observation
         if self._began_s is None or seen is None:
             return
-        if self._from_m is None:
-            self._from_m = seen.travelled_m
-        if seen.anomalies != self._before:
+        moved_m = 0.0 if self._at_m is None else seen.travelled_m - self._at_m
+        if record.decision.phase is not Phase.MANUAL:
+            self._driven_m += moved_m
             self._totals["mission_anomalies"] += len(set(seen.anomalies).difference(self._before))
-            self._before = seen.anomalies
+        self._at_m, self._before = seen.travelled_m, seen.anomalies
         self._totals["mission_s"] = round(record.t_s - self._began_s, 1)
-        self._totals["mission_m"] = round(seen.travelled_m - self._from_m, 2)
+        self._totals["mission_m"] = round(self._driven_m, 2)
 
     def event(self, name: str, t_s: float, **details: object) -> None:
         """Begin or end a mission."""
         if name == "armed":
-            self._began_s, self._from_m, self._before = t_s, None, ()
-            self._totals = {"mission_s": 0.0, "mission_m": 0.0, "mission_anomalies": 0, "mission_ended": None}
+            self._began_s, self._at_m, self._driven_m, self._before = t_s, None, 0.0, ()
+            self._totals |= {"mission_s": 0.0, "mission_m": 0.0, "mission_anomalies": 0, "mission_ended": None}
         elif name == "disarmed" and self._began_s is not None:
             self._began_s = None
             self._totals["mission_ended"] = details["reason"]
-            s, m, anomalies, ended = self._totals.values()
-            self._log.event(
-                "mission_ended", t_s, mission_ended=ended, mission_s=s, mission_m=m, mission_anomalies=anomalies
-            )
+            self._log.event("mission_ended", t_s, **self._totals)

@@ -25,7 +25,7 @@ TAIL_BYTES = 65_536  # about a hundred ticks: the last one, the outcome and what
 # second.
 LONG_TAIL_BYTES = 2 * 10 * 14_000
 MODES = ("arming", "armed", "disarmed", "manual")  # each begins with the event of its name
-TOTALS = ("mission_s", "mission_m", "mission_anomalies", "mission_ended")
+MISSION_TOTALS = ("mission_s", "mission_m", "mission_anomalies", "mission_ended")
 OUT = {"mission_radius", "escaped", "left_bounds"}  # ends of a rover that has left the wood
 
 
@@ -110,7 +110,7 @@ def _totals(tail: Sequence[Record]) -> dict[str, Any]:
             found = fields_of(Computer, record)
         elif record["record"] == "event" and name in {"armed", "mission_ended"}:
             found = fields_of(Noted, record) if name == "mission_ended" else {}
-    return {key: found[key] for key in TOTALS if key in found}
+    return {key: found[key] for key in MISSION_TOTALS if key in found}
 
 
 def end_of_log(segments: Sequence[Path], tail_bytes: int = TAIL_BYTES, until: str = "tick") -> list[Record]:

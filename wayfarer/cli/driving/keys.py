@@ -42,7 +42,6 @@ class Keys:
     """
 
     driver = "keys"
-    help = "arrows or w a s d: drive   space: stop   1 to 9, 0: speed   q: end"
 
     def __init__(self, expiry_s: float) -> None:
         self._expiry_s = expiry_s
@@ -51,6 +50,12 @@ class Keys:
         self._rest = ""
         self.speed = START_SPEED
         self.is_over = False
+
+    @property
+    def help(self) -> str:
+        """What to press, and how fast that is."""
+        speed = f"1 to 9, 0: speed, now {100 * self.speed:.0f} %"
+        return f"arrows or w a s d: drive   space: stop   {speed}   q: end"
 
     def take(self, text: str, t_s: float, since_s: float | None = None) -> None:
         """Take characters that were read at ``t_s``; of several keys the last one counts, and a stop before any.

@@ -20,10 +20,13 @@ def now_s() -> float:
 
 
 class Source(Protocol):
-    """Where wishes come from. ``driver`` is its name in the log, ``help`` says what to press, in a line."""
+    """Where wishes come from. ``driver`` is its name in the log."""
 
     driver: str
-    help: str
+
+    @property
+    def help(self) -> str:
+        """What to press, in a line."""
 
     def wait(self, for_s: float) -> None:
         """Wait until something is pressed or let go, at most so long, and take it.

@@ -67,7 +67,7 @@ def card_health(folder: Path, root: Path = Path("/")) -> CardHealth:
     memory = None if mount is None else ""
     if mount is not None and mount.kind == "overlay":
         upper = dict(option.partition("=")[::2] for option in mount.options.split(",")).get("upperdir", "")
-        seen = upper and (root / upper.lstrip("/")).exists()
+        seen = bool(upper) and os.access(root / upper.lstrip("/"), os.F_OK)  # no error where a folder is closed to us
         mount = _mount_of(upper, root) if seen else None
         memory = "" if seen else "an overlay whose upper layer cannot be seen"
     device = None if mount is None else _device(mount, root)

@@ -59,7 +59,7 @@ class Draft:
                 raise BadConfig(f"key '{key}' = {value!r}: input should be a table")
 
     def given(self, table: str) -> Table:
-        """Return what the answers file says of a table, such as ``parts.motors``."""
+        """Return what the answers file says of a table, such as "parts.motors"."""
         found: Any = self._answers
         for section in filter(None, table.split(".")):
             found = found.get(section, {})

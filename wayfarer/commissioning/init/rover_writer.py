@@ -69,4 +69,4 @@ def toml_value(key: str, value: Any) -> str:
     """Return a value as TOML has it; I2C addresses as data sheets have them."""
     if key == "address" and isinstance(value, int) and value < 0x80:
         return f"0x{value:02X}"
-    return json.dumps(value, ensure_ascii=False)
+    return json.dumps(value, ensure_ascii=False, default=str)  # a date, as rover files are read

@@ -4,8 +4,8 @@ Only the axes x (forward) and y (to the right) count, those of one stick that sp
 stations disagree whether its middle is 0 or 500, and a throttle that stands at "no way" of the one drives the other.
 The rover itself asks that the stick is let go at the beginning and after a hold (``safety.manual``); here it must be
 let go after each silence too, because the person may have lost sight of the rover meanwhile. A message that comes twice
-counts once. MAVLink does not say when a sample was taken (the time of a signature counts messages at most stations), so
-it counts from its arrival: a link that delays all messages alike is not noticed.
+counts once. MAVLink does not say when a sample was taken (the time of a signature only counts messages at most
+stations), so a sample is as old as its arrival: a link that delays all messages alike is not noticed.
 """
 
 from __future__ import annotations
