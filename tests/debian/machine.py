@@ -90,8 +90,9 @@ def package(number: int) -> str:
 
 
 def apt(*arguments: str) -> tuple[int, str]:
-    """Run apt-get, which takes dependencies from its cache, because there is no network."""
-    return run("apt-get", "--yes", "--quiet", "--quiet", "-o", "Dpkg::Use-Pty=0", *arguments)
+    """Run apt-get, which takes dependencies from its cache, because there is no network: no recommended packages."""
+    options = ("--yes", "--quiet", "--quiet", "--no-install-recommends", "-o", "Dpkg::Use-Pty=0")
+    return run("apt-get", *options, *arguments)
 
 
 def installed_version() -> str:

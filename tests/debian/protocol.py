@@ -63,7 +63,7 @@ def remember_all_files() -> str:
 
 
 def install() -> str:
-    code, said = apt("install", "--no-install-recommends", package(0))
+    code, said = apt("install", package(0))
     need(code == 0, said[-2000:])
     size = must("dpkg-query", "--show", "--showformat=${Installed-Size}", "wayfarer")
     return f"{installed_version()}, {int(size) / 1024:.1f} MB; said: {own_lines(said) or 'nothing'}"
