@@ -14,7 +14,8 @@ from tests.fieldlog.lines import event, header, numbers, tick
 from wayfarer.config.rover_file import LogSettings
 from wayfarer.fieldlog.clock import CLOCK_SET_S
 from wayfarer.fieldlog.folders import new_run_folder, run_folders, run_number
-from wayfarer.fieldlog.retention import DAY_S, StoredRun, ages_s, over_limits, prune
+from wayfarer.fieldlog.retention import prune
+from wayfarer.fieldlog.run_ages import DAY_S, StoredRun, ages_s, over_limits
 
 NOW_S = 1_795_000_000.0  # 18 November 2026
 YEAR_S = 365 * DAY_S

@@ -186,6 +186,11 @@ class RoverCommands:
         self._log.event("mark", _now_s(), text=text)
         return {}
 
+    async def link_lost(self, text: str) -> Details:
+        """Write into the log that a viewer has lost its person; a mark would keep the run for ever (retention)."""
+        self._log.event("link_lost", _now_s(), text=text)
+        return {}
+
     async def stop(self) -> Details:
         """End the run."""
         self._motors.halt()

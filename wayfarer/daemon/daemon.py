@@ -42,7 +42,7 @@ from wayfarer.daemon.watchdog import StallGuard, SystemdNotifier, WatchdogFeed, 
 from wayfarer.errors import WayfarerError
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.fieldlog.folders import new_run_folder
-from wayfarer.fieldlog.last_run import MISSION_TOTALS, LastRun, last_run
+from wayfarer.fieldlog.last_run import LastRun, last_run
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.writer import RunFiles

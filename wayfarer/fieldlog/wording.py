@@ -36,6 +36,7 @@ PERSON = {"arming", "armed", "disarmed", "hold", "resume", "manual", "manual_end
 WARNINGS = {
     "arming_refused", "sensor_failed", "board_silent", "motors_not_opened", "light_failed", "part_failed", "clock_step",
     "clock_wrong", "log_gap", "viewer_failed", "close_hangs", "unclean_shutdown", "power", "card", "runs_not_deleted",
+    "link_lost",
 }  # fmt: skip
 FAULTS = {"motors_failed", "loop_stalled", "stop_not_confirmed", "control_error"}
 LEVEL_TONES = {"degrade": Tone.WARNING, "hold": Tone.WARNING, "fault": Tone.FAULT}
@@ -178,6 +179,7 @@ SENTENCES: Mapping[str, str] = {
     "manual_ended": "Nobody drives by hand any more, the rover is {mode}: {reason}",
     "goal": "A new goal: drives {goal_heading_deg}",
     "mark": "Mark: {text}",
+    "link_lost": "The link is lost: {text}",
     "health": "{level}[: {cause}][. This ends when {ends_when}]",
     "sensor_failed": "The {sensor} failed: {error}[ (tried again in {retry_in_s:.1f} s)]",
     "part_failed": "The {part} did not open: {error}",

@@ -70,6 +70,10 @@ class FakeDaemon:
         self.told.append(("mark", text))
         return {}
 
+    async def link_lost(self, text: str) -> Details:
+        self.told.append(("link_lost", text))
+        return {}
+
     async def stop(self) -> Details:
         self.told.append(("stop",))
         return {}

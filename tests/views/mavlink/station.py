@@ -98,6 +98,9 @@ class Rover:
     async def mark(self, text: str) -> Details:
         return self._note(f"mark: {text}")
 
+    async def link_lost(self, text: str) -> Details:
+        return self._note(f"link lost: {text}")
+
     async def manual_begin(self, driver: str) -> Details:
         self._note(f"manual by {driver}")
         self.event("manual", asyncio.get_running_loop().time(), driver=driver)

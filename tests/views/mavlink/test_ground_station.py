@@ -250,7 +250,7 @@ async def test_lost_link_does_what_the_rover_file_says(
             link.port.receive(data)
             await asyncio.sleep(0.6)
         holds = armed and on_link_lost == "hold"
-        noted = f"mark: the ground station is silent{': held' if holds else ''}"
+        noted = f"link lost: the ground station is silent{': held' if holds else ''}"
         assert link.rover.asked == ["hold"] * holds + [noted]
         await asyncio.sleep(60.0)
         assert link.rover.asked == ["hold"] * holds + [noted]  # once, and it may be resumed by somebody else

@@ -93,6 +93,9 @@ class Commands(Protocol):
     async def mark(self, text: str) -> Details:
         """Write a person's note into the log."""
 
+    async def link_lost(self, text: str) -> Details:
+        """Write into the log that a viewer has lost its person. No client can ask for it, and it is nobody's mark."""
+
     async def stop(self) -> Details:
         """End the run."""
 

@@ -151,7 +151,7 @@ class GroundStation:
                 with suppress(WayfarerError):
                     await self._commands.hold()
             with suppress(WayfarerError):
-                await self._commands.mark(f"the ground station is silent{': held' if holds else ''}")
+                await self._commands.link_lost(f"the ground station is silent{': held' if holds else ''}")
         refused = self._link.refused - self._refused_told
         if refused and now_s - self._refused_told_s > REFUSED_S:
             self._refused_told, self._refused_told_s = self._link.refused, now_s
