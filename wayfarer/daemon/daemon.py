@@ -169,7 +169,7 @@ class Daemon:
             self._tell_of_last(before)
         ground_truth_logs = [rover_setup.ground_truth_log(self._field_log)] if rover_setup.ground_truth_log else []
         self._mission = MissionTotals(self._field_log)
-        self._log = Tee(self._field_log, *ground_truth_logs, self._mission, WatchdogFeed(self._notifier, self._guard))
+        self._log = Tee(self._mission, self._field_log, *ground_truth_logs, WatchdogFeed(self._notifier, self._guard))
         handler = service.algorithm.make(config.escape, config.vehicle, Random(service.seed))
         self._supervisor = Supervisor(
             self._rover, config, service.algorithm, handler, self._log,

@@ -203,7 +203,7 @@ SENTENCES: Mapping[str, str] = {
     "unclean_shutdown": "The run before ({run}) was cut off[ while {mode}][{last_t_wall}]: killed, or without power"
     + _ITS_MISSION,
     "last_run": "The run before ({run}) ended: {text}" + _ITS_MISSION + "[. Its log has lost {dropped}]",
-    "mission_ended": f"The mission is over[ after {_OF_MISSION}: {{mission_ended}}",
+    "mission_ended": f"The mission is over[ after {_OF_MISSION}[: {{mission_ended}}]",
     "wheels_stopped": "The wheels are stopped[: {reason}]",
 }
 UNREADABLE_RUN = "The run before ({run}) cannot be read: {error}"
