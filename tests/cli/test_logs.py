@@ -12,6 +12,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from shutil import rmtree
 from threading import Event, Timer
 
 import pytest
@@ -329,3 +330,6 @@ def test_prune_says_what_it_would_delete_then_deletes_it_and_never_without_a_lim
     code, out, err = run("prune", "--keep-mb", 10)
     assert (code, out) == (1, "0 runs deleted, 0.0 MB; 11.0 MB are left\n")
     assert "more than keep_mb" in err
+    rmtree(logs)
+    code, _, err = run("prune", "--keep-mb", 10)
+    assert (code, f"{logs}: no such folder" in err) == (2, True)

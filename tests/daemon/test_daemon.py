@@ -301,6 +301,21 @@ async def test_next_run_tells_how_the_last_mission_ended(site: Site, capfd: pyte
     assert f"The run before ({first}) ended: requested by a person. Its last mission: " in capfd.readouterr().err
 
 
+async def test_mission_that_a_stop_of_the_daemon_ends_is_told_to_its_last_tick(site: Site) -> None:
+    """The totals in the computer's health are up to 10 s old."""
+    async with Running(site) as daemon:
+        await daemon.drives()
+        await asyncio.sleep(0.4)
+        await daemon.stop()
+    records = [record for record in site.log() if record["record"] in {"event", "outcome"}]
+    assert [record.get("name") for record in records[-2:]] == ["mission_ended", None]
+    last = max(record["t_s"] for record in site.log() if record["record"] == "tick")
+    (armed,), (ended,) = site.events("armed"), site.events("mission_ended")
+    assert ended["mission_s"] == pytest.approx(last - armed["t_s"], abs=0.1)
+    assert ended["mission_s"] > 0.0
+    assert ended["mission_ended"] is None
+
+
 async def test_log_of_the_run_before_that_cannot_be_read_stops_no_daemon(site: Site) -> None:
     before = site.logs / "00016-20261121T061405Z"
     before.mkdir(parents=True)

@@ -25,6 +25,8 @@ EVENTS: list[tuple[str, dict[str, Any], str]] = [
      "This ends when somebody arms the rover again"),
     ("health", {"level": "hold", "cause": "made up"}, "Wheels held until this clears: made up"),
     ("health", {"level": "well", "cause": None}, "No faults"),
+    ("manual", {"driver": "page"}, "A person drives on the live page"),
+    ("manual", {"driver": ["a"]}, "A person drives with a"),
     ("sensor_failed", {"sensor": "compass", "error": "no answer", "retry_in_s": 0.5},
      "The compass failed: no answer (tried again in 0.5 s)"),
     ("sensor_failed", {"sensor": "motion", "error": "no answer"}, "The motion sensor failed: no answer"),

@@ -215,8 +215,11 @@ def prune(
 
     if keep_days is None and keep_mb is None:
         raise BadInput("say how much to keep: give --keep-days DAYS, --keep-mb MB, or both")
+    folder = log_folder(log_dir)
+    if not folder.is_dir():
+        raise BadInput(f"{folder}: no such folder; give that of the logs with --log-dir DIR")
     limits = LogSettings(keep_days=keep_days, keep_mb=keep_mb)
-    found = delete_old_runs(log_folder(log_dir), limits, wall_clock(0.0), dry_run=dry_run)
+    found = delete_old_runs(folder, limits, wall_clock(0.0), dry_run=dry_run)
     print(*found.deleted, sep="\n", end="\n" if found.deleted else "")
     done = "would be deleted" if dry_run else "deleted"
     print(f"{plural(len(found.deleted), 'run')} {done}, {found.deleted_mb:.1f} MB; {found.left_mb:.1f} MB are left")

@@ -42,7 +42,7 @@ from wayfarer.daemon.watchdog import StallGuard, SystemdNotifier, WatchdogFeed, 
 from wayfarer.errors import WayfarerError
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.fieldlog.folders import new_run_folder
-from wayfarer.fieldlog.last_run import LastRun, last_run
+from wayfarer.fieldlog.last_run import MISSION_TOTALS, LastRun, last_run
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.writer import RunFiles
@@ -169,7 +169,7 @@ class Daemon:
             self._tell_of_last(before)
         ground_truth_logs = [rover_setup.ground_truth_log(self._field_log)] if rover_setup.ground_truth_log else []
         self._mission = MissionTotals(self._field_log)
-        self._log = Tee(self._field_log, *ground_truth_logs, self._mission, WatchdogFeed(self._notifier, self._guard))
+        self._log = Tee(self._mission, self._field_log, *ground_truth_logs, WatchdogFeed(self._notifier, self._guard))
         handler = service.algorithm.make(config.escape, config.vehicle, Random(service.seed))
         self._supervisor = Supervisor(
             self._rover, config, service.algorithm, handler, self._log,

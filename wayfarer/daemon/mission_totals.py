@@ -15,12 +15,12 @@ from wayfarer.fieldlog.last_run import MISSION_TOTALS
 
 
 class MissionTotals(PartialLog):
-    """Follows a run, and writes an event at the end of each mission.
+    """Follows a run, and writes an event at the end of each mission, also where the run ends first.
 
     What a person drives during a mission counts as time only, as in ``wayfarer status``.
 
     Args:
-        log: takes the event.
+        log: takes the event; must be told of the run after this, because it takes none after the outcome.
     """
 
     def __init__(self, log: RunLog) -> None:
@@ -55,10 +55,14 @@ class MissionTotals(PartialLog):
             self._began_s, self._at_m, self._driven_m, self._before = t_s, None, 0.0, ()
             self._totals |= {"mission_s": 0.0, "mission_m": 0.0, "mission_anomalies": 0, "mission_ended": None}
         elif name == "disarmed" and self._began_s is not None:
-            self._began_s = None
             self._totals["mission_ended"] = details["reason"]
-            told = self._totals
-            self._log.event(
-                "mission_ended", t_s, mission_s=told["mission_s"], mission_m=told["mission_m"],
-                mission_anomalies=told["mission_anomalies"], mission_ended=told["mission_ended"],
-            )  # fmt: skip
+            self._tell(t_s)
+
+    def close(self, reason: str, text: str) -> None:  # noqa: ARG002 - as any RunLog
+        """Tell of a mission that went on until the end of the run: its totals are up to 10 s old in the log."""
+        if self._began_s is not None:
+            self._tell(self._began_s + self._totals["mission_s"])
+
+    def _tell(self, t_s: float) -> None:
+        self._began_s = None
+        self._log.event("mission_ended", t_s, **self._totals)

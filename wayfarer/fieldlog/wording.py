@@ -175,7 +175,7 @@ SENTENCES: Mapping[str, str] = {
     "disarmed": "Disarmed: {reason}",
     "hold": "Held by an operator",
     "resume": "Resumed by an operator",
-    "manual": "A person drives by {driver}",
+    "manual": "A person drives {driver}",
     "manual_ended": "Nobody drives by hand any more, the rover is {mode}: {reason}",
     "goal": "A new goal: drives {goal_heading_deg}",
     "mark": "Mark: {text}",
@@ -205,17 +205,21 @@ SENTENCES: Mapping[str, str] = {
     "unclean_shutdown": "The run before ({run}) was cut off[ while {mode}][{last_t_wall}]: killed, or without power"
     + _ITS_MISSION,
     "last_run": "The run before ({run}) ended: {text}" + _ITS_MISSION + "[. Its log has lost {dropped}]",
-    "mission_ended": f"The mission is over[ after {_OF_MISSION}: {{mission_ended}}",
+    "mission_ended": f"The mission is over[ after {_OF_MISSION}[: {{mission_ended}}]",
     "wheels_stopped": "The wheels are stopped[: {reason}]",
 }
 UNREADABLE_RUN = "The run before ({run}) cannot be read: {error}"
 DETAIL = re.compile(r"{(\w+)")
 OPTIONAL = re.compile(r"\[(.*?)\]")
+DRIVERS = {
+    "keys": "with keys", "gamepad": "with a gamepad", "page": "on the live page", "mavlink": "from a ground station",
+}  # fmt: skip
 MISSING = {"goal_heading_deg": "straight ahead", "dropped": "Some records"}  # else ``UNKNOWN``
 WORDS: Mapping[str, Callable[[Any], str]] = {
     "goal_heading_deg": lambda angle_deg: f"towards {whole_deg(angle_deg)} degrees",
     **dict.fromkeys(("part", "sensor", "cause"), in_words),
     **dict.fromkeys(("reason", "mission_ended"), lambda reason: disarmed_text(reason).replace("_", " ")),
+    "driver": lambda driver: DRIVERS.get(str(driver), f"with {_value(driver)}"),
     "counts": lambda counts: _value(counts).replace("_", " "),
     "dropped": lambda count: plural(count, "record"),
     "last_t_wall": lambda wall_s: local_time(wall_s, " at %Y-%m-%d %H:%M:%S"),

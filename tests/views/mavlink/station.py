@@ -123,6 +123,7 @@ class FakePort:
 
     def __init__(self) -> None:
         self.sent: list[bytes] = []
+        self.answered: list[bytes] = []
         self.local = False
         self.broken = False
         self._ready: Callable[[], None] = lambda: None
@@ -143,6 +144,9 @@ class FakePort:
 
     def write(self, frame: bytes) -> None:
         self.sent.append(frame)
+
+    def answer(self, frame: bytes) -> None:
+        self.answered.append(frame)
 
     def believe(self) -> None: ...
 

@@ -14,6 +14,7 @@ from tests.views.mavlink.station import (
     KEY,
     MAY_ARM,
     NO_KEY,
+    NOW_S,
     Encoder,
     arming,
     command,
@@ -28,7 +29,7 @@ from tests.virtual import virtual
 from wayfarer.config.mavlink_settings import MavlinkSettings
 from wayfarer.hal import MotorHealth
 from wayfarer.views.mavlink.modes import MODE_AUTO, MODE_HOLD, MODE_INITIALISING, MODE_MANUAL
-from wayfarer.views.mavlink.signing import MOST_TICKS
+from wayfarer.views.mavlink.signing import MOST_TICKS, signing_ticks
 
 ACCEPTED, BUSY, DENIED = (
     common.MAV_RESULT_ACCEPTED, common.MAV_RESULT_TEMPORARILY_REJECTED, common.MAV_RESULT_DENIED,
@@ -265,6 +266,21 @@ async def test_forged_frame_from_the_future_shuts_nobody_out(monkeypatch: pytest
         assert link.rover.asked == ["hold"]
         await asyncio.sleep(31.0)
         assert any("2 messages ignored: not signed with our key" in text for text in texts(link.heard()))
+
+
+@virtual
+async def test_station_behind_the_time_of_a_restarted_rover_is_told_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rover reserves 10 min ahead; at udpin a station hears nothing else before it is believed."""
+    async with linked(monkeypatch, SIGNED) as link:
+        late = Encoder(KEY, ticks=signing_ticks(NOW_S - 600.0))
+        await link.says(heartbeat(), heartbeat(), encoder=late)
+        await link.says(heartbeat(), encoder=Encoder(b"x" * 32))
+        await link.says(heartbeat(), encoder=Encoder())
+        (answer,) = link.port.answered
+        assert common.MAVLink(None).decode(bytearray(answer)).get_type() == "SYSTEM_TIME"
+        told = int.from_bytes(answer[-12:-6], "little")
+        await link.says(command(common.MAV_CMD_DO_SET_MODE, 1.0, MODE_HOLD), encoder=Encoder(KEY, ticks=told))
+        assert link.rover.asked == ["hold"]
 
 
 @virtual

@@ -81,6 +81,13 @@ async def test_udpin_has_one_station_at_a_time() -> None:
         assert first.recv(100) == b"to the first"
         with pytest.raises(BlockingIOError):
             second.recv(100)
+        await sends(second)
+        port.answer(b"not to the station alone")
+        assert second.recv(100) == b"not to the station alone"
+        await sends(first)
+        port.answer(b"the station hears the rest")
+        with pytest.raises(BlockingIOError):
+            first.recv(100)
         port.forget()
         await sends(second)
         port.believe()

@@ -154,6 +154,11 @@ def test_failures_and_interventions_are_counted() -> None:
     assert (found.holds, found.goals, found.marks) == (1, 1, (Mark(7.0, "hit log"),))
 
 
+def test_times_that_a_person_drove_are_counted() -> None:
+    records = [event("manual", 1.0, driver="keys"), event("manual_ended", 2.0, mode="armed", reason="so")]
+    assert text(*records, event("manual", 3.0, driver="page"))["operator"] == ["drives by hand 2"]
+
+
 def test_lost_rover_is_searched_from_where_it_was_armed() -> None:
     found = summary(
         *drive(0.0, 4.0),  # carried about before it is armed

@@ -19,6 +19,7 @@ from wayfarer.views.mavlink.signing import Signing
 
 AGAIN_S = 2.0  # between two tries to open it
 RENEW_S = 20.0  # of silence: a UDP socket keeps the address of a network that the computer has left
+TIME_TOLD_S = 0.1  # so often at most our time is told to those who are behind it: an enemy may send recorded frames
 COMPONENT = common.MAV_COMP_ID_AUTOPILOT1
 
 _log = logging.getLogger("wayfarer.views.mavlink")
@@ -65,6 +66,7 @@ class Link:
         self._broken = asyncio.Event()
         self.heard_s = float("-inf")
         self.refused = 0
+        self._time_told_s = float("-inf")
 
     async def run(self) -> None:
         """Keep the link open until cancelled."""
@@ -110,16 +112,20 @@ class Link:
         """Send a message; return how many bytes it has, 0 where the link is not open."""
         if self._port is None:
             return 0
-        if self._signing is not None:
-            t_s = asyncio.get_running_loop().time()
-            self._encoder.signing.timestamp = self._signing.now_ticks(wall_clock(t_s), t_s)
-        data: bytes = message.pack(self._encoder)
-        self._encoder.seq = (self._encoder.seq + 1) % 256
+        data = self._packed(message)
         try:
             self._port.write(data)
         except OSError:
             self._broken.set()
         return len(data)
+
+    def _packed(self, message: common.MAVLink_message) -> bytes:
+        if self._signing is not None:
+            t_s = asyncio.get_running_loop().time()
+            self._encoder.signing.timestamp = self._signing.now_ticks(wall_clock(t_s), t_s)
+        data: bytes = message.pack(self._encoder)
+        self._encoder.seq = (self._encoder.seq + 1) % 256
+        return data
 
     def station_is_silent(self) -> None:
         """Let another station take the place of the one that is silent."""
@@ -146,6 +152,7 @@ class Link:
         is_radio = frame.message_id == common.MAVLINK_MSG_ID_RADIO_STATUS  # a radio has no key
         if self._signing is not None and not signed and not is_radio:
             self.refused += 1
+            self._tell_time(self._signing, frame)
             return
         try:
             message = self._decoder.decode(bytearray(frame.data))
@@ -157,3 +164,16 @@ class Link:
             if self._port is not None:
                 self._port.believe()
         self._on_message(Received(message, frame.sequence, frame.system, frame.component, signed, local))
+
+    def _tell_time(self, signing: Signing, frame: Frame) -> None:
+        """Tell our signing time to a sender who has the key, but whose time is behind ours, as after a restart.
+
+        Stations go on from the latest time that they hear. To ``udpin`` nothing is sent before a station is believed,
+        so it would never hear ours.
+        """
+        t_s = asyncio.get_running_loop().time()
+        if self._port is None or t_s - self._time_told_s < TIME_TOLD_S or not signing.has_key(frame):
+            return
+        self._time_told_s = t_s
+        boot_ms = int(t_s * 1e3) % 2**32
+        self._port.answer(self._packed(common.MAVLink_system_time_message(int(wall_clock(t_s) * 1e6), boot_ms)))

@@ -9,6 +9,7 @@ import socket
 import termios
 import tty
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from typing import Protocol
 
 from wayfarer.views.mavlink.address import BAUDS, Address, check_not_a_part, is_this_computer
@@ -28,6 +29,9 @@ class Port(Protocol):
 
     def write(self, frame: bytes) -> None:
         """Send a frame, if there is a station to send it to and room for it."""
+
+    def answer(self, frame: bytes) -> None:
+        """Send a frame to the sender of the one that was read last, where that hears nothing else from here."""
 
     def believe(self) -> None:
         """Note that the frame that was read last was a station's heartbeat: its sender is the station."""
@@ -83,6 +87,12 @@ class UdpPort:
                 self._socket.sendto(frame, self._station)
         except (BlockingIOError, ConnectionRefusedError):
             return
+
+    def answer(self, frame: bytes) -> None:
+        """Send a frame to a sender that is not our station; ``udpout`` has no such."""
+        if not self._connected and self._sender != self._station:
+            with suppress(BlockingIOError):
+                self._socket.sendto(frame, self._sender)
 
     def believe(self) -> None:
         """Keep the first sender."""
@@ -142,6 +152,9 @@ class SerialPort:
                 self._unsent = frame[os.write(self._line, frame) :]
         except BlockingIOError:
             return
+
+    def answer(self, frame: bytes) -> None:
+        """Nothing: the other end hears all that is sent."""
 
     def believe(self) -> None:
         """Nothing: a line has one other end."""

@@ -102,12 +102,16 @@ class Signing:
         self._told_s: float | None = None
         self._streams: dict[bytes, int] = {}
 
-    def is_genuine(self, frame: Frame) -> bool:
-        """Return whether somebody with the key has sent this frame, and now; if so its time counts as used."""
+    def has_key(self, frame: Frame) -> bool:
+        """Return whether somebody with the key has signed this frame, now or long ago."""
         if not frame.is_signed:
             return False
         digest = hashlib.sha256(self.key + frame.data[:-6]).digest()[:6]
-        if not hmac.compare_digest(digest, frame.data[-6:]):
+        return hmac.compare_digest(digest, frame.data[-6:])
+
+    def is_genuine(self, frame: Frame) -> bool:
+        """Return whether somebody with the key has sent this frame, and now; if so its time counts as used."""
+        if not self.has_key(frame):
             return False
         signature = frame.data[-SIGNATURE_BYTES:]
         stream, ticks = signature[:1] + frame.data[5:7], int.from_bytes(signature[1:7], "little")

@@ -109,6 +109,7 @@ class RunSummary:
     marks: tuple[Mark, ...]
     holds: int
     goals: int
+    manual: int
     clock_steps_s: tuple[float, ...]
     dropped: int
     reason: str | None
@@ -176,6 +177,7 @@ class RunSummariser:
             marks=tuple(self._marks),
             holds=events["hold"],
             goals=events["goal"],
+            manual=events["manual"],
             clock_steps_s=tuple(self._clock_steps_s),
             dropped=state.dropped,
             reason=(ended.reason or "unknown") if ended else None,

@@ -124,8 +124,8 @@ def _sensors(summary: RunSummary) -> dict[str, int]:
 
 
 def _operator(summary: RunSummary) -> Iterator[str]:
-    asked = {"marks": len(summary.marks), "holds": summary.holds, "new goals": summary.goals}
-    yield counted(asked)
+    marks, drives = len(summary.marks), summary.manual
+    yield counted({"marks": marks, "holds": summary.holds, "new goals": summary.goals, "drives by hand": drives})
     yield from (f"{duration_text(mark.at_s)} {mark.text}" for mark in summary.marks)
 
 
