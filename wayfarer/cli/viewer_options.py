@@ -109,9 +109,8 @@ def ground_station(address: str, config: RoverConfig) -> GroundStation:
     if key_file:
         time_file = TimeFile(calibration_file(os.environ, Path.home()).with_name("mavlink_time"))
         signing = Signing(read_key(Path(key_file)), time_file.read(), wall_clock(0.0))
-    print(
-        f"ground station: {where}, {'signed' if signing else 'without a key: it cannot start the wheels'}", flush=True
-    )
+    trust = "signed" if signing else "without a key: it can start the wheels of a simulation only"
+    print(f"ground station: {where}, {trust}", flush=True)
     return GroundStation(where, config, signing, time_file)
 
 

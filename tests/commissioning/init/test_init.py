@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,14 @@ import pytest
 from tests.commissioning.init import rigs
 from tests.loop_guard import WatchedVirtualLoop
 from wayfarer.commissioning.checks import check, passed
-from wayfarer.commissioning.init import first_rover_file
+from wayfarer.commissioning.init import first_rover_file, probe
 from wayfarer.config.factory import assemble
 from wayfarer.config.rover_file import RoverConfig, load_rover, parse_rover
+from wayfarer.drivers.cmps14 import CMPS14
 from wayfarer.drivers.gpsd import Gpsd
 from wayfarer.errors import BadConfig, NotResponding
 
+CMPS14_AT = {"bus": "/dev/i2c-1", "address": 0x60}
 SEEN = {"safety": {"deadman_unproved_because": "simulated"}}
 
 
@@ -135,7 +138,7 @@ def test_rover_of_neither(tmp_path: Path, runner: asyncio.Runner) -> None:
     assert "skipped /dev/serial0: ttyAMA10, the debug connector of a Pi 5" in sightings
     config = written(machine, person)
     assert person.told == [
-        "'pmw3901' is no driver for contact; one of your own is module:Class",
+        "'pmw3901' is no driver for contact; a driver of another package is given as module:Class",
         "key 'parts.contact': a bumper needs the pin of at least one side: front, left, right or rear",
         "key 'vehicle.width_m' = -1.0: input should be greater than 0; allowed is above 0 to 1000",
         "key 'vehicle.width_m' = 'wide': it is no number above 0 to 1000",
@@ -249,3 +252,33 @@ def test_answers_that_cannot_be_used(answers: str, said: str, tmp_path: Path, ru
     machine = rigs.empty(tmp_path, runner)
     with pytest.raises(BadConfig, match=said.replace("(", r"\(")):
         first_rover_file(machine.look(), tomllib.loads(answers), Hasty())
+
+
+class Careless:
+    """A third party's driver whose code is broken."""
+
+    part, name = "light", "careless"
+
+    @dataclass(frozen=True)
+    class Settings:
+        pass
+
+    def __init__(self, settings: object, buses: object) -> None:
+        raise ZeroDivisionError("no settings")
+
+    async def open(self) -> None: ...
+
+    async def close(self) -> None: ...
+
+    async def identify(self) -> None: ...
+
+
+def test_driver_that_cannot_be_made_is_noted_and_the_others_are_asked(
+    tmp_path: Path, runner: asyncio.Runner, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(probe, "_recognised", lambda: [("careless", Careless), ("cmps14", CMPS14)])
+    monkeypatch.setattr(probe, "_places", lambda driver, _: [[{}] if driver is Careless else [CMPS14_AT]])
+    sightings = rigs.forestrover(tmp_path, runner).look().sightings
+    assert [text for _, text in sightings[:2]] == [
+        "an error in driver careless: ZeroDivisionError: no settings", "CMPS14 firmware 7 at 0x60 on /dev/i2c-1",
+    ]  # fmt: skip

@@ -120,7 +120,9 @@ class _Parts:
             answer = self._draft.person.ask(question, likely)
             if answer in choices or _is_for(answer, part):
                 return answer
-            self._draft.person.say(f"'{answer}' is no driver for {part}; one of your own is module:Class")
+            self._draft.person.say(
+                f"'{answer}' is no driver for {part}; a driver of another package is given as module:Class"
+            )
 
     def _default(self, part: str, name: str) -> Any:
         """Return what a key has in the draft, or by its driver; of a serial port the likeliest that there is."""

@@ -163,18 +163,18 @@ async def _ask(
     """Ask at each of some places whether a driver's part is there; places where nothing is are noted together."""
     silent = []
     for place in places:
-        there = driver(replace(driver.Settings(), **place), buses)
-        if _is_the_kernels(host, place):
-            found.note(Verdict.LEFT_ALONE, f"{there.name}: the kernel drives what is there")
-            continue
         try:
+            there = driver(replace(driver.Settings(), **place), buses)
+            if _is_the_kernels(host, place):
+                found.note(Verdict.LEFT_ALONE, f"{there.name}: the kernel drives what is there")
+                continue
             await there.identify()
         except NotResponding:
             silent.append(there.name)
         except DriverError as error:
             found.note(Verdict.OTHER, str(error))
         except Exception as error:  # a third party's driver
-            found.note(Verdict.OTHER, f"{there.name}: an error in driver {name}: {kind_and_text(error)}")
+            found.note(Verdict.OTHER, f"an error in driver {name}: {kind_and_text(error)}")
         else:
             found.parts.append(FoundPart(driver.part, name, place, there.name))
             found.note(Verdict.FOUND, there.name)

@@ -39,8 +39,11 @@ def parse_address(text: str) -> Address:
     kind, _, rest = text.partition(":")
     where, _, digits = rest.rpartition(":")
     allowed = BAUDS.keys() - {0} if kind == "serial" else PORTS
-    if kind not in KINDS or not where or not (digits.isascii() and digits.isdecimal() and int(digits[:8]) in allowed):
+    if kind not in KINDS or not where:
         raise BadInput(f"--mavlink {text}: no address of a link; {FORM}")
+    if not (digits.isascii() and digits.isdecimal() and int(digits[:8]) in allowed):
+        number = "rate in baud" if kind == "serial" else "port"
+        raise BadInput(f"--mavlink {text}: '{digits}' is no {number}; {FORM}")
     if kind == "serial":
         return Address(kind, where, int(digits))
     return Address(kind, _ip_address(where.removeprefix("[").removesuffix("]")), int(digits))
