@@ -12,9 +12,13 @@ from docs.build import NOTEBOOK, ROOT
 nb_run = pytest.importorskip("nbmake.nb_run", reason="notebooks run with nbmake, of the extra test")
 
 
-def outputs(notebook: Any) -> list[list[dict[str, Any]]]:
+def outputs(notebook: Any) -> list[tuple[str, list[Any]]]:
+    """What each cell printed, and showed. In how many pieces it is printed depends on how busy the computer is."""
     return [
-        [{key: output[key] for key in ("text", "data") if key in output} for output in cell["outputs"]]
+        (
+            "".join(output["text"] for output in cell["outputs"] if "text" in output),
+            [output["data"] for output in cell["outputs"] if "data" in output],
+        )
         for cell in notebook["cells"]
         if cell["cell_type"] == "code"
     ]
@@ -31,4 +35,4 @@ def test_notebook_gives_the_outputs_that_it_shows(tmp_path: Path, monkeypatch: p
     ran = nb_run.NotebookRun(ROOT / NOTEBOOK, 120).execute()
     assert ran.error is None
     assert outputs(ran.nb) == outputs(saved)
-    assert all(outputs(saved))
+    assert all(text or shown for text, shown in outputs(saved))

@@ -42,7 +42,7 @@ from wayfarer.daemon.watchdog import StallGuard, SystemdNotifier, WatchdogFeed, 
 from wayfarer.errors import WayfarerError
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.fieldlog.folders import new_run_folder
-from wayfarer.fieldlog.last_run import MISSION_TOTALS, LastRun, last_run
+from wayfarer.fieldlog.last_run import LastRun, last_run
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.writer import RunFiles
@@ -267,11 +267,19 @@ class Daemon:
 
     def _tell_of_last(self, before: LastRun) -> None:
         """Log how the run before ended, also if it was cut off (fault catalogue, fault 33)."""
-        told = before._asdict()
-        name, of_run = "last_run", ["run", "text", "dropped"]
         if before.ended is None:
-            name, of_run = "unclean_shutdown", ["run", "last_t_s", "last_t_wall", "mode", "error"]
-        self._field_log.event(name, self._loop.time(), **{key: told[key] for key in (*of_run, *MISSION_TOTALS)})
+            self._field_log.event(
+                "unclean_shutdown", self._loop.time(), run=before.run, last_t_s=before.last_t_s,
+                last_t_wall=before.last_t_wall, mode=before.mode, error=before.error, mission_s=before.mission_s,
+                mission_m=before.mission_m, mission_anomalies=before.mission_anomalies,
+                mission_ended=before.mission_ended,
+            )  # fmt: skip
+        else:
+            self._field_log.event(
+                "last_run", self._loop.time(), run=before.run, text=before.text, dropped=before.dropped,
+                mission_s=before.mission_s, mission_m=before.mission_m, mission_anomalies=before.mission_anomalies,
+                mission_ended=before.mission_ended,
+            )  # fmt: skip
 
     def _inspect(self) -> RunningInspection:
         host = HostEnvironment.here(self._service.logs, self._setup.devices, self._loop.time())

@@ -65,4 +65,8 @@ class MissionTotals(PartialLog):
 
     def _tell(self, t_s: float) -> None:
         self._began_s = None
-        self._log.event("mission_ended", t_s, **self._totals)
+        told = self._totals
+        self._log.event(
+            "mission_ended", t_s, mission_s=told["mission_s"], mission_m=told["mission_m"],
+            mission_anomalies=told["mission_anomalies"], mission_ended=told["mission_ended"],
+        )  # fmt: skip
