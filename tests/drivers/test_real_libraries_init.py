@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.commissioning.init.rigs import BODY
 from tests.drivers.private_dev import NoMounts, PrivateDev
 from tests.drivers.real_site import I2C, SERIAL, SPI, RealSite, real_site
 from tests.system.subprocesses import WAYFARER
@@ -22,14 +23,7 @@ from wayfarer.config.rover_file import load_rover
 pytestmark = pytest.mark.process
 
 BY_ID = "/dev/serial/by-id/usb-FTDI_FT232R-if00-port0"
-NEITHER = """
-name = "neither"
-anomaly_source = "contact"
-[vehicle]
-length_m = 0.9
-width_m = 0.6
-track_m = 0.75
-max_speed_m_s = 0.8
+NEITHER = f"""{BODY}
 [safety]
 start_delay_s = 10.0
 [parts.compass]

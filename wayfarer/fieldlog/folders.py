@@ -44,8 +44,9 @@ def new_run_folder(logs: Path, *, needed: bool = True) -> Path:
 
     Args:
         logs: the folder of all logs.
-        needed: if not, and the disk is full, failing or read-only, the folder has only its name: whoever writes into it
-            makes it when that is possible. If the other runs could not be seen, its number may be that of one of them.
+        needed: if not, and the disk is full, failing or read-only, the folder is not made, and only its path returned;
+            the writer of the log makes it when that is possible. If the other runs could not be seen, its number may be
+            that of one of them.
 
     Raises:
         BadInput: it cannot be made.

@@ -16,7 +16,7 @@ from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import CLEARING
 from wayfarer.simhal.world.world import World
 
-NEITHER = """
+BODY = """
 name = "neither"
 anomaly_source = "contact"
 [vehicle]
@@ -24,6 +24,8 @@ length_m = 0.9
 width_m = 0.6
 track_m = 0.75
 max_speed_m_s = 0.8
+"""
+NEITHER = f"""{BODY}
 [parts.compass]
 driver = "cmps14"
 bus = "/dev/i2c-3"
