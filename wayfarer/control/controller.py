@@ -231,8 +231,12 @@ class Controller:
             self.wheels.halt()  # at each tick: a board that does not obey may obey one of many stops
         if self._arming is not None:
             self._continue_arming(tick, self._arming)
-        observation = tick.observation = self._observe(tick)
         manual = self.mode is _MANUAL
+        if mission is not None and (compass := self._detector.compass) is not None:
+            if not BLIND.isdisjoint(conditions):
+                ahead_m *= UNSEEN_SHARE
+            mission.advance(0.0 if manual else tick.forward_m, ahead_m, compass.heading_deg, right_m)
+        observation = tick.observation = self._observe(tick)
         may_drive = manual or self.mode is _ARMED
         wanted = self._wanted_by_hand if manual else self._wanted_wheels
         wheels = gate.update(conditions, partial(wanted, tick), armed=may_drive)
@@ -249,9 +253,6 @@ class Controller:
         if tick.cause is not self._last_cause or (may_drive and tick.level is _FAULT):
             self._note_health(t_s, tick.level, tick.cause)
         if mission is not None and observation is not None:
-            if not BLIND.isdisjoint(conditions):
-                ahead_m *= UNSEEN_SHARE
-            mission.advance(0.0 if manual else tick.forward_m, ahead_m, observation.heading_deg, right_m)
             if manual:
                 mission.wait(tick.dt_s)
             elif self.end is None and (limit := mission.end(t_s)) is not None:
@@ -318,6 +319,7 @@ class Controller:
         if compass is None:
             return None
         _, heading_deg, pitch_deg, roll_deg, _ = compass
+        mission = self.mission
         return Observation(
             tick.t_s - self._held_s - self._away_s,
             heading_deg,
@@ -329,6 +331,8 @@ class Controller:
             self._travelled_m,
             self._odometer.covered_m,
             tick.commanded,
+            None if mission is None else mission.north_m,
+            None if mission is None else mission.east_m,
         )
 
     def _continue_arming(self, tick: TickRecord, arming: ArmingSequence) -> None:

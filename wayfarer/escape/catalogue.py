@@ -136,6 +136,9 @@ _ROWS_BEYOND = (
     ),
 )
 
+from wayfarer.escape.memory.handler import MemoryHandler  # noqa: E402
+
+_ROWS_BEYOND = (*_ROWS_BEYOND, Algorithm("memory-pledge", "memory", "remembers", MemoryHandler))
 CATALOGUE: Mapping[str, Algorithm] = {row.name: row for row in _ROWS}
 """The ten of the paper."""
 BEYOND_THE_PAPER: Mapping[str, Algorithm] = {row.name: row for row in _ROWS_BEYOND}

@@ -44,6 +44,7 @@ class AlgorithmSpec:
     resets: bool = False
     keeps_side: bool = False
     tactics: tuple[Callable[[], Tactic], ...] = ()
+    reckons: bool = False
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -59,6 +60,8 @@ class PhasedHandler:
         self._manoeuvres = {kind.phase: kind(settings, self._turns, self._escape_plan) for kind in MANOEUVRES}
         self._tactics = tuple(make() for make in spec.tactics)
         self._reckoning = Reckoning(settings.cruise_m_s)
+        self._reckons = bool(spec.tactics) or spec.reckons
+        self._spec_transitions = spec.transitions
         self.reset()
 
     def reset(self) -> None:
@@ -89,8 +92,9 @@ class PhasedHandler:
             self._turns.begin_manoeuvre()
             self._manoeuvre.begin(observation)
         manoeuvre = self._manoeuvre
-        if self._tactics:
+        if self._reckons:
             self._reckoning.follow(observation, manoeuvre.phase)
+            observation = self._aim(observation)
         event = (
             PhaseEvent.OVERWOUND
             if abs(self._escape_plan.counter_deg) > COUNTER_MAX_DEG
@@ -99,8 +103,11 @@ class PhasedHandler:
         if event is None:
             return Decision(manoeuvre.wheels(observation), manoeuvre.phase, self._phase_name)
         why = WHY[manoeuvre.phase, event]
-        self._enter(self._spec.transitions[manoeuvre.phase, event], event, observation)
+        self._enter(self._spec_transitions[manoeuvre.phase, event], event, observation)
         return Decision(self._manoeuvre.wheels(observation), self._manoeuvre.phase, why)
+
+    def _aim(self, observation: Observation) -> Observation:
+        return observation
 
     def memory(self) -> Mapping[str, float | str]:
         """Return the inner state for the log and for replay."""
@@ -124,7 +131,7 @@ class PhasedHandler:
         if phase is Phase.FOLLOW:
             self._followed_from_m = observation.travelled_m
         elif phase is Phase.BACK_OFF:
-            if self._tactics and left is not Phase.TURN_AWAY:
+            if self._reckons and left is not Phase.TURN_AWAY:
                 self._reckoning.take_back_stall(observation)
             self._plan(observation, new_episode=left is Phase.FOLLOW)
         self._manoeuvre = self._manoeuvres[phase]

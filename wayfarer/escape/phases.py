@@ -84,6 +84,23 @@ STRIDES: Final[Transitions] = {
     (Phase.STRIDE, PhaseEvent.OVERWOUND): Phase.FOLLOW,
 }
 
+# The rover drives along a planned way; where it could not turn, it drives a short stretch as it stands.
+PLANNED: Final[Transitions] = {
+    **_SHARED,
+    (Phase.TURN_AWAY, PhaseEvent.DONE): Phase.FOLLOW,
+    (Phase.TURN_AWAY, PhaseEvent.EXHAUSTED): Phase.STRIDE,
+    (Phase.STRIDE, PhaseEvent.ANOMALY): Phase.BACK_OFF,
+    (Phase.STRIDE, PhaseEvent.DONE): Phase.FOLLOW,
+    (Phase.STRIDE, PhaseEvent.EXHAUSTED): Phase.FOLLOW,
+    (Phase.STRIDE, PhaseEvent.OVERWOUND): Phase.FOLLOW,
+    # Left over from a stint of Pledge.
+    (Phase.PROBE, PhaseEvent.ANOMALY): Phase.BACK_OFF,
+    (Phase.PROBE, PhaseEvent.UNWOUND): Phase.FOLLOW,
+    (Phase.PROBE, PhaseEvent.REALIGNED): Phase.FOLLOW,
+    (Phase.PROBE, PhaseEvent.EXHAUSTED): Phase.FOLLOW,
+    (Phase.PROBE, PhaseEvent.OVERWOUND): Phase.FOLLOW,
+}
+
 # Interned once: the control tick must not build strings.
 WHY: Final[Mapping[tuple[Phase, PhaseEvent], str]] = {
     (phase, event): f"{phase.value}.{event.value}" for phase in Phase for event in PhaseEvent

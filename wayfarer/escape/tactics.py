@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from math import exp, inf
+from math import cos, exp, inf, radians, sin
 from typing import Final, NamedTuple, Protocol
 
 from wayfarer.angles import displacement_m
@@ -50,7 +50,12 @@ class Reckoning:
         if last is None:
             self._ground_deg = observation.pitch_deg
             return
-        if phase is not Phase.TURN_AWAY:
+        if observation.north_m is not None and observation.east_m is not None:
+            goal_rad = radians(observation.goal_heading_deg)
+            ahead, aside = cos(goal_rad), sin(goal_rad)
+            self.ahead_m = observation.north_m * ahead + observation.east_m * aside
+            self.right_m = observation.east_m * ahead - observation.north_m * aside
+        elif phase is not Phase.TURN_AWAY:
             forward_m = observation.covered_m - last.covered_m
             self._move(observation, -forward_m if phase is Phase.BACK_OFF else forward_m)
         share = 1.0 - exp((last.t_s - observation.t_s) / SETTLE_S)
@@ -59,7 +64,7 @@ class Reckoning:
 
     def take_back_stall(self, observation: Observation) -> None:
         """Subtract the distance commanded during a stall, if no motion sensor measured the distance."""
-        if observation.measured_m is None and Anomaly.IMMOBILISED in observation.anomalies:
+        if observation.measured_m is None and observation.north_m is None and Anomaly.IMMOBILISED in observation.anomalies:
             self._move(observation, -self._stall_m)
 
     def _move(self, observation: Observation, forward_m: float) -> None:
