@@ -31,6 +31,7 @@ class Odometer:
         self.covered_m = 0.0
         self._read_m = self._commanded_m = self._commanded_before_m = 0.0
         self._share = 1.0
+        self._ahead = True
         self._assumed_m = 0.0  # displacement ahead since the last reading
 
     def update(self, interval: TickInterval, motion: MotionReading | None) -> tuple[float, float]:
@@ -39,6 +40,10 @@ class Odometer:
         Returns the displacement since the last tick, metres ahead and to the right. Between two readings it is assumed
         as well; the next reading corrects that.
         """
+        if interval.forward_m and (interval.forward_m > 0.0) is not self._ahead:
+            self._ahead = not self._ahead
+            # Before a body was seen to stand, it was assumed to go on: that is not taken from the way back.
+            self._read_m = self.covered_m - self._share * self._commanded_m
         self._commanded_m += abs(interval.forward_m)
         if motion is not None:
             self._take(motion)

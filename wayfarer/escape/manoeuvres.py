@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from math import degrees, inf, radians
+from math import degrees, exp, inf, radians
 from typing import ClassVar, Final
 
 from wayfarer.angles import wrap180
 from wayfarer.clamp import clamp
 from wayfarer.escape.api import Anomaly, EscapeSettings, Observation, Phase
 from wayfarer.escape.phases import PhaseEvent
-from wayfarer.escape.turn_control import HeadingHold, TurnController
+from wayfarer.escape.turn_control import LAG_S, HeadingHold, TurnController
 from wayfarer.hal import Side, WheelCommand
 
 # A manoeuvre may take this much longer, in time and in distance, than its plan before it counts as failed: lag, mud
@@ -136,23 +136,41 @@ class Follow(Manoeuvre):
 
 
 class BackOff(Manoeuvre):
-    """Reverse straight. Anomalies that were there at its start do not count; being blocked behind does."""
+    """Reverse straight. Anomalies that were there at its start do not count; being blocked behind does.
+
+    It ends when what was covered and what the body will still roll are the planned distance.
+    """
 
     phase = Phase.BACK_OFF
 
     def begin(self, observation: Observation) -> None:
         distance_m = self._escape_plan.back_off_m
         self._known = frozenset(observation.anomalies)
+        self._from_t_s = observation.t_s
+        self._from_m, self._commanded_from_m = observation.covered_m, observation.travelled_m
         self._until_m = observation.covered_m + distance_m
         self._bound(observation, distance_m / self._settings.reverse_m_s, distance_m)
         self._limit_t_s = min(self._limit_t_s, observation.t_s + BACK_OFF_MAX_S)
 
     def event(self, observation: Observation) -> PhaseEvent | None:
-        if observation.covered_m >= self._until_m:
+        if observation.covered_m + self._roll_m(observation) >= self._until_m:
             return PhaseEvent.DONE
         if self._blocked_behind(observation):
             return PhaseEvent.ANOMALY
         return PhaseEvent.EXHAUSTED if self._exhausted(observation) else None
+
+    def _roll_m(self, observation: Observation) -> float:
+        """Return how far the body will roll on after a stop now: it follows its wheels with a lag.
+
+        It began at rest. A body that was seen to move less than expected rolls less.
+        """
+        if observation.measured_m is None:
+            return 0.0  # the commanded distance has it already
+        lags = (observation.t_s - self._from_t_s) / LAG_S
+        roll_m = self._settings.reverse_m_s * LAG_S * (1.0 - exp(-lags))
+        expected_m = observation.travelled_m - self._commanded_from_m - roll_m
+        covered_m = observation.covered_m - self._from_m
+        return roll_m * covered_m / expected_m if covered_m < expected_m else roll_m
 
     def wheels(self, _observation: Observation) -> WheelCommand:
         return self._turns.wheels(-self._settings.reverse_m_s, 0.0)
