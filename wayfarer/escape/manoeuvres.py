@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from math import degrees, exp, inf, radians
+from math import degrees, inf, radians
 from typing import ClassVar, Final
 
 from wayfarer.angles import wrap180
@@ -138,7 +138,7 @@ class Follow(Manoeuvre):
 class BackOff(Manoeuvre):
     """Reverse straight. Anomalies that were there at its start do not count; being blocked behind does.
 
-    It ends when what was covered and what the body will still roll are the planned distance.
+    The body follows its wheels with a lag, so it rolls on after their stop. That is part of the planned distance.
     """
 
     phase = Phase.BACK_OFF
@@ -146,31 +146,31 @@ class BackOff(Manoeuvre):
     def begin(self, observation: Observation) -> None:
         distance_m = self._escape_plan.back_off_m
         self._known = frozenset(observation.anomalies)
-        self._from_t_s = observation.t_s
         self._from_m, self._commanded_from_m = observation.covered_m, observation.travelled_m
-        self._until_m = observation.covered_m + distance_m
+        self._t_s, self._commanded_m, self._roll_m = observation.t_s, 0.0, 0.0
         self._bound(observation, distance_m / self._settings.reverse_m_s, distance_m)
         self._limit_t_s = min(self._limit_t_s, observation.t_s + BACK_OFF_MAX_S)
 
     def event(self, observation: Observation) -> PhaseEvent | None:
-        if observation.covered_m + self._roll_m(observation) >= self._until_m:
+        if self._stops_after_m(observation) >= self._escape_plan.back_off_m:
             return PhaseEvent.DONE
         if self._blocked_behind(observation):
             return PhaseEvent.ANOMALY
         return PhaseEvent.EXHAUSTED if self._exhausted(observation) else None
 
-    def _roll_m(self, observation: Observation) -> float:
-        """Return how far the body will roll on after a stop now: it follows its wheels with a lag.
+    def _stops_after_m(self, observation: Observation) -> float:
+        """Return how far back the body will be if its wheels stop now: at most as far as it was commanded.
 
-        It began at rest. A body that was seen to move less than expected rolls less.
+        The roll is what was commanded and not driven yet. A body that has moved less than its wheels rolls less. Half a
+        tick is added, so that the wheels stop at the tick that is nearest to the plan, not at the next one.
         """
-        if observation.measured_m is None:
-            return 0.0  # the commanded distance has it already
-        lags = (observation.t_s - self._from_t_s) / LAG_S
-        roll_m = self._settings.reverse_m_s * LAG_S * (1.0 - exp(-lags))
-        expected_m = observation.travelled_m - self._commanded_from_m - roll_m
-        covered_m = observation.covered_m - self._from_m
-        return roll_m * covered_m / expected_m if covered_m < expected_m else roll_m
+        dt_s, self._t_s = observation.t_s - self._t_s, observation.t_s
+        commanded_m = observation.travelled_m - self._commanded_from_m
+        step_m, self._commanded_m = commanded_m - self._commanded_m, commanded_m
+        self._roll_m = (self._roll_m + step_m) * LAG_S / (LAG_S + dt_s)
+        covered_m, driven_m = observation.covered_m - self._from_m, commanded_m - self._roll_m
+        roll_m = self._roll_m * covered_m / driven_m if covered_m < driven_m else self._roll_m
+        return min(covered_m + roll_m, commanded_m) + step_m / 2.0
 
     def wheels(self, _observation: Observation) -> WheelCommand:
         return self._turns.wheels(-self._settings.reverse_m_s, 0.0)
