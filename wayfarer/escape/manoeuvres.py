@@ -162,7 +162,8 @@ class BackOff(Manoeuvre):
         """Return how far back the body will be if its wheels stop now: at most as far as it was commanded.
 
         The roll is what was commanded and not driven yet. A body that has moved less than its wheels rolls less. Half a
-        tick is added, so that the wheels stop at the tick that is nearest to the plan, not at the next one.
+        tick's way is added, so that the wheels stop at the tick that is nearest to the plan, not at the next one. A
+        tick is no longer than half the lag: more is a gap between two calls.
         """
         dt_s, self._t_s = observation.t_s - self._t_s, observation.t_s
         commanded_m = observation.travelled_m - self._commanded_from_m
@@ -170,7 +171,8 @@ class BackOff(Manoeuvre):
         self._roll_m = (self._roll_m + step_m) * LAG_S / (LAG_S + dt_s)
         covered_m, driven_m = observation.covered_m - self._from_m, commanded_m - self._roll_m
         roll_m = self._roll_m * covered_m / driven_m if covered_m < driven_m else self._roll_m
-        return min(covered_m + roll_m, commanded_m) + step_m / 2.0
+        tick_m = min(step_m, self._settings.reverse_m_s * LAG_S / 2.0)
+        return min(covered_m + roll_m, commanded_m) + tick_m / 2.0
 
     def wheels(self, _observation: Observation) -> WheelCommand:
         return self._turns.wheels(-self._settings.reverse_m_s, 0.0)
