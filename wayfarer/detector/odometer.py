@@ -42,7 +42,7 @@ class Odometer:
         """
         if interval.forward_m and (interval.forward_m > 0.0) is not self._ahead:
             self._ahead = not self._ahead
-            # Before a body was seen to stand, it was assumed to go on: that is not taken from the way back.
+            # Before a body was seen to stand it was assumed to go on. That must not be subtracted from the way back.
             self._read_m = self.covered_m - self._share * self._commanded_m
         self._commanded_m += abs(interval.forward_m)
         if motion is not None:
