@@ -20,8 +20,8 @@ class Odometer:
     wheels push it uphill.
 
     Readings come less often than ticks. Between two readings the rover is assumed to cover the same share of the
-    commanded distance as at the latest reading. Without a sensor that share is 1. What was assumed too far, as of a body
-    that stalls, is subtracted from the next readings, until the direction changes.
+    commanded distance as at the latest reading. Without a sensor that share is 1. What was assumed too far, as of a
+    body that stalls, is subtracted from the next readings, until the direction changes.
 
     Args:
         quality_min: the lowest quality of a reading that is used, 0 to 1.
