@@ -60,6 +60,13 @@ def test_held_body_covers_nothing() -> None:
     assert way.drive(20, 0.05, 0.0) - before_m <= 0.05 + 1e-9, "the tick before the first reading that saw it stand"
 
 
+def test_what_was_assumed_before_a_stall_is_not_subtracted_from_the_way_back() -> None:
+    way = Way()
+    way.drive(21, 0.05, 0.1)  # the last tick has no reading: it is assumed that the body went on
+    stands_m = way.drive(7, 0.05, 0.0)
+    assert way.drive(6, -0.03, -0.06) - stands_m == pytest.approx(0.18)
+
+
 def test_between_readings_it_goes_on_at_the_share_that_was_seen() -> None:
     way = Way()
     way.drive(20, 0.05, 0.05)

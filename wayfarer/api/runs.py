@@ -29,10 +29,10 @@ class Run:
 
     >>> run = open_run(1, log_dir="field_logs")
     >>> run
-    <Run 00001-20261122T072828Z: 19 s, log complete>
+    <Run 00001-20261126T055526Z: 15 s, log complete>
     >>> frame = run.ticks.to_pandas()
     >>> len(frame), list(frame.columns[:2])
-    (376, ['elapsed_s', 't_s'])
+    (285, ['elapsed_s', 't_s'])
     """
 
     def __init__(self, folder: Path) -> None:

@@ -20,7 +20,8 @@ class Odometer:
     wheels push it uphill.
 
     Readings come less often than ticks. Between two readings the rover is assumed to cover the same share of the
-    commanded distance as at the latest reading. Without a sensor that share is 1.
+    commanded distance as at the latest reading. Without a sensor that share is 1. What was assumed too far, as of a
+    body that stalls, is subtracted from the next readings, until the direction changes.
 
     Args:
         quality_min: the lowest quality of a reading that is used, 0 to 1.
@@ -31,6 +32,7 @@ class Odometer:
         self.covered_m = 0.0
         self._read_m = self._commanded_m = self._commanded_before_m = 0.0
         self._share = 1.0
+        self._ahead = True
         self._assumed_m = 0.0  # displacement ahead since the last reading
 
     def update(self, interval: TickInterval, motion: MotionReading | None) -> tuple[float, float]:
@@ -39,6 +41,10 @@ class Odometer:
         Returns the displacement since the last tick, metres ahead and to the right. Between two readings it is assumed
         as well; the next reading corrects that.
         """
+        if interval.forward_m and (interval.forward_m > 0.0) is not self._ahead:
+            self._ahead = not self._ahead
+            # Before a body was seen to stand it was assumed to go on. That must not be subtracted from the way back.
+            self._read_m = self.covered_m - self._share * self._commanded_m
         self._commanded_m += abs(interval.forward_m)
         if motion is not None:
             self._take(motion)

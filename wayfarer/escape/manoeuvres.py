@@ -11,7 +11,7 @@ from wayfarer.angles import wrap180
 from wayfarer.clamp import clamp
 from wayfarer.escape.api import Anomaly, EscapeSettings, Observation, Phase
 from wayfarer.escape.phases import PhaseEvent
-from wayfarer.escape.turn_control import HeadingHold, TurnController
+from wayfarer.escape.turn_control import LAG_S, HeadingHold, TurnController
 from wayfarer.hal import Side, WheelCommand
 
 # A manoeuvre may take this much longer, in time and in distance, than its plan before it counts as failed: lag, mud
@@ -136,23 +136,43 @@ class Follow(Manoeuvre):
 
 
 class BackOff(Manoeuvre):
-    """Reverse straight. Anomalies that were there at its start do not count; being blocked behind does."""
+    """Reverse straight. Anomalies that were there at its start do not count; being blocked behind does.
+
+    The body follows its wheels with a lag, so it rolls on after their stop. That is part of the planned distance.
+    """
 
     phase = Phase.BACK_OFF
 
     def begin(self, observation: Observation) -> None:
         distance_m = self._escape_plan.back_off_m
         self._known = frozenset(observation.anomalies)
-        self._until_m = observation.covered_m + distance_m
+        self._from_m, self._commanded_from_m = observation.covered_m, observation.travelled_m
+        self._t_s, self._commanded_m, self._roll_m = observation.t_s, 0.0, 0.0
         self._bound(observation, distance_m / self._settings.reverse_m_s, distance_m)
         self._limit_t_s = min(self._limit_t_s, observation.t_s + BACK_OFF_MAX_S)
 
     def event(self, observation: Observation) -> PhaseEvent | None:
-        if observation.covered_m >= self._until_m:
+        if self._stops_after_m(observation) >= self._escape_plan.back_off_m:
             return PhaseEvent.DONE
         if self._blocked_behind(observation):
             return PhaseEvent.ANOMALY
         return PhaseEvent.EXHAUSTED if self._exhausted(observation) else None
+
+    def _stops_after_m(self, observation: Observation) -> float:
+        """Return how far back the body will be if its wheels stop now: at most as far as it was commanded.
+
+        The roll is what was commanded and not driven yet. A body that has moved less than its wheels rolls less. Half a
+        tick's way is added, so that the wheels stop at the tick that is nearest to the plan, not at the next one. A
+        tick is no longer than half the lag: more is a gap between two calls.
+        """
+        dt_s, self._t_s = observation.t_s - self._t_s, observation.t_s
+        commanded_m = observation.travelled_m - self._commanded_from_m
+        step_m, self._commanded_m = commanded_m - self._commanded_m, commanded_m
+        self._roll_m = (self._roll_m + step_m) * LAG_S / (LAG_S + dt_s)
+        covered_m, driven_m = observation.covered_m - self._from_m, commanded_m - self._roll_m
+        roll_m = self._roll_m * covered_m / driven_m if covered_m < driven_m else self._roll_m
+        tick_m = min(step_m, self._settings.reverse_m_s * LAG_S / 2.0)
+        return min(covered_m + roll_m, commanded_m) + tick_m / 2.0
 
     def wheels(self, _observation: Observation) -> WheelCommand:
         return self._turns.wheels(-self._settings.reverse_m_s, 0.0)
