@@ -64,6 +64,8 @@ def build_spec(
     option.impratio = IMPRATIO
     # A body that is thrown about beyond reason is an error, not a reason to begin the trial again.
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    # One free body among some dozens of obstacles: a tree of their boxes, and islands, cost more than they save.
+    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE | mujoco.mjtDisableBit.mjDSBL_ISLAND
     _add_ground(spec, field, _surface(terrain.friction))
     _add_obstacles(spec, obstacles, _surface(terrain.friction))
     _add_rover(spec, body, terrain)
