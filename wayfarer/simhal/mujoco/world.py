@@ -83,6 +83,8 @@ class MujocoWorld:
         self.spec = build_spec(body, terrain, field, obstacles, step_s)
         self.model = self.spec.compile()
         self.data = mujoco.MjData(self.model)
+        # Views, as long as the data live: to ask the data for them at each look costs more than to read them.
+        self._qpos, self._rims_rad_s = self.data.qpos[:7], self.data.qvel[6:10]
         self._warned = self.data.warning.number  # how often the engine has warned of each trouble
         self._rover = self.model.body(ROVER).id
         self._contacts = Contacts(self.data, obstacles, len(felt))
@@ -115,22 +117,22 @@ class MujocoWorld:
     @property
     def forward_m(self) -> float:
         """Distance driven ahead."""
-        return self._displacement.forward_m + max(self._displacement.since_look_m(self._pose)[0], 0.0)
+        return self._displacement.forward_m
 
     @property
     def reverse_m(self) -> float:
         """Distance driven backwards."""
-        return self._displacement.reverse_m + max(-self._displacement.since_look_m(self._pose)[0], 0.0)
+        return self._displacement.reverse_m
 
     @property
     def right_m(self) -> float:
         """Sideways displacement, to the right."""
-        return self._displacement.right_m + self._displacement.since_look_m(self._pose)[1]
+        return self._displacement.right_m
 
     @property
     def path_m(self) -> float:
         """Distance driven, forwards and backwards."""
-        return self.forward_m + self.reverse_m
+        return self._displacement.forward_m + self._displacement.reverse_m
 
     @property
     def slipping(self) -> bool:
@@ -199,13 +201,15 @@ class MujocoWorld:
             if upto == looks_at:
                 self._look()
                 self.after_step(self)
+            else:
+                self._displacement.follow(self._pose)
 
     def _read_pose(self) -> None:
-        self._pose = pose_of(self.data.qpos[:7].tolist())
+        self._pose = pose_of(self._qpos.tolist())
         self.x_m, self.y_m, self.heading_rad, self.pitch_deg, self.roll_deg = self._pose
 
     def _look(self) -> None:
-        if self._warned.any() or self.x_m != self.x_m:  # NaN
+        if any(self._warned.tolist()) or self.x_m != self.x_m:  # NaN
             raise_unstable(self.data, self.t_s)
         ahead_m = self._displacement.look(self._pose)
         speed_m_s = ahead_m / (OBSERVE_EVERY_STEPS * self._step_s)
@@ -226,7 +230,7 @@ class MujocoWorld:
         self.high_centred = self._high_centred_s >= HIGH_CENTRED_AFTER_S
 
     def _feel_slip(self, speed_m_s: float) -> None:
-        rims_m_s = sum(self.data.qvel[6:10].tolist()) / 4.0 * self.body.wheel_radius_m
+        rims_m_s = sum(self._rims_rad_s.tolist()) / 4.0 * self.body.wheel_radius_m
         slip_m_s = abs(rims_m_s - speed_m_s)
         self._slips = slip_m_s > SLIPS_ABOVE_M_S and slip_m_s > SLIPS_BELOW_SHARE * abs(rims_m_s)
 
