@@ -9,6 +9,7 @@ from operator import attrgetter
 from pathlib import Path
 from random import Random
 
+import mujoco
 import pytest
 
 from tests.simhal.mujoco.fields import BODY, drive, rover_on, speed_m_s, tree_at, trunk_across
@@ -16,6 +17,7 @@ from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.hal import Side
 from wayfarer.simhal.faults.kinds import KINDS
 from wayfarer.simhal.faults.world import Drive, Slip, Slope, WorldFault
+from wayfarer.simhal.mujoco import nearby
 from wayfarer.simhal.mujoco.ground import MUD_FRICTION
 from wayfarer.simhal.mujoco.model import Unstable
 from wayfarer.simhal.mujoco.world import OBSERVE_EVERY_STEPS, MujocoWorld
@@ -60,6 +62,30 @@ def test_what_happens_does_not_depend_on_who_asks_when(roughness_m: float) -> No
             world.advance_to(began_s + 2.0)
         states.append(state(world))
     assert states[0] == states[1] == states[2]
+
+
+@pytest.mark.parametrize("roughness_m", [0.0, 0.01])
+def test_what_the_engine_is_spared_changes_no_bit(roughness_m: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    spared = mujoco.mjtDisableBit.mjDSBL_MIDPHASE | mujoco.mjtDisableBit.mjDSBL_ISLAND
+    forest = replace(trunk_across(14.5), trees_m=((24.6, 13.8), (24.9, 12.0), (40.0, 40.0)))
+    states = []
+    for spares in (True, False):
+        if not spares:
+            monkeypatch.setattr(nearby, "BEYOND_BODY_M", 100.0)  # everything is near
+        world = rover_on(0.4, forest=forest, roughness_m=roughness_m)
+        hidden = int((world.model.geom_contype[1 : world._contacts.belly] == 0).sum())
+        if spares:
+            assert hidden == 3  # all but the tree behind
+        else:
+            assert hidden == 0
+            world.model.opt.disableflags &= ~spared
+        touched = set()
+        for left, right in ((0.5, 0.5), (0.7, 0.2), (-0.4, -0.4), TURN, (0.4, 0.4), (-0.5, -0.6), (0.6, 0.6)):
+            drive(world, left, right, 1.5)
+            touched.add(world.touch and world.touch.obstacle)
+        assert len(touched) > 2
+        states.append(state(world))
+    assert states[0] == states[1]
 
 
 def test_watcher_looks_every_few_steps_and_sees_the_world() -> None:

@@ -17,6 +17,7 @@ import numpy as np
 from wayfarer.simhal.mujoco.ground import Mud, WheelFriction, rough_ground
 from wayfarer.simhal.mujoco.kinematics import Displacement, gravity_m_s2, pose_of, shove_n
 from wayfarer.simhal.mujoco.model import ROVER, STEP_S, Contacts, build_spec, raise_unstable
+from wayfarer.simhal.mujoco.nearby import Nearby
 from wayfarer.simhal.mujoco.placement import Placement
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.random_streams import RandomStreams
@@ -91,7 +92,8 @@ class MujocoWorld:
         self._wheel_friction = WheelFriction(
             self.model, self.data, self._mud, self._contacts.belly + 1, terrain.friction
         )
-        self._placement = Placement(self.model, self.data, body, field, self._contacts)
+        self._nearby = Nearby(self.model, obstacles, body)
+        self._placement = Placement(self.model, self.data, body, field, self._contacts, self._nearby)
         self._slips = self._tilts = False
         self._hillside = hillside_of(physics, forest)
         self._high_centred_s = 0.0
@@ -213,6 +215,7 @@ class MujocoWorld:
             raise_unstable(self.data, self.t_s)
         ahead_m = self._displacement.look(self._pose)
         speed_m_s = ahead_m / (OBSERVE_EVERY_STEPS * self._step_s)
+        self._nearby.follow(self.x_m, self.y_m)
         self._feel_contacts()
         self._feel_slip(speed_m_s)
         if self._mud.anywhere:
