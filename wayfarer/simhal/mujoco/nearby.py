@@ -10,8 +10,8 @@ import numpy as np
 from wayfarer.simhal.world.collision import Obstacle
 from wayfarer.simhal.world.wheeled_body import WheeledBody
 
-# Obstacles are seen this far beyond the body, and sought again once it has gone half as far: a body as fast as 10 m/s is
-# seen in time, which looks every 20 ms. From no source: with less they are sought more often, with more fewer are hidden.
+# Obstacles are seen so far beyond the body, and looked for again once it has gone half as far: one as fast as 10 m/s is
+# still seen in time, 20 ms later. From no source: with less they are looked for more often, with more fewer are hidden.
 BEYOND_BODY_M = 0.4
 
 
