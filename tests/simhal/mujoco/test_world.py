@@ -9,6 +9,7 @@ from operator import attrgetter
 from pathlib import Path
 from random import Random
 
+import mujoco
 import pytest
 
 from tests.simhal.mujoco.fields import BODY, drive, rover_on, speed_m_s, tree_at, trunk_across
@@ -16,11 +17,13 @@ from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.hal import Side
 from wayfarer.simhal.faults.kinds import KINDS
 from wayfarer.simhal.faults.world import Drive, Slip, Slope, WorldFault
+from wayfarer.simhal.mujoco import nearby
 from wayfarer.simhal.mujoco.ground import MUD_FRICTION
 from wayfarer.simhal.mujoco.model import Unstable
 from wayfarer.simhal.mujoco.world import OBSERVE_EVERY_STEPS, MujocoWorld
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSensorModel, HeadingSensorModel
+from wayfarer.simhal.world.collision import Obstacle
 from wayfarer.simhal.world.forest import CLEARING
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
@@ -60,6 +63,27 @@ def test_what_happens_does_not_depend_on_who_asks_when(roughness_m: float) -> No
             world.advance_to(began_s + 2.0)
         states.append(state(world))
     assert states[0] == states[1] == states[2]
+
+
+@pytest.mark.parametrize("roughness_m", [0.0, 0.01])
+def test_what_the_engine_is_spared_changes_no_bit(roughness_m: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    spared = mujoco.mjtDisableBit.mjDSBL_MIDPHASE | mujoco.mjtDisableBit.mjDSBL_ISLAND
+    forest = replace(trunk_across(14.5), trees_m=((24.4, 13.7), (25.0, 11.0), (40.0, 40.0)))
+    touched: set[Obstacle | None] = set()
+    states = []
+    for spares in (True, False):
+        if not spares:
+            monkeypatch.setattr(nearby, "BEYOND_BODY_M", 100.0)  # everything is near
+        world = rover_on(0.4, forest=forest, roughness_m=roughness_m)
+        assert bool(world.model.geom_contype[1:5].any()) is not spares
+        if not spares:
+            world.model.opt.disableflags &= ~spared
+        world.after_step = lambda world: touched.add(world.touch and world.touch.obstacle)
+        for left, right, for_s in ((0.5, 0.5, 4.0), (-0.6, -0.6, 6.0), (0.8, -0.8, 0.6), (0.5, 0.4, 2.0)):
+            drive(world, left, right, for_s)
+        states.append(state(world))
+    assert states[0] == states[1]
+    assert len(touched) == 3  # the trunk, the tree behind, and nothing
 
 
 def test_watcher_looks_every_few_steps_and_sees_the_world() -> None:

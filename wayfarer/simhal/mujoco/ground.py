@@ -99,7 +99,8 @@ class WheelFriction:
     """Gives each wheel the friction of what is under it; ``first`` is the first of the four wheels' geoms."""
 
     def __init__(self, model: Any, data: Any, mud: Mud, first: int, friction: float) -> None:
-        self._model, self._data = model, data
+        self._model = model
+        self._places = data.geom_xpos[first : first + 4]  # a view, as long as the data live
         self._mud = mud
         self._first = first
         self._friction = {False: friction, True: min(MUD_FRICTION, friction)}
@@ -107,8 +108,9 @@ class WheelFriction:
 
     def update(self) -> None:
         """Look under each wheel."""
-        for wheel, (x_m, y_m, _) in enumerate(self._data.geom_xpos[self._first : self._first + 4].tolist()):
-            muddy = self._mud.is_muddy(x_m, y_m)
+        is_muddy = self._mud.is_muddy
+        for wheel, (x_m, y_m, _) in enumerate(self._places.tolist()):
+            muddy = is_muddy(x_m, y_m)
             if muddy is not self._muddy[wheel]:
                 self._muddy[wheel] = muddy
                 self._model.geom_friction[self._first + wheel, 0] = self._friction[muddy]

@@ -36,30 +36,37 @@ def pose_of(qpos: Sequence[float]) -> Pose:
 
 
 class Displacement:
-    """Adds up, look by look, how far the body has moved along its own axes; ``start_at`` comes first."""
+    """Adds up, look by look, how far the body has moved along its own axes; ``start_at`` comes first.
+
+    ``forward_m``, ``reverse_m`` and ``right_m`` are how far until the latest pose.
+    """
 
     def __init__(self) -> None:
-        self.forward_m = self.reverse_m = self.right_m = 0.0
+        self._forward_m = self._reverse_m = self._right_m = 0.0  # until the latest look
 
     def start_at(self, pose: Pose) -> None:
         """Count from here on, as after the body was carried."""
         self._x_m, self._y_m = pose.x_m, pose.y_m
+        self.forward_m, self.reverse_m, self.right_m = self._forward_m, self._reverse_m, self._right_m
 
-    def since_look_m(self, pose: Pose) -> tuple[float, float]:
-        """Return how far the body has moved ahead and to the right since the latest look."""
+    def follow(self, pose: Pose) -> float:
+        """Take the latest pose; return how far it is ahead of the latest look, negative backwards."""
         east_m, north_m = pose.x_m - self._x_m, pose.y_m - self._y_m
         sin_h, cos_h = sin(pose.heading_rad), cos(pose.heading_rad)
-        return east_m * sin_h + north_m * cos_h, east_m * cos_h - north_m * sin_h
-
-    def look(self, pose: Pose) -> float:
-        """Add what has been moved since the latest look; return how much of it was ahead, negative backwards."""
-        ahead_m, right_m = self.since_look_m(pose)
-        self.start_at(pose)
-        self.right_m += right_m
+        ahead_m = east_m * sin_h + north_m * cos_h
+        self.forward_m, self.reverse_m = self._forward_m, self._reverse_m
         if ahead_m < 0.0:
             self.reverse_m -= ahead_m
         else:
             self.forward_m += ahead_m
+        self.right_m = self._right_m + (east_m * cos_h - north_m * sin_h)
+        return ahead_m
+
+    def look(self, pose: Pose) -> float:
+        """Take the latest pose and keep what has been moved; return how much of it was ahead, negative backwards."""
+        ahead_m = self.follow(pose)
+        self._forward_m, self._reverse_m, self._right_m = self.forward_m, self.reverse_m, self.right_m
+        self._x_m, self._y_m = pose.x_m, pose.y_m
         return ahead_m
 
 

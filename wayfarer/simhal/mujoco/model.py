@@ -64,6 +64,8 @@ def build_spec(
     option.impratio = IMPRATIO
     # A body that is thrown about beyond reason is an error, not a reason to begin the trial again.
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    # One free body among some dozens of obstacles: a tree of their boxes, and islands, cost more than they save.
+    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE | mujoco.mjtDisableBit.mjDSBL_ISLAND
     _add_ground(spec, field, _surface(terrain.friction))
     _add_obstacles(spec, obstacles, _surface(terrain.friction))
     _add_rover(spec, body, terrain)
@@ -174,16 +176,14 @@ class Contacts:
 
     def feel(self) -> tuple[Obstacle | None, bool]:
         """Return what a bumper feels, and whether the body lies on its belly with too few wheels to drive off."""
-        touched, on_belly, wheels = None, False, set()
-        for pair in self._data.contact.geom.tolist():
-            other, own = min(pair), max(pair)
-            if own == self.belly:
+        touched, on_belly, belly, felt = None, False, self.belly, self._felt
+        pairs = self._data.contact.geom.tolist()  # the engine sorts a pair by the types of its geoms: the rover is last
+        for other, own in pairs:
+            if own == belly:
                 on_belly = True
-            else:
-                wheels.add(own)
-            if 0 < other <= self._felt and touched is None:
+            if 0 < other <= felt and touched is None:
                 touched = self._obstacles[other - 1]
-        return touched, on_belly and len(wheels) < WHEELS_TO_DRIVE
+        return touched, on_belly and len({own for _, own in pairs if own != belly}) < WHEELS_TO_DRIVE
 
 
 class Unstable(ArithmeticError):

@@ -10,6 +10,7 @@ import mujoco
 
 from wayfarer.simhal.mujoco.ground import HeightField
 from wayfarer.simhal.mujoco.model import Contacts
+from wayfarer.simhal.mujoco.nearby import Nearby
 from wayfarer.simhal.world.wheeled_body import WheeledBody
 
 PUT_DOWN_FROM_M = 0.005
@@ -25,16 +26,26 @@ class NoRoom(RuntimeError):
 
 
 class Placement:
-    """Puts a body elsewhere in its world; what it touches there are ``contacts``."""
+    """Puts a body elsewhere in its world; what it touches there are ``contacts``, of what is ``nearby``."""
 
-    def __init__(self, model: Any, data: Any, body: WheeledBody, field: HeightField | None, contacts: Contacts) -> None:
+    def __init__(
+        self,
+        model: Any,
+        data: Any,
+        body: WheeledBody,
+        field: HeightField | None,
+        contacts: Contacts,
+        nearby: Nearby,
+    ) -> None:
         self._model, self._data = model, data
         self._body = body
         self._field = field
         self._contacts = contacts
+        self._nearby = nearby
 
     def lift_to(self, x_m: float, y_m: float, heading_rad: float, above_m: float = PUT_DOWN_FROM_M) -> None:
         """Hold the body level, this much above the highest ground under it, at rest."""
+        self._nearby.follow(x_m, y_m)
         data, body = self._data, self._body
         reach_m = max(body.length_m, body.width_m) / 2.0
         ground_m = self._field.top_m(x_m, y_m, reach_m) if self._field else 0.0

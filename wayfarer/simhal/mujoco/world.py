@@ -17,6 +17,7 @@ import numpy as np
 from wayfarer.simhal.mujoco.ground import Mud, WheelFriction, rough_ground
 from wayfarer.simhal.mujoco.kinematics import Displacement, gravity_m_s2, pose_of, shove_n
 from wayfarer.simhal.mujoco.model import ROVER, STEP_S, Contacts, build_spec, raise_unstable
+from wayfarer.simhal.mujoco.nearby import Nearby
 from wayfarer.simhal.mujoco.placement import Placement
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.random_streams import RandomStreams
@@ -83,13 +84,16 @@ class MujocoWorld:
         self.spec = build_spec(body, terrain, field, obstacles, step_s)
         self.model = self.spec.compile()
         self.data = mujoco.MjData(self.model)
+        # Views, as long as the data live: to ask the data for them at each look costs more than to read them.
+        self._qpos, self._rims_rad_s = self.data.qpos[:7], self.data.qvel[6:10]
         self._warned = self.data.warning.number  # how often the engine has warned of each trouble
         self._rover = self.model.body(ROVER).id
         self._contacts = Contacts(self.data, obstacles, len(felt))
         self._wheel_friction = WheelFriction(
             self.model, self.data, self._mud, self._contacts.belly + 1, terrain.friction
         )
-        self._placement = Placement(self.model, self.data, body, field, self._contacts)
+        self._nearby = Nearby(self.model, obstacles, body)
+        self._placement = Placement(self.model, self.data, body, field, self._contacts, self._nearby)
         self._slips = self._tilts = False
         self._hillside = hillside_of(physics, forest)
         self._high_centred_s = 0.0
@@ -115,22 +119,22 @@ class MujocoWorld:
     @property
     def forward_m(self) -> float:
         """Distance driven ahead."""
-        return self._displacement.forward_m + max(self._displacement.since_look_m(self._pose)[0], 0.0)
+        return self._displacement.forward_m
 
     @property
     def reverse_m(self) -> float:
         """Distance driven backwards."""
-        return self._displacement.reverse_m + max(-self._displacement.since_look_m(self._pose)[0], 0.0)
+        return self._displacement.reverse_m
 
     @property
     def right_m(self) -> float:
         """Sideways displacement, to the right."""
-        return self._displacement.right_m + self._displacement.since_look_m(self._pose)[1]
+        return self._displacement.right_m
 
     @property
     def path_m(self) -> float:
         """Distance driven, forwards and backwards."""
-        return self.forward_m + self.reverse_m
+        return self._displacement.forward_m + self._displacement.reverse_m
 
     @property
     def slipping(self) -> bool:
@@ -199,16 +203,19 @@ class MujocoWorld:
             if upto == looks_at:
                 self._look()
                 self.after_step(self)
+            else:
+                self._displacement.follow(self._pose)
 
     def _read_pose(self) -> None:
-        self._pose = pose_of(self.data.qpos[:7].tolist())
+        self._pose = pose_of(self._qpos.tolist())
         self.x_m, self.y_m, self.heading_rad, self.pitch_deg, self.roll_deg = self._pose
 
     def _look(self) -> None:
-        if self._warned.any() or self.x_m != self.x_m:  # NaN
+        if any(self._warned.tolist()) or self.x_m != self.x_m:  # NaN
             raise_unstable(self.data, self.t_s)
         ahead_m = self._displacement.look(self._pose)
         speed_m_s = ahead_m / (OBSERVE_EVERY_STEPS * self._step_s)
+        self._nearby.follow(self.x_m, self.y_m)
         self._feel_contacts()
         self._feel_slip(speed_m_s)
         if self._mud.anywhere:
@@ -226,7 +233,7 @@ class MujocoWorld:
         self.high_centred = self._high_centred_s >= HIGH_CENTRED_AFTER_S
 
     def _feel_slip(self, speed_m_s: float) -> None:
-        rims_m_s = sum(self.data.qvel[6:10].tolist()) / 4.0 * self.body.wheel_radius_m
+        rims_m_s = sum(self._rims_rad_s.tolist()) / 4.0 * self.body.wheel_radius_m
         slip_m_s = abs(rims_m_s - speed_m_s)
         self._slips = slip_m_s > SLIPS_ABOVE_M_S and slip_m_s > SLIPS_BELOW_SHARE * abs(rims_m_s)
 

@@ -25,6 +25,7 @@ SOURCE_RADIUS_M = 0.2  # the wave starts as a circle: fast marching is poor arou
 LIKELY_DETOUR = 1.1
 
 CENTRES_M = np.arange(CELL_M / 2.0, WORLD_SIZE_M, CELL_M)  # of the cells, along x and along y
+EVERY = slice(None)
 
 Lengths = NDArray[np.float64]  # of each cell, [row from the south, column from the west]
 Mask = NDArray[np.bool_]
@@ -51,14 +52,16 @@ def has_path(forest: Forest, rover_width_m: float = ROVER_WIDTH_M) -> bool:
     from scipy import ndimage
 
     regions, _ = ndimage.label(~_blocked(forest, rover_width_m / 2.0))  # 0 where it is blocked
-    started = regions[_from_start_m(forest) <= SOURCE_RADIUS_M]
+    (x_m, y_m), reach_m = forest.start_m, SOURCE_RADIUS_M + CELL_M
+    around = _near(y_m, y_m, reach_m), _near(x_m, x_m, reach_m)  # to measure all of the world would take longer
+    started = regions[around][_from_start_m(forest, *around) <= SOURCE_RADIUS_M]
     return bool(np.intersect1d(started[started > 0], regions[_last_row(forest.goal_y_m)]).size)
 
 
-def _from_start_m(forest: Forest) -> Lengths:
+def _from_start_m(forest: Forest, rows: slice = EVERY, columns: slice = EVERY) -> Lengths:
     """Return how far the middle of each cell is from the start, metres."""
     x_m, y_m = forest.start_m
-    return np.hypot(CENTRES_M - x_m, CENTRES_M[:, np.newaxis] - y_m)
+    return np.hypot(CENTRES_M[columns] - x_m, CENTRES_M[rows, np.newaxis] - y_m)
 
 
 def _last_row(goal_y_m: float) -> int:
