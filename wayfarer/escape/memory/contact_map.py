@@ -94,13 +94,13 @@ class ContactMap:
                 c = self._core_m
                 found.append(Barrier(a - ua * hard, r - ur * hard, a + ua * hard, r + ur * hard, self._wall_m))
                 if c > hard:
-                    soft = par("loose", 10.0) * self._body_m
+                    soft = par("loose", 75.0) * self._body_m
                     found.append(Barrier(a - ua * c, r - ur * c, a - ua * hard, r - ur * hard, soft))
                     found.append(Barrier(a + ua * hard, r + ur * hard, a + ua * c, r + ur * c, soft))
                 continue
             for i in range(len(points) - 1):
                 found.append(Barrier(*points[i], *points[i + 1], self._link_price(points, i)))
-            c = par("small", 0.6) * self._body_m
+            c = par("small", 0.0) * self._body_m
             if c:
                 for i, ((a, r), (ha, hr)) in enumerate(zip(points, trunk.headings, strict=True)):
                     b, t = points[i - 1] if i else points[1]
@@ -125,7 +125,7 @@ class ContactMap:
                 other = hypot(ea, er) or 1.0
                 if other > 0.8 * self._body_m and abs(da * er - dr * ea) / (length * other) < par("straight", 0.3):
                     return self._wall_m
-        return par("loose", 10.0) * self._body_m
+        return par("loose", 75.0) * self._body_m
 
     def _end(self, trunk: Trunk, last: bool) -> tuple[Point, Point]:
         """Return an end and the unit vector that leads on from it."""

@@ -45,10 +45,12 @@ class MemoryHandler(PhasedHandler):
         self._slips = self._walls = 0.0
         self._pitches: deque[tuple[float, float]] = deque(maxlen=45)
         self._best_ahead_m = 0.0
-        self._budget = par("budget", 25.0)
+        self._budget = par("budget", 60.0)
         self._contacts = 0
         self._stint = 0
-        self._mode(str(int(par("cycle", 1213)))[0])
+        self._crowded = False
+        self._met_m: deque[float] = deque(maxlen=int(par("crowd_n", 7)))
+        self._mode(str(int(par("cycle", 12)))[0])
         self._plans = 0
 
     def _aim(self, observation: Observation) -> Observation:
@@ -92,7 +94,24 @@ class MemoryHandler(PhasedHandler):
         if a > self._best_ahead_m + 2.5 * self._body_m:
             self._best_ahead_m = a
             self._contacts = 0
-            self._budget = par("budget", 25.0)
+            if self._pledge and not self._crowded:
+                self._mode('1')
+            self._stint = 0
+            self._budget = par("budget", 60.0)
+
+    def _choose_by_crowd(self) -> None:
+        """Leave the wheels to Pledge where contacts are so close that there is nothing to plan with."""
+        met = self._met_m
+        if len(met) < met.maxlen:
+            return
+        per_contact = (met[-1] - met[0]) / (len(met) - 1) / self._body_m
+        if not self._crowded and per_contact < par("crowd_in", 2.5):
+            self._crowded = True
+            self._mode("2")
+            self._way = []
+        elif self._crowded and per_contact > par("crowd_out", 4.0):
+            self._crowded = False
+            self._mode("1")
 
     def _mode(self, digit: str) -> None:
         self._pledge = digit != "1"
@@ -106,10 +125,21 @@ class MemoryHandler(PhasedHandler):
         super()._plan(observation, new_episode=new_episode)
         self._escape_plan.resets = self._resets
         reckoning, escape_plan = self._reckoning, self._escape_plan
+        left = self._manoeuvre.phase
+        bearing = radians(observation.heading_deg - self._true_goal_deg)
+        place = (reckoning.ahead_m, reckoning.right_m)
+        slip = left is not Phase.TURN_AWAY and self._is_slip(observation, place)
+        if slip:
+            escape_plan.back_off_m *= par("slipback", 0.6)
+            escape_plan.turn_deg = 0.0
+            escape_plan.stride_m = 0.0
+            return
         self._contacts += 1
+        self._met_m.append(observation.travelled_m)
+        self._choose_by_crowd()
         if self._contacts > self._budget and self._manoeuvre.phase is not Phase.TURN_AWAY:
             self._stint += 1
-            cycle = str(int(par("cycle", 1213)))
+            cycle = str(int(par("cycle", 12)))
             if self._stint % len(cycle) == 0:
                 self._budget *= par("double", 2.0)
             self._contacts = 0
@@ -120,18 +150,8 @@ class MemoryHandler(PhasedHandler):
             too_often = self._blocked_turns - 2
             if too_often >= 0 and too_often % 2 == 0:
                 escape_plan.side = -self._side
-        left = self._manoeuvre.phase
         if left is Phase.TURN_AWAY:
             return  # blocked turn: the plan of the base class alternates sides
-        bearing = radians(observation.heading_deg - self._true_goal_deg)
-        place = (reckoning.ahead_m, reckoning.right_m)
-        slip = self._is_slip(observation, place)
-        if slip:
-            escape_plan.back_off_m *= par("slipback", 0.5)
-            if not self._pledge:
-                escape_plan.turn_deg = 0.0
-                escape_plan.stride_m = 0.0
-            return
         escape_plan.back_off_m *= par("back", 1.0)
         self._map.add(place, (cos(bearing), sin(bearing)), observation.travelled_m)
         if self._pledge:
@@ -140,7 +160,7 @@ class MemoryHandler(PhasedHandler):
         a, r = place[0] - back_m * cos(bearing), place[1] - back_m * sin(bearing)
         self._planned_m = observation.travelled_m
         self._way, _ = plan(
-            (a, r), self._map.nodes(), self._map.barriers(), 2.0, (cos(bearing), sin(bearing)), par("turn", 0.5) * self._body_m, self._last_hand, par("switch", 0.0) * self._body_m
+            (a, r), self._map.nodes(), self._map.barriers(), 2.0, (cos(bearing), sin(bearing)), par("turn", 0.0) * self._body_m, self._last_hand, par("switch", 0.0) * self._body_m
         )
         self._plans += 1
         want = degrees(atan2(self._way[0][1] - r, self._way[0][0] - a)) if self._way else 0.0
@@ -178,7 +198,7 @@ class MemoryHandler(PhasedHandler):
             self._slips += 1.0
         if self._rise_deg(observation) >= 1.5 or not observation.anomalies:
             return False
-        if (self._slips + 1.0) / (self._slips + self._walls + 2.0) < par("prior", 0.24):
+        if (self._slips + 1.0) / (self._slips + self._walls + 2.0) < par("prior", 0.1):
             return False
         self._suspect, self._suspect_m = place, observation.travelled_m
         return True
