@@ -16,6 +16,7 @@ from pyarrow import parquet
 from tests.views.text.records import HEADER, SAMPLE_LOGS, record
 from wayfarer import cli
 from wayfarer.fieldlog.clock import seconds_since
+from wayfarer.fieldlog.lines import sealed
 
 (SAMPLE,) = SAMPLE_LOGS.glob("0*")
 
@@ -25,9 +26,11 @@ def changed(tmp_path: Path) -> tuple[Path, int]:
     """A run whose clock began long before it, with one decision changed: its folder and the number of that tick."""
     run = shutil.copytree(SAMPLE, tmp_path / SAMPLE.name)
     records = [orjson.loads(line) for line in (run / "run.jsonl").read_bytes().splitlines()]
+    for each in records:
+        del each["crc"]
     tick = [each for each in records if each["record"] == "tick"][50]
     tick["phase"] = "else"
-    (run / "run.jsonl").write_bytes(b"".join(orjson.dumps(each) + b"\n" for each in records))
+    (run / "run.jsonl").write_bytes(b"".join(sealed(each) + b"\n" for each in records))
     return run, tick["n"]
 
 

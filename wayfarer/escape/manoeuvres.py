@@ -170,7 +170,7 @@ class BackOff(Manoeuvre):
         step_m, self._commanded_m = commanded_m - self._commanded_m, commanded_m
         self._roll_m = (self._roll_m + step_m) * LAG_S / (LAG_S + dt_s)
         covered_m, driven_m = observation.covered_m - self._from_m, commanded_m - self._roll_m
-        roll_m = self._roll_m * covered_m / driven_m if covered_m < driven_m else self._roll_m
+        roll_m = self._roll_m * covered_m / driven_m if 0.0 <= covered_m < driven_m else self._roll_m
         tick_m = min(step_m, self._settings.reverse_m_s * LAG_S / 2.0)
         return min(covered_m + roll_m, commanded_m) + tick_m / 2.0
 
