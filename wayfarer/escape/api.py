@@ -127,7 +127,7 @@ class Remembers(EscapeHandler, Protocol):
     """Counts changes of the map or the way."""
 
     def contact_map(self) -> ContactMap:
-        """Return what it remembers now, and what it plans. Called only after ``changes`` has changed; changes nothing."""
+        """Return what it remembers and plans; asked only when ``changes`` has changed, and changes nothing."""
 
 
 @dataclass(frozen=True, slots=True)

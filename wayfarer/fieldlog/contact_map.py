@@ -15,8 +15,8 @@ STRAIGHT_M = 5.0  # of a way without waypoints, which has no end
 SIDEWAYS_M = 0.1  # less is straight ahead: a quarter of the width of a rover
 DOUBTED = 0.5  # a trunk that is believed less
 
-Row = tuple[float, ...]
-Rows = Annotated[tuple[Row, ...], LIST]
+MapRow = tuple[float, ...]
+Rows = Annotated[tuple[MapRow, ...], LIST]
 Point = tuple[float, float]
 
 
@@ -41,17 +41,15 @@ class ContactMapNoted(RunEvent):
     def of(cls, elapsed_s: float, record: Record, goal_heading_deg: float | None = None) -> ContactMapNoted:
         """Return what the event says; a row that is not all there is left out."""
         rows = {"trunks": _rows(record, "trunks", 5), "way": _rows(record, "way", 2)}
-        return cls(
-            elapsed_s, record["t_s"], record, **fields_of(cls, record) | rows, goal_heading_deg=goal_heading_deg
-        )
+        return cls(elapsed_s, record["t_s"], record, **fields_of(cls, record) | rows, goal_heading_deg=goal_heading_deg)
 
     @property
     def is_placed(self) -> bool:
         """Return whether it is known where from the rover everything is."""
         return None not in {self.ahead_m, self.right_m, self.goal_heading_deg}
 
-    def trunks_from(self, place_m: Point) -> list[Row]:
-        """Return rows of two ends, metres east and north, and the belief; the rover was at a place in the same metres."""
+    def trunks_from(self, place_m: Point) -> list[MapRow]:
+        """Return rows of two ends, metres east and north as the rover's place then, and the belief."""
         return [
             (*self._from(place_m, *trunk[:2]), *self._from(place_m, *trunk[2:4]), min(max(trunk[4], 0.0), 1.0))
             for trunk in self.trunks
@@ -77,7 +75,7 @@ def remembered_text(noted: ContactMapNoted) -> str:
     count = len(noted.trunks)
     trunks = f"{count or 'no'} trunk{'' if count == 1 else 's'}"
     doubted = sum(trunk[4] < DOUBTED for trunk in noted.trunks)
-    doubt = f" ({doubted} of them doubted)" if doubted else ""
+    doubt = f" ({doubted} doubted)" if doubted else ""
     return f"Remembers {trunks}{doubt}; {_plan_text(noted)}"
 
 
@@ -90,12 +88,12 @@ def _plan_text(noted: ContactMapNoted) -> str:
     return f"plans to pass {abs(aside_m):.1f} m to the {'right' if aside_m > 0.0 else 'left'}"
 
 
-def _rows(record: Record, key: str, numbers: int) -> tuple[Row, ...]:
+def _rows(record: Record, key: str, numbers: int) -> tuple[MapRow, ...]:
     rows = record.get(key)
     return tuple(_whole_rows(rows, numbers)) if isinstance(rows, list) else ()
 
 
-def _whole_rows(rows: list[object], numbers: int) -> Iterator[Row]:
+def _whole_rows(rows: list[object], numbers: int) -> Iterator[MapRow]:
     for row in rows:
         if isinstance(row, list | tuple):
             values = [value for each in row[:numbers] if (value := number({"": each}, "")) is not None]

@@ -14,6 +14,7 @@ from wayfarer.views.page.plots import Figure, hover, layer, plot, source
 from wayfarer.views.run_report.data import PHASES, Floats
 from wayfarer.views.run_report.events import EDGE, LOOK, columns, event_marks
 from wayfarer.views.run_report.forest import draw_forest
+from wayfarer.views.run_report.memory import draw_memory
 from wayfarer.views.run_report.series import pieces
 from wayfarer.views.run_report.track import TimedPath, Track
 
@@ -39,6 +40,8 @@ def map_plot(tracks: Sequence[Track]) -> Figure:
     for at, track in enumerate(tracks):
         colours = palette.PHASE_COLOURS if len(tracks) == 1 else dict.fromkeys(PHASES, palette.RUNS[at])
         _draw_fixes(map_, track)
+        if track.data.contact_maps:
+            draw_memory(map_, track)
         _draw_event_marks(map_, track, "anomaly", palette.ANOMALY, 8)  # beneath the path: hundreds of them cover it
         _draw_path(map_, track, colours)
         _draw_goals(map_, track, side_m)
