@@ -25,13 +25,15 @@ NUMBER: Mapping[str, Any] = {"text_align": "center", "text_baseline": "middle", 
 ARROW = 0.12  # of the map's side: length of an arrow to the goal
 CROSSES, CIRCLES = 1000, 24  # at most, for the receiver's fixes and for their error: more of them bury the path
 ASPECT = 1.15  # of the map: its width is half a screen's, and its height leaves room for what stands above it
+LOWER_ASPECT = 1.2  # where that is a line more
 END: Mapping[str, Any] = {"marker": "x", "size": 11, "line_width": 3}
 START: Mapping[str, Any] = {"marker": "star", "size": 14, "line_width": 1}
 
 
 def map_plot(tracks: Sequence[Track]) -> Figure:
     """Return the map. One run is in the colours of its phases, two have a colour each."""
-    map_ = plot("map", None, "map", sizing_mode="scale_width", aspect_ratio=ASPECT, match_aspect=True)
+    aspect = LOWER_ASPECT if any(track.data.contact_maps for track in tracks) else ASPECT
+    map_ = plot("map", None, "map", sizing_mode="scale_width", aspect_ratio=aspect, match_aspect=True)
     map_.min_border_left = 40  # as wide as its numbers, whichever they are
     map_.xaxis.axis_label = "metres east; upwards: metres north"
     if tracks and tracks[0].forest:
