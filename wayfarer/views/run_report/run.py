@@ -58,7 +58,7 @@ TRUE = (
 FIXES = "Small crosses: the receiver's fixes; thin circles: the error of some. Of a long run not all are drawn."
 FOREST = "Brown: fallen trunks; green dots: trees; green line: goal line."
 REMEMBERED = (
-    "Red, as of the time of the cursor: the trunks that the algorithm remembers, paler where it doubts them, and the "
+    "Red, as of the time of the cursor: the trunks that the algorithm remembers, fainter where it doubts them, and the "
     "way that it plans, dashed; laid at where the rover was then."
 )
 GAPS = (

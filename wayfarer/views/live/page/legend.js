@@ -11,7 +11,7 @@ const MARK = ["anomaly", "M12 2 A4 4 0 1 1 11.99 2 Z", 'stroke="var(--mark-edge)
 const ROVER = ["ink", "M8 12 V5 L12 0 L16 5 V12 Z", 'stroke="none" class="filled"', "the rover, with its nose ahead"];
 
 const MEMORY = [
-  ["remembered", "M3 6 H21", 'fill="none" stroke-width="5" stroke-linecap="round"', "remembered trunk (pale: doubted)"],
+  ["remembered", "M3 6 H21", 'fill="none" stroke-width="5" stroke-linecap="round"', "remembered trunk (faint: doubted)"],
   ["remembered", "M0 6 H24", 'fill="none" stroke-width="2.5" stroke-dasharray="3 4"', "planned way"],
 ];
 

@@ -1,4 +1,4 @@
-// What an algorithm remembers of the wood: its trunks, paler where it doubts them, and the way that it plans.
+// What an algorithm remembers of the wood: its trunks, fainter where it doubts them, and the way that it plans.
 
 const PALEST = 0.25; // a trunk that is hardly believed is seen, too
 const MEMORY_MODES = { plan: "drives by its plan", pledge: "drives by Pledge" };
