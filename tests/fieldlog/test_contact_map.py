@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import nan
 from typing import Any
 
 import pytest
@@ -42,4 +43,5 @@ def test_what_is_not_all_there_is_left_out() -> None:
     assert damaged.trunks == ((7.0, 0.0, 7.0, 2.0, 9.0),)
     assert damaged.trunks_from((0.0, 0.0))[0][4] == 1.0
     assert damaged.way == ()
-    assert [noted(None).is_placed, noted(ahead_m=None).is_placed, noted().is_placed] == [False, False, True]
+    unplaced = [noted(None), noted(ahead_m=None), noted(right_m=nan)]
+    assert [each.is_placed for each in [*unplaced, noted()]] == [False, False, False, True]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import isfinite
 from typing import Annotated
 
 from wayfarer.angles import displacement_m
@@ -46,7 +47,8 @@ class ContactMapNoted(RunEvent):
     @property
     def is_placed(self) -> bool:
         """Return whether it is known where from the rover everything is."""
-        return None not in {self.ahead_m, self.right_m, self.goal_heading_deg}
+        known = (self.ahead_m, self.right_m, self.goal_heading_deg)
+        return all(value is not None and isfinite(value) for value in known)  # a third party's may be NaN
 
     def trunks_from(self, place_m: Point) -> list[MapRow]:
         """Return rows of two ends, metres east and north as the rover's place then, and the belief."""

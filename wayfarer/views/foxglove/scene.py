@@ -37,7 +37,7 @@ def _colour(name: str, opaque: float = 1.0) -> Color:
 
 COLOURS = {ROVER: _colour(palette.BLUE, 0.8), TRUTH: _colour(palette.ORANGE, 0.8)}
 TREE_HEIGHT_M, BODY_HEIGHT_M, LINE_M = 2.0, 0.25, 0.05  # only for the eye: nothing in a log says how high or thick
-REMEMBERED_M, PALEST = 0.15, 0.25  # a trunk that is remembered: as thick, and at least so opaque
+REMEMBERED_M = 0.15  # as thick is a trunk that is remembered
 GOAL_HALF_LENGTH_M = 25.0  # to either side of the start: the simulated forest's half width
 
 POINTS = 1000  # of a path, at most: 20 kB a message, and drawn again in a fraction of a millisecond
@@ -136,7 +136,7 @@ def contact_map_scene(
     remembered = [
         _line(
             [point(x0_m, y0_m), point(x1_m, y1_m)],
-            _colour(palette.REMEMBERED, PALEST + (1.0 - PALEST) * belief),
+            _colour(palette.REMEMBERED, palette.opacity(belief)),
             REMEMBERED_M,
         )
         for x0_m, y0_m, x1_m, y1_m, belief in trunks

@@ -18,7 +18,6 @@ from wayfarer.views.run_report.data import RunData
 from wayfarer.views.run_report.track import Track
 
 MOST = 300  # maps of a run; of more every so many are in the page, and the last: some 200 kB
-PALEST = 0.25  # a trunk that is hardly believed is seen, too
 LAYER = PlotLayer("memory", "contact map", palette.REMEMBERED)
 TRUNK: dict[str, Any] = {"line_width": 5, "line_cap": "round", "line_alpha": "alpha"}
 WAY: dict[str, Any] = {"line_width": 2.5, "line_dash": [3, 5]}
@@ -58,8 +57,8 @@ def _laid(track: Track, noted: ContactMapNoted, rows: Iterable[Row], end_s: floa
     factor = track.fit.factor if track.fit and track.reckoned is None else 1.0
     for *ends, belief in rows:
         first_m, last_m = (here_m + factor * end for end in ends)
-        alpha = PALEST + (1.0 - PALEST) * belief
-        yield noted.elapsed_s, end_s, first_m.real, first_m.imag, last_m.real, last_m.imag, alpha
+        ends_m = first_m.real, first_m.imag, last_m.real, last_m.imag
+        yield noted.elapsed_s, end_s, *ends_m, palette.opacity(belief)
 
 
 def _trunks(noted: ContactMapNoted) -> Iterator[Row]:

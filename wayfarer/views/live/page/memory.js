@@ -1,14 +1,14 @@
 // What an algorithm remembers of the wood: its trunks, fainter where it doubts them, and the way that it plans.
 
-const PALEST = 0.25; // a trunk that is hardly believed is seen, too
 const MEMORY_MODES = { plan: "drives by its plan", pledge: "drives by Pledge" };
 
 function drawMemory(pen, view, { trunks, way, mode }, height) {
   pen.strokeStyle = colour("remembered");
   pen.lineCap = pen.lineJoin = "round";
   pen.lineWidth = 5;
+  const faintest = Number(colour("faintest"));
   for (const [east0, north0, east1, north1, belief] of trunks) {
-    pen.globalAlpha = PALEST + (1 - PALEST) * belief;
+    pen.globalAlpha = faintest + (1 - faintest) * belief;
     drawLine(pen, view, [[east0, north0], [east1, north1]]);
   }
   pen.globalAlpha = 1;
