@@ -34,6 +34,8 @@ EVENTS: list[tuple[str, dict[str, Any], str]] = [
      "Remembers 2 trunks (1 doubted); plans to pass 2.0 m to the left"),
     ("contact_map", {"ahead_m": 9.0, "right_m": -1.0, "trunks": [[1, 0, 1, 1, 0.9]], "way": [], "mode": "plan"},
      "Remembers 1 trunk; plans to drive straight towards the goal"),
+    ("contact_map", {**SEEN, "trunks": [[1, 1, 2, 1, 0.9], [1, 0, 1, 1, 0.9]], "way": [], "mode": "plan"},
+     "Remembers 1 trunk; plans to drive straight towards the goal"),
     ("contact_map", {**SEEN, "trunks": [], "way": [], "mode": "pledge"},
      "Remembers no trunks; follows Pledge, not a plan"),
     ("sensor_failed", {"sensor": "compass", "error": "no answer", "retry_in_s": 0.5},

@@ -73,10 +73,12 @@ class ContactMapNoted(RunEvent):
 
 
 def remembered_text(noted: ContactMapNoted) -> str:
-    """Say what an algorithm remembers and plans, for ``wording``."""
-    count = len(noted.trunks)
+    """Say what an algorithm remembers and plans, for ``wording``; pieces that go on from each other are one trunk."""
+    ends = {trunk[2:4] for trunk in noted.trunks}
+    first_pieces = [trunk for trunk in noted.trunks if trunk[:2] not in ends]
+    count = len(first_pieces) or min(len(noted.trunks), 1)  # a ring has no first piece
     trunks = f"{count or 'no'} trunk{'' if count == 1 else 's'}"
-    doubted = sum(trunk[4] < DOUBTED for trunk in noted.trunks)
+    doubted = sum(trunk[4] < DOUBTED for trunk in first_pieces)
     doubt = f" ({doubted} doubted)" if doubted else ""
     return f"Remembers {trunks}{doubt}; {_plan_text(noted)}"
 
