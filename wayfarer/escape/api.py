@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import Annotated, NamedTuple, Protocol
+from typing import Annotated, NamedTuple, Protocol, runtime_checkable
 
 from annotated_types import Interval
 
@@ -103,6 +103,35 @@ class EscapeHandler(Protocol):
 
     def memory(self) -> Mapping[str, float | str]:
         """Return the inner state for the log and for replay: at least ``counter_deg`` and ``episodes``."""
+
+
+class ContactMap(NamedTuple):
+    """What an algorithm remembers of the wood, in dead reckoning since the mission began.
+
+    All lengths are metres ahead along, and right of, the goal heading. Positions are of the middle of the rover when it
+    was stopped.
+    """
+
+    ahead_m: float
+    """Where the rover is, in the same frame."""
+    right_m: float
+    trunks: tuple[tuple[float, float, float, float, float], ...]
+    """Its ends ahead0, right0, ahead1, right1 (m), and the belief, 0 to 1, that it blocks."""
+    way: tuple[tuple[float, float], ...]
+    """The planned waypoints (ahead, right), the nearest first; empty: straight along the goal heading."""
+    mode: str
+    """``plan``, or ``pledge``: the fallback."""
+
+
+@runtime_checkable
+class Remembers(EscapeHandler, Protocol):
+    """An algorithm with a memory that people can look at; others need none of this."""
+
+    changes: int
+    """Counts changes of the map or the way."""
+
+    def contact_map(self) -> ContactMap:
+        """Return what it remembers and plans; asked only when ``changes`` has changed, and changes nothing."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
@@ -21,6 +21,7 @@ from foxglove.messages import (
     Timestamp,
 )
 
+from wayfarer.fieldlog.contact_map import ContactMapNoted, MapRow, Point
 from wayfarer.fieldlog.run_events import Ended, RunBegan
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
@@ -33,6 +34,7 @@ from wayfarer.views.foxglove.scene import (
     TRUTH,
     DrawnPath,
     body_scene,
+    contact_map_scene,
     forest_scene,
     orientation,
     path_scene,
@@ -81,6 +83,8 @@ class Channels:
     def __init__(self, context: Context) -> None:
         self._fold = RunFold()
         self._start_m = (0.0, 0.0)
+        self._here_m: tuple[float, float] | None = None
+        self._remembered: tuple[Sequence[MapRow], Sequence[Point]] | None = None
         self._paths = {frame: DrawnPath() for frame in (ROVER, TRUTH)}
         self._rows: defaultdict[type[RunEvent], Row] = defaultdict(list)
         self._lasting: Row = []
@@ -100,7 +104,10 @@ class Channels:
                 case Tick(place=place) if place is not None:
                     east_m, north_m = place.east_m + self._start_m[0], place.north_m + self._start_m[1]
                     event.place = place._replace(east_m=east_m, north_m=north_m)
+                    self._here_m = east_m, north_m
                     self._paths[ROVER].grow(east_m, north_m)
+                case ContactMapNoted(is_placed=True) if self._here_m is not None:
+                    self._remembered = event.trunks_from(self._here_m), event.way_from(self._here_m)
                 case Truth(x_m=x_m, y_m=y_m):
                     self._paths[TRUTH].grow(x_m, y_m)
                 case RunBegan(header=Header(world=world)) if world is not None:
@@ -127,15 +134,23 @@ class Channels:
         self._rows[Tick].append((FrameTransformChannel("/pose", context=context), _pose))
         self._rows[Truth].append((FrameTransformChannel("/truth", context=context), _true_pose))
         self._rows[Fix].append((LocationFixChannel("/location", context=context), _location))
-        for topic, make in (("/forest", _forest), ("/rover", _bodies)):
+        scenes: tuple[tuple[str, type[RunEvent], Make], ...] = (
+            ("/forest", RunBegan, _forest), ("/rover", RunBegan, _bodies),
+            ("/contact_map", ContactMapNoted, self._contact_map),
+        )  # fmt: skip
+        for topic, kind, make in scenes:
             channel = SceneUpdateChannel(topic, context=context)
-            self._rows[RunBegan].append((channel, make))
+            self._rows[kind].append((channel, make))
             self._lasting.append((channel, make))
         for topic, kind, frame in (("/track", Tick, ROVER), ("/truth_track", Truth, TRUTH)):
             channel = SceneUpdateChannel(topic, context=context)
             self._rows[kind].append((channel, partial(self._longer_path, frame)))
             self._rows[Ended].append((channel, partial(self._path, frame)))
             self._lasting.append((channel, partial(self._path, frame)))
+
+    def _contact_map(self, _event: RunEvent, at: MessageTime) -> Iterator[SceneUpdate]:
+        if self._remembered is not None:
+            yield contact_map_scene(at.stamp, *self._remembered)
 
     def _longer_path(self, frame: str, event: RunEvent, at: MessageTime) -> Iterator[SceneUpdate]:
         if self._paths[frame].is_due(event.t_s):

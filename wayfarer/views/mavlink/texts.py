@@ -46,7 +46,8 @@ class StatusTexts:
         for event in events:
             if not isinstance(event, PhaseChanged):
                 for _, text, tone in log_lines(event):
-                    self.add(text, SEVERITIES.get(tone, common.MAV_SEVERITY_INFO))
+                    if tone is not Tone.QUIET:  # a radio has no room for them
+                        self.add(text, SEVERITIES.get(tone, common.MAV_SEVERITY_INFO))
 
     def add(self, text: str, severity: int) -> None:
         """Queue a text with a severity (MAV_SEVERITY)."""

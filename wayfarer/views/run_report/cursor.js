@@ -7,6 +7,7 @@ document.addEventListener("plotted", ({ detail: plotted }) => {
   const map = models.find((model) => model.name === "map");
   const paths = models.filter((model) => /^path-/.test(model.name)).map((drawn) => drawn.data_source.data);
   const rings = models.filter((model) => /^here-/.test(model.name)).map((drawn) => drawn.data_source);
+  const remembered = models.filter((model) => model.name === "memory");
   const slider = document.querySelector(".cursor input");
   const shown = document.querySelector(".cursor dl");
   // What is read at the cursor: a renderer's tag says its run, name, unit and decimals.
@@ -46,6 +47,9 @@ document.addEventListener("plotted", ({ detail: plotted }) => {
       const at = before(path.t, t);
       rings[run].data = at < 0 ? { x: [], y: [] } : { x: [path.x[at]], y: [path.y[at]] };
     });
+    for (const { view, data_source: { data } } of remembered) {
+      view.filter.indices = [...data.t.keys()].filter((row) => data.t[row] <= t && t < data.until[row]);
+    }
     const names = [...new Set(readings.map((reading) => reading.name))];
     const rows = names.map((name) => [name, readings.filter((reading) => reading.name === name)
       .sort((a, b) => a.run - b.run)

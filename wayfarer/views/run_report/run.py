@@ -21,6 +21,7 @@ from wayfarer.views.run_report.comparison import difference_text, facts_table
 from wayfarer.views.run_report.data import RunData, read_run
 from wayfarer.views.run_report.events import LAYERS
 from wayfarer.views.run_report.map import map_plot
+from wayfarer.views.run_report.memory import LAYER
 from wayfarer.views.run_report.panels import draw_panels
 from wayfarer.views.run_report.settings import changed_settings_table, own_settings_table
 from wayfarer.views.run_report.tables import (
@@ -56,6 +57,10 @@ TRUE = (
 )
 FIXES = "Small crosses: the receiver's fixes; thin circles: the error of some. Of a long run not all are drawn."
 FOREST = "Brown: fallen trunks; green dots: trees; green line: goal line."
+REMEMBERED = (
+    "Red, as of the time of the cursor: the trunks that the algorithm remembers, fainter where it doubts them, and the "
+    "way that it plans, dashed; laid at where the rover was then."
+)
 GAPS = (
     "White diamonds: records are missing there, or no ticks came for a while. The motion in between is unknown; the "
     "path continues from where it ended."
@@ -148,7 +153,12 @@ def track_caption(tracks: Sequence[Track]) -> str:
     north = f"{'True' if tracks[0].origin else 'Magnetic'} north is up."
     told = [TRUE] if tracks[0].reckoned else [RECKONED, north]
     fixes = any(track.fixes for track in tracks)
-    return " ".join([*told, *[FOREST] * bool(tracks[0].forest), *[FIXES] * fixes, *[GAPS] * gaps])
+    forest, remembers = bool(tracks[0].forest), _remembers(tracks)
+    return " ".join([*told, *[FOREST] * forest, *[REMEMBERED] * remembers, *[FIXES] * fixes, *[GAPS] * gaps])
+
+
+def _remembers(tracks: Sequence[Track]) -> bool:
+    return any(track.data.contact_maps for track in tracks)
 
 
 def _fitted(track: Track, run: str) -> str:
@@ -181,6 +191,8 @@ def _layers(tracks: Sequence[Track]) -> Iterator[html.PlotLayer]:
         yield from html.phase_layers()
     if any(track.reckoned for track in tracks):
         yield html.PlotLayer("reckoned", "dead reckoning", palette.RECKONED, shown=len(tracks) == 1)
+    if _remembers(tracks):
+        yield LAYER._replace(shown=len(tracks) == 1)
     if any(track.fixes for track in tracks):
         yield html.PlotLayer("fixes", "receiver", palette.RECEIVER, shown=len(tracks) == 1)
     for each in LAYERS:  # of two runs, the panel of events has the colours of the runs
