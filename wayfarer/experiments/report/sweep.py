@@ -26,7 +26,7 @@ CURVES = "Bands: 95 % intervals. Broken line: the value without a sweep."
 MAPS = "Colours mean the same for every algorithm; grey: not known."
 INTERVALS = (
     "Intervals are at 95 %: Wilson's for shares, 1.96 standard errors for means. Success: the rover reached the line, "
-    "or left the map over another edge; path: mean of the successes, metres."
+    "or left the map over another edge; path and time: mean of the successes; interventions: mean of all trials."
 )
 
 
