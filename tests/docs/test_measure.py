@@ -17,6 +17,7 @@ from tests.conftest import Run
 from tests.docs.pages import ROOT
 from tests.docs.test_commands import command_of
 from tests.experiments import fake_trials
+from wayfarer.experiments.trial import TrialResult
 from wayfarer.simhal.world.forest_file import REFERENCE, content_of, forests_in
 
 PLACES = [place for page in (ROOT / "docs").rglob("*.md") for place in PLACE.finditer(page.read_text(encoding="utf-8"))]
@@ -54,6 +55,12 @@ def test_held_out_forests_are_those_of_odd_layouts() -> None:
     assert numbers == {forest.forest for forest in forests_in(REFERENCE, content_of(REFERENCE)) if forest.forest % 2}
 
 
+def out_after_minutes(*arguments: object) -> TrialResult:
+    """Trial 0 is out after a minute, trial 1 after two."""
+    result = fake_trials.quick(*arguments)  # type: ignore[arg-type]
+    return result._replace(outcome="escaped", time_s=60.0 * (result.trial + 1), path_m=50.0, spl=0.75)
+
+
 @pytest.fixture
 def installed(run: Run, monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
     """Run the command in this process, with trials that end at once; gives the arguments that it got."""
@@ -67,7 +74,7 @@ def installed(run: Run, monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
             raise subprocess.CalledProcessError(code, "wayfarer")
         return out
 
-    monkeypatch.setattr("wayfarer.experiments.trial.run_trial", fake_trials.quick)
+    monkeypatch.setattr("wayfarer.experiments.trial.run_trial", out_after_minutes)
     monkeypatch.setattr(measure, "_wayfarer", in_this_process)
     return asked
 
@@ -75,10 +82,14 @@ def installed(run: Run, monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
 @pytest.mark.parametrize(
     ("kind", "arguments", "row"),
     [
-        ("outcomes", "sim --algorithm pledge --trials 9", "| pledge | 4 | 50.0 [15.0, 85.0] | 2 | 1 | 0 |"),
-        ("limits", "sim --algorithm pledge,levy-walk --trials 9", "| levy-walk | 0 | 0 | 0 | 0 |"),
+        (
+            "outcomes",
+            "sim --algorithm pledge --trials 9",
+            "| pledge | 4 | 100.0 [51.0, 100.0] | 0 | 0 | 0 |",
+        ),
+        ("limits", "sim --algorithm pledge,levy-walk --trials 9", "| levy-walk | 25 | 50 | 75 | 100 |"),
         ("gains", "sim --algorithm forest-pledge,pledge --trials 9", "| pledge | 4 | +0.0 [+0.0, +0.0] |"),
-        ("points", "sweep slip_mean_m=2,10 --trials 9", "| 10 | 50.0 [15.0, 85.0] |"),
+        ("points", "sweep slip_mean_m=2,10 --trials 9", "| 10 | 100.0 [51.0, 100.0] | 0.750"),
     ],
 )
 def test_place_gets_the_whole_table_with_command_and_version(
