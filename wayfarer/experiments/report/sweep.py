@@ -92,7 +92,8 @@ def point_rows(results: SweepResults, name: str) -> Iterator[list[str]]:
 
 
 def _table(results: SweepResults) -> str:
-    head, rows = point_titles(results), []
+    head = point_titles(results)
+    rows = []
     for name in results.algorithms:
         rows.append(("group", [name, *[""] * (len(head) - 1)]))
         rows += [("", ["", *cells]) for cells in point_rows(results, name)]
