@@ -8,6 +8,7 @@ goes on. Install wayfarer from a commit, not as editable: then its version names
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 from argparse import ArgumentParser
@@ -45,7 +46,7 @@ CAMPAIGNS: Mapping[str, str] = {
 
 
 def main() -> int:
-    """Run the campaigns that are asked for, write their tables, and return the exit code."""
+    """Run the campaigns that are asked for, write the tables of those that are finished, and return the exit code."""
     parser = ArgumentParser(prog="python -m docs.measure", description="Measure the tables of results again.")
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"campaigns (default: all): {', '.join(CAMPAIGNS)}")
     parser.add_argument("--trials", type=int, metavar="N", help="trials of each row, in place of the campaign's own")
@@ -61,14 +62,16 @@ def main() -> int:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / HELD_OUT).write_bytes(held_out(content_of(REFERENCE)))
     campaigns = {name: Measured(folder, name, CAMPAIGNS[name], asked.trials) for name in CAMPAIGNS}
+    code = 0
+    signal.signal(signal.SIGINT, lambda *_: None)  # Ctrl-C reaches the campaign too, which ends in order
     try:
         for name in asked.names or CAMPAIGNS:
             run(campaigns[name], asked.jobs)
-    except subprocess.CalledProcessError as error:  # it has told why; Ctrl-C is one of the reasons
-        return error.returncode
+    except subprocess.CalledProcessError as error:  # the campaign has told why
+        code = error.returncode
     for page in write_pages(ROOT / "docs", {name: each for name, each in campaigns.items() if each.told}):
         print(page)
-    return 0
+    return code
 
 
 def version() -> str:
