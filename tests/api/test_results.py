@@ -123,6 +123,16 @@ def test_sweep_has_the_swept_values_in_each_row(tmp_path: Path) -> None:
         wayfarer.run_sweep({"slip_mean_m": []})
 
 
+def test_sweep_takes_site_slope_and_physics(tmp_path: Path) -> None:
+    at_site = partial(wayfarer.run_sweep, {"escape.back_off_m": [0.15]}, trials=1, rover="minirover", budget_m=1.0)
+    (row,) = at_site(site="extended-maze", slope_deg=3, slope_direction_deg="0:90", out=tmp_path / "out").trials
+    assert (row["interventions"], row["slope_deg"]) == (0, 3.0)
+    with pytest.raises(wayfarer.WayfarerError, match="--ground mud is of physics-light"):
+        at_site(ground="mud", physics="mujoco")
+    with pytest.raises(wayfarer.WayfarerError, match="--friction has an effect only in MuJoCo"):
+        at_site(friction=0.3)
+
+
 NO_MOTORS = wayfarer.load_rover("sim").model_copy(update={"name": "mine", "parts": {}})
 REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"algorithms": "pledg"}, "unknown algorithm 'pledg': did you mean pledge"),

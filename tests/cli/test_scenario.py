@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import get_args
 
 from tests.conftest import Run
-from wayfarer.cli.sim import Ground
+from wayfarer.cli.trial_options import Ground
 from wayfarer.fieldlog.reader import read_header
 from wayfarer.simhal.world.physics import GroundName
 

@@ -7,6 +7,8 @@ import pytest
 
 from tests.conftest import Run
 from tests.experiments import fake_trials
+from wayfarer.experiments.report.sweep import write_sweep_report
+from wayfarer.experiments.trial import TrialResult
 
 ANGLES = "escape.turn_angle_deg=10,30"
 
@@ -28,3 +30,21 @@ def test_sweep_prints_a_line_a_point_and_fills_its_folder(run: Run, tmp_path: Pa
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
         "sweep.json", "runs.json", "trials.csv", "trials.parquet",
     }  # fmt: skip
+
+
+def test_sweep_at_a_site_counts_time_and_interventions(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def helped(*arguments: object) -> TrialResult:
+        result = fake_trials.quick(*arguments)  # type: ignore[arg-type]
+        return result._replace(outcome="escaped", time_s=120.0, interventions=result.trial % 2)
+
+    monkeypatch.setattr("wayfarer.experiments.trial.run_trial", helped)
+    at_site = ("--site", "dense-obstruction", "--rover", "forestrover", "--slope-deg", "0:5")
+    code, out, err = run(ANGLES, *at_site, "--trials", 4, "--jobs", 1, "--out", tmp_path / "out")
+    assert code == 0, err
+    assert [line.split()[-3:] for line in out.splitlines() if "forest-pledge" in line] == [["120.0", "0.0", "0.50"]] * 2
+    assert (tmp_path / "out" / "trials.csv").read_text().splitlines()[0].endswith("slope_deg,slope_direction_deg")
+    page = write_sweep_report(tmp_path / "out").read_text(encoding="utf-8")
+    assert "dense-obstruction" in page
+    assert "interventions a trial" in page

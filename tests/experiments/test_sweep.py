@@ -21,7 +21,10 @@ from wayfarer.experiments.sweep import (
     make_sweep,
     parse_axis,
 )
+from wayfarer.simhal.drawn_ranges import Range
+from wayfarer.simhal.mujoco.terrain import Terrains
 from wayfarer.simhal.world.physics import GroundName
+from wayfarer.simhal.world.slope import Slopes
 
 BASE = campaign_of(4)
 
@@ -114,10 +117,36 @@ def test_keys_that_do_not_go_together_are_refused() -> None:
         sweep_of(slip_mean_m=(2,), budget_m=(100,), footprint_m=(0.4,))
 
 
-def test_trees_of_a_forest_file_cannot_be_swept() -> None:
-    with_forests: Campaign = replace(BASE, forests=ForestFile("forests.jsonl", "", (BASE.make_forest(0),)))
-    with pytest.raises(BadInput, match="leave out --forests"):
-        make_sweep(with_forests, [Axis("sim.trees_per_ha", (40,))])
+FILE = ForestFile("forests.jsonl", "", (BASE.make_forest(0),))
+
+
+@pytest.mark.parametrize(
+    ("campaign", "key", "option"),
+    [
+        (replace(BASE, forests=FILE), "sim.trees_per_ha", "--forests"),
+        (replace(BASE, scenario="extended-maze"), "sim.trees_per_ha", "--site"),
+        (replace(BASE, slopes=Slopes(Range(5.0, 5.0))), "sim.slope_direction_deg", "--slope-deg"),
+        (replace(BASE, terrains=Terrains()), "ground", "--physics mujoco"),
+        (replace(BASE, terrains=Terrains()), "sim.motor_lag_s", "--physics mujoco"),
+    ],
+)
+def test_key_that_would_change_nothing_is_refused(campaign: Campaign, key: str, option: str) -> None:
+    with pytest.raises(BadInput, match=f"key '{key}' has no effect with {option}"):
+        make_sweep(campaign, [Axis(key, (current(BASE)[key],))])
+
+
+def test_terrain_of_mujoco_is_swept_by_name() -> None:
+    drawn = replace(BASE, terrains=Terrains(torque_scale=Range(1.0, 3.0)))
+    sweep = make_sweep(drawn, [Axis("sim.friction", (0.3, 0.8))])
+    assert [point.terrains for point in sweep.points] == [
+        Terrains(Range(mu, mu), torque_scale=Range(1.0, 3.0)) for mu in (0.3, 0.8)
+    ]
+    assert sweep.settings()["axes"][0]["now"] == 0.5
+    assert current(drawn)["sim.torque_scale"] is None, "it has no one value"
+    with pytest.raises(BadInput, match=r"sim.friction 3: .* from 0.02 to 2"):
+        make_sweep(drawn, [Axis("sim.friction", (3,))])
+    with pytest.raises(BadInput, match="add --physics mujoco"):
+        make_sweep(BASE, [Axis("sim.friction", (0.3,))])
 
 
 def test_too_many_trials_are_refused() -> None:

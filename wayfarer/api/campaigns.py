@@ -29,6 +29,12 @@ def run_campaign(
     forests: str | Path | None = None,
     site: str | None = None,
     ground: str = "ideal",
+    physics: Literal["light", "mujoco"] = "light",
+    friction: float | str | None = None,
+    roughness_m: float | str | None = None,
+    torque_scale: float | str | None = None,
+    slope_deg: float | str | None = None,
+    slope_direction_deg: float | str | None = None,
     senses: str = "ideal",
     slip_mean_m: float = 10.0,
     budget_m: float = 1000.0,
@@ -53,6 +59,13 @@ def run_campaign(
         forests: a forest file, or ``"reference"`` for the 500 that come with wayfarer, in place of generated ones.
         site: a site of the paper's field trials in place of forests, such as ``"dense-obstruction"``.
         ground: ``"ideal"``, or ``"leaf-litter"``, ``"dry-soil"`` or ``"mud"``, on which the wheels slip in turns.
+        physics: ``"light"``, or ``"mujoco"`` for rigid bodies, which needs the extra ``physics``.
+        friction: of tyres on ground and bark, in MuJoCo; a number, or as all below ``"0.3:0.8"`` to draw one for each
+            trial.
+        roughness_m: standard deviation of the ground's height in MuJoCo, metres.
+        torque_scale: stall torque in MuJoCo over that of the rover file.
+        slope_deg: slope of all the ground, degrees.
+        slope_direction_deg: where the ground rises to, degrees clockwise from the way to the goal.
         senses: ``"ideal"``, ``"field"``, or errors by name, such as ``"blind_share=0.3"``.
         slip_mean_m: mean distance between slips, metres.
         budget_m: path after which a rover counts as entrapped, metres.
@@ -66,7 +79,7 @@ def run_campaign(
 
     Raises:
         BadInput: something that cannot be used; the text names it and says what is allowed.
-        MissingPackage: the extra ``sim`` is not installed, or ``spl`` for shortest paths.
+        MissingPackage: the extra ``sim`` is not installed, or ``spl`` for shortest paths, or ``physics`` for MuJoCo.
         WayfarerError: a worker process died, or ``out`` cannot be written any more; finished trials are kept there.
         KeyboardInterrupt: Ctrl-C; finished trials are kept in ``out``.
 
@@ -81,6 +94,8 @@ def run_campaign(
     campaign = make_campaign(
         algorithms, rover=rover, anomaly_source=anomaly_source, forests=forests, senses=senses, site=site,
         trials=trials, seed=seed, slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth, ground=ground,
+        physics=physics, friction=friction, roughness_m=roughness_m, torque_scale=torque_scale, slope_deg=slope_deg,
+        slope_direction_deg=slope_direction_deg,
     )  # fmt: skip
     return _run(campaign, forests, jobs, out, resume=resume, progress=progress)
 
@@ -93,6 +108,14 @@ def run_sweep(
     rover: str | Path | RoverConfig = "sim",
     seed: int = 0,
     forests: str | Path | None = None,
+    site: str | None = None,
+    ground: str = "ideal",
+    physics: Literal["light", "mujoco"] = "light",
+    friction: float | str | None = None,
+    roughness_m: float | str | None = None,
+    torque_scale: float | str | None = None,
+    slope_deg: float | str | None = None,
+    slope_direction_deg: float | str | None = None,
     senses: str = "ideal",
     slip_mean_m: float = 10.0,
     budget_m: float = 1000.0,
@@ -111,12 +134,20 @@ def run_sweep(
     Args:
         values: one key or two, each with its values: any key of a rover file by its dotted name
             (``"escape.turn_angle_deg"``), ``footprint_m``, ``slip_mean_m``, ``budget_m``, ``ground``,
-            ``sim.trees_per_ha``, or ``sim.`` and any number of the simulated world.
+            ``sim.trees_per_ha``, or ``sim.`` and any number of the simulated world, as ``"sim.friction"`` in MuJoCo.
         algorithms: as all that follow, as of ``run_campaign``.
         trials: of each algorithm at each point.
         rover: the name of a built-in rover, a rover file, or what ``load_rover`` returned.
         seed: of the layouts and of all chance in the trials.
         forests: a forest file, or ``"reference"``.
+        site: a site of the paper's field trials in place of forests.
+        ground: what the wheels stand on in physics-light.
+        physics: ``"light"`` or ``"mujoco"``.
+        friction: in MuJoCo.
+        roughness_m: in MuJoCo, metres.
+        torque_scale: in MuJoCo.
+        slope_deg: slope of all the ground, degrees.
+        slope_direction_deg: where the ground rises to, degrees.
         senses: how compass and flow sensor err.
         slip_mean_m: mean distance between slips, metres.
         budget_m: path after which a rover counts as entrapped, metres.
@@ -141,8 +172,10 @@ def run_sweep(
     from wayfarer.experiments.sweep import Axis, make_sweep
 
     campaign = make_campaign(
-        algorithms, rover=rover, anomaly_source=anomaly_source, forests=forests, senses=senses,
-        trials=trials, seed=seed, slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth,
+        algorithms, rover=rover, anomaly_source=anomaly_source, forests=forests, senses=senses, site=site,
+        trials=trials, seed=seed, slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth, ground=ground,
+        physics=physics, friction=friction, roughness_m=roughness_m, torque_scale=torque_scale, slope_deg=slope_deg,
+        slope_direction_deg=slope_direction_deg,
     )  # fmt: skip
     sweep = make_sweep(campaign, [Axis(key, tuple(dict.fromkeys(map(_plain, each)))) for key, each in values.items()])
     check_points(sweep.points, campaign.rover.name)

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
 from wayfarer.cli.options import complete_algorithms, rover_option
 
 RUNNING = "Running"
+MUJOCO = "Physics mujoco"
 
 
 DepthName = Literal["device", "bus"]  # the values of ``simhal.build_rover.Depth``
 PhysicsName = Literal["light", "mujoco"]
+SiteName = Literal["extended-maze", "dense-obstruction", "forest-escape"]  # the names of ``simhal.world.sites``
+Ground = Literal["ideal", "leaf-litter", "dry-soil", "mud"]  # the names of ``simhal.world.physics``
 
 
 def _positive(value: float) -> float:
@@ -38,6 +41,14 @@ Forests = Annotated[
         "(default: generated layouts, each with two noise seeds)",
     ),
 ]
+SiteOption = Annotated[
+    SiteName | None,
+    typer.Option(
+        metavar="SITE",
+        help="A site of the paper's field trials instead of a forest, with another layout in each trial: "
+        "extended-maze, dense-obstruction or forest-escape.",
+    ),
+]
 RoverName = Annotated[str, rover_option("Name of a built-in rover, or a rover file (TOML).")]
 Seed = Annotated[int, typer.Option(min=0, metavar="N", help="Random seed of the campaign.")]
 SlipMeanM = Annotated[float, typer.Option(callback=_positive, metavar="M", help="Mean distance between slip events.")]
@@ -50,6 +61,51 @@ AnomalySource = Annotated[
 ]
 DepthOption = Annotated[
     DepthName, typer.Option(help="device: simulated parts; bus: the real drivers over simulated chips (slower).")
+]
+PhysicsOption = Annotated[
+    PhysicsName,
+    typer.Option(help="light: fast built-in physics; mujoco: rigid bodies, wheels that grip and slip (slower)."),
+]
+GroundOption = Annotated[
+    Ground,
+    typer.Option(
+        metavar="GROUND",
+        help="Ground in physics-light. The rover turns as commanded on 'ideal'; "
+        "the wheels slip on leaf-litter, dry-soil and mud.",
+    ),
+]
+
+
+def _terrain_option(unit: str, help_text: str) -> Any:
+    """Return an option for a value that is fixed, or drawn for each trial."""
+    return typer.Option(metavar=f"{unit}|MIN:MAX", help=help_text, rich_help_panel=MUJOCO)
+
+
+Friction = Annotated[
+    str | None,
+    _terrain_option("MU", "Friction of tyres on ground and bark, fixed or drawn for each trial. (default: 0.5)"),
+]
+RoughnessM = Annotated[
+    str | None, _terrain_option("M", "Standard deviation of the ground's height; slower above 0. (default: 0)")
+]
+TorqueScale = Annotated[
+    str | None,
+    _terrain_option(
+        "X",
+        "Stall torque divided by the rover file's chassis.motors_n_m; 3 if that is the rated torque. (default: 1)",
+    ),
+]
+SlopeDeg = Annotated[
+    str | None,
+    typer.Option(metavar="DEG|MIN:MAX", help="Slope of all the ground, fixed or drawn for each trial. (default: 0)"),
+]
+SlopeDirectionDeg = Annotated[
+    str | None,
+    typer.Option(
+        metavar="DEG|MIN:MAX",
+        help="Where the ground rises to, clockwise from the way to the goal: 0 is a goal straight uphill, 180 straight "
+        "downhill. (default: 0)",
+    ),
 ]
 SensesOption = Annotated[
     str,
@@ -70,3 +126,16 @@ Jobs = Annotated[
 Resume = Annotated[
     bool, typer.Option("--resume", help="Continue what was interrupted in --out.", rich_help_panel=RUNNING)
 ]
+
+# Of each pair, the first option has no effect without the second.
+WORLD_NEEDS = (
+    ("friction", "physics mujoco"),
+    ("roughness_m", "physics mujoco"),
+    ("torque_scale", "physics mujoco"),
+)
+WORLD_EXCLUDES = (
+    ("site", "forests"),  # a site draws its own layouts
+    ("ground leaf-litter", "physics mujoco"),  # which has --friction instead
+    ("ground dry-soil", "physics mujoco"),
+    ("ground mud", "physics mujoco"),
+)

@@ -15,6 +15,7 @@ from wayfarer.config.rover_file import RoverConfig, with_location
 from wayfarer.errors import BadConfig, BadInput, MissingPackage, UnknownName, one_line
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.campaign import Campaign
+from wayfarer.extras import require
 from wayfarer.simhal.drawn_ranges import Range, parse_range
 from wayfarer.simhal.world.physics import FIELD, GroundName, Physics, Senses
 
@@ -42,18 +43,29 @@ def algorithms(names: str) -> tuple[str, ...]:
     return tuple(expanded)
 
 
-def terrains(asked: Mapping[str, str | None]) -> Terrains:
+def terrains(asked: Mapping[str, float | str | None], physics: str, ground: str) -> Terrains | None:
     """Return the terrains that options ask for, by the names of their fields; the rest as by default.
 
+    Physics-light has none: it has a ``ground``.
+
     Raises:
-        BadInput: an option is no number or range, or out of bounds.
+        BadInput: an option is no number or range, or out of bounds; or it has no effect in these physics.
+        MissingPackage: MuJoCo is not installed.
     """
     from wayfarer.simhal.mujoco.terrain import BOUNDS, Terrains
 
-    return Terrains(**_ranges(asked, BOUNDS._asdict()))
+    ranges = _ranges(asked, BOUNDS._asdict())
+    if physics == "light":
+        if ranges:
+            raise BadInput(f"{_option(next(iter(ranges)))} has an effect only in MuJoCo; add --physics mujoco")
+        return None
+    if ground != GroundName.ideal:
+        raise BadInput(f"--ground {ground} is of physics-light; in MuJoCo use --friction instead")
+    require("--physics mujoco")
+    return Terrains(**ranges)
 
 
-def slopes(asked: Mapping[str, str | None]) -> Slopes | None:
+def slopes(asked: Mapping[str, float | str | None]) -> Slopes | None:
     """Return the slopes that options ask for, by the names of their fields; None where none asks for any.
 
     Raises:
@@ -67,12 +79,16 @@ def slopes(asked: Mapping[str, str | None]) -> Slopes | None:
     return Slopes(**ranges) if ranges else None
 
 
-def _ranges(asked: Mapping[str, str | None], allowed: Mapping[str, Range]) -> dict[str, Range]:
+def _ranges(asked: Mapping[str, float | str | None], allowed: Mapping[str, Range]) -> dict[str, Range]:
     return {
-        name: parse_range(f"--{name.replace('_', '-')}", text, allowed[name])
-        for name, text in asked.items()
-        if text is not None
+        name: parse_range(_option(name), str(value), allowed[name])
+        for name, value in asked.items()
+        if value is not None
     }
+
+
+def _option(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
 
 
 def senses(asked: str) -> Physics:

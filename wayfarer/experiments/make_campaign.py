@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from math import inf
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from annotated_types import Interval
 
@@ -19,6 +19,7 @@ from wayfarer.extras import require
 from wayfarer.simhal.world.physics import GroundName
 
 AnomalySource = Literal["motion", "contact"]
+Drawn = float | str | None  # a number, or ``MIN:MAX`` to draw one for each trial
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +32,7 @@ class CampaignNumbers:
     budget_m: Annotated[float, Interval(gt=0, lt=inf)]
     depth: Literal["device", "bus"]
     ground: GroundName
+    physics: Literal["light", "mujoco"]
     spl: bool
     anomaly_source: AnomalySource | None
 
@@ -50,26 +52,32 @@ def make_campaign(
     spl: bool = False,
     depth: str = "device",
     ground: str = GroundName.ideal,
-    **drawn: Any,
+    physics: str = "light",
+    friction: Drawn = None,
+    roughness_m: Drawn = None,
+    torque_scale: Drawn = None,
+    slope_deg: Drawn = None,
+    slope_direction_deg: Drawn = None,
 ) -> Campaign:
-    """Return a campaign; ``drawn`` are its ``terrains`` and ``slopes``.
+    """Return the campaign with these options of ``wayfarer sim``.
 
     ``algorithms`` is a list, or a text with commas; ``paper`` stands for all ten of the paper.
 
     Raises:
         BadInput: no such algorithm, rover, forest file, senses or site, or one that cannot be used with the others; or
             a number is out of its range.
-        MissingPackage: shortest paths or a site need a library that is not installed.
+        MissingPackage: shortest paths, a site or MuJoCo need a library that is not installed.
     """
     numbers = validated(
         CampaignNumbers,
         {
             "trials": trials, "seed": seed, "slip_mean_m": slip_mean_m, "budget_m": budget_m, "depth": depth,
-            "ground": ground, "spl": spl, "anomaly_source": anomaly_source,
+            "ground": ground, "physics": physics, "spl": spl, "anomaly_source": anomaly_source,
         },
     )  # fmt: skip
     settings = asdict(numbers)
-    del settings["anomaly_source"]  # it is the rover's
+    del settings["anomaly_source"], settings["physics"]  # the one is the rover's, the other its terrains
+    terrain = {"friction": friction, "roughness_m": roughness_m, "torque_scale": torque_scale}
     where = rover.name if isinstance(rover, RoverConfig) else str(rover)
     config = rover if isinstance(rover, RoverConfig) else load_rover(where)
     campaign = Campaign(
@@ -77,8 +85,9 @@ def make_campaign(
         rover=config.with_anomaly_source(anomaly_source) if anomaly_source else config,
         forests=read_forest_file(forests) if forests else None,
         physics=commands.senses(senses),
+        terrains=commands.terrains(terrain, physics, ground),
+        slopes=commands.slopes({"slope_deg": slope_deg, "slope_direction_deg": slope_direction_deg}),
         **settings,
-        **drawn,
     )
     if numbers.spl:
         require("--spl")

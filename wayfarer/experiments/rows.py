@@ -91,9 +91,10 @@ def columns_of(settings: Mapping[str, Any]) -> tuple[str, ...]:
     In MuJoCo it has the terrain as well, with ``--slope-deg`` the slope, in a sweep the point and the swept keys before
     all else.
     """
-    if axes := settings.get("axes"):
-        return ("point", *(axis["key"] for axis in axes), *COLUMNS)
-    return (*COLUMNS, *(TERRAIN if settings.get("mujoco") else ()), *(SLOPE if settings.get("slope") else ()))
+    campaign = settings.get("campaign", settings)
+    drawn = (*(TERRAIN if campaign.get("mujoco") else ()), *(SLOPE if campaign.get("slope") else ()))
+    swept = ("point", *(axis["key"] for axis in settings["axes"])) if "axes" in settings else ()
+    return (*swept, *COLUMNS, *drawn)
 
 
 def row_of(result: TrialResult) -> TrialRow:

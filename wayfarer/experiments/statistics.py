@@ -191,7 +191,11 @@ MEASURES = (
     Measure("success", "success, %", 1, lambda rows: estimated_share(rows, SUCCESSES)),
     Measure("spl", "SPL", 3, lambda rows: estimated_mean(row.counted_spl for row in rows)),
     Measure("path", "path, m", 1, lambda rows: estimated_mean(row.escape_path_m for row in rows)),
+    Measure("time", "time, s", 1, lambda rows: estimated_mean(row.escape_s for row in rows)),
     Measure("left_bounds", "left the map, %", 1, lambda rows: estimated_share(rows, ("left_bounds",))),
+    Measure(
+        "interventions", "interventions a trial", 2, lambda rows: estimated_mean(row.interventions for row in rows)
+    ),
 )
 
 

@@ -6,7 +6,8 @@ Axes are parsed from ``KEY=FIRST:LAST:STEP`` or ``KEY=VALUE,VALUE``. The keys th
 * a key of the rover file, by its dotted name (``escape.turn_angle_deg``), checked as the file is;
 * ``footprint_m``: ``vehicle.length_m`` and ``vehicle.width_m`` together, a square as in the paper;
 * ``slip_mean_m``, ``budget_m`` and ``ground``, as the options of ``wayfarer sim``;
-* ``sim.`` and a number of the simulated world (``physics.Physics``), or ``sim.trees_per_ha``.
+* ``sim.`` and a number of the simulated world (``physics.Physics``), or ``sim.trees_per_ha``;
+* in MuJoCo ``sim.`` and a number of the terrain (``mujoco.terrain.Terrain``), such as ``sim.friction``.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from decimal import Decimal
 from itertools import product
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 from annotated_types import Interval
 
@@ -25,7 +26,9 @@ from wayfarer.config.rover_file import flat, laid_over
 from wayfarer.errors import BadInput, UnknownName
 from wayfarer.experiments.campaign import Campaign
 from wayfarer.setting_ranges import Metres
-from wayfarer.simhal.world.physics import GroundName, Physics
+from wayfarer.simhal.drawn_ranges import parse_range
+from wayfarer.simhal.mujoco.terrain import BOUNDS, Terrains
+from wayfarer.simhal.world.physics import GroundName, Physics, Senses
 
 Value = bool | int | float | str
 
@@ -172,6 +175,12 @@ class ForestKeys:
 CAMPAIGN = tuple(field.name for field in fields(CampaignKeys))
 FOREST = tuple(field.name for field in fields(ForestKeys))
 PHYSICS = tuple(field.name for field in fields(Physics) if field.name not in CAMPAIGN)
+TERRAIN = Terrains._fields
+SLOPE = ("slope_deg", "slope_direction_deg")
+# Of the numbers of physics-light MuJoCo has those of the senses and these (``trial_setup.TrialSpec``).
+IN_BOTH: Final = frozenset(
+    {*(field.name for field in fields(Senses)), *SLOPE, "side_gain_sd", "slip_free_m", "tip_deg"}
+)
 
 
 def current(campaign: Campaign) -> dict[str, Any]:
@@ -183,8 +192,13 @@ def current(campaign: Campaign) -> dict[str, Any]:
         **{name: getattr(campaign, name) for name in CAMPAIGN},
         **{WORLD + name: getattr(campaign, name) for name in FOREST},
         **{WORLD + name: getattr(campaign.physics, name) for name in PHYSICS},
+        **(_fixed_terrain(campaign.terrains) if campaign.terrains else {}),
         **rover,
     }
+
+
+def _fixed_terrain(terrains: Terrains) -> dict[str, float | None]:
+    return {WORLD + name: low if low == high else None for name, (low, high) in terrains._asdict().items()}
 
 
 def _check_keys(campaign: Campaign, keys: list[str]) -> None:
@@ -196,12 +210,27 @@ def _check_keys(campaign: Campaign, keys: list[str]) -> None:
     """
     known = current(campaign)
     for key in keys:
+        if campaign.terrains is None and key in {WORLD + name for name in TERRAIN}:
+            raise BadInput(f"key '{key}' has an effect only in MuJoCo; add --physics mujoco")
         if key not in known and not key.startswith(PARTS):
             raise UnknownName("key", key, known)
-        if key.removeprefix(WORLD) in FOREST and campaign.forests is not None:
-            raise BadInput(f"key '{key}' is of generated forests; leave out --forests")
+        if option := _option_against(campaign, key.removeprefix(WORLD)):
+            raise BadInput(f"key '{key}' has no effect with {option}; leave out one of them")
     if len(set(keys)) < len(keys) or (FOOTPRINT in keys and set(BODY) & set(keys)):
         raise BadInput(f"{' and '.join(keys)} set the same value; sweep one of them")
+
+
+def _option_against(campaign: Campaign, name: str) -> str | None:
+    """Return the option with which a key of the world changes nothing, where a campaign has that."""
+    if name in FOREST and campaign.forests is not None:
+        return "--forests"
+    if name in FOREST and campaign.scenario is not None:
+        return "--site"
+    if name in SLOPE and campaign.slopes is not None:
+        return "--slope-deg"
+    if campaign.terrains is not None and (name == "ground" or name in set(PHYSICS) - IN_BOTH):
+        return "--physics mujoco"
+    return None
 
 
 def laid_over_campaign(campaign: Campaign, values: Mapping[str, Value]) -> Campaign:
@@ -217,7 +246,13 @@ def laid_over_campaign(campaign: Campaign, values: Mapping[str, Value]) -> Campa
     rover = campaign.rover
     if of_rover := _of_rover(values):
         rover = laid_over(rover, _nested(of_rover))
-    return replace(campaign, rover=rover, physics=physics, **asdict(own), **asdict(forest))
+    terrains = campaign.terrains and campaign.terrains._replace(
+        **{
+            name: parse_range(WORLD + name, str(value), getattr(BOUNDS, name))
+            for name, value in _under(WORLD, TERRAIN, values).items()
+        }
+    )
+    return replace(campaign, rover=rover, physics=physics, terrains=terrains, **asdict(own), **asdict(forest))
 
 
 def _under(prefix: str, names: tuple[str, ...], values: Mapping[str, Value]) -> dict[str, Value]:

@@ -20,7 +20,7 @@ from wayfarer.experiments.tables import number_text, spl_hint
 from wayfarer.views.text.scripting import print_json, say_next
 from wayfarer.views.text.terminal_table import Column, known, table
 
-LEGEND = """success: escaped or left the map; path: mean of the successes
+LEGEND = """success: escaped or left the map; path, time: mean of the successes
 the report has the 95 % intervals"""
 
 
@@ -76,7 +76,9 @@ def _columns(sweep: Sweep) -> Iterator[Column[_Cell]]:
     yield Column("success\n%", lambda cell: number_text(cell.summary.success_percent))
     yield Column("SPL", lambda cell: number_text(cell.summary.spl, 3), if_known=True)
     yield Column("path\nm", lambda cell: number_text(cell.summary.path_mean_m))
+    yield Column("time\ns", lambda cell: number_text(cell.summary.escape_mean_s))
     yield Column("left the\nmap %", lambda cell: number_text(100 * cell.summary.left_bounds / cell.summary.trials))
+    yield Column("interv.\na trial", lambda cell: number_text(cell.summary.interventions_mean, 2), if_known=True)
 
 
 def _value(key: str, cell: _Cell) -> str:

@@ -30,6 +30,7 @@ from wayfarer.views.page.plots import Figure, Plots
 
 ANGLES = Axis("escape.turn_angle_deg", (50, 10, 30))
 SLIPS = Axis("slip_mean_m", (2, 10))
+IN_A_FOREST = [each.title for each in MEASURES if each.name != "interventions"]  # which are counted at sites only
 WORDS = Axis("anomaly_source", ("motion", "contact"))
 
 
@@ -42,7 +43,7 @@ def results_of(*axes: Axis, algorithms: tuple[str, ...] = ("pledge",), spl: bool
         path_m = 60.0 + 10 * task.point + task.trial if out else 1000.0
         shortest_m, share = (36.0, 36.0 / path_m if out else 0.0) if spl else (None, None)
         row = TrialRow(task.trial, task.algorithm, 0, 0, 1, "escaped" if out else "entrapped", path_m)
-        rows.append(row._replace(shortest_path_m=shortest_m, spl=share, point=task.point))
+        rows.append(row._replace(time_s=2.0 * path_m, shortest_path_m=shortest_m, spl=share, point=task.point))
     return SweepResults(SweepSettings.model_validate_json(json.dumps(sweep.settings())), rows)
 
 
@@ -56,12 +57,13 @@ def drawn(figures: Iterator[Figure]) -> list[Any]:
 
 
 def test_curves_show_what_the_rows_say_in_the_order_of_the_values() -> None:
-    success, spl, path, left = drawn(curves_figures(results_of(ANGLES)))
+    success, spl, path, time, left = drawn(curves_figures(results_of(ANGLES)))
     assert columns(success, "pledge")["x"] == [10, 30, 50]
     assert columns(success, "pledge")["value"] == pytest.approx([87.5, 75.0, 100.0])
     assert columns(success, "pledge")["text"][0] == "87.5 [52.9, 97.8]"
     assert [line.location for line in success.select(Span)] == [30], "the value without a sweep"
     assert columns(path, "pledge")["value"] == pytest.approx([74.0, 84.5, 63.5])
+    assert columns(time, "pledge")["value"] == pytest.approx([148.0, 169.0, 127.0])
     assert columns(left, "pledge")["value"] == [0, 0, 0]
     assert np.all(np.diff(np.array(columns(spl, "pledge")["value"])[[1, 0, 2]]) > 0)
 
@@ -71,7 +73,7 @@ def test_curves_show_what_the_rows_say_in_the_order_of_the_values() -> None:
 def test_curves_are_of_every_algorithm_and_of_what_is_known(axis: Axis, spl: bool) -> None:
     algorithms = ("pledge", "levy-walk", *STRANGERS)
     figures = drawn(curves_figures(results_of(axis, algorithms=algorithms, spl=spl)))
-    assert [figure.title.text for figure in figures] == [each.title for each in MEASURES if spl or each.name != "spl"]
+    assert [figure.title.text for figure in figures] == [title for title in IN_A_FOREST if spl or title != "SPL"]
     assert len({id(figure.x_range) for figure in figures}) == 1, "zoomed together"
     for figure in figures:
         assert all(len(columns(figure, name)["x"]) == len(axis.values) for name in algorithms)
@@ -92,7 +94,7 @@ def test_maps_put_each_point_where_its_keys_are() -> None:
 def test_maps_of_many_values_name_some(spl: bool, values: int) -> None:
     axis = Axis("escape.turn_angle_deg", tuple(range(2, 2 * values + 1, 2)))
     figures = drawn(maps_figures(results_of(SLIPS, axis, spl=spl), "pledge"))
-    assert len(figures) == len(MEASURES) - (not spl)
+    assert len(figures) == len(IN_A_FOREST) - (not spl)
     assert all(len(figure.xaxis[0].major_label_overrides) <= 8 for figure in figures)
 
 
@@ -122,7 +124,7 @@ def test_page_is_whole_and_the_same_each_time(
     command.report(str(tmp_path), gallery=0, jobs=1)
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     page = Outline(text)
-    assert page.tags["figure"] == (len(MEASURES) - 1) * len(axes), "two algorithms on two keys; no SPL"
+    assert page.tags["figure"] == 3 * len(axes), "two algorithms on two keys; too few escape for a mean path and time"
     assert page.tags["tr"] == 1 + 2 * (1 + len(sweep.points))
     assert page.links == []
     assert "escape.turn_angle_deg" in text

@@ -23,12 +23,7 @@ from wayfarer.experiments.report.load_results import CampaignResults, read_resul
 from wayfarer.experiments.report.paths_figure import failures_figure, paths_figure
 from wayfarer.experiments.report.ratio_figure import ratio_figure, ratios_table
 from wayfarer.experiments.report.worst_trials import RerunTrial, Trajectory, TrajectoryPoint, choose, run_again
-from wayfarer.experiments.tables import (
-    NAME_COLUMN,
-    PaperColumn,
-    fault_columns,
-    lines_of,
-)
+from wayfarer.experiments.tables import lines_of
 from wayfarer.fieldlog.vocabulary import in_words
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.views import palette
@@ -39,7 +34,6 @@ from wayfarer.views.run_report.data import Floats
 from wayfarer.views.run_report.events import EDGE
 from wayfarer.views.run_report.forest import draw_forest
 from wayfarer.views.run_report.series import pieces
-from wayfarer.views.text.terminal_table import known
 
 SLIPS = html.PlotLayer("slips", "Slips", palette.ANOMALY)
 PLACE = (("east", "@x{0.0} m"), ("north", "@y{0.0} m"))
@@ -103,18 +97,15 @@ def _overview(results: CampaignResults, plots: Plots) -> Iterator[str]:
 
 def _results_table(results: CampaignResults) -> str:
     """Return a row for each algorithm, under its group, with a row of the paper's below where the paper has one."""
-    summaries, layout = list(results.summaries.values()), results.layout
-    columns = known((NAME_COLUMN, *layout.outcomes, *fault_columns(summaries), *layout.measures), summaries)
-    return html.table(
-        words.table_caption(results), [column.title for column in columns], _results_rows(results, columns)
-    )
+    titles = [column.title for column in results.columns]
+    return html.table(words.table_caption(results), titles, _results_rows(results))
 
 
-def _results_rows(results: CampaignResults, columns: Sequence[PaperColumn]) -> Iterator[tuple[str, list[str]]]:
+def _results_rows(results: CampaignResults) -> Iterator[tuple[str, list[str]]]:
     for group in grouped(results.settings.algorithms):
-        yield "group", [group.title, *[""] * (len(columns) - 1)]
+        yield "group", [group.title, *[""] * (len(results.columns) - 1)]
         for name in group.algorithms:
-            for whose, cells in lines_of(results.summaries[name], columns, results.layout.paper):
+            for whose, cells in lines_of(results.summaries[name], results.columns, results.layout.paper):
                 yield whose, [cell.strip() for cell in cells]
 
 

@@ -28,11 +28,12 @@ from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.site_table import layout_of
 from wayfarer.experiments.statistics import AlgorithmSummary, summarise
 from wayfarer.experiments.sweep import MOST_TRIALS
-from wayfarer.experiments.tables import PAPER_FIGURES, Layout, PaperFigures
+from wayfarer.experiments.tables import NAME_COLUMN, PAPER_FIGURES, Layout, PaperColumn, PaperFigures, fault_columns
 from wayfarer.files import read_regular
 from wayfarer.simhal.mujoco.terrain import terrains_of
 from wayfarer.simhal.world.physics import GroundName, Physics
 from wayfarer.simhal.world.slope import slopes_of
+from wayfarer.views.text.terminal_table import known
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 Bounds = dict[str, list[float]]  # the least and the most of what is drawn for each trial, by its name
@@ -118,6 +119,12 @@ class CampaignResults:
     def layout(self) -> Layout:
         """What a table of these results shows, with the paper's figures."""
         return layout_of(self.settings.scenario, str(self.settings.rover.get("name", "")))
+
+    @property
+    def columns(self) -> tuple[PaperColumn, ...]:
+        """The columns of such a table."""
+        summaries, layout = list(self.summaries.values()), self.layout
+        return known((NAME_COLUMN, *layout.outcomes, *fault_columns(summaries), *layout.measures), summaries)
 
     @property
     def papers_paths(self) -> Mapping[str, PaperFigures]:

@@ -11,7 +11,6 @@ from wayfarer.experiments.report.escape_figure import colour_of
 from wayfarer.experiments.report.sweep_figures import curves_figures, maps_figures
 from wayfarer.experiments.report.sweep_results import SweepResults, read_sweep
 from wayfarer.experiments.statistics import MEASURES, spl_difference
-from wayfarer.experiments.sweep import Value
 from wayfarer.views.page import html
 from wayfarer.views.page.frame import PAGE, write_page
 from wayfarer.views.page.plots import Figure, Plots
@@ -26,7 +25,7 @@ CURVES = "Bands: 95 % intervals. Broken line: the value without a sweep."
 MAPS = "Colours mean the same for every algorithm; grey: not known."
 INTERVALS = (
     "Intervals are at 95 %: Wilson's for shares, 1.96 standard errors for means. Success: the rover reached the line, "
-    "or left the map over another edge; path: mean of the successes, metres."
+    "or left the map over another edge; path and time: mean of the successes; interventions: mean of all trials."
 )
 
 
@@ -69,29 +68,36 @@ def _ends(results: SweepResults, name: str) -> str:
     return f"{name}: success from {min(shares):.1f} to {max(shares):.1f} %"
 
 
-def _table(results: SweepResults) -> str:
-    head = [
+def point_titles(results: SweepResults) -> list[str]:
+    """Return the titles of the table of all points."""
+    return [
         "algorithm",
         *(axis.key for axis in results.axes),
         *(measure.title for measure in results.measures),
         *(["SPL, difference"] if results.has_spl else []),
     ]
+
+
+def point_rows(results: SweepResults, name: str) -> Iterator[list[str]]:
+    """Yield the cells of an algorithm's row at each point, from the second column on."""
+    for point, values in enumerate(results.points):
+        rows = results.cells[point, name]
+        found = ((measure.of(rows), measure.decimals) for measure in results.measures)
+        cells = ["" if estimate is None else estimate.text(decimals) for estimate, decimals in found]
+        if results.has_spl:
+            others = None if results.now in {None, point} else results.cells[results.now, name]
+            difference = spl_difference(rows, others) if others else None
+            cells.append("" if difference is None else difference.text(3, "+"))
+        yield [*map(str, values), *cells]
+
+
+def _table(results: SweepResults) -> str:
+    head = point_titles(results)
     rows = []
     for name in results.algorithms:
         rows.append(("group", [name, *[""] * (len(head) - 1)]))
-        rows += [("", _row(results, point, values, name)) for point, values in enumerate(results.points)]
+        rows += [("", ["", *cells]) for cells in point_rows(results, name)]
     return html.table("Value [95 % interval]", head, rows)
-
-
-def _row(results: SweepResults, point: int, values: Sequence[Value], name: str) -> list[str]:
-    rows = results.cells[point, name]
-    found = ((measure.of(rows), measure.decimals) for measure in results.measures)
-    cells = ["" if estimate is None else estimate.text(decimals) for estimate, decimals in found]
-    if results.has_spl:
-        others = None if results.now in {None, point} else results.cells[results.now, name]
-        difference = spl_difference(rows, others) if others else None
-        cells.append("" if difference is None else difference.text(3, "+"))
-    return ["", *map(str, values), *cells]
 
 
 def _title(results: SweepResults) -> str:

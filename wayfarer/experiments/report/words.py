@@ -54,6 +54,8 @@ def facts(settings: CampaignSettings, runs: Sequence[RecordedRun] = ()) -> Itera
     if not runs:
         yield "software", f"wayfarer {settings.version}"
     yield "trials of each algorithm", str(settings.trials)
+    if settings.scenario:
+        yield "site", settings.scenario
     yield "seed", str(settings.seed)
     yield "mean distance between slips", f"{settings.slip_mean_m:g} m"
     yield "path budget", f"{settings.budget_m:g} m"
@@ -68,7 +70,8 @@ def facts(settings: CampaignSettings, runs: Sequence[RecordedRun] = ()) -> Itera
         yield name, _drawn(low, high)
     for name, value in changed(settings.sim).items():
         yield f"sim.{name}", f"{value:g}"
-    yield "forests", f"{forests.file}, BLAKE2b {forests.blake2b}" if forests else "generated"
+    if not settings.scenario:
+        yield "forests", f"{forests.file}, BLAKE2b {forests.blake2b}" if forests else "generated"
     yield "algorithms", ", ".join(settings.algorithms)
 
 
