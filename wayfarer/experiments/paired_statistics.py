@@ -8,7 +8,7 @@ whole layouts. Entrapment is rare: its interval is exact (Clopper and Pearson, B
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import NamedTuple
@@ -95,24 +95,28 @@ def _compared(name: str, own: dict[PairKey, TrialRow], base: dict[PairKey, Trial
         name,
         len(rows),
         len({row.forest for row in rows}),
-        _gain(pairs, lambda row: 100.0 * (row.outcome in SUCCESSES)),
+        gain(pairs, lambda row: 100.0 * (row.outcome in SUCCESSES)),
         spread_of([spl for row in rows if (spl := row.counted_spl) is not None]).mean,
-        _gain(pairs, attrgetter("counted_spl")),
-        _gain(pairs, attrgetter("escape_path_m")),
+        gain(pairs, attrgetter("counted_spl")),
+        gain(pairs, attrgetter("escape_path_m")),
         _share(rows, "entrapped"),
         _share(rows, "left_bounds"),
         max(rows, key=lambda row: (row.outcome not in SUCCESSES, row.path_m or 0.0)),
     )
 
 
-def _gain(pairs: Sequence[tuple[TrialRow, TrialRow]], value: Callable[[TrialRow], float | None]) -> Difference | None:
+def gain(
+    pairs: Iterable[tuple[TrialRow, TrialRow]],
+    value: Callable[[TrialRow], float | None],
+    resamples: int = RESAMPLES,
+) -> Difference | None:
     """Return the mean difference of a value over the pairs that have it on both sides; None where none has."""
     gains: dict[int, list[float]] = {}
     for own, other in pairs:
         here, there = value(own), value(other)
         if here is not None and there is not None:
             gains.setdefault(own.forest, []).append(here - there)
-    return cluster_bootstrap(list(gains.values())) if gains else None
+    return cluster_bootstrap(list(gains.values()), resamples) if gains else None
 
 
 def cluster_bootstrap(clusters: Sequence[Sequence[float]], resamples: int = RESAMPLES) -> Difference:

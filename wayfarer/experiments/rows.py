@@ -89,10 +89,12 @@ def columns_of(settings: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the columns of ``trials.csv`` in a campaign or sweep with these settings.
 
     In MuJoCo it has the terrain as well, with ``--slope-deg`` the slope, in a sweep the point and the swept keys before
-    all else.
+    all else, in a search the point.
     """
     if axes := settings.get("axes"):
         return ("point", *(axis["key"] for axis in axes), *COLUMNS)
+    if "space" in settings:
+        return ("point", *COLUMNS)
     return (*COLUMNS, *(TERRAIN if settings.get("mujoco") else ()), *(SLOPE if settings.get("slope") else ()))
 
 
