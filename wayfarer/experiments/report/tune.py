@@ -15,7 +15,7 @@ from wayfarer.experiments.results_folder import MOST_BYTES, SUMMARY
 from wayfarer.experiments.tables import number_text
 from wayfarer.experiments.tuning.evidence import ended, results, verdict
 from wayfarer.experiments.tuning.objective import QUANTITIES
-from wayfarer.experiments.tuning.summary import PairedResult, TuneSummary
+from wayfarer.experiments.tuning.summary import DEVELOPMENT, PairedResult, TuneSummary
 from wayfarer.files import read_regular
 from wayfarer.views.page import html
 from wayfarer.views.page.frame import PAGE, write_page
@@ -114,7 +114,7 @@ def _found(summary: TuneSummary) -> Iterator[str]:
 
 
 def _verdict(each: PairedResult) -> str:
-    return "chosen on these" if each.forests == "development" else each.verdict
+    return "chosen on these" if each.forests == DEVELOPMENT else each.verdict
 
 
 def _cell(each: PairedResult, name: str, decimals: int) -> str:

@@ -133,7 +133,7 @@ def _searched(plan: SearchPlan, folder: ResultsFolder, on: _Running, aside: Cons
     with stop_on_signals() as stop:
 
         def told(search: Search) -> None:
-            say(aside, best_so_far(search, len(folder.kept)))
+            say(aside, best_so_far(search))
             if stop.is_set():
                 raise Stopped
 

@@ -10,17 +10,20 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rich.console import Console
+
 from wayfarer.config.chassis import WHEEL_KEYS
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import BadInput, MissingPackage
 from wayfarer.experiments.campaign import Campaign
 from wayfarer.experiments.commands import check_points
 from wayfarer.experiments.executors import MakeExecutor, RunTrial, Stopped
+from wayfarer.experiments.progress_bar import say
 from wayfarer.experiments.results_folder import ResultsFolder
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.sim_command import run_shown
 from wayfarer.experiments.tuning.forests import content_of, held_out
-from wayfarer.experiments.tuning.summary import PairedResult, paired
+from wayfarer.experiments.tuning.summary import HELD_OUT, PairedResult, paired
 from wayfarer.extras import require
 from wayfarer.simhal.world.physics import FRICTIONS, GroundName
 
@@ -80,12 +83,13 @@ def confirmed(
             name: _rows(one, out / FOLDER / physics / name, jobs=jobs, executor=executor, run_trial=run_trial)
             for name, one in both.items()
         }
-        yield paired(physics, "held out", rows["present"], rows["tuned"], plan.quantity.name)
+        yield paired(physics, HELD_OUT, rows["present"], rows["tuned"], plan.quantity.name)
 
 
 def _rows(
     campaign: Campaign, folder: Path, *, jobs: int, executor: MakeExecutor | None, run_trial: RunTrial
 ) -> list[TrialRow]:
+    say(Console(stderr=True), f"held-out forests, physics {folder.parent.name}: {folder.name} settings")
     with ResultsFolder(folder, campaign.settings(), resume=True) as results:
         if content := content_of(campaign):
             results.keep_forests(content)

@@ -12,8 +12,8 @@ from wayfarer.experiments.progress_bar import say
 from wayfarer.experiments.tables import number_text
 from wayfarer.experiments.tuning.objective import QUANTITIES
 from wayfarer.experiments.tuning.search import Search
-from wayfarer.experiments.tuning.summary import PairedResult, TuneSummary
-from wayfarer.views.text.terminal_table import Column, table
+from wayfarer.experiments.tuning.summary import DEVELOPMENT, PairedResult, TuneSummary
+from wayfarer.views.text.terminal_table import Column, print_in_full, table
 
 VERDICTS = {
     "gain": "a gain: the 95 % interval does not contain 0",
@@ -22,11 +22,12 @@ VERDICTS = {
 }
 
 
-def best_so_far(search: Search, trials: int) -> str:
+def best_so_far(search: Search) -> str:
     """Return a line: how far the search is, and the best point so far."""
     best, quantity = search.best, search.plan.quantity
     done = len(search.points) - 1
     given_up = sum(point.ended != "whole" for point in search.points[1:])
+    trials = sum(len(point.rows) for point in search.points)
     head = f"{done} of {search.plan.proposals} points, {given_up} given up early, {trials:,} trials"
     if best is search.present or best.gain is None:
         return f"{head}; none is better than the present settings"
@@ -71,8 +72,10 @@ def ended(summary: TuneSummary) -> str:
 
 
 def print_summary(console: Console, summary: TuneSummary) -> None:
-    """Print the table of development and held-out figures, the tuned values and the verdict."""
-    console.print(table(_columns(summary), results(summary)))
+    """Print the table of development and held-out figures, the tuned values and the verdict; "not out" is of both."""
+    if found := results(summary):
+        whole, closer = (table(tuple(_columns(summary)), found) for _ in range(2))
+        print_in_full(console, whole, [closer])
     for key, (before, after) in summary.changed.items():
         say(console, f"{key} = {after:g} (before: {before:g})")
     for line in verdict(summary):
@@ -82,25 +85,24 @@ def print_summary(console: Console, summary: TuneSummary) -> None:
 def _columns(summary: TuneSummary) -> Iterator[Column[PairedResult]]:
     quantity = QUANTITIES[summary.objective]
     name, decimals = quantity.name, quantity.decimals
-    yield Column("forests", lambda each: each.forests, left=True)
-    yield Column("physics", lambda each: each.physics, left=True)
+    yield Column("forests, physics", lambda each: f"{each.forests}, {each.physics}", left=True)
     yield Column("trials", lambda each: str(each.trials))
     yield Column(f"{quantity.title}\npresent", lambda each: number_text(each.changes[name].present, decimals))
     yield Column("tuned", lambda each: number_text(each.changes[name].tuned, decimals))
     yield Column("change [95 %]", lambda each: each.changes[name].text(decimals))
-    yield Column("not out\npresent", lambda each: str(each.present_failures))
-    yield Column("tuned", lambda each: str(each.tuned_failures))
-    yield Column("verdict", lambda each: each.verdict if each.forests != "development" else "", left=True)
+    yield Column("not out", lambda each: f"{each.present_failures}, {each.tuned_failures}")
+    yield Column("verdict", lambda each: each.verdict if each.forests != DEVELOPMENT else "")
 
 
 def evidence(summary: TuneSummary) -> Iterator[str]:
-    """Yield the lines that stand above the tuned rover file."""
+    """Yield the texts that stand above the tuned rover file; one that is indented goes with that before it."""
     quantity = QUANTITIES[summary.objective]
     yield f"Tuned by wayfarer {__version__} for {summary.algorithm}: {quantity.title} of {summary.rover}."
     tried = len(summary.points) - 1
     yield f"Best of {tried} points on {summary.trials} development trials; {ended(summary)}."
     for each in results(summary):
-        yield f"{each.forests}, physics {each.physics}, {each.trials} trials in {each.layouts} layouts, after - before:"
+        where = f"{each.forests}, physics {each.physics}"
+        yield f"{where}, {each.trials} trials in {each.layouts} layouts, tuned less present:"
         for one in QUANTITIES.values():
             if change := each.changes[one.name].text(one.decimals):
                 yield f"  {one.title}: {change}"

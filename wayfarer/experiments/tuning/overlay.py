@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from textwrap import wrap
 
 from wayfarer.config.rover_file import RoverConfig, laid_over, load_rover, parse_rover, rover_text
 from wayfarer.config.rover_path import SCHEMA_BESIDE, SCHEMA_ELSEWHERE
 from wayfarer.errors import BadConfig
 from wayfarer.experiments.sweep import nested
 
+WIDTH = 100  # of a comment
 HEADER = re.compile(r"\s*\[([^\[\]]+)\]\s*(#.*)?$")
 
 
@@ -27,7 +29,7 @@ def overlaid(where: str, values: Mapping[str, tuple[float, float]], evidence: Se
     lines = rover_text(where).lstrip("\ufeff").removeprefix(SCHEMA_BESIDE).splitlines()
     for key, (before, after) in values.items():
         lines = _with(lines, key, f"{after}  # tuned; before: {before:g}")
-    top = [f"# {line}".rstrip() for line in evidence]
+    top = [f"# {part}".rstrip() for text in evidence for part in wrap(text, WIDTH, subsequent_indent="  ") or [""]]
     text = SCHEMA_ELSEWHERE + "\n".join([*top, *lines]) + "\n"
     _check(where, text, laid_over(load_rover(where), nested({key: after for key, (_, after) in values.items()})))
     return text

@@ -13,6 +13,7 @@ from wayfarer.experiments.statistics import Estimate
 from wayfarer.experiments.tuning.objective import QUANTITIES, failures
 from wayfarer.experiments.tuning.search import Point, Search
 
+DEVELOPMENT, HELD_OUT = "development", "held out"
 Verdict = Literal["gain", "none", "loss"]
 Known = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -143,7 +144,7 @@ def summarised(search: Search, held_out: Sequence[PairedResult], notes: Sequence
     name = plan.quantity.name
     found = None
     if best is not present:
-        found = paired("light", "development", present.rows, best.rows, name)
+        found = paired("light", DEVELOPMENT, present.rows, best.rows, name)
     return TuneSummary(
         algorithm=plan.algorithm,
         rover=plan.base.rover.name,
