@@ -21,6 +21,7 @@ from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import Estimate, spread_of
 
 RESAMPLES = 4000
+MOST_DRAWN = 1_000_000  # clusters at a time, for the memory's sake
 TAIL = 0.025  # on either side of a 95 % interval
 
 PairKey = tuple[int, int]
@@ -105,18 +106,14 @@ def _compared(name: str, own: dict[PairKey, TrialRow], base: dict[PairKey, Trial
     )
 
 
-def gain(
-    pairs: Iterable[tuple[TrialRow, TrialRow]],
-    value: Callable[[TrialRow], float | None],
-    resamples: int = RESAMPLES,
-) -> Difference | None:
+def gain(pairs: Iterable[tuple[TrialRow, TrialRow]], value: Callable[[TrialRow], float | None]) -> Difference | None:
     """Return the mean difference of a value over the pairs that have it on both sides; None where none has."""
     gains: dict[int, list[float]] = {}
     for own, other in pairs:
         here, there = value(own), value(other)
         if here is not None and there is not None:
             gains.setdefault(own.forest, []).append(here - there)
-    return cluster_bootstrap(list(gains.values()), resamples) if gains else None
+    return cluster_bootstrap(list(gains.values())) if gains else None
 
 
 def cluster_bootstrap(clusters: Sequence[Sequence[float]], resamples: int = RESAMPLES) -> Difference:
@@ -128,9 +125,11 @@ def cluster_bootstrap(clusters: Sequence[Sequence[float]], resamples: int = RESA
     counts = np.array([len(values) for values in clusters])
     draw = np.random.Generator(np.random.PCG64(0)).integers
     means = np.empty(resamples)
-    for index in range(resamples):
-        drawn = draw(len(clusters), size=len(clusters))
-        means[index] = sums[drawn].sum() / counts[drawn].sum()
+    together = max(1, MOST_DRAWN // len(clusters))
+    for first in range(0, resamples, together):
+        part = means[first : first + together]
+        drawn = draw(len(clusters), size=(len(part), len(clusters)))
+        part[:] = sums[drawn].sum(axis=1) / counts[drawn].sum(axis=1)
     low, high = np.quantile(means, (TAIL, 1.0 - TAIL)).tolist()
     one_sided = 1 + min(np.count_nonzero(means <= 0.0), np.count_nonzero(means >= 0.0))
     p = min(1.0, 2.0 * float(one_sided) / (resamples + 1))

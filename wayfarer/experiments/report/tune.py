@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from wayfarer.config.messages import key_and_problem
 from wayfarer.errors import BadInput
 from wayfarer.experiments.provenance import RecordedRun, facts_of, read_runs
-from wayfarer.experiments.report.tune_figures import front_figure, history_figure, importance_figure
+from wayfarer.experiments.report.tune_figures import FRONT_COLOURS, front_figure, history_figure, importance_figure
 from wayfarer.experiments.results_folder import MOST_BYTES, SUMMARY
 from wayfarer.experiments.tables import number_text
 from wayfarer.experiments.tuning.evidence import ended, results, verdict
@@ -29,7 +29,7 @@ HISTORY = (
 )
 IMPORTANCE = (
     "How much each key decides whether a point is among the best tenth, by PED-ANOVA (Watanabe, Bansal and Hutter, "
-    "2023); together 1. A key without influence may have any value."
+    "2023); together 1. A rough guide: of 96 points, keys without any influence got up to 0.15."
 )
 FRONT = (
     "Mean path of the successes against mean anomalies; down and left is better. Line: points that no other one beats "
@@ -84,7 +84,8 @@ def _body(summary: TuneSummary, plots: Plots, runs: Sequence[RecordedRun]) -> It
     if summary.importance:
         drawn = html.figure(plots.place(importance_figure(summary)))
         yield html.section("Importance", html.paragraph(IMPORTANCE), drawn)
-    yield html.section("Path against anomalies", html.paragraph(FRONT), html.figure(plots.place(front_figure(summary))))
+    key, front = html.key("Settings", FRONT_COLOURS.items()), html.figure(plots.place(front_figure(summary)))
+    yield html.section("Path against anomalies", html.paragraph(FRONT), key, front)
     yield html.section("Points", html.folded(f"{len(summary.points)} points", _points(summary)))
 
 
@@ -103,14 +104,12 @@ def _found(summary: TuneSummary) -> Iterator[str]:
         rows = [
             ("", [one.title, *(_cell(each, one.name, one.decimals) for each in found)]) for one in QUANTITIES.values()
         ]
-        rows.append(
-            ("", ["did not get out", *(f"{each.present_failures}, then {each.tuned_failures}" for each in found)])
-        )
+        rows.append(("", ["did not get out", *(f"{each.present_failures}, {each.tuned_failures}" for each in found)]))
         rows.append(("", ["verdict", *(_verdict(each) for each in found)]))
-        yield html.table("Before, after, and the difference [95 % interval]", head, rows)
+        yield html.table("Present, tuned, and the difference [95 % interval]", head, rows)
         yield html.paragraph(SIDE_BY_SIDE)
         changed = [("", [key, f"{before:g}", f"{after:g}"]) for key, (before, after) in summary.changed.items()]
-        yield html.table("The tuned values, as in tuned.toml", ["key", "before", "tuned"], changed)
+        yield html.table("The tuned values, as in tuned.toml", ["key", "present", "tuned"], changed)
 
 
 def _verdict(each: PairedResult) -> str:

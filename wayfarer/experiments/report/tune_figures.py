@@ -12,6 +12,8 @@ from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, hover, plot, source
 
 HEIGHT_PX, ROW_PX, AXES_PX = 280, 26, 60
+EDGE = 1.05  # of an axis, over the longest bar
+FRONT_COLOURS = {"points": palette.BLUE, "present": palette.VERMILION, "best": palette.GREEN}
 CANDIDATES = {"whole", "worse"}  # not: what broke the limit, and what could not be run
 
 
@@ -40,12 +42,13 @@ def _whole_gain(point: TriedPoint) -> float:
 def importance_figure(summary: TuneSummary) -> Figure:
     """Return a bar for each key, the most important one on top."""
     keys = list(summary.importance)[::-1]
-    made = plot("importance", AXES_PX + ROW_PX * len(keys), "width", output_backend=SVG, y_range=keys)
+    x_range = (0.0, EDGE * max(summary.importance.values()))
+    height_px = AXES_PX + ROW_PX * len(keys)
+    made = plot("importance", height_px, "width", output_backend=SVG, y_range=keys, x_range=x_range)
     made.xaxis.axis_label = "importance"
     bars = source(key=keys, share=[summary.importance[key] for key in keys])
     drawn = made.hbar("key", right="share", height=0.6, source=bars, color=palette.BLUE)
     made.add_tools(hover([drawn], ("key", "@key"), ("importance", "@share{0.00}")))
-    made.x_range.start = 0.0
     return made
 
 
@@ -54,14 +57,12 @@ def front_figure(summary: TuneSummary) -> Figure:
     made = plot("front", HEIGHT_PX + AXES_PX, "both", output_backend=SVG)
     made.xaxis.axis_label, made.yaxis.axis_label = f"{ANOMALIES.title} a trial", PATH.title
     whole = [point for point in summary.points if point.ended == "whole" and _place(point)]
-    front = pareto_front(whole)
-    looks = {"point": (whole, palette.BLUE, 7), "present": (whole[:1], palette.VERMILION, 11)}
-    if summary.best is not None:
-        looks["best"] = ([summary.points[summary.best]], palette.GREEN, 11)
-    made.step(*_columns(front), mode="after", line_color=palette.GREY, line_dash=[4, 3])
-    for name, (of, colour, size) in looks.items():
+    made.step(*_columns(pareto_front(whole)), mode="after", line_color=palette.GREY, line_dash=[4, 3])
+    shown = {"points": whole, "present": whole[:1], "best": [point for point in whole if point.point == summary.best]}
+    for name, of in shown.items():
         x, y = _columns(of)
-        drawn = made.scatter("x", "y", source=_told(summary, of, x=x, y=y), size=size, color=colour, legend_label=name)
+        size, colour = 7 if name == "points" else 11, FRONT_COLOURS[name]
+        drawn = made.scatter("x", "y", source=_told(summary, of, x=x, y=y), size=size, color=colour)
         made.add_tools(hover([drawn], *_rows(summary)))
     return made
 

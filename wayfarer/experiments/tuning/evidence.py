@@ -74,7 +74,7 @@ def ended(summary: TuneSummary) -> str:
 def print_summary(console: Console, summary: TuneSummary) -> None:
     """Print the table of development and held-out figures, the tuned values and the verdict; "not out" is of both."""
     if found := results(summary):
-        whole, closer = (table(tuple(_columns(summary)), found) for _ in range(2))
+        whole, closer = (table(list(_columns(summary)), found) for _ in range(2))
         print_in_full(console, whole, [closer])
     for key, (before, after) in summary.changed.items():
         say(console, f"{key} = {after:g} (before: {before:g})")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from textwrap import wrap
 
 from wayfarer.config.rover_file import RoverConfig, laid_over, load_rover, parse_rover, rover_text
@@ -15,7 +15,7 @@ WIDTH = 100  # of a comment
 HEADER = re.compile(r"\s*\[([^\[\]]+)\]\s*(#.*)?$")
 
 
-def overlaid(where: str, values: Mapping[str, tuple[float, float]], evidence: Sequence[str] = ()) -> str:
+def overlaid(where: str, values: Mapping[str, tuple[float, float]], evidence: Iterable[str] = ()) -> str:
     """Return a rover's file with these keys changed.
 
     Args:

@@ -36,7 +36,7 @@ BATCH = 8  # points that are proposed together: enough for many workers, few eno
 STAGES = (4, 2)  # a point is looked at after a fourth and after half of its forests
 LEAST_TRIALS = 20  # before a point is given up; from fewer no interval can be trusted
 RANDOM_POINTS = 16  # at the beginning; two batches
-RESAMPLES = 1000  # in deciding whether to go on; what is reported has more
+LEAST_POINTS = 30  # to tell what is important: three of them are the best tenth
 SEEDS = 2**32  # that a sampler can have
 
 Ended = Literal["running", "whole", "worse", "failures", "refused"]
@@ -77,7 +77,7 @@ def advantage(own: Sequence[TrialRow], other: Sequence[TrialRow], quantity: Quan
         found = quantity.of(row)
         return None if found is None else sign * found
 
-    return gain(list(zip(own, other, strict=False)), value, RESAMPLES)
+    return gain(zip(own, other, strict=False), value)
 
 
 class Search:
@@ -195,7 +195,7 @@ class Search:
 
         By PED-ANOVA (S. Watanabe, A. Bansal, F. Hutter, IJCAI 2023), which needs no further package.
         """
-        if len(self.study.get_trials(states=[TrialState.COMPLETE])) < RANDOM_POINTS:
+        if len(self.study.get_trials(states=[TrialState.COMPLETE])) < LEAST_POINTS:
             return {}
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # such as that it is experimental
