@@ -10,15 +10,17 @@ from rich.console import Console
 from wayfarer import __version__
 from wayfarer.experiments.progress_bar import say
 from wayfarer.experiments.tables import number_text
-from wayfarer.experiments.tuning.objective import QUANTITIES
+from wayfarer.experiments.tuning.objective import LEAST_LAYOUTS, QUANTITIES
 from wayfarer.experiments.tuning.search import Search
 from wayfarer.experiments.tuning.summary import DEVELOPMENT, PairedResult, TuneSummary
+from wayfarer.fieldlog.wording import plural
 from wayfarer.views.text.terminal_table import Column, print_in_full, table
 
 VERDICTS = {
     "gain": "a gain: the 95 % interval does not contain 0",
     "none": "no gain: the 95 % interval contains 0",
     "loss": "a loss: the 95 % interval does not contain 0",
+    "too few": f"which says nothing: fewer than {LEAST_LAYOUTS} layouts",
 }
 
 
@@ -100,13 +102,13 @@ def evidence(summary: TuneSummary) -> Iterator[str]:
     yield f"Tuned by wayfarer {__version__} for {summary.algorithm}: {quantity.title} of {summary.rover}."
     tried = len(summary.points) - 1
     yield f"Best of {tried} points on {summary.trials} development trials; {ended(summary)}."
+    yield from verdict(summary)
     for each in results(summary):
         where = f"{each.forests}, physics {each.physics}"
-        yield f"{where}, {each.trials} trials in {each.layouts} layouts, tuned less present:"
+        yield f"{where}, {each.trials} trials in {plural(each.layouts, 'layout')}, tuned less present:"
         for one in QUANTITIES.values():
             if change := each.changes[one.name].text(one.decimals):
                 yield f"  {one.title}: {change}"
         yield f"  trials that did not get out: {each.tuned_failures}, before {each.present_failures}"
-    yield from verdict(summary)
     yield "Development figures are of the forests that the point was chosen on: only the held-out ones count."
     yield ""

@@ -39,6 +39,16 @@ PATH = Quantity("path", "path, m", 1, False, attrgetter("escape_path_m"))
 QUANTITIES = {each.name: each for each in (SPL, PATH, TIME, ANOMALIES)}
 
 
+# The interval is by a bootstrap of layouts, which is too narrow with few of them, and has no width with one (B. Efron,
+# R. Tibshirani, "An Introduction to the Bootstrap", 1993, chapter 13). From no source: that ten are enough.
+LEAST_LAYOUTS = 10
+
+
+def layouts(rows: Sequence[TrialRow]) -> int:
+    """Count the layouts in which trials took place."""
+    return len({row.forest for row in rows})
+
+
 def failures(rows: Sequence[TrialRow]) -> int:
     """Count the trials that did not get out: entrapped, tipped, or ended by a fault."""
     return sum(row.outcome not in SUCCESSES for row in rows)

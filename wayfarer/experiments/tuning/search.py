@@ -28,13 +28,12 @@ from wayfarer.experiments.executors import Stopped
 from wayfarer.experiments.paired_statistics import Difference, gain
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.sweep import laid_over_campaign
-from wayfarer.experiments.tuning.objective import Quantity, failures
+from wayfarer.experiments.tuning.objective import LEAST_LAYOUTS, Quantity, failures, layouts
 from wayfarer.experiments.tuning.plan import SearchPlan
 from wayfarer.experiments.tuning.space import SearchRange
 
 BATCH = 8  # points that are proposed together: enough for many workers, few enough to learn between them
 STAGES = (4, 2)  # a point is looked at after a fourth and after half of its forests
-LEAST_TRIALS = 20  # before a point is given up; from fewer no interval can be trusted
 RANDOM_POINTS = 16  # at the beginning; two batches
 LEAST_POINTS = 30  # to tell what is important: three of them are the best tenth
 SEEDS = 2**32  # that a sampler can have
@@ -66,7 +65,7 @@ class Point:
 
 def stages(trials: int) -> list[int]:
     """Return after how many of its trials a point is looked at."""
-    return [*(part for share in STAGES if (part := trials // share) >= LEAST_TRIALS), trials]
+    return [*(part for share in STAGES if (part := trials // share)), trials]
 
 
 def advantage(own: Sequence[TrialRow], other: Sequence[TrialRow], quantity: Quantity) -> Difference | None:
@@ -149,6 +148,8 @@ class Search:
             return "failures"
         if len(point.rows) == self.plan.base.trials:
             return "whole"
+        if layouts(point.rows) < LEAST_LAYOUTS:
+            return "running"  # no interval can be trusted yet
         found = advantage(point.rows, best.rows, self.plan.quantity)
         return "worse" if found is None or found.estimate.high < 0.0 else "running"
 

@@ -10,11 +10,11 @@ from pydantic import BaseModel, ConfigDict, Field
 from wayfarer.experiments.paired_statistics import Difference, gain
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import Estimate
-from wayfarer.experiments.tuning.objective import QUANTITIES, failures
+from wayfarer.experiments.tuning.objective import LEAST_LAYOUTS, QUANTITIES, failures, layouts
 from wayfarer.experiments.tuning.search import Point, Search
 
 DEVELOPMENT, HELD_OUT = "development", "held out"
-Verdict = Literal["gain", "none", "loss"]
+Verdict = Literal["gain", "none", "loss", "too few"]
 Known = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -54,7 +54,7 @@ class PairedResult(_Model):
     """The best point beside the present settings, trial by trial on the same forests, in one physics.
 
     The interval is by a bootstrap that draws whole layouts. Failures are trials that did not get out; ``verdict`` is of
-    the objective: a gain or a loss whose interval contains 0 is none.
+    the objective: a gain or a loss whose interval contains 0 is none, and of fewer than ten layouts nothing is said.
     """
 
     physics: str
@@ -118,11 +118,11 @@ def paired(
         physics=physics,
         forests=forests,
         trials=len(tuned),
-        layouts=len({row.forest for row in tuned}),
+        layouts=layouts(tuned),
         changes=changes,
         present_failures=failures(present),
         tuned_failures=failures(tuned),
-        verdict=_verdict(found[objective], QUANTITIES[objective].sign),
+        verdict=_verdict(found[objective], QUANTITIES[objective].sign, layouts(tuned)),
     )
 
 
@@ -131,8 +131,10 @@ def _change(present: float | None, tuned: float | None, found: Difference | None
     return Change(present=present, tuned=tuned, difference=value, low=low, high=high)
 
 
-def _verdict(found: Difference | None, sign: int) -> Verdict:
+def _verdict(found: Difference | None, sign: int, count: int) -> Verdict:
     """Return what a difference proves; one whose interval contains 0 proves nothing."""
+    if count < LEAST_LAYOUTS:
+        return "too few"
     if found is None or found.estimate.low <= 0.0 <= found.estimate.high:
         return "none"
     return "gain" if sign * found.estimate.value > 0.0 else "loss"
