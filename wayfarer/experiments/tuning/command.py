@@ -18,6 +18,7 @@ from wayfarer.experiments.campaign import Tasks
 from wayfarer.experiments.commands import INTERRUPTED, cores
 from wayfarer.experiments.executors import MakeExecutor, RunTrial, Stopped, field_trial
 from wayfarer.experiments.progress_bar import say, shown_progress
+from wayfarer.experiments.provenance import read_runs
 from wayfarer.experiments.report.tune import write_tune_report
 from wayfarer.experiments.results_folder import SUMMARY, ResultsFolder
 from wayfarer.experiments.rows import TrialRow
@@ -28,7 +29,7 @@ from wayfarer.experiments.tuning.evidence import best_so_far, evidence, print_su
 from wayfarer.experiments.tuning.forests import DEVELOPMENT, content_of
 from wayfarer.experiments.tuning.overlay import overlaid
 from wayfarer.experiments.tuning.plan import SearchPlan
-from wayfarer.experiments.tuning.search import Search
+from wayfarer.experiments.tuning.search import STUDY, Search
 from wayfarer.experiments.tuning.summary import PairedResult, TuneSummary, summarised
 from wayfarer.files import write_atomically
 from wayfarer.views.text.scripting import print_json, say_next
@@ -82,11 +83,8 @@ def run_all(
         connected(cluster) as workers,
         ResultsFolder(out, plan.settings(), resume=resume, command=command) as folder,
     ):
-        on = (
-            _Running(workers.jobs, workers.executor, run_trial)
-            if workers
-            else _Running(jobs or cores(), None, run_trial)
-        )
+        here = _Running(jobs or cores(), None, run_trial)
+        on = _Running(workers.jobs, workers.executor, run_trial) if workers else here
         try:
             search = _searched(plan, folder, on, aside)
             found = _confirmed(search, held_out, out, on)
@@ -163,22 +161,18 @@ def _write(summary: TuneSummary, search: Search, rover: str, out: Path) -> None:
     try:
         write_atomically(out / SUMMARY, summary.model_dump_json(indent=2) + "\n")
         if summary.changed:
-            write_atomically(out / TUNED, overlaid(rover, summary.changed, evidence(summary)))
-        _write_journal(search.study, out / JOURNAL)
+            asked = read_runs(out)[0].command
+            write_atomically(out / TUNED, overlaid(rover, summary.changed, evidence(summary, asked)))
+        _write_journal(search, out / JOURNAL)
         write_tune_report(out)
     except OSError as error:
         raise WayfarerError(f"{out} cannot be written any more: {error.strerror or error}; use --resume") from error
 
 
-def _write_journal(study: optuna.Study, path: Path) -> None:
+def _write_journal(search: Search, path: Path) -> None:
     """Write the study as Optuna's tools read it."""
     draft = path.with_name(f".{path.name}.new")
     draft.unlink(missing_ok=True)
     storage = JournalStorage(JournalFileBackend(str(draft)))
-    optuna.copy_study(
-        from_study_name=study.study_name,
-        from_storage=study._storage,
-        to_storage=storage,
-        to_study_name=study.study_name,
-    )
+    optuna.copy_study(from_study_name=STUDY, from_storage=search.storage, to_storage=storage, to_study_name=STUDY)
     draft.replace(path)

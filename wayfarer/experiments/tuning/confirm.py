@@ -32,11 +32,13 @@ if TYPE_CHECKING:
 
 FOLDER = "held-out"
 LIGHT, MUJOCO = "light", "mujoco"
-USUAL_FRICTION = 0.5  # as of ``wayfarer sim --physics mujoco``; that of ``--ground ideal``, which has none
 
 
 def in_mujoco(campaign: Campaign, trials: int) -> Campaign | str:
-    """Return the first trials of a campaign in MuJoCo, on ground of the same friction; or why that cannot be."""
+    """Return the first trials of a campaign in MuJoCo, or why that cannot be.
+
+    The friction is that of the campaign's ground; ``ideal`` has none, and gets the usual one.
+    """
     if missing := campaign.rover.chassis.missing(WHEEL_KEYS):
         return f"not confirmed in MuJoCo: rover '{campaign.rover.name}' has no chassis.{missing[0]}"
     try:
@@ -44,8 +46,8 @@ def in_mujoco(campaign: Campaign, trials: int) -> Campaign | str:
         from wayfarer.simhal.drawn_ranges import Range
         from wayfarer.simhal.mujoco.terrain import Terrains
 
-        friction = FRICTIONS.get(campaign.ground, USUAL_FRICTION)
-        terrains = Terrains(friction=Range(friction, friction))
+        friction = FRICTIONS.get(campaign.ground)
+        terrains = Terrains(friction=Range(friction, friction)) if friction else Terrains()
         rigid = replace(campaign, trials=trials, ground=GroundName.ideal, terrains=terrains)
         check_points([rigid], rigid.rover.name)
     except (MissingPackage, BadInput) as error:

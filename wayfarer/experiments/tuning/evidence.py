@@ -30,7 +30,9 @@ def best_so_far(search: Search) -> str:
     done = len(search.points) - 1
     given_up = sum(point.ended != "whole" for point in search.points[1:])
     trials = sum(len(point.rows) for point in search.points)
-    head = f"{done} of {search.plan.proposals} points, {given_up} given up early, {trials:,} trials"
+    faults = sum(row.outcome == "fault" for point in search.points for row in point.rows)
+    told = f", {plural(faults, 'fault')}" if faults else ""
+    head = f"{done} of {search.plan.proposals} points, {given_up} given up early, {trials:,} trials{told}"
     if best is search.present or best.gain is None:
         return f"{head}; none is better than the present settings"
     gained, value = quantity.sign * best.gained, quantity.mean(best.rows)
@@ -96,12 +98,14 @@ def _columns(summary: TuneSummary) -> Iterator[Column[PairedResult]]:
     yield Column("verdict", lambda each: each.verdict if each.forests != DEVELOPMENT else "")
 
 
-def evidence(summary: TuneSummary) -> Iterator[str]:
-    """Yield the texts that stand above the tuned rover file; one that is indented goes with that before it."""
+def evidence(summary: TuneSummary, command: str | None) -> Iterator[str]:
+    """Yield the texts that stand above the tuned rover file; ``command`` is what was asked, where that is known."""
     quantity = QUANTITIES[summary.objective]
     yield f"Tuned by wayfarer {__version__} for {summary.algorithm}: {quantity.title} of {summary.rover}."
     tried = len(summary.points) - 1
     yield f"Best of {tried} points on {summary.trials} development trials; {ended(summary)}."
+    if command:
+        yield f"Command: {command}"
     yield from verdict(summary)
     for each in results(summary):
         where = f"{each.forests}, physics {each.physics}"

@@ -36,6 +36,7 @@ BATCH = 8  # points that are proposed together: enough for many workers, few eno
 STAGES = (4, 2)  # a point is looked at after a fourth and after half of its forests
 RANDOM_POINTS = 16  # at the beginning; two batches
 LEAST_POINTS = 30  # to tell what is important: three of them are the best tenth
+STUDY = "tune"  # what Optuna calls it
 SEEDS = 2**32  # that a sampler can have
 
 Ended = Literal["running", "whole", "worse", "failures", "refused"]
@@ -96,7 +97,8 @@ class Search:
         sampler = optuna.samplers.TPESampler(
             seed=plan.base.seed % SEEDS, n_startup_trials=RANDOM_POINTS, multivariate=True, constant_liar=True
         )
-        self.study = optuna.create_study(study_name="tune", direction="maximize", sampler=sampler)
+        self.storage = optuna.storages.InMemoryStorage()
+        self.study = optuna.create_study(storage=self.storage, study_name=STUDY, direction="maximize", sampler=sampler)
         self._distributions = {each.key: _distribution(each) for each in plan.space}
         self.points = [Point(0, {each.key: each.now for each in plan.space})]
         plan.points[:] = [plan.base]

@@ -26,7 +26,7 @@ class TriedPoint(_Model):
     """A point: its values by key, how many trials it had, why it ended, its means, and the gain of the objective."""
 
     point: int
-    values: dict[str, Known]
+    values: dict[str, int | Known]  # a key that counts something stays whole
     trials: int
     ended: str
     failures: int
