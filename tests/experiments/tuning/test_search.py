@@ -16,7 +16,7 @@ from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.experiments.tuning.objective import ANOMALIES, TIME, Quantity, failures
 from wayfarer.experiments.tuning.plan import SearchPlan
 from wayfarer.experiments.tuning.search import LEAST_POINTS, Point, Search, stages
-from wayfarer.experiments.tuning.summary import paired, summarised
+from wayfarer.experiments.tuning.summary import TuneSummary, paired, summarised
 
 
 class Runs:
@@ -58,6 +58,9 @@ def test_finds_what_matters_and_gives_up_what_is_hopeless() -> None:
     assert {len(point.rows) for point in given_up} <= set(stages(40)[:-1]) == {10, 20}
     assert next(iter(search.importance())) == "escape.turn_angle_deg"
     assert len(search.study.trials) == 41 > LEAST_POINTS, "the present settings are one"
+    changed = TuneSummary.model_validate_json(summarised(search, [], []).model_dump_json()).changed
+    assert changed["escape.turn_angle_deg"] == (30.0, best.values["escape.turn_angle_deg"])
+    assert {type(value) for value in changed.get("detector.cannot_turn_tries", (1, 2))} == {int}
 
 
 def test_all_points_meet_the_same_trials() -> None:

@@ -91,13 +91,20 @@ def test_file_of_one_parity_is_refused() -> None:
 @pytest.mark.parametrize("rover", rover_names())
 def test_tuned_file_is_the_rovers_with_these_values_only(rover: str, tmp_path: Path) -> None:
     path = tmp_path / "tuned.toml"
-    changed = {"escape.turn_angle_deg": (30.0, 41.5), "control_hz": (20.0, 25.0)}
+    changed = {
+        "escape.turn_angle_deg": (30.0, 41.5),
+        "control_hz": (20.0, 25.0),
+        "detector.cannot_turn_tries": (3, 4),
+    }
     path.write_text(overlaid(rover, changed, ["why:" + " word" * 40, "", "end"]), encoding="utf-8")
     before, after = load_rover(rover), load_rover(str(path))
     assert after.escape.turn_angle_deg == 41.5
-    assert after == before.model_copy(
-        update={"control_hz": 25.0, "escape": replace(before.escape, turn_angle_deg=41.5)}
-    )
+    tuned = {
+        "control_hz": 25.0,
+        "escape": replace(before.escape, turn_angle_deg=41.5),
+        "detector": replace(before.detector, cannot_turn_tries=4),
+    }
+    assert after == before.model_copy(update=tuned)
 
 
 def test_file_that_hides_its_keys_is_refused(tmp_path: Path) -> None:
