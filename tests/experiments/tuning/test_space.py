@@ -79,10 +79,11 @@ def test_held_out_forests_have_numbers_that_the_search_never_sees() -> None:
     assert {held_out(site, 6).trial_seed(n) for n in range(6)} & {site.trial_seed(n) for n in range(9)} == set()
 
 
-def test_file_of_one_parity_is_refused() -> None:
-    odd = replace(FORESTS, forests=FORESTS.forests[1::2])
-    with pytest.raises(BadInput, match="no forest with an even number"):
-        development(replace(CAMPAIGN, forests=odd))
+@pytest.mark.parametrize(("parity", "lacks"), [(0, "an odd"), (1, "an even")])
+def test_file_of_one_parity_is_refused_before_the_search(parity: int, lacks: str) -> None:
+    half = replace(FORESTS, forests=FORESTS.forests[parity::2])
+    with pytest.raises(BadInput, match=f"none with {lacks} number"):
+        development(replace(CAMPAIGN, forests=half))
 
 
 # -- the tuned rover file ----------------------------------------------------------------------------------------------

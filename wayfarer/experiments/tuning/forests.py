@@ -24,19 +24,21 @@ def development(base: Campaign) -> Campaign:
     """Return the campaign on the forests of the search.
 
     Raises:
-        BadInput: its file has no forests with even numbers.
+        BadInput: its file has no forests for the search, or none to hold out.
     """
     if base.scenario is not None:
         return base
+    numbers = [forest.forest for forest in base.forests.forests] if base.forests else [0, 1]
+    if lacks := {"even", "odd"} - {"odd" if number % 2 else "even" for number in numbers}:
+        raise BadInput(
+            f"the file of forests has none with an {lacks.pop()} number: a search needs even ones to develop on, "
+            "and odd ones to confirm"
+        )
     return _on(base, DEVELOPMENT, _forests(base, 0, parity=0))
 
 
 def held_out(base: Campaign, trials: int) -> Campaign:
-    """Return a campaign of so many trials on forests that the search of ``base`` does not see.
-
-    Raises:
-        BadInput: its file has no forests with odd numbers.
-    """
+    """Return a campaign of so many trials on forests that the search of ``base`` does not see."""
     if base.scenario is not None:
         return replace(base, seed=(base.seed + 1) % 2**63, trials=trials)
     first = -(-base.trials // NOISES_PER_LAYOUT) * NOISES_PER_LAYOUT
@@ -54,11 +56,6 @@ def _forests(base: Campaign, first: int, parity: int) -> Sequence[Forest]:
     if base.forests is None:
         return [base.make_forest(first + trial) for trial in range(base.trials)]
     half = tuple(forest for forest in base.forests.forests if forest.forest % 2 == parity)
-    if not half:
-        raise BadInput(
-            f"{base.forests.name} has no forest with an {'odd' if parity else 'even'} number: a search needs both, "
-            "even ones to develop on, odd ones to confirm"
-        )
     here = replace(base, forests=replace(base.forests, forests=half))
     return [here.make_forest(trial) for trial in range(min(base.trials, len(half)))]
 

@@ -7,11 +7,13 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from textwrap import wrap
 
 from wayfarer.config.rover_file import RoverConfig, laid_over, load_rover, parse_rover, rover_text
-from wayfarer.config.rover_path import SCHEMA_BESIDE, SCHEMA_ELSEWHERE
+from wayfarer.config.rover_path import SCHEMA_ELSEWHERE
 from wayfarer.errors import BadConfig
 from wayfarer.experiments.sweep import nested
+from wayfarer.fieldlog.fields import escape_control_chars
 
 WIDTH = 100  # of a comment
+SCHEMA = "#:schema"  # of the first line
 HEADER = re.compile(r"\s*\[([^\[\]]+)\]\s*(#.*)?$")
 
 
@@ -26,10 +28,13 @@ def overlaid(where: str, values: Mapping[str, tuple[float, float]], evidence: It
     Raises:
         BadConfig: its file is written in a way in which the keys cannot be changed.
     """
-    lines = rover_text(where).lstrip("\ufeff").removeprefix(SCHEMA_BESIDE).splitlines()
+    lines = rover_text(where).lstrip("\ufeff").splitlines()
+    if lines[0].startswith(SCHEMA):
+        del lines[0]
     for key, (before, after) in values.items():
         lines = _with(lines, key, f"{after}  # tuned; before: {before:g}")
-    top = [f"# {part}".rstrip() for text in evidence for part in wrap(text, WIDTH, subsequent_indent="  ") or [""]]
+    told = [part for text in evidence for part in wrap(text, WIDTH, subsequent_indent="  ") or [""]]
+    top = [f"# {escape_control_chars(part)}".rstrip() for part in told]
     text = SCHEMA_ELSEWHERE + "\n".join([*top, *lines]) + "\n"
     _check(where, text, laid_over(load_rover(where), nested({key: after for key, (_, after) in values.items()})))
     return text
