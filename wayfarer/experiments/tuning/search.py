@@ -12,7 +12,6 @@ settings in all of theirs: that can never be made good.
 
 from __future__ import annotations
 
-import warnings
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -200,9 +199,7 @@ class Search:
         """
         if len(self.study.get_trials(states=[TrialState.COMPLETE])) < LEAST_POINTS:
             return {}
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # such as that it is experimental
-            return optuna.importance.get_param_importances(self.study)
+        return optuna.importance.get_param_importances(self.study)
 
 
 def _distribution(each: SearchRange) -> BaseDistribution:
