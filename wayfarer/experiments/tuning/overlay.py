@@ -63,7 +63,10 @@ def _with(lines: Sequence[str], key: str, value: str) -> list[str]:
             return [*lines[:number], line, *lines[number + 1 :]]
     if section and not within:
         return [*lines, "", f"[{section}]", line]
-    after = within[0] + 1 if section else 0
+    if section:
+        after = within[0] + 1
+    else:  # beside the rover's name, which every file has
+        after = next((number + 1 for number in within if lines[number].startswith("name")), 0)
     return [*lines[:after], line, *lines[after:]]
 
 
