@@ -58,8 +58,8 @@ def front_figure(summary: TuneSummary) -> Figure:
     made.xaxis.axis_label, made.yaxis.axis_label = f"{ANOMALIES.title} a trial", PATH.title
     whole = [point for point in summary.points if point.ended == "whole" and _place(point)]
     made.step(*_columns(pareto_front(whole)), mode="after", line_color=palette.GREY, line_dash=[4, 3])
-    shown = {"points": whole, "present": whole[:1], "best": [point for point in whole if point.point == summary.best]}
-    for name, of in shown.items():
+    for name, number in {"points": None, "present": 0, "best": summary.best}.items():
+        of = whole if name == "points" else [point for point in whole if point.point == number]
         x, y = _columns(of)
         size, colour = 7 if name == "points" else 11, FRONT_COLOURS[name]
         drawn = made.scatter("x", "y", source=_told(summary, of, x=x, y=y), size=size, color=colour)

@@ -63,10 +63,8 @@ def _with(lines: Sequence[str], key: str, value: str) -> list[str]:
             return [*lines[:number], line, *lines[number + 1 :]]
     if section and not within:
         return [*lines, "", f"[{section}]", line]
-    if section:
-        after = within[0] + 1
-    else:  # beside the rover's name, which every file has
-        after = next((number + 1 for number in within if lines[number].startswith("name")), 0)
+    below_name = next((number + 1 for number in within if lines[number].startswith("name")), 0)
+    after = within[0] + 1 if section else below_name
     return [*lines[:after], line, *lines[after:]]
 
 
