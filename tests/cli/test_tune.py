@@ -29,7 +29,9 @@ def test_tune_finds_confirms_and_writes_and_refuses_another_search(run: Run, tmp
     code, said, err = run(*ASKED, "--out", out)
     assert code == 0
     assert "32 of 32 points" in err
-    development, light, mujoco = (line.split() for line in said.splitlines() if line.startswith(("dev", "held out,")))
+    development, light, mujoco = (
+        line.split() for line in map(str.strip, said.splitlines()) if line.startswith(("dev", "held out,"))
+    )
     assert (development[-1], light[-1], mujoco[-2:]) == ("0", "gain", ["too", "few"])
     assert {path.name for path in out.iterdir()} == {
         "search.json", "search.csv", "runs.json", "development.jsonl", "held-out", "tuned.toml", "summary.json",
