@@ -23,6 +23,7 @@ NEEDS = {
     "keeping results": OptionalExtra("sim", {"pyarrow": "pyarrow"}),
     "a cluster": OptionalExtra("cluster", {"distributed": "distributed"}),
     "sweeping": OptionalExtra("sim", {"numpy": "numpy", "pyarrow": "pyarrow"}),
+    "tuning": OptionalExtra("tune", {"optuna": "optuna"}),
     "--physics mujoco": OptionalExtra("physics", {"mujoco": "mujoco"}),
     "--video": OptionalExtra("physics", {"av": "av", "PIL": "pillow", "scipy": "scipy"}),
     "--figures": OptionalExtra("figures", {"matplotlib": "matplotlib"}),

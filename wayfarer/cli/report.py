@@ -1,4 +1,4 @@
-"""``wayfarer report``: an HTML page with figures, of a field run or two, a campaign or a sweep."""
+"""``wayfarer report``: an HTML page with figures, of a field run or two, a campaign, a sweep or a search."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def report(
         typer.Argument(
             metavar="RUN|DIR",
             autocompletion=complete_runs,
-            help="A run, or a folder that `wayfarer sim --out` or `wayfarer sweep --out` wrote.",
+            help="A run, or a folder that `wayfarer sim --out`, `wayfarer sweep --out` or `wayfarer tune --out` wrote.",
         ),
     ] = "last",
     other: Annotated[
@@ -60,7 +60,7 @@ def report(
     allow_code: AllowCode = False,
     log_dir: LogDir = None,
 ) -> None:
-    """Write report.html for a run (default: the newest one), for two runs beside each other, a campaign or a sweep."""
+    """Write report.html for a run (default: the newest), two runs side by side, a campaign, a sweep or a search."""
     require("a report")
     if figures:
         require("--figures")
@@ -90,11 +90,15 @@ def _of_trials(
     from wayfarer.experiments.report.campaign import write_report
     from wayfarer.experiments.report.sweep import write_sweep_report
     from wayfarer.experiments.report.sweep_results import is_sweep
+    from wayfarer.experiments.report.tune import is_tuned, write_tune_report
     from wayfarer.fieldlog.fields import escape_control_chars
 
     if is_sweep(folder):
         _refuse(figures)
         return write_sweep_report(folder, out)
+    if is_tuned(folder):
+        _refuse(figures)
+        return write_tune_report(folder, out)
     if figures:
         from wayfarer.experiments.report.load_results import read_results
         from wayfarer.experiments.report.paper_figures import write_figures

@@ -8,7 +8,7 @@ whole layouts. Entrapment is rare: its interval is exact (Clopper and Pearson, B
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import NamedTuple
@@ -21,6 +21,7 @@ from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import Estimate, spread_of
 
 RESAMPLES = 4000
+MOST_DRAWN = 1_000_000  # clusters at a time, for the memory's sake
 TAIL = 0.025  # on either side of a 95 % interval
 
 PairKey = tuple[int, int]
@@ -95,17 +96,17 @@ def _compared(name: str, own: dict[PairKey, TrialRow], base: dict[PairKey, Trial
         name,
         len(rows),
         len({row.forest for row in rows}),
-        _gain(pairs, lambda row: 100.0 * (row.outcome in SUCCESSES)),
+        gain(pairs, lambda row: 100.0 * (row.outcome in SUCCESSES)),
         spread_of([spl for row in rows if (spl := row.counted_spl) is not None]).mean,
-        _gain(pairs, attrgetter("counted_spl")),
-        _gain(pairs, attrgetter("escape_path_m")),
+        gain(pairs, attrgetter("counted_spl")),
+        gain(pairs, attrgetter("escape_path_m")),
         _share(rows, "entrapped"),
         _share(rows, "left_bounds"),
         max(rows, key=lambda row: (row.outcome not in SUCCESSES, row.path_m or 0.0)),
     )
 
 
-def _gain(pairs: Sequence[tuple[TrialRow, TrialRow]], value: Callable[[TrialRow], float | None]) -> Difference | None:
+def gain(pairs: Iterable[tuple[TrialRow, TrialRow]], value: Callable[[TrialRow], float | None]) -> Difference | None:
     """Return the mean difference of a value over the pairs that have it on both sides; None where none has."""
     gains: dict[int, list[float]] = {}
     for own, other in pairs:
@@ -124,9 +125,11 @@ def cluster_bootstrap(clusters: Sequence[Sequence[float]], resamples: int = RESA
     counts = np.array([len(values) for values in clusters])
     draw = np.random.Generator(np.random.PCG64(0)).integers
     means = np.empty(resamples)
-    for index in range(resamples):
-        drawn = draw(len(clusters), size=len(clusters))
-        means[index] = sums[drawn].sum() / counts[drawn].sum()
+    together = max(1, MOST_DRAWN // len(clusters))
+    for first in range(0, resamples, together):
+        part = means[first : first + together]
+        drawn = draw(len(clusters), size=(len(part), len(clusters)))
+        part[:] = sums[drawn].sum(axis=1) / counts[drawn].sum(axis=1)
     low, high = np.quantile(means, (TAIL, 1.0 - TAIL)).tolist()
     one_sided = 1 + min(np.count_nonzero(means <= 0.0), np.count_nonzero(means >= 0.0))
     p = min(1.0, 2.0 * float(one_sided) / (resamples + 1))

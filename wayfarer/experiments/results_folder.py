@@ -1,12 +1,12 @@
 """The results folder of a campaign or a sweep: partial results that survive a crash, and the final files.
 
-``campaign.json`` or ``sweep.json`` is written first and says whose folder this is; ``forests.jsonl`` beside it is a
-copy of a campaign's forest file, if it has one, so that its trials can be run again, and ``runs.json`` says how they
-were made (``provenance``). While it runs, each finished trial
-is appended to ``trials.partial.csv`` in the order of completion, with a checksum. At the end ``trials.csv``, the same
-as ``trials.parquet``, and the ``summary.json`` of a campaign appear whole, and the partial file goes. A line that a
-crash cut short has no newline; resuming drops it and runs that trial again. A line that was changed is refused: it
-would end in the tables without a sign.
+``campaign.json``, ``sweep.json`` or ``search.json`` is written first and says whose folder this is; ``forests.jsonl``
+beside it is a copy of a campaign's forest file, if it has one, so that its trials can be run again, and ``runs.json``
+says how they were made (``provenance``). While it runs, each finished trial is appended to ``trials.partial.csv`` in
+the order of completion, with a checksum. At the end ``trials.csv``, the same as ``trials.parquet``, and the
+``summary.json`` of a campaign appear whole, and the partial file goes. A line that a crash cut short has no newline;
+resuming drops it and runs that trial again. A line that was changed is refused: it would end in the tables without a
+sign.
 
 The folder may have come from somebody else: only ordinary files are read, and nothing is written through a symlink.
 """
@@ -35,6 +35,7 @@ SETTINGS = "campaign.json"
 SWEEP_SETTINGS = "sweep.json"
 FORESTS = "forests.jsonl"
 PARTIAL = "trials.partial.csv"
+SEARCHED = "search.csv"  # the same of a search, which runs no fixed set of trials, and so has no final table
 TRIALS = "trials.csv"
 PARQUET = "trials.parquet"
 SUMMARY = "summary.json"
@@ -151,9 +152,9 @@ class ResultsFolder:
         """Return the trials of the final table, or those of a campaign that is not finished, which takes more."""
         if self.complete:
             return self._open.enter_context(finished_trials(self.path, self._settings))
-        file = self._open.enter_context(open_to_append(self.path / PARTIAL))
-        columns = partial_columns(self._settings)
-        return TrialStore(file, tasks_of(self._settings), columns, str(self.path / PARTIAL))
+        path = self.path / (SEARCHED if kind_of(self._settings) == "search" else PARTIAL)
+        file = self._open.enter_context(open_to_append(path))
+        return TrialStore(file, tasks_of(self._settings), partial_columns(self._settings), str(path))
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -217,14 +218,15 @@ def _json(value: Mapping[str, Any]) -> bytes:
 
 
 def kind_of(settings: Mapping[str, Any]) -> str:
-    """Return ``sweep`` or ``campaign``: what has these settings, and how errors and the settings' file call it."""
-    return "sweep" if "axes" in settings else "campaign"
+    """Return ``sweep``, ``search`` or ``campaign``: what has these settings, as errors and their file call it."""
+    return "sweep" if "axes" in settings else "search" if "space" in settings else "campaign"
 
 
 def tasks_of(settings: Mapping[str, Any]) -> Tasks:
     """Return every trial of the campaign or sweep that has these settings."""
     campaign = settings.get("campaign", settings)
-    return Tasks(campaign["algorithms"], campaign["trials"], len(swept_values(settings)))
+    points = settings["points"] if kind_of(settings) == "search" else len(swept_values(settings))
+    return Tasks(campaign["algorithms"], campaign["trials"], points)
 
 
 def swept_values(settings: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -255,9 +257,10 @@ def _refuse_another(path: Path, settings: Mapping[str, Any]) -> None:
 
 
 def _by_name(settings: dict[str, Any]) -> dict[str, Any]:
-    """Return settings by their dotted names, those of a sweep's axes by the number of the axis too.
+    """Return settings by their dotted names, those of a sweep's axes, or a search's ranges, by their numbers too.
 
     Of a version only the release counts: a commit between two releases does not end a campaign.
     """
-    named = flat(settings | {"axes": dict(enumerate(settings.get("axes", ()), start=1))})
+    numbered = {name: dict(enumerate(settings.get(name, ()), start=1)) for name in ("axes", "space")}
+    named = flat(settings | numbered)
     return named | {name: str(named[name]).partition("+")[0] for name in VERSIONS & named.keys()}

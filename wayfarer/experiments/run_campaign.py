@@ -18,7 +18,7 @@ from tempfile import TemporaryFile
 from typing import Any, NamedTuple
 
 from wayfarer.errors import WayfarerError
-from wayfarer.experiments.campaign import Plan
+from wayfarer.experiments.campaign import Plan, Tasks
 from wayfarer.experiments.executors import Done, MakeExecutor, RunTrial, Stopped, TrialRunner, field_trial, stream
 from wayfarer.experiments.results_folder import ResultsFolder, swept_values, tasks_of
 from wayfarer.experiments.rows import TrialRow, rounded_values
@@ -112,10 +112,33 @@ def run(
     Raises:
         WayfarerError: a worker died, or the folder cannot be written any more; finished trials are kept.
     """
-    began, ticks = os.times(), 0
-    with _kept(plan, folder) as kept, stop_on_signals() as stop:
-        todo = kept.missing()
+    with _kept(plan, folder) as kept:
         keep = folder.append if folder else kept.append
+        todo = kept.missing()
+        effort = run_tasks(plan, todo, keep, kept, jobs=jobs, progress=progress, executor=executor, run_trial=run_trial)
+        return _summed_up(plan, kept, folder, effort)
+
+
+def run_tasks(
+    plan: Plan,
+    todo: Tasks,
+    keep: Callable[[TrialRow], object],
+    kept: Sized,
+    *,
+    jobs: int = 1,
+    progress: Callable[[Done], object] | None = None,
+    executor: MakeExecutor | None = None,
+    run_trial: RunTrial = field_trial,
+) -> ComputeCost:
+    """Run these trials of a plan, as ``run`` does, and give each that is done to ``keep``; ``kept`` counts them.
+
+    Where a signal asked it to stop, some are not done.
+
+    Raises:
+        WayfarerError: a worker died.
+    """
+    began, ticks = os.times(), 0
+    with stop_on_signals() as stop:
         finished = stream(TrialRunner(plan, run_trial).run, todo, jobs, stop, executor)
         with suppress(Stopped), _worker_death_explained(kept, stop), closing(finished):
             for done in finished:
@@ -123,8 +146,7 @@ def run(
                 ticks += done.row.ticks or 0
                 if progress:
                     progress(done)
-        effort = _effort(began, ticks, elsewhere=executor is not None)
-        return _summed_up(plan, kept, folder, effort)
+    return _effort(began, ticks, elsewhere=executor is not None)
 
 
 @contextmanager

@@ -62,7 +62,7 @@ def run_all(
         make_empty_folder(log, "the log")
         run_trial = partial(logged_trial, log)
     with (
-        _connected(cluster) as workers,
+        connected(cluster) as workers,
         ResultsFolder(out, campaign.settings(), resume=resume, command=command) if out else nullcontext() as folder,
     ):
         if folder and forests:
@@ -177,12 +177,17 @@ def film_alone(
     return code
 
 
-def _connected(cluster: str | None) -> AbstractContextManager[Cluster | None]:
+def connected(cluster: str | None) -> AbstractContextManager[Cluster | None]:
+    """Connect to a Dask scheduler, where its address is given.
+
+    Raises:
+        BadInput: no scheduler answers there, it has no workers, or one of them runs another version.
+    """
     if cluster is None:
         return nullcontext()
-    from wayfarer.experiments.dask_cluster import connected
+    from wayfarer.experiments import dask_cluster
 
-    return connected(cluster)
+    return dask_cluster.connected(cluster)
 
 
 def _effort(finished: CampaignRun) -> str:

@@ -245,7 +245,7 @@ def laid_over_campaign(campaign: Campaign, values: Mapping[str, Value]) -> Campa
     physics = validated(Physics, asdict(campaign.physics) | _under(WORLD, PHYSICS, values), WORLD)
     rover = campaign.rover
     if of_rover := _of_rover(values):
-        rover = laid_over(rover, _nested(of_rover))
+        rover = laid_over(rover, nested(of_rover))
     terrains = campaign.terrains and campaign.terrains._replace(
         **{
             name: parse_range(WORLD + name, str(value), getattr(BOUNDS, name))
@@ -267,7 +267,7 @@ def _of_rover(values: Mapping[str, Value]) -> dict[str, Value]:
     return plain
 
 
-def _nested(values: Mapping[str, Value]) -> dict[str, Any]:
+def nested(values: Mapping[str, Value]) -> dict[str, Any]:
     """Return tables within tables, from dotted keys."""
     table: dict[str, Any] = {}
     for dotted, value in values.items():

@@ -1,0 +1,99 @@
+"""``wayfarer tune``: a search for better settings of a rover."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from wayfarer.cli import trial_options as options
+from wayfarer.cli.options import AlgorithmOption, AsJson, check_together, command_line, examples
+from wayfarer.cli.sim import ClusterAddress, GroundOption, SiteOption, SlopeDeg, SlopeDirectionDeg
+from wayfarer.cli.trial_options import RUNNING
+from wayfarer.extras import require
+
+EXAMPLES = examples(
+    "wayfarer tune --out tuned",
+    "wayfarer tune --out tuned --resume",
+    "wayfarer tune --rover forestrover --forests reference --ground leaf-litter --slip-mean-m 2 --out litter",
+    "wayfarer tune --site dense-obstruction --rover minirover --objective time --out clutter",
+    "wayfarer tune --search escape.turn_angle_deg=10:90 --search escape.back_off_m=0.05:0.5:log --points 40 --out two",
+    "wayfarer sim --rover tuned/tuned.toml --forests tuned/held-out/light/tuned/forests.jsonl --trials 400",
+)
+CONFIRMING = "Confirming"
+
+Search = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="KEY=LOW:HIGH[:log]",
+        help="A number of the rover file and its bounds; several times for several keys. "
+        "(default: turn angle, back-off, probe, reset and stall detection around their present values)",
+    ),
+]
+Out = Annotated[Path, typer.Option(metavar="DIR", help="New or empty folder for the results.", rich_help_panel=RUNNING)]
+
+
+def tune(
+    ctx: typer.Context,
+    *,
+    out: Out,
+    search: Search = None,
+    objective: Annotated[
+        Literal["spl", "time", "anomalies"] | None,
+        typer.Option(help="What to make better. (default: spl; at a site time)"),
+    ] = None,
+    points: Annotated[int, typer.Option(min=1, max=10_000, metavar="N", help="Number of settings to try.")] = 96,
+    trials: Annotated[
+        int, typer.Option(min=2, max=100_000, metavar="N", help="Trials of each of them, all on the same forests.")
+    ] = 200,
+    algorithm: AlgorithmOption = "forest-pledge",
+    rover: options.RoverName = "sim",
+    forests: options.Forests = None,
+    site: SiteOption = None,
+    ground: GroundOption = "ideal",
+    slope_deg: SlopeDeg = None,
+    slope_direction_deg: SlopeDirectionDeg = None,
+    slip_mean_m: options.SlipMeanM = 10.0,
+    budget_m: options.BudgetM = 1000.0,
+    senses: options.SensesOption = "ideal",
+    seed: options.Seed = 0,
+    confirm_trials: Annotated[
+        int,
+        typer.Option(
+            min=2, max=100_000, metavar="N", rich_help_panel=CONFIRMING,
+            help="Trials of the present and of the best settings on held-out forests.",
+        ),
+    ] = 400,
+    confirm_mujoco: Annotated[
+        int,
+        typer.Option(
+            min=0, max=100_000, metavar="N", rich_help_panel=CONFIRMING,
+            help="The same in MuJoCo, for a rover with a chassis; 0 for none. A trial takes seconds.",
+        ),
+    ] = 40,
+    jobs: options.Jobs = None,
+    cluster: ClusterAddress = None,
+    resume: options.Resume = False,
+    as_json: AsJson = False,
+) -> None:  # fmt: skip
+    """Search for better settings of a rover, and confirm the best ones on forests that the search never saw."""
+    check_together(ctx, excludes=(("site", "forests"), ("jobs", "cluster")))
+    for needed in ("sweeping", "comparing", "a report", "tuning", *(["a cluster"] if cluster is not None else [])):
+        require(needed)
+    from wayfarer.experiments import commands
+    from wayfarer.experiments.make_campaign import make_campaign
+    from wayfarer.experiments.tuning.command import HeldOutTrials, run_all
+    from wayfarer.experiments.tuning.make_plan import make_plan
+
+    campaign = make_campaign(
+        algorithm, rover=rover, forests=forests, senses=senses, site=site, trials=trials, seed=seed,
+        slip_mean_m=slip_mean_m, budget_m=budget_m, ground=ground,
+        slopes=commands.slopes({"slope_deg": slope_deg, "slope_direction_deg": slope_direction_deg}),
+    )  # fmt: skip
+    plan = make_plan(campaign, search or [], objective or ("spl" if site is None else "time"), points)
+    code = run_all(
+        plan, rover, HeldOutTrials(confirm_trials, confirm_mujoco), out, resume=resume, jobs=jobs, cluster=cluster,
+        as_json=as_json, command=command_line(ctx),
+    )  # fmt: skip
+    raise typer.Exit(code)
