@@ -14,7 +14,10 @@ from benchmarks.other_hand import Contact
 from wayfarer.experiments.statistics import Estimate
 
 HEADER = ("contact", "contacts", "the other hand costs, m [95 %]", "it is better in", "told in advance, it saves, m")
-KNOWN = ("offset_m", "ahead_m", "wall_m", "wall_deg", "counter_deg", "last_counter_deg", "contacts")
+KNOWN = (
+    "offset_m", "ahead_m", "bearing_deg", "wall_m", "wall_deg", "driven_m", "counter_deg", "last_counter_deg",
+    "episodes", "slips",
+)  # fmt: skip
 LEAVES, FOLDS, RESAMPLES = 8, 10, 1000
 
 KINDS: dict[str, Callable[[Contact], bool]] = {

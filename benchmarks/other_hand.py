@@ -14,6 +14,7 @@ from math import atan2, degrees, hypot
 from random import Random
 from typing import NamedTuple
 
+from wayfarer.angles import wrap180
 from wayfarer.config.rover_file import load_rover
 from wayfarer.control.run_log import PartialLog
 from wayfarer.escape.api import EscapeSettings, Observation, Vehicle
@@ -33,10 +34,11 @@ SHARE = 0.25  # of the contacts after the first wall at which the trial forks
 class Contact(NamedTuple):
     """What the rover knew at a contact; sides are positive on the side of its hand.
 
-    ``offset_m`` is dead reckoning to the side of the line from the start to the goal; ``wall_m`` and ``wall_deg`` the
-    distance and direction from the first contact of the episode, 0 along the goal heading and 180 back; of the episode
-    before where this contact begins one. ``counter_deg`` is C, ``last_counter_deg`` the most that it was in the episode
-    before. ``cost_m`` is how much longer the whole path was with the other hand.
+    ``offset_m`` is dead reckoning to the side of the line from the start to the goal, ``bearing_deg`` the heading from
+    that line. ``wall_m`` and ``wall_deg`` are the distance and direction from the first contact of the episode, 0 along
+    the goal heading and 180 back, ``driven_m`` what was commanded since then; of the episode before where this contact
+    begins one. ``counter_deg`` is C, ``last_counter_deg`` the most that it was in the episode before. ``slips`` counts
+    anomalies at which the nose stayed level. ``cost_m`` is how much longer the whole path was with the other hand.
     """
 
     layout: int
@@ -44,11 +46,14 @@ class Contact(NamedTuple):
     new_episode: bool
     offset_m: float
     ahead_m: float
+    bearing_deg: float
     wall_m: float
     wall_deg: float
+    driven_m: float
     counter_deg: float
     last_counter_deg: float
-    contacts: int
+    episodes: int
+    slips: int
     cost_m: float = 0.0
 
 
@@ -88,22 +93,26 @@ class ForkingHandler(PhasedHandler):
         """Forget the episode as well."""
         super().reset()
         self._first = self._last = (0.0, 0.0)  # contacts of the episode: ahead, right, metres
-        self._most_deg = self._last_most_deg = 0.0
+        self._most_deg = self._last_most_deg = self._first_m = 0.0
+        self._slips = 0
 
     def _plan(self, observation: Observation, *, new_episode: bool) -> None:
         super()._plan(observation, new_episode=new_episode)
         here = (self._reckoning.ahead_m, self._reckoning.right_m)
-        if self._reckoning.risen_deg >= NOSE_UP_DEG and not self._blocked_turns:
-            self._fork(here, new_episode=new_episode)
+        trunk = self._reckoning.risen_deg >= NOSE_UP_DEG
+        self._slips += not trunk
+        if trunk and not self._blocked_turns:
+            self._fork(here, observation, new_episode=new_episode)
         if new_episode:
-            self._first, self._last_most_deg, self._most_deg = here, self._most_deg, 0.0
+            self._first, self._first_m = here, observation.travelled_m
+            self._last_most_deg, self._most_deg = self._most_deg, 0.0
         self._last = here
         self._most_deg = max(self._most_deg, self._escape_plan.counter_deg * self._side)
 
-    def _fork(self, here: tuple[float, float], *, new_episode: bool) -> None:
+    def _fork(self, here: tuple[float, float], observation: Observation, *, new_episode: bool) -> None:
         if _fork.answer is not None or (_fork.contacts and _fork.chance.random() > SHARE):
             return
-        contact = self._contact(here, new_episode=new_episode)
+        contact = self._contact(here, observation, new_episode=new_episode)
         path_m = _fork.path_with_the_other_hand_m()
         if path_m is not None:
             _fork.contacts.append(contact)
@@ -113,14 +122,24 @@ class ForkingHandler(PhasedHandler):
             if not new_episode:
                 self._escape_plan.turn_deg = TURN_BACK_DEG
 
-    def _contact(self, here: tuple[float, float], *, new_episode: bool) -> Contact:
+    def _contact(self, here: tuple[float, float], observation: Observation, *, new_episode: bool) -> Contact:
         hand, (ahead_m, right_m) = self._side, self._last if new_episode else here
         along_m, across_m = ahead_m - self._first[0], (right_m - self._first[1]) * hand
         return Contact(
-            _fork.layout, not _fork.contacts, new_episode, here[1] * hand, here[0], hypot(along_m, across_m),
-            degrees(atan2(across_m, along_m)), self._escape_plan.counter_deg * hand,
-            self._most_deg if new_episode else self._last_most_deg, self._episodes,
-        )  # fmt: skip
+            layout=_fork.layout,
+            first_wall=new_episode and not _fork.contacts,
+            new_episode=new_episode,
+            offset_m=here[1] * hand,
+            ahead_m=here[0],
+            bearing_deg=wrap180(observation.heading_deg - observation.goal_heading_deg) * hand,
+            wall_m=hypot(along_m, across_m),
+            wall_deg=degrees(atan2(across_m, along_m)),
+            driven_m=observation.travelled_m - self._first_m,
+            counter_deg=self._escape_plan.counter_deg * hand,
+            last_counter_deg=self._most_deg if new_episode else self._last_most_deg,
+            episodes=self._episodes,
+            slips=self._slips,
+        )
 
 
 _fork = Fork(0, 1, 1, Random(0))
