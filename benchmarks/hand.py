@@ -65,13 +65,18 @@ def by_layout(contacts: Sequence[Contact], values: NDArray[np.float64]) -> Estim
 
 
 def tree_lines(contacts: Sequence[Contact]) -> Iterator[str]:
-    """Yield, for each kind of contact, how a tree does on layouts that it was not learnt from, and the tree itself."""
+    """Yield, for each kind of contact, how a tree does on layouts that it was not learnt from, and the tree itself.
+
+    A kind with contacts in fewer than ``FOLDS`` layouts has none.
+    """
     for name, belongs in KINDS.items():
         group = [contact for contact in contacts if belongs(contact)]
+        layouts = [contact.layout for contact in group]
+        if len(set(layouts)) < FOLDS:
+            continue
         known = np.array([[getattr(contact, key) for key in KNOWN] for contact in group])
         costs_m = np.array([contact.cost_m for contact in group])
         tree = DecisionTreeRegressor(max_leaf_nodes=LEAVES, min_samples_leaf=max(2, len(group) // 25), random_state=0)
-        layouts = [contact.layout for contact in group]
         said_m = cross_val_predict(tree, known, costs_m, groups=layouts, cv=GroupKFold(FOLDS))
         gain_m = by_layout(group, np.where(said_m < 0.0, -costs_m, 0.0))
         yield (

@@ -1,4 +1,4 @@
-"""Trials that go on twice from a contact."""
+"""Trials that go on twice from a contact, and what is learnt from them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from itertools import islice
 
 import pytest
 
-from benchmarks.other_hand import contacts
+from benchmarks import hand
+from benchmarks.other_hand import Contact, contacts
 
 pytestmark = [
     pytest.mark.process,
@@ -25,3 +26,18 @@ def test_child_with_the_other_hand_drives_another_path() -> None:
     first = next(contacts(1))
     assert first.first_wall
     assert abs(first.cost_m) > 5.0
+
+
+def test_tree_finds_a_hand_that_can_be_told() -> None:
+    nothing = Contact(0, True, True, *[0.0] * 8, 1, 0)
+    told = [
+        nothing._replace(layout=layout, offset_m=side * (1.0 + layout), cost_m=-9.0 * side)
+        for layout in range(20)
+        for side in (1, -1)
+    ]
+    (row,) = list(hand.rows(told))[:1]
+    assert row[:2] == ("first wall", "40")
+    assert row[3:] == ("50 %", "4.5")
+    found = next(hand.tree_lines(told))
+    assert "AUC 1.00" in found
+    assert "gain +4.50" in found
