@@ -4,7 +4,8 @@ With ``daemon`` only those of ``wayfarer run --sim``, with ``log`` only those of
 trial costs in units that hold on any computer; with ``profile``, where the time of a control tick goes; with ``soak``,
 whether anything grows in a simulated day full of faults; with ``missions``, in a thousand missions of one daemon; with
 ``campaign``, the memory of a small and of a large one; with ``gps``, how near dead reckoning is to the true way, before
-and after a report lays it onto the receiver's fixes; with ``detector``, how well each anomaly is noticed.
+and after a report lays it onto the receiver's fixes; with ``detector``, how well each anomaly is noticed; with
+``hand``, what turning to the other side at a contact would have cost.
 """
 
 from __future__ import annotations
@@ -25,13 +26,17 @@ from wayfarer.config.rover_file import load_rover
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    kinds = ("figures", "trial", "profile", "daemon", "log", "soak", "missions", "campaign", "gps", "detector")
+    kinds = ("figures", "trial", "profile", "daemon", "log", "soak", "missions", "campaign", "gps", "detector", "hand")
     parser.add_argument("what", nargs="?", choices=kinds, default="figures")
     parser.add_argument("--quick", action="store_true", help="fewer trials and runs: half a minute")
     parser.add_argument("--hours", type=float, default=24.0, help="of the soak, simulated")
     parser.add_argument("--missions", type=int, default=1000, help="in one daemon")
     parser.add_argument("--idle-s", type=float, default=1.0, help="disarmed after each mission, simulated")
-    parser.add_argument("--trials", type=int, help="of the large campaign (20,000); of each case of the detector (60)")
+    parser.add_argument(
+        "--trials",
+        type=int,
+        help="of the large campaign (20,000), each case of the detector (60), each hand (250)",
+    )
     parser.add_argument("--rover", default="sim", help="whose detector")
     parser.add_argument("--mujoco", action="store_true", help="measure the detector on grounds of five frictions")
     asked = parser.parse_args()
@@ -57,10 +62,21 @@ def main() -> None:
             (detector.MUJOCO_HEADER, detector.MUJOCO_CASES) if asked.mujoco else (detector.HEADER, detector.CASES)
         )
         print_table(header, detector.rows(load_rover(asked.rover), cases, asked.trials or 60))
+    elif asked.what == "hand":
+        _print_hand(asked.trials or 250)
     elif asked.what == "log":
         print_table(HEADER, [figure.row() for figure in _log(asked.quick)])
     else:
         print_table(HEADER, [figure.row() for figure in _figures(asked.quick)])
+
+
+def _print_hand(trials: int) -> None:
+    from benchmarks import hand, other_hand  # scikit-learn: no other figure needs it
+
+    contacts = list(other_hand.contacts(trials))
+    print_table(hand.HEADER, hand.rows(contacts))
+    for line in hand.tree_lines(contacts):
+        print(line)
 
 
 def _figures(quick: bool) -> list[Figure]:
