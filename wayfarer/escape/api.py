@@ -15,7 +15,7 @@ from typing import Annotated, NamedTuple, Protocol, runtime_checkable
 from annotated_types import Interval
 
 from wayfarer.hal import ContactReading, WheelCommand
-from wayfarer.setting_ranges import Degrees, DegreesPerSecond, Gain, Metres, MetresPerSecond
+from wayfarer.setting_ranges import Degrees, DegreesPerSecond, Fraction, Gain, Metres, MetresPerSecond
 
 
 class Anomaly(Enum):
@@ -252,6 +252,16 @@ class EscapeSettings:
     """Its derivative gain: deg/s per deg/s of error."""
     pivot_beyond_deg: Degrees = 60.0
     """A heading that is further from the goal after a half turn's time makes the rover back off."""
+    memory_reach_widths: Gain = 3.0
+    """Memory-Pledge: a trunk is assumed to go on so far beyond its contacts, in widths of the body."""
+    memory_link_widths: Gain = 6.0
+    """Memory-Pledge: two contacts that are so near to each other are of one trunk, in widths of the body."""
+    memory_retry_back_off: Fraction = 0.35
+    """Memory-Pledge: share of ``back_off_m`` before a second try, where the wheels may only have slipped."""
+    memory_contacts: Annotated[float, Interval(ge=1, le=1e4)] = 60.0
+    """Memory-Pledge: contacts without progress before Pledge drives for the first time."""
+    memory_forget_m: Metres = 200.0
+    """Memory-Pledge: a trunk is forgotten after so much path since its latest contact."""
 
     def __post_init__(self) -> None:
         if self.levy_stride_min_m > self.levy_stride_max_m or self.levy_turn_min_deg > self.levy_turn_max_deg:

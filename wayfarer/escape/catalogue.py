@@ -15,6 +15,7 @@ from random import Random
 from wayfarer.escape import policies
 from wayfarer.escape.api import EscapeHandler, EscapeSettings, Vehicle
 from wayfarer.escape.handler import AlgorithmSpec, PhasedHandler
+from wayfarer.escape.memory.handler import MemoryHandler
 from wayfarer.escape.phases import PLEDGE, STRIDES
 from wayfarer.escape.tactics import LoopGuard, PlanScaling, RetryAhead, Tactic, nose_level, on_the_way
 
@@ -116,6 +117,12 @@ _TIGHT = partial(PlanScaling, straight=0.5, radius=0.61)
 _BRISK = partial(PlanScaling, turn=1.33, straight=0.5, radius=1.17)
 
 _ROWS_BEYOND = (
+    Algorithm(
+        "memory-pledge",
+        "pledge",
+        "remembers where it was stopped and plans a way around it; Pledge where no plan helps",
+        MemoryHandler,
+    ),
     _forest_pledge_with(
         "retrying-pledge",
         "Forest-Pledge with turns of 40 degrees that first retries straight ahead",
@@ -136,9 +143,6 @@ _ROWS_BEYOND = (
     ),
 )
 
-from wayfarer.escape.memory.handler import MemoryHandler  # noqa: E402
-
-_ROWS_BEYOND = (*_ROWS_BEYOND, Algorithm("memory-pledge", "memory", "remembers", MemoryHandler))
 CATALOGUE: Mapping[str, Algorithm] = {row.name: row for row in _ROWS}
 """The ten of the paper."""
 BEYOND_THE_PAPER: Mapping[str, Algorithm] = {row.name: row for row in _ROWS_BEYOND}

@@ -44,7 +44,6 @@ class AlgorithmSpec:
     resets: bool = False
     keeps_side: bool = False
     tactics: tuple[Callable[[], Tactic], ...] = ()
-    reckons: bool = False
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -60,8 +59,7 @@ class PhasedHandler:
         self._manoeuvres = {kind.phase: kind(settings, self._turns, self._escape_plan) for kind in MANOEUVRES}
         self._tactics = tuple(make() for make in spec.tactics)
         self._reckoning = Reckoning(settings.cruise_m_s)
-        self._reckons = bool(spec.tactics) or spec.reckons
-        self._spec_transitions = spec.transitions
+        self._transitions = spec.transitions
         self.reset()
 
     def reset(self) -> None:
@@ -92,7 +90,7 @@ class PhasedHandler:
             self._turns.begin_manoeuvre()
             self._manoeuvre.begin(observation)
         manoeuvre = self._manoeuvre
-        if self._reckons:
+        if self._tactics:
             self._reckoning.follow(observation, manoeuvre.phase)
             observation = self._aim(observation)
         event = (
@@ -103,10 +101,11 @@ class PhasedHandler:
         if event is None:
             return Decision(manoeuvre.wheels(observation), manoeuvre.phase, self._phase_name)
         why = WHY[manoeuvre.phase, event]
-        self._enter(self._spec_transitions[manoeuvre.phase, event], event, observation)
+        self._enter(self._transitions[manoeuvre.phase, event], event, observation)
         return Decision(self._manoeuvre.wheels(observation), self._manoeuvre.phase, why)
 
     def _aim(self, observation: Observation) -> Observation:
+        """Return what the manoeuvres see; an algorithm that plans has another heading as their goal."""
         return observation
 
     def memory(self) -> Mapping[str, float | str]:
@@ -131,8 +130,8 @@ class PhasedHandler:
         if phase is Phase.FOLLOW:
             self._followed_from_m = observation.travelled_m
         elif phase is Phase.BACK_OFF:
-            if self._reckons and left is not Phase.TURN_AWAY:
-                self._reckoning.take_back_stall(observation)
+            if self._tactics and left is not Phase.TURN_AWAY:
+                self._reckoning.take_back_stall()
             self._plan(observation, new_episode=left is Phase.FOLLOW)
         self._manoeuvre = self._manoeuvres[phase]
         self._phase_name = phase.value

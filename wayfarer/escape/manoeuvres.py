@@ -44,6 +44,7 @@ class EscapePlan:
 
 
 _NOTHING: Final[frozenset[Anomaly]] = frozenset()
+_LIFTED_BEHIND: Final = frozenset({Anomaly.NOSE_DOWN})
 
 
 class Manoeuvre(ABC):
@@ -87,6 +88,14 @@ class Manoeuvre(ABC):
         self._known &= frozenset(observation.anomalies)
         return tuple(anomaly for anomaly in observation.anomalies if anomaly not in self._known)
 
+    def _drive_ahead(self, observation: Observation) -> None:
+        """Begin to drive ahead: a nose that is down already was lifted from behind, and driving ahead frees the body."""
+        self._known = frozenset(observation.anomalies) & _LIFTED_BEHIND
+
+    def _met(self, observation: Observation) -> bool:
+        """Return whether something new stops the drive ahead."""
+        return bool(self._fresh(observation)) and _ahead(observation)
+
 
 def _ahead(observation: Observation) -> bool:
     """Return whether an anomaly concerns driving ahead: a touch only at the rear, left from backing off, does not."""
@@ -112,10 +121,11 @@ class Follow(Manoeuvre):
 
     def begin(self, observation: Observation) -> None:
         self._hold.reset()
+        self._drive_ahead(observation)
         self._bound(observation, self._pivot_s)
 
     def event(self, observation: Observation) -> PhaseEvent | None:
-        if observation.anomalies and _ahead(observation):
+        if self._met(observation):
             return PhaseEvent.ANOMALY
         if self._turns.stands:
             return PhaseEvent.EXHAUSTED
@@ -229,13 +239,14 @@ class Probe(Manoeuvre):
 
     def begin(self, observation: Observation) -> None:
         escape_plan = self._escape_plan
+        self._drive_ahead(observation)
         self._heading_deg = observation.heading_deg + escape_plan.unturned_deg
         self._curve_from_m = observation.covered_m + escape_plan.straight_m
         distance_m = escape_plan.straight_m + radians(abs(escape_plan.counter_deg)) * escape_plan.radius_m
         self._bound(observation, distance_m / self._curve_speed_m_s(), distance_m)
 
     def event(self, observation: Observation) -> PhaseEvent | None:
-        if observation.anomalies and _ahead(observation):
+        if self._met(observation):
             return PhaseEvent.ANOMALY
         escape_plan = self._escape_plan
         if escape_plan.counter_deg * escape_plan.side <= 0.0:
@@ -279,12 +290,13 @@ class Stride(Manoeuvre):
     def begin(self, observation: Observation) -> None:
         stride_m = self._escape_plan.stride_m
         self._hold.reset()
+        self._drive_ahead(observation)
         self._heading_deg = observation.heading_deg
         self._until_m = observation.covered_m + stride_m
         self._bound(observation, stride_m / self._settings.cruise_m_s, stride_m)
 
     def event(self, observation: Observation) -> PhaseEvent | None:
-        if observation.anomalies and _ahead(observation):
+        if self._met(observation):
             return PhaseEvent.ANOMALY
         if observation.covered_m >= self._until_m:
             return PhaseEvent.DONE

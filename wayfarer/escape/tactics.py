@@ -62,10 +62,13 @@ class Reckoning:
         self._ground_deg += (observation.pitch_deg - self._ground_deg) * share
         self.risen_deg = observation.pitch_deg - self._ground_deg
 
-    def take_back_stall(self, observation: Observation) -> None:
+    def take_back_stall(self) -> None:
         """Subtract the distance commanded during a stall, if no motion sensor measured the distance."""
-        if observation.measured_m is None and observation.north_m is None and Anomaly.IMMOBILISED in observation.anomalies:
-            self._move(observation, -self._stall_m)
+        last = self._last
+        if last is None or last.measured_m is not None or last.north_m is not None:
+            return
+        if Anomaly.IMMOBILISED in last.anomalies:
+            self._move(last, -self._stall_m)
 
     def _move(self, observation: Observation, forward_m: float) -> None:
         ahead_m, right_m = displacement_m(observation.heading_deg - observation.goal_heading_deg, forward_m)

@@ -1,204 +1,161 @@
-"""The handler that remembers contacts and plans around them; Pledge is its fallback."""
+"""The handler of Memory-Pledge: the phases of all algorithms, with a planned heading in the place of the goal's."""
 
 from __future__ import annotations
 
-import os
-from collections import deque
+from functools import partial
 from math import atan2, cos, degrees, hypot, radians, sin
 from random import Random
 from typing import Final
 
 from wayfarer.angles import wrap180
 from wayfarer.escape import policies
-from wayfarer.escape.api import Decision, EscapeSettings, Observation, Phase, Vehicle
+from wayfarer.escape.api import ContactMap, EscapeSettings, Observation, Phase, Vehicle
 from wayfarer.escape.handler import AlgorithmSpec, PhasedHandler
-from wayfarer.escape.memory.contact_map import ContactMap
-from wayfarer.escape.memory.route import plan
-from wayfarer.escape.memory.trunks import Point
-from wayfarer.escape.phases import PLEDGE, PLANNED, PhaseEvent
+from wayfarer.escape.memory.fallback import Fallback
+from wayfarer.escape.memory.obstacle_map import ObstacleMap, Point
+from wayfarer.escape.memory.route import find_way
+from wayfarer.escape.memory.slip import SlipClassifier
+from wayfarer.escape.phases import PLANNED, PLEDGE
+from wayfarer.escape.tactics import PlanScaling
 
-P = {k[2:]: float(v) for k, v in os.environ.items() if k.startswith("M_")}
+# A waypoint is reached within this, in widths of the body.
+REACHED: Final = 0.4
+# The way is planned again after so much path, because the rover has left its line.
+PLAN_EVERY_M: Final = 1.0
+# What was driven over is looked at in pieces as long as this, in widths: shorter ones cannot cross a line clearly.
+SWEEP: Final = 2.0
+# After a turn that something stopped, the rover drives this far as it stands, in widths.
+SHORT_STRIDE: Final = 0.75
 
-
-def par(name: str, default: float) -> float:
-    return P.get(name, default)
+# Pledge as the fallback turns by 40 degrees, and probes after half the straight on a wider arc.
+_BRISK: Final = partial(PlanScaling, turn=1.33, straight=0.5, radius=1.17)
+_SPEC: Final = AlgorithmSpec(PLEDGE, policies.clockwise, policies.fixed_angle, keeps_side=True, tactics=(_BRISK,))
 
 
 class MemoryHandler(PhasedHandler):
-    """Decides one tick at a time; implements ``EscapeHandler``."""
+    """Decides one tick at a time; implements ``EscapeHandler`` and ``Remembers``."""
 
     def __init__(self, settings: EscapeSettings, vehicle: Vehicle, rng: Random) -> None:
-        body_m = vehicle.width_m
-        self._body_m = body_m
-        self._map = ContactMap(body_m)
-        spec = AlgorithmSpec(PLANNED, policies.clockwise, policies.fixed_angle, keeps_side=True, reckons=True)
-        super().__init__(spec, settings, vehicle, rng)
+        width_m = self._width_m = vehicle.width_m
+        self._map = ObstacleMap(
+            width_m, settings.memory_reach_widths, settings.memory_link_widths, settings.memory_forget_m
+        )
+        self._slips = SlipClassifier(width_m)
+        self._fallback = Fallback(width_m, settings.memory_contacts)
+        self.changes = 0
+        super().__init__(_SPEC, settings, vehicle, rng)
 
     def reset(self) -> None:
+        """Forget everything; see ``EscapeHandler``."""
         super().reset()
-        self._map.clear()
+        self._goal_deg: float | None = None
+        self._forget()
+
+    def _forget(self) -> None:
+        """Forget the map: its places are along a goal heading that is no longer."""
+        self._map.trunks = []
+        self._slips.reset()
+        self._fallback.reset()
+        self._transitions = PLANNED
         self._way: list[Point] = []
-        self._last_hand = 1.0
-        self._suspect_m = -1e9  # path at the last anomaly that may have been a slip
-        self._suspect: Point = (0.0, 0.0)
-        self._planned_m = 0.0
-        self._slips = self._walls = 0.0
-        self._pitches: deque[tuple[float, float]] = deque(maxlen=45)
-        self._best_ahead_m = 0.0
-        self._budget = par("budget", 60.0)
-        self._contacts = 0
-        self._stint = 0
-        self._crowded = False
-        self._met_m: deque[float] = deque(maxlen=int(par("crowd_n", 7)))
-        self._mode(str(int(par("cycle", 12)))[0])
-        self._plans = 0
+        self._path_m = self._planned_m = 0.0
+        self._swept: Point | None = None
+        self.changes += 1
+
+    def contact_map(self) -> ContactMap:
+        """Return what is remembered and planned; see ``Remembers``."""
+        trunks = []
+        for trunk in self._map.trunks:
+            points = self._map.line(trunk)
+            belief = self._map.belief(trunk, self._path_m)
+            for i in range(len(points) - 1):
+                trunks.append((*points[i], *points[i + 1], belief))
+        mode = "pledge" if self._fallback.pledge else "plan"
+        return ContactMap(*self._place(), tuple(trunks), tuple(self._way), mode)
 
     def _aim(self, observation: Observation) -> Observation:
-        """Return the observation with the heading of the way as its goal."""
-        reckoning = self._reckoning
-        a, r = reckoning.ahead_m, reckoning.right_m
-        self._keep_books(observation, a)
-        self._true_goal_deg = observation.goal_heading_deg
-        self._pitches.append((observation.t_s, observation.pitch_deg))
-        if observation.travelled_m - self._suspect_m > par("againm", 1.0) and self._suspect_m > -1e8:
-            self._suspect_m = -1e9
-            self._slips += 1.0
-        if self._pledge or not self._way:
+        """Return the observation with the heading of the way in the place of the goal heading."""
+        if self._goal_deg != observation.goal_heading_deg:
+            if self._goal_deg is not None:
+                self._forget()
+            self._goal_deg = observation.goal_heading_deg
+        self._path_m = observation.travelled_m
+        self._slips.follow(observation)
+        self._fallback.advance(self._reckoning.ahead_m)
+        self._sweep()
+        if self._fallback.pledge:
             return observation
-        if self._manoeuvre.phase is Phase.FOLLOW:
-            ta, tr = self._way[0]
-            near = hypot(ta - a, tr - r) < par("reach", 0.4) * self._body_m
-            if near or observation.travelled_m - self._planned_m > par("replan", 1.0):
-                if near:
-                    self._way = self._way[1:]
-                self._replan(observation)
-        return observation._replace(goal_heading_deg=self._heading_deg(observation))
-
-    def _heading_deg(self, observation: Observation) -> float:
+        if self._manoeuvre.phase is Phase.FOLLOW and self._way:
+            self._keep_way()
         if not self._way:
-            return observation.goal_heading_deg
-        reckoning = self._reckoning
-        ta, tr = self._way[0]
-        return (observation.goal_heading_deg + degrees(atan2(tr - reckoning.right_m, ta - reckoning.ahead_m))) % 360.0
+            return observation
+        return observation._replace(goal_heading_deg=(self._goal_deg + self._bearing_deg(self._place())) % 360.0)
 
-    def _replan(self, observation: Observation) -> None:
-        reckoning = self._reckoning
-        self._planned_m = observation.travelled_m
-        self._way, _ = plan(
-            (reckoning.ahead_m, reckoning.right_m), self._map.nodes(), self._map.barriers(), 2.0
-        )
-        self._plans += 1
+    def _keep_way(self) -> None:
+        """Plan again at a waypoint, and now and then on the way to it."""
+        (to_a, to_r), (a, r) = self._way[0], self._place()
+        if hypot(to_a - a, to_r - r) < REACHED * self._width_m or self._path_m - self._planned_m > PLAN_EVERY_M:
+            self._find_way((a, r))
 
-    def _keep_books(self, observation: Observation, a: float) -> None:
-        """Switch between plan and Pledge by their budgets."""
-        if a > self._best_ahead_m + 2.5 * self._body_m:
-            self._best_ahead_m = a
-            self._contacts = 0
-            if self._pledge and not self._crowded:
-                self._mode('1')
-            self._stint = 0
-            self._budget = par("budget", 60.0)
+    def _find_way(self, start: Point) -> None:
+        self._planned_m = self._path_m
+        way = find_way(start, self._map.waypoints(), self._map.barriers(self._path_m))
+        if way != self._way:
+            self._way = way
+            self.changes += 1
 
-    def _choose_by_crowd(self) -> None:
-        """Leave the wheels to Pledge where contacts are so close that there is nothing to plan with."""
-        met = self._met_m
-        if len(met) < met.maxlen:
-            return
-        per_contact = (met[-1] - met[0]) / (len(met) - 1) / self._body_m
-        if not self._crowded and per_contact < par("crowd_in", 2.5):
-            self._crowded = True
-            self._mode("2")
-            self._way = []
-        elif self._crowded and per_contact > par("crowd_out", 4.0):
-            self._crowded = False
-            self._mode("1")
+    def _bearing_deg(self, start: Point) -> float:
+        """Return the direction of the way at a place, degrees clockwise of the goal heading."""
+        if not self._way:
+            return 0.0
+        a, r = self._way[0]
+        return degrees(atan2(r - start[1], a - start[0]))
 
-    def _mode(self, digit: str) -> None:
-        self._pledge = digit != "1"
-        self._spec_transitions = PLEDGE if self._pledge else PLANNED
-        self._hand = -1 if digit in "35" else 1
-        self._escape_plan.resets = digit in "45"
-        self._resets = digit in "45"
-        self._escape_plan.counter_deg = 0.0
+    def _sweep(self) -> None:
+        """Free what was driven over."""
+        place = self._place()
+        if self._swept is None:
+            self._swept = place
+        elif hypot(place[0] - self._swept[0], place[1] - self._swept[1]) >= SWEEP * self._width_m:
+            if self._map.drive(self._swept, place):
+                self.changes += 1
+            self._swept = place
 
     def _plan(self, observation: Observation, *, new_episode: bool) -> None:
+        """Choose what to do about an anomaly: a second try, or a contact to remember and a way around it."""
         super()._plan(observation, new_episode=new_episode)
-        self._escape_plan.resets = self._resets
-        reckoning, escape_plan = self._reckoning, self._escape_plan
-        left = self._manoeuvre.phase
-        bearing = radians(observation.heading_deg - self._true_goal_deg)
-        place = (reckoning.ahead_m, reckoning.right_m)
-        slip = left is not Phase.TURN_AWAY and self._is_slip(observation, place)
-        if slip:
-            escape_plan.back_off_m *= par("slipback", 0.6)
+        if self._manoeuvre.phase is Phase.TURN_AWAY:
+            return  # something holds the body: turn to alternate sides, as the other algorithms do
+        assert self._goal_deg is not None
+        escape_plan, place = self._escape_plan, self._place()
+        bearing_deg = observation.heading_deg - self._goal_deg
+        if self._slips.is_slip(observation, place):
+            escape_plan.back_off_m *= self._settings.memory_retry_back_off
             escape_plan.turn_deg = 0.0
-            escape_plan.stride_m = 0.0
             return
-        self._contacts += 1
-        self._met_m.append(observation.travelled_m)
-        self._choose_by_crowd()
-        if self._contacts > self._budget and self._manoeuvre.phase is not Phase.TURN_AWAY:
-            self._stint += 1
-            cycle = str(int(par("cycle", 12)))
-            if self._stint % len(cycle) == 0:
-                self._budget *= par("double", 2.0)
-            self._contacts = 0
-            self._way = []
-            self._mode(cycle[self._stint % len(cycle)])
-        if self._pledge:
-            escape_plan.side = self._side = self._hand
-            too_often = self._blocked_turns - 2
-            if too_often >= 0 and too_often % 2 == 0:
-                escape_plan.side = -self._side
-        if left is Phase.TURN_AWAY:
-            return  # blocked turn: the plan of the base class alternates sides
-        escape_plan.back_off_m *= par("back", 1.0)
-        self._map.add(place, (cos(bearing), sin(bearing)), observation.travelled_m)
-        if self._pledge:
+        course = cos(radians(bearing_deg)), sin(radians(bearing_deg))
+        self._map.add(place, course, self._path_m)
+        self._swept = None
+        self.changes += 1
+        self._choose_driver()
+        if self._fallback.pledge:
             return
         back_m = escape_plan.back_off_m
-        a, r = place[0] - back_m * cos(bearing), place[1] - back_m * sin(bearing)
-        self._planned_m = observation.travelled_m
-        self._way, _ = plan(
-            (a, r), self._map.nodes(), self._map.barriers(), 2.0, (cos(bearing), sin(bearing)), par("turn", 0.0) * self._body_m, self._last_hand, par("switch", 0.0) * self._body_m
-        )
-        self._plans += 1
-        want = degrees(atan2(self._way[0][1] - r, self._way[0][0] - a)) if self._way else 0.0
-        turn = wrap180(want - degrees(bearing))
-        escape_plan.side = self._side = 1 if turn >= 0 else -1
-        escape_plan.turn_deg = abs(turn)
-        if abs(turn) > 5.0:
-            self._last_hand = 1.0 if turn > 0.0 else -1.0
-        escape_plan.stride_m = self._body_m * 0.75
+        start = place[0] - back_m * course[0], place[1] - back_m * course[1]
+        self._find_way(start)
+        turn_deg = wrap180(self._bearing_deg(start) - bearing_deg)
+        escape_plan.side = self._side = policies.CLOCKWISE if turn_deg >= 0.0 else policies.COUNTER_CLOCKWISE
+        escape_plan.turn_deg = abs(turn_deg)
+        escape_plan.stride_m = SHORT_STRIDE * self._width_m
 
-    def _rise_deg(self, observation: Observation) -> float:
-        """Return how far the nose rose during the stall: means of several readings, because one is noisy."""
-        now_s = observation.t_s
-        late_n = late = early_n = early = 0.0
-        for t_s, pitch_deg in self._pitches:
-            age_s = now_s - t_s
-            if age_s <= 0.25:
-                late += pitch_deg
-                late_n += 1.0
-            elif 0.8 <= age_s <= 1.9:
-                early += pitch_deg
-                early_n += 1.0
-        if not late_n or not early_n:
-            return 0.0
-        return late / late_n - early / early_n
+    def _choose_driver(self) -> None:
+        """Let plan or Pledge drive on from this contact; Pledge begins with a fresh counter."""
+        before = self._fallback.pledge
+        self._fallback.meet(self._path_m)
+        if self._fallback.pledge is not before:
+            self._transitions = PLEDGE if self._fallback.pledge else PLANNED
+            self._escape_plan.counter_deg = 0.0
+            self._way = []
 
-    def _is_slip(self, observation: Observation, place: Point) -> bool:
-        again = hypot(place[0] - self._suspect[0], place[1] - self._suspect[1]) < par("again", 0.5) * self._body_m
-        tried = observation.travelled_m - self._suspect_m < par("againm", 1.0)
-        if tried:
-            self._suspect_m = -1e9
-            if again:
-                self._walls += 1.0
-                return False
-            self._slips += 1.0
-        if self._rise_deg(observation) >= 1.5 or not observation.anomalies:
-            return False
-        if (self._slips + 1.0) / (self._slips + self._walls + 2.0) < par("prior", 0.1):
-            return False
-        self._suspect, self._suspect_m = place, observation.travelled_m
-        return True
+    def _place(self) -> Point:
+        return self._reckoning.ahead_m, self._reckoning.right_m
