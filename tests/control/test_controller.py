@@ -112,8 +112,10 @@ async def test_position_is_logged_and_no_decision_sees_it() -> None:
     assert [None if fix is None else fix.latitude_deg for fix in bench.log.fixes] == [
         52.0, pytest.approx(52.00045, abs=1e-5), None,
     ]  # fmt: skip
-    moved = {key: getattr(before, key) for key in ("t_s", "travelled_m", "measured_m", "applied")}
-    assert bench.handler.seen[-1]._replace(**moved) == before
+    after = bench.handler.seen[-1]
+    moved = {key: getattr(before, key) for key in ("t_s", "travelled_m", "measured_m", "applied", "north_m")}
+    assert after._replace(**moved) == before
+    assert after.north_m == pytest.approx(after.travelled_m - before.travelled_m), "dead reckoning, not 50 m"
 
 
 # -- the tick ----------------------------------------------------------------------------------------------------

@@ -29,7 +29,7 @@ def test_child_with_the_other_hand_drives_another_path() -> None:
 
 
 def test_tree_finds_a_hand_that_can_be_told() -> None:
-    nothing = Contact(0, True, True, *[0.0] * 8, 1, 0)
+    nothing = Contact(0, True, True, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1, 0)
     told = [
         nothing._replace(layout=layout, offset_m=side * (1.0 + layout), cost_m=-9.0 * side)
         for layout in range(20)

@@ -108,7 +108,7 @@ def test_page_console_and_log_tell_one_way_and_one_time(site: Site, capfd: pytes
     assert told["way_m"] == summary.driven_m == ended.state.driven_m == round(ended.result.path_m, 3)
     assert told["time_text"] == duration_text(summary.lasted_s)
     assert summary.lasted_s == ended.state.elapsed_s == pytest.approx(ended.result.time_s, abs=0.05)
-    assert distance_line(summary).startswith(f"{ended.result.path_m:.1f} m driven")
+    assert distance_line(summary).startswith(f"{summary.driven_m:.1f} m driven")
     assert f"{duration_text(summary.lasted_s, 1)}  The run has ended" in capfd.readouterr().err
 
 

@@ -9,7 +9,7 @@ import typer
 
 from wayfarer.cli import trial_options as options
 from wayfarer.cli.options import AlgorithmOption, AsJson, check_together, command_line, examples
-from wayfarer.cli.sim import ClusterAddress, GroundOption, SiteOption, SlopeDeg, SlopeDirectionDeg
+from wayfarer.cli.sim import ClusterAddress
 from wayfarer.cli.trial_options import RUNNING
 from wayfarer.extras import require
 
@@ -50,10 +50,10 @@ def tune(
     algorithm: AlgorithmOption = "forest-pledge",
     rover: options.RoverName = "sim",
     forests: options.Forests = None,
-    site: SiteOption = None,
-    ground: GroundOption = "ideal",
-    slope_deg: SlopeDeg = None,
-    slope_direction_deg: SlopeDirectionDeg = None,
+    site: options.SiteOption = None,
+    ground: options.GroundOption = "ideal",
+    slope_deg: options.SlopeDeg = None,
+    slope_direction_deg: options.SlopeDirectionDeg = None,
     slip_mean_m: options.SlipMeanM = 10.0,
     budget_m: options.BudgetM = 1000.0,
     senses: options.SensesOption = "ideal",
@@ -81,7 +81,6 @@ def tune(
     check_together(ctx, excludes=(("site", "forests"), ("jobs", "cluster")))
     for needed in ("sweeping", "comparing", "a report", "tuning", *(["a cluster"] if cluster is not None else [])):
         require(needed)
-    from wayfarer.experiments import commands
     from wayfarer.experiments.make_campaign import make_campaign
     from wayfarer.experiments.tuning.command import HeldOutTrials, run_all
     from wayfarer.experiments.tuning.make_plan import make_plan
@@ -89,7 +88,7 @@ def tune(
     campaign = make_campaign(
         algorithm, rover=rover, forests=forests, senses=senses, site=site, trials=trials, seed=seed,
         slip_mean_m=slip_mean_m, budget_m=budget_m, ground=ground,
-        slopes=commands.slopes({"slope_deg": slope_deg, "slope_direction_deg": slope_direction_deg}),
+        slope_deg=slope_deg, slope_direction_deg=slope_direction_deg,
     )  # fmt: skip
     plan = make_plan(campaign, search or [], objective or ("spl" if site is None else "time"), points)
     code = run_all(

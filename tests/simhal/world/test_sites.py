@@ -11,7 +11,7 @@ from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 
 from tests.simhal.forest_lines import lines_of
-from wayfarer.cli.sim import SiteName
+from wayfarer.cli.trial_options import SiteName
 from wayfarer.config.rover_file import load_rover
 from wayfarer.experiments.site_table import FIELD_TRIALS
 from wayfarer.simhal.world.forest import Forest, check_forest
