@@ -53,9 +53,9 @@ class Observation(NamedTuple):
     ``travelled_m`` is the distance commanded so far; driving forwards and backwards both increase it. ``measured_m`` is
     the distance that the motion sensor saw, or the commanded one where the sensor is not usable; None where nothing
     measures it. ``contact`` is None on a rover without a contact sensor. ``applied`` is the wheel command that was
-    applied since the last tick, after the gate's limits; None where that is not known. ``north_m`` and ``east_m`` are dead
-    reckoning since the mission began, from the displacement that the motion sensor saw (the commanded one where it cannot
-    tell) and the compass's own north; None where nothing sums it up.
+    applied since the last tick, after the gate's limits; None where that is not known. ``north_m`` and ``east_m`` are
+    dead reckoning since the mission began, from the compass and the displacement that the motion sensor saw (the
+    commanded one where it cannot tell); None where nothing sums it up.
 
     >>> seen = Observation(
     ...     t_s=0.05, heading_deg=12.0, pitch_deg=0.0, roll_deg=0.0, anomalies=(Anomaly.IMMOBILISED,), contact=None,

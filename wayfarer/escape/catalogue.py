@@ -1,8 +1,8 @@
-"""The table of algorithms: the ten of the paper, and further ones that use the same sensors.
+"""The table of algorithms: the ten of the paper, and one more that uses the same sensors.
 
 The paper's differ in four choices and in nothing else: the side of the turn, its angle, what follows the turn, and
-whether a heading back at the goal ends the episode. The others are Forest-Pledge with tactics that remember
-(``tactics``); ``docs/explanation/better-escape.md`` has their evidence.
+whether a heading back at the goal ends the episode. Memory-Pledge has a package of its own (``memory``);
+``docs/explanation/better-escape.md`` has its evidence.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from wayfarer.escape.api import EscapeHandler, EscapeSettings, Vehicle
 from wayfarer.escape.handler import AlgorithmSpec, PhasedHandler
 from wayfarer.escape.memory.handler import MemoryHandler
 from wayfarer.escape.phases import PLEDGE, STRIDES
-from wayfarer.escape.tactics import LoopGuard, PlanScaling, RetryAhead, Tactic, nose_level, on_the_way
 
 NOTHING: frozenset[str] = frozenset()
 CONTACT = frozenset({"contact"})
@@ -56,13 +55,6 @@ def _pledge(
 ) -> Algorithm:
     spec = AlgorithmSpec(PLEDGE, side, angle, resets=resets, keeps_side=True)
     return _row(name, "pledge", summary, spec, requires)
-
-
-def _forest_pledge_with(name: str, summary: str, *tactics: Callable[[], Tactic]) -> Algorithm:
-    spec = AlgorithmSpec(
-        PLEDGE, policies.clockwise, policies.fixed_angle, resets=True, keeps_side=True, tactics=(*tactics, LoopGuard)
-    )
-    return _row(name, "pledge", summary, spec)
 
 
 _ROWS = (
@@ -111,35 +103,12 @@ _ROWS = (
     ),
 )
 
-# Shares of the rover file's measures. With those of the paper's simulator: 0.3 m straight and an arc of 0.7 m; or turns
-# of 40 degrees, 0.3 m straight, and an arc of 1.35 m.
-_TIGHT = partial(PlanScaling, straight=0.5, radius=0.61)
-_BRISK = partial(PlanScaling, turn=1.33, straight=0.5, radius=1.17)
-
 _ROWS_BEYOND = (
     Algorithm(
         "memory-pledge",
         "pledge",
         "remembers where it was stopped and plans a way around it; Pledge where no plan helps",
         MemoryHandler,
-    ),
-    _forest_pledge_with(
-        "retrying-pledge",
-        "Forest-Pledge with turns of 40 degrees that first retries straight ahead",
-        _BRISK,
-        partial(RetryAhead, on_the_way),
-    ),
-    _forest_pledge_with(
-        "tight-pledge",
-        "Retrying Pledge with tight arcs, for ground with frequent slips",
-        _TIGHT,
-        partial(RetryAhead, on_the_way),
-    ),
-    _forest_pledge_with(
-        "nose-pledge",
-        "Retrying Pledge that retries where the nose did not rise, and only there",
-        _BRISK,
-        partial(RetryAhead, nose_level),
     ),
 )
 

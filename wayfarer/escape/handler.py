@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from random import Random
 from typing import Final
 
 from mypy_extensions import mypyc_attr
 
-from wayfarer.angles import wrap180
 from wayfarer.escape import policies
 from wayfarer.escape.api import Decision, EscapeSettings, Observation, Phase, Vehicle
 from wayfarer.escape.manoeuvres import MANOEUVRES, EscapePlan
 from wayfarer.escape.phases import WHY, PhaseEvent, Transitions
-from wayfarer.escape.tactics import AnomalyContext, Reckoning, Tactic
 from wayfarer.escape.turn_control import TurnController
 
 # After this many blocked turns in a row, turns alternate between the sides, beginning with the other side: a body that
@@ -34,7 +32,6 @@ class AlgorithmSpec:
     """What makes one algorithm out of the common handler.
 
     ``keeps_side`` keeps the turn direction for a whole episode, as Pledge must; otherwise it is chosen at each anomaly.
-    ``tactics`` make the objects that may then change the plan for an anomaly, in this order.
     """
 
     transitions: Transitions
@@ -43,7 +40,6 @@ class AlgorithmSpec:
     stride: policies.StrideLength = policies.short_stride
     resets: bool = False
     keeps_side: bool = False
-    tactics: tuple[Callable[[], Tactic], ...] = ()
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -57,8 +53,6 @@ class PhasedHandler:
         self._escape_plan = EscapePlan(resets=spec.resets)
         self._turns = TurnController(vehicle)
         self._manoeuvres = {kind.phase: kind(settings, self._turns, self._escape_plan) for kind in MANOEUVRES}
-        self._tactics = tuple(make() for make in spec.tactics)
-        self._reckoning = Reckoning(settings.cruise_m_s)
         self._transitions = spec.transitions
         self.reset()
 
@@ -73,9 +67,6 @@ class PhasedHandler:
         self._episodes = 0
         self._blocked_turns = 0
         self._turns.reset()
-        self._reckoning.reset()
-        for tactic in self._tactics:
-            tactic.reset()
 
     def decide(self, observation: Observation) -> Decision:
         """Return the decision for this tick; see ``EscapeHandler``."""
@@ -90,9 +81,7 @@ class PhasedHandler:
             self._turns.begin_manoeuvre()
             self._manoeuvre.begin(observation)
         manoeuvre = self._manoeuvre
-        if self._tactics:
-            self._reckoning.follow(observation, manoeuvre.phase)
-            observation = self._aim(observation)
+        observation = self._aim(observation)
         event = (
             PhaseEvent.OVERWOUND
             if abs(self._escape_plan.counter_deg) > COUNTER_MAX_DEG
@@ -130,8 +119,6 @@ class PhasedHandler:
         if phase is Phase.FOLLOW:
             self._followed_from_m = observation.travelled_m
         elif phase is Phase.BACK_OFF:
-            if self._tactics and left is not Phase.TURN_AWAY:
-                self._reckoning.take_back_stall()
             self._plan(observation, new_episode=left is Phase.FOLLOW)
         self._manoeuvre = self._manoeuvres[phase]
         self._phase_name = phase.value
@@ -154,23 +141,6 @@ class PhasedHandler:
         escape_plan.stride_m = spec.stride(settings, self._rng)
         escape_plan.straight_m, escape_plan.radius_m = settings.probe_straight_m, settings.probe_radius_m
         escape_plan.side, escape_plan.resets = self._side, spec.resets
-        if self._tactics:
-            self._ask_tactics(observation, new_episode=new_episode)
         too_often = self._blocked_turns - BLOCKED_TURNS_BEFORE_ALTERNATING
         if too_often >= 0 and too_often % 2 == 0:
             escape_plan.side = -self._side
-
-    def _ask_tactics(self, observation: Observation, *, new_episode: bool) -> None:
-        """Let the tactics change the escape plan."""
-        reckoning = self._reckoning
-        context = AnomalyContext(
-            new_episode,
-            reckoning.risen_deg,
-            wrap180(observation.heading_deg - observation.goal_heading_deg),
-            reckoning.ahead_m,
-            reckoning.right_m,
-            observation.travelled_m,
-            self._blocked_turns,
-        )
-        for tactic in self._tactics:
-            tactic.plan(context, self._escape_plan)

@@ -89,7 +89,7 @@ class Manoeuvre(ABC):
         return tuple(anomaly for anomaly in observation.anomalies if anomaly not in self._known)
 
     def _drive_ahead(self, observation: Observation) -> None:
-        """Begin to drive ahead: a nose that is down already was lifted from behind, and driving ahead frees the body."""
+        """Begin to drive ahead: a nose that is down already was lifted from behind, and driving ahead frees it."""
         self._known = frozenset(observation.anomalies) & _LIFTED_BEHIND
 
     def _met(self, observation: Observation) -> bool:

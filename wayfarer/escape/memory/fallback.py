@@ -1,13 +1,13 @@
 """Says when Pledge drives in place of the plan, so that the rover gets out wherever Pledge gets out.
 
 The free-space assumption can be wrong again and again, and dead reckoning drifts. So a plan has a budget: a number of
-contacts without progress, which is a new furthest place along the goal heading. Then Pledge drives, with a fresh counter
-and without the map, for a budget as large; then the plan again, with both budgets doubled. Any progress begins this anew
-with the first budget. Where contacts are crowded, Pledge drives in the place of the first plan.
+contacts without progress, which is a new furthest place along the goal heading. Then Pledge drives, with a fresh
+counter and without the map, for a budget as large; then the plan again, with both budgets doubled. Any progress starts
+again with the first budget. Where contacts are crowded, Pledge drives in the place of the first plan.
 
 *Why it gets out*: let N be the largest number of contacts that Pledge needs to get out of the wood, from any place in
-it. Progress can happen only as often as the wood is deep in units of ``PROGRESS``. After the last one, the budgets double
-until Pledge has N contacts, and gets out. Before that, the stints had less than 4 N contacts together.
+it. Progress can happen only as often as the wood is deep in units of ``PROGRESS``. After the last one, the budgets
+double until Pledge has N contacts, and gets out. Before that, all stints together had less than 4 N contacts.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from typing import Final
 
 # Progress, in widths of the body.
 PROGRESS: Final = 2.5
-# Where the rover drives less than this from contact to contact, in widths, over so many contacts, what is planned between
-# them is worth nothing, and Pledge drives; until it drives more than that. In clutter, Pledge needs 0.6 m a contact with a
-# body of 0.38 m, along a trunk a plan drives 3 to 6 widths.
+# Where the rover drives less than CROWDED from contact to contact, in widths, over so many contacts, a plan is not better
+# than Pledge, and takes longer turns; until it drives more than FREE. In clutter, Pledge drives 0.7 m a contact with a
+# body of 0.38 m; along a trunk, a plan drives 3 to 6 widths.
 CROWDED: Final = 2.0
 FREE: Final = 4.0
 CONTACTS: Final = 7

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from math import atan2, cos, degrees, hypot, radians, sin
 from random import Random
 from typing import Final
@@ -13,10 +12,10 @@ from wayfarer.escape.api import ContactMap, EscapeSettings, Observation, Phase, 
 from wayfarer.escape.handler import AlgorithmSpec, PhasedHandler
 from wayfarer.escape.memory.fallback import Fallback
 from wayfarer.escape.memory.obstacle_map import ObstacleMap, Point
+from wayfarer.escape.memory.reckoning import Reckoning
 from wayfarer.escape.memory.route import find_way
 from wayfarer.escape.memory.slip import SlipClassifier
 from wayfarer.escape.phases import PLANNED, PLEDGE
-from wayfarer.escape.tactics import PlanScaling
 
 # A waypoint is reached within this, in widths of the body.
 REACHED: Final = 0.4
@@ -27,9 +26,11 @@ SWEEP: Final = 2.0
 # After a turn that something stopped, the rover drives this far as it stands, in widths.
 SHORT_STRIDE: Final = 0.75
 
-# Pledge as the fallback turns by 40 degrees, and probes after half the straight on a wider arc.
-_BRISK: Final = partial(PlanScaling, turn=1.33, straight=0.5, radius=1.17)
-_SPEC: Final = AlgorithmSpec(PLEDGE, policies.clockwise, policies.fixed_angle, keeps_side=True, tactics=(_BRISK,))
+# Shares of the rover file's measures: Pledge as the fallback turns by 40 degrees in place of 30, and probes after half
+# the straight on a wider arc. These were best for Forest-Pledge with second tries.
+PLEDGE_TURN, PLEDGE_STRAIGHT, PLEDGE_RADIUS = 1.33, 0.5, 1.17
+
+_SPEC: Final = AlgorithmSpec(PLEDGE, policies.clockwise, policies.fixed_angle, keeps_side=True)
 
 
 class MemoryHandler(PhasedHandler):
@@ -40,6 +41,7 @@ class MemoryHandler(PhasedHandler):
         self._map = ObstacleMap(
             width_m, settings.memory_reach_widths, settings.memory_link_widths, settings.memory_forget_m
         )
+        self._reckoning = Reckoning(settings.cruise_m_s)
         self._slips = SlipClassifier(width_m)
         self._fallback = Fallback(width_m, settings.memory_contacts)
         self.changes = 0
@@ -49,6 +51,7 @@ class MemoryHandler(PhasedHandler):
         """Forget everything; see ``EscapeHandler``."""
         super().reset()
         self._goal_deg: float | None = None
+        self._reckoning.reset()
         self._forget()
 
     def _forget(self) -> None:
@@ -80,6 +83,7 @@ class MemoryHandler(PhasedHandler):
                 self._forget()
             self._goal_deg = observation.goal_heading_deg
         self._path_m = observation.travelled_m
+        self._reckoning.follow(observation, self._manoeuvre.phase)
         self._slips.follow(observation)
         self._fallback.advance(self._reckoning.ahead_m)
         self._sweep()
@@ -126,8 +130,12 @@ class MemoryHandler(PhasedHandler):
         super()._plan(observation, new_episode=new_episode)
         if self._manoeuvre.phase is Phase.TURN_AWAY:
             return  # something holds the body: turn to alternate sides, as the other algorithms do
-        assert self._goal_deg is not None
+        assert self._goal_deg is not None  # it is known since the first tick
+        self._reckoning.take_back_stall()
         escape_plan, place = self._escape_plan, self._place()
+        escape_plan.turn_deg *= PLEDGE_TURN
+        escape_plan.straight_m *= PLEDGE_STRAIGHT
+        escape_plan.radius_m *= PLEDGE_RADIUS
         bearing_deg = observation.heading_deg - self._goal_deg
         if self._slips.is_slip(observation, place):
             escape_plan.back_off_m *= self._settings.memory_retry_back_off

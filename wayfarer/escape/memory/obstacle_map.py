@@ -29,7 +29,7 @@ LATEST: Final = 0.75
 ALONG: Final = 0.8
 # The line bends there by more than 20 degrees: a way may go round it.
 BEND: Final = 0.35
-# A way that crosses a line by more than this on both sides has shown that nothing is there; less can be a wrong guess of
+# A way that crosses a line by more than this on both sides has shown that nothing is there; less can be an error of
 # dead reckoning.
 CLEAR: Final = 0.5
 # What a way across a line costs, in metres of path: more than any detour in a wood of 50 m.
@@ -69,7 +69,8 @@ class ObstacleMap:
         width_m: width of the body.
         reach: how far a trunk is assumed to go on beyond its contacts, in widths.
         link: two contacts no further apart than this, in widths, are of one trunk.
-        forget_m: a trunk's belief falls to 0 over so much path since its latest contact, as doubt in dead reckoning grows.
+        forget_m: a trunk's belief falls to 0 over so much path since its latest contact, as the doubt in dead reckoning
+            grows.
     """
 
     def __init__(self, width_m: float, reach: float, link: float, forget_m: float) -> None:

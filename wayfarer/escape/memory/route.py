@@ -15,8 +15,8 @@ from wayfarer.escape.memory.obstacle_map import Barrier, Point, price_m
 
 # The goal line is this far beyond the last trunk: nothing depends on how far.
 BEYOND_M: Final = 2.0
-# A plan looks at no more pieces than this, each against all barriers: it must fit into a control tick. What was found by
-# then is used. Of the plans in the reference forests, one in a thousand ends so.
+# A plan looks at no more pieces than this, each against all barriers: it must fit into a control tick. What was found
+# by then is used.
 MOST_PIECES: Final = 1500
 
 

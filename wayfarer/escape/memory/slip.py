@@ -1,8 +1,8 @@
 """Tells an obstacle from wheels that only slip.
 
 Two signs are used. A rover that pushes onto a trunk raises its nose; this proves an obstacle. A level nose proves
-nothing: trees, and trunks in other physics, leave it level. Then a *second try* decides: the rover backs off a little and
-drives on as before. If it is stopped again at the same place, something is there. A second try costs time and path, so
+nothing: trees, and trunks in other physics, leave it level. Then a *second try* decides: the rover backs off a little
+and drives on as before. If it is stopped again at the same place, something is there. A second try costs time and path, so
 it is left out where all of them so far have met something.
 """
 
@@ -16,8 +16,8 @@ from wayfarer.escape.api import Observation
 from wayfarer.escape.memory.obstacle_map import Point
 
 # The nose has risen if its mean over the latest RISEN_S is so much above its mean before the stall; a single reading of
-# pitch is too noisy. Measured in physics-light with ForestRover, MiniRover and the abstract rover: this finds 90 to 93 %
-# of trunks, and takes 0 to 3 % of slips for one.
+# pitch is too noisy. Measured in physics-light with ForestRover, MiniRover and the abstract rover: this finds 90 to
+# 93 % of trunks, and takes 0 to 3 % of slips for one.
 NOSE_UP_DEG: Final = 1.5
 RISEN_S: Final = 0.25
 BEFORE_S: Final = (0.8, 1.9)
