@@ -61,6 +61,15 @@ async def test_map_that_cannot_be_read_ends_the_notes_and_not_the_run() -> None:
     assert (bench.wheels, bench.end) == (AHEAD, None)
 
 
+async def test_count_of_changes_that_fails_ends_the_notes_and_not_the_run() -> None:
+    handler = Remembering()
+    bench = await Bench(handler).armed()
+    del handler.changes
+    await bench.tick(60)
+    assert len(bench.log.named("viewer_failed")) == 1
+    assert (bench.wheels, bench.end) == (AHEAD, None)
+
+
 async def test_algorithm_without_a_memory_is_not_asked() -> None:
     bench = await Bench().armed()
     await bench.tick(20)

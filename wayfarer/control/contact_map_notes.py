@@ -28,10 +28,12 @@ class ContactMapNotes:
     def note(self, t_s: float) -> None:
         """Write the map if it has changed since it was last written, after the tick at ``t_s``."""
         handler = self._handler
-        if handler is None or t_s < self._due_s or handler.changes == self._noted:
+        if handler is None or t_s < self._due_s:
             return
-        self._noted, self._due_s = handler.changes, t_s + NOTE_S
         try:
+            if (changes := handler.changes) == self._noted:
+                return
+            self._noted, self._due_s = changes, t_s + NOTE_S
             self._write(t_s, handler.contact_map())
         except Exception as error:  # a third party's; no picture is worth a run
             self._handler = None

@@ -33,7 +33,9 @@ def overlaid(where: str, values: Mapping[str, tuple[float, float]], evidence: It
         del lines[0]
     for key, (before, after) in values.items():
         lines = _with(lines, key, f"{after}  # tuned; before: {before:g}")
-    told = [part for text in evidence for part in wrap(text, WIDTH, subsequent_indent="  ") or [""]]
+    told = [
+        part for text in evidence for part in wrap(text, WIDTH, subsequent_indent="  ", break_on_hyphens=False) or [""]
+    ]
     top = [f"# {escape_control_chars(part)}".rstrip() for part in told]
     text = SCHEMA_ELSEWHERE + "\n".join([*top, *lines]) + "\n"
     _check(where, text, laid_over(load_rover(where), nested({key: after for key, (_, after) in values.items()})))
