@@ -17,7 +17,7 @@ from typing import Final
 
 # Progress, in widths of the body.
 PROGRESS: Final = 2.5
-# Where the rover drives less than CROWDED from contact to contact, in widths, over so many contacts, a plan is not better
+# Where the rover drives less than CROWDED from contact to contact, in widths, over CONTACTS, a plan is no better
 # than Pledge, and takes longer turns; until it drives more than FREE. In clutter, Pledge drives 0.7 m a contact with a
 # body of 0.38 m; along a trunk, a plan drives 3 to 6 widths.
 CROWDED: Final = 2.0

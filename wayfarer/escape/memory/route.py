@@ -17,7 +17,7 @@ from wayfarer.escape.memory.obstacle_map import Barrier, Point, price_m
 BEYOND_M: Final = 2.0
 # A plan looks at no more pieces than this, each against all barriers: it must fit into a control tick. What was found
 # by then is used.
-MOST_PIECES: Final = 1500
+MOST_PIECES: Final = 700
 
 
 def find_way(start: Point, waypoints: list[Point], barriers: list[Barrier]) -> list[Point]:

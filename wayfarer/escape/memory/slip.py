@@ -2,8 +2,8 @@
 
 Two signs are used. A rover that pushes onto a trunk raises its nose; this proves an obstacle. A level nose proves
 nothing: trees, and trunks in other physics, leave it level. Then a *second try* decides: the rover backs off a little
-and drives on as before. If it is stopped again at the same place, something is there. A second try costs time and path, so
-it is left out where all of them so far have met something.
+and drives on as before. If it is stopped again at the same place, something is there. A second try costs time and path,
+so it is left out where all of them so far have met something.
 """
 
 from __future__ import annotations
