@@ -38,9 +38,9 @@ class Fallback:
         self.reset()
 
     def reset(self) -> None:
-        """Begin with the plan, here."""
+        """Begin with the plan, at the place that ``advance`` is told of next."""
         self.pledge = False
-        self._furthest_m = 0.0
+        self._furthest_m: float | None = None
         self._budget = self._first_budget
         self._contacts = 0
         self._crowded = False
@@ -49,7 +49,9 @@ class Fallback:
 
     def advance(self, ahead_m: float) -> None:
         """Note where the rover is along the goal heading."""
-        if ahead_m > self._furthest_m + PROGRESS * self._width_m:
+        if self._furthest_m is None:
+            self._furthest_m = ahead_m
+        elif ahead_m > self._furthest_m + PROGRESS * self._width_m:
             self._furthest_m = ahead_m
             self._budget, self._contacts, self._planned = self._first_budget, 0, False
 
