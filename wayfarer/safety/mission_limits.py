@@ -1,7 +1,8 @@
 """Normal end of a mission: limits on time, commanded distance, and radius around the start. Pure.
 
 The distance from the start is dead reckoning by odometer and compass, so that spinning wheels do not count. If a
-receiver gives fixes, they count instead. Escape decisions use neither.
+receiver gives fixes, they count instead. Escape decisions never use the fixes. Those of algorithms with a memory use
+the dead reckoning.
 """
 
 from __future__ import annotations

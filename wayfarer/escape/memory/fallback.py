@@ -7,7 +7,7 @@ again with the first budget. Where contacts are crowded, Pledge drives in the pl
 
 *Why it gets out*: let N be the largest number of contacts that Pledge needs to get out of the wood, from any place in
 it. Progress can happen only as often as the wood is deep in units of ``PROGRESS``. After the last one, the budgets
-double until Pledge has N contacts, and gets out. Before that, all stints together had less than 4 N contacts.
+double until Pledge has N contacts, and gets out. Before that, all stints together had less than 6 N contacts.
 """
 
 from __future__ import annotations
