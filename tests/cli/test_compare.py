@@ -26,7 +26,7 @@ def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
 @pytest.fixture
 def results(run: Run, tmp_path: Path) -> Path:
     folder = tmp_path / "results"
-    asked = ("--algorithm", "pledge,forest-pledge,retrying-pledge", "--trials", 6, "--jobs", 1, "--out", folder)
+    asked = ("--algorithm", "pledge,forest-pledge,levy-pledge", "--trials", 6, "--jobs", 1, "--out", folder)
     assert run("sim", *asked)[0] == 0
     return folder
 
@@ -44,26 +44,26 @@ def test_each_algorithm_has_one_line_and_the_one_compared_with_comes_first(
     code, out, err = run("compare", results)
     assert (code, err) == (0, "")
     lines = told(out)
-    assert [line[0] for line in lines] == ["forest-pledge", "pledge", "retrying-pledge"]
+    assert [line[0] for line in lines] == ["forest-pledge", "pledge", "levy-pledge"]
     assert [line[1] for line in lines] == ["6"] * 3
     assert "bootstrap of 3 layouts" in out, "two noises each"
 
 
-def test_a_path_that_is_two_metres_longer_in_every_pair_is_told_as_such(
+def test_a_path_that_is_two_metres_shorter_in_every_pair_is_told_as_such(
     run: Run, results: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "200")
     _, out, _ = run("compare", results, "--against", "forest-pledge")
-    line = next(line for line in out.splitlines() if "retrying-pledge" in line)
-    assert "+2.0 [+2.0, +2.0]" in line
+    line = next(line for line in out.splitlines() if "levy-pledge" in line)
+    assert "-2.0 [-2.0, -2.0]" in line
 
 
 def test_first_algorithm_is_compared_with_where_none_is_named_and_forest_pledge_is_not_there(
     run: Run, tmp_path: Path
 ) -> None:
-    asked = ("--algorithm", "retrying-pledge,pledge", "--trials", 2, "--jobs", 1, "--out", tmp_path / "out")
+    asked = ("--algorithm", "levy-pledge,pledge", "--trials", 2, "--jobs", 1, "--out", tmp_path / "out")
     assert run("sim", *asked)[0] == 0
-    assert "pledge against retrying-pledge" in run("compare", tmp_path / "out")[1]
+    assert "pledge against levy-pledge" in run("compare", tmp_path / "out")[1]
 
 
 @pytest.mark.parametrize(

@@ -18,14 +18,14 @@ FIELD_LOGS = Path(cli.__file__).parents[2] / "field_logs"
 
 @pytest.fixture
 def results(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Results of two algorithms, of which one has the longest name, with paths that differ by 200 m."""
+    """Results of the two algorithms with the longest names, with paths that differ by 200 m."""
 
     def far_apart(*arguments: object) -> object:
         result = out_at_once(*arguments)  # type: ignore[arg-type]
-        return result._replace(path_m=200.0 + result.path_m * (7.0 if result.algorithm == "retrying-pledge" else -1.0))
+        return result._replace(path_m=200.0 + result.path_m * (7.0 if result.algorithm == "memory-pledge" else -1.0))
 
     monkeypatch.setattr("wayfarer.experiments.trial.run_trial", far_apart)
-    asked = ("--algorithm", "forest-pledge,retrying-pledge", "--trials", 6, "--jobs", 1, "--out", tmp_path / "results")
+    asked = ("--algorithm", "forest-pledge,memory-pledge", "--trials", 6, "--jobs", 1, "--out", tmp_path / "results")
     assert run("sim", *asked)[0] == 0
     return tmp_path / "results"
 
@@ -33,10 +33,10 @@ def results(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.parametrize(
     "arguments",
     [
-        ("sim", "--algorithm", "retrying-pledge,levy-walk", "--trials", 8, "--jobs", 1),
+        ("sim", "--algorithm", "memory-pledge,levy-walk", "--trials", 8, "--jobs", 1),
         ("sim", "--site", "dense-obstruction", "--rover", "forestrover", "--trials", 4, "--jobs", 1),
         ("sweep", "escape.turn_angle_deg=60,90", "ground=leaf-litter,mud", "--rover", "forestrover", "--algorithm",
-         "retrying-pledge", "--trials", 2, "--jobs", 1, "--out", "sweep"),
+         "memory-pledge", "--trials", 2, "--jobs", 1, "--out", "sweep"),
         ("sweep", "sim.compass_noise_deg=0:20:10", "escape.probe_straight_m=1", "--trials", 2, "--jobs", 1,
          "--out", "sweep"),
         ("compare", "results"),

@@ -1,0 +1,86 @@
+"""Which stops are obstacles: what the nose says, and what a second try says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import pytest
+
+from tests.escape.walk import STUCK, TICK_S, observation
+from wayfarer.escape.memory.slip import NOSE_UP_DEG, PASSED_M, SAME_PLACE, SlipClassifier
+
+WIDTH_M = 0.4
+HERE, ELSEWHERE = (5.0, 0.0), (8.0, 0.0)
+
+
+@pytest.fixture
+def slips() -> SlipClassifier:
+    return SlipClassifier(WIDTH_M)
+
+
+def stopped(slips: SlipClassifier, place: tuple[float, float], travelled_m: float = 5.0) -> bool:
+    return slips.is_slip(observation(anomalies=STUCK, travelled_m=travelled_m), place)
+
+
+def stopped_after(pitches_deg: Iterable[float]) -> bool:
+    """Whether a stop after these pitches, one a tick, may be a slip."""
+    slips, seen = SlipClassifier(WIDTH_M), observation()
+    for tick, pitch_deg in enumerate(pitches_deg):
+        seen = observation(t_s=tick * TICK_S, pitch_deg=pitch_deg, anomalies=STUCK)
+        slips.follow(seen)
+    return slips.is_slip(seen, HERE)
+
+
+@pytest.mark.parametrize("slope_deg", [-10.0, 0.0, 10.0])
+def test_nose_that_rose_is_an_obstacle_on_any_slope(slope_deg: float) -> None:
+    level = [slope_deg] * 40
+    assert stopped_after(level)
+    assert not stopped_after([*level, *[slope_deg + NOSE_UP_DEG + 0.5] * 6])
+    assert stopped_after([*level, *[slope_deg + NOSE_UP_DEG - 0.5] * 6])
+    assert stopped_after([*level, *[slope_deg] * 5, slope_deg + NOSE_UP_DEG + 2.0]), "a single reading is noise"
+
+
+def test_stop_right_after_the_start_has_nothing_to_compare_the_nose_with(slips: SlipClassifier) -> None:
+    slips.follow(observation(pitch_deg=20.0))
+    assert stopped(slips, HERE)
+
+
+def test_body_that_is_held_in_a_turn_did_not_slip(slips: SlipClassifier) -> None:
+    assert not slips.is_slip(observation(), HERE)
+
+
+def test_stopped_again_at_the_same_place_is_an_obstacle(slips: SlipClassifier) -> None:
+    assert stopped(slips, HERE)
+    assert not stopped(slips, (HERE[0] + SAME_PLACE * WIDTH_M - 0.01, 0.0))
+    assert (slips.slips, slips.obstacles) == (0, 1)
+
+
+def test_stopped_at_another_place_was_a_slip_before(slips: SlipClassifier) -> None:
+    assert stopped(slips, HERE)
+    assert stopped(slips, ELSEWHERE)
+    assert (slips.slips, slips.obstacles) == (1, 0)
+
+
+def test_slip_is_over_once_it_is_driven_past(slips: SlipClassifier) -> None:
+    assert stopped(slips, HERE, travelled_m=5.0)
+    slips.follow(observation(travelled_m=5.0 + PASSED_M))
+    assert slips.slips == 0
+    slips.follow(observation(travelled_m=5.1 + PASSED_M))
+    assert slips.slips == 1
+    assert stopped(slips, HERE, travelled_m=9.0), "back at the place, it is another stop"
+
+
+def test_second_tries_stop_after_eight_that_all_met_something(slips: SlipClassifier) -> None:
+    for met in range(9):
+        place = (10.0 * met, 0.0)
+        assert stopped(slips, place) == (met < 8 + 1)
+        stopped(slips, place)
+    assert not stopped(slips, (500.0, 0.0))
+    slips.reset()
+    assert stopped(slips, (500.0, 0.0)), "a new mission begins"
+
+
+def test_slips_keep_the_second_tries(slips: SlipClassifier) -> None:
+    for number in range(30):
+        assert stopped(slips, (10.0 * number, 0.0))
+    assert slips.slips == 29
