@@ -18,14 +18,15 @@ from wayfarer.angles import wrap180
 from wayfarer.config.rover_file import load_rover
 from wayfarer.control.run_log import PartialLog
 from wayfarer.escape.api import EscapeSettings, Observation, Vehicle
-from wayfarer.escape.catalogue import BEYOND_THE_PAPER, Algorithm
-from wayfarer.escape.handler import PhasedHandler
-from wayfarer.escape.tactics import NOSE_UP_DEG
+from wayfarer.escape.catalogue import CATALOGUE, Algorithm
+from wayfarer.escape.handler import AlgorithmSpec, PhasedHandler
+from wayfarer.escape.memory.reckoning import Reckoning
+from wayfarer.escape.memory.slip import NOSE_UP_DEG, SlipClassifier
 from wayfarer.experiments.campaign import Campaign, Task, read_forest_file
 from wayfarer.experiments.outcome import SUCCESSES
 from wayfarer.experiments.trial import run_watched
 
-BASE = "nose-pledge"
+BASE = "forest-pledge"
 BUDGET_M = 200.0  # a path counts as this long where the rover does not get out: one that circles must not outweigh all
 TURN_BACK_DEG = 150.0  # during an episode: from into the wall to along it, the other way
 SHARE = 0.25  # of the contacts after the first wall at which the trial forks
@@ -89,17 +90,29 @@ class Fork:
 class ForkingHandler(PhasedHandler):
     """``BASE``, with the hand of the trial, that forks at contacts with a trunk: where the nose rose."""
 
+    def __init__(self, spec: AlgorithmSpec, settings: EscapeSettings, vehicle: Vehicle, rng: Random) -> None:
+        self._reckoning = Reckoning(settings.cruise_m_s)
+        self._classifier = SlipClassifier(vehicle.width_m)
+        super().__init__(spec, settings, vehicle, rng)
+
     def reset(self) -> None:
         """Forget the episode as well."""
         super().reset()
+        self._reckoning.reset()
+        self._classifier.reset()
         self._first = self._last = (0.0, 0.0)  # contacts of the episode: ahead, right, metres
         self._most_deg = self._last_most_deg = self._first_m = 0.0
         self._slips = 0
 
+    def _aim(self, observation: Observation) -> Observation:
+        self._reckoning.follow(observation, self._manoeuvre.phase)
+        self._classifier.follow(observation)
+        return observation
+
     def _plan(self, observation: Observation, *, new_episode: bool) -> None:
         super()._plan(observation, new_episode=new_episode)
         here = (self._reckoning.ahead_m, self._reckoning.right_m)
-        trunk = self._reckoning.risen_deg >= NOSE_UP_DEG
+        trunk = self._classifier.risen_deg(observation.t_s) >= NOSE_UP_DEG
         self._slips += not trunk
         if trunk and not self._blocked_turns:
             self._fork(here, observation, new_episode=new_episode)
@@ -146,7 +159,7 @@ _fork = Fork(0, 1, 1, Random(0))
 
 
 def _make(settings: EscapeSettings, vehicle: Vehicle, rng: Random) -> ForkingHandler:
-    (spec,) = BEYOND_THE_PAPER[BASE].make.args  # type: ignore[attr-defined]  # a row is a partial of its spec
+    (spec,) = CATALOGUE[BASE].make.args  # type: ignore[attr-defined]  # a row is a partial of its spec
     return ForkingHandler(replace(spec, side=lambda _seen, _settings, _rng: _fork.hand), settings, vehicle, rng)
 
 

@@ -7,7 +7,7 @@ Axes are parsed from ``KEY=FIRST:LAST:STEP`` or ``KEY=VALUE,VALUE``. The keys th
 * ``footprint_m``: ``vehicle.length_m`` and ``vehicle.width_m`` together, a square as in the paper;
 * ``slip_mean_m``, ``budget_m`` and ``ground``, as the options of ``wayfarer sim``;
 * ``sim.`` and a number of the simulated world (``physics.Physics``), or ``sim.trees_per_ha``;
-* in MuJoCo ``sim.`` and a number of the terrain (``mujoco.terrain.Terrain``), such as ``sim.friction``.
+* in MuJoCo ``sim.`` and a number of the terrain (``mujoco.terrain.Terrain``), such as the friction.
 """
 
 from __future__ import annotations

@@ -40,12 +40,17 @@ def longest_guess_m(memory: ObstacleMap) -> float:
     return max(hypot(b.ahead1_m - b.ahead0_m, b.right1_m - b.right0_m) for b in memory.barriers(0.0)[-2:])
 
 
+def assert_places(found: list[Point], expected: list[Point]) -> None:
+    for place, wanted in zip(sorted(found), expected, strict=True):
+        assert place == pytest.approx(wanted)
+
+
 def test_first_contact_is_wood_across_the_course() -> None:
     (trunk,) = (ahead := mapped((5.0, 1.0))).trunks
     half_m = HALF_FIRST * WIDTH_M
-    assert sorted(ahead.line(trunk)) == pytest.approx([(5.0, 1.0 - half_m), (5.0, 1.0 + half_m)])
+    assert_places(ahead.line(trunk), [(5.0, 1.0 - half_m), (5.0, 1.0 + half_m)])
     (trunk,) = (right := mapped((5.0, 1.0), course=RIGHT)).trunks
-    assert sorted(right.line(trunk)) == pytest.approx([(5.0 - half_m, 1.0), (5.0 + half_m, 1.0)])
+    assert_places(right.line(trunk), [(5.0 - half_m, 1.0), (5.0 + half_m, 1.0)])
 
 
 def test_way_turns_beyond_both_ends_and_before_the_wood() -> None:
@@ -99,7 +104,9 @@ def test_single_contact_that_was_driven_across_is_forgotten() -> None:
     assert memory.trunks == []
 
 
-@pytest.mark.parametrize(("start", "end"), [((4.0, 1.5), (5.1, 1.5)), ((4.9, 1.5), (6.0, 1.5)), ((4.0, 9.0), (6.0, 9.0))])
+@pytest.mark.parametrize(
+    ("start", "end"), [((4.0, 1.5), (5.1, 1.5)), ((4.9, 1.5), (6.0, 1.5)), ((4.0, 9.0), (6.0, 9.0))]
+)
 def test_small_error_of_dead_reckoning_cuts_nothing(start: Point, end: Point) -> None:
     memory = wall(4)
     assert not memory.drive(start, end)
@@ -109,7 +116,9 @@ def test_small_error_of_dead_reckoning_cuts_nothing(start: Point, end: Point) ->
 def test_belief_falls_to_nothing_over_the_path_since_the_latest_contact() -> None:
     memory = wall(3)
     (trunk,) = memory.trunks
-    assert [memory.belief(trunk, path_m) for path_m in (2.0, 102.0, 202.0, 999.0)] == pytest.approx([1.0, 0.5, 0.0, 0.0])
+    assert [memory.belief(trunk, path_m) for path_m in (2.0, 102.0, 202.0, 999.0)] == pytest.approx(
+        [1.0, 0.5, 0.0, 0.0]
+    )
     memory.add((5.0, 40.0), AHEAD, 300.0)
     assert trunk not in memory.trunks
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from math import hypot
 
 import pytest
@@ -25,7 +26,7 @@ def cost_m(start: Point, way: list[Point], barriers: list[Barrier]) -> float:
     """The length of a way to the goal line, with the prices of what it crosses."""
     line_m = max([start[0], *(max(barrier.ahead0_m, barrier.ahead1_m) for barrier in barriers)]) + BEYOND_M
     places = [start, *way, (line_m, (way or [start])[-1][1])]
-    pieces = list(zip(places, places[1:], strict=False))
+    pieces = list(itertools.pairwise(places))
     # The last piece is along the goal heading: a place beyond the goal line has none left.
     length_m = sum(hypot(to[0] - at[0], to[1] - at[1]) for at, to in pieces[:-1]) + line_m - places[-2][0]
     return length_m + sum(price_m(barriers, *at, *to) for at, to in pieces)
@@ -56,9 +57,11 @@ def test_way_through_a_guess_is_taken_where_every_other_is_longer() -> None:
 
 
 def test_way_out_of_a_pocket_leads_back_first() -> None:
-    pocket = [Barrier(5.0, -2.0, 5.0, 2.0, 30.0), Barrier(0.0, -2.0, 5.0, -2.0, 30.0), Barrier(0.0, 2.0, 5.0, 2.0, 30.0)]
-    way = find_way((4.0, 0.5), [(-0.2, -2.2), (-0.2, 2.2)], pocket)
-    assert way == [(-0.2, 2.2)]
+    sides = [Barrier(0.0, side, 5.0, side, 30.0) for side in (-2.0, 2.0)]
+    pocket = [Barrier(5.0, -2.0, 5.0, 2.0, 30.0), *sides]
+    way = find_way((4.0, 0.5), [(-0.2, 0.0), (-0.2, -2.2), (-0.2, 2.2)], pocket)
+    assert way[0] == (-0.2, 0.0)
+    assert way[1:] in ([(-0.2, 2.2)], [(-0.2, -2.2)])
 
 
 @given(POINT, POINTS, BARRIERS)

@@ -59,14 +59,14 @@ class SlipClassifier:
                 self.obstacles += 1
                 return False
             self.slips += 1
-        if not observation.anomalies or self._risen_deg(observation.t_s) >= NOSE_UP_DEG:
+        if not observation.anomalies or self.risen_deg(observation.t_s) >= NOSE_UP_DEG:
             return False  # without an anomaly, something held the body while it turned
         if (self.slips + 1) / (self.slips + self.obstacles + 2) < LEAST_SHARE:
             return False
         self._tried, self._tried_m = place, observation.travelled_m
         return True
 
-    def _risen_deg(self, now_s: float) -> float:
+    def risen_deg(self, now_s: float) -> float:
         """Return how far the nose has risen since before the stall."""
         late_deg = early_deg = 0.0
         late = early = 0
