@@ -28,7 +28,9 @@ SHORT_STRIDE: Final = 0.75
 
 # Shares of the rover file's measures: Pledge as the fallback turns by 40 degrees in place of 30, and probes after half
 # the straight on a wider arc. These were best for Forest-Pledge with second tries.
-PLEDGE_TURN, PLEDGE_STRAIGHT, PLEDGE_RADIUS = 1.33, 0.5, 1.17
+PLEDGE_TURN: Final = 1.33
+PLEDGE_STRAIGHT: Final = 0.5
+PLEDGE_RADIUS: Final = 1.17
 
 _SPEC: Final = AlgorithmSpec(PLEDGE, policies.clockwise, policies.fixed_angle, keeps_side=True)
 
