@@ -1,4 +1,4 @@
-"""Memory-Pledge gets out of what Pledge gets out of, also where Forest-Pledge circles: the walls of a G, and pockets."""
+"""Memory-Pledge gets out of what Pledge gets out of: pockets, the walls of a G, one wall after another."""
 
 from __future__ import annotations
 
