@@ -10,11 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.escape.walk import TICK_S, VEHICLE
-from wayfarer.escape.api import Vehicle
 from wayfarer.escape.turn_control import DEAD_ZONE_MAX, TurnController
 from wayfarer.hal import WheelCommand
 
-MINIROVER = Vehicle(length_m=0.18, width_m=0.16, track_m=0.2, max_speed_m_s=1.0)
 IDEAL_DEG_S = degrees(2.0 * VEHICLE.max_speed_m_s / VEHICLE.track_m)
 LAG_S = 0.1
 
@@ -72,34 +70,6 @@ def test_what_was_learnt_makes_the_next_turn_prompt() -> None:
         body.controller.begin_manoeuvre()
     turned = [sum(body.tick(0.0, 60.0) for _ in range(8)) for body in (novice, expert)]
     assert turned[1] > 2.0 * turned[0]
-
-
-@pytest.mark.parametrize("side", [1, -1])
-@pytest.mark.parametrize("dead_zone", [0.4, 0.6, 0.85])
-def test_first_turn_gets_going_although_its_rate_is_a_small_share_of_full_duty(dead_zone: float, side: int) -> None:
-    """MiniRover on dry soil: 90 degrees a second are a sixth of what full duty gives on ideal ground."""
-    body = Skidder(dead_zone, share=1.8, controller=TurnController(MINIROVER))  # 573 degrees a second
-    turned_deg = 0.0
-    while abs(turned_deg) < 27.0:
-        turned_deg += body.tick(0.0, side * 90.0)
-        assert body.t_s < 2.0, "its time is over"
-        assert not body.controller.stands
-    assert body.controller.dead_zone > 0.1
-
-
-def test_turn_that_was_held_leaves_the_next_one_as_it_was() -> None:
-    body = Skidder(0.0, share=1.8, controller=TurnController(MINIROVER))
-    body.held = True
-    duties = []
-    while not body.controller.stands:
-        body.tick(0.0, 90.0)
-        duties.append(body.duty)
-    assert duties[round(1.3 / TICK_S)] == 1.0
-    assert sum(duty == 1.0 for duty in duties) * TICK_S < 1.5, "of full duty, as for any other turn"
-    body.held = False
-    body.controller.begin_manoeuvre()
-    assert body.controller.dead_zone == 0.0
-    assert body.controller.wheels(0.0, 90.0).left == pytest.approx(90.0 / degrees(10.0))
 
 
 def lagging(late_ticks: int, dead_zone: float) -> Skidder:

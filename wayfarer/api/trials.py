@@ -117,7 +117,7 @@ def run_trial(
 
     >>> trial = run_trial(7)
     >>> trial.outcome, trial.row.path_m
-    ('escaped', 38.647)
+    ('escaped', 38.646)
     >>> {tick["phase"] for tick in trial.track} >= {"follow", "back_off", "turn_away", "probe"}
     True
     """

@@ -33,11 +33,6 @@ CATCH_UP_IN_LAG: Final = 0.25
 CATCH_UP_STANDING_PER_S: Final = 2.0
 # The time constant with which the angle by which the heading lags is forgotten: a body that did not follow was held.
 FORGET_S: Final = 1.5
-# A body that has not turned although it was due to by this angle stands: three times ``MOVED_DEG``. While it stands,
-# the angle by which it lags grows at least so quickly that, despite ``FORGET_S``, the feedback is full duty after a
-# second, whatever share of full duty the commanded rate is. A turn of 30 degrees has two seconds.
-STANDS_DEG: Final = 9.0
-RISE_S: Final = 0.75
 # A body that turns faster than commanded by more than this was held and has come free: twice the noise of the latest
 # rate.
 FREE_SHARE: Final = 1.2
@@ -102,7 +97,7 @@ class TurnController:
 
     def begin_manoeuvre(self) -> None:
         """Forget the angle by which the heading lags."""
-        self._behind_deg = self._pushed_s = self._pushed_deg = self._due_deg = 0.0
+        self._behind_deg = self._pushed_s = self._pushed_deg = 0.0
         self._expected_deg_s = self._latest_deg_s
         self._pushes = self.stands = False
 
@@ -141,8 +136,7 @@ class TurnController:
         self._past.appendleft((duty, expected_deg_s))
         # The angle is limited to what full duty can correct: anti-windup.
         most_deg = self._most_behind_deg
-        due_deg = (self._rising_deg_s(lag_s) or expected_deg_s) * dt_s
-        behind_deg = (self._behind_deg + due_deg - gained_deg) * FORGET_S / (FORGET_S + dt_s)
+        behind_deg = (self._behind_deg + expected_deg_s * dt_s - gained_deg) * FORGET_S / (FORGET_S + dt_s)
         self._behind_deg = most_deg if behind_deg > most_deg else -most_deg if behind_deg < -most_deg else behind_deg
         self._learn(shown_deg_s, dt_s)
         if self._pushes:
@@ -154,13 +148,6 @@ class TurnController:
         if lag_s * CATCH_UP_PER_S <= CATCH_UP_IN_LAG:
             return CATCH_UP_PER_S
         return CATCH_UP_STANDING_PER_S if self._pushed_s > lag_s else CATCH_UP_IN_LAG / lag_s
-
-    def _rising_deg_s(self, lag_s: float) -> float:
-        """Return how quickly the angle by which a standing body lags grows, or 0 if it follows its command."""
-        expected_deg_s, least_deg_s = self._expected_deg_s, self._most_behind_deg / RISE_S
-        if self._due_deg <= STANDS_DEG + abs(expected_deg_s) * lag_s or abs(expected_deg_s) >= least_deg_s:
-            return 0.0
-        return least_deg_s if expected_deg_s > 0.0 else -least_deg_s
 
     def _predict(self, shown_deg: float, expected_deg: float) -> float:
         """Return how much the turn that a lagging compass has not shown yet has changed."""
@@ -189,8 +176,7 @@ class TurnController:
         forward = room if forward > room else -room if forward < -room else forward
         pushes = abs(duty) > abs(forward)
         if pushes is not self._pushes:
-            self._pushes = pushes
-            self._pushed_s = self._pushed_deg = self._due_deg = 0.0
+            self._pushes, self._pushed_s, self._pushed_deg = pushes, 0.0, 0.0
         return WheelCommand(forward + duty, forward - duty)
 
     def curve_speed_m_s(self, wanted_m_s: float, radius_m: float) -> float:
@@ -203,9 +189,8 @@ class TurnController:
         """Count for how long there was turn duty and the body did not turn."""
         self._pushed_s += dt_s * abs(self._duty)  # in seconds of full duty: less duty does less harm, and turns less
         self._pushed_deg += gained_deg if self._duty > 0.0 else -gained_deg
-        self._due_deg += abs(self._expected_deg_s) * dt_s
         if self._pushed_deg >= MOVED_DEG:
-            self._pushed_s = self._pushed_deg = self._due_deg = 0.0
+            self._pushed_s = self._pushed_deg = 0.0
         self.stands = self._pushed_s >= GIVE_UP_AFTER_S
 
     def _learn(self, shown_deg_s: float, dt_s: float) -> None:
