@@ -95,7 +95,9 @@ def test_every_algorithm_agrees_also_those_that_draw_lots(tmp_path: Path, algori
     assert replay(run) == Replay(len(ticks(run)), None)
     assert len(ticks(run)) > 100
     if algorithm in CATALOGUE:
-        assert summarise(RunReader(run)).episodes == ticks(run)[-1]["episodes"] > 0, "by the phases and by the algorithm"
+        assert summarise(RunReader(run)).episodes == ticks(run)[-1]["episodes"] > 0, (
+            "by the phases and by the algorithm"
+        )
     maps = [record for record in records(run) if record.get("name") == "contact_map"]
     assert bool(maps) == (algorithm in BEYOND_THE_PAPER)
 
