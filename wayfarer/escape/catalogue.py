@@ -1,7 +1,7 @@
 """The table of algorithms: the ten of the paper, and one more that uses the same sensors.
 
 The paper's differ in four choices and in nothing else: the side of the turn, its angle, what follows the turn, and
-whether a heading back at the goal ends the episode. Memory-Pledge has a package of its own (``memory``);
+whether a heading back at the goal ends the episode. Memory-Pledge is in ``memory``;
 ``docs/explanation/better-escape.md`` has its evidence.
 """
 

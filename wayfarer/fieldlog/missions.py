@@ -84,6 +84,10 @@ class EpisodeBegan(RunEvent):
     episode: Episode
 
 
+# Decisions of the recovery, which takes the wheels from the algorithm: its drives are in no episode.
+RECOVERY = ("self_test", "ladder.")
+
+
 class EpisodeTracker:
     """Follows the ticks of one run."""
 
@@ -96,7 +100,7 @@ class EpisodeTracker:
         episode, phase = self._episode, tick.phase
         told: list[RunEvent] = []
         if episode is None:
-            if phase not in MANOEUVRES:
+            if phase not in MANOEUVRES or (tick.why or "").startswith(RECOVERY):
                 return told
             side = "" if tick.side is None else SIDES.get(tick.side, "")
             episode = self._episode = Episode(tick.elapsed_s, side, tick.elapsed_s)
