@@ -1,8 +1,9 @@
-"""The cheapest way to the goal line: A* over the places where a way may turn.
+"""The cheapest way to the goal line: lazy A* over the places where a way may turn.
 
 The goal line lies across the goal heading, beyond all that was met. A way is straight pieces; each costs its length and
 the price of what it crosses. The distance left straight ahead never overestimates that, so the first way found is the
-cheapest.
+cheapest. To look at what a piece crosses is what takes time, so it is done only when the piece, as if it crossed
+nothing, would be on the cheapest way (lazy A*): most pieces never are.
 """
 
 from __future__ import annotations
@@ -27,37 +28,37 @@ def find_way(start: Point, waypoints: list[Point], barriers: list[Barrier]) -> l
         line_m = max(line_m, barrier.ahead0_m, barrier.ahead1_m)
     line_m += BEYOND_M
     places = [start, *waypoints]
-    cost_m = [inf] * len(places)
     came_from = [-1] * len(places)
     done = [False] * len(places)
-    cost_m[0] = 0.0
     best_m, best_last = inf, 0
     pieces = 0
-    queue: list[tuple[float, int]] = [(line_m - start[0], 0)]
+    # The least cost of a whole way, the cost so far, the place, the place before it, and whether the price of the piece
+    # between the two is in both costs.
+    queue: list[tuple[float, float, int, int, bool]] = [(line_m - start[0], 0.0, 0, -1, True)]
     while queue and pieces < MOST_PIECES:
-        least_m, here = heappop(queue)
+        least_m, cost_m, here, before, priced = heappop(queue)
         if least_m >= best_m:
             break
         if done[here]:
             continue
-        done[here] = True
         a, r = places[here]
-        ahead_m = cost_m[here] + (line_m - a) + price_m(barriers, a, r, line_m, r)
+        if not priced:
+            pieces += 1
+            more_m = price_m(barriers, places[before][0], places[before][1], a, r)
+            if more_m > 0.0:
+                heappush(queue, (least_m + more_m, cost_m + more_m, here, before, True))
+                continue
+        done[here], came_from[here] = True, before
+        ahead_m = cost_m + (line_m - a) + price_m(barriers, a, r, line_m, r)
         pieces += 1
         if ahead_m < best_m:
             best_m, best_last = ahead_m, here
         for there in range(1, len(places)):
-            if done[there]:
-                continue
-            to_a, to_r = places[there]
-            there_m = cost_m[here] + hypot(to_a - a, to_r - r)
-            if there_m >= cost_m[there] or there_m + line_m - to_a >= best_m:
-                continue  # before it is looked at what the piece crosses: most end here
-            there_m += price_m(barriers, a, r, to_a, to_r)
-            pieces += 1
-            if there_m < cost_m[there]:
-                cost_m[there], came_from[there] = there_m, here
-                heappush(queue, (there_m + line_m - to_a, there))
+            if not done[there]:
+                to_a, to_r = places[there]
+                there_m = cost_m + hypot(to_a - a, to_r - r)
+                if there_m + line_m - to_a < best_m:
+                    heappush(queue, (there_m + line_m - to_a, there_m, there, here, False))
     way: list[Point] = []
     while best_last > 0:
         way.append(places[best_last])
