@@ -7,7 +7,8 @@ from collections.abc import Iterable
 import pytest
 
 from tests.escape.walk import STUCK, TICK_S, observation
-from wayfarer.escape.memory.slip import NOSE_UP_DEG, PASSED_M, SAME_PLACE, SlipClassifier
+from wayfarer.escape.api import Anomaly
+from wayfarer.escape.memory.slip import NOSE_UP_DEG, PASSED_M, SAME_PLACE, UNMEASURED_M, SlipClassifier
 
 WIDTH_M = 0.4
 HERE, ELSEWHERE = (5.0, 0.0), (8.0, 0.0)
@@ -19,7 +20,7 @@ def slips() -> SlipClassifier:
 
 
 def stopped(slips: SlipClassifier, place: tuple[float, float], travelled_m: float = 5.0) -> bool:
-    return slips.is_slip(observation(anomalies=STUCK, travelled_m=travelled_m), place)
+    return slips.is_slip(observation(anomalies=STUCK, travelled_m=travelled_m, measured_m=4.0), place)
 
 
 def stopped_after(pitches_deg: Iterable[float]) -> bool:
@@ -49,6 +50,40 @@ def test_body_that_is_held_in_a_turn_did_not_slip(slips: SlipClassifier) -> None
     assert not slips.is_slip(observation(), HERE)
 
 
+@pytest.mark.parametrize("anomaly", [each for each in Anomaly if each is not Anomaly.IMMOBILISED])
+def test_tilt_and_touch_are_no_slips(slips: SlipClassifier, anomaly: Anomaly) -> None:
+    for anomalies in ((anomaly,), (Anomaly.IMMOBILISED, anomaly)):
+        assert not slips.is_slip(observation(anomalies=anomalies), HERE)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0, 1.1])
+def test_stall_that_the_motion_sensor_did_not_see_is_no_slip(slips: SlipClassifier, share: float) -> None:
+    """The commanded distance is what is measured then; noise can make it a little more."""
+    for tick in range(40):
+        driven_m = tick * TICK_S
+        seen = observation(t_s=driven_m, travelled_m=driven_m, measured_m=share * driven_m, anomalies=STUCK)
+        slips.follow(seen)
+    assert slips.is_slip(seen, HERE) is (share < 1.0)
+
+
+def test_where_nothing_measures_distance_a_stall_soon_after_a_try_is_the_same(slips: SlipClassifier) -> None:
+    """Such a rover seems to get on while it pushes, and would push at the same trunk for ever."""
+    assert slips.is_slip(observation(anomalies=STUCK, travelled_m=5.0), HERE)
+    soon = observation(anomalies=STUCK, travelled_m=5.0 + UNMEASURED_M)
+    slips.follow(soon)
+    assert not slips.is_slip(soon, ELSEWHERE)
+    later = observation(anomalies=STUCK, travelled_m=20.0)
+    assert slips.is_slip(later, HERE)
+
+
+@pytest.mark.parametrize("tick_s", [0.01, 0.05, 0.1])
+def test_nose_is_compared_at_any_control_rate(slips: SlipClassifier, tick_s: float) -> None:
+    for tick in range(round(2.0 / tick_s)):
+        t_s = tick * tick_s
+        slips.follow(observation(t_s=t_s, pitch_deg=5.0 if t_s > 1.7 else 0.0))
+    assert slips.risen_deg(t_s) == pytest.approx(5.0)
+
+
 def test_stopped_again_at_the_same_place_is_an_obstacle(slips: SlipClassifier) -> None:
     assert stopped(slips, HERE)
     assert not stopped(slips, (HERE[0] + SAME_PLACE * WIDTH_M - 0.01, 0.0))
@@ -63,9 +98,9 @@ def test_stopped_at_another_place_was_a_slip_before(slips: SlipClassifier) -> No
 
 def test_slip_is_over_once_it_is_driven_past(slips: SlipClassifier) -> None:
     assert stopped(slips, HERE, travelled_m=5.0)
-    slips.follow(observation(travelled_m=5.0 + PASSED_M))
+    slips.follow(observation(travelled_m=5.0 + PASSED_M, measured_m=5.0))
     assert slips.slips == 0
-    slips.follow(observation(travelled_m=5.1 + PASSED_M))
+    slips.follow(observation(travelled_m=5.1 + PASSED_M, measured_m=5.1))
     assert slips.slips == 1
     assert stopped(slips, HERE, travelled_m=9.0), "back at the place, it is another stop"
 

@@ -23,6 +23,8 @@ REACHED: Final = 0.4
 PLAN_EVERY_M: Final = 1.0
 # What was driven over is looked at in pieces as long as this, in widths: shorter ones cannot cross a line clearly.
 SWEEP: Final = 2.0
+# A goal heading that has turned by less is the same goal, and the map stays: other software may compute it each tick.
+SAME_GOAL_DEG: Final = 5.0
 # After a turn that something stopped, the rover drives this far as it stands, in widths.
 SHORT_STRIDE: Final = 0.75
 
@@ -80,12 +82,13 @@ class MemoryHandler(PhasedHandler):
 
     def _aim(self, observation: Observation) -> Observation:
         """Return the observation with the heading of the way in the place of the goal heading."""
-        if self._goal_deg != observation.goal_heading_deg:
-            if self._goal_deg is not None:
+        goal_deg = self._goal_deg
+        if goal_deg is None or abs(wrap180(observation.goal_heading_deg - goal_deg)) > SAME_GOAL_DEG:
+            if goal_deg is not None:
                 self._forget()
-            self._goal_deg = observation.goal_heading_deg
+            goal_deg = self._goal_deg = observation.goal_heading_deg
         self._path_m = observation.travelled_m
-        self._reckoning.follow(observation, self._manoeuvre.phase)
+        self._reckoning.follow(observation._replace(goal_heading_deg=goal_deg), self._manoeuvre.phase)
         self._slips.follow(observation)
         self._fallback.advance(self._reckoning.ahead_m)
         self._sweep()
@@ -95,7 +98,7 @@ class MemoryHandler(PhasedHandler):
             self._keep_way()
         if not self._way:
             return observation
-        return observation._replace(goal_heading_deg=(self._goal_deg + self._bearing_deg(self._place())) % 360.0)
+        return observation._replace(goal_heading_deg=(goal_deg + self._bearing_deg(self._place())) % 360.0)
 
     def _keep_way(self) -> None:
         """Plan again at a waypoint, and now and then on the way to it."""

@@ -1,9 +1,12 @@
 """Tells an obstacle from wheels that only slip.
 
-Two signs are used. A rover that pushes onto a trunk raises its nose; this proves an obstacle. A level nose proves
-nothing: trees, and trunks in other physics, leave it level. Then a *second try* decides: the rover backs off a little
-and drives on as before. If it is stopped again at the same place, something is there. A second try costs time and path,
-so it is left out where all of them so far have met something.
+Only a stall may be a slip: a touch and a tilt are none. Two signs are used. A rover that pushes onto a trunk raises its
+nose; this proves an obstacle. A level nose proves nothing: trees, and trunks in other physics, leave it level. Then a
+*second try* decides: the rover backs off a little and drives on as before. If it is stopped again at the same place,
+something is there. A second try costs time and path, so it is left out where all of them so far have met something.
+
+A second try needs somebody who measures. A rover whose motion sensor sees nothing is told of a stall now and then
+(``MotionMonitor.stride_over``), and its place moves on while it pushes: each try would seem to have been a slip.
 """
 
 from __future__ import annotations
@@ -12,7 +15,7 @@ from collections import deque
 from math import hypot, inf
 from typing import Final
 
-from wayfarer.escape.api import Observation
+from wayfarer.escape.api import Anomaly, Observation
 from wayfarer.escape.memory.obstacle_map import Point
 
 # The nose has risen if its mean over the latest RISEN_S is so much above its mean before the stall; a single reading of
@@ -21,13 +24,21 @@ from wayfarer.escape.memory.obstacle_map import Point
 NOSE_UP_DEG: Final = 1.5
 RISEN_S: Final = 0.25
 BEFORE_S: Final = (0.8, 1.9)
+# A stall was seen if the wheels were commanded further than the body went in the latest RISEN_S: by more than rounding.
+# A stall that is seen leaves more than half of what was commanded, some centimetres.
+LOST_M: Final = 0.001
 # Stopped again so near to the first place, in widths of the body, is stopped by the same thing; a slip is over once the
 # rover has driven so far beyond it.
 SAME_PLACE: Final = 0.5
 PASSED_M: Final = 1.0
+# Where nothing measures distance, a rover that pushes seems to drive: stopped again within so much commanded path is
+# the same place. At 1 m/s this is the bound of faults 29 and 58 for a held motor, 3 s.
+UNMEASURED_M: Final = 3.0
 # Second tries are left out if the share of slips among those so far (Laplace's rule of succession) is below this: after
 # eight that all met something. The next slip that is driven over does not count then.
 LEAST_SHARE: Final = 0.1
+
+_STALL: Final = (Anomaly.IMMOBILISED,)
 
 
 class SlipClassifier:
@@ -42,12 +53,17 @@ class SlipClassifier:
         self.slips = self.obstacles = 0
         self._tried: Point | None = None
         self._tried_m = -inf
-        self._pitches: deque[tuple[float, float]] = deque(maxlen=64)
+        # Time, pitch, and how much further the wheels were commanded than the body went.
+        self._past: deque[tuple[float, float, float]] = deque()
 
     def follow(self, observation: Observation) -> None:
         """Take in a tick."""
-        self._pitches.append((observation.t_s, observation.pitch_deg))
-        if self._tried is not None and observation.travelled_m - self._tried_m > PASSED_M:
+        past, now_s = self._past, observation.t_s
+        past.append((now_s, observation.pitch_deg, observation.travelled_m - observation.covered_m))
+        while now_s - past[0][0] > BEFORE_S[1]:
+            past.popleft()
+        passed_m = UNMEASURED_M if observation.measured_m is None else PASSED_M
+        if self._tried is not None and observation.travelled_m - self._tried_m > passed_m:
             self._tried = None
             self.slips += 1
 
@@ -55,22 +71,36 @@ class SlipClassifier:
         """Return whether the wheels may only have slipped at this place, so that a second try is worth it."""
         tried, self._tried = self._tried, None
         if tried is not None:
-            if hypot(place[0] - tried[0], place[1] - tried[1]) < self._same_place_m:
+            apart_m = hypot(place[0] - tried[0], place[1] - tried[1])
+            if apart_m < self._same_place_m or observation.measured_m is None:
                 self.obstacles += 1
                 return False
             self.slips += 1
-        if not observation.anomalies or self.risen_deg(observation.t_s) >= NOSE_UP_DEG:
-            return False  # without an anomaly, something held the body while it turned
+        # Without an anomaly, something held the body while it turned.
+        if observation.anomalies != _STALL or self._unseen(observation):
+            return False
+        if self.risen_deg(observation.t_s) >= NOSE_UP_DEG:
+            return False
         if (self.slips + 1) / (self.slips + self.obstacles + 2) < LEAST_SHARE:
             return False
         self._tried, self._tried_m = place, observation.travelled_m
         return True
 
+    def _unseen(self, observation: Observation) -> bool:
+        """Return whether the motion sensor saw nothing of the stall."""
+        if observation.measured_m is None:
+            return False
+        lost_m = observation.travelled_m - observation.covered_m
+        for t_s, _, before_m in reversed(self._past):
+            if observation.t_s - t_s >= RISEN_S:
+                return lost_m - before_m < LOST_M
+        return False
+
     def risen_deg(self, now_s: float) -> float:
         """Return how far the nose has risen since before the stall."""
         late_deg = early_deg = 0.0
         late = early = 0
-        for t_s, pitch_deg in self._pitches:
+        for t_s, pitch_deg, _ in self._past:
             age_s = now_s - t_s
             if age_s <= RISEN_S:
                 late_deg, late = late_deg + pitch_deg, late + 1
