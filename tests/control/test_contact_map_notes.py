@@ -15,7 +15,7 @@ class Remembering(Wanting):
 
     def __init__(self) -> None:
         super().__init__()
-        self.changes = self.asked = 0
+        self.changes, self.asked = 1, 0
         self.seen_map = ContactMap(1.23456, 0.0, (TRUNK,), ((2.0, 1.0004),), "plan")
 
     def contact_map(self) -> ContactMap:
@@ -27,7 +27,7 @@ async def test_map_is_written_when_it_has_changed_and_at_most_once_a_second() ->
     handler = Remembering()
     bench = await Bench(handler).armed()
     await bench.tick(20)
-    assert handler.asked == 0, "nothing has changed"
+    assert handler.asked == 0, "nothing has changed since the start"
     for _ in range(60):
         handler.changes += 1
         await bench.tick()

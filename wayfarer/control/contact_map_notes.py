@@ -22,7 +22,7 @@ class ContactMapNotes:
     def __init__(self, handler: EscapeHandler, log: RunLog) -> None:
         self._handler = handler if isinstance(handler, Remembers) else None
         self._log = log
-        self._noted = 0
+        self._noted: int | None = None
         self._due_s = -inf
 
     def note(self, t_s: float) -> None:
@@ -31,7 +31,10 @@ class ContactMapNotes:
         if handler is None or t_s < self._due_s:
             return
         try:
-            if (changes := handler.changes) == self._noted:
+            changes = handler.changes
+            if self._noted is None:
+                self._noted = changes  # no news: a rover that was not armed yet plans nothing
+            if changes == self._noted:
                 return
             self._noted, self._due_s = changes, t_s + NOTE_S
             self._write(t_s, handler.contact_map())
