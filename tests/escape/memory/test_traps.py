@@ -44,3 +44,12 @@ def test_memory_pledge_is_not_entrapped_where_pledge_is_not(trap: str, slip_mean
             spec = TrialSpec(0, name, forest(TRAPS[trap]), seed, load_rover("sim"), slip_mean_m, budget_m=1000.0)
             outcomes[name] = run_trial(spec).outcome in SUCCESSES
         assert outcomes["memory-pledge"] or not outcomes["pledge"], f"seed {seed}"
+
+
+def test_body_that_is_wedged_across_between_two_trunks_gets_out() -> None:
+    """It has some centimetres to drive and some degrees to turn; only the ladder's shuffle leads to the wide end."""
+    gap = forest(((-3.027, -0.38, 2.752, 1.231), (-2.677, -1.464, 2.952, 0.613)))
+    spec = TrialSpec(0, "memory-pledge", gap, 2, load_rover("sim"))
+    end = run_trial(spec)
+    assert end.outcome in SUCCESSES
+    assert end.time_s < 1200.0
