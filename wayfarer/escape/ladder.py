@@ -76,7 +76,7 @@ RUNGS: Final = (
     # turn. Turned to its limit it has nothing left to drive, and nobody knows the limit, so the turns are random.
     Rung(
         "ladder.shuffle",
-        (Step(0.3, 0.0, 0.8), Step(0.25, 0.8, 0.0), Step(0.3, 0.0, -0.8), Step(0.25, -0.8, 0.0)) * 7,
+        (Step(0.3, 0.0, 0.8), Step(0.25, 0.8, 0.0), Step(0.3, 0.0, -0.8), Step(0.25, -0.8, 0.0)) * 6,
         random=True,
     ),
 )
