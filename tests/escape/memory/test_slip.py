@@ -56,16 +56,6 @@ def test_tilt_and_touch_are_no_slips(slips: SlipClassifier, anomaly: Anomaly) ->
         assert not slips.is_slip(observation(anomalies=anomalies), HERE)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.5, 1.0, 1.1])
-def test_stall_that_the_motion_sensor_did_not_see_is_no_slip(slips: SlipClassifier, share: float) -> None:
-    """The commanded distance is what is measured then; noise can make it a little more."""
-    for tick in range(40):
-        driven_m = tick * TICK_S
-        seen = observation(t_s=driven_m, travelled_m=driven_m, measured_m=share * driven_m, anomalies=STUCK)
-        slips.follow(seen)
-    assert slips.is_slip(seen, HERE) is (share < 1.0)
-
-
 def test_where_nothing_measures_distance_a_stall_soon_after_a_try_is_the_same(slips: SlipClassifier) -> None:
     """Such a rover seems to get on while it pushes, and would push at the same trunk for ever."""
     assert slips.is_slip(observation(anomalies=STUCK, travelled_m=5.0), HERE)

@@ -7,7 +7,12 @@ again with the first budget. Where contacts are crowded, Pledge drives in the pl
 
 *Why it gets out*: let N be the largest number of contacts that Pledge needs to get out of the wood, from any place in
 it. Progress can happen only as often as the wood is deep in units of ``PROGRESS``. After the last one, the budgets
-double until Pledge has N contacts, and gets out. Before that, all stints together had less than 6 N contacts.
+double until Pledge has N contacts, and gets out. Before that, all stints together had less than 6 N contacts, or the
+first budget if that is more. Who drives within the first budget does not matter, so neither does a crowd; and a second
+try (``slip``) adds at most one stop to each contact, because stopped again at the same place is a contact.
+
+*What it assumes*: dead reckoning does not invent progress for ever, and nothing resets the algorithm. The ladder
+(``escape.ladder``) does where the rover makes no progress at all, and takes budgets and Pledge's counter alike.
 """
 
 from __future__ import annotations

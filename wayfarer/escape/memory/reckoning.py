@@ -16,7 +16,7 @@ class Reckoning:
     """Follows the rover since ``reset``: ``ahead_m`` along the goal heading, ``right_m`` to the right of it.
 
     The observation's dead reckoning counts. Where nothing sums it up, as in another robot's loop, the distance covered
-    and the phase are used.
+    and the phase are used, and the way of a stall is taken back where that distance is only the commanded one.
     """
 
     def __init__(self, cruise_m_s: float) -> None:
