@@ -36,9 +36,9 @@ FRONT = (
     "in both, of those with all trials and no more failures than the present settings."
 )
 SIDE_BY_SIDE = (
-    "Tuned less present, mean over the same trials, with its 95 % interval by a bootstrap of layouts. The point was "
-    "chosen on the development forests, so its figures there are too good; the held-out ones are of forests that the "
-    "search never saw. A difference whose interval contains 0 is none."
+    "Means over the same trials (path: those that both got out of), and tuned less present with its 95 % interval by a "
+    "bootstrap of layouts. The point was chosen on the development forests, so its figures there are too good; the "
+    "held-out ones are of forests that the search never saw. A difference whose interval contains 0 is none."
 )
 
 
