@@ -136,7 +136,9 @@ def test_same_mission_draws_the_same_turns_again() -> None:
 
 
 def test_body_that_is_wedged_across_between_two_trunks_gets_out() -> None:
-    """It has some centimetres to drive and some degrees to turn. Without the shuffle it stays for an hour."""
+    """It has some centimetres to drive and some degrees to turn. Without the shuffle it takes 18 minutes."""
     gap = (Trunk(22.0, 12.58, 27.97, 13.21, "across"), Trunk(22.02, 12.23, 28.01, 11.98, "across"))
     wedge = replace(CLEARING, trunks=gap, trees_m=())
-    assert run_trial(TrialSpec(0, "forest-pledge", wedge, 5, load_rover("sim"))).outcome in SUCCESSES
+    end = run_trial(TrialSpec(0, "forest-pledge", wedge, 3, load_rover("sim")))
+    assert end.outcome in SUCCESSES
+    assert end.time_s < 900.0
