@@ -27,8 +27,8 @@ SWEEP: Final = 2.0
 SHORT_STRIDE: Final = 0.75
 
 # Shares of the rover file's measures: Pledge as the fallback turns by 40 degrees in place of 30, and probes after half
-# the straight on a wider arc. These were best for Forest-Pledge with second tries. In a crowd there are no second tries,
-# and the measures are those of the file.
+# the straight on a wider arc. These were best for Forest-Pledge with second tries. A crowd has no second tries, and the
+# measures of the file.
 PLEDGE_TURN: Final = 1.33
 PLEDGE_STRAIGHT: Final = 0.5
 PLEDGE_RADIUS: Final = 1.17
