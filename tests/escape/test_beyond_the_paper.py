@@ -10,6 +10,7 @@ from tests.escape.walk import SETTINGS, VEHICLE, Walk
 from wayfarer.angles import wrap180
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.escape.catalogue import BEYOND_THE_PAPER
+from wayfarer.escape.memory.fallback import CONTACTS
 
 
 @pytest.mark.parametrize("name", BEYOND_THE_PAPER)
@@ -69,3 +70,20 @@ def test_nose_that_rose_is_a_wall_at_its_first_contact() -> None:
     walk.to(Phase.TURN_AWAY)
     walk.to(Phase.FOLLOW)
     assert abs(wrap180(walk.seen.heading_deg)) > 25.0
+
+
+def test_in_a_crowd_it_drives_as_forest_pledge() -> None:
+    """Its angle, no second try, and an episode ends with the heading back at the goal: Pledge alone unwinds all."""
+    walk = Walk("memory-pledge")
+    for _ in range(3 * CONTACTS):  # with second tries in between, until all of them have met something
+        again_m = walk.seen.travelled_m + 0.25
+        walk.go_on(lambda decision: decision.phase in (Phase.FOLLOW, Phase.PROBE))
+        while walk.seen.travelled_m < again_m:
+            walk.tick()
+        walk.tick(Anomaly.IMMOBILISED)
+    assert walk.handler.memory()["turn_deg"] == SETTINGS.turn_angle_deg
+    walk.to(Phase.FOLLOW)
+    walk.go_on(lambda _decision: abs(wrap180(walk.seen.heading_deg)) < 3.0)
+    walk.to(Phase.BACK_OFF)
+    walk.to(Phase.FOLLOW)
+    assert walk.decision.why == "probe.realigned"

@@ -29,7 +29,8 @@ SAME_GOAL_DEG: Final = 5.0
 SHORT_STRIDE: Final = 0.75
 
 # Shares of the rover file's measures: Pledge as the fallback turns by 40 degrees in place of 30, and probes after half
-# the straight on a wider arc. These were best for Forest-Pledge with second tries.
+# the straight on a wider arc. These were best for Forest-Pledge with second tries. A crowd has no second tries, and the
+# measures of the file.
 PLEDGE_TURN: Final = 1.33
 PLEDGE_STRAIGHT: Final = 0.5
 PLEDGE_RADIUS: Final = 1.17
@@ -138,11 +139,9 @@ class MemoryHandler(PhasedHandler):
         assert self._goal_deg is not None  # it is known since the first tick
         self._reckoning.take_back_stall()
         escape_plan, place = self._escape_plan, self._place()
-        escape_plan.turn_deg *= PLEDGE_TURN
-        escape_plan.straight_m *= PLEDGE_STRAIGHT
-        escape_plan.radius_m *= PLEDGE_RADIUS
         bearing_deg = observation.heading_deg - self._goal_deg
-        if self._slips.is_slip(observation, place):
+        if not self._fallback.crowd and self._slips.is_slip(observation, place):
+            self._follow_pledge()
             escape_plan.back_off_m *= self._settings.memory_retry_back_off
             escape_plan.turn_deg = 0.0
             return
@@ -152,6 +151,7 @@ class MemoryHandler(PhasedHandler):
         self.changes += 1
         self._choose_driver()
         if self._fallback.pledge:
+            self._follow_pledge()
             return
         back_m = escape_plan.back_off_m
         start = place[0] - back_m * course[0], place[1] - back_m * course[1]
@@ -160,6 +160,15 @@ class MemoryHandler(PhasedHandler):
         escape_plan.side = self._side = policies.CLOCKWISE if turn_deg >= 0.0 else policies.COUNTER_CLOCKWISE
         escape_plan.turn_deg = abs(turn_deg)
         escape_plan.stride_m = SHORT_STRIDE * self._width_m
+
+    def _follow_pledge(self) -> None:
+        """Set how Pledge drives: in a crowd by the rules and measures of Forest-Pledge, else by its own."""
+        escape_plan = self._escape_plan
+        escape_plan.resets = self._fallback.crowd
+        if not escape_plan.resets:
+            escape_plan.turn_deg *= PLEDGE_TURN
+            escape_plan.straight_m *= PLEDGE_STRAIGHT
+            escape_plan.radius_m *= PLEDGE_RADIUS
 
     def _choose_driver(self) -> None:
         """Let plan or Pledge drive on from this contact; Pledge begins with a fresh counter."""
