@@ -10,6 +10,7 @@ from wayfarer.angles import wrap180
 from wayfarer.escape import policies
 from wayfarer.escape.api import ContactMap, EscapeSettings, Observation, Phase, Vehicle
 from wayfarer.escape.handler import AlgorithmSpec, PhasedHandler
+from wayfarer.escape.manoeuvres import Follow
 from wayfarer.escape.memory.fallback import Fallback
 from wayfarer.escape.memory.obstacle_map import ObstacleMap, Point
 from wayfarer.escape.memory.reckoning import Reckoning
@@ -96,16 +97,20 @@ class MemoryHandler(PhasedHandler):
         if self._fallback.pledge:
             return observation
         if self._manoeuvre.phase is Phase.FOLLOW and self._way:
-            self._keep_way()
+            self._keep_way(observation)
         if not self._way:
             return observation
         return observation._replace(goal_heading_deg=(goal_deg + self._bearing_deg(self._place())) % 360.0)
 
-    def _keep_way(self) -> None:
+    def _keep_way(self, observation: Observation) -> None:
         """Plan again at a waypoint, and now and then on the way to it."""
         (to_a, to_r), (a, r) = self._way[0], self._place()
         if hypot(to_a - a, to_r - r) < REACHED * self._width_m or self._path_m - self._planned_m > PLAN_EVERY_M:
+            changes = self.changes
             self._find_way((a, r))
+            if self.changes != changes:
+                assert isinstance(self._manoeuvre, Follow)
+                self._manoeuvre.allow_turn(observation)  # else a turn at a waypoint could count as one that is held
 
     def _find_way(self, start: Point) -> None:
         self._planned_m = self._path_m
