@@ -1,4 +1,4 @@
-"""A bench for all tests, and a daemon's site for each."""
+"""A bench for the tests of a file, and a daemon's site for each."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ import pytest
 from tests.system.hil_setup import Site, hil_site, running_bench
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def bench() -> Iterator[Path]:
+    """It is not left running for longer: it lets a hundred instants pass in each second."""
     with running_bench() as path:
         yield path
 
