@@ -51,7 +51,9 @@ def test_tune_finds_confirms_and_writes_and_refuses_another_search(run: Run, tmp
     assert run(*ASKED, "--out", out, "--resume")[0] == 0
     assert {name: (out / name).read_bytes() for name in files} == files, "interrupted and resumed"
 
-    page = Outline((out / "report.html").read_text(encoding="utf-8"))
+    text = (out / "report.html").read_text(encoding="utf-8")
+    assert "development.jsonl, BLAKE2b" in text
+    page = Outline(text)
     assert page.tags["figure"] == 3, "history, importance, front"
     assert page.tags["tr"] == (1 + 6) + (1 + 1) + (1 + 33)
     assert page.links == []
