@@ -23,6 +23,9 @@ ROOT = Path(__file__).resolve().parents[1]
 HELD_OUT = "odd.jsonl"  # the half of the reference forests that nothing was tuned to
 
 _AT_SITE = "--algorithm forest-pledge,levy-walk,memory-pledge --trials 200 --spl"
+_CHALLENGE = "--algorithm forest-pledge,memory-pledge --trials 20"
+_GROUNDS = "sweep ground=ideal,leaf-litter,dry-soil,mud"
+_SLIPPERY = f"{_GROUNDS} --trials 50"
 _BOTH = "--algorithm forest-pledge,memory-pledge --trials 1000"
 _ANGLE = "sweep escape.turn_angle_deg"
 
@@ -35,8 +38,14 @@ CAMPAIGNS: Mapping[str, str] = {
     "held-2": f"sim --forests {HELD_OUT} {_BOTH} --slip-mean-m 2",
     "fresh-10": f"sim --seed 6 --spl {_BOTH}",
     "fresh-2": f"sim --seed 6 --spl {_BOTH} --slip-mean-m 2",
+    "challenge-forestrover": f"sim --site forest-escape --rover forestrover {_CHALLENGE}",
+    "challenge-minirover": f"sim --site forest-escape --rover minirover {_CHALLENGE}",
+    "slippery-maze-forestrover": f"{_SLIPPERY} --site extended-maze --rover forestrover",
+    "slippery-maze-minirover": f"{_SLIPPERY} --site extended-maze --rover minirover",
+    "slippery-clutter-forestrover": f"{_SLIPPERY} --site dense-obstruction --rover forestrover",
+    "slippery-clutter-minirover": f"{_SLIPPERY} --site dense-obstruction --rover minirover",
     "body": "sweep footprint_m=0.2:0.8:0.2 --trials 500 --spl",
-    "grounds": "sweep ground=ideal,leaf-litter,dry-soil,mud --trials 500 --budget-m 250 --forests reference",
+    "grounds": f"{_GROUNDS} --trials 500 --budget-m 250 --forests reference",
     "angle-10": f"{_ANGLE}=10,20,30,40,50,60,80,100,120,150,180 --trials 500 --forests reference",
     "angle-2": f"{_ANGLE}=10,30,50,90,180 --trials 500 --forests reference --slip-mean-m 2",
     "paper-10": "sim --algorithm paper --forests reference --trials 1000",

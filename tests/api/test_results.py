@@ -78,6 +78,7 @@ def test_folder_gives_the_same_results_as_the_run(results: wayfarer.Results, out
 def test_trial_alone_is_that_of_the_campaign(results: wayfarer.Results) -> None:
     trial = wayfarer.run_trial(2, "pledge", budget_m=15.0, seed=4)
     assert results.rows[-1] == trial.row._replace(ticks=None)
+    assert wayfarer.run_trial(0, budget_m=1.0, slope_deg=3.0).row.slope_deg == 3.0
 
 
 def test_summary_has_the_numbers_of_summary_json(results: wayfarer.Results, out: Path) -> None:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import os
+import signal
 from functools import partial
 from pathlib import Path
 
@@ -9,6 +11,8 @@ from tests.conftest import Run
 from tests.experiments.tuning import settings_matter
 from tests.views.page.outline import Outline
 from wayfarer.config.rover_file import load_rover
+from wayfarer.experiments.trial import TrialResult
+from wayfarer.experiments.trial_setup import TrialSpec
 
 ASKED = (
     "--forests", "reference", "--rover", "forestrover", "--points", 32, "--trials", 40, "--jobs", 1,
@@ -47,7 +51,9 @@ def test_tune_finds_confirms_and_writes_and_refuses_another_search(run: Run, tmp
     assert run(*ASKED, "--out", out, "--resume")[0] == 0
     assert {name: (out / name).read_bytes() for name in files} == files, "interrupted and resumed"
 
-    page = Outline((out / "report.html").read_text(encoding="utf-8"))
+    text = (out / "report.html").read_text(encoding="utf-8")
+    assert "development.jsonl, BLAKE2b" in text
+    page = Outline(text)
     assert page.tags["figure"] == 3, "history, importance, front"
     assert page.tags["tr"] == (1 + 6) + (1 + 1) + (1 + 33)
     assert page.links == []
@@ -57,3 +63,20 @@ def test_tune_finds_confirms_and_writes_and_refuses_another_search(run: Run, tmp
     assert "belongs to another search: campaign.seed is 0 there and 3 here" in err
     code, _, err = run(*ASKED[:-6], "--search", "escape.turn_angle_deg=10:80:log", "--out", out, "--resume")
     assert (code, "space.1.high is 90.0 there and 80.0 here" in err) == (2, True)
+
+
+def test_signal_in_the_last_trial_of_a_look_ends_the_search_and_the_first_fault_is_told(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def trial(spec: TrialSpec, log_dir: Path | None = None) -> TrialResult:
+        if spec.trial in {3, 5}:
+            raise KeyError("phase")
+        if spec.trial == 7:
+            os.kill(os.getpid(), signal.SIGINT)
+        return settings_matter.trial(spec, log_dir)
+
+    monkeypatch.setattr("wayfarer.experiments.trial.run_trial", trial)
+    code, _, err = run(*ASKED[:2], "--points", 8, "--trials", 8, "--jobs", 1, "--out", tmp_path / "out")
+    assert code == 130
+    assert "interrupted: 8 trials of the search" in err
+    assert err.count("ended in a fault") == err.count("point 0, trial 3 ended in a fault: KeyError") == 1

@@ -12,6 +12,9 @@ import pytest
 
 from tests.drivers.private_dev import NoMounts, compiled_shim, why_not
 from tests.drivers.real_site import NoRegistry, RealSite, install_oldest, real_site
+from tests.system.conftest import bench
+
+__all__ = ["bench"]
 
 
 @pytest.fixture(scope="module")
@@ -64,11 +67,11 @@ def libraries(version: str, request: pytest.FixtureRequest) -> Path:
 
 
 @pytest.fixture(scope="module")
-def site(rover: str, shim: Path, libraries: Path) -> Iterator[RealSite]:
+def site(rover: str, shim: Path, libraries: Path, bench: Path) -> Iterator[RealSite]:
     """A site of the rover for all tests of a module; they skip where no private /dev can be mounted."""
     with ExitStack() as stack:
         try:
-            made = stack.enter_context(real_site(rover, libraries, shim))
+            made = stack.enter_context(real_site(rover, libraries, shim, bench))
         except NoMounts as error:
             pytest.skip(f"no private /dev can be mounted here: {error}")
         yield made

@@ -61,11 +61,12 @@ class RealSite(Site):
         dev: where the device files are.
         libraries: the folder of the libraries.
         shim: answers ``ioctl``.
+        bench: as for ``Site``.
     """
 
-    def __init__(self, folder: Path, rover: str, dev: PrivateDev, libraries: Path, shim: Path) -> None:
+    def __init__(self, folder: Path, rover: str, dev: PrivateDev, libraries: Path, shim: Path, bench: Path) -> None:
         self.dev = dev
-        super().__init__(folder, rover)
+        super().__init__(folder, rover, bench)
         _, _, shipped = self.config.read_text(encoding="utf-8").partition("\n")  # without the bench's own buses
         # Each sense that falls silent stops the wheels, so that a test can see when it was noticed.
         holding = shipped.replace("start_delay_s", 'on_lost_sense = "hold"\nstart_delay_s', 1)
@@ -78,7 +79,7 @@ class RealSite(Site):
 
     def plug_serial(self) -> None:
         """Plug the serial adapter in."""
-        self.line = SerialLine(self.folder / "bench", SERIAL)
+        self.line = SerialLine(self.bench_socket, SERIAL)
         self.dev.link(SERIAL, self.line.path)
 
     def unplug_serial(self) -> None:
@@ -107,17 +108,16 @@ class RealSite(Site):
 
 
 @contextmanager
-def real_site(rover: str, libraries: Path, shim: Path) -> Iterator[RealSite]:
+def real_site(rover: str, libraries: Path, shim: Path, bench: Path) -> Iterator[RealSite]:
     """Give a site, and clear it away.
 
     Raises:
         NoMounts: no private /dev can be mounted here.
-        HilSetupError: the bench does not start.
     """
     with TemporaryDirectory(prefix="wf-") as folder, TemporaryDirectory(prefix="wf-dev-") as mounts:
         dev = PrivateDev(Path(mounts))
         try:
-            made = RealSite(Path(folder), rover, dev, libraries, shim)
+            made = RealSite(Path(folder), rover, dev, libraries, shim, bench)
             try:
                 yield made
             finally:

@@ -109,7 +109,7 @@ def test_transfers_go_out_as_the_parts_need_them(site: RealSite) -> None:
     with Recorder(site.folder / "recorder") as recorder:
         site.environment |= {SOCKET_VARIABLE: str(site.folder / "recorder")}
         done = site.run_python("-c", TRANSFERS)
-    site.environment |= {SOCKET_VARIABLE: str(site.folder / "bench")}
+    site.environment |= {SOCKET_VARIABLE: str(site.bench_socket)}
     assert done.returncode == 0, done.stderr
     i2c, spi = {"do": "i2c", "bus": I2C}, {"do": "spi", "bus": SPI}
     assert recorder.requests == [

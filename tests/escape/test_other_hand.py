@@ -6,7 +6,6 @@ from itertools import islice
 
 import pytest
 
-from benchmarks import hand
 from benchmarks.other_hand import Contact, contacts
 
 pytestmark = [
@@ -29,6 +28,8 @@ def test_child_with_the_other_hand_drives_another_path() -> None:
 
 
 def test_tree_finds_a_hand_that_can_be_told() -> None:
+    from benchmarks import hand  # its scikit-learn takes two seconds, which each worker would need to collect the tests
+
     nothing = Contact(0, True, True, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1, 0)
     told = [
         nothing._replace(layout=layout, offset_m=side * (1.0 + layout), cost_m=-9.0 * side)

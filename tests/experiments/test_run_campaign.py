@@ -29,7 +29,7 @@ from wayfarer.experiments.executors import (
     field_trial,
     in_chunks,
 )
-from wayfarer.experiments.results_folder import PARTIAL, SUMMARY, TRIALS, ResultsFolder
+from wayfarer.experiments.results_folder import PARTIAL, SUMMARY, TRIALS, ResultsFolder, tasks_of
 from wayfarer.experiments.rows import TrialRow
 
 
@@ -97,7 +97,7 @@ def test_one_forest_serves_all_algorithms() -> None:
 
     plan = CountingCampaign(("pledge", "levy-walk", "cv-react"), 3, campaign_of(1).rover)
     runner = TrialRunner(plan, fake_trials.quick)
-    for task in plan.tasks_by_forest():
+    for task in tasks_of(plan.settings()):
         runner.run(task)
     assert made == [0, 1, 2]
 
@@ -113,7 +113,7 @@ def test_results_do_not_depend_on_workers_or_order_of_completion(tmp_path: Path)
     seen: list[Done] = []
     in_threads: dict[str, Any] = {"jobs": 4, "executor": partial(ThreadPoolExecutor, 4), "progress": seen.append}
     assert run_into(tmp_path / "4", plan, fake_trials.early_ones_last, **in_threads) == alone
-    assert [done.row.key for done in seen] != list(plan.tasks_by_forest())
+    assert [done.row.key for done in seen] != list(tasks_of(plan.settings()))
 
 
 def test_real_trials_do_not_mind_each_other_in_threads(tmp_path: Path) -> None:

@@ -173,7 +173,7 @@ async def test_arming_again_forgets_the_place() -> None:
 
 async def test_rover_without_progress_climbs_the_ladder_rests_warns_and_climbs_it_again() -> None:
     bench = await Bench().armed()
-    await nose_up(bench, 150.0)
+    await nose_up(bench, 170.0)
     whys = [tick.decision.why for tick in bench.log.ticks if tick.decision.why.startswith(("ladder.", "self_test"))]
     assert list(dict.fromkeys(whys)) == [rung.name for rung in RUNGS]
     found = [each["cause"] for each in bench.log.named("health")]

@@ -1,16 +1,24 @@
-"""A daemon's site for each test."""
+"""A bench for the tests of a file, and a daemon's site for each."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
-from tests.system.hil_setup import Site, hil_site
+from tests.system.hil_setup import Site, hil_site, running_bench
+
+
+@pytest.fixture(scope="module")
+def bench() -> Iterator[Path]:
+    """It is not left running for longer: it lets a hundred instants pass in each second."""
+    with running_bench() as path:
+        yield path
 
 
 @pytest.fixture
-def site(request: pytest.FixtureRequest) -> Iterator[Site]:
+def site(request: pytest.FixtureRequest, bench: Path) -> Iterator[Site]:
     """The ForestRover's, or that of the rover that a test's parameter names."""
-    with hil_site(getattr(request, "param", "forestrover")) as made:
+    with hil_site(bench, getattr(request, "param", "forestrover")) as made:
         yield made

@@ -12,6 +12,7 @@ boards' own deadmen. ``WAYFARER_BENCH`` names the socket. The rover stands in a 
 Both ends speak one JSON object a line. Transfers name a bus and give their bytes in hex, a list of pieces; on I2C no
 piece means a read alone. Beside them
 
+* ``{"do": "begin", "rover": "rover.toml"}`` begins again, in another clearing, with the chips of this rover file;
 * ``{"do": "look", "since_s": 0.0}`` returns the state of the world and the wheel commands since then;
 * ``{"do": "power_cycle"}`` interrupts the motor board's power for a moment;
 * ``{"do": "inject", "target": "motors", "kind": "failsafe_off"}`` begins a fault of the bus layer
@@ -90,11 +91,15 @@ class HilServer:
     """
 
     def __init__(self, config: RoverConfig, clock: Callable[[], float]) -> None:
-        streams = RandomStreams(0)
-        self.world = RecordedWorld(CLEARING, config.vehicle, Physics(slip_free_m=inf), streams, clock())
-        self._wires = FaultyBuses()
-        self._wiring = ChipWiring(self.world, streams, clock, self._wires)
         self._clock = clock
+        self.begin(config)
+
+    def begin(self, config: RoverConfig) -> None:
+        """Put new chips and a new world in the place of those that there are."""
+        streams = RandomStreams(0)
+        self.world = RecordedWorld(CLEARING, config.vehicle, Physics(slip_free_m=inf), streams, self._clock())
+        self._wires = FaultyBuses()
+        self._wiring = ChipWiring(self.world, streams, self._clock, self._wires)
         self._config = config
         self._faults = ExitStack()
         self._hangs_until_s: dict[str, float] = {}
@@ -156,6 +161,10 @@ class HilServer:
         await asyncio.sleep(self._hangs_until_s.get(bus, 0.0) - self._clock())
 
     # -- what a test, or a person, may see and do ------------------------------------------------------------------
+
+    async def _do_begin(self, rover: str) -> dict[str, Any]:
+        self.begin(load_rover(rover))
+        return {"t_s": self._clock()}
 
     async def _do_look(self, since_s: float = -inf) -> dict[str, Any]:
         self.step()

@@ -1,4 +1,4 @@
-"""A bench and a daemon over it, each a process of its own: where a fault of the process happens for real.
+"""A bench and a daemon over it, each a separate process: where a fault of the process happens for real.
 
 The bench (``hil_server.py``) holds the chips of one rover in a clearing, where the rover drives ahead until the
 test does something to it, and writes down what its wheels were told and when. All processes of a machine share one
@@ -47,6 +47,8 @@ BUSY = re.compile(
 DRIVES_M_S = 0.05
 KEY_S = 0.05  # between two samples of a key that is held
 LET_GO = 5  # samples, before a key is pressed
+# For ``tests``, whose buses a rover file names.
+IMPORTS = {"PYTHONPATH": os.pathsep.join(filter(None, (str(CHECKOUT), os.environ.get("PYTHONPATH"))))}
 UNPROVED = 'deadman_unproved_because = "its board is simulated"'
 FLOW = '[parts.motion]\ndriver = "pmw3901"\nbus = "/dev/spidev0.1"\n\n'
 
@@ -81,26 +83,49 @@ def rover_toml(rover: str) -> str:
     return 'buses = "tests.system.hil_buses:buses"\n' + text
 
 
+@contextmanager
+def running_bench() -> Iterator[Path]:
+    """Give the socket of a bench, at which any user may ask, for one site after the other: it takes a second to start.
+
+    Raises:
+        HilSetupError: it does not start.
+    """
+    with tempfile.TemporaryDirectory(prefix="wf-") as folder:
+        Path(folder).chmod(0o711)
+        path = Path(folder) / "bench"
+        server = (sys.executable, "-m", "tests.system.hil_server", "--rover", "forestrover", "--socket", path)
+        with starting():
+            process = subprocess.Popen(server, env=os.environ | IMPORTS, stdout=subprocess.PIPE)
+        with process:
+            try:
+                assert process.stdout is not None
+                if not process.stdout.readline():  # it says where it listens
+                    raise HilSetupError("the bench ended")
+                path.chmod(0o666)
+                put_first(process.pid, HARDWARE_PRIORITY)
+                yield path
+            finally:
+                process.kill()
+
+
 class Site:
-    """A folder with a bench and, at times, a daemon.
+    """A folder with a bench's chips and, at times, a daemon.
 
     Args:
         folder: of its own, and short: a socket's path has 107 bytes at most.
         rover: ``forestrover``, ``minirover``, or a rover file.
-
-    Raises:
-        HilSetupError: the bench does not start.
+        bench: the socket of a bench that serves no other site meanwhile.
     """
 
-    def __init__(self, folder: Path, rover: str) -> None:
+    def __init__(self, folder: Path, rover: str, bench: Path) -> None:
         self.folder, self.rover = folder, rover
         self.deadman_s = DEADMAN_S.get(rover, 0.0)
         self.logs, self.socket = folder / "logs", folder / SOCKET_NAME
         self.config = folder / "rover.toml"
         self.config.write_text(rover_toml(rover), encoding="utf-8")
         self.environment = os.environ | {
-            "PYTHONPATH": os.pathsep.join(filter(None, (str(CHECKOUT), os.environ.get("PYTHONPATH")))),  # for ``tests``
-            SOCKET_VARIABLE: str(folder / "bench"),
+            **IMPORTS,
+            SOCKET_VARIABLE: str(bench),
             "RUNTIME_DIRECTORY": str(folder),
             "STATE_DIRECTORY": str(folder),
             "HOME": str(folder),
@@ -108,14 +133,9 @@ class Site:
         }
         self.uid = os.getuid()  # whose the daemon is
         self.processes: list[subprocess.Popen[bytes]] = []
-        server = (sys.executable, "-m", "tests.system.hil_server")
-        bench = self.start(*server, "--rover", self.config, "--socket", folder / "bench")
-        try:
-            self._line = wait_for("the bench listens", self._connect)
-        except HilSetupError:
-            self._end_processes()
-            raise
-        put_first(bench.pid, HARDWARE_PRIORITY)
+        self.bench_socket = bench
+        self._line = HilConnection(str(bench))
+        self.bench("begin", rover=str(self.config))
 
     def start(self, *command: str | Path) -> subprocess.Popen[bytes]:
         """Start a process of this site."""
@@ -126,18 +146,9 @@ class Site:
         self.processes.append(process)
         return process
 
-    def _connect(self) -> HilConnection | None:
-        try:
-            return HilConnection(str(self.folder / "bench"))
-        except OSError:
-            return None
-
     def end(self) -> None:
         """End all processes."""
         self._line.close()
-        self._end_processes()
-
-    def _end_processes(self) -> None:
         for process in reversed(self.processes):
             process.kill()
             process.wait()
@@ -316,7 +327,7 @@ class Site:
 
         To a ThunderBorg: failsafe off, both sides ahead (its commands 19, 8 and 11); to a Sabertooth: both ahead.
         """
-        path = str(self.folder / "bench")
+        path = str(self.bench_socket)
         if self.rover == "minirover":
             bus = HilI2C(path, "/dev/i2c-1")
             for command in ((19, 0), (8, 100), (11, 100)):
@@ -335,15 +346,11 @@ class Site:
 
 
 @contextmanager
-def hil_site(rover: str = "forestrover") -> Iterator[Site]:
-    """Give a site in a folder of its own, and clear it away.
-
-    Raises:
-        HilSetupError: the bench does not start.
-    """
+def hil_site(bench: Path, rover: str = "forestrover") -> Iterator[Site]:
+    """Give a site in a folder of its own, and clear it away; ``bench`` as for ``Site``."""
     folder = Path(tempfile.mkdtemp(prefix="wf-"))
     try:
-        made = Site(folder, rover)
+        made = Site(folder, rover, bench)
         try:
             yield made
         finally:

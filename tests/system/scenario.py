@@ -26,7 +26,7 @@ RECORD = {"motors": {"driver": "tests.system.wheels:Wheels"}, "buses": "linux"}
 DROP_IN = Path("/etc/systemd/system/wayfarer.service.d/simulated.conf")
 SERVICE = "wayfarer.service"
 PROPERTIES = "ActiveState,SubState,StatusText,MainPID,NRestarts,Result"
-POLL_S = 0.02
+POLL_S = 0.1  # each look is a process: systemctl, or wayfarer
 
 
 def run(*command: str) -> dict[str, Any]:

@@ -26,8 +26,8 @@ TRIED = (Signals.SIGINT, Signals.SIGHUP, Signals.SIGALRM, Signals.SIGRTMIN + 1)
 
 
 @pytest.fixture(scope="module")
-def site() -> Iterator[Site]:
-    with hil_site() as made:
+def site(bench: Path) -> Iterator[Site]:
+    with hil_site(bench) as made:
         yield made
 
 

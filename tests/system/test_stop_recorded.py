@@ -28,7 +28,6 @@ def as_nobody(site: Site) -> tuple[str, ...]:
     site.environment["PYTHONPATH"] = os.pathsep.join(each for each in sys.path if each)
     shutil.chown(site.folder, NOBODY, NOBODY)
     site.uid = NOBODY
-    (site.folder / "bench").chmod(0o666)
     become = ("setpriv", f"--reuid={NOBODY}", f"--regid={NOBODY}", "--clear-groups")
     for python in (sys.executable, "/usr/bin/python3"):  # the tests' own may be in root's home
         program = (*become, python, *WAYFARER[1:])

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Unpack
 
 from wayfarer.api.results import Results, open_results
 from wayfarer.errors import BadInput
@@ -16,6 +16,7 @@ from wayfarer.extras import require
 if TYPE_CHECKING:
     from wayfarer.config.rover_file import RoverConfig
     from wayfarer.experiments.campaign import Plan
+    from wayfarer.experiments.make_campaign import CampaignOptions
 
 Value = bool | int | float | str
 
@@ -105,27 +106,11 @@ def run_sweep(
     algorithms: str | Sequence[str] = "forest-pledge",
     trials: int = 100,
     *,
-    rover: str | Path | RoverConfig = "sim",
-    seed: int = 0,
-    forests: str | Path | None = None,
-    site: str | None = None,
-    ground: str = "ideal",
-    physics: Literal["light", "mujoco"] = "light",
-    friction: float | str | None = None,
-    roughness_m: float | str | None = None,
-    torque_scale: float | str | None = None,
-    slope_deg: float | str | None = None,
-    slope_direction_deg: float | str | None = None,
-    senses: str = "ideal",
-    slip_mean_m: float = 10.0,
-    budget_m: float = 1000.0,
-    anomaly_source: Literal["motion", "contact"] | None = None,
-    depth: Literal["device", "bus"] = "device",
-    spl: bool = False,
     jobs: int = 1,
     out: str | Path | None = None,
     resume: bool = False,
     progress: bool = False,
+    **options: Unpack[CampaignOptions],
 ) -> Results:
     """Run the same trials at each point of a grid of settings, as ``wayfarer sweep`` does.
 
@@ -135,29 +120,13 @@ def run_sweep(
         values: one key or two, each with its values: any key of a rover file by its dotted name
             (``"escape.turn_angle_deg"``), ``footprint_m``, ``slip_mean_m``, ``budget_m``, ``ground``,
             ``sim.trees_per_ha``, or ``sim.`` and any number of the simulated world, as ``"sim.friction"`` in MuJoCo.
-        algorithms: as all that follow, as of ``run_campaign``.
+        algorithms: as of ``run_campaign``.
         trials: of each algorithm at each point.
-        rover: the name of a built-in rover, a rover file, or what ``load_rover`` returned.
-        seed: of the layouts and of all chance in the trials.
-        forests: a forest file, or ``"reference"``.
-        site: a site of the paper's field trials in place of forests.
-        ground: what the wheels stand on in physics-light.
-        physics: ``"light"`` or ``"mujoco"``.
-        friction: in MuJoCo.
-        roughness_m: in MuJoCo, metres.
-        torque_scale: in MuJoCo.
-        slope_deg: slope of all the ground, degrees.
-        slope_direction_deg: where the ground rises to, degrees.
-        senses: how compass and flow sensor err.
-        slip_mean_m: mean distance between slips, metres.
-        budget_m: path after which a rover counts as entrapped, metres.
-        anomaly_source: how an obstacle is noticed.
-        depth: how far down the simulation goes.
-        spl: compute shortest paths, for the SPL.
         jobs: number of processes.
         out: a new or empty folder for the results.
         resume: continue what was interrupted in ``out``.
         progress: show a progress bar on stderr.
+        options: the others of ``run_campaign``, from ``rover`` to ``spl``.
 
     Raises:
         BadInput: no such key, or a value out of its range; and as of ``run_campaign``.
@@ -171,15 +140,10 @@ def run_sweep(
     from wayfarer.experiments.make_campaign import make_campaign
     from wayfarer.experiments.sweep import Axis, make_sweep
 
-    campaign = make_campaign(
-        algorithms, rover=rover, anomaly_source=anomaly_source, forests=forests, senses=senses, site=site,
-        trials=trials, seed=seed, slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth, ground=ground,
-        physics=physics, friction=friction, roughness_m=roughness_m, torque_scale=torque_scale, slope_deg=slope_deg,
-        slope_direction_deg=slope_direction_deg,
-    )  # fmt: skip
+    campaign = make_campaign(algorithms, trials=trials, **options)
     sweep = make_sweep(campaign, [Axis(key, tuple(dict.fromkeys(map(_plain, each)))) for key, each in values.items()])
     check_points(sweep.points, campaign.rover.name)
-    return _run(sweep, forests, jobs, out, resume=resume, progress=progress)
+    return _run(sweep, None, jobs, out, resume=resume, progress=progress)
 
 
 def _plain(value: Value) -> Value:
@@ -212,7 +176,7 @@ def _run(
 
     with _folder(out) as path:
         with ResultsFolder(path, plan.settings(), resume=resume) as folder:
-            if forests and plan.points[0] is plan:
+            if forests:
                 folder.keep_forests(content_of(forests))
             if progress:
                 finished = run_shown(plan, folder, jobs=jobs, run_trial=field_trial)

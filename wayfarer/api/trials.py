@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Unpack
 
 from wayfarer.api.rows import Rows, typed_rows
 from wayfarer.control.run_log import PartialLog, Tee
@@ -15,8 +15,8 @@ from wayfarer.experiments.rows import TrialRow, row_of
 from wayfarer.extras import require
 
 if TYPE_CHECKING:
-    from wayfarer.config.rover_file import RoverConfig
     from wayfarer.control.tick_record import TickRecord
+    from wayfarer.experiments.make_campaign import CampaignOptions
     from wayfarer.hal import Rover
     from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
@@ -79,41 +79,21 @@ def run_trial(
     number: int = 0,
     algorithm: str = "forest-pledge",
     *,
-    rover: str | Path | RoverConfig = "sim",
-    seed: int = 0,
-    forests: str | Path | None = None,
-    site: str | None = None,
-    ground: str = "ideal",
-    senses: str = "ideal",
-    slip_mean_m: float = 10.0,
-    budget_m: float = 1000.0,
-    anomaly_source: Literal["motion", "contact"] | None = None,
-    depth: Literal["device", "bus"] = "device",
-    spl: bool = False,
     log_dir: str | Path | None = None,
+    **options: Unpack[CampaignOptions],
 ) -> Trial:
     """Run one trial of the campaign that ``run_campaign`` runs with the same arguments, and keep its trajectory.
 
     Args:
         number: of the trial, from 0. Trials 0 and 1 are in the first layout with two noises, and so on.
         algorithm: a name that ``wayfarer list`` prints, or one of your own as ``"module:attribute"``.
-        rover: as all that follow, as of ``run_campaign``.
-        seed: of the campaign.
-        forests: a forest file, or ``"reference"``.
-        site: a site of the paper's field trials.
-        ground: what the wheels stand on.
-        senses: how compass and flow sensor err.
-        slip_mean_m: mean distance between slips, metres.
-        budget_m: path after which the rover counts as entrapped, metres.
-        anomaly_source: how an obstacle is noticed.
-        depth: how far down the simulation goes.
-        spl: compute the shortest path, for the SPL.
         log_dir: a new or empty folder for the full field log, which ``open_run`` reads.
+        options: the others of ``run_campaign``, from ``rover`` to ``spl``.
 
     Raises:
         BadInput: something that cannot be used; the text names it and says what is allowed.
         MissingPart: the rover does not have what the algorithm needs.
-        MissingPackage: the extra ``sim`` is not installed.
+        MissingPackage: as of ``run_campaign``.
 
     >>> trial = run_trial(7)
     >>> trial.outcome, trial.row.path_m
@@ -129,10 +109,7 @@ def run_trial(
 
     if number < 0:
         raise BadInput(f"trial {number}: trials are counted from 0")
-    campaign = make_campaign(
-        algorithm, rover=rover, anomaly_source=anomaly_source, forests=forests, senses=senses, site=site,
-        trials=number + 1, seed=seed, slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth, ground=ground,
-    )  # fmt: skip
+    campaign = make_campaign(algorithm, trials=number + 1, **options)
     if len(campaign.algorithms) > 1:
         raise BadInput(f"run_trial runs one algorithm; choose one of {', '.join(campaign.algorithms)}")
     folder = None if log_dir is None else Path(log_dir)

@@ -36,14 +36,6 @@ Trials = Annotated[
     int | None,
     typer.Option(min=1, max=MOST_TRIALS, metavar="N", help=f"Trials of each algorithm. (default: {TRIALS})"),
 ]
-ClusterAddress = Annotated[
-    str | None,
-    typer.Option(
-        metavar="ADDRESS",
-        help="Run on the workers of this Dask scheduler instead of local processes.",
-        rich_help_panel=RUNNING,
-    ),
-]
 Out = Annotated[
     Path | None,
     typer.Option(
@@ -114,7 +106,7 @@ def sim(
     rover: options.RoverName = "sim",
     seed: options.Seed = 0,
     jobs: options.Jobs = None,
-    cluster: ClusterAddress = None,
+    cluster: options.ClusterAddress = None,
     slip_mean_m: options.SlipMeanM = 10.0,
     budget_m: options.BudgetM = 1000.0,
     anomaly_source: options.AnomalySource = None,

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from wayfarer.cli import trial_options as options
 from wayfarer.cli.options import AsJson, check_together, command_line, complete_sweep_keys, examples
-from wayfarer.cli.trial_options import RUNNING
 from wayfarer.extras import require
 
 EXAMPLES = examples(
@@ -32,7 +30,6 @@ Keys = Annotated[
         "sim. and any number of the simulated world, as sim.friction with --physics mujoco.",
     ),
 ]
-Out = Annotated[Path, typer.Option(metavar="DIR", help="New or empty folder for the results.", rich_help_panel=RUNNING)]
 Trials = Annotated[int, typer.Option(min=1, max=1_000_000, metavar="N", help="Trials of each algorithm at each point.")]
 
 
@@ -40,7 +37,7 @@ def sweep(
     ctx: typer.Context,
     keys: Keys,
     *,
-    out: Out,
+    out: options.Out,
     trials: Trials = 200,
     algorithm: options.AlgorithmNames = "forest-pledge",
     forests: options.Forests = None,

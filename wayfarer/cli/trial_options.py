@@ -1,8 +1,9 @@
-"""Options that the commands share which run trials: ``sim`` and ``sweep``; other commands share some of them."""
+"""Options that the commands share which run trials: ``sim``, ``sweep`` and ``tune``; others share some of them."""
 
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
@@ -123,6 +124,15 @@ Jobs = Annotated[
     int | None,
     typer.Option(min=1, metavar="N", help="Number of processes. (default: one per core)", rich_help_panel=RUNNING),
 ]
+ClusterAddress = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="Run on the workers of this Dask scheduler instead of local processes.",
+        rich_help_panel=RUNNING,
+    ),
+]
+Out = Annotated[Path, typer.Option(metavar="DIR", help="New or empty folder for the results.", rich_help_panel=RUNNING)]
 Resume = Annotated[
     bool, typer.Option("--resume", help="Continue what was interrupted in --out.", rich_help_panel=RUNNING)
 ]

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
 from wayfarer.cli import trial_options as options
 from wayfarer.cli.options import AlgorithmOption, AsJson, check_together, command_line, examples
-from wayfarer.cli.sim import ClusterAddress
-from wayfarer.cli.trial_options import RUNNING
 from wayfarer.extras import require
 
 EXAMPLES = examples(
@@ -31,22 +28,44 @@ Search = Annotated[
         "(default: turn angle, back-off, probe, reset and stall detection around their present values)",
     ),
 ]
-Out = Annotated[Path, typer.Option(metavar="DIR", help="New or empty folder for the results.", rich_help_panel=RUNNING)]
+Objective = Annotated[
+    Literal["spl", "time", "anomalies"] | None,
+    typer.Option(help="What to make better. (default: spl; at a site time)"),
+]
+Points = Annotated[int, typer.Option(min=1, max=10_000, metavar="N", help="Number of settings to try.")]
+Trials = Annotated[
+    int, typer.Option(min=2, max=100_000, metavar="N", help="Trials of each of them, all on the same forests.")
+]
+ConfirmTrials = Annotated[
+    int,
+    typer.Option(
+        min=2,
+        max=100_000,
+        metavar="N",
+        rich_help_panel=CONFIRMING,
+        help="Trials of the present and of the best settings on held-out forests.",
+    ),
+]
+ConfirmMujoco = Annotated[
+    int,
+    typer.Option(
+        min=0,
+        max=100_000,
+        metavar="N",
+        rich_help_panel=CONFIRMING,
+        help="The same in MuJoCo, for a rover with a chassis; 0 for none. A trial takes seconds.",
+    ),
+]
 
 
 def tune(
     ctx: typer.Context,
     *,
-    out: Out,
+    out: options.Out,
     search: Search = None,
-    objective: Annotated[
-        Literal["spl", "time", "anomalies"] | None,
-        typer.Option(help="What to make better. (default: spl; at a site time)"),
-    ] = None,
-    points: Annotated[int, typer.Option(min=1, max=10_000, metavar="N", help="Number of settings to try.")] = 96,
-    trials: Annotated[
-        int, typer.Option(min=2, max=100_000, metavar="N", help="Trials of each of them, all on the same forests.")
-    ] = 200,
+    objective: Objective = None,
+    points: Points = 96,
+    trials: Trials = 200,
     algorithm: AlgorithmOption = "forest-pledge",
     rover: options.RoverName = "sim",
     forests: options.Forests = None,
@@ -58,25 +77,13 @@ def tune(
     budget_m: options.BudgetM = 1000.0,
     senses: options.SensesOption = "ideal",
     seed: options.Seed = 0,
-    confirm_trials: Annotated[
-        int,
-        typer.Option(
-            min=2, max=100_000, metavar="N", rich_help_panel=CONFIRMING,
-            help="Trials of the present and of the best settings on held-out forests.",
-        ),
-    ] = 400,
-    confirm_mujoco: Annotated[
-        int,
-        typer.Option(
-            min=0, max=100_000, metavar="N", rich_help_panel=CONFIRMING,
-            help="The same in MuJoCo, for a rover with a chassis; 0 for none. A trial takes seconds.",
-        ),
-    ] = 40,
+    confirm_trials: ConfirmTrials = 400,
+    confirm_mujoco: ConfirmMujoco = 40,
     jobs: options.Jobs = None,
-    cluster: ClusterAddress = None,
+    cluster: options.ClusterAddress = None,
     resume: options.Resume = False,
     as_json: AsJson = False,
-) -> None:  # fmt: skip
+) -> None:
     """Search for better settings of a rover, and confirm the best ones on forests that the search never saw."""
     check_together(ctx, excludes=(("site", "forests"), ("jobs", "cluster")))
     for needed in ("sweeping", "comparing", "a report", "tuning", *(["a cluster"] if cluster is not None else [])):

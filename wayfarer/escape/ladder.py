@@ -1,10 +1,10 @@
 """The ladder: what a rover tries that makes no progress with its algorithm, instead of giving up.
 
 Each *rung* is a short series of wheel commands that the algorithms do not have: a self-test of both sides, the other
-side, full duty, rocking, a long way back, a random turn (recovery behaviours: Nav2's default tree, Ardumower Sunray).
-After each rung the algorithm has its turn again. After the last one the rover rests, so that motors and board cool, and
-then begins again; each rest is longer than the one before. A rover that makes progress begins with the first rung the
-next time.
+side, full duty, rocking, a long way back, a random turn (recovery behaviours: Nav2's default tree, Ardumower Sunray), a
+shuffle to the side. After each rung the algorithm has its turn again. After the last one the rover rests, so that
+motors and board cool, and then begins again; each rest is longer than the one before. A rover that makes progress
+begins with the first rung the next time.
 
 Pure: time comes in as ``t_s``, chance from a separate generator with a fixed seed, so that a log replays.
 """
@@ -71,6 +71,14 @@ RUNGS: Final = (
     Rung("ladder.rock", (*(Step(0.5, 1.0, 0.0), Step(0.5, -1.0, 0.0)) * 4, Step(1.0, 0.0, 1.0))),
     Rung("ladder.long_back", (Step(3.0, -1.0, 0.0), Step(1.0, 0.0, 1.0))),
     Rung("ladder.random_turn", (Step(1.0, -0.8, 0.0), Step(2.5, 0.0, 1.0), Step(1.5, 0.8, 0.0)), random=True),
+    # A body that is wedged across between two trunks has some centimetres to drive and some degrees to turn. Ahead on
+    # one heading and back on another one moves it sideways, as a car is parked: to where the gap is wide enough to
+    # turn. Turned to its limit it has nothing left to drive, and nobody knows the limit, so the turns are random.
+    Rung(
+        "ladder.shuffle",
+        (Step(0.3, 0.0, 0.8), Step(0.25, 0.8, 0.0), Step(0.3, 0.0, -0.8), Step(0.25, -0.8, 0.0)) * 6,
+        random=True,
+    ),
 )
 # A step of a random walk, for a rover that was driven long without sight. It is no step on the ladder: there may be
 # nothing in the way. Times and duties as above.

@@ -122,6 +122,10 @@ class Follow(Manoeuvre):
     def begin(self, observation: Observation) -> None:
         self._hold.reset()
         self._drive_ahead(observation)
+        self.allow_turn(observation)
+
+    def allow_turn(self, observation: Observation) -> None:
+        """Give a turn to another goal heading, from now on, the time that it may take."""
         self._bound(observation, self._pivot_s)
 
     def event(self, observation: Observation) -> PhaseEvent | None:
@@ -141,7 +145,7 @@ class Follow(Manoeuvre):
         error_deg = wrap180(observation.goal_heading_deg - observation.heading_deg)
         if abs(error_deg) >= self._settings.pivot_beyond_deg:
             return PhaseEvent.EXHAUSTED
-        self._bound(observation, self._pivot_s)
+        self.allow_turn(observation)
         return None
 
 

@@ -127,10 +127,6 @@ class Campaign:
 
         return SITES[self.scenario]
 
-    def tasks_by_forest(self) -> Tasks:
-        """Return every trial in the order of running."""
-        return Tasks(self.algorithms, self.trials)
-
     @property
     def points(self) -> Sequence[Campaign]:
         """Itself: a campaign is a sweep of one point."""

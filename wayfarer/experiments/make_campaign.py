@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from math import inf
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypedDict
 
 from annotated_types import Interval
 
@@ -20,6 +20,28 @@ from wayfarer.simhal.world.physics import GroundName
 
 AnomalySource = Literal["motion", "contact"]
 Drawn = float | str | None  # a number, or ``MIN:MAX`` to draw one for each trial
+
+
+class CampaignOptions(TypedDict, total=False):
+    """The options of ``make_campaign`` beside its algorithms and trials; ``wayfarer.run_campaign`` describes them."""
+
+    rover: str | Path | RoverConfig
+    anomaly_source: AnomalySource | None
+    forests: str | Path | None
+    senses: str
+    site: str | None
+    seed: int
+    slip_mean_m: float
+    budget_m: float
+    spl: bool
+    depth: str
+    ground: str
+    physics: str
+    friction: Drawn
+    roughness_m: Drawn
+    torque_scale: Drawn
+    slope_deg: Drawn
+    slope_direction_deg: Drawn
 
 
 @dataclass(frozen=True, slots=True)

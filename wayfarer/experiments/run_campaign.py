@@ -112,10 +112,11 @@ def run(
     Raises:
         WayfarerError: a worker died, or the folder cannot be written any more; finished trials are kept.
     """
-    with _kept(plan, folder) as kept:
+    with _kept(plan, folder) as kept, stop_on_signals() as stop:
         keep = folder.append if folder else kept.append
-        todo = kept.missing()
-        effort = run_tasks(plan, todo, keep, kept, jobs=jobs, progress=progress, executor=executor, run_trial=run_trial)
+        effort = run_tasks(
+            plan, kept.missing(), keep, kept, stop, jobs=jobs, progress=progress, executor=executor, run_trial=run_trial
+        )
         return _summed_up(plan, kept, folder, effort)
 
 
@@ -124,6 +125,7 @@ def run_tasks(
     todo: Tasks,
     keep: Callable[[TrialRow], object],
     kept: Sized,
+    stop: threading.Event,
     *,
     jobs: int = 1,
     progress: Callable[[Done], object] | None = None,
@@ -132,20 +134,19 @@ def run_tasks(
 ) -> ComputeCost:
     """Run these trials of a plan, as ``run`` does, and give each that is done to ``keep``; ``kept`` counts them.
 
-    Where a signal asked it to stop, some are not done.
+    Once ``stop`` is set no more are run.
 
     Raises:
         WayfarerError: a worker died.
     """
     began, ticks = os.times(), 0
-    with stop_on_signals() as stop:
-        finished = stream(TrialRunner(plan, run_trial).run, todo, jobs, stop, executor)
-        with suppress(Stopped), _worker_death_explained(kept, stop), closing(finished):
-            for done in finished:
-                keep(done.row)
-                ticks += done.row.ticks or 0
-                if progress:
-                    progress(done)
+    finished = stream(TrialRunner(plan, run_trial).run, todo, jobs, stop, executor)
+    with suppress(Stopped), _worker_death_explained(kept, stop), closing(finished):
+        for done in finished:
+            keep(done.row)
+            ticks += done.row.ticks or 0
+            if progress:
+                progress(done)
     return _effort(began, ticks, elsewhere=executor is not None)
 
 

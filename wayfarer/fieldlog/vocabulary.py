@@ -56,6 +56,7 @@ LADDER_TEXTS: Mapping[str, str] = {
     "ladder.rock": "no progress, so it rocks ahead and back",
     "ladder.long_back": "no progress, so it goes a long way back",
     "ladder.random_turn": "no progress, so it tries a random turn",
+    "ladder.shuffle": "no progress, so it shuffles to the side",
     "ladder.blind_detour": "driven long without sight, so it drives back, turns at random and drives on",
 }
 

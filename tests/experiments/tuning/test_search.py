@@ -146,5 +146,15 @@ def test_verdict_is_none_where_the_interval_contains_0() -> None:
     assert paired("light", "held out", before[:9], better[:9], "spl").verdict == "too few"
 
 
+def test_means_and_their_difference_are_of_the_same_trials() -> None:
+    def rows(*paths_m: float) -> list[TrialRow]:
+        return [TrialRow(n, "pledge", n, 0, 1, "escaped", path_m) for n, path_m in enumerate(paths_m)]
+
+    before, after = rows(50.0, 60.0, 100.0), rows(40.0, 55.0, 10.0)
+    after[2] = after[2]._replace(outcome="entrapped")
+    path = paired("light", "held out", before, after, "path").changes["path"]
+    assert (path.present, path.tuned, path.difference) == (55.0, 47.5, -7.5)
+
+
 def test_point_has_no_gain_before_its_trials() -> None:
     assert Point(1, {}).gained == float("-inf")

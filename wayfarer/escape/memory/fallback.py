@@ -3,7 +3,8 @@
 The free-space assumption can be wrong again and again, and dead reckoning drifts. So a plan has a budget: a number of
 contacts without progress, which is a new furthest place along the goal heading. Then Pledge drives, with a fresh
 counter and without the map, for a budget as large; then the plan again, with both budgets doubled. Any progress starts
-again with the first budget. Where contacts are crowded, Pledge drives in the place of the first plan.
+again with the first budget. Where contacts are crowded, Forest-Pledge drives in the place of the first plan: it is
+quicker there than Pledge, which has to take back each turn. The guarantee does not need it.
 
 *Why it gets out*: let N be the largest number of contacts that Pledge needs to get out of the wood, from any place in
 it. Progress can happen only as often as the wood is deep in units of ``PROGRESS``. After the last one, the budgets
@@ -31,7 +32,7 @@ CONTACTS: Final = 7
 
 
 class Fallback:
-    """Chooses between plan and Pledge; ``pledge`` is True while Pledge drives.
+    """Chooses between plan and Pledge; ``pledge`` is True while Pledge drives, also as Forest-Pledge in a crowd.
 
     Args:
         width_m: width of the body.
@@ -51,6 +52,11 @@ class Fallback:
         self._crowded = False
         self._planned = False  # the first budget is used up
         self._met_m: deque[float] = deque(maxlen=CONTACTS)
+
+    @property
+    def crowd(self) -> bool:
+        """Whether Pledge drives only because contacts are crowded: as Forest-Pledge then."""
+        return self.pledge and not self._planned
 
     def advance(self, ahead_m: float) -> None:
         """Note where the rover is along the goal heading."""

@@ -10,6 +10,7 @@ from wayfarer.angles import wrap180
 from wayfarer.escape import policies
 from wayfarer.escape.api import ContactMap, EscapeSettings, Observation, Phase, Vehicle
 from wayfarer.escape.handler import AlgorithmSpec, PhasedHandler
+from wayfarer.escape.manoeuvres import Follow
 from wayfarer.escape.memory.fallback import Fallback
 from wayfarer.escape.memory.obstacle_map import ObstacleMap, Point
 from wayfarer.escape.memory.reckoning import Reckoning
@@ -29,7 +30,8 @@ SAME_GOAL_DEG: Final = 5.0
 SHORT_STRIDE: Final = 0.75
 
 # Shares of the rover file's measures: Pledge as the fallback turns by 40 degrees in place of 30, and probes after half
-# the straight on a wider arc. These were best for Forest-Pledge with second tries.
+# the straight on a wider arc. These were best for Forest-Pledge with second tries. A crowd has no second tries, and the
+# measures of the file.
 PLEDGE_TURN: Final = 1.33
 PLEDGE_STRAIGHT: Final = 0.5
 PLEDGE_RADIUS: Final = 1.17
@@ -95,16 +97,20 @@ class MemoryHandler(PhasedHandler):
         if self._fallback.pledge:
             return observation
         if self._manoeuvre.phase is Phase.FOLLOW and self._way:
-            self._keep_way()
+            self._keep_way(observation)
         if not self._way:
             return observation
         return observation._replace(goal_heading_deg=(goal_deg + self._bearing_deg(self._place())) % 360.0)
 
-    def _keep_way(self) -> None:
+    def _keep_way(self, observation: Observation) -> None:
         """Plan again at a waypoint, and now and then on the way to it."""
         (to_a, to_r), (a, r) = self._way[0], self._place()
         if hypot(to_a - a, to_r - r) < REACHED * self._width_m or self._path_m - self._planned_m > PLAN_EVERY_M:
+            changes = self.changes
             self._find_way((a, r))
+            if self.changes != changes:
+                assert isinstance(self._manoeuvre, Follow)
+                self._manoeuvre.allow_turn(observation)  # else a turn at a waypoint could count as one that is held
 
     def _find_way(self, start: Point) -> None:
         self._planned_m = self._path_m
@@ -138,11 +144,9 @@ class MemoryHandler(PhasedHandler):
         assert self._goal_deg is not None  # it is known since the first tick
         self._reckoning.take_back_stall()
         escape_plan, place = self._escape_plan, self._place()
-        escape_plan.turn_deg *= PLEDGE_TURN
-        escape_plan.straight_m *= PLEDGE_STRAIGHT
-        escape_plan.radius_m *= PLEDGE_RADIUS
         bearing_deg = observation.heading_deg - self._goal_deg
-        if self._slips.is_slip(observation, place):
+        if not self._fallback.crowd and self._slips.is_slip(observation, place):
+            self._follow_pledge()
             escape_plan.back_off_m *= self._settings.memory_retry_back_off
             escape_plan.turn_deg = 0.0
             return
@@ -152,6 +156,7 @@ class MemoryHandler(PhasedHandler):
         self.changes += 1
         self._choose_driver()
         if self._fallback.pledge:
+            self._follow_pledge()
             return
         back_m = escape_plan.back_off_m
         start = place[0] - back_m * course[0], place[1] - back_m * course[1]
@@ -160,6 +165,15 @@ class MemoryHandler(PhasedHandler):
         escape_plan.side = self._side = policies.CLOCKWISE if turn_deg >= 0.0 else policies.COUNTER_CLOCKWISE
         escape_plan.turn_deg = abs(turn_deg)
         escape_plan.stride_m = SHORT_STRIDE * self._width_m
+
+    def _follow_pledge(self) -> None:
+        """Set how Pledge drives: in a crowd by the rules and measures of Forest-Pledge, else by its own."""
+        escape_plan = self._escape_plan
+        escape_plan.resets = self._fallback.crowd
+        if not escape_plan.resets:
+            escape_plan.turn_deg *= PLEDGE_TURN
+            escape_plan.straight_m *= PLEDGE_STRAIGHT
+            escape_plan.radius_m *= PLEDGE_RADIUS
 
     def _choose_driver(self) -> None:
         """Let plan or Pledge drive on from this contact; Pledge begins with a fresh counter."""

@@ -210,7 +210,7 @@ def read_results(folder: Path) -> CampaignResults:
 
 
 def read_settings(path: Path, model: type[ModelT], kind: str) -> ModelT:
-    """Return what ``campaign.json`` or ``sweep.json`` holds; ``kind`` is what errors call its owner.
+    """Return what a file such as ``campaign.json`` or ``sweep.json`` holds; ``kind`` is what errors call its owner.
 
     Raises:
         BadInput: it cannot be read, or no such settings are in it.

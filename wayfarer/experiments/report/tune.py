@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from pydantic import ValidationError
+from pydantic import BaseModel
 
-from wayfarer.config.messages import key_and_problem
 from wayfarer.errors import BadInput
-from wayfarer.experiments.provenance import RecordedRun, facts_of, read_runs
+from wayfarer.experiments.provenance import RecordedRun, read_runs
+from wayfarer.experiments.report import words
+from wayfarer.experiments.report.load_results import CampaignSettings, read_settings
 from wayfarer.experiments.report.tune_figures import FRONT_COLOURS, front_figure, history_figure, importance_figure
-from wayfarer.experiments.results_folder import MOST_BYTES, SUMMARY
+from wayfarer.experiments.results_folder import SUMMARY
 from wayfarer.experiments.tables import number_text
 from wayfarer.experiments.tuning.evidence import ended, results, verdict
 from wayfarer.experiments.tuning.objective import QUANTITIES
 from wayfarer.experiments.tuning.summary import DEVELOPMENT, PairedResult, TuneSummary
-from wayfarer.files import read_regular
 from wayfarer.views.page import html
 from wayfarer.views.page.frame import PAGE, write_page
 from wayfarer.views.page.plots import Plots
@@ -36,10 +36,16 @@ FRONT = (
     "in both, of those with all trials and no more failures than the present settings."
 )
 SIDE_BY_SIDE = (
-    "Tuned less present, mean over the same trials, with its 95 % interval by a bootstrap of layouts. The point was "
-    "chosen on the development forests, so its figures there are too good; the held-out ones are of forests that the "
-    "search never saw. A difference whose interval contains 0 is none."
+    "Means over the same trials (path: those that both got out of), and tuned less present with its 95 % interval by a "
+    "bootstrap of layouts. The point was chosen on the development forests, so its figures there are too good; the "
+    "held-out ones are of forests that the search never saw. A difference whose interval contains 0 is none."
 )
+
+
+class SearchSettings(BaseModel):
+    """What the page takes from ``search.json``, as ``SearchPlan.settings`` wrote it."""
+
+    campaign: CampaignSettings
 
 
 def is_tuned(folder: Path) -> bool:
@@ -53,17 +59,11 @@ def read_summary(folder: Path) -> TuneSummary:
     Raises:
         BadInput: it is not finished, or its summary is damaged.
     """
-    path = folder / SUMMARY
-    try:
-        return TuneSummary.model_validate_json(read_regular(path, MOST_BYTES))
-    except FileNotFoundError:
+    if not (folder / SUMMARY).exists():
         raise BadInput(
             f"{folder}: its search is not finished; repeat its `wayfarer tune` and add --resume to finish it first"
-        ) from None
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read: {error.strerror}") from None
-    except ValidationError as error:
-        raise BadInput(f"{path} is damaged: {key_and_problem(error)}; repeat the search with --resume") from None
+        )
+    return read_settings(folder / SUMMARY, TuneSummary, "search")
 
 
 def write_tune_report(folder: Path, out: Path | None = None) -> Path:
@@ -73,12 +73,13 @@ def write_tune_report(folder: Path, out: Path | None = None) -> Path:
         BadInput: the folder holds no finished search, is damaged, or cannot be written.
     """
     summary, plots = read_summary(folder), Plots()
+    settings = read_settings(folder / SETTINGS, SearchSettings, "search").campaign
     title = f"Search for {QUANTITIES[summary.objective].title}: {summary.algorithm} on {summary.rover}"
-    return write_page(folder / PAGE, title, list(_body(summary, plots, read_runs(folder))), plots, out=out)
+    return write_page(folder / PAGE, title, list(_body(summary, settings, plots, read_runs(folder))), plots, out=out)
 
 
-def _body(summary: TuneSummary, plots: Plots, runs: Sequence[RecordedRun]) -> Iterator[str]:
-    yield html.facts([*_facts(summary), *facts_of(runs)])
+def _body(summary: TuneSummary, settings: CampaignSettings, plots: Plots, runs: Sequence[RecordedRun]) -> Iterator[str]:
+    yield html.facts([*_facts(summary), *words.facts(settings, runs)])
     yield html.section("What was found", html.bullets(verdict(summary)), *_found(summary))
     yield html.section("History", html.paragraph(HISTORY), html.figure(plots.place(history_figure(summary))))
     if summary.importance:
@@ -92,7 +93,6 @@ def _body(summary: TuneSummary, plots: Plots, runs: Sequence[RecordedRun]) -> It
 def _facts(summary: TuneSummary) -> Iterator[tuple[str, str]]:
     yield "objective", QUANTITIES[summary.objective].title
     yield "points", f"{len(summary.points) - 1}: {ended(summary)}"
-    yield "development trials a point", str(summary.trials)
     for key, (low, high) in summary.space.items():
         yield key, f"{low:g} to {high:g} (present: {summary.points[0].values[key]:g})"
 

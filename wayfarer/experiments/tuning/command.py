@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Event
 
 import optuna
 from optuna.storages import JournalStorage
@@ -16,8 +17,8 @@ from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import WayfarerError
 from wayfarer.experiments.campaign import Tasks
 from wayfarer.experiments.commands import INTERRUPTED, cores
-from wayfarer.experiments.executors import MakeExecutor, RunTrial, Stopped, field_trial
-from wayfarer.experiments.progress_bar import say, shown_progress
+from wayfarer.experiments.executors import Done, MakeExecutor, RunTrial, Stopped, field_trial
+from wayfarer.experiments.progress_bar import say, shown_count
 from wayfarer.experiments.provenance import read_runs
 from wayfarer.experiments.report.tune import write_tune_report
 from wayfarer.experiments.results_folder import SUMMARY, ResultsFolder
@@ -116,18 +117,6 @@ def _searched(plan: SearchPlan, folder: ResultsFolder, on: _Running, aside: Cons
         write_atomically(folder.path / DEVELOPMENT, content)
     if kept := len(folder.kept):
         say(aside, f"{kept} trials of the search are in {folder.path} already")
-
-    def run_trials(todo: Tasks, take: Callable[[TrialRow], None]) -> None:
-        def keep(row: TrialRow) -> None:
-            folder.append(row)
-            take(row)
-
-        with shown_progress(aside, 0, len(todo)) if aside.is_terminal else nullcontext() as progress:
-            run_tasks(
-                plan, todo, keep, folder.kept, jobs=on.jobs, progress=progress, executor=on.executor,
-                run_trial=on.run_trial,
-            )  # fmt: skip
-
     with stop_on_signals() as stop:
 
         def told(search: Search) -> None:
@@ -135,9 +124,47 @@ def _searched(plan: SearchPlan, folder: ResultsFolder, on: _Running, aside: Cons
             if stop.is_set():
                 raise Stopped
 
-        search = Search(plan, list(folder.kept), run_trials)
+        search = Search(plan, list(folder.kept), _SearchTrials(plan, folder, on, aside, stop))
         search.run(told)
     return search
+
+
+@dataclass
+class _SearchTrials:
+    """Runs trials of a search until ``stop`` is set, keeps them in its folder, and shows progress and the first fault.
+
+    Further faults are counted in the line with the best so far.
+    """
+
+    plan: SearchPlan
+    folder: ResultsFolder
+    on: _Running
+    aside: Console
+    stop: Event
+    fault_shown: bool = False
+
+    def __call__(self, todo: Tasks, take: Callable[[TrialRow], None]) -> None:
+        def keep(row: TrialRow) -> None:
+            self.folder.append(row)
+            take(row)
+
+        on, on_terminal = self.on, self.aside.is_terminal
+        bar = shown_count(self.aside, 0, len(todo), "trials") if on_terminal else nullcontext(lambda: None)
+        with bar as advance:
+
+            def progress(done: Done) -> None:
+                advance()
+                self._show_fault(done)
+
+            run_tasks(
+                self.plan, todo, keep, self.folder.kept, self.stop, jobs=on.jobs, progress=progress,
+                executor=on.executor, run_trial=on.run_trial,
+            )  # fmt: skip
+
+    def _show_fault(self, done: Done) -> None:
+        if done.fault and not self.fault_shown:
+            self.fault_shown = True
+            say(self.aside, f"point {done.row.point}, trial {done.row.trial} ended in a fault: {done.fault.text}")
 
 
 def _confirmed(search: Search, held_out: HeldOutTrials, out: Path, on: _Running) -> list[PairedResult | str]:

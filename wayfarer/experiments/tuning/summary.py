@@ -7,10 +7,10 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from wayfarer.experiments.paired_statistics import Difference, gain
+from wayfarer.experiments.paired_statistics import gain
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import Estimate
-from wayfarer.experiments.tuning.objective import LEAST_LAYOUTS, QUANTITIES, failures, layouts
+from wayfarer.experiments.tuning.objective import LEAST_LAYOUTS, QUANTITIES, Quantity, failures, layouts
 from wayfarer.experiments.tuning.search import Point, Search
 
 DEVELOPMENT, HELD_OUT = "development", "held out"
@@ -35,7 +35,10 @@ class TriedPoint(_Model):
 
 
 class Change(_Model):
-    """A quantity with either settings, and tuned less present with its 95 % interval, in the quantity's unit."""
+    """A quantity with either settings, and tuned less present with its 95 % interval, in the quantity's unit.
+
+    All of it is over the pairs of trials that have the quantity on both sides: paths only where both got out.
+    """
 
     present: Known | None
     tuned: Known | None
@@ -109,11 +112,7 @@ def paired(
 ) -> PairedResult:
     """Compare two settings in the same trials; the rows are in the same order."""
     pairs = list(zip(tuned, present, strict=True))
-    found = {each.name: gain(pairs, each.of) for each in QUANTITIES.values()}
-    changes = {
-        name: _change(QUANTITIES[name].mean(present), QUANTITIES[name].mean(tuned), difference)
-        for name, difference in found.items()
-    }
+    changes = {each.name: _change(each, pairs) for each in QUANTITIES.values()}
     return PairedResult(
         physics=physics,
         forests=forests,
@@ -122,22 +121,27 @@ def paired(
         changes=changes,
         present_failures=failures(present),
         tuned_failures=failures(tuned),
-        verdict=_verdict(found[objective], QUANTITIES[objective].sign, layouts(tuned)),
+        verdict=_verdict(changes[objective], QUANTITIES[objective].sign, layouts(tuned)),
     )
 
 
-def _change(present: float | None, tuned: float | None, found: Difference | None) -> Change:
-    value, low, high = found.estimate if found else (None, None, None)
+def _change(quantity: Quantity, pairs: Sequence[tuple[TrialRow, TrialRow]]) -> Change:
+    """Compare over the pairs that have the quantity on both sides: paths only where both got out."""
+    if (found := gain(pairs, quantity.of)) is None:
+        return Change(present=None, tuned=None, difference=None, low=None, high=None)
+    both = [pair for pair in pairs if None not in map(quantity.of, pair)]
+    tuned, present = (quantity.mean(rows) for rows in zip(*both, strict=True))
+    value, low, high = found.estimate
     return Change(present=present, tuned=tuned, difference=value, low=low, high=high)
 
 
-def _verdict(found: Difference | None, sign: int, count: int) -> Verdict:
+def _verdict(change: Change, sign: int, count: int) -> Verdict:
     """Return what a difference proves; one whose interval contains 0 proves nothing."""
     if count < LEAST_LAYOUTS:
         return "too few"
-    if found is None or found.estimate.low <= 0.0 <= found.estimate.high:
+    if change.difference is None or change.low is None or change.high is None or change.low <= 0.0 <= change.high:
         return "none"
-    return "gain" if sign * found.estimate.value > 0.0 else "loss"
+    return "gain" if sign * change.difference > 0.0 else "loss"
 
 
 def summarised(search: Search, held_out: Sequence[PairedResult], notes: Sequence[str]) -> TuneSummary:
