@@ -47,7 +47,7 @@ def report(runs: list[Path]) -> Path:
 def desk(chromium: Browser, report: Path) -> Iterator[Page]:
     """That page in a wide window: drawing it takes seconds, so tests share it, and leave it as it was."""
     with opening_pages(chromium) as open_page:
-        yield plotted(open_page, report).page
+        yield plotted(open_page, report, (1280, 800)).page
 
 
 def read(page: Page, name: str) -> str:
@@ -122,16 +122,17 @@ def test_index_filters_and_sorts_its_rows(runs: list[Path], browser_page: OpenPa
     assert shown.trouble == []
 
 
-def test_whole_map_is_in_the_first_screen_and_is_brighter_on_a_dark_page(report: Path, browser_page: OpenPage) -> None:
-    shown = plotted(browser_page, report, (1280, 800))
-    map_, bar = (shown.page.locator(each).bounding_box() for each in (".map .plot", ".cursor"))
+def test_whole_map_is_in_the_first_screen_and_is_brighter_on_a_dark_page(desk: Page) -> None:
+    desk.evaluate("scrollTo(0, 0)")
+    map_, bar = (desk.locator(each).bounding_box() for each in (".map .plot", ".cursor"))
     assert map_ is not None
     assert bar is not None
     assert map_["y"] + map_["height"] <= bar["y"]
     look = "getComputedStyle(document.querySelector('.map .plot')).filter"
-    assert shown.page.evaluate(look) == "none"
-    shown.page.emulate_media(color_scheme="dark")
-    assert shown.page.evaluate(look) == f"brightness({palette.BRIGHTER})"
+    assert desk.evaluate(look) == "none"
+    desk.emulate_media(color_scheme="dark")
+    assert desk.evaluate(look) == f"brightness({palette.BRIGHTER})"
+    desk.emulate_media(color_scheme="light")
 
 
 def test_slider_moves_the_cursor_through_map_panels_and_values(report: Path, browser_page: OpenPage) -> None:
