@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from tests.views.text.records import HEADER, drive, event, numbered
-from wayfarer.fieldlog.contact_map import STRAIGHT_M, ContactMapNoted
+from wayfarer.fieldlog.contact_map import ContactMapNoted
 from wayfarer.fieldlog.run_fold import RunFold
 
 NOTED: dict[str, Any] = {
@@ -33,8 +33,8 @@ def test_goal_to_the_east_turns_everything_clockwise() -> None:
     assert noted(90.0).trunks_from((0.0, 0.0)) == [pytest.approx((2.0, 1.0, 2.0, -1.0, 0.9))]
 
 
-def test_way_without_waypoints_is_straight_along_the_goal_heading_and_pledge_has_none() -> None:
-    assert noted(90.0, way=[]).way_from((0.0, 0.0)) == [(0.0, 0.0), pytest.approx((STRAIGHT_M, 0.0))]
+def test_straight_ahead_and_pledge_have_no_way() -> None:
+    assert noted(90.0, way=[]).way_from((0.0, 0.0)) == []
     assert noted(mode="pledge").way_from((0.0, 0.0)) == []
 
 

@@ -12,7 +12,6 @@ from wayfarer.fieldlog.fields import number
 from wayfarer.fieldlog.schema import LIST, Metres, Record, Text, fields_of
 from wayfarer.fieldlog.typed import RunEvent
 
-STRAIGHT_M = 5.0  # of a way without waypoints, which has no end
 SIDEWAYS_M = 0.1  # less is straight ahead: a quarter of the width of a rover
 DOUBTED = 0.5  # a trunk that is believed less
 
@@ -58,12 +57,14 @@ class ContactMapNoted(RunEvent):
         ]
 
     def way_from(self, place_m: Point) -> list[Point]:
-        """Return the planned way from the rover on, metres east and north; empty where nothing is planned."""
-        if self.mode != "plan":
+        """Return the planned way from the rover to its last waypoint, metres east and north.
+
+        It is empty without waypoints: straight ahead has no end, and the rover would soon leave the line behind.
+        """
+        if self.mode != "plan" or not self.way:
             return []
         here = (self.ahead_m or 0.0, self.right_m or 0.0)
-        waypoints = self.way or [(here[0] + STRAIGHT_M, here[1])]
-        return [self._from(place_m, *waypoint[:2]) for waypoint in (here, *waypoints)]
+        return [self._from(place_m, *waypoint[:2]) for waypoint in (here, *self.way)]
 
     def _from(self, place_m: Point, ahead_m: float, right_m: float) -> Point:
         north_m, east_m = displacement_m(

@@ -125,7 +125,7 @@ def test_forest_and_bodies_are_there_from_the_beginning(exported: Exported, reco
 
 
 def test_what_the_algorithm_remembers_is_laid_at_the_rover(tmp_path: Path) -> None:
-    trunk, seen = [7.0, -1.0, 7.0, 1.0, 0.5], {"ahead_m": 5.0, "right_m": 0.0, "way": [], "mode": "plan"}
+    trunk, seen = [7.0, -1.0, 7.0, 1.0, 0.5], {"ahead_m": 5.0, "right_m": 0.0, "way": [[10.0, 0.0]], "mode": "plan"}
     noted = stamped("event", 100.1, name="contact_map", trunks=[trunk], **seen)
     exported = round_trip(tmp_path, HEADER, tick(100.0) | {"n": 1}, tick(100.1) | {"n": 2}, noted | {"n": 3})
     (message,) = exported.messages["/contact_map"]
