@@ -21,7 +21,7 @@ from wayfarer.escape.memory.obstacle_map import Point
 
 # The nose has risen if its mean over the latest RISEN_S is so much above its mean before the stall; a single reading of
 # pitch is too noisy. Measured in physics-light with ForestRover, MiniRover and the abstract rover: this finds 90 to
-# 93 % of trunks, and takes 0 to 3 % of slips for one. In MuJoCo, where wheels do not climb, it finds 2 of 616
+# 93 % of trunks, and takes 0 to 3 % of slips for one. In MuJoCo, where wheels do not climb, it finds 2 of 800
 # (ForestRover, friction 0.4); there the second tries decide.
 NOSE_UP_DEG: Final = 1.5
 RISEN_S: Final = 0.25
