@@ -252,10 +252,10 @@ class EscapeSettings:
     """Its derivative gain: deg/s per deg/s of error."""
     pivot_beyond_deg: Degrees = 60.0
     """A heading that is further from the goal after a half turn's time makes the rover back off."""
-    memory_reach_widths: Gain = 3.0
-    """Memory-Pledge: a trunk is assumed to go on beyond its contacts by this number of widths of the body."""
-    memory_link_widths: Gain = 6.0
-    """Memory-Pledge: two contacts within this number of widths of the body are of one trunk."""
+    memory_reach_m: Metres = 1.2
+    """Memory-Pledge: a trunk is assumed to go on so far beyond its contacts; a long one twice as far."""
+    memory_link_m: Metres = 2.4
+    """Memory-Pledge: two contacts no further apart are of one trunk."""
     memory_retry_back_off: Fraction = 0.35
     """Memory-Pledge: share of ``back_off_m`` before a second try, where the wheels may only have slipped."""
     memory_contacts: Annotated[float, Interval(ge=1, le=1e4)] = 60.0

@@ -18,14 +18,14 @@ from wayfarer.escape.memory.obstacle_map import (
 )
 
 WIDTH_M = 0.4
-REACH, LINK = 3.0, 6.0
+REACH_M, LINK_M = 1.2, 2.4
 AHEAD, RIGHT = (1.0, 0.0), (0.0, 1.0)
 COORDINATE = st.floats(-20.0, 20.0)
 
 
 def mapped(*places: Point, course: Point = AHEAD) -> ObstacleMap:
     """A map of contacts, each a metre of path after the last."""
-    made = ObstacleMap(WIDTH_M, REACH, LINK, forget_m=200.0)
+    made = ObstacleMap(WIDTH_M, REACH_M, LINK_M, forget_m=200.0)
     for path_m, place in enumerate(places):
         made.add(place, course, float(path_m))
     return made
@@ -62,9 +62,8 @@ def test_way_turns_beyond_both_ends_and_before_the_wood() -> None:
 
 
 def test_two_contacts_near_each_other_are_one_trunk_and_two_far_apart_are_two() -> None:
-    link_m = LINK * WIDTH_M
-    assert len(mapped((5.0, 0.0), (5.0, link_m - 0.1)).trunks) == 1
-    assert len(mapped((5.0, 0.0), (5.0, link_m + 0.1)).trunks) == 2
+    assert len(mapped((5.0, 0.0), (5.0, LINK_M - 0.1)).trunks) == 1
+    assert len(mapped((5.0, 0.0), (5.0, LINK_M + 0.1)).trunks) == 2
 
 
 def test_contact_before_the_first_end_is_put_before_it() -> None:
@@ -74,10 +73,10 @@ def test_contact_before_the_first_end_is_put_before_it() -> None:
 
 def test_longer_trunk_is_assumed_to_go_on_further_up_to_a_limit() -> None:
     guesses_m = [longest_guess_m(wall(contacts)) for contacts in range(2, 9)]
-    assert guesses_m[0] == pytest.approx(REACH * WIDTH_M)
+    assert guesses_m[0] == pytest.approx(REACH_M)
     assert guesses_m[1] > guesses_m[0]
     assert guesses_m == sorted(guesses_m)
-    assert guesses_m[-1] == pytest.approx(MOST_GROWTH * REACH * WIDTH_M)
+    assert guesses_m[-1] == pytest.approx(MOST_GROWTH * REACH_M)
 
 
 def test_contact_met_along_a_trunk_makes_a_corner() -> None:

@@ -44,9 +44,7 @@ class MemoryHandler(PhasedHandler):
 
     def __init__(self, settings: EscapeSettings, vehicle: Vehicle, rng: Random) -> None:
         width_m = self._width_m = vehicle.width_m
-        self._map = ObstacleMap(
-            width_m, settings.memory_reach_widths, settings.memory_link_widths, settings.memory_forget_m
-        )
+        self._map = ObstacleMap(width_m, settings.memory_reach_m, settings.memory_link_m, settings.memory_forget_m)
         self._reckoning = Reckoning(settings.cruise_m_s)
         self._slips = SlipClassifier(width_m)
         self._fallback = Fallback(width_m, settings.memory_contacts)

@@ -11,8 +11,8 @@ from typing import Final, NamedTuple
 
 Point = tuple[float, float]
 
-# All lengths are in widths of the body, so that they fit each rover. They were chosen on the reference forests of even
-# number (docs/explanation/better-escape.md).
+# What depends on the body is in widths of it, so that it fits each rover; how long trunks are does not, and is in
+# metres. All were chosen on the reference forests of even number (docs/explanation/better-escape.md).
 # Wood is assumed this far to both sides of a first contact, and the way passes this far beyond an end.
 HALF_FIRST: Final = 1.5
 MARGIN: Final = 0.5
@@ -67,15 +67,15 @@ class ObstacleMap:
 
     Args:
         width_m: width of the body.
-        reach: how far a trunk is assumed to go on beyond its contacts, in widths.
-        link: two contacts no further apart than this, in widths, are of one trunk.
+        reach_m: how far a trunk is assumed to go on beyond its contacts.
+        link_m: two contacts no further apart are of one trunk.
         forget_m: a trunk's belief falls to 0 over so much path since its latest contact, as the doubt in dead reckoning
             grows.
     """
 
-    def __init__(self, width_m: float, reach: float, link: float, forget_m: float) -> None:
+    def __init__(self, width_m: float, reach_m: float, link_m: float, forget_m: float) -> None:
         self._width_m = width_m
-        self._reach_m, self._link_m, self._forget_m = reach * width_m, link * width_m, forget_m
+        self._reach_m, self._link_m, self._forget_m = reach_m, link_m, forget_m
         self.trunks: list[Trunk] = []
 
     def add(self, place: Point, course: Point, path_m: float) -> None:
