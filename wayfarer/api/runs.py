@@ -29,10 +29,10 @@ class Run:
 
     >>> run = open_run(1, log_dir="field_logs")
     >>> run
-    <Run 00001-20261126T081342Z: 14 s, log complete>
+    <Run 00001-20261126T101254Z: 14 s, log complete>
     >>> frame = run.ticks.to_pandas()
     >>> len(frame), list(frame.columns[:2])
-    (271, ['elapsed_s', 't_s'])
+    (272, ['elapsed_s', 't_s'])
     """
 
     def __init__(self, folder: Path) -> None:
