@@ -117,6 +117,21 @@ def test_second_tries_stop_after_eight_that_all_met_something(slips: SlipClassif
 def test_slips_keep_the_second_tries(slips: SlipClassifier) -> None:
     for number in range(30):
         here_m = 10.0 * number
-        slips.follow(observation(travelled_m=here_m))
+        slips.follow(observation(travelled_m=here_m, pitch_deg=number % 2 * 0.1))
         assert stopped(slips, (here_m, 0.0), travelled_m=here_m)
     assert slips.slips == 29
+
+
+@pytest.mark.parametrize(("pitch_step_deg", "measured_share"), [(0.1, 1.0), (0.0, 0.5), (0.0, 1.0)])
+def test_rover_without_tilt_and_motion_sensor_does_not_push_twice(
+    slips: SlipClassifier, pitch_step_deg: float, measured_share: float
+) -> None:
+    """It would climb until it tips. Either of the two senses is enough for a second try."""
+    for tick in range(20):
+        driven_m = tick * TICK_S
+        seen = observation(
+            t_s=driven_m, pitch_deg=tick % 2 * pitch_step_deg, travelled_m=driven_m, anomalies=STUCK,
+            measured_m=measured_share * driven_m,
+        )  # fmt: skip
+        slips.follow(seen)
+    assert slips.is_slip(seen, HERE) is (pitch_step_deg > 0.0 or measured_share < 1.0)
