@@ -65,11 +65,11 @@ def test_file_of_a_rover_passes_its_check(site: RealSite) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("version", ["installed"], scope="session")
-def test_rover_of_neither_kind(shim: Path, libraries: Path, tmp_path: Path) -> None:
+def test_rover_of_neither_kind(shim: Path, libraries: Path, bench: Path, tmp_path: Path) -> None:
     """A compass at another address, a motor board at an adapter, switches, and a person who types."""
     own = tmp_path / "neither.toml"
     own.write_text(NEITHER, encoding="utf-8")
-    with mounts_or_skip(), real_site(str(own), libraries, shim) as site:
+    with mounts_or_skip(), real_site(str(own), libraries, shim, bench) as site:
         site.dev.link(BY_ID, site.line.path)  # another name of the same port, which comes first
         done = site.run("init", site.folder / "found.toml", input=TYPED)
         assert done.returncode == 0, done.stderr
