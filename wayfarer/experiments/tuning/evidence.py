@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
@@ -11,10 +12,12 @@ from wayfarer import __version__
 from wayfarer.experiments.progress_bar import say
 from wayfarer.experiments.tables import number_text
 from wayfarer.experiments.tuning.objective import LEAST_LAYOUTS, QUANTITIES
-from wayfarer.experiments.tuning.search import Search
 from wayfarer.experiments.tuning.summary import DEVELOPMENT, PairedResult, TuneSummary
 from wayfarer.fieldlog.wording import plural
 from wayfarer.views.text.terminal_table import Column, print_in_full, table
+
+if TYPE_CHECKING:  # a report is also read where there is no optuna
+    from wayfarer.experiments.tuning.search import Search
 
 VERDICTS = {
     "gain": "a gain: the 95 % interval does not contain 0",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -11,7 +11,9 @@ from wayfarer.experiments.paired_statistics import gain
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import Estimate
 from wayfarer.experiments.tuning.objective import LEAST_LAYOUTS, QUANTITIES, Quantity, failures, layouts
-from wayfarer.experiments.tuning.search import Point, Search
+
+if TYPE_CHECKING:  # a report is also read where there is no optuna
+    from wayfarer.experiments.tuning.search import Point, Search
 
 DEVELOPMENT, HELD_OUT = "development", "held out"
 Verdict = Literal["gain", "none", "loss", "too few"]
