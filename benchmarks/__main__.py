@@ -5,7 +5,8 @@ trial costs in units that hold on any computer; with ``profile``, where the time
 whether anything grows in a simulated day full of faults; with ``missions``, in a thousand missions of one daemon; with
 ``campaign``, the memory of a small and of a large one; with ``gps``, how near dead reckoning is to the true way, before
 and after a report lays it onto the receiver's fixes; with ``detector``, how well each anomaly is noticed; with
-``hand``, what turning to the other side at a contact would have cost.
+``hand``, what turning to the other side at a contact would have cost. ``guard`` and ``stops`` say whether a change of
+the code has changed results or stops, ``size`` how much there is to read.
 """
 
 from __future__ import annotations
@@ -14,11 +15,16 @@ import argparse
 import os
 import platform
 import sys
+from argparse import Namespace
+from collections.abc import Callable
 
 from benchmarks import by_hand, calibration, command, daemon, detector, disk, gps, memory, missions, rover, stack
 from benchmarks.breakdown import print_breakdown
 from benchmarks.figures import HEADER, Figure, print_table
+from benchmarks.guard import print_guard
+from benchmarks.size import print_size
 from benchmarks.soak import print_soak
+from benchmarks.stops import print_stops
 from wayfarer.cli import version_text
 from wayfarer.config.rover_file import load_rover
 
@@ -26,8 +32,7 @@ from wayfarer.config.rover_file import load_rover
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    kinds = ("figures", "trial", "profile", "daemon", "log", "soak", "missions", "campaign", "gps", "detector", "hand")
-    parser.add_argument("what", nargs="?", choices=kinds, default="figures")
+    parser.add_argument("what", nargs="?", choices=WHAT, default="figures")
     parser.add_argument("--quick", action="store_true", help="fewer trials and runs: half a minute")
     parser.add_argument("--hours", type=float, default=24.0, help="of the soak, simulated")
     parser.add_argument("--missions", type=int, default=1000, help="in one daemon")
@@ -35,45 +40,46 @@ def main() -> None:
     parser.add_argument(
         "--trials",
         type=int,
-        help="of the large campaign (20,000), each case of the detector (60), each hand (250)",
+        help="of the large campaign (20,000), each case of the detector (60), each hand (250); pairs of the guard",
     )
     parser.add_argument("--rover", default="sim", help="whose detector")
     parser.add_argument("--mujoco", action="store_true", help="measure the detector on grounds of five frictions")
+    parser.add_argument("--only", nargs="*", default=(), help="campaigns of the guard")
+    parser.add_argument("--accept", action="store_true", help="the guard's new digests, unless a campaign is worse")
     asked = parser.parse_args()
     cores = len(os.sched_getaffinity(0))
     print(f"{version_text()}, Python {platform.python_version()}, {cores} cores, {platform.machine()}\n")
-    if asked.what == "soak":
-        sys.exit(print_soak(asked.hours))
-    if asked.what == "missions":
-        sys.exit(missions.print_missions(asked.missions, asked.idle_s))
-    if asked.what == "trial":
-        print_table(HEADER, [calibration.trial_cost(runs=3 if asked.quick else 20).row()])
-    elif asked.what == "profile":
-        print_breakdown(trials=20 if asked.quick else 200)
-    elif asked.what == "daemon":
-        for_s = 10 if asked.quick else 60
-        print_table(HEADER, [figure.row() for figure in (*daemon.figures(for_s), *by_hand.figures(for_s))])
-    elif asked.what == "campaign":
-        print_table(memory.HEADER, memory.rows(asked.trials or 20_000))
-    elif asked.what == "gps":
-        print_table(gps.HEADER, gps.rows(trials=1 if asked.quick else 5))
-    elif asked.what == "detector":
-        header, cases = (
-            (detector.MUJOCO_HEADER, detector.MUJOCO_CASES) if asked.mujoco else (detector.HEADER, detector.CASES)
-        )
-        print_table(header, detector.rows(load_rover(asked.rover), cases, asked.trials or 60))
-    elif asked.what == "hand":
-        _print_hand(asked.trials or 250)
-    elif asked.what == "log":
-        print_table(HEADER, [figure.row() for figure in _log(asked.quick)])
-    else:
-        print_table(HEADER, [figure.row() for figure in _figures(asked.quick)])
+    sys.exit(WHAT[asked.what](asked))
 
 
-def _print_hand(trials: int) -> None:
+def _print_figures(asked: Namespace) -> None:
+    print_table(HEADER, [figure.row() for figure in _figures(asked.quick)])
+
+
+def _print_trial(asked: Namespace) -> None:
+    print_table(HEADER, [calibration.trial_cost(runs=3 if asked.quick else 20).row()])
+
+
+def _print_daemon(asked: Namespace) -> None:
+    for_s = 10 if asked.quick else 60
+    print_table(HEADER, [figure.row() for figure in (*daemon.figures(for_s), *by_hand.figures(for_s))])
+
+
+def _print_log(asked: Namespace) -> None:
+    print_table(HEADER, [figure.row() for figure in _log(asked.quick)])
+
+
+def _print_detector(asked: Namespace) -> None:
+    header, cases = (
+        (detector.MUJOCO_HEADER, detector.MUJOCO_CASES) if asked.mujoco else (detector.HEADER, detector.CASES)
+    )
+    print_table(header, detector.rows(load_rover(asked.rover), cases, asked.trials or 60))
+
+
+def _print_hand(asked: Namespace) -> None:
     from benchmarks import hand, other_hand  # scikit-learn: no other figure needs it
 
-    contacts = list(other_hand.contacts(trials))
+    contacts = list(other_hand.contacts(asked.trials or 250))
     print_table(hand.HEADER, hand.rows(contacts))
     for line in hand.tree_lines(contacts):
         print(line)
@@ -99,6 +105,23 @@ def _log(quick: bool) -> list[Figure]:
     runs = 1 if quick else 5
     return [*disk.costs(runs), *disk.jitter(runs, for_s=2.0)]
 
+
+WHAT: dict[str, Callable[[Namespace], int | None]] = {
+    "figures": _print_figures,
+    "trial": _print_trial,
+    "profile": lambda asked: print_breakdown(trials=20 if asked.quick else 200),
+    "daemon": _print_daemon,
+    "log": _print_log,
+    "soak": lambda asked: print_soak(asked.hours),
+    "missions": lambda asked: missions.print_missions(asked.missions, asked.idle_s),
+    "campaign": lambda asked: print_table(memory.HEADER, memory.rows(asked.trials or 20_000)),
+    "gps": lambda asked: print_table(gps.HEADER, gps.rows(trials=1 if asked.quick else 5)),
+    "detector": _print_detector,
+    "hand": _print_hand,
+    "guard": lambda asked: print_guard(asked.only, asked.trials, accept=asked.accept),
+    "stops": lambda _: print_stops(),
+    "size": lambda _: print_size(),
+}
 
 if __name__ == "__main__":
     main()
