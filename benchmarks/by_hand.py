@@ -1,8 +1,13 @@
-"""Driving by hand, in a running daemon: from a key to the tick that acts on it, and from the last key to the stop."""
+"""Driving by hand, over the socket of a running daemon's live page.
+
+From a sample of the hands to the tick that acts on it, and from the last sample to the stop.
+"""
 
 from __future__ import annotations
 
+import asyncio
 import json
+import re
 import tempfile
 import time
 from collections.abc import Iterator
@@ -11,9 +16,11 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+from aiohttp import ClientSession, ClientWebSocketResponse
+
 from benchmarks.daemon import daemon
 from benchmarks.figures import Figure
-from wayfarer.daemon.socket.client import Connection
+from wayfarer.daemon.socket.client import ask
 
 STOPS = 5
 STOPS_WITHIN_MS = 350.0  # the deadman of the rover file as shipped, and a tick
@@ -21,29 +28,60 @@ REACTS_WITHIN_MS = 100.0  # two ticks; a person needs twice as long
 
 
 def figures(for_s: float) -> list[Figure]:
-    """Press keys for so many seconds at times that no tick knows, then let go some times."""
-    with tempfile.TemporaryDirectory() as folder, daemon(Path(folder), "--manual") as (process, _):
-        with Connection(Path(folder) / "control.sock") as connection:
-            _drive(connection, for_s)
-            connection.ask({"do": "stop"})
+    """Drive as a page does for so many seconds, at times that no tick knows, then fall silent some times."""
+    options = ("--manual", "--live", "--live-port", "0")
+    with tempfile.TemporaryDirectory() as folder, daemon(Path(folder), *options) as (process, _):
+        assert process.stdout is not None
+        address = re.search(r"(http://\S+)/\?(token=\S+)", process.stdout.readline())
+        assert address is not None
+        asyncio.run(_drive(address[1], address[2], for_s))
+        ask({"do": "stop"}, Path(folder) / "control.sock")
         process.wait()
         ticks = list(_ticks(Path(folder)))
     return [
-        Figure("by hand: from a key to the wheels", "ms", _reactions_ms(ticks), REACTS_WITHIN_MS),
-        Figure("by hand: the wheels stand after the last key", "ms", _stops_ms(ticks), STOPS_WITHIN_MS),
+        Figure("by hand: from a sample to the wheels", "ms", _reactions_ms(ticks), REACTS_WITHIN_MS),
+        Figure("by hand: the wheels stand after the last sample", "ms", _stops_ms(ticks), STOPS_WITHIN_MS),
     ]
 
 
-def _drive(connection: Connection, for_s: float) -> None:
+async def _drive(origin: str, token: str, for_s: float) -> None:
+    async with (
+        ClientSession(headers={"Origin": origin}) as session,
+        session.ws_connect(f"{origin}/ws?{token}") as socket,
+    ):
+        page = _Page(socket)
+        await page.ask({"do": "manual_begin"})
+        await _send_samples(page, for_s)
+
+
+class _Page:
+    """Acknowledges states and asks as a page does, but for the clock: it is the rover's own here."""
+
+    def __init__(self, socket: ClientWebSocketResponse) -> None:
+        self._socket = socket
+        self._seen = 0
+
+    async def ask(self, request: dict[str, object]) -> None:
+        """Send a request and wait until it is done."""
+        await self._socket.send_json({**request, "state_t_s": time.monotonic()})
+        async for message in self._socket:
+            told = json.loads(message.data)
+            if any("state" in piece for piece in told):
+                self._seen += 1
+                await self._socket.send_json({"seen": self._seen})
+            for reply in (piece["reply"] for piece in told if "reply" in piece):
+                assert reply["ok"], reply["why"]
+                return
+
+
+async def _send_samples(page: _Page, for_s: float) -> None:
     random = Random(0)
-    lease = connection.ask({"do": "manual_begin", "driver": "keys"})["lease"]
     periods_s = (random.uniform(0.02, 0.06) for _ in range(round(for_s / 0.04)))
     stops_s = chain.from_iterable([*repeat(0.04, 10), 0.6] for _ in range(STOPS))
     for seq, period_s in enumerate(chain(periods_s, stops_s), start=1):
         forward = 0.2 if seq > 3 else 0.0  # first that everything was let go
-        sample = {"seq": seq, "forward": forward, "turn": 4.0 * forward, "sent_s": time.monotonic()}
-        connection.ask({"do": "manual_drive", "lease": lease, **sample})
-        time.sleep(period_s)
+        await page.ask({"do": "manual_drive", "seq": seq, "forward": forward, "turn": 4.0 * forward})
+        await asyncio.sleep(period_s)
 
 
 def _ticks(folder: Path) -> Iterator[dict[str, Any]]:

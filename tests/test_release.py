@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 import subprocess
 import tomllib
+from collections.abc import Iterable
 from importlib import import_module
 from importlib.machinery import SourceFileLoader
+from importlib.metadata import requires
 from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
 from types import SimpleNamespace
@@ -84,17 +86,29 @@ def test_debian_package_has_every_library_that_wayfarer_needs() -> None:
     text = (ROOT / "packaging" / "debian" / "requirements.txt").read_text(encoding="utf-8")
     inside = {name.replace("_", "-").lower() for name in LIBRARY.findall(text)}
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    needed = {re.split(r"[^\w-]", dependency)[0] for dependency in project["dependencies"]}
-    assert "pydantic" in needed
-    assert {*needed, "smbus2"} <= inside
+    needed = names(project["dependencies"] + project["optional-dependencies"]["live"])
+    assert {"pydantic", "aiohttp"} <= needed
+    assert {*needed, *names(needs("aiohttp")), *names(needs("yarl")), "smbus2"} <= inside
+
+
+def names(requirements: Iterable[str]) -> set[str]:
+    return {re.split(r"[^\w-]", each)[0].replace("_", "-").lower() for each in requirements}
+
+
+def needs(library: str) -> list[str]:
+    """What a library needs on the Pythons of the package, whose oldest is 3.11."""
+    old_or_optional = ('python_version < "3.11"', "extra ==")
+    return [each for each in requires(library) or () if not any(words in each for words in old_or_optional)]
 
 
 def test_pure_debian_package_has_or_takes_every_library_that_wayfarer_needs(release: Any) -> None:
     text = (ROOT / "packaging" / "debian" / "requirements.txt").read_text(encoding="utf-8")
     inside = set(LIBRARY.findall(release.not_of_debian(text)))
-    needed = {re.split(r"[^\w-]", dependency)[0] for dependency in release.PROJECT["dependencies"]}
+    project = release.PROJECT
+    needed = names(project["dependencies"] + project["optional-dependencies"]["live"])
     assert needed <= inside | set(release.OF_DEBIAN)
     assert "python3-pydantic (>= 2.7)" in release.depends("3.13", "all")
+    assert "python3-aiohttp (>= 3.9)" in release.depends("3.13", "all")
     assert release.depends("3.13", "arm64").startswith("python3 (>= 3.13), python3 (<< 3.14), ")
 
 

@@ -29,7 +29,6 @@ NEEDS = {
     "--figures": OptionalExtra("figures", {"matplotlib": "matplotlib"}),
     "an index of runs": OptionalExtra("sim", {"jinja2": "jinja2"}),
     "a report": OptionalExtra("sim", {"bokeh": "bokeh", "numpy": "numpy"}),
-    "a gamepad": OptionalExtra("gamepad", {"evdev": "evdev"}),
     "the live page": OptionalExtra("live", {"aiohttp": "aiohttp"}),
     "a table": OptionalExtra("sim", {"pyarrow": "pyarrow"}),
     "Parquet": OptionalExtra("sim", {"pyarrow": "pyarrow"}),

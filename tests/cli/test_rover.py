@@ -172,8 +172,8 @@ def test_status_says_the_most_important_first() -> None:
 @pytest.mark.parametrize("rover", ["sim", "minirover", "forestrover", "x" * 40])
 def test_name_of_the_rover_and_its_mode_are_two_words(rover: str) -> None:
     assert status_text({**STATUS, "rover": rover}).splitlines()[0].split() == [rover, "armed", "(dry", "run)"]
-    by_hand = {"rover": rover, "mode": "manual", "driver": "keys"}
-    assert "driven by hand, by keys" in status_text({**STATUS, **by_hand}).splitlines()[0]
+    by_hand = {"rover": rover, "mode": "manual", "driver": "page"}
+    assert "driven by hand, by page" in status_text({**STATUS, **by_hand}).splitlines()[0]
 
 
 def test_status_of_a_disarmed_rover_says_why() -> None:

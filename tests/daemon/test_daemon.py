@@ -25,7 +25,7 @@ from wayfarer.commissioning.checks import Check, Finding, Inspection, system
 from wayfarer.commissioning.checks.api import fail
 from wayfarer.config.rover_file import laid_over, load_rover
 from wayfarer.daemon.daemon import Daemon, RoverSetup, Service, serve
-from wayfarer.daemon.socket.client import Connection, ask
+from wayfarer.daemon.socket.client import ask
 from wayfarer.daemon.socket.paths import AlreadyRunning, single_daemon
 from wayfarer.errors import NotResponding, WayfarerError
 from wayfarer.escape.catalogue import CATALOGUE
@@ -222,31 +222,30 @@ async def test_loop_that_stands_still_has_its_wheels_stopped_meanwhile(site: Sit
 
 
 async def test_person_drives_over_the_socket_until_the_loop_stands_still_and_must_then_let_go(site: Site) -> None:
-    """The client of ``wayfarer drive`` and the daemon, both real; the stall guard stops a person as well."""
+    """The client and the daemon, both real; the stall guard stops a person as well."""
     by_hand = ManualSettings(allowed=True)
     site.service = replace(site.service, config=site.service.config.model_copy(update={"manual": by_hand}))
     async with Running(site) as daemon:
-        with Connection(site.socket) as connection:
-            lease = (await asyncio.to_thread(connection.ask, {"do": "manual_begin", "driver": "keys"}))["lease"]
-            seq = 0
+        lease = (await asyncio.to_thread(ask, {"do": "manual_begin", "driver": "page"}, site.socket))["lease"]
+        seq = 0
 
-            async def press(forward: float) -> dict[str, Any]:
-                nonlocal seq
-                seq += 1
-                sample = {"seq": seq, "forward": forward, "turn": 0.0, "sent_s": time.monotonic()}
-                told = await asyncio.to_thread(connection.ask, {"do": "manual_drive", "lease": lease, **sample})
-                await asyncio.sleep(0.05)
-                return told
+        async def press(forward: float) -> dict[str, Any]:
+            nonlocal seq
+            seq += 1
+            sample = {"seq": seq, "forward": forward, "turn": 0.0, "sent_s": time.monotonic()}
+            told = await asyncio.to_thread(ask, {"do": "manual_drive", "lease": lease, **sample}, site.socket)
+            await asyncio.sleep(0.05)
+            return told
 
-            for forward in (0.0, 0.0, 0.0, *[0.5] * 6):
-                await press(forward)
-            assert (await site.wheels()).left > 0.1
-            halted = len(site.stops)
-            time.sleep(0.5)  # noqa: ASYNC251 - a bug blocks the loop
-            assert len(site.stops) > halted
-            told = [await press(0.5) for _ in range(4)]
-            assert told[-1] == {"wheels": [0.0, 0.0], "why_not": "let go of keys and stick first"}
-            assert await site.wheels() == STOP
+        for forward in (0.0, 0.0, 0.0, *[0.5] * 6):
+            await press(forward)
+        assert (await site.wheels()).left > 0.1
+        halted = len(site.stops)
+        time.sleep(0.5)  # noqa: ASYNC251 - a bug blocks the loop
+        assert len(site.stops) > halted
+        told = [await press(0.5) for _ in range(4)]
+        assert told[-1] == {"wheels": [0.0, 0.0], "why_not": "let go of keys and stick first"}
+        assert await site.wheels() == STOP
         await asyncio.sleep(0.1)
         await daemon.stop()
 

@@ -12,12 +12,15 @@ import os
 import pwd
 import re
 import signal
+import subprocess
 import sys
 import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from urllib.request import urlopen
 
 from tests.debian.machine import (
     LOGS,
@@ -82,6 +85,24 @@ def sound() -> str:
     said = must("dpkg", "--verify", "wayfarer") + must("systemd-analyze", "verify", SERVICE)
     need(said == "", said)
     return f"dpkg --verify and systemd-analyze verify find nothing; {must('wayfarer', '--version').strip()}"
+
+
+def live_page() -> str:
+    """The package brings what the page needs."""
+    with TemporaryDirectory() as logs:
+        command = ("wayfarer", "run", "--sim", "--live", "--live-port", "0", "--log-dir", logs)
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as daemon:
+            assert daemon.stdout is not None
+            try:
+                said = daemon.stdout.readline()
+                address = re.findall(r"http://\S+", said)
+                need(address, said)
+                with urlopen(address[0], timeout=10) as answer:
+                    page = answer.read()
+            finally:
+                daemon.terminate()
+    need(b"Drive by hand" in page, page[:200])
+    return f"a page of {len(page)} bytes, with the button to drive by hand"
 
 
 def without_rover_file() -> str:
@@ -317,10 +338,10 @@ def journal() -> str:
 
 PHASES: dict[str, tuple[Step, ...]] = {
     "installed": (
-        remember_all_files, install, nothing_started, sound, without_rover_file, rover_file, enable_and_start,
-        system_libraries, arm, upgrade_while_armed, remove_while_armed, to_the_end, upgrade_while_down,
-        upgrade_while_disarmed, silent_daemon, kill_while_armed, earlier_install_service, remove, install_again, purge,
-        nothing_left, install_after_purge,
+        remember_all_files, install, nothing_started, sound, live_page, without_rover_file, rover_file,
+        enable_and_start, system_libraries, arm, upgrade_while_armed, remove_while_armed, to_the_end,
+        upgrade_while_down, upgrade_while_disarmed, silent_daemon, kill_while_armed, earlier_install_service, remove,
+        install_again, purge, nothing_left, install_after_purge,
     ),
     "data-partition": (read_only, started_at_boot, arm_and_drive, journal),
     "all-read-only": (read_only, started_at_boot, arm_and_drive_without_log, journal),

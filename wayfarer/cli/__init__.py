@@ -24,7 +24,6 @@ from wayfarer.cli import (
     completion,
     control,
     demo,
-    drive,
     faults,
     init,
     listing,
@@ -75,7 +74,6 @@ command(rich_help_panel=ROVER, epilog=rover.RUN_EXAMPLES)(rover.run)
 for verb in control.COMMANDS:
     lenient = {"ignore_unknown_options": verb in control.ACCEPT_NEGATIVE}
     command(rich_help_panel=CONTROL, epilog=control.EXAMPLES.get(verb), context_settings=lenient)(verb)
-command(rich_help_panel=CONTROL, epilog=drive.EXAMPLES)(drive.drive)
 command("stop-motors", rich_help_panel=ROVER)(rover.stop_motors)
 command(rich_help_panel=ROVER, epilog=commissioning.CHECK_EXAMPLES)(commissioning.check)
 command(rich_help_panel=ROVER, epilog=commissioning.CALIBRATE_EXAMPLES)(commissioning.calibrate)

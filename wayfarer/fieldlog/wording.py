@@ -218,9 +218,7 @@ SENTENCES: Mapping[str, str] = {
 UNREADABLE_RUN = "The run before ({run}) cannot be read: {error}"
 DETAIL = re.compile(r"{(\w+)")
 OPTIONAL = re.compile(r"\[(.*?)\]")
-DRIVERS = {
-    "keys": "with keys", "gamepad": "with a gamepad", "page": "on the live page", "mavlink": "from a ground station",
-}  # fmt: skip
+DRIVERS = {"page": "on the live page", "mavlink": "from a ground station"}
 MISSING = {"goal_heading_deg": "straight ahead", "dropped": "Some records"}  # else ``UNKNOWN``
 WORDS: Mapping[str, Callable[[Any], str]] = {
     "goal_heading_deg": lambda angle_deg: f"towards {whole_deg(angle_deg)} degrees",

@@ -37,7 +37,7 @@ class ManualSample(NamedTuple):
 class ManualControl:
     """Holds the lease of the client that drives, and its newest sample.
 
-    ``settings`` are those of the rover file. ``driver`` says in a word what drives ("keys"); ``sample`` is the newest
+    ``settings`` are those of the rover file. ``driver`` says in a word what drives ("page"); ``sample`` is the newest
     sample, None before the first; ``why`` says why nothing is asked for, empty where something is.
     """
 

@@ -291,7 +291,7 @@ def test_gamepad_drives_while_its_shoulder_button_is_held(browser_page: OpenPage
 def test_page_without_the_token_says_how_to_drive(browser_page: OpenPage, daemon: Daemon) -> None:
     opened = browser_page(PHONE)
     opened.page.goto(daemon.origin)
-    opened.page.locator("#how-to-drive", has_text="wayfarer drive").wait_for()
+    opened.page.locator("#how-to-drive", has_text="the address that wayfarer status shows").wait_for()
     assert opened.page.locator("#drive").is_hidden()
     assert (weak_texts(opened.page), opened.overflow_px()) == ([], 0)
 

@@ -10,7 +10,7 @@ import struct
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import orjson
 
@@ -39,55 +39,19 @@ def ask(request: Mapping[str, object], path: Path | None = None, timeout_s: floa
             process that cannot be the daemon.
     """
     line = _line_of(request)  # a wrong request is refused also where no daemon runs
-    with Connection(path, timeout_s) as connection:
-        return connection.send(line)
-
-
-class Connection:
-    """A connection to the daemon, for many requests; closed at the end of ``with``.
-
-    Args:
-        path: as for ``ask``.
-        timeout_s: as for ``ask``; of each answer.
-
-    Raises:
-        NoDaemon, WayfarerError: as for ``ask``.
-    """
-
-    def __init__(self, path: Path | None = None, timeout_s: float = 5.0) -> None:
-        self._timeout_s = timeout_s
-        self._socket = socket.socket(socket.AF_UNIX)
+    with socket.socket(socket.AF_UNIX) as connection:
+        _limit_waiting(connection, timeout_s)
+        place = _connect(connection, [path] if path else known_sockets())
         try:
-            _limit_waiting(self._socket, timeout_s)
-            self._place = _connect(self._socket, [path] if path else known_sockets())
-        except BaseException:
-            self._socket.close()
-            raise
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._socket.close()
-
-    def ask(self, request: Mapping[str, object]) -> dict[str, Any]:
-        """Ask for something; see the function ``ask`` for the errors."""
-        return self.send(_line_of(request))
-
-    def send(self, line: bytes) -> dict[str, Any]:
-        """Send a line, and return the details of its reply."""
-        try:
-            reply = _exchange(self._socket, line)
+            reply = _exchange(connection, line)
         except BlockingIOError:
             raise WayfarerError(
-                f"{self._place}: the daemon did not answer within {self._timeout_s:g} s, so it may hang: if the rover"
-                " moves, switch off its motors, then restart the daemon"
+                f"{place}: the daemon did not answer within {timeout_s:g} s, so it may hang: if the rover moves,"
+                " switch off its motors, then restart the daemon"
             ) from None
         except OSError as error:
-            raise WayfarerError(
-                f"{self._place}: the daemon closed the connection ({error.strerror}): see its log"
-            ) from None
-        return _read_reply(self._place, reply)
+            raise WayfarerError(f"{place}: the daemon closed the connection ({error.strerror}): see its log") from None
+        return _read_reply(place, reply)
 
 
 def _line_of(request: Mapping[str, object]) -> bytes:

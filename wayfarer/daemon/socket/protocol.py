@@ -68,7 +68,7 @@ class Commands(Protocol):
         """Set a new goal heading."""
 
     async def manual_begin(self, driver: str) -> Details:
-        """Let a person drive by hand; ``driver`` says in a word by what ("keys"), for the log.
+        """Let a person drive by hand; ``driver`` says in a word by what ("page"), for the log.
 
         Returns ``lease``, which the other two need, ``deadman_s``, and ``mode``. The rover was disarmed, or its mission
         waits. Two seconds without a sample, or ``hold`` or ``disarm`` of anybody, end it. One client at a time.

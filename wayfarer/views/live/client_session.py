@@ -157,7 +157,7 @@ class ClientSession:
             if request.do not in STOPPING:
                 self._check_rate()
             if request.do in STARTING and self._demo is None:
-                self._check_start(request.do, request.do, fields.get(SHOWN))
+                self._check_start(request.do, fields.get(SHOWN), f", or use wayfarer {request.do} in a terminal")
             details = await perform(request, self._commands, None)
             if request.do == "hold":  # who holds a rover that a person drives ends that; it may be disarmed then
                 return {"held": details.get("held")}
@@ -170,7 +170,7 @@ class ClientSession:
         match fields["do"]:
             case manual_lease.BEGIN:
                 self._check_rate()
-                self._check_start("to drive by hand", "drive", fields.get(SHOWN))
+                self._check_start("to drive by hand", fields.get(SHOWN))
                 return await self._lease.begin()
             case manual_lease.DRIVE:
                 return await self._lease.drive(fields, fields.get(SHOWN))
@@ -182,13 +182,10 @@ class ClientSession:
         if not self._rate_limiter.take(asyncio.get_running_loop().time()):
             raise Refused("too many requests at once: wait a second and try again")
 
-    def _check_start(self, what: str, command: str, state_t_s: object) -> None:
+    def _check_start(self, what: str, state_t_s: object, other_way: str = "") -> None:
         """Raise an error unless a request that can make wheels turn has the token and is of now."""
         if not self.may_start:
-            raise Refused(
-                f"{what} needs the token: open the page at the address that wayfarer status shows, or use wayfarer"
-                f" {command} in a terminal"
-            )
+            raise Refused(f"{what} needs the token: open the page at the address that wayfarer status shows{other_way}")
         now_s = asyncio.get_running_loop().time()
         # What is no time is not new, and a state from the future is of another run.
         if not (isinstance(state_t_s, int | float) and abs(now_s - state_t_s) <= self._old_s):

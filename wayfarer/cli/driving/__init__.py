@@ -1,1 +1,0 @@
-"""``wayfarer drive``: what a person presses, and the loop that sends it to the daemon."""
