@@ -35,7 +35,7 @@ NEEDS = {
     "gpx": OptionalExtra("export", {"gpxpy": "gpxpy", "numpy": "numpy"}),
     "geojson": OptionalExtra("export", {"geojson_pydantic": "geojson-pydantic", "numpy": "numpy"}),
     "rosbag2": OptionalExtra("export", {"rosbags": "rosbags"}),
-    "Foxglove": OptionalExtra("foxglove", {"foxglove": "foxglove-sdk"}),
+    "mcap": OptionalExtra("export", {"foxglove": "foxglove-sdk"}),
     "--mavlink": OptionalExtra("mavlink", {"pymavlink": "pymavlink"}),
 }
 

@@ -88,7 +88,6 @@ BAD_INPUT = {
     "run --rover minirover --seed 3": "without --sim",
     "run --rover minirover --depth bus": "without --sim",
     "run --sim --live-port 8088": "without --live",
-    "run --sim --foxglove-port 8088": "without --foxglove",
     "run --sim --rover forestrover --algorithm cv-pledge --log-dir logs": "needs a contact sensor",
 }
 

@@ -91,7 +91,7 @@ GET = "which is not installed: pip install 'wayfarer-rover"
         (["logs", "export", *SAMPLE, "--out", "o.gpx"], "gpxpy", "gpx needs gpxpy, which is not installed"),
         (["logs", "export", *SAMPLE, "--out", "o.geojson"], "geojson_pydantic", "geojson needs geojson-pydantic"),
         (["logs", "export", *SAMPLE, "--out", "o.parquet"], "pyarrow", "Parquet needs pyarrow, which is not installed"),
-        (["run", "--sim", "--foxglove"], "foxglove", f"needs foxglove-sdk, {GET}[fox"),
+        (["logs", "export", *SAMPLE, "--out", "o.mcap"], "foxglove", f"mcap needs foxglove-sdk, {GET}[export]'"),
         (["run", "--sim", "--mavlink", "udpin:::1"], "pymavlink", f"--mavlink needs pymavlink, {GET}[mavlink"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",

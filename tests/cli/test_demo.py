@@ -136,31 +136,10 @@ def test_run_serves_the_page_where_it_is_told(served: SimpleNamespace, run: Run)
     code, out, _ = run("run", "--sim", "--live", "--live-host", "0.0.0.0", "--live-port", "0")
     assert code == 0
     assert "/?token=" in out
-    assert len(served.service.viewers) == 1
+    (page,) = served.service.viewers
+    assert served.service.addresses == {"live_page": page.url}
 
 
 def test_run_shows_nobody_anything_unless_asked(served: SimpleNamespace) -> None:
     assert cli.run(["run", "--sim"]) == 0
     assert served.service.viewers == []
-
-
-@pytest.mark.parametrize(
-    ("arguments", "port"), [(["--foxglove"], 8765), (["--foxglove", "--foxglove-port", "9001"], 9001)]
-)
-def test_foxglove_takes_a_port_or_its_own(
-    served: SimpleNamespace, monkeypatch: pytest.MonkeyPatch, arguments: list[str], port: int
-) -> None:
-    pytest.importorskip("foxglove", reason="Foxglove's SDK is not installed")
-    asked: list[int] = []
-
-    class Channels:
-        url = "ws://127.0.0.1:1"
-
-        def __init__(self, port: int) -> None:
-            asked.append(port)
-
-        def close(self) -> None: ...
-
-    monkeypatch.setattr("wayfarer.views.foxglove.live.FoxgloveLive", Channels)
-    assert cli.run(["run", "--sim", *arguments]) == 0
-    assert asked == [port]

@@ -425,10 +425,8 @@ def test_calibrating_wants_a_person(rover_file: Path, monkeypatch: pytest.Monkey
 
 
 def test_status_shows_where_the_run_can_be_watched() -> None:
-    addresses = {"live_page": "http://127.0.0.1:8088/?token=s3cret", "foxglove": "ws://127.0.0.1:8765"}
-    addresses["mavlink"] = "udpout:192.168.1.5:14550"
-    assert status_text({**STATUS, **addresses}).splitlines()[-3:] == [
+    addresses = {"live_page": "http://127.0.0.1:8088/?token=s3cret", "mavlink": "udpout:192.168.1.5:14550"}
+    assert status_text({**STATUS, **addresses}).splitlines()[-2:] == [
         "live page http://127.0.0.1:8088/?token=s3cret",
-        "Foxglove  ws://127.0.0.1:8765",
         "MAVLink   udpout:192.168.1.5:14550",
     ]

@@ -13,13 +13,13 @@ from random import Random
 import orjson
 import pytest
 
-from tests.views.foxglove.readers import read
+from tests.views.export.readers import read
 from tests.views.text.records import RUN, SAMPLE_LOGS, numbered
 from wayfarer import cli
 from wayfarer.fieldlog.lines import sealed
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.schema import Record
-from wayfarer.views.foxglove.mcap_file import write_mcap
+from wayfarer.views.export.mcap import write_mcap
 from wayfarer.views.live.page_model import PageModel
 from wayfarer.views.run_report.data import read_run
 from wayfarer.views.text.summary import summarise

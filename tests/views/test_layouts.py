@@ -9,8 +9,8 @@ from xml.etree import ElementTree
 
 import pytest
 
+from wayfarer.views.export.mcap_plots import PLOTS
 from wayfarer.views.export.tables import COLUMNS
-from wayfarer.views.foxglove.plots import PLOTS
 
 LAYOUTS = Path(__file__).parents[2] / "docs" / "layouts"
 
@@ -29,11 +29,10 @@ def test_foxgloves_scene_and_log_are_exported() -> None:
     pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
     from foxglove import Context
 
-    from wayfarer.views.foxglove.channels import Channels
+    from wayfarer.views.export.mcap import Channels
 
     channels = Channels(Context())
-    rows = [*channels._rows.values(), channels._lasting]
-    topics = {channel.topic() for row in rows for channel, _ in row}  # type: ignore[attr-defined]
+    topics = {channel.topic() for row in channels._rows.values() for channel, _ in row}  # type: ignore[attr-defined]
     panels = json.loads((LAYOUTS / "foxglove.json").read_text(encoding="utf-8"))["configById"]
     assert {*panels["3D!map"]["topics"], panels["RosOut!log"]["topicToRender"]} <= topics
 

@@ -1,4 +1,4 @@
-"""The way that pages and Foxglove draw: bounded, and true to where the rover was."""
+"""The way that pages and exports draw: bounded, and true to where the rover was."""
 
 from __future__ import annotations
 

@@ -12,14 +12,12 @@ from wayfarer.cli.options import AlgorithmOption, LogDir, Rover, check_together,
 from wayfarer.cli.trial_options import DepthName
 from wayfarer.cli.viewer_options import (
     NEEDS,
-    Foxglove,
-    FoxglovePort,
     Live,
     LiveHost,
     LivePort,
     Mavlink,
     ground_station,
-    viewers,
+    live_page,
 )
 from wayfarer.config.rover_path import ROVER_FILE
 from wayfarer.errors import BadInput
@@ -29,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from wayfarer.config.rover_file import RoverConfig
-    from wayfarer.daemon.daemon import RoverSetup
+    from wayfarer.daemon.daemon import RoverSetup, Viewer
 
 HINT = "In another terminal: wayfarer arm, wayfarer status, wayfarer stop"
 RUN_EXAMPLES = examples(
@@ -65,8 +63,6 @@ def run(
     live: Live = False,
     live_host: LiveHost = None,
     live_port: LivePort = None,
-    foxglove: Foxglove = False,
-    foxglove_port: FoxglovePort = None,
     mavlink: Mavlink = None,
 ) -> None:
     """Run the daemon: it starts disarmed, and drives once it is armed from another terminal."""
@@ -88,10 +84,16 @@ def run(
         loaded, make_rover = _real(loaded, name, folder)
     if manual:
         loaded = laid_over(loaded, {"manual": {"allowed": True}})
-    shown = viewers(live, live_host, live_port, foxglove, foxglove_port)
+    viewers: list[Viewer] = []
+    addresses = {}  # by the keys of wayfarer status
+    if live:
+        page = live_page(live_host, live_port)
+        print(f"live page: {page.url}", flush=True)
+        viewers.append(page)
+        addresses["live_page"] = page.url
     if mavlink is not None:
-        shown.viewers.append(ground_station(mavlink, loaded))
-        shown.addresses["mavlink"] = mavlink
+        viewers.append(ground_station(mavlink, loaded))
+        addresses["mavlink"] = mavlink
     service = Service(
         config=loaded,
         algorithm=find_algorithm(algorithm),
@@ -102,8 +104,8 @@ def run(
         simulated=sim,
         dry_run=dry_run,
         console=lambda write: Console(HINT, write, then="wayfarer logs summary").show,
-        viewers=shown.viewers,
-        addresses=shown.addresses,
+        viewers=viewers,
+        addresses=addresses,
     )
     serve(service)
 

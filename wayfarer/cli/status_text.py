@@ -39,7 +39,6 @@ def _lines(status: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("log", _log(status)),
         ("card", _storage(status)),
         ("live page", status.get("live_page", "")),
-        ("Foxglove", status.get("foxglove", "")),
         ("MAVLink", status.get("mavlink", "")),
     ]
 

@@ -1,27 +1,21 @@
-"""Options of the viewers of a running rover: the live page, Foxglove and a ground station."""
+"""Options of the viewers of a running rover: the live page and a ground station."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from wayfarer.extras import require
-from wayfarer.views.foxglove import PORT as FOXGLOVE_PORT
 from wayfarer.views.live import HOST, PORT
 
 if TYPE_CHECKING:
     from wayfarer.config.rover_file import RoverConfig
-    from wayfarer.daemon.daemon import Viewer
     from wayfarer.views.live.demo_controls import DemoControls
     from wayfarer.views.live.server import LivePage
     from wayfarer.views.mavlink.ground_station import GroundStation
 
 LOOKING_ON = "Viewers"
-
-
-def _port_option(help_text: str) -> Any:
-    return typer.Option(min=0, max=65535, metavar="N", help=help_text, rich_help_panel=LOOKING_ON)
 
 
 Live = Annotated[bool, typer.Option("--live", help="Serve the live page.", rich_help_panel=LOOKING_ON)]
@@ -33,12 +27,16 @@ LiveHost = Annotated[
         rich_help_panel=LOOKING_ON,
     ),
 ]
-LivePort = Annotated[int | None, _port_option(f"Port of the page; 0 chooses a free one. (default: {PORT})")]
-Foxglove = Annotated[
-    bool, typer.Option("--foxglove", help="Serve data to Foxglove on this computer.", rich_help_panel=LOOKING_ON)
+LivePort = Annotated[
+    int | None,
+    typer.Option(
+        min=0,
+        max=65535,
+        metavar="N",
+        help=f"Port of the page; 0 chooses a free one. (default: {PORT})",
+        rich_help_panel=LOOKING_ON,
+    ),
 ]
-FoxglovePort = Annotated[int | None, _port_option(f"Port for Foxglove. (default: {FOXGLOVE_PORT})")]
-
 Mavlink = Annotated[
     str | None,
     typer.Option(
@@ -49,40 +47,7 @@ Mavlink = Annotated[
 ]
 
 # For ``options.check_together``.
-NEEDS = (("live_host", "live"), ("live_port", "live"), ("foxglove_port", "foxglove"))
-
-
-class Viewers(NamedTuple):
-    """The viewers of a run, and their addresses by the keys of ``wayfarer status``."""
-
-    viewers: list[Viewer]
-    addresses: dict[str, str]
-
-
-def viewers(
-    live: bool, live_host: str | None, live_port: int | None, foxglove: bool, foxglove_port: int | None
-) -> Viewers:
-    """Return the viewers of a run, and print their addresses; their ports are bound from now on.
-
-    Raises:
-        BadInput: a port cannot be had.
-        WayfarerError: a package is missing.
-    """
-    found = Viewers([], {})
-    if live:
-        page = live_page(live_host, live_port)
-        print(f"live page: {page.url}", flush=True)
-        found.viewers.append(page)
-        found.addresses["live_page"] = page.url
-    if foxglove:
-        require("Foxglove")
-        from wayfarer.views.foxglove.live import FoxgloveLive
-
-        channels = FoxgloveLive(FOXGLOVE_PORT if foxglove_port is None else foxglove_port)
-        print(f"for Foxglove: {channels.url}", flush=True)
-        found.viewers.append(channels)
-        found.addresses["foxglove"] = channels.url
-    return found
+NEEDS = (("live_host", "live"), ("live_port", "live"))
 
 
 def ground_station(address: str, config: RoverConfig) -> GroundStation:

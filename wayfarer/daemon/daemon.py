@@ -73,7 +73,7 @@ class RoverSetup:
 
 
 class Viewer(Protocol):
-    """The live page or Foxglove: gets every record of the run's log, and may serve clients on the daemon's loop."""
+    """The live page or a ground station: gets every record of the log, and may serve clients on the daemon's loop."""
 
     def show(self, record: Record) -> None:
         """Take a record as it is written, the first one before anything is open. Must not wait, nor change it."""

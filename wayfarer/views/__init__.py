@@ -1,1 +1,1 @@
-"""Views of a run: text, HTML report, live page, Foxglove. All read the same records."""
+"""Views of a run: text, HTML report, live page, exports. All read the same records."""

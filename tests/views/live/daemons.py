@@ -26,7 +26,7 @@ class Daemon:
         self.folder = folder
         self.process = process
         for line in said:
-            if found := re.search(r"(http|ws)://\S+", line):
+            if found := re.search(r"http://\S+", line):
                 self.url = found.group()
                 return
         raise AssertionError(f"wayfarer ended with exit code {process.wait()}")

@@ -47,7 +47,7 @@ class ExportFormat(StrEnum):
     parquet = "parquet", "the rows of csv, with types", Output.BYTES, "Parquet", "export.parquet:write_parquet", PYTHON
     gpx = "gpx", "track and waypoints for maps", Output.TEXT, "gpx", "export.gpx:write_gpx", DESKTOP
     geojson = "geojson", "the same for web maps", Output.TEXT, "geojson", "export.geojson:write_geojson", DESKTOP
-    mcap = "mcap", "Foxglove", Output.BYTES, "Foxglove", "foxglove.mcap_file:write_mcap", DESKTOP
+    mcap = "mcap", "Foxglove", Output.BYTES, "mcap", "export.mcap:write_mcap", DESKTOP
     rosbag2 = "rosbag2", "ROS 2", Output.FOLDER, "rosbag2", "export.rosbag2:write_rosbag2", ("ros2", "bag", "info")
 
     def __new__(

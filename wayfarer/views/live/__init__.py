@@ -3,5 +3,5 @@
 from __future__ import annotations
 
 HOST = "127.0.0.1"
-# Like 8080, which the servers of other software take so often; 8765 is Foxglove's.
+# Like 8080, which the servers of other software take so often.
 PORT = 8088

@@ -1,16 +1,18 @@
-"""Foxglove channels of a run: field log records in, messages out; for MCAP files and live viewers."""
+"""A run's log as an MCAP file for Foxglove: field log records in, messages on Foxglove's channels out."""
 
 from __future__ import annotations
 
-import logging
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
-from typing import Any, NamedTuple, Protocol
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple, Protocol
 
 import orjson
-from foxglove import Channel, Context
+from foxglove import Channel, Context, open_mcap
 from foxglove.channels import FrameTransformChannel, LocationFixChannel, LogChannel, SceneUpdateChannel
+from foxglove.mcap import MCAPWriter
 from foxglove.messages import (
     FrameTransform,
     LocationFix,
@@ -22,14 +24,14 @@ from foxglove.messages import (
 )
 
 from wayfarer.fieldlog.contact_map import ContactMapNoted, MapRow, Point
+from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.run_events import Ended, RunBegan
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Fix, Header, RunEvent, Tick, Truth
 from wayfarer.fieldlog.wording import Tone
-from wayfarer.views.export.wall_time import SECOND_NS, nanoseconds
-from wayfarer.views.foxglove.plots import FURTHER, PLOTS, Plot
-from wayfarer.views.foxglove.scene import (
+from wayfarer.views.export.mcap_plots import FURTHER, PLOTS, Plot
+from wayfarer.views.export.mcap_scene import (
     ROVER,
     TRUTH,
     DrawnPath,
@@ -41,12 +43,41 @@ from wayfarer.views.foxglove.scene import (
     point,
     transform,
 )
+from wayfarer.views.export.run_metadata import run_metadata
+from wayfarer.views.export.wall_time import SECOND_NS, nanoseconds, read_clock_zero_s
 from wayfarer.views.text.log_lines import LOG_NAMES, log_lines
 
 LOG_LEVELS: Mapping[Tone, LogLevel] = {Tone.WARNING: LogLevel.Warning, Tone.FAULT: LogLevel.Error}
 
-# The SDK logs through Python's logging, for instance when a viewer disconnects; by default that would be printed.
-logging.getLogger("foxglove").addHandler(logging.NullHandler())
+
+def write_mcap(run: Path, file: BinaryIO) -> Damage:
+    """Write a run's log into an open file as MCAP, and return what of it could not be read.
+
+    The same log gives the same bytes.
+
+    Raises:
+        BadInput: there is no log, or nothing in it can be read.
+        OSError: the file takes no more.
+    """
+    reader = RunReader(run)
+    zero_s = read_clock_zero_s(reader)
+    began_ns = nanoseconds(zero_s + next(iter(RunReader(run)))["t_s"])
+    context = Context()
+    channels = Channels(context)
+    sink = _Sink(file)
+    writer = open_mcap(sink, context=context)
+    try:
+        for record in RunReader(run):
+            channels.take(record, zero_s + record["t_s"])
+            sink.check()
+        _describe(writer, channels.header, began_ns)
+    finally:
+        try:
+            writer.close()
+        except RuntimeError:  # it says that something was not written; the sink knows why
+            sink.check()
+            raise
+    return reader.damage
 
 
 class MessageTime(NamedTuple):
@@ -57,10 +88,7 @@ class MessageTime(NamedTuple):
 
 
 class SdkChannel(Protocol):
-    """The methods used of the SDK's channels, which have no common base class."""
-
-    def has_sinks(self) -> bool:
-        """Return whether a file, or any viewer, takes this channel."""
+    """The method used of the SDK's channels, which have no common base class."""
 
     def log(self, msg: Any, /, *, log_time: int | None = None) -> None:
         """Send a message."""
@@ -74,10 +102,9 @@ class Channels:
     """The channels of one run, fed with its records in their order.
 
     The map's origin is where the log begins; in a simulated run it is the forest's, and the log begins at its start.
-    A message is only made for a channel that a file or a viewer takes.
 
     Args:
-        context: the SDK's; a file or a server that is opened on it gets the messages.
+        context: the SDK's; a file that is opened on it gets the messages.
     """
 
     def __init__(self, context: Context) -> None:
@@ -87,7 +114,6 @@ class Channels:
         self._remembered: tuple[Sequence[MapRow], Sequence[Point]] | None = None
         self._paths = {frame: DrawnPath() for frame in (ROVER, TRUTH)}
         self._rows: defaultdict[type[RunEvent], Row] = defaultdict(list)
-        self._lasting: Row = []
         self._add_plots(context)
         self._add_log(context)
         self._add_scene(context)
@@ -114,11 +140,6 @@ class Channels:
                     self._start_m = (float(world["start_m"][0]), float(world["start_m"][1]))
             _send(self._rows[type(event)], event, time_s)
 
-    def send_lasting(self, time_s: float) -> None:
-        """Send again what stays in sight: forest, bodies and paths."""
-        state = self._fold.state
-        _send(self._lasting, RunBegan(state.elapsed_s, state.t_s, state.header, late=False), time_s)
-
     def _add_plots(self, context: Context) -> None:
         for topic, plot in PLOTS.items():
             channel = Channel(topic, schema=plot.schema(topic), context=context)
@@ -139,14 +160,11 @@ class Channels:
             ("/contact_map", ContactMapNoted, self._contact_map),
         )  # fmt: skip
         for topic, kind, make in scenes:
-            channel = SceneUpdateChannel(topic, context=context)
-            self._rows[kind].append((channel, make))
-            self._lasting.append((channel, make))
+            self._rows[kind].append((SceneUpdateChannel(topic, context=context), make))
         for topic, kind, frame in (("/track", Tick, ROVER), ("/truth_track", Truth, TRUTH)):
             channel = SceneUpdateChannel(topic, context=context)
             self._rows[kind].append((channel, partial(self._longer_path, frame)))
             self._rows[Ended].append((channel, partial(self._path, frame)))
-            self._lasting.append((channel, partial(self._path, frame)))
 
     def _contact_map(self, _event: RunEvent, at: MessageTime) -> Iterator[SceneUpdate]:
         if self._remembered is not None:
@@ -165,9 +183,8 @@ def _send(row: Row, event: RunEvent, time_s: float) -> None:
     """Send an event on a row of channels."""
     at = _moment(time_s)
     for channel, make in row:
-        if channel.has_sinks():
-            for message in make(event, at):
-                channel.log(message, log_time=at.time_ns)
+        for message in make(event, at):
+            channel.log(message, log_time=at.time_ns)
 
 
 def _moment(time_s: float) -> MessageTime:
@@ -225,3 +242,46 @@ def _bodies(began: RunBegan, at: MessageTime) -> Iterator[SceneUpdate]:
     length_m, width_m = (began.header.setting("vehicle", key) for key in ("length_m", "width_m"))
     if length_m is not None and width_m is not None:
         yield body_scene(at.stamp, length_m, width_m, (ROVER,) if began.header.world is None else (ROVER, TRUTH))
+
+
+def _describe(writer: MCAPWriter, header: Header, began_ns: int) -> None:
+    """Add what ran: as a metadata record, and the rover file's settings as an attachment."""
+    writer.write_metadata("wayfarer", run_metadata(header))
+    if header.config is not None:
+        settings = orjson.dumps(header.config, option=orjson.OPT_INDENT_2)
+        writer.attach(
+            log_time=began_ns, create_time=began_ns, name="rover.json", media_type="application/json", data=settings
+        )
+
+
+class _Sink:
+    """A file for the SDK's writer that remembers its first error: the SDK passes none on when it takes a message."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._error: OSError | None = None
+
+    def check(self) -> None:
+        """Raise the error that kept something from being written."""
+        if self._error is not None:
+            raise self._error
+
+    def write(self, data: bytes | bytearray) -> int:
+        with self._remembered():
+            return self._file.write(data)
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        with self._remembered():
+            return self._file.seek(offset, whence)
+
+    def flush(self) -> None:
+        with self._remembered():
+            self._file.flush()
+
+    @contextmanager
+    def _remembered(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            self._error = self._error or error
+            raise

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 from foxglove.messages import FrameTransform, SceneUpdate, Timestamp
 
-from tests.views.foxglove.readers import Descriptors
+from tests.views.export.readers import Descriptors
 from tests.views.test_enu import AHEAD, Vector, body_axis
-from wayfarer.views.foxglove.scene import body_scene, forest_scene, orientation, transform
+from wayfarer.views.export.mcap_scene import body_scene, forest_scene, orientation, transform
 
 UP = (0.0, 0.0, 1.0)
 TIME = Timestamp(1, 2)

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from tests.views.foxglove.logs import HEADER, of_kind, stamped, tick
-from tests.views.foxglove.readers import Exported, read
+from tests.views.export.logs import HEADER, of_kind, stamped, tick
+from tests.views.export.readers import Exported, read
 from tests.views.text.records import write
 from wayfarer.angles import wrap180
 from wayfarer.escape.api import Anomaly
@@ -18,7 +18,7 @@ from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Tick
-from wayfarer.views.foxglove.mcap_file import write_mcap
+from wayfarer.views.export.mcap import write_mcap
 
 COMPASS_IS_BACK = "the compass is believed again, or the heading is reckoned"
 
