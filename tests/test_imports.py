@@ -48,8 +48,8 @@ PURE = [
 ]  # fmt: skip
 IMPURE = {"asyncio", "time", "datetime", "io", "os", "pathlib", "logging", "structlog", "socket", "threading", "numpy"}
 BUS_LIBRARIES = {"cv2", "smbus2", "spidev", "serial", "gpiozero", "picamera2"}
-# Figures and ROS messages are made of arrays.
-ARRAYS_IN = ("views.page", "views.run_report", "views.receiver_fit", "views.export.ros_messages")
+# Figures are made of arrays.
+ARRAYS_IN = ("views.page", "views.run_report", "views.receiver_fit")
 HEAVY = {"numpy", "scipy", "skfmm", "bokeh"} | BUS_LIBRARIES
 
 

@@ -31,10 +31,7 @@ NEEDS = {
     "a report": OptionalExtra("sim", {"bokeh": "bokeh", "numpy": "numpy"}),
     "the live page": OptionalExtra("live", {"aiohttp": "aiohttp"}),
     "a table": OptionalExtra("sim", {"pyarrow": "pyarrow"}),
-    "Parquet": OptionalExtra("sim", {"pyarrow": "pyarrow"}),
     "gpx": OptionalExtra("export", {"gpxpy": "gpxpy", "numpy": "numpy"}),
-    "geojson": OptionalExtra("export", {"geojson_pydantic": "geojson-pydantic", "numpy": "numpy"}),
-    "rosbag2": OptionalExtra("export", {"rosbags": "rosbags"}),
     "mcap": OptionalExtra("export", {"foxglove": "foxglove-sdk"}),
     "--mavlink": OptionalExtra("mavlink", {"pymavlink": "pymavlink"}),
 }

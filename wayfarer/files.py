@@ -11,7 +11,6 @@ from __future__ import annotations
 import errno
 import os
 import secrets
-import shutil
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -129,28 +128,6 @@ def atomic_file(path: Path, *, mode: int | None = None, follow_symlink: bool = F
         with suppress(OSError):
             draft.unlink(missing_ok=True)
         raise
-
-
-@contextmanager
-def atomic_folder(path: Path) -> Iterator[Path]:
-    """Give the path of a folder to make, with the same name; once that is done and on the disk, it stands at ``path``.
-
-    Whatever fails, the draft goes. A folder with files in it is never replaced.
-
-    Raises:
-        OSError: the folder cannot be written, or there is one already.
-    """
-    draft = _draft(path)
-    try:
-        draft.mkdir()
-        made = draft / path.name
-        yield made
-        for each in made.iterdir():
-            _sync(each)
-        made.replace(path)
-        sync_folder(path.parent)
-    finally:
-        shutil.rmtree(draft, ignore_errors=True)
 
 
 def write_atomically(

@@ -5,14 +5,11 @@ from __future__ import annotations
 import asyncio
 import sys
 import warnings
-from io import BytesIO
 from pathlib import Path
 
 import pytest
-from pyarrow import parquet
 
 import wayfarer
-from wayfarer.views.export.parquet import write_parquet
 
 
 @pytest.fixture(scope="module")
@@ -32,9 +29,6 @@ def test_log_of_a_trial_is_a_run_with_its_ticks_and_events(folder: Path, trial: 
     assert (ticks.num_rows - 1, run.summary.ticks) == (trial.row.ticks, trial.row.ticks)  # and one for how it ended
     assert [event["name"] for event in run.events][-1] == "wheels_stopped"
     assert run.events.to_pandas().elapsed_s.is_monotonic_increasing
-    export = BytesIO()
-    write_parquet(folder, export)
-    assert parquet.read_table(export).equals(ticks)
 
 
 def test_track_is_the_true_pose_beside_what_the_log_says(folder: Path, trial: wayfarer.Trial) -> None:

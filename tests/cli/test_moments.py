@@ -11,8 +11,8 @@ from pathlib import Path
 
 import orjson
 import pytest
-from pyarrow import parquet
 
+from tests.views.export.readers import read
 from tests.views.text.records import HEADER, SAMPLE_LOGS, record
 from wayfarer import cli
 from wayfarer.fieldlog.clock import seconds_since
@@ -53,10 +53,10 @@ def test_replay_show_and_exports_name_the_same_number(
     (line,) = (line for line in capsys.readouterr().out.splitlines() if re.search(r"\belse\b", line))
     assert line.split()[0] == shown
 
-    out = tmp_path / "run.parquet"
+    out = tmp_path / "run.mcap"
     assert cli.run(["logs", "export", str(run), "--out", str(out)]) == 0
-    found = parquet.read_table(out, filters=[("n", "=", n)])
-    assert found["elapsed_s"].to_pylist() == [float(row["elapsed_s"])]
+    (time,) = (message.value for message in read(out).messages["/time"] if message.value["n"] == n)
+    assert time["elapsed_s"] == float(row["elapsed_s"])
 
 
 def test_time_counts_from_the_first_record_to_the_microsecond() -> None:

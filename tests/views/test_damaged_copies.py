@@ -143,8 +143,7 @@ def test_no_command_ends_by_an_error_of_its_own_and_each_says_the_same_of_what_i
     assert told in use("logs", "check", codes=(0, 3))[0]
     if records[-1]["record"] == "outcome":  # else it waits for more
         assert (told in use("logs", "follow", str(run))[1]) is not whole
-    for form in ("csv", "parquet", "rosbag2"):  # mcap is above
-        assert (told in use("logs", "export", "--out", str(tmp_path / f"run.{form}"))[1]) is not whole
+    assert (told in use("logs", "export", "--out", str(tmp_path / "run.csv"))[1]) is not whole  # mcap is above
     rows = list(csv.DictReader(io.StringIO((tmp_path / "run.csv").read_text(encoding="utf-8"))))
     assert sum(row["phase"] != "" for row in rows) == summary["ticks"]
     last = next(row for row in reversed(rows) if row["reckoned_north_m"])

@@ -19,7 +19,7 @@ from wayfarer.cli.options import AsJson, LogDir, examples, log_folder, run_argum
 from wayfarer.errors import BadInput
 from wayfarer.extras import require
 from wayfarer.fieldlog.folders import find_run, newest_run, run_title
-from wayfarer.views.export.export import ExportFormat, Output
+from wayfarer.views.export.export import ExportFormat
 from wayfarer.views.export.export import export as export_run
 from wayfarer.views.text.colour import painted
 
@@ -261,26 +261,21 @@ def export(
     form: Annotated[ExportFormat | None, typer.Option("--format", metavar="FORMAT", help=FORMATS_HELP)] = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE", help="Output file, for rosbag2 a folder; - is stdout. (default: here, named as the run)"
-        ),
+        typer.Option(metavar="FILE", help="Output file; - is stdout. (default: here, named as the run)"),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
     origin: Annotated[
         str | None,
-        typer.Option(
-            metavar="LAT,LON",
-            help="gpx, geojson: where a run without a receiver began, degrees: 50.937,-1.397.",
-        ),
+        typer.Option(metavar="LAT,LON", help="gpx: where a run without a receiver began, degrees: 50.937,-1.397."),
     ] = None,
     log_dir: LogDir = None,
 ) -> None:
-    """Convert a run's log to a format of other tools, as a file or, for rosbag2, a folder."""
+    """Convert a run's log to a file for other tools."""
     from wayfarer.views.text.scripting import say_next
 
     found = find_run(run, log_folder(log_dir))
     form = _form(form, out)
-    if out == STDOUT and form.output is not Output.TEXT:
+    if out == STDOUT and not form.is_text:
         raise BadInput(f"{form} is not text: give a file with --out, or leave out --out")
     if form.needs:
         require(form.needs)
@@ -291,7 +286,7 @@ def export(
     damage = export_run(found, form, file, overwrite=force, follow_symlink=out is not None, origin=origin)
     print(f"the export is in {file}")
     _tell_damage(damage)
-    say_next(*form.opened_by, file)
+    say_next("xdg-open", file)
 
 
 def _form(wanted: ExportFormat | None, out: Path | None) -> ExportFormat:

@@ -1,4 +1,4 @@
-"""Orientations in ROS's convention (REP 103): x east, y north, z up; a body's axes are x ahead, y left, z up. Pure."""
+"""Orientations as in Foxglove and ROS (REP 103): x east, y north, z up; of a body x ahead, y left, z up. Pure."""
 
 from __future__ import annotations
 

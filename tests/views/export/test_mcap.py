@@ -193,6 +193,14 @@ def test_clock_that_was_set_does_not_tear_the_file_apart(tmp_path: Path) -> None
     assert [message.time_ns for message in found.messages["/pose"]] == [1_007_200_050_000_000, 1_007_201_000_000_000]
 
 
+def test_times_beyond_those_of_foxglove_are_its_last(tmp_path: Path) -> None:
+    late = {"t_wall": 9e9}  # in the year 2255
+    found = round_trip(tmp_path, HEADER | late, tick(100.05) | late)
+    (pose,) = found.messages["/pose"]
+    assert pose.time_ns == (2**32 - 1) * 10**9
+    assert pose.value["timestamp"] == {"seconds": 2**32 - 1, "nanos": 0}
+
+
 def test_log_panel_tells_events_by_their_severity(tmp_path: Path) -> None:
     found = round_trip(
         tmp_path,

@@ -23,6 +23,7 @@ from foxglove.messages import (
     Timestamp,
 )
 
+from wayfarer import __version__
 from wayfarer.fieldlog.contact_map import ContactMapNoted, MapRow, Point
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.run_events import Ended, RunBegan
@@ -43,7 +44,6 @@ from wayfarer.views.export.mcap_scene import (
     point,
     transform,
 )
-from wayfarer.views.export.run_metadata import run_metadata
 from wayfarer.views.export.wall_time import SECOND_NS, nanoseconds, read_clock_zero_s
 from wayfarer.views.text.log_lines import LOG_NAMES, log_lines
 
@@ -246,12 +246,28 @@ def _bodies(began: RunBegan, at: MessageTime) -> Iterator[SceneUpdate]:
 
 def _describe(writer: MCAPWriter, header: Header, began_ns: int) -> None:
     """Add what ran: as a metadata record, and the rover file's settings as an attachment."""
-    writer.write_metadata("wayfarer", run_metadata(header))
+    writer.write_metadata("wayfarer", _metadata(header))
     if header.config is not None:
         settings = orjson.dumps(header.config, option=orjson.OPT_INDENT_2)
         writer.attach(
             log_time=began_ns, create_time=began_ns, name="rover.json", media_type="application/json", data=settings
         )
+
+
+def _metadata(header: Header) -> dict[str, str]:
+    """Return the metadata of a run by key; what the log does not say is left out."""
+    values = {
+        "exported_by": f"wayfarer {__version__}",
+        "wayfarer_version": header.version,
+        "rover": header.rover,
+        "rover_file_hash": header.config_hash,
+        "algorithm": header.algorithm,
+        "log_schema": header.schema,
+        "simulated": None if header.simulated is None else str(header.simulated).lower(),
+        "seed": header.seed,
+        "trial": header.trial,
+    }
+    return {key: str(value) for key, value in values.items() if value is not None}
 
 
 class _Sink:

@@ -1,4 +1,4 @@
-"""A run as Parquet: the rows and columns of the CSV table, with types.
+"""A run as a table of Arrow: the rows and columns of the CSV table, with types.
 
 Imported only where a table is made: pyarrow is large. A column that every table has is of the same type in
 every run, so that runs can be read together. What an algorithm remembers are numbers, unless a run holds other values.
@@ -9,12 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from itertools import islice
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import pyarrow as pa
-from pyarrow import parquet
 
-from wayfarer.fieldlog.reader import Damage, RunReader
+from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.schema import Values
 from wayfarer.views.export.tables import COLUMNS, cell, further_columns, table_rows
 
@@ -24,23 +23,8 @@ FLAG, WHOLE, REAL, WORDS = pa.bool_(), pa.int64(), pa.float64(), pa.string()
 TIME = pa.timestamp("us", tz="UTC")
 
 
-def write_parquet(run: Path, file: BinaryIO) -> Damage:
-    """Write a run as Parquet, and return what of it could not be read. The same log gives the same bytes.
-
-    Raises:
-        BadInput: the run cannot be read.
-        OSError: the file takes no more.
-    """
-    reader = RunReader(run)
-    columns = _columns(further_columns(reader))
-    with parquet.ParquetWriter(file, pa.schema(columns)) as table:
-        for batch in _batches(run, columns):
-            table.write_batch(batch)
-    return reader.damage
-
-
 def read_table(run: Path) -> pa.Table:
-    """Return what ``write_parquet`` writes of a run.
+    """Return a run as a table.
 
     Raises:
         BadInput: the run cannot be read.

@@ -14,7 +14,7 @@ from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.schema import Record
 
 SECOND_NS = 1_000_000_000
-LATEST_S = 2**31 - 1  # in the year 2038, where the seconds of ROS's times end; Foxglove's end later
+LATEST_S = 2**32 - 1  # in the year 2106, where the seconds of Foxglove's times end
 
 
 def read_clock_zero_s(reader: RunReader) -> float:
@@ -34,7 +34,7 @@ def read_clock_zero_s(reader: RunReader) -> float:
 
 
 def nanoseconds(time_s: float) -> int:
-    """Return a time since 1970 as ROS and Foxglove count it, to the microsecond: a float of today has no more."""
+    """Return a time since 1970 as Foxglove counts it, to the microsecond: a float of today has no more."""
     return round(clamp(time_s, 0.0, LATEST_S) * 1e6) * 1000
 
 

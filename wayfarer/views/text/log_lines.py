@@ -1,4 +1,4 @@
-"""What a log panel of Foxglove or ROS shows of a run: one line an event, with a name to filter by. Pure."""
+"""What a log panel of Foxglove or a ground station shows: one line an event, with a name to filter by. Pure."""
 
 from __future__ import annotations
 

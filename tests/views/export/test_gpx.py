@@ -1,9 +1,8 @@
-"""A run on a map: GPX and GeoJSON, checked against their schemas and read back by other libraries."""
+"""A run on a map: GPX, checked against its schema and read back by another library."""
 
 from __future__ import annotations
 
 import io
-import json
 from datetime import UTC, datetime, timedelta
 from functools import cache
 from itertools import pairwise
@@ -13,7 +12,6 @@ from typing import Any
 
 import gpxpy
 import pytest
-from geojson_pydantic import FeatureCollection
 from gpxpy.gpx import GPX
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -53,13 +51,6 @@ EVENTFUL = [
 ]
 
 
-def written(form: ExportFormat, folder: Path, records: list[Record], origin: str | None = None) -> str:
-    text = io.StringIO()
-    (folder / "17" / "run.jsonl").unlink(missing_ok=True)
-    assert form.write(write(folder / "17", records), text, origin) == Damage()
-    return text.getvalue()
-
-
 @cache
 def schema() -> Any:
     import xmlschema  # half a second, which the workers without these tests do not need
@@ -68,21 +59,11 @@ def schema() -> Any:
 
 
 def gpx(folder: Path, records: list[Record], origin: str | None = None) -> GPX:
-    text = written(ExportFormat.gpx, folder, records, origin)
-    schema().validate(text)
-    return gpxpy.parse(text)
-
-
-def geojson(folder: Path, records: list[Record], origin: str | None = None) -> list[dict[str, Any]]:
-    text = written(ExportFormat.geojson, folder, records, origin)
-    collection = json.loads(text)
-    assert len(FeatureCollection.model_validate_json(text).features) == len(collection["features"])
-    for feature in collection["features"]:
-        assert feature.keys() == {"type", "geometry", "properties"}
-        geometry = feature["geometry"]
-        places = [geometry["coordinates"]] if geometry["type"] == "Point" else geometry["coordinates"]
-        assert all(-180.0 <= longitude < 180.0 and -90.0 <= latitude <= 90.0 for longitude, latitude in places)
-    return list(collection["features"])
+    text = io.StringIO()
+    (folder / "17" / "run.jsonl").unlink(missing_ok=True)
+    assert ExportFormat.gpx.write(write(folder / "17", records), text, origin) == Damage()
+    schema().validate(text.getvalue())
+    return gpxpy.parse(text.getvalue())
 
 
 def test_gpx_has_the_fixes_with_their_times(tmp_path: Path) -> None:
@@ -112,28 +93,8 @@ def test_gpx_has_what_happened_where_it_happened(tmp_path: Path) -> None:
     assert all(each.longitude == 8.0 for each in waypoints)
     mark = waypoints[0]
     assert mark.time == BEGAN + timedelta(seconds=1.4)
+    assert [each.extensions[0].text for each in waypoints] == ["1.400", "3.200", "4.000", "4.000", "5.000"]
     assert {each.description for each in waypoints} == {"dead reckoning fitted to the fixes"}
-
-
-def test_geojson_says_the_same_as_gpx(tmp_path: Path) -> None:
-    told = gpx(tmp_path, EVENTFUL)
-    line, path, *points = geojson(tmp_path, EVENTFUL)
-    fixes = told.tracks[0].segments[0].points
-    assert line["geometry"]["type"] == "LineString"
-    assert line["geometry"]["coordinates"] == [[each.longitude, each.latitude] for each in fixes]
-    assert path["geometry"]["coordinates"] == [
-        [each.longitude, each.latitude] for each in told.tracks[1].segments[0].points
-    ]
-    along = line["properties"]["coordinateProperties"]
-    assert along["elapsed_s"] == [0.0, 1.0, 2.0]
-    assert [datetime.fromisoformat(each) for each in along["times"]] == [each.time for each in fixes]
-    assert along["error_m"] == [4.0] * 3
-    assert [each["geometry"]["coordinates"] for each in points] == [
-        [each.longitude, each.latitude] for each in told.waypoints
-    ]
-    assert [each["properties"]["placed"] for each in points] == [each.description for each in told.waypoints]
-    stalled = points[1]["properties"]
-    assert (stalled["name"], stalled["elapsed_s"]) == ("stalled", 3.2)
 
 
 def test_path_is_dead_reckoning_fitted_to_the_fixes(tmp_path: Path) -> None:
@@ -171,9 +132,6 @@ def test_path_begins_at_the_given_origin_where_there_is_no_receiver(tmp_path: Pa
     mark, _ = told.waypoints
     assert (mark.latitude - 47.0) * METRES_PER_DEG == pytest.approx(2.0, abs=0.1)
     assert mark.description == "dead reckoning from the given origin"
-    line, point, _ = geojson(tmp_path, records, origin="47.0,-8.0")
-    assert (line["properties"]["kind"], point["properties"]["placed"]) == ("reckoned", mark.description)
-    assert len(line["geometry"]["coordinates"]) == len(segment.points)
 
 
 @pytest.mark.parametrize(
@@ -181,10 +139,10 @@ def test_path_begins_at_the_given_origin_where_there_is_no_receiver(tmp_path: Pa
     [
         (ExportFormat.gpx, "47,8", EVENTFUL, "has GPS positions, which say where it was: leave --origin out"),
         (ExportFormat.gpx, "47", EVENTFUL, "--origin 47: give latitude and longitude in degrees"),
-        (ExportFormat.geojson, "8,190", EVENTFUL, "--origin 8,190: give latitude"),
-        (ExportFormat.geojson, "nan,8", EVENTFUL, "--origin nan,8: give latitude"),
+        (ExportFormat.gpx, "8,190", EVENTFUL, "--origin 8,190: give latitude"),
+        (ExportFormat.gpx, "nan,8", EVENTFUL, "--origin nan,8: give latitude"),
         (ExportFormat.gpx, "47,8", [HEADER, event("mark", 1.0, text="x")], "has no heading, so no path leads away"),
-        (ExportFormat.csv, "47,8", EVENTFUL, "--origin is for gpx and geojson, and this is csv"),
+        (ExportFormat.csv, "47,8", EVENTFUL, "--origin is for gpx, and this is csv"),
     ],
 )
 def test_origin_that_is_of_no_use_is_refused(
@@ -194,10 +152,9 @@ def test_origin_that_is_of_no_use_is_refused(
         form.write(write(tmp_path / "17", records), io.StringIO(), origin)
 
 
-def test_track_is_cut_where_fixes_are_missing_and_one_alone_is_a_point(tmp_path: Path) -> None:
+def test_track_is_cut_where_fixes_are_missing(tmp_path: Path) -> None:
     records = [HEADER, *(fix(t_s) for t_s in (0.0, 10.0, 20.1, 21.0, 60.0))]
     assert [len(segment.points) for segment in gpx(tmp_path, records).tracks[0].segments] == [2, 2, 1]
-    assert [each["geometry"]["type"] for each in geojson(tmp_path, records)] == ["LineString", "LineString", "Point"]
 
 
 def test_track_is_cut_at_the_date_line(tmp_path: Path) -> None:
@@ -206,7 +163,6 @@ def test_track_is_cut_at_the_date_line(tmp_path: Path) -> None:
     assert [[point.longitude for point in each.points] for each in segments] == [
         [179.9998, 179.9999], [-180.0, -179.9999],
     ]  # fmt: skip
-    assert len(geojson(tmp_path, records)) == 2
 
 
 def test_without_any_path_what_happened_is_at_the_nearest_fix(tmp_path: Path) -> None:
@@ -217,19 +173,17 @@ def test_without_any_path_what_happened_is_at_the_nearest_fix(tmp_path: Path) ->
 
 def test_receiver_that_tells_no_error_has_none(tmp_path: Path) -> None:
     records = [HEADER, fix(0.0, error_m=None), fix(1.0, error_m=None), event("mark", 1.0, text="here")]
-    line, mark = geojson(tmp_path, records)
-    assert line["properties"]["coordinateProperties"]["error_m"] == [None, None]
-    assert mark["properties"]["placed"] == "the fix at 0:00:01.00"
-    assert len(gpx(tmp_path, records).tracks[0].segments[0].points[0].extensions) == 1
+    told = gpx(tmp_path, records)
+    assert [len(point.extensions) for point in told.tracks[0].segments[0].points] == [1, 1]
+    assert told.waypoints[0].description == "the fix at 0:00:01.00"
 
 
-@pytest.mark.parametrize("form", [ExportFormat.gpx, ExportFormat.geojson])
-def test_run_without_a_position_is_refused_with_the_reason(tmp_path: Path, form: ExportFormat) -> None:
+def test_run_without_a_position_is_refused_with_the_reason(tmp_path: Path) -> None:
     run = write(tmp_path / "17", [HEADER, *drive(0.0, 1.0), record("position", 1.0, latitude_deg=None)])
     with pytest.raises(
-        BadInput, match=rf"^[^\n]*no GPS position, so there is no {form}: dead[^\n]*--origin LAT,LON[^\n]*$"
+        BadInput, match=r"^[^\n]*no GPS position, so there is no gpx: dead[^\n]*--origin LAT,LON[^\n]*$"
     ):
-        form.write(run, io.StringIO())
+        ExportFormat.gpx.write(run, io.StringIO())
 
 
 NAMES = st.text(max_size=8)
@@ -251,8 +205,7 @@ LIKELY = st.one_of(
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(said=st.lists(LIKELY, max_size=8), speed_m_s=st.floats(0.0, 1e9))
-def test_whatever_a_log_says_both_are_valid(tmp_path: Path, said: list[Record], speed_m_s: float) -> None:
+def test_whatever_a_log_says_the_file_is_valid(tmp_path: Path, said: list[Record], speed_m_s: float) -> None:
     header = HEADER | {"config": {"vehicle": {"max_speed_m_s": speed_m_s}}}
     records = [header, fix(0.0), *(each | {"t_s": 100.0 + 0.5 * count} for count, each in enumerate(said))]
     assert len(gpx(tmp_path, records).waypoints) <= len(said)
-    assert geojson(tmp_path, records)
