@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import sys
 from itertools import count, cycle
-from math import radians
 from pathlib import Path
 from threading import Event
 from time import monotonic  # noqa: TID251 - the chips of a real-time check need the loop's own clock
@@ -23,13 +22,10 @@ from wayfarer.config.calibration_file import (
     FILE_NAME,
     Calibration,
     DeadmanEntry,
-    TurningEntry,
-    TurnResponse,
     save,
     stamp,
 )
 from wayfarer.config.rover_file import load_rover
-from wayfarer.daemon.daemon import Service
 from wayfarer.daemon.motors_lock import motors_lock
 from wayfarer.daemon.socket.client import NoDaemon
 from wayfarer.daemon.socket.paths import daemon_socket, single_daemon
@@ -376,25 +372,6 @@ def test_motors_of_a_daemon_on_another_socket_are_left_alone(
         code, _, err = run(*command, "--rover", rover_file)
     assert code == 75
     assert "drives these motors (/dev/ptmx)" in err
-
-
-def test_rover_is_run_as_it_was_calibrated_to_turn_and_the_simulated_one_is_not(
-    own_folders: Path, rover_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    services: list[Service] = []
-    monkeypatch.setattr("wayfarer.daemon.daemon.serve", services.append)
-    response = TurnResponse(stood_at_duty=0.3, from_duty=0.34, deg_s_per_duty=250.0)
-    turning = TurningEntry(
-        **stamp("Sabertooth", 1.0), ground="grass", duty_max=1.0,
-        clockwise=response, anticlockwise=response, arc=None, speed=None,
-    )  # fmt: skip
-    save(own_folders / "state" / FILE_NAME, Calibration(turning=turning))
-    for arguments in (["--rover", str(rover_file)], ["--rover", str(rover_file), "--sim"]):
-        assert cli.run(["run", *arguments, "--log-dir", str(tmp_path)]) == 0
-    real, simulated = (service.config.vehicle for service in services)
-    assert real.turn_from_duty == 0.34
-    assert real.track_m == pytest.approx(2.0 * 1.4 / radians(250.0))
-    assert simulated == load_rover("forestrover").vehicle
 
 
 def test_check_uses_the_calibration_and_calibrate_begins_without_it(

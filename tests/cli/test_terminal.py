@@ -88,14 +88,6 @@ def person(monkeypatch: pytest.MonkeyPatch, terminal: Terminal) -> Terminal:
     return terminal
 
 
-@pytest.mark.parametrize(("typed", "noted"), [("short grass\n", "short grass"), ("\n", "")])
-async def test_note_may_be_left_out(
-    monkeypatch: pytest.MonkeyPatch, terminal: Terminal, typed: str, noted: str
-) -> None:
-    monkeypatch.setattr(sys, "stdin", io.StringIO(typed))
-    assert await terminal.note("What ground?") == noted
-
-
 async def test_end_of_the_input_is_a_no(person: Terminal) -> None:
     assert await person.ask("Does the rover stand on blocks?") is False
 
@@ -103,7 +95,6 @@ async def test_end_of_the_input_is_a_no(person: Terminal) -> None:
 async def test_end_of_the_input_is_no_number_and_no_deed(person: Terminal) -> None:
     questions: list[Coroutine[Any, Any, object]] = [
         person.number("How far?", 2.0),
-        person.note("What ground?"),
         person.wait("Push it"),
     ]
     for question in questions:
@@ -118,7 +109,7 @@ async def test_person_who_went_away_is_not_a_bus_that_hangs(monkeypatch: pytest.
     terminal = Terminal()
     try:
         with pytest.raises(BadInput, match="within an hour"):
-            await terminal.note("What ground?")
+            await terminal.wait("Push it")
     finally:
         back.set()
         await terminal._questions.close()

@@ -53,12 +53,6 @@ def test_an_entry_says_when_it_was_made_to_people_too() -> None:
     assert stamp("CMPS14", T_WALL) == {"part": "CMPS14", "t_wall": T_WALL, "date": "2026-11-18"}
 
 
-TURNING = (
-    '{"schema": 1, "turning": {"t_wall": 1.0, "date": "d", "part": "p", "ground": "", "duty_max": 1.0, '
-    '"clockwise": null, "anticlockwise": null, %s, "speed": null}}'
-)
-
-
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
@@ -69,11 +63,6 @@ TURNING = (
         ('{"schema": 1, "flow": {"t_wall": 1.0, "date": "d", "part": "p", "scale": NaN}}', "flow.scale"),
         ('{"schema": 1, "flow": {"t_wall": 1.0, "date": "d", "part": "p", "scale": "1"}}', "flow.scale"),
         ('{"schema": 1, "flow": {"t_wall": 1.0, "date": "d", "scale": 1.0}}', "flow.part"),
-        (TURNING % '"arc": {"stood_at_duty": 0.5, "from_duty": 1.0, "deg_s_per_duty": 200.0}', "turning.arc.from_duty"),
-        (
-            TURNING % '"arc": {"stood_at_duty": 0.5, "from_duty": 0.5, "deg_s_per_duty": 0.0}',
-            "turning.arc.deg_s_per_duty",
-        ),
     ],
 )
 def test_a_broken_file_is_refused_with_its_name_and_the_reason(tmp_path: Path, text: str, reason: str) -> None:

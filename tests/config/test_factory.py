@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from math import radians
 from pathlib import Path
 from types import MappingProxyType
 from unittest.mock import AsyncMock
@@ -11,8 +9,8 @@ from unittest.mock import AsyncMock
 import pytest
 
 from tests.config.rover_texts import complaint, load, rover_toml
-from wayfarer.config.calibration_file import Calibration, FlowEntry, TurningEntry, TurnResponse, stamp
-from wayfarer.config.factory import ScaledMotionSensor, assemble, calibrated
+from wayfarer.config.calibration_file import Calibration, FlowEntry
+from wayfarer.config.factory import ScaledMotionSensor, assemble
 from wayfarer.config.registry import find_driver
 from wayfarer.config.rover_file import RoverConfig, load_rover, rover_names
 from wayfarer.drivers.buses import Buses
@@ -109,23 +107,6 @@ async def test_calibrated_metres_are_scaled_and_nothing_else_is() -> None:
     await scaled.close()
     assert [method.await_count for method in (Flow.open, Flow.read, Flow.close)] == [1, 1, 1]
     assert error_counts_of(scaled) == {"garbage rejected": 2}
-
-
-def test_rover_turns_as_calibrated_both_ways_or_else_as_its_file_says() -> None:
-    config = load_rover("forestrover")
-    one, other = (
-        TurnResponse(stood_at_duty=0.25, from_duty=duty, deg_s_per_duty=rate)
-        for duty, rate in ((0.3, 280.0), (0.2, 240.0))
-    )
-    measured = TurningEntry(
-        **stamp("motors", 1.0), ground="grass", duty_max=1.0, clockwise=one, anticlockwise=other, arc=None, speed=None
-    )
-    vehicle = calibrated(config, Calibration(turning=measured)).vehicle
-    assert vehicle.turn_from_duty == pytest.approx(0.25)
-    # Full duty, less the dead zone, turns it at 260 deg/s times 0.75; so does the mix that asks for that rate.
-    assert vehicle.mix(0.0, radians(260.0) * 0.75) == pytest.approx((0.75, -0.75))
-    assert calibrated(config, Calibration(turning=replace(measured, clockwise=None))) is config
-    assert calibrated(config, Calibration()) is config
 
 
 def test_only_a_rover_whose_flow_was_calibrated_is_scaled(tmp_path: Path) -> None:

@@ -47,12 +47,6 @@ CALIBRATION = {
         "t_wall": 1.8e9, "date": "2026-11-21", "part": "ThunderBorg",
         "shift_half_deg": 1.0, "shift_full_deg": 2.0, "passed": True,
     },
-    "turning": {
-        "t_wall": 1.8e9, "date": "2026-11-21", "part": "ThunderBorg", "ground": "short grass", "duty_max": 1.0,
-        "clockwise": {"stood_at_duty": 0.25, "from_duty": 0.3, "deg_s_per_duty": 250.0},
-        "anticlockwise": None, "arc": None,
-        "speed": {"speed_m_s": 0.4, "takes_s": 0.4, "gain_m_s2": 1.0},
-    },
 }  # fmt: skip
 
 
@@ -178,7 +172,7 @@ STOPPING = Target(
 def _load_calibration(path: Path) -> str:
     loaded = calibration_file.load(path)
     check_finite(loaded)
-    return f"calibrated: {[name for name in ('compass', 'flow', 'motors', 'turning') if getattr(loaded, name)]}"
+    return f"calibrated: {[name for name in ('compass', 'flow', 'motors') if getattr(loaded, name)]}"
 
 
 CALIBRATIONS = Target(

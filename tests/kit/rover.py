@@ -263,7 +263,6 @@ class Script:
     ) -> None:
         self._world, self._answers, self._does = world, answers, does or {}
         self.number_given = 2.0
-        self.noted = "short grass"
         self.told: list[str] = []
 
     async def watch_the_deadman(self, inspection: Inspection) -> Finding:
@@ -281,10 +280,6 @@ class Script:
     async def number(self, question: str, default: float) -> float:
         self.told.append(question)
         return self.number_given
-
-    async def note(self, question: str) -> str:
-        self.told.append(question)
-        return self.noted
 
     async def wait(self, text: str) -> None:
         assert self._world.commanded == (0.0, 0.0), f"the wheels turn while a person is asked: {text}"

@@ -36,7 +36,6 @@ class CalibrationStep(StrEnum):
     compass = "compass"
     flow = "flow"
     motors = "motors"
-    turning = "turning"
 
 
 def check(
@@ -69,14 +68,12 @@ def check(
 def calibrate(
     steps: Annotated[
         list[CalibrationStep] | None,
-        typer.Argument(
-            metavar="STEP", help="What to calibrate, in this order: compass, flow, motors, turning. (default: all)"
-        ),
+        typer.Argument(metavar="STEP", help="What to calibrate, in this order: compass, flow, motors. (default: all)"),
     ] = None,
     *,
     rover: Rover = None,
 ) -> None:
-    """Calibrate compass and flow sensor; measure the motors' effect on the compass, and how the rover turns."""
+    """Calibrate compass and flow sensor; measure the motors' effect on the compass."""
     from wayfarer.cli import terminal
     from wayfarer.commissioning.calibrate import STEPS
     from wayfarer.commissioning.calibrate import calibrate as guide

@@ -78,10 +78,7 @@ def run(
     folder = log_folder(log_dir)
     if seed is None:  # a real run draws its seed; the log's first record has it
         seed = 0 if sim else SystemRandom().randrange(2**31)
-    if sim:
-        make_rover = simulated(loaded, name, depth or "device", seed)
-    else:
-        loaded, make_rover = _real(loaded, name, folder)
+    make_rover = simulated(loaded, name, depth or "device", seed) if sim else _real(loaded, name, folder)
     if manual:
         loaded = laid_over(loaded, {"manual": {"allowed": True}})
     viewers: list[Viewer] = []
@@ -134,12 +131,12 @@ def chosen_rover(rover: str | None, default: str | None = None) -> str:
     )
 
 
-def _real(config: RoverConfig, where: str, logs: Path) -> tuple[RoverConfig, Callable[[Any], RoverSetup]]:
-    """Return the rover as calibrated, and what makes it."""
+def _real(config: RoverConfig, where: str, logs: Path) -> Callable[[Any], RoverSetup]:
+    """Return what makes the rover with its calibration."""
     from wayfarer.commissioning.checks import HostEnvironment
     from wayfarer.commissioning.checks.system import device_files, refuse_missing_ports
     from wayfarer.config.calibration_file import load
-    from wayfarer.config.factory import calibrated, connect
+    from wayfarer.config.factory import connect
     from wayfarer.daemon.daemon import RoverSetup
 
     host = HostEnvironment.here(logs)
@@ -147,7 +144,7 @@ def _real(config: RoverConfig, where: str, logs: Path) -> tuple[RoverConfig, Cal
     buses, rover = connect(config, where, calibration)
     refuse_missing_ports(config, where, host)
     setup = RoverSetup(rover, calibration, devices=device_files(config), close_buses=buses.close)
-    return calibrated(config, calibration), lambda _: setup
+    return lambda _: setup
 
 
 def simulated(config: RoverConfig, where: str, depth: DepthName, seed: int) -> Callable[[Any], RoverSetup]:

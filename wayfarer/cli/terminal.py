@@ -46,14 +46,6 @@ class Terminal:
         """
         return float(await self._answer(lambda: typer.prompt(question, default=default, type=float)))
 
-    async def note(self, question: str) -> str:
-        """Return a line of text; Enter alone is none.
-
-        Raises:
-            BadInput: the input has ended.
-        """
-        return str(await self._answer(lambda: typer.prompt(question, default="", show_default=False)))
-
     async def wait(self, text: str) -> None:
         """Show what is to be done, and return when Enter is pressed.
 

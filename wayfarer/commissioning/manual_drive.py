@@ -27,9 +27,6 @@ class Operator(Protocol):
     async def number(self, question: str, default: float) -> float:
         """Return the answer to a question for a number."""
 
-    async def note(self, question: str) -> str:
-        """Return what the person wants to be noted, in a few words; nothing where they leave it out."""
-
     async def wait(self, text: str) -> None:
         """Show what is to be done, and return when the person says that it is."""
 

@@ -2,7 +2,7 @@
 
 ::
 
-    {"schema": 1, "compass": {...}, "flow": {...}, "motors": {...}, "turning": {...}, "deadman": {...}}
+    {"schema": 1, "compass": {...}, "flow": {...}, "motors": {...}, "deadman": {...}}
 
 Each entry says when it was made and with which part: numbers of another part are worse than none. The file is replaced
 as a whole, so a power cut leaves the old one or the new one.
@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import orjson
-from annotated_types import Interval, MaxLen
+from annotated_types import Interval
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from wayfarer.config.messages import key_and_problem
@@ -35,12 +35,7 @@ USER_FOLDER = Path(".local/state/wayfarer")
 # Half a year: field, screws and cables of a rover change within a season.
 STALE_S = 180 * 86_400.0
 
-Duty = Annotated[float, Interval(gt=0, le=1)]
-_PartOfDuty = Annotated[float, Interval(ge=0, lt=1)]
-Positive = Annotated[float, Interval(gt=0, le=1e6)]
 SCALE_MIN, SCALE_MAX = 0.1, 10.0  # of the motion sensor's metres
-SLOPE_MIN = 2.0  # deg/s for full duty: the track of the fastest rover stays within the bounds of ``vehicle.track_m``
-GROUND_MAX = 80  # characters of a person's note
 _STRICT = ConfigDict(extra="forbid", strict=True)
 
 
@@ -83,59 +78,6 @@ class MotorsEntry(Entry):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TurnResponse:
-    """How fast a body turns: not at all up to ``from_duty``, and ``deg_s_per_duty`` times what is beyond it.
-
-    All in turn duty, half the difference of the two sides' duties. ``stood_at_duty`` is the highest one tried that did
-    not turn it, 0 where all did; clearly above ``from_duty`` where a turn takes more to begin than to continue.
-    """
-
-    __pydantic_config__: ClassVar[ConfigDict] = _STRICT
-
-    stood_at_duty: _PartOfDuty
-    from_duty: _PartOfDuty
-    deg_s_per_duty: Annotated[float, Interval(ge=SLOPE_MIN, le=1e5)]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SpeedGain:
-    """How a body gained speed ahead: up to ``speed_m_s`` in ``takes_s``, at ``gain_m_s2`` on average."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = _STRICT
-
-    speed_m_s: Positive
-    takes_s: Positive
-    gain_m_s2: Positive
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TurningEntry(Entry):
-    """How the rover turns and gains speed on the ground where it stood, which a person named.
-
-    Turned up to a duty of ``duty_max``; on the spot both ways, and in an arc at cruising speed. None is what it could
-    not do, or for ``speed`` what it could not measure.
-    """
-
-    ground: Annotated[str, MaxLen(GROUND_MAX)]
-    duty_max: Duty
-    clockwise: TurnResponse | None
-    anticlockwise: TurnResponse | None
-    arc: TurnResponse | None
-    speed: SpeedGain | None
-
-    @property
-    def on_the_spot(self) -> TurnResponse | None:
-        """The mean of both ways (of ``stood_at_duty`` the worse), None where it cannot turn both ways."""
-        if self.clockwise is None or self.anticlockwise is None:
-            return None
-        return TurnResponse(
-            stood_at_duty=max(self.clockwise.stood_at_duty, self.anticlockwise.stood_at_duty),
-            from_duty=(self.clockwise.from_duty + self.anticlockwise.from_duty) / 2.0,
-            deg_s_per_duty=(self.clockwise.deg_s_per_duty + self.anticlockwise.deg_s_per_duty) / 2.0,
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class DeadmanEntry(Entry):
     """A person has seen the motor board stop the wheels by itself, with these settings of the rover file."""
 
@@ -152,7 +94,6 @@ class Calibration:
     compass: CompassEntry | None = None
     flow: FlowEntry | None = None
     motors: MotorsEntry | None = None
-    turning: TurningEntry | None = None
     deadman: DeadmanEntry | None = None
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import radians
 from typing import TYPE_CHECKING, Any
 
 from wayfarer.config.calibration_file import Calibration
@@ -57,20 +56,6 @@ def assemble(config: RoverConfig, buses: Buses, calibration: Calibration = UNCAL
     if calibration.flow is not None and rover.motion is not None:
         rover = replace(rover, motion=_scaled(config.parts["motion"], rover.motion, buses, calibration.flow.scale))
     return rover
-
-
-def calibrated(config: RoverConfig, calibration: Calibration) -> RoverConfig:
-    """Return a rover that turns as calibrating it has found out: ``vehicle.track_m`` and ``vehicle.turn_from_duty``.
-
-    The track is the one that gives the measured slope of rate over duty. A rover that was not
-    measured, or could not turn on the spot both ways, is left as its file says.
-    """
-    response = calibration.turning.on_the_spot if calibration.turning is not None else None
-    if response is None:
-        return config
-    track_m = 2.0 * config.vehicle.max_speed_m_s / radians(response.deg_s_per_duty)
-    vehicle = replace(config.vehicle, track_m=track_m, turn_from_duty=response.from_duty)
-    return config.model_copy(update={"vehicle": vehicle})
 
 
 def make_part(part: str, table: dict[str, Any], buses: Buses) -> Any:

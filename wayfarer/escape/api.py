@@ -148,12 +148,12 @@ class Vehicle:
     """Width of the body, with its wheels."""
     track_m: Metres
     """Effective track for turning: a skid-steered rover slips sideways and turns as if its wheels stood further apart
-    than they do. About the width and a quarter; what ``wayfarer calibrate turning`` measures replaces it."""
+    than they do. About the width and a quarter."""
     max_speed_m_s: MetresPerSecond
     """Speed at full duty on flat ground."""
     turn_from_duty: Annotated[float, Interval(ge=0, lt=1)] = 0.0
     """Half the difference of the two sides' duties from which the body begins to turn on the spot, as a share of full
-    duty. 0 = not measured; what ``wayfarer calibrate turning`` measures replaces it."""
+    duty. 0 = not measured; it is learnt while driving, from this value on."""
 
     def mix(self, speed_m_s: float, turn_rad_s: float) -> WheelCommand:
         """Return the wheel duties for a forward speed and a clockwise turn rate.

@@ -28,8 +28,6 @@ from wayfarer.config.calibration_file import (
     CompassEntry,
     FlowEntry,
     MotorsEntry,
-    TurningEntry,
-    TurnResponse,
     save,
     stamp,
 )
@@ -45,23 +43,11 @@ def no_wheel_turns(rig: Rig) -> Iterator[None]:
     assert rig.world.most == 0.0, "a wheel turned without consent"
 
 
-def turning_entry(rig: Rig, *from_duties: float | None, duty_max: float = 1.0) -> TurningEntry:
-    clockwise, anticlockwise = (
-        None if duty is None else TurnResponse(stood_at_duty=0.0, from_duty=duty, deg_s_per_duty=250.0)
-        for duty in from_duties
-    )
-    return TurningEntry(
-        **stamp(rig.motors.name, T_WALL), ground="short grass", duty_max=duty_max,
-        clockwise=clockwise, anticlockwise=anticlockwise, arc=None, speed=None,
-    )  # fmt: skip
-
-
 def whole_calibration(rig: Rig) -> Calibration:
     return Calibration(
         compass=CompassEntry(**stamp(rig.compass.name, T_WALL), level=3, residual_deg=2.0),
         flow=FlowEntry(**stamp(rig.motion.name, T_WALL), scale=1.1),
         motors=MotorsEntry(**stamp(rig.motors.name, T_WALL), shift_half_deg=1.0, shift_full_deg=3.0, passed=True),
-        turning=turning_entry(rig, 0.3, 0.3),
     )
 
 
@@ -200,16 +186,14 @@ def test_a_heading_that_swings_at_rest_fails(rig: Rig) -> None:
     assert (finding.verdict, "keys" in finding.remedy) == (FAIL, True)
 
 
-@pytest.mark.parametrize("kind", ["compass", "flow", "motors", "turning"])
+@pytest.mark.parametrize("kind", ["compass", "flow", "motors"])
 def test_each_entry_of_the_calibration_file_must_be_there_sound_and_of_this_part(rig: Rig, kind: str) -> None:
     def found(**changes: Any) -> Finding:
         save(path, replace(whole, **{kind: replace(getattr(whole, kind), **changes)}))
         return rig.look(look)
 
     path, whole, look = rig.host.calibration_file, whole_calibration(rig), partial(calibrated.calibrated, kind)
-    assert (rig.look(look).verdict, "wayfarer calibrate" in str(rig.look(look))) == (
-        SKIPPED if kind == "turning" else WARN, True
-    )  # fmt: skip
+    assert (rig.look(look).verdict, "wayfarer calibrate" in str(rig.look(look))) == (WARN, True)
     assert found().verdict is OK
     other = found(part="another part")
     assert (other.verdict, "another part" in other.found) == (FAIL, True)
@@ -230,29 +214,6 @@ def test_quarter_turns_that_were_wrong_are_told(rig: Rig) -> None:
     rig.keep(compass=CompassEntry(**stamp(rig.compass.name, T_WALL), level=3, residual_deg=12.0))
     compass = rig.look(partial(calibrated.calibrated, "compass"))
     assert (compass.verdict, "12°" in compass.found) == (WARN, True)
-
-
-@pytest.mark.parametrize(
-    ("from_duties", "stood_at_duty", "duty_max", "verdict"),
-    [
-        ((0.0, 0.0), 0.0, 1.0, OK),
-        ((0.79, 0.79), 0.0, 1.0, OK),
-        ((0.81, 0.81), 0.0, 1.0, WARN),
-        ((0.45, 0.45), 0.0, 0.5, WARN),
-        ((None, 0.3), 0.0, 1.0, WARN),
-        ((0.2, 0.2), 0.85, 1.0, WARN),  # it hardly begins to turn, although it goes on easily
-    ],
-)
-def test_rover_that_hardly_turns_on_the_spot_is_a_warning_with_what_to_do(
-    rig: Rig, from_duties: tuple[float | None, ...], stood_at_duty: float, duty_max: float, verdict: CheckVerdict
-) -> None:
-    turning = turning_entry(rig, *from_duties, duty_max=duty_max)
-    assert turning.anticlockwise is not None
-    rig.keep(turning=replace(turning, anticlockwise=replace(turning.anticlockwise, stood_at_duty=stood_at_duty)))
-    finding = rig.look(partial(calibrated.calibrated, "turning"))
-    assert finding.verdict is verdict
-    assert ("on short grass" in finding.found, "lighter" in finding.remedy) == (verdict is WARN,) * 2
-    assert stood_at_duty == 0.0 or "0.85" in finding.found
 
 
 # -- together ------------------------------------------------------------------------------------------------------

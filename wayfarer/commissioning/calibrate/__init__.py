@@ -1,4 +1,4 @@
-"""Guided calibration, ``wayfarer calibrate``: compass, motion sensor, motor magnetic field, turning.
+"""Guided calibration, ``wayfarer calibrate``: compass, motion sensor, motor magnetic field.
 
 What was found is kept in the calibration file (``wayfarer.config.calibration_file``) with its date and part; the
 compass keeps its own profile besides.
@@ -12,7 +12,6 @@ from typing import Any, Literal
 
 from wayfarer.commissioning.calibrate.compass import calibrate_compass, calibrate_motors
 from wayfarer.commissioning.calibrate.flow import calibrate_flow
-from wayfarer.commissioning.calibrate.turning import calibrate_turning
 from wayfarer.commissioning.checks.api import HostEnvironment, StandaloneInspection
 from wayfarer.commissioning.manual_drive import Operator
 from wayfarer.config.calibration_file import Calibration, load, save
@@ -21,15 +20,14 @@ from wayfarer.hal import Rover
 
 __all__ = ["STEPS", "Operator", "Step", "calibrate"]
 
-Step = Literal["compass", "flow", "motors", "turning"]
-STEPS: tuple[Step, ...] = ("compass", "flow", "motors", "turning")
+Step = Literal["compass", "flow", "motors"]
+STEPS: tuple[Step, ...] = ("compass", "flow", "motors")
 
 # The parts that each step opens, and what measures it with them and returns its entry: None where the person declines.
 _STEPS: Mapping[Step, tuple[tuple[str, ...], Callable[[StandaloneInspection, Operator], Awaitable[Any]]]] = {
     "compass": (("compass",), calibrate_compass),
     "flow": (("motion",), calibrate_flow),
     "motors": (("compass", "motors"), calibrate_motors),
-    "turning": (("compass", "motors"), calibrate_turning),
 }
 
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 import asyncio
 from statistics import median
 
-from wayfarer.commissioning.calibrate.free_ground import UNSEEN_MAX
 from wayfarer.commissioning.checks.api import CheckVerdict, StandaloneInspection
 from wayfarer.commissioning.checks.motion import judge_push
 from wayfarer.commissioning.manual_drive import Operator, measure_push, sample_during
@@ -23,6 +22,7 @@ from wayfarer.errors import BadInput, WayfarerError
 
 DISTANCE_M = 2.0
 DISTANCE_MIN_M, DISTANCE_MAX_M = 0.5, 50.0
+UNSEEN_MAX = 0.05  # share of readings without quality: the way made during them is missing
 STILL_S = 2.0  # of a camera at rest; at 10 pictures a second: 20 of them
 TIMES_STILL_MIN = 2.0  # less change than that is not told from noise
 

@@ -46,7 +46,6 @@ CALIBRATED: tuple[Check, ...] = (
     partial(calibrated.calibrated, "compass"),
     partial(calibrated.calibrated, "motors"),
     partial(calibrated.calibrated, "flow"),
-    partial(calibrated.calibrated, "turning"),
     deadman.proved,
 )
 """What a simulated rover need not be."""

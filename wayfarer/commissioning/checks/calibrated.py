@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from wayfarer.angles import circular_mean, wrap180
 from wayfarer.commissioning.checks.api import Finding, Inspection, fail, ok, skipped, warn
 from wayfarer.commissioning.checks.parts import require_reading
 from wayfarer.commissioning.manual_drive import sample_headings
-from wayfarer.config.calibration_file import STALE_S, CompassEntry, Entry, MotorsEntry, TurningEntry, load
+from wayfarer.config.calibration_file import STALE_S, CompassEntry, Entry, MotorsEntry, load
 from wayfarer.errors import BadInput, DriverError
 
 # A rotation-vector chip is typically right within 5 degrees (hardware.md 1.5); twice that is a bad calibration.
 RESIDUAL_MAX_DEG = 10.0
 AWAY = "keep keys and phones 0.15 m, computers 0.5 m, wire fences 2 m and cars 5 m away"  # field.md 6, item 2
 # What each entry of the file was made with.
-PARTS = {"compass": "compass", "flow": "motion", "motors": "motors", "turning": "motors"}
-# A dead zone of more than this share of the highest duty leaves little to turn with on ground that grips better.
-MARGINAL = 0.8
-EASE_TURNING = (
-    "make it lighter, give it axles closer together, tyres that slide more easily, or stronger motors,"
-    " or raise [safety] duty_max if it is below 1"
-)
+PARTS = {"compass": "compass", "flow": "motion", "motors": "motors"}
 
 
 async def compass_level(inspection: Inspection) -> Finding:
@@ -66,7 +58,7 @@ async def calibrated(kind: str, inspection: Inspection) -> Finding:
     except BadInput as error:
         return fail(name, str(error), "it was edited, or the card is failing", f"rm '{path}'; wayfarer calibrate")
     if entry is None:
-        return _missing(name, kind, path)
+        return warn(name, f"not in {path}", "it was never calibrated, or by another user", "wayfarer calibrate")
     try:
         await inspection.open(part_name)  # some parts know their full name only then
     except DriverError:
@@ -77,12 +69,6 @@ async def calibrated(kind: str, inspection: Inspection) -> Finding:
     return _judge(name, entry, inspection.host.t_wall)
 
 
-def _missing(name: str, kind: str, path: Path) -> Finding:
-    if kind == "turning":  # a rover that was not measured learns it while it drives
-        return skipped(name, f"not in {path}; to measure it, on free ground: wayfarer calibrate turning")
-    return warn(name, f"not in {path}", "it was never calibrated, or by another user", "wayfarer calibrate")
-
-
 def _judge(name: str, entry: Entry, t_wall: float) -> Finding:
     if isinstance(entry, MotorsEntry) and not entry.passed:
         found = f"motor current shifts the heading by {max(entry.shift_half_deg, entry.shift_full_deg):.0f}°"
@@ -91,21 +77,6 @@ def _judge(name: str, entry: Entry, t_wall: float) -> Finding:
     if isinstance(entry, CompassEntry) and entry.residual_deg > RESIDUAL_MAX_DEG:
         found = f"quarter turns were wrong by {entry.residual_deg:.0f}° on {entry.date}"
         return warn(name, found, "there was iron near it, or there is iron on the rover", f"{AWAY}; wayfarer calibrate")
-    if isinstance(entry, TurningEntry) and (found := _hardly_turns(entry)):
-        cause = "its tyres resist a turn by about as much as its motors can push"
-        return warn(name, found, cause, f"{EASE_TURNING}; wayfarer calibrate turning")
     if t_wall - entry.t_wall > STALE_S:
         return warn(name, f"on {entry.date}, more than half a year ago", "rovers change", "wayfarer calibrate")
     return ok(name, f"on {entry.date}")
-
-
-def _hardly_turns(entry: TurningEntry) -> str:
-    """Return how badly the rover turned on the spot where it was measured, nothing where it turned well."""
-    where = f"on {entry.date}{f', on {entry.ground}' if entry.ground else ''}"
-    response = entry.on_the_spot
-    if response is None:
-        return f"it did not turn on the spot, or hardly, {where}"
-    from_duty = max(response.from_duty, response.stood_at_duty)
-    if from_duty > MARGINAL * entry.duty_max:
-        return f"it turned on the spot from a duty of {from_duty:.2f} of {entry.duty_max:.2f} only, {where}"
-    return ""
