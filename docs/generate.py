@@ -2,7 +2,7 @@
 
 Python from the public names, the command line from its help, rover files from the JSON Schema of their settings. What a
 key of a rover file means stands in the docstring below its field. The schema is in the package, beside the shipped
-rovers: editors and ``wayfarer init`` read it there. All are committed, because people read them in the checkout too;
+rovers: editors read it there. All are committed, because people read them in the checkout too;
 ``tests/docs/test_generated.py`` fails if one is old.
 """
 
@@ -26,12 +26,12 @@ from pydantic import TypeAdapter
 
 import wayfarer
 from wayfarer import cli
-from wayfarer.config.key_schema import BOUNDS, allowed, reference
 from wayfarer.config.registry import driver_names, find_driver
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.config.rover_path import SCHEMA
 
 FOLDER = Path(__file__).parent / "reference"
+BOUNDS = {"minimum": "from", "exclusiveMinimum": "above", "maximum": "to", "exclusiveMaximum": "below"}
 WRITTEN_BY = "<!-- Written by `python -m docs.generate`: change the code instead. -->\n"
 
 PYTHON = """# Python
@@ -171,7 +171,7 @@ def _rover_sections(schema: dict[str, Any]) -> Iterator[str]:
     """Yield a section for each table of a rover file: what its docstring says, and its keys."""
     properties = dict(schema["properties"])
     parts = properties.pop("parts")["properties"]
-    tables = {key: schema["$defs"][ref] for key, value in properties.items() if (ref := reference(value))}
+    tables = {key: schema["$defs"][ref] for key, value in properties.items() if (ref := _reference(value))}
     plain = {key: value for key, value in properties.items() if key not in tables}
     yield _section("At the top", {**schema, "properties": plain})
     for key, table in tables.items():
@@ -194,7 +194,32 @@ def _row(key: str, value: dict[str, Any], table: dict[str, Any]) -> str:
         default = "none"
     else:
         default = f"`{json.dumps(value['default'], ensure_ascii=False)}`"
-    return f"| `{key}` | {default} | {allowed(value, code=True)} | {value.get('description', '')} |"
+    return f"| `{key}` | {default} | {_allowed(value)} | {value.get('description', '')} |"
+
+
+def _reference(schema: dict[str, Any]) -> str:
+    """Return the name of the definition that a schema refers to, empty where it refers to none."""
+    return str(schema.get("$ref", "")).rpartition("/")[2]
+
+
+def _allowed(schema: dict[str, Any]) -> str:
+    """Say in words what a schema allows, values as code in Markdown."""
+    choices = [each for each in schema.get("anyOf", [schema]) if each.get("type") != "null"]
+    return " or ".join(_allowed_one(each) for each in choices)
+
+
+def _allowed_one(schema: dict[str, Any]) -> str:
+    if "enum" in schema or "const" in schema:
+        values = schema.get("enum") or [schema["const"]]
+        return ", ".join(f"`{json.dumps(each)}`" for each in values)
+    if schema["type"] == "array":
+        return f"a list: {_allowed(schema.get('items') or schema.get('prefixItems', [{}])[0])}"
+    if schema["type"] == "boolean":
+        return "`true` or `false`"
+    if schema["type"] == "string":
+        return f"text, at most {schema['maxLength']} characters" if "maxLength" in schema else "text"
+    bounds = [f"{words} {schema[bound]:g}" for bound, words in BOUNDS.items() if bound in schema]
+    return " ".join([{"number": "number", "integer": "whole number"}[schema["type"]], *bounds])
 
 
 def write() -> None:

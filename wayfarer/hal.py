@@ -252,8 +252,8 @@ class PositionReceiver(Driver, Protocol):
 class Recognised(Protocol):
     """A driver that can say whether its part is there, so that ``wayfarer init`` finds it.
 
-    A driver on an I2C bus also has the class attribute ``addresses``: where such a part may answer. What a person must
-    say about a part because nothing shows it is in ``unseen``, the names of settings; any driver may have that.
+    It can be made with the defaults of its settings. Of a part on a bus, the setting ``bus`` names the device; a driver
+    on an I2C bus also has the class attribute ``addresses``: where such a part may answer.
     """
 
     async def identify(self) -> None:

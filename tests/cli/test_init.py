@@ -1,20 +1,20 @@
-"""``wayfarer init``: what is written and printed, what is left where it ends early, and its exit codes."""
+"""``wayfarer init``: what is written and printed, what is left as it is, and its exit codes."""
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 
 import pytest
 
 from tests.conftest import Run, refusal
 from wayfarer.cli import init
-from wayfarer.commissioning.init import Inventory, Sighting, Verdict
-from wayfarer.config.rover_file import load_rover, parse_rover
+from wayfarer.commissioning.first_rover import FoundPart, Inventory
+from wayfarer.config.rover_file import load_rover
 from wayfarer.daemon.socket.paths import AlreadyRunning, daemon_socket, single_daemon
 
 LOOK = init._look
-NOTHING = Inventory([Sighting(Verdict.NOTHING, "/dev/i2c-*: there is no I2C bus")])
+NOTHING = Inventory([("nothing", "/dev/i2c-*: there is no I2C bus")])
+BOARD = FoundPart("thunderborg", {"bus": "/dev/i2c-3", "address": 0x15}, "ThunderBorg at 0x15 on /dev/i2c-3")
 
 
 @pytest.fixture(autouse=True)
@@ -27,25 +27,51 @@ def names(folder: Path) -> list[str]:
     return [path.name for path in folder.iterdir()]
 
 
-def type_in(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
-    monkeypatch.setattr("sys.stdin", io.StringIO(text))
+def test_file_loads_and_what_was_seen_and_what_comes_next_is_said(run: Run, tmp_path: Path) -> None:
+    code, out, err = run("init")
+    assert (code, out.splitlines()) == (
+        0,
+        [
+            "nothing /dev/i2c-*: there is no I2C bus",
+            "wrote my-rover.toml, from forestrover.toml: fill in what FILL IN marks in it",
+        ],
+    )
+    assert err == "Next: wayfarer check --rover ./my-rover.toml\n"
+    assert load_rover("./my-rover.toml").name == "my-rover"
+    assert names(tmp_path) == ["my-rover.toml"]
 
 
-def test_yes_writes_a_file_that_loads_and_says_what_comes_next(run: Run, tmp_path: Path) -> None:
-    code, out, err = run("init", "--yes")
-    assert (code, out) == (0, "wrote rover.toml\n")
-    assert "nothing /dev/i2c-*: there is no I2C bus\nNothing was found that a rover can be made of.\n" in err
-    assert err.endswith("Next: wayfarer check --rover ./rover.toml\n")
-    assert load_rover("./rover.toml").name == "my-rover"
-    assert names(tmp_path) == ["rover.toml"]
+@pytest.mark.parametrize("argument", ["otter", "otter.toml", "./otter.toml"])
+def test_name_and_file_write_the_same(run: Run, tmp_path: Path, argument: str) -> None:
+    assert run("init", argument)[0] == 0
+    assert names(tmp_path) == ["otter.toml"]
+    assert load_rover("./otter.toml").name == "otter"
 
 
-def test_dry_run_prints_the_file_alone_and_writes_nothing(run: Run, tmp_path: Path) -> None:
-    (tmp_path / "rover.toml").write_text("mine", encoding="utf-8")
-    code, out, _ = run("init", "--yes", "--dry-run")
-    assert code == 0
-    assert parse_rover("rover.toml", out).name == "my-rover"
-    assert (tmp_path / "rover.toml").read_text(encoding="utf-8") == "mine"
+@pytest.mark.parametrize(
+    ("arguments", "motors"),
+    [
+        ([], "thunderborg"),
+        (["minirover"], "thunderborg"),
+        (["forestrover"], "thunderborg"),  # what answered is put in, whatever the file begins from
+        (["otter", "--like", "forestrover"], "thunderborg"),
+    ],
+)
+def test_file_begins_from_the_rover_that_is_named_or_the_nearest(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], motors: str
+) -> None:
+    monkeypatch.setattr(init, "_look", lambda: Inventory(parts={"motors": BOARD}))
+    assert run("init", *arguments)[0] == 0
+    rover = load_rover(f"./{names(tmp_path)[0]}")
+    assert (rover.parts["motors"]["driver"], rover.parts["motors"]["bus"]) == (motors, "/dev/i2c-3")
+    like = "forestrover" if "forestrover" in arguments else "minirover"
+    assert rover.vehicle == load_rover(like).vehicle
+
+
+def test_unknown_rover_to_begin_from_is_refused(run: Run, tmp_path: Path) -> None:
+    assert "unknown rover 'minirovr': did you mean minirover?" in refusal(run, "init", "--like", "minirovr")
+    assert "unknown rover 'sim'" in refusal(run, "init", "--like", "sim")
+    assert names(tmp_path) == []
 
 
 @pytest.mark.parametrize("there", ["file", "dead link"])
@@ -54,7 +80,7 @@ def test_no_file_is_overwritten(run: Run, tmp_path: Path, there: str) -> None:
         (tmp_path / "mine.toml").write_text("mine", encoding="utf-8")
     else:
         (tmp_path / "mine.toml").symlink_to("nowhere")
-    assert "mine.toml exists and is left as it is" in refusal(run, "init", "--yes", "mine.toml")
+    assert "mine.toml exists and is left as it is" in refusal(run, "init", "mine.toml")
     assert names(tmp_path) == ["mine.toml"]
 
 
@@ -62,65 +88,27 @@ def test_a_file_that_came_meanwhile_is_not_overwritten(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def look() -> Inventory:
-        (tmp_path / "rover.toml").write_text("mine", encoding="utf-8")
+        (tmp_path / "my-rover.toml").write_text("mine", encoding="utf-8")
         return NOTHING
 
     monkeypatch.setattr(init, "_look", look)
-    code, _, err = run("init", "--yes")
+    code, _, err = run("init")
     assert (code, "exists and is left as it is" in err) == (2, True)
-    assert (tmp_path / "rover.toml").read_text(encoding="utf-8") == "mine"
-    assert names(tmp_path) == ["rover.toml"]
+    assert (tmp_path / "my-rover.toml").read_text(encoding="utf-8") == "mine"
+    assert names(tmp_path) == ["my-rover.toml"]
 
 
-def test_answers_are_not_asked_and_a_wrong_one_is_named_with_its_line(run: Run, tmp_path: Path) -> None:
-    answers = tmp_path / "answers.toml"
-    answers.write_text('name = "otter"\n[vehicle]\nwidth_m = 0.5\n', encoding="utf-8")
-    assert run("init", "--yes", "--answers", answers)[0] == 0
-    rover = load_rover("./rover.toml")
-    assert (rover.name, rover.vehicle.width_m, rover.vehicle.track_m) == ("otter", 0.5, 0.62)
-    answers.write_text("[vehicle]\nwidth_m = -1\n", encoding="utf-8")
-    code, _, err = run("init", "--yes", "--answers", "answers.toml", "other.toml")
-    assert (code, err.splitlines()[-1]) == (
-        2,
-        "wayfarer: answers.toml: key 'vehicle.width_m' = -1: input should be greater than 0;"
-        " allowed is above 0 to 1000 (line 2)",
-    )
-    answers.write_text("[parts.motors]\nport = 1979-05-27\n", encoding="utf-8")  # a date, which was meant as a text
-    assert run("init", "--yes", "--answers", answers, "dated.toml")[0] == 0
-    assert load_rover("./dated.toml").parts["motors"]["port"] == "1979-05-27"
-    answers.write_text("[vehicle\n", encoding="utf-8")
-    assert "answers.toml: not valid TOML" in refusal(run, "init", "--yes", "--answers", "answers.toml", "other.toml")
-
-
-def test_a_person_is_asked_and_may_say_no(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    type_in(monkeypatch, "no\nfalse\nNo\n")
-    code, _, err = run("init")
-    assert code == 1
-    assert "'false' is neither yes nor no\n" in err
-    assert err.endswith("nothing was written\n")
-    assert "Look now? (yes, no)" in err
-    assert "Write a file with the defaults of ForestRover? (yes, no)" in err
+def test_what_cannot_be_a_file_or_a_name_is_said_in_one_line(run: Run, tmp_path: Path) -> None:
+    assert "no: no such folder" in refusal(run, "init", "no/rover.toml")
+    assert "the rover has no name" in refusal(run, "init", "")
+    code, _, err = run("init", "o" * 41)
+    assert (code, "key 'name'" in err, err.count("\n")) == (2, True, 1)
     assert names(tmp_path) == []
-
-
-@pytest.mark.parametrize("typed", ["", "yes\nyes\nsabertooth\n"])
-def test_end_of_the_input_is_bad_input_and_leaves_nothing(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, typed: str
-) -> None:
-    type_in(monkeypatch, typed)
-    code, _, err = run("init")
-    assert code == 2
-    assert err.endswith("no answer: the input has ended; nothing was written (--yes takes every default)\n")
-    assert names(tmp_path) == []
-
-
-def test_a_folder_that_is_not_there_is_said_first(run: Run) -> None:
-    assert "no: no such folder" in refusal(run, "init", "no/rover.toml", "--yes")
 
 
 def test_nothing_is_looked_at_while_a_daemon_runs(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(init, "_look", LOOK)
     with single_daemon(daemon_socket()):
-        code, _, err = run("init", "--yes")
+        code, _, err = run("init")
     assert code == AlreadyRunning.exit_code, err
     assert names(tmp_path) == []

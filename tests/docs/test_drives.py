@@ -13,8 +13,7 @@ from tests.children import child
 from tests.docs.pages import ROOT, fences, shell_lines, wayfarer_words
 from tests.system.hil_setup import wait_for
 from tests.system.subprocesses import WAYFARER, command, put_first
-from wayfarer.cli.init import Nobody
-from wayfarer.commissioning.init import Inventory, first_rover_file
+from wayfarer.commissioning.first_rover import Inventory, first_rover_file
 from wayfarer.daemon.socket.paths import SOCKET_NAME
 
 pytestmark = pytest.mark.process
@@ -58,8 +57,10 @@ def test_first_drive_is_five_commands(tmp_path: Path, terminal: dict[str, str]) 
 
 def test_own_rover_is_checked_and_drives_on_simulated_chips(tmp_path: Path, terminal: dict[str, str]) -> None:
     """As the page says, but for the ten seconds in which a person steps away."""
-    without_delay = first_rover_file(Inventory(), {"safety": {"start_delay_s": 0.0}}, Nobody())
-    (tmp_path / "my-rover.toml").write_text(without_delay, encoding="utf-8")
+    text = first_rover_file("my-rover", "forestrover", Inventory())
+    (tmp_path / "my-rover.toml").write_text(
+        text.replace("start_delay_s = 10.0", "start_delay_s = 0.0"), encoding="utf-8"
+    )
     page = "docs/tutorial/my-own-rover.md"
     lines = [line for fence in fences(page) for line in shell_lines(fence) if line.startswith(("reason=", "(echo"))]
     subprocess.run(["bash", "-c", "\n".join(lines)], cwd=tmp_path, check=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 ROVER_FILE = Path("/etc/wayfarer/rover.toml")
 STATE_FOLDER = Path("/var/lib/wayfarer")  # logs and calibration
 SHIPPED = Path(__file__).parents[1] / "rovers"
-# The JSON Schema of rover files, for editors and ``wayfarer init``; docs/generate.py writes it. Editors look for it
+# The JSON Schema of rover files, for editors; docs/generate.py writes it. Editors look for it
 # where the first line of a rover file says: shipped ones have a relative path there, and others an absolute one.
 SCHEMA = SHIPPED / "rover.schema.json"
 SCHEMA_BESIDE, SCHEMA_ELSEWHERE = "#:schema ./rover.schema.json\n", f"#:schema {SCHEMA}\n"

@@ -7,7 +7,6 @@ read. A switch whose wire is broken looks like one that nothing touches; this dr
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, ClassVar
@@ -48,7 +47,6 @@ class Bumper(GpioPart):
     """The switches as a ``hal.ContactSensor``; they do not know the bearing of an obstacle."""
 
     part: ClassVar[str] = "contact"
-    unseen: ClassVar[Sequence[str]] = ("front", "left", "right", "rear")
     Settings = BumperSettings
 
     def __init__(self, settings: BumperSettings, _buses: Buses) -> None:

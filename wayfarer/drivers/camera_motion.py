@@ -17,7 +17,7 @@ moves.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
@@ -100,7 +100,6 @@ class CameraMotion:
     """The camera as a ``hal.MotionSensor``."""
 
     part: ClassVar[str] = "motion"
-    unseen: ClassVar[Sequence[str]] = ("method", "m_per_pixel")
     packages: ClassVar[Mapping[str, str]] = {"cv2": how_to_install("camera")}
     Settings = CameraMotionSettings
 

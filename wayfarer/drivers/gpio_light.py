@@ -5,7 +5,6 @@ Each pin is on or off, with nothing between: eight colours are enough at ten met
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -42,7 +41,6 @@ class GpioLight(GpioPart):
     """The pins as a ``hal.StatusLight``; all are dark once claimed."""
 
     part: ClassVar[str] = "light"
-    unseen: ClassVar[Sequence[str]] = ("red", "green", "blue")
     Settings = GpioLightSettings
 
     def __init__(self, settings: GpioLightSettings, _buses: Buses) -> None:

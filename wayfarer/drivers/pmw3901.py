@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
@@ -93,7 +92,6 @@ class PMW3901:
     """
 
     part: ClassVar[str] = "motion"
-    unseen: ClassVar[Sequence[str]] = ("height_m",)
     Settings = PMW3901Settings
 
     def __init__(self, settings: PMW3901Settings, buses: Buses) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tests.simhal.clearing import STEADY
 from wayfarer.commissioning.checks import HostEnvironment
-from wayfarer.commissioning.init import Inventory, look
+from wayfarer.commissioning.first_rover import Inventory, look
 from wayfarer.config.rover_file import RoverConfig, load_rover, parse_rover
 from wayfarer.simhal.buses import FakeBuses, FakeI2C, FakeSPI
 from wayfarer.simhal.chip_wiring import ChipWiring
