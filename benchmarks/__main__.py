@@ -6,7 +6,7 @@ whether anything grows in a simulated day full of faults; with ``missions``, in 
 ``campaign``, the memory of a small and of a large one; with ``gps``, how near dead reckoning is to the true way, before
 and after a report lays it onto the receiver's fixes; with ``detector``, how well each anomaly is noticed; with
 ``hand``, what turning to the other side at a contact would have cost. ``guard`` and ``stops`` say whether a change of
-the code has changed results or stops, ``size`` how much there is to read.
+the code has changed results or stops, ``size`` how much there is to read, ``mutants`` whether the tests bite.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from benchmarks import by_hand, calibration, command, daemon, detector, disk, gp
 from benchmarks.breakdown import print_breakdown
 from benchmarks.figures import HEADER, Figure, print_table
 from benchmarks.guard import print_guard
+from benchmarks.mutants import print_mutants
 from benchmarks.size import print_size
 from benchmarks.soak import print_soak
 from benchmarks.stops import print_stops
@@ -121,6 +122,7 @@ WHAT: dict[str, Callable[[Namespace], int | None]] = {
     "guard": lambda asked: print_guard(asked.only, asked.trials, accept=asked.accept),
     "stops": lambda _: print_stops(),
     "size": lambda _: print_size(),
+    "mutants": lambda _: print_mutants(),
 }
 
 if __name__ == "__main__":
