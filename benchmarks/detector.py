@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -17,7 +18,6 @@ from benchmarks.detector_score import NOTHING, DetectorScorer, Score
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.escape.api import Anomaly
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
-from wayfarer.fault_scenarios.runner import run_batch
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.world import Slope
@@ -63,17 +63,17 @@ def rows(rover: RoverConfig, cases: Sequence[DetectorCase], trials: int) -> Iter
     """Run so many trials of each case and yield the table's lines: contact for touches, motion for all else."""
     measured = {case: dict.fromkeys(Anomaly, NOTHING) for case in cases}
     tasks = [(case, trial) for trial in range(trials) for case in cases]
-    done = run_batch(partial(_scores_of, rover), tasks, None, "trials")
-    for (case, _), scores in sorted(done, key=lambda each: each[0][1]):  # the same on any number of workers
-        measured[case] = {anomaly: measured[case][anomaly] + scores[anomaly] for anomaly in Anomaly}
+    with ProcessPoolExecutor() as pool:
+        for (case, _), scores in zip(tasks, pool.map(partial(_scores_of, rover), tasks), strict=True):
+            measured[case] = {anomaly: measured[case][anomaly] + scores[anomaly] for anomaly in Anomaly}
     for anomaly in Anomaly:
         for case, scores in measured.items():
             if (case.source == "contact") is (anomaly is Anomaly.TOUCHED):
                 yield _row(anomaly, case, scores[anomaly])
 
 
-def _scores_of(rover: RoverConfig, task: DetectorTask) -> tuple[DetectorTask, Scores]:
-    return task, measure(rover, *task)
+def _scores_of(rover: RoverConfig, task: DetectorTask) -> Scores:
+    return measure(rover, *task)
 
 
 def _row(anomaly: Anomaly, case: DetectorCase, score: Score) -> tuple[str, ...]:

@@ -16,8 +16,8 @@ from wayfarer.control.run_log import PartialLog
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.detector.tilt import TILTS
 from wayfarer.escape.api import Anomaly
-from wayfarer.fault_scenarios.recorder import after_each_step
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
+from wayfarer.testing.safety_rules import after_each_step
 
 SPEED_OVER_S = 0.1  # a body that rubs at a trunk jerks: its speed is a mean
 AFTERWARDS_S = 0.15  # three control periods: a sensor's reading, the tick, and the window that empties

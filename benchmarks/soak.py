@@ -25,6 +25,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 from benchmarks.figures import print_table
+from tests.faults.catalogue import catalogue
 from wayfarer.commissioning.checks import HostEnvironment
 from wayfarer.config.rover_file import LogSettings, RoverConfig, laid_over, load_rover
 from wayfarer.control.controller import Mode
@@ -34,17 +35,15 @@ from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotArmed
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
-from wayfarer.fault_scenarios.catalogue import catalogue
-from wayfarer.fault_scenarios.safety_rules import SafetyRules
-from wayfarer.fault_scenarios.scenario import Scenario, misfit
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
-from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.faults.kinds import Fault, misfit
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.world import World
+from wayfarer.testing.safety_rules import SafetyRules
 
 Beside = Callable[[TrialSetup], Coroutine[Any, Any, None]]
 
@@ -182,8 +181,8 @@ def _of_the_catalogue(config: RoverConfig) -> tuple[Fault, ...]:
 
     The rover is built for all of them, and ``_faults`` begins them. A bug that ends the run is left out.
     """
-    faults = [fault for row in catalogue() if isinstance(row, Scenario) for fault in row.faults]
-    possible = [each for each in faults if each.kind != "task_crash" and not misfit(config, Depth.BUS, each)]
+    faults = [fault for scenario in catalogue() for fault in scenario.faults]
+    possible = [each for each in faults if each.kind != "task_crash" and not misfit(each, config, Depth.BUS)]
     return tuple({repr(fault): fault for fault in (replace(each, at_s=inf) for each in possible)}.values())
 
 

@@ -26,7 +26,6 @@ PICTURE = """
     __main__
     cli
     api         testing
-    fault_scenarios
     experiments
     views
     simhal
@@ -103,9 +102,7 @@ def modules_of(*parts: str) -> list[str]:
 
 
 def outside_simhal() -> list[str]:
-    return [
-        module for module in MODULES if not within(module, "simhal", "experiments", "fault_scenarios", "api", "testing")
-    ]
+    return [module for module in MODULES if not within(module, "simhal", "experiments", "api", "testing")]
 
 
 def wayfarer_modules(module: str) -> set[str]:

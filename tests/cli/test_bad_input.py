@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import sys
 from pathlib import Path
 
 import pytest
@@ -75,14 +76,6 @@ BAD_INPUT = {
     "goal": "Missing argument 'DEG', for example: wayfarer goal 270",
     "mark": "Missing argument 'TEXT', for example: wayfarer mark",
     "compare": "Missing argument 'RESULTS', for example: wayfarer compare results",
-    "faults --only 99": "row 99",
-    "faults --only ' ,'": "--only is empty",
-    "faults --only board-falt": "did you mean board-fault",
-    "faults --scenario no.toml": "no.toml: no such file",
-    "faults --missions 3 --list": "leave out --list",
-    "faults --missions 3 --only sigkill": "covered by a test",
-    "faults --missions 3 --only runaway": "not under way",
-    "faults --seed 3": "without --missions",
     "logs export 1 --format xls": "'xls'",
     "demo --rover minirover": "--rover",
     "run --rover minirover --seed 3": "without --sim",
@@ -102,3 +95,29 @@ def test_bad_input_is_one_line_and_exit_code_2_and_leaves_no_folder(
     assert err.startswith("wayfarer: ")
     assert says in err
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture
+def no_opencv(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the README's installation leaves out: None is what Python takes for "not installed"."""
+    monkeypatch.setitem(sys.modules, "cv2", None)
+
+
+@pytest.mark.usefixtures("no_opencv")
+@pytest.mark.parametrize("command", ["sim", "sweep footprint_m=0.2 --out out", "run --sim"])
+def test_rover_whose_driver_needs_a_package_says_what_to_install(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = refusal(run, *shlex.split(command), "--rover", "minirover", "--depth", "bus")
+    assert (
+        "rover 'minirover' needs cv2 for [parts.motion], which is not installed: pip install 'wayfarer-rover[camera]'; "
+        "or use --depth"
+    ) in said
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.usefixtures("no_opencv")
+def test_what_needs_no_camera_runs_without_opencv(run: Run) -> None:
+    code, _, _ = run("sim", "--rover", "minirover", "--trial", 0, "--budget-m", 1)
+    assert code == 0

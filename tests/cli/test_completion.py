@@ -46,7 +46,6 @@ def test_bash_completes_commands_runs_algorithms_rovers_and_scenarios(tmp_path: 
         "wayfarer run --rover ": "forestrover minirover sim",
         "wayfarer sim --site ext": "extended-maze",
         "wayfarer sweep escape.turn_a": "escape.turn_angle_deg=",
-        "wayfarer faults --only stall-3s,board-f": "stall-3s,board-fault stall-3s,board-fault-over",
     }
     assert BASH is not None
     done = subprocess.run(

@@ -23,8 +23,6 @@ from wayfarer.experiments.paired_statistics import Comparison, Difference
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.run_campaign import ComputeCost
 from wayfarer.experiments.statistics import AlgorithmSummary, Estimate
-from wayfarer.fault_scenarios.results import Result
-from wayfarer.fault_scenarios.survival import MissionLine
 from wayfarer.fieldlog.last_run import LastRun
 from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.replay import DecisionDifference, Replay
@@ -42,7 +40,7 @@ CLASSES: dict[type, set[str]] = {
     RunRow: set(), RunSummary: set(), LowBattery: set(), PeriodPercentiles: set(), Mark: set(), LastPosition: set(),
     RangeBearing: set(), LastRun: set(), Fix: set(), Damage: set(), Replay: {"run"}, DecisionDifference: set(),
     AlgorithmSummary: set(), ComputeCost: {"cpu_us_per_tick"}, Comparison: set(), Difference: set(), Estimate: set(),
-    TrialRow: set(), Result: {"passed"}, MissionLine: set(), Finding: set(), Described: set(),
+    TrialRow: set(), Finding: set(), Described: set(),
 }  # fmt: skip
 
 
@@ -164,15 +162,6 @@ def test_tune(says: Any, tmp_path: Path) -> None:
     said = says("tune", "tune", *asked, "--jobs", 1, "--out", tmp_path / "out")
     assert said == json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
     assert [each["point"] for each in said["points"]] == [*range(9)]
-
-
-def test_faults(says: Any) -> None:
-    listed = says("faults --list", "faults", "--list", "--only", "1,37")["scenarios"]
-    results = says("faults", "faults", "--only", "compass-one-nack,loop-blocked", "--jobs", 1)["results"]
-    assert {each["name"] for each in results} <= {each["name"] for each in listed}
-    assert [each["passed"] for each in results] == [True, False], "the second is skipped"
-    struck = says("faults --missions", "faults", "--missions", 1, "--only", "flipped,sigkill", "--rover", "sim")
-    assert [each["lasts_s"] for each in struck["missions"]] == [None, 10.0]
 
 
 def test_list(says: Any) -> None:

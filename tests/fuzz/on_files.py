@@ -16,7 +16,7 @@ from zlib import crc32
 
 from hypothesis import strategies as st
 
-import tests.fault_scenarios
+import tests.faults
 from tests.fuzz.damage import as_json, bytes_of, json_of
 from tests.fuzz.target import Case, Target, Try, reading
 from wayfarer.config import calibration_file
@@ -28,11 +28,11 @@ from wayfarer.experiments.report.load_results import read_results
 from wayfarer.experiments.results_folder import FORESTS, PARTIAL, SETTINGS, TRIALS, ResultsFolder
 from wayfarer.experiments.rows import COLUMNS, TrialRow, csv_line
 from wayfarer.experiments.store import CHECKSUM
-from wayfarer.fault_scenarios.scenario_file import read_scenarios
 from wayfarer.simhal.buses import FakeBuses, FakeSerial
 from wayfarer.simhal.world.forest_file import as_row, content_of, forests_in
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import PHYSICS
+from wayfarer.testing.scenario import read_scenarios
 
 MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None  # nothing here is about disks
 ROVERS = [
@@ -184,7 +184,7 @@ CALIBRATIONS = Target(
 
 # -- fault scenarios -------------------------------------------------------------------------------------------------
 
-SCENARIO_FILES = [path.read_bytes() for path in (Path(tests.fault_scenarios.__file__).parent / "found").glob("*.toml")]
+SCENARIO_FILES = [path.read_bytes() for path in (Path(tests.faults.__file__).parent / "found").glob("*.toml")]
 
 SCENARIO = Target(
     "scenario",

@@ -11,7 +11,6 @@ from statistics import median, quantiles
 from typing import NamedTuple, TypeAlias
 
 from wayfarer.errors import BadInput
-from wayfarer.fault_scenarios.catalogue import covered_by_tests
 from wayfarer.fieldlog.folders import FILE_NAME, run_folders, run_number
 from wayfarer.fieldlog.reader import RunReader
 
@@ -20,13 +19,6 @@ OUTCOME = b'"record":"outcome"'
 
 Commands: TypeAlias = list[tuple[float, float, float]]
 """Each is (time that it is true from, left duty, right duty)."""
-
-
-def bound_s(fault: str) -> float:
-    """Return within which time the fault catalogue wants an answer to a fault that a test holds."""
-    within_s = covered_by_tests()[fault].within_s
-    assert within_s is not None
-    return within_s
 
 
 # -- wheels ------------------------------------------------------------------------------------------------------------

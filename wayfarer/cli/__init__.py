@@ -24,7 +24,6 @@ from wayfarer.cli import (
     completion,
     control,
     demo,
-    faults,
     init,
     listing,
     logs,
@@ -68,7 +67,6 @@ command(epilog=demo.EXAMPLES)(demo.demo)
 command(epilog=sim.EXAMPLES)(sim.sim)
 command(epilog=sweep.EXAMPLES)(sweep.sweep)
 command(epilog=tune.EXAMPLES)(tune.tune)
-command(epilog=faults.EXAMPLES)(faults.faults)
 command(rich_help_panel=ROVER, epilog=init.EXAMPLES)(init.init)
 command(rich_help_panel=ROVER, epilog=rover.RUN_EXAMPLES)(rover.run)
 for verb in control.COMMANDS:

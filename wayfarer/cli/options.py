@@ -49,14 +49,8 @@ def complete_algorithm() -> list[str]:
 
 def complete_algorithms(incomplete: str) -> list[str]:
     """Return the lists of algorithms that go on from the one typed so far; ``paper`` is all ten of the paper."""
-    return _next_in_list(incomplete, [*complete_algorithm(), "paper"])
-
-
-def complete_fault_scenarios(incomplete: str) -> list[str]:
-    """Return the lists of fault scenarios that go on from the one typed so far."""
-    from wayfarer.fault_scenarios.catalogue import catalogue
-
-    return _next_in_list(incomplete, [each.name for each in catalogue()])
+    before, comma, _ = incomplete.rpartition(",")
+    return [f"{before}{comma}{name}" for name in [*complete_algorithm(), "paper"]]
 
 
 def complete_sweep_keys(ctx: typer.Context, incomplete: str) -> list[str]:
@@ -72,11 +66,6 @@ def complete_sweep_keys(ctx: typer.Context, incomplete: str) -> list[str]:
     except BadInput:
         return []
     return [f"{key}=" for key in current(campaign)]
-
-
-def _next_in_list(incomplete: str, names: Iterable[str]) -> list[str]:
-    before, comma, _ = incomplete.rpartition(",")
-    return [f"{before}{comma}{name}" for name in names]
 
 
 def rover_option(help_text: str) -> Any:

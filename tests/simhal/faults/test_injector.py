@@ -17,8 +17,6 @@ from wayfarer.config.rover_file import RoverConfig, laid_over, load_rover
 from wayfarer.control.supervisor import first_cause
 from wayfarer.errors import BadInput, NotResponding, WrongPart
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
-from wayfarer.fault_scenarios.judge import first_difference
-from wayfarer.fault_scenarios.recorder import RunRecorder
 from wayfarer.hal import CompassReading
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.buses import FakeBuses
@@ -31,6 +29,8 @@ from wayfarer.simhal.faults.wired_part import WiredPart, wired_part
 from wayfarer.simhal.faults.wires import FaultyWire, Hang
 from wayfarer.simhal.faults.world import DeadBand, Drive, Slope
 from wayfarer.simhal.world.forest import CLEARING
+from wayfarer.testing.faults import first_difference
+from wayfarer.testing.scenario_run import RunRecorder
 
 # Driving, with all that is read every so often read several times before the fault begins.
 BEGINS_S, LASTS_S, ENDS_S = 3.0, 2.0, 5.5

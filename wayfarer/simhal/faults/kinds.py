@@ -10,8 +10,11 @@ from math import inf
 from types import ModuleType
 from typing import Any
 
+from wayfarer.config.factory import NEEDED
 from wayfarer.config.rover_file import RoverConfig
+from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.faults import bus, process, readings, world
+from wayfarer.simhal.faults.bus import BusFault
 from wayfarer.simhal.faults.fault_kind import FaultKind
 from wayfarer.simhal.faults.wired_part import is_on
 
@@ -53,6 +56,17 @@ class Fault:
         """Return the fault as a person would write it down."""
         lasting = "" if self.for_s == inf else f" for {self.for_s:g} s"
         return f"{self.target} {self.kind}{lasting} from {self.at_s:g} s on"
+
+
+def misfit(fault: Fault, config: RoverConfig, depth: Depth) -> str | None:
+    """Return why a fault cannot happen to a simulated rover at a depth, None where it can."""
+    if isinstance(fault.params, BusFault) and depth is not Depth.BUS:
+        return f"kind '{fault.kind}' happens on a bus: it needs depth = \"bus\""
+    if depth is Depth.BUS and (missing := [part for part in NEEDED if part not in config.parts]):
+        return f"rover '{config.name}' has no [parts.{missing[0]}], so no driver to run; it needs depth = \"device\""
+    if config.parts and fault.target not in {"world", "process", *config.parts}:
+        return f"rover '{config.name}' has no [parts.{fault.target}]"
+    return misplaced(fault, config) if isinstance(fault.params, BusFault) else None
 
 
 def misplaced(fault: Fault, config: RoverConfig) -> str | None:

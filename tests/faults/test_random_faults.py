@@ -13,8 +13,8 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from tests.fault_scenarios.broken_product import breaks_the_product
-from tests.fault_scenarios.fault_strategies import (
+from tests.faults.broken_product import breaks_the_product
+from tests.faults.fault_strategies import (
     LONGEST_S,
     PLACES,
     RIGS,
@@ -25,15 +25,14 @@ from tests.fault_scenarios.fault_strategies import (
     scenarios,
 )
 from wayfarer.config.rover_file import load_rover
-from wayfarer.fault_scenarios.runner import run_scenario
-from wayfarer.fault_scenarios.scenario import Expectation, ResponseLevel, Scenario
-from wayfarer.fault_scenarios.scenario_file import read_scenarios
 from wayfarer.hal import WheelCommand
 from wayfarer.safety.gate import Gate
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.faults.kinds import KINDS
 from wayfarer.simhal.faults.wires import FaultyWire
+from wayfarer.testing.scenario import Expectation, ResponseLevel, Scenario, read_scenarios
+from wayfarer.testing.scenario_run import run_scenario
 
 FOUND = sorted((Path(__file__).parent / "found").glob("*.toml"))
 
@@ -82,7 +81,7 @@ def test_whatever_is_possible_begins_and_ends_in_a_run(rover: str, depth: Depth,
     drawn = [data.draw(faults(place, st.just(1.0 + index / 5))) for index, place in enumerate(places)]
     begun = {replace(fault, for_s=0.3) for fault in drawn}
     scenario = Scenario(
-        "all", "", Expectation(ResponseLevel.NONE, 0.0), tuple(begun), rover=rover, depth=depth,
+        name="all", expect=Expectation(ResponseLevel.NONE, 0.0), faults=tuple(begun), rover=rover, depth=depth,
         for_s=drawn[-1].at_s + LONGEST_S + 1.0, settings=quick_settings(config),
     )  # fmt: skip
     run_result = run_scenario(scenario)

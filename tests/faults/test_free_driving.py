@@ -6,8 +6,8 @@ from math import inf
 
 import pytest
 
-from tests.fault_scenarios.free_driving import drive_freely
-from tests.fault_scenarios.free_minutes import ground
+from tests.faults.free_driving import drive_freely
+from tests.faults.free_minutes import ground
 from wayfarer.config.rover_file import load_rover
 from wayfarer.safety.conditions import Condition
 from wayfarer.simhal.faults.kinds import Fault

@@ -10,11 +10,18 @@ import pytest
 
 from tests.config import rover_texts
 from wayfarer.errors import BadInput
-from wayfarer.fault_scenarios.scenario import Command, Expectation, ResponseLevel, Scenario, rover_of
-from wayfarer.fault_scenarios.scenario_file import FILE_BYTES, read_scenarios
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.faults.bus import Nack
 from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.testing.scenario import (
+    FILE_BYTES,
+    Command,
+    Expectation,
+    ResponseLevel,
+    Scenario,
+    read_scenarios,
+    rover_of,
+)
 
 GOOD = """\
 [[scenario]]

@@ -21,6 +21,7 @@ by this, never a command to move.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from math import inf, isfinite
 from typing import NamedTuple
 
@@ -29,7 +30,6 @@ from wayfarer.control.run_log import PartialLog
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Anomaly, Observation, Phase
 from wayfarer.experiments.trial_setup import TrialSetup
-from wayfarer.fault_scenarios.recorder import after_each_step
 from wayfarer.hal import STOP, CompassReading, Side, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.power import SAME_DUTY
@@ -37,6 +37,7 @@ from wayfarer.safety.responses import MANUAL_LEVELS, levels_for
 from wayfarer.simhal.chip_wiring import MotorBoard
 from wayfarer.simhal.faults.bus import BusFault
 from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 PERIODS = 2
 MAY_DRIVE = frozenset({Mode.ARMED, Mode.MANUAL})
@@ -277,3 +278,14 @@ def _is_possible(seen: Observation) -> bool:
         and (contact is None or all(isinstance(side, Side) for side in contact.sides))
         and (bearing_deg is None or 0.0 <= bearing_deg < 180.0)
     )
+
+
+def after_each_step(world: SimulatedWorld, look: Callable[[], None]) -> None:
+    """Have ``look`` called after each step of a world, before what is called already."""
+    others = world.after_step
+
+    def look_first(moved: SimulatedWorld) -> None:
+        look()
+        others(moved)
+
+    world.after_step = look_first

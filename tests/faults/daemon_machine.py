@@ -2,7 +2,7 @@
 
 ``test_state_machine.py`` tries a few in each run of the tests. More of them, other ones each time::
 
-    python -m tests.fault_scenarios.daemon_machine --examples 1000
+    python -m tests.faults.daemon_machine --examples 1000
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 
-from tests.fault_scenarios.fault_strategies import (
+from tests.faults.fault_strategies import (
     PLACES,
     REFUSALS,
     ROVERS,
@@ -46,13 +46,13 @@ from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotArmed
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
-from wayfarer.fault_scenarios.safety_rules import SafetyRules
 from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.responses import LEVELS, MANUAL_LEVELS
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.world.generate import generate_forest
+from wayfarer.testing.safety_rules import SafetyRules
 
 SENSES = ("compass", "motion", "contact", "position")
 SOON_S = 0.05  # an answer may take longer, and other commands come meanwhile
@@ -342,7 +342,7 @@ def machine_settings(examples: int, steps: int, **others: Any) -> settings:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(prog="python -m tests.fault_scenarios.daemon_machine", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tests.faults.daemon_machine", description=__doc__)
     parser.add_argument("--examples", type=int, default=1000)
     parser.add_argument("--steps", type=int, default=50, help="of each example")
     asked = parser.parse_args()

@@ -16,17 +16,17 @@ from hypothesis import strategies as st
 
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.fault_scenarios.missions import SMALL_PICTURES
-from wayfarer.fault_scenarios.runner import RunResult
-from wayfarer.fault_scenarios.scenario import Command, Expectation, ResponseLevel, Scenario, misfit
 from wayfarer.simhal.build_rover import Depth
-from wayfarer.simhal.faults.kinds import KINDS, Fault
+from wayfarer.simhal.faults.kinds import KINDS, Fault, misfit
+from wayfarer.testing.scenario import Command, Expectation, ResponseLevel, Scenario
+from wayfarer.testing.scenario_run import RunResult
 
 ROVERS = ("sim", "forestrover", "minirover")
 FAULTS_MOST, COMMANDS_MOST = 5, 6
 LASTS_S = (20, 60)  # a scenario
 SHORTEST_S, LONGEST_S = 0.05, 10.0  # a fault, or a delay, that ends
 QUICK: dict[str, Any] = {"safety": {"start_delay_s": 0.5}}  # nobody stands beside a simulated rover
+SMALL_PICTURES = {"parts": {"motion": {"width": 64, "height": 48}}}  # large ones take 2.5 times as long
 # How a run may end by an error: a part that does not answer when it is opened, and a bug that was injected.
 REFUSALS = frozenset({"NotResponding", "WrongPart", "BadReading", "Bug"})
 # The numbers of each part's readings, and how far off they may be.
@@ -49,7 +49,7 @@ def possible_faults(config: RoverConfig, depth: Depth) -> tuple[FaultTarget, ...
     return tuple(
         place
         for place in places
-        if not misfit(config, depth, Fault(0.0, inf, place.target, place.kind))
+        if not misfit(Fault(0.0, inf, place.target, place.kind), config, depth)
         and (place.target in NUMBERS or "of" not in _hints(place))
     )
 
@@ -108,10 +108,9 @@ def scenarios(draw: st.DrawFn) -> Scenario:
     places = st.lists(st.sampled_from(possible_faults(config, depth)), min_size=1, max_size=FAULTS_MOST, unique=True)
     asked = st.builds(Command, moments, st.sampled_from(("arm", "hold", "resume", "disarm")))
     return Scenario(
-        "random",
-        "faults by chance",
-        Expectation(ResponseLevel.NONE, inf),
-        tuple(draw(faults(place, moments)) for place in draw(places)),
+        name="random",
+        expect=Expectation(ResponseLevel.NONE, inf),
+        faults=tuple(draw(faults(place, moments)) for place in draw(places)),
         rover=rover,
         depth=depth,
         algorithm=draw(st.sampled_from(algorithms_of(config))),

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import Phase
 from hypothesis.stateful import run_state_machine_as_test
 
-from tests.fault_scenarios.broken_product import breaks_the_product
-from tests.fault_scenarios.daemon_machine import Daemon, DaemonMachine, machine_settings
+from tests.faults.broken_product import breaks_the_product
+from tests.faults.daemon_machine import Daemon, DaemonMachine, machine_settings
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.hal import WheelCommand
 from wayfarer.safety.gate import Gate

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from tests.fault_scenarios.broken_product import breaks_the_product
+from tests.faults.broken_product import breaks_the_product
 from wayfarer.control.controller import Controller, Mode
 from wayfarer.control.shutdown import Shutdown
 from wayfarer.control.tick_record import TickRecord
@@ -18,8 +18,6 @@ from wayfarer.detector.detector import DetectorTick
 from wayfarer.drivers.sabertooth import Sabertooth
 from wayfarer.escape.api import Decision, Observation
 from wayfarer.escape.handler import PhasedHandler
-from wayfarer.fault_scenarios.runner import run_scenario
-from wayfarer.fault_scenarios.scenario import Command, Expectation, ResponseLevel, Scenario
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.gate import Gate
@@ -31,13 +29,15 @@ from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.process import LoopStall
 from wayfarer.simhal.faults.readings import LateAnswer, NotANumber, Silent
 from wayfarer.simhal.parts import SimMotors
+from wayfarer.testing.scenario import Command, Expectation, ResponseLevel, Scenario
+from wayfarer.testing.scenario_run import run_scenario
 
 AHEAD = WheelCommand(0.3, 0.3)
 NO_COMPASS = Fault(3.0, inf, "compass", "silent")
 BRIEFLY_NO_COMPASS = Fault(3.0, 1.0, "compass", "silent")
 HARMLESS = Fault(100.0, inf, "compass", "silent")
 UNTOUCHED = Scenario(
-    "test", "", Expectation(ResponseLevel.NONE, 0.0), (HARMLESS,),
+    name="test", expect=Expectation(ResponseLevel.NONE, 0.0), faults=(HARMLESS,),
     rover="sim", depth=Depth.DEVICE, for_s=6.0, clearing=True,
 )  # fmt: skip
 

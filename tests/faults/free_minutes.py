@@ -1,8 +1,8 @@
 """What the detector says in free driving: of healthy rovers (nothing, if it is right), and of broken drives (how soon).
 
-``python -m tests.fault_scenarios.free_minutes silence`` drives each healthy rover for ten minutes on each ground of
+``python -m tests.faults.free_minutes silence`` drives each healthy rover for ten minutes on each ground of
 both worlds and prints what was said (a quarter of an hour).
-``python -m tests.fault_scenarios.free_minutes faults`` breaks a side after 20 s and prints how often and how soon that
+``python -m tests.faults.free_minutes faults`` breaks a side after 20 s and prints how often and how soon that
 was told, as a Markdown table (ten minutes).
 """
 
@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from math import inf
 from statistics import median
 
-from tests.fault_scenarios.free_driving import drive_freely
+from tests.faults.free_driving import drive_freely
 from wayfarer.config.rover_file import load_rover
 from wayfarer.simhal.drawn_ranges import Range
 from wayfarer.simhal.faults.kinds import Fault

@@ -1,34 +1,25 @@
-"""Runs scenarios in virtual time: one with its faults, and again without them for comparison; or many on all cores."""
+"""Runs a scenario in virtual time, with its faults or without, and records it tick by tick: read, concluded, done."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor
-from contextlib import closing
 from dataclasses import replace
 from functools import partial
+from math import inf
 from pathlib import Path
 from typing import NamedTuple
-
-from rich.console import Console
 
 from wayfarer.commissioning.checks import HostEnvironment
 from wayfarer.control.run_log import RunLog, Tee
 from wayfarer.control.supervisor import first_cause
+from wayfarer.control.tick_record import TickRecord
 from wayfarer.daemon.arming_inspection import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import Refused
-from wayfarer.errors import NotArmed, WayfarerError
-from wayfarer.experiments.commands import cores
-from wayfarer.experiments.executors import DoneT, TaskT, stream
-from wayfarer.experiments.progress_bar import shown_count
-from wayfarer.experiments.run_campaign import stop_on_signals
+from wayfarer.errors import NotArmed
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
-from wayfarer.fault_scenarios.recorder import RunRecorder
-from wayfarer.fault_scenarios.safety_rules import SafetyRules
-from wayfarer.fault_scenarios.scenario import Command, Expectation, ResponseLevel, Scenario, rover_of
-from wayfarer.hal import Rover
+from wayfarer.hal import MotorHealth, PositionFix, Rover, Snapshot, WheelCommand
+from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.clock.run_virtually import run_virtually
 from wayfarer.simhal.faults.injector import NoteFault
@@ -36,8 +27,91 @@ from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.world.forest import CLEARING
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
+from wayfarer.testing.safety_rules import SafetyRules, after_each_step
+from wayfarer.testing.scenario import Command, Expectation, ResponseLevel, Scenario, rover_of
 
 BUDGET_M = 1000.0
+
+
+class RecordedTick(NamedTuple):
+    """One control tick."""
+
+    t_s: float
+    snapshot: Snapshot
+    level: Level
+    cause: Condition | None
+    conditions: tuple[Condition, ...]
+    why: str
+    applied: WheelCommand
+    commanded: tuple[float, float]
+
+
+class RecordedEvent(NamedTuple):
+    """One event of the log."""
+
+    t_s: float
+    name: str
+    details: dict[str, object]
+
+
+class RunRecorder:
+    """Keeps what a run reports; implements ``control.run_log.RunLog``. ``follow`` gives it the trial to watch."""
+
+    def __init__(self) -> None:
+        self.ticks: list[RecordedTick] = []
+        self.events: list[RecordedEvent] = []
+        self.boards: list[tuple[float, tuple[MotorHealth, WheelCommand | None]]] = []
+        self.fixes: list[PositionFix | None] = []
+        self.faults: list[tuple[float, Fault, bool]] = []
+        self.stood_still_s: list[tuple[float, bool]] = []
+        self.ended: str | None = None
+        self.ended_s = inf
+
+    def follow(self, setup: TrialSetup) -> None:
+        """Watch a trial's world and its controller."""
+        self._controller, self._world = setup.supervisor.controller, setup.world
+        after_each_step(setup.world, self._look)
+
+    def _look(self) -> None:
+        if self.ended is None:  # wheels that stand after the end of a run say nothing of the fault
+            self.stood_still_s.append((self._world.t_s, self._world.commanded == (0.0, 0.0)))
+
+    def tick(self, record: TickRecord) -> None:
+        """Take a control tick."""
+        self.ticks.append(
+            RecordedTick(
+                record.t_s,
+                record.snapshot,
+                record.level,
+                record.cause,
+                self._controller.conditions,
+                record.decision.why,
+                record.applied,
+                self._world.commanded,
+            )
+        )
+
+    def event(self, name: str, t_s: float, **details: object) -> None:
+        """Take an event; the stop at the end of a run is looked at as well."""
+        self.events.append(RecordedEvent(t_s, name, details))
+        if name == "wheels_stopped":
+            self.stood_still_s.append((_now_s(), self._world.commanded == (0.0, 0.0)))
+
+    def position(self, fix: PositionFix | None) -> None:
+        """Take a fix."""
+        self.fixes.append(fix)
+
+    def board(self, t_s: float, health: MotorHealth, duties: WheelCommand | None) -> None:
+        """Take what the board said."""
+        self.boards.append((t_s, (health, duties)))
+
+    def close(self, reason: str, text: str) -> None:  # noqa: ARG002 - the interface's
+        """Take why the run ended."""
+        self.ended, self.ended_s = reason, _now_s()
+
+    def note(self, t_s: float, fault: Fault, *, begins: bool) -> None:
+        """Take the beginning of a fault, or its end."""
+        self.faults.append((t_s, fault, begins))
 
 
 class RunResult(NamedTuple):
@@ -143,30 +217,5 @@ def _inspect(setup: TrialSetup) -> RunningInspection:
     return RunningInspection(setup.config, setup.rover, HostEnvironment(nowhere, nowhere, (), 0.0), setup.supervisor)
 
 
-def run_batch(run: Callable[[TaskT], DoneT], tasks: Sequence[TaskT], jobs: int | None, what: str) -> Iterator[DoneT]:
-    """Yield what ``run`` returns for each task, in the order of completion; progress is shown on stderr.
-
-    Args:
-        run: is sent to the worker processes.
-        tasks: what to run.
-        jobs: the number of processes, None for one a core.
-        what: what the tasks are called, in plural.
-
-    Raises:
-        Stopped: a signal asked for it.
-        WayfarerError: a worker died.
-    """
-    done = 0
-    try:
-        with (
-            stop_on_signals() as stop,
-            closing(stream(run, tasks, jobs or cores(), stop)) as running,
-            shown_count(Console(stderr=True), 0, len(tasks), what) as advance,
-        ):
-            for result in running:
-                yield result
-                done += 1
-                advance()
-    except BrokenExecutor as error:
-        text = f"a worker process died after {done} {what}, most likely for lack of memory: try fewer --jobs"
-        raise WayfarerError(text) from error
+def _now_s() -> float:
+    return asyncio.get_running_loop().time()

@@ -1,51 +1,166 @@
-"""Scenario files: a user's faults in TOML, validated before anything runs.
+"""A scenario as data: the rover, the faults and their times, operator commands, and expectations; and files of them.
 
-A file holds one or many ``[[scenario]]``, each with its ``[[scenario.fault]]``; ``docs/reference/faults.md`` has one.
-What is wrong with a file is told in one line: file, scenario, key, what is allowed, and on which line it stands.
+Its rover is a rover file with the scenario's settings laid over it. A file holds one or many ``[[scenario]]``, each
+with its ``[[scenario.fault]]``; ``docs/reference/faults.md`` has one. What is wrong with a file is told in one line:
+file, scenario, key, what is allowed, and on which line it stands.
 """
 
 from __future__ import annotations
 
 import tomllib
-from dataclasses import field, fields, make_dataclass, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
 from difflib import get_close_matches
-from functools import cache
+from enum import StrEnum
 from math import inf
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_type_hints
 
-from annotated_types import MinLen
+from annotated_types import Interval, MaxLen, MinLen
+from pydantic import Field
 
 from wayfarer.config.messages import located, validated
 from wayfarer.config.registry import find_algorithm
-from wayfarer.config.rover_file import RoverConfig, laid_over
+from wayfarer.config.rover_file import RoverConfig, laid_over, load_rover
 from wayfarer.config.rover_path import is_rover_file
 from wayfarer.errors import BadConfig, BadInput, UnknownName, one_line
-from wayfarer.fault_scenarios.scenario import (
-    OVERLAY,
-    Command,
-    Duration,
-    Expectation,
-    Line,
-    Moment,
-    ResponseLevel,
-    Scenario,
-    misfit,
-    rover_of,
-)
 from wayfarer.files import read_regular
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, PositionFix
-from wayfarer.simhal.faults.kinds import KINDS, Fault
+from wayfarer.safety.conditions import Level
+from wayfarer.simhal.build_rover import Depth
+from wayfarer.simhal.faults.kinds import KINDS, Fault, misfit
 
+T = TypeVar("T")
+
+LONGEST_S = 3600.0  # of a scenario
 MOST = 100  # scenarios in a file
 FILE_BYTES = 1_000_000
+OVERLAY = "settings"  # the table's name in a file
 READINGS = {"compass": CompassReading, "motion": MotionReading, "contact": ContactReading, "position": PositionFix}
-# Tables within a [[scenario]], each checked by itself; the other keys are fields of ``Scenario``.
-TABLES: tuple[Any, ...] = (
-    ("expect", dict[str, Any]),
-    ("fault", Annotated[list[dict[str, Any]], MinLen(1)]),
-    ("command", list[dict[str, Any]], field(default_factory=list)),
-)
+
+Moment = Annotated[float, Interval(ge=0, le=LONGEST_S)]
+Duration = Annotated[float, Interval(gt=0, le=LONGEST_S)]
+Line = Annotated[str, MaxLen(200)]
+
+
+class ResponseLevel(StrEnum):
+    """How severely the rover answered; the levels of the fault catalogue."""
+
+    NONE = "-"
+    NOTE = "S0"
+    DEGRADE = "S1"
+    HOLD = "S2"
+    FAULT = "S3"
+    DEADMAN = "S4"
+
+
+RESPONSE_LEVELS: Mapping[Level, ResponseLevel] = {
+    Level.WELL: ResponseLevel.NONE,
+    Level.NOTE: ResponseLevel.NOTE,
+    Level.DEGRADE: ResponseLevel.DEGRADE,
+    Level.HOLD: ResponseLevel.HOLD,
+    Level.FAULT: ResponseLevel.FAULT,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """What a person asks for at ``at_s``: ``arm``, ``disarm``, ``hold``, ``resume`` or ``stop``.
+
+    ``heading_deg`` is where an armed rover is to go, None its own heading.
+    """
+
+    at_s: Moment
+    do: Literal["arm", "disarm", "hold", "resume", "stop"]
+    heading_deg: Annotated[float, Interval(ge=0, lt=360)] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Expectation:
+    """What must come of the faults.
+
+    ``level`` is the severest level that is reached, ``causes`` the conditions or events of which one must tell it
+    (none: any). It must be there ``within_s`` after the first fault begins, and at S2 and above the wheels must have
+    been commanded to stop by then. ``event`` must be in the log. The run must end by one of the reasons in ``ends``.
+    ``answer`` names events of the escape logic (``follow.anomaly``) of which one must come ``within_s``, ``never`` what
+    must not come: events, conditions, answers. No two ticks may be further apart than ``ticks_within_s``. Where the
+    motor board stops the wheels sooner than the rover notices anything, ``stands_within_s`` is the bound for that.
+    """
+
+    level: ResponseLevel
+    within_s: Moment
+    causes: tuple[str, ...] = ()
+    event: str | None = None
+    ends: tuple[str, ...] = ()
+    answer: tuple[str, ...] = ()
+    never: tuple[str, ...] = ()
+    ticks_within_s: Moment | None = None
+    stands_within_s: Moment | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScenarioSettings:
+    """What a scenario says beside its faults, commands and expectations; the ranges are those of a file.
+
+    ``row`` is its number in the fault catalogue, None for a user's own; ``asked`` the level that the catalogue asks
+    for, and ``because`` why another one is expected here. ``settings`` are laid over the rover file.
+    """
+
+    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]{0,39}$")]
+    about: Line = ""
+    row: Annotated[int, Interval(ge=1, le=99)] | None = None
+    asked: Line = ""
+    because: Annotated[str, MaxLen(500)] = ""
+    rover: Annotated[str, MinLen(1)] = "forestrover"
+    depth: Depth = Depth.BUS
+    algorithm: str = "forest-pledge"
+    for_s: Duration = 20.0
+    seed: Annotated[int, Interval(ge=0, le=2**31 - 1)] = 0
+    slip_mean_m: Annotated[float, Interval(gt=0, le=1e6)] = 10.0
+    clearing: bool = False
+    settings: dict[str, Any] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scenario(ScenarioSettings):
+    """One scenario: faults, and what must come of them."""
+
+    expect: Expectation
+    faults: tuple[Fault, ...]
+    commands: tuple[Command, ...] = (Command(0.0, "arm", 0.0),)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _ScenarioTable(ScenarioSettings):
+    """A ``[[scenario]]`` of a file, whose tables are checked each by itself."""
+
+    expect: dict[str, Any]
+    fault: Annotated[list[dict[str, Any]], MinLen(1)]
+    command: list[dict[str, Any]] = field(default_factory=list)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _FaultTable:
+    """What every ``[[scenario.fault]]`` has; its other keys are the parameters of its kind."""
+
+    at_s: Moment
+    for_s: Duration = inf
+    target: str
+    kind: str
+
+
+_TABLES = ("expect", "fault", "command")
+
+
+def rover_of(scenario: Scenario) -> RoverConfig:
+    """Return the scenario's rover, with what the scenario lays over it.
+
+    Raises:
+        UnknownName: no shipped rover of that name.
+        BadConfig: its file, or what is laid over it, is not right.
+    """
+    config = load_rover(scenario.rover)
+    return laid_over(config, scenario.settings, f"{OVERLAY}.") if scenario.settings else config
 
 
 class _FileLocation(NamedTuple):
@@ -67,7 +182,7 @@ class _FileLocation(NamedTuple):
         """Return what is wrong, with its line: the key's, or that of the table which lacks it."""
         return BadConfig(located(self.where, self.text, said, self.section, self.shown))
 
-    def check(self, kind: Any, table: dict[str, Any]) -> Any:
+    def check(self, kind: type[T], table: Mapping[str, Any]) -> T:
         """Return a table as a dataclass.
 
         Raises:
@@ -87,8 +202,8 @@ def read_scenarios(path: Path) -> tuple[Scenario, ...]:
     """
     file = _FileLocation(str(path), _text_of(path))
     scenarios = tuple(
-        _scenario(file._replace(section=f"scenario.{number}"), table, path.parent)
-        for number, table in enumerate(_tables(file))
+        _scenario(file.within(f"scenario.{number}"), table, path.parent)
+        for number, table in enumerate(_scenario_tables(file))
     )
     for number, scenario in enumerate(scenarios):
         if scenario.name in {earlier.name for earlier in scenarios[:number]}:
@@ -109,8 +224,7 @@ def _text_of(path: Path) -> str:
         raise BadConfig(one_line(f"{path}: cannot be read: {error}")) from None
 
 
-def _tables(file: _FileLocation) -> list[dict[str, Any]]:
-    """Return the file's ``[[scenario]]`` tables."""
+def _scenario_tables(file: _FileLocation) -> list[dict[str, Any]]:
     try:
         whole = tomllib.loads(file.text + "\n")  # the end of line lets the parser name the line of the last error
     except (ValueError, RecursionError) as error:
@@ -129,8 +243,8 @@ def _tables(file: _FileLocation) -> list[dict[str, Any]]:
 def _scenario(place: _FileLocation, table: dict[str, Any], folder: Path) -> Scenario:
     name = table.get("name")
     place = place._replace(where=f"{place.where}: scenario {name!r}" if isinstance(name, str) else place.where)
-    checked = place.check(_scenario_table(), table)
-    own = {key: getattr(checked, key) for key in table if key not in {name for name, *_ in TABLES}}
+    checked = place.check(_ScenarioTable, table)
+    own = {key: value for key, value in asdict(checked).items() if key not in _TABLES}
     if is_rover_file(checked.rover):
         own["rover"] = str(folder / checked.rover)
     if "command" in table:
@@ -141,23 +255,12 @@ def _scenario(place: _FileLocation, table: dict[str, Any], folder: Path) -> Scen
     faults = tuple(
         _fault(place.within(f"fault.{number}", "fault."), fault) for number, fault in enumerate(checked.fault)
     )
-    own.setdefault("about", "; ".join(map(str, faults)))
-    scenario = Scenario(expect=_expectation(place.within("expect", "expect."), checked.expect), faults=faults, **own)
+    own["about"] = checked.about or "; ".join(map(str, faults))
+    nothing = {"within_s": 0.0} if checked.expect.get("level") == ResponseLevel.NONE.value else {}
+    expect = place.within("expect", "expect.").check(Expectation, nothing | checked.expect)
+    scenario = Scenario(expect=expect, faults=faults, **own)
     _check_whole(place, scenario)
     return scenario
-
-
-@cache
-def _scenario_table() -> type:
-    """Return what is allowed in a ``[[scenario]]``."""
-    own = _fields_of(Scenario, apart=("about", "expect", "faults", "commands"))
-    return make_dataclass("ScenarioTable", [*own, ("about", Line, ""), *TABLES], kw_only=True)
-
-
-def _expectation(place: _FileLocation, table: dict[str, Any]) -> Expectation:
-    nothing = {"within_s": 0.0} if table.get("level") == ResponseLevel.NONE.value else {}
-    expectation: Expectation = place.check(Expectation, nothing | table)
-    return expectation
 
 
 def _fault(place: _FileLocation, table: dict[str, Any]) -> Fault:
@@ -171,27 +274,13 @@ def _fault(place: _FileLocation, table: dict[str, Any]) -> Fault:
     kind, target = KINDS[name], table.get("target")
     if target is not None and target not in kind.targets:
         raise place.error(f"key 'fault.target' = {target!r}: '{name}' applies to {_either(kind.targets)}")
-    checked = place.check(_fault_table(name), table)
-    params: Any = kind(**{each.name: getattr(checked, each.name) for each in fields(kind)})
+    own = {each.name for each in fields(_FaultTable)}
+    params: Any = place.check(kind, {key: value for key, value in table.items() if key not in own})
+    checked = place.check(_FaultTable, {key: value for key, value in table.items() if key in own})
     measured = _measured(checked.target)
     if getattr(params, "of", None) not in {None, *measured}:
         raise place.error(f"key 'fault.of' = '{params.of}': a {checked.target} measures {_either(measured)}")
     return Fault(checked.at_s, checked.for_s, checked.target, name, params)
-
-
-@cache
-def _fault_table(kind: str) -> type:
-    """Return what is allowed in the table of a fault: of every fault, and of this kind."""
-    every: list[Any] = [("at_s", Moment), ("target", str), ("kind", str), ("for_s", Duration, inf)]
-    return make_dataclass("FaultTable", [*every, *_fields_of(KINDS[kind])], kw_only=True)
-
-
-def _fields_of(kind: type, apart: tuple[str, ...] = ()) -> list[tuple[str, Any, Any]]:
-    """Return name, type with its range, and default of a dataclass's fields."""
-    hints = get_type_hints(kind, include_extras=True)
-    return [
-        (each.name, hints[each.name], field(default=each.default)) for each in fields(kind) if each.name not in apart
-    ]
 
 
 def _measured(target: str) -> tuple[str, ...]:
@@ -215,22 +304,14 @@ def _check_whole(place: _FileLocation, scenario: Scenario) -> None:
             config = laid_over(config, scenario.settings, f"{OVERLAY}.")
         except BadConfig as error:
             raise place.within(OVERLAY, f"{OVERLAY}.").error(str(error)) from None
-    _check_times(place, scenario)
-    _check_fit(place, scenario, config)
-
-
-def _check_times(place: _FileLocation, scenario: Scenario) -> None:
     times = {"fault": [each.at_s for each in scenario.faults], "command": [each.at_s for each in scenario.commands]}
     for table, at in times.items():
         for number, at_s in enumerate(at):
             if at_s >= scenario.for_s:
                 over = f"key '{table}.at_s' = {at_s:g}: the scenario is over at for_s = {scenario.for_s:g}"
                 raise place.within(f"{table}.{number}", f"{table}.").error(over)
-
-
-def _check_fit(place: _FileLocation, scenario: Scenario, config: RoverConfig) -> None:
     for number, fault in enumerate(scenario.faults):
-        if why := misfit(config, scenario.depth, fault):
+        if why := misfit(fault, config, scenario.depth):
             raise place.within(f"fault.{number}", "fault.").error(f"key 'fault.target' = '{fault.target}': {why}")
 
 
