@@ -27,7 +27,6 @@ NEEDS = {
     "--physics mujoco": OptionalExtra("physics", {"mujoco": "mujoco"}),
     "--video": OptionalExtra("physics", {"av": "av", "PIL": "pillow", "scipy": "scipy"}),
     "--figures": OptionalExtra("figures", {"matplotlib": "matplotlib"}),
-    "an index of runs": OptionalExtra("sim", {"jinja2": "jinja2"}),
     "a report": OptionalExtra("sim", {"bokeh": "bokeh", "numpy": "numpy"}),
     "the live page": OptionalExtra("live", {"aiohttp": "aiohttp"}),
     "a table": OptionalExtra("sim", {"pyarrow": "pyarrow"}),

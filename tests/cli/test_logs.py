@@ -48,12 +48,6 @@ def test_list_has_a_line_for_each_run_the_newest_last(run: Run) -> None:
     assert second.split()[0] == "2"
 
 
-def test_index_is_a_page_in_the_folder_of_the_logs(run: Run, logs: Path) -> None:
-    code, out, _ = run("index")
-    assert (code, out) == (0, f"the index is {logs / 'index.html'}\n")
-    assert (logs / "index.html").read_text().count('<tr class="indexed') == 2
-
-
 def test_show_tells_a_run_from_its_beginning_without_colours_in_a_file(run: Run) -> None:
     code, out, _ = run("show", 1)
     assert code == 0
@@ -62,9 +56,7 @@ def test_show_tells_a_run_from_its_beginning_without_colours_in_a_file(run: Run)
     assert "\x1b" not in out
 
 
-@pytest.mark.parametrize(
-    "command", ["logs list", "logs index", "logs show", "logs summary", "logs check", "logs export", "report"]
-)
+@pytest.mark.parametrize("command", ["logs list", "logs show", "logs summary", "logs check", "logs export", "report"])
 def test_name_of_a_folder_cannot_control_the_terminal(
     logs: Path, command: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -13,7 +13,7 @@ import pytest
 from tests.fieldlog.disks import FailingCall
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog import folders
-from wayfarer.fieldlog.folders import find_run, new_run_folder, run_folders, run_number
+from wayfarer.fieldlog.folders import find_run, new_run_folder, run_folders, run_number, short_name
 
 TIME = "20261121T061405Z"
 
@@ -119,6 +119,10 @@ def test_run_is_found_by_number_name_or_path(tmp_path: Path) -> None:
         find_run("5", tmp_path)
     with pytest.raises(BadInput, match="holds no run"):
         find_run(None, tmp_path / "none")
+
+
+def test_folder_that_only_begins_with_a_number_is_not_called_by_it() -> None:
+    assert [short_name(Path(name)) for name in ("00017-20261121T061405Z", "17-foo")] == ["17", "17-foo"]
 
 
 def test_number_that_two_runs_have_names_both(tmp_path: Path) -> None:

@@ -96,4 +96,4 @@ def test_every_view_has_a_new_key_of_a_tick(tmp_path: Path) -> None:
     assert model.state()["further"] == "moon 13 degrees"
     model.take(tick(0.6, stars="x" * 10_000))
     assert len(model.state()["further"]) == 500, "a page is for a telephone"
-    assert panels_of([read_run(write(tmp_path, records))])[-1].title == "moon_deg"
+    assert panels_of(read_run(write(tmp_path, records)))[-1].title == "moon_deg"

@@ -13,6 +13,7 @@ from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.views import palette
 from wayfarer.views.live.document import document
 from wayfarer.views.page.frame import write_page
+from wayfarer.views.page.plots import Plots
 
 CONTRAST = 3.0  # WCAG 2.1, success criterion 1.4.11
 APART = 0.06  # of OKLab: three times the difference that is just noticeable, 0.02
@@ -67,7 +68,7 @@ def seen(colour: str, eye: Triple) -> Triple:
 @pytest.mark.parametrize("ground", [palette.PAPER, palette.NIGHT])
 def test_colours_stand_out_from_the_ground(ground: str) -> None:
     lines = {
-        *palette.PHASE_COLOURS.values(), *palette.RUNS, *palette.SERIES, palette.RECKONED, palette.RECEIVER,
+        *palette.PHASE_COLOURS.values(), *palette.SERIES, palette.RECKONED, palette.RECEIVER,
         palette.TROUBLE, palette.TRUNK, palette.TREE, palette.GOAL_LINE,
     }  # fmt: skip
     assert {colour: contrast(colour, ground) for colour in lines if contrast(colour, ground) < CONTRAST} == {}
@@ -93,5 +94,5 @@ def test_every_phase_that_moves_and_every_anomaly_has_a_look() -> None:
 
 
 def test_pages_take_the_phases_from_the_palette(tmp_path: Path) -> None:
-    live, report = document().html.decode(), write_page(tmp_path / "page.html", "A page", []).read_text()
+    live, report = document().html.decode(), write_page(tmp_path / "page.html", "A page", [], Plots()).read_text()
     assert all(palette.css() in page for page in (live, report))

@@ -39,7 +39,6 @@ TONES = {
 
 EXAMPLES = examples(
     "wayfarer logs list",
-    "wayfarer logs index",
     "wayfarer logs follow",
     "wayfarer logs summary 17",
     "wayfarer logs export 17 --format csv",
@@ -81,27 +80,6 @@ def list_runs(*, log_dir: LogDir = None, as_json: AsJson = False) -> None:
     print(titles)
     for line, row in zip(shown, found, strict=True):
         print(painted(line, TONES.get(row.outcome, "")))
-
-
-@command()
-def index(
-    *,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", dir_okay=False, help="File name of the page. (default: index.html in the folder)"),
-    ] = None,
-    log_dir: LogDir = None,
-) -> None:
-    """Write an HTML page that lists all runs, with search, filters and marks."""
-    require("an index of runs")
-    from wayfarer.fieldlog.clock import wall_clock
-    from wayfarer.fieldlog.fields import escape_control_chars
-    from wayfarer.views.run_index.page import write_index
-    from wayfarer.views.text.scripting import say_next
-
-    page = write_index(log_folder(log_dir), wall_clock(0.0), out)
-    print(f"the index is {escape_control_chars(str(page))}")
-    say_next("xdg-open", page)
 
 
 @command()

@@ -1,4 +1,4 @@
-"""``wayfarer report``: an HTML page with figures, of a field run or two, a campaign, a sweep or a search."""
+"""``wayfarer report``: an HTML page with figures, of a field run, a campaign, a sweep or a search."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from wayfarer.views.text.scripting import say_next
 EXAMPLES = examples(
     "wayfarer report",
     "wayfarer report 17",
-    "wayfarer report 17 18",
     "wayfarer report 17 --out ~/run17/report.html",
     "wayfarer report results",
     "wayfarer report results --gallery 30 --jobs 2",
@@ -33,9 +32,6 @@ def report(
             help="A run, or a folder that `wayfarer sim --out`, `wayfarer sweep --out` or `wayfarer tune --out` wrote.",
         ),
     ] = "last",
-    other: Annotated[
-        str | None, typer.Argument(metavar="RUN", help="Another run, to be shown beside the first one in one page.")
-    ] = None,
     *,
     gallery: Annotated[
         int, typer.Option(min=0, max=1000, metavar="N", help="Number of trials of a campaign to run again and draw.")
@@ -46,7 +42,7 @@ def report(
         typer.Option(
             metavar="FILE",
             dir_okay=False,
-            help="File name of the page. (default: report.html in the run's folder; of two runs, in the second one's)",
+            help="File name of the page. (default: report.html in the folder)",
         ),
     ] = None,
     figures: Annotated[
@@ -60,19 +56,15 @@ def report(
     allow_code: AllowCode = False,
     log_dir: LogDir = None,
 ) -> None:
-    """Write report.html for a run (default: the newest), two runs side by side, a campaign, a sweep or a search."""
+    """Write report.html for a run (default: the newest), a campaign, a sweep or a search."""
     require("a report")
     if figures:
         require("--figures")
     from wayfarer.fieldlog.fields import escape_control_chars
-    from wayfarer.fieldlog.folders import find_run
-    from wayfarer.views.run_report.run import write_comparison, write_run_report
+    from wayfarer.views.run_report.run import write_run_report
 
     folder = log_folder(log_dir)
-    if other is not None:
-        _refuse(figures)
-        page = write_comparison(find_run(what, folder), find_run(other, folder), out)
-    elif run := _run(what, folder):
+    if run := _run(what, folder):
         _refuse(figures)
         page = write_run_report(run, out)
     else:

@@ -46,7 +46,6 @@ LEVEL_COLOURS: Mapping[str, str] = {
     Level.HOLD.name.lower(): RED,
     Level.FAULT.name.lower(): PURPLE,
 }
-RUNS = (BLUE, VERMILION)  # two runs in one page
 SERIES = (BLUE, VERMILION, GREEN, PURPLE, VIOLET)  # curves beside each other; with dashes for more
 MEASURED, LIMIT = BLUE, VERMILION
 RECEIVER = MAGENTA

@@ -88,12 +88,12 @@ def middle(shown: Opened) -> tuple[float, float]:
 def test_page_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(BadInput, match=r"cannot be written there: .*; name another file with --out"):
-        write_page(tmp_path / "file" / "page.html", "A page", [])
+        write_page(tmp_path / "file" / "page.html", "A page", [], Plots())
 
 
 def test_text_is_escaped_once_and_a_line_feed_in_a_table_parts_lines(tmp_path: Path) -> None:
     table = html.table(HOSTILE, ["who", "path\nm"], [("group", ["a & b", "1\n<2"])])
-    text = write_page(tmp_path / "page.html", HOSTILE, [html.section(HOSTILE, table), HOSTILE]).read_text()
+    text = write_page(tmp_path / "page.html", HOSTILE, [html.section(HOSTILE, table), HOSTILE], Plots()).read_text()
     assert HOSTILE not in text
     assert text.count("&lt;/script&gt;&lt;b&gt;bold&lt;/b&gt;") == 5, "title, heading, section, caption, and body"
     assert '<th scope="row">a &amp; b</th><td data-column="path m">1<br>&lt;2</td>' in text

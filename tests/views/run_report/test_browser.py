@@ -1,4 +1,4 @@
-"""The page of one run, and of two, in a real browser, opened from disk without a network."""
+"""The page of a run in a real browser, opened from disk without a network."""
 
 from __future__ import annotations
 
@@ -10,15 +10,14 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from tests.browser import PHONE, SIZES, OpenPage, drag, opening_pages, plotted
-from tests.views.run_report.logs import ARMED, HEADER, OUTCOME, by_time, episode, fix, tick, write_log
-from tests.views.text.records import event, outcome
+from tests.views.run_report.logs import ARMED, HEADER, OUTCOME, by_time, episode, fix, write_log
+from tests.views.text.records import event
 from wayfarer.views import palette
-from wayfarer.views.run_index.page import write_index
-from wayfarer.views.run_report.run import write_comparison, write_run_report
+from wayfarer.views.run_report.run import write_run_report
 
 MODELS = "[...Bokeh.documents[0]._all_models.values()]"
 SEEN = f"(({{x_range}}) => [x_range.start, x_range.end])({MODELS}.find((model) => model.name === 'speed'))"
-RING = f"[...{MODELS}.find((model) => model.name === 'here-0').data_source.data.y]"
+RING = f"[...{MODELS}.find((model) => model.name === 'here').data_source.data.y]"
 CONTACT_MAP: dict[str, Any] = {
     "right_m": 0.0, "trunks": [[4.0, -1.0, 4.0, 1.0, 0.9], [5.0, -1.0, 5.0, 1.0, 0.1]], "way": [[3.0, 1.2]],
     "mode": "plan",
@@ -27,20 +26,12 @@ TEXT = "<b>a mark</b> without an end" + "d" * 120
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """A run with an episode and a mark, and one that turned east."""
-    folder = tmp_path_factory.mktemp("runs")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of a run with an episode and a mark."""
     maps = [event("contact_map", at_s, **CONTACT_MAP | {"ahead_m": at_s}) for at_s in (1.0, 2.0)]
     maps[1]["mode"] = "pledge"
-    first = by_time(HEADER, ARMED, *episode(), *maps, fix(2.0, 2.0), event("mark", 4.5, text=TEXT), OUTCOME)
-    second = [HEADER, ARMED, *(tick(0.05 * at, heading_deg=90.0) for at in range(60)), outcome(2.95)]
-    return [write_log(folder / f"0001{each}-20261121T061405Z", records) for each, records in ((7, first), (8, second))]
-
-
-@pytest.fixture(scope="module")
-def report(runs: list[Path]) -> Path:
-    """The page of the run with an episode."""
-    return write_run_report(runs[0])
+    records = by_time(HEADER, ARMED, *episode(), *maps, fix(2.0, 2.0), event("mark", 4.5, text=TEXT), OUTCOME)
+    return write_run_report(write_log(tmp_path_factory.mktemp("runs") / "00017-20261121T061405Z", records))
 
 
 @pytest.fixture(scope="module")
@@ -99,25 +90,6 @@ def test_page_shows_plots_and_tables_and_does_not_overflow(
     assert shown.page.locator("dl.facts").is_hidden()
     shown.page.locator("summary").click()
     assert shown.page.locator("dl.facts").is_visible()
-    assert shown.overflow_px() == 0
-    assert shown.trouble == []
-
-
-def test_index_filters_and_sorts_its_rows(runs: list[Path], browser_page: OpenPage) -> None:
-    shown = browser_page(offline=True)
-    shown.page.goto(write_index(runs[0].parent, 2e9).as_uri())
-    numbers = shown.page.locator("tbody tr:visible th")
-    assert numbers.all_inner_texts() == ["18", "17"]
-    shown.page.get_by_role("button", name="run").click()
-    assert numbers.all_inner_texts() == ["17", "18"]
-    shown.page.get_by_role("button", name="lasted").click()
-    assert numbers.all_inner_texts() == ["18", "17"]
-    shown.page.get_by_label("search").fill("MARK</b> without")
-    assert numbers.all_inner_texts() == ["17"]
-    assert shown.page.locator("output").inner_text() == "1 of 2 runs"
-    shown.page.get_by_label("search").fill("")
-    shown.page.get_by_label("from").fill("2040-01-01")
-    assert numbers.all_inner_texts() == []
     assert shown.overflow_px() == 0
     assert shown.trouble == []
 
@@ -188,16 +160,3 @@ def test_anomalies_can_be_switched_off_on_map_and_panels(desk: Page) -> None:
     assert desk.evaluate(visible) == [False, False]
     desk.get_by_label("anomalies").check()
     assert desk.evaluate(visible) == [True, True]
-
-
-@SIZES
-def test_two_runs_share_the_cursor(runs: list[Path], browser_page: OpenPage, viewport: tuple[int, int]) -> None:
-    shown = plotted(browser_page, write_comparison(*runs), viewport)
-    shown.page.locator(".cursor input").fill("1.0")
-    assert read(shown.page, "heading") == "17: 0 °, 18: 90 °"
-    shown.page.locator(".cursor input").fill("2.9")
-    assert read(shown.page, "phase") == "17: Probing in a curve, 18: Following the goal"
-    shown.page.locator(".cursor input").fill("3.3")
-    assert read(shown.page, "phase") == "17: Probing in a curve, 18: ended"
-    assert shown.overflow_px() == 0
-    assert shown.trouble == []

@@ -54,8 +54,8 @@ def test_lost_beginning_is_no_start(tmp_path: Path) -> None:
     def on_map(name: str, *records: Record) -> tuple[bool, bool]:
         """Whether the map has a star at the start, and whether it says that something is lost."""
         track = track_of(data_of(tmp_path / name, *records))
-        scatters: Any = map_plot([track]).select({"type": Scatter})
-        return "star" in {each.marker for each in scatters}, GAPS in track_caption([track])
+        scatters: Any = map_plot(track).select({"type": Scatter})
+        return "star" in {each.marker for each in scatters}, GAPS in track_caption(track)
 
     assert on_map("late", {**HEADER, "part": 2}, *without(drive(), 0, 40)) == (False, False)
     assert on_map("headless", *without(drive(), 0, 40)) == (False, False)
@@ -114,7 +114,7 @@ def test_further_numbers_are_columns_of_all_ticks_and_only_so_many(tmp_path: Pat
     assert list(data.further) == ["moon_deg"]
     np.testing.assert_array_equal(data.further["moon_deg"], [np.nan, 1.0, np.nan, 2.0])
     many = {f"\x1b{number}": number for number in range(1000)}
-    panels = panels_of([data_of(tmp_path / "many", HEADER, *drive(1.0), tick(1.0, **many))])
+    panels = panels_of(data_of(tmp_path / "many", HEADER, *drive(1.0), tick(1.0, **many)))
     assert [panel.title for panel in panels[-2:]] == ["\\x1b10", "\\x1b11"]
 
 

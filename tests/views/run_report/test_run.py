@@ -197,7 +197,7 @@ def test_wheels_heading_and_goal_are_drawn_about_zero_as_the_log_has_them(tmp_pa
     drawn_as = {name: set(line[1]) for name in ("left wanted", "left applied") if (line := line_of(name, data))}
     assert drawn_as == {"left wanted": {1.0}, "left applied": {0.6}}
     plots = Plots()
-    list(draw_panels([data], plots))
+    list(draw_panels(data, plots))
     heading = json.loads(plots.to_json())["document"]["roots"][1]["attributes"]
     assert (heading["y_range"]["attributes"], heading["name"]) == (
         {"start": -190.0, "end": 190.0},

@@ -23,7 +23,7 @@ def write_page(
     usual: Path,
     title: str,
     body: Iterable[str],
-    plots: Plots | None = None,
+    plots: Plots,
     script: str = "",
     *,
     out: Path | None = None,
@@ -54,21 +54,21 @@ def write_page(
     return path
 
 
-def _document(title: str, body: Iterable[str], plots: Plots | None, script: str) -> str:
+def _document(title: str, body: Iterable[str], plots: Plots, script: str) -> str:
     body = list(body)  # which places the plots
     return template("wayfarer.views.page", "frame.html").render(
         title=title,
         style=palette.css() + _own("page.css"),
         body=body,
-        plots=plots and plots.to_json().replace("<", "\\u003c"),  # else a text in it could end the element
-        scripts=(bokeh_js(), script, _own("page.js")) if plots else filter(None, [script]),
+        plots=plots.to_json().replace("<", "\\u003c"),  # else a text in it could end the element
+        scripts=(bokeh_js(), script, _own("page.js")),
     )
 
 
 @cache
 def bokeh_js() -> str:
     """Return Bokeh for browsers: 1.3 MB, without its widgets, tables and WebGL."""
-    from bokeh.resources import Resources  # takes half a second, which a page without plots need not
+    from bokeh.resources import Resources  # takes half a second
 
     return "\n".join(Resources(mode="inline", components=["bokeh"], log_level="warn").js_raw)
 

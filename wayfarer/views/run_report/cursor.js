@@ -1,20 +1,19 @@
 "use strict";
-// One cursor for the map and all time panels: a line in each panel, a ring on each path, and the values at its time.
+// One cursor for the map and all time panels: a line in each panel, a ring on the path, and the values at its time.
 document.addEventListener("plotted", ({ detail: plotted }) => {
   const models = [...plotted._all_models.values()];
   const panels = models.filter((model) => model.tags?.includes("time"));
   const lines = models.filter((model) => model.tags?.includes("cursor"));
   const map = models.find((model) => model.name === "map");
-  const paths = models.filter((model) => /^path-/.test(model.name)).map((drawn) => drawn.data_source.data);
-  const rings = models.filter((model) => /^here-/.test(model.name)).map((drawn) => drawn.data_source);
+  const path = models.find((model) => model.name === "path")?.data_source.data;
+  const ring = models.find((model) => model.name === "here")?.data_source;
   const remembered = models.filter((model) => model.name === "memory");
   const slider = document.querySelector(".cursor input");
   const shown = document.querySelector(".cursor dl");
-  // What is read at the cursor: a renderer's tag says its run, name, unit and decimals.
+  // What is read at the cursor: a renderer's tag says its name, unit and decimals.
   const readings = models.filter((model) => model.data_source).flatMap((model) => model.tags
     .filter((tag) => tag instanceof Map || typeof tag === "object")
     .map((tag) => ({ ...(tag instanceof Map ? Object.fromEntries(tag) : tag), data: model.data_source.data })));
-  const runs = JSON.parse(document.querySelector(".cursor").dataset.runs);
 
   // The last index at which times are not later; -1 before the first.
   function before(times, t) {
@@ -32,8 +31,7 @@ document.addEventListener("plotted", ({ detail: plotted }) => {
     return `${Math.floor(seconds / 3600)}:${two(Math.floor(seconds / 60) % 60)}:${two(seconds % 60)}.${tenths % 10}`;
   }
 
-  function valueAt({ data, decimals, unit, run }, t) {
-    if (t > runs[run].end) return "ended";
+  function valueAt({ data, decimals, unit }, t) {
     const at = before(data.x, t), value = at < 0 ? undefined : (data.value ?? data.y)[at];
     if (typeof value === "string") return value;
     if (value === undefined || Number.isNaN(value)) return "unknown";
@@ -43,17 +41,14 @@ document.addEventListener("plotted", ({ detail: plotted }) => {
 
   function show(t) {
     for (const line of lines) line.location = t;
-    paths.forEach((path, run) => {
+    if (path) {
       const at = before(path.t, t);
-      rings[run].data = at < 0 ? { x: [], y: [] } : { x: [path.x[at]], y: [path.y[at]] };
-    });
+      ring.data = at < 0 ? { x: [], y: [] } : { x: [path.x[at]], y: [path.y[at]] };
+    }
     for (const { view, data_source: { data } } of remembered) {
       view.filter.indices = [...data.t.keys()].filter((row) => data.t[row] <= t && t < data.until[row]);
     }
-    const names = [...new Set(readings.map((reading) => reading.name))];
-    const rows = names.map((name) => [name, readings.filter((reading) => reading.name === name)
-      .sort((a, b) => a.run - b.run)
-      .map((reading) => (runs.length > 1 ? `${runs[reading.run].name}: ` : "") + valueAt(reading, t)).join(", ")]);
+    const rows = readings.map((reading) => [reading.name, valueAt(reading, t)]);
     shown.replaceChildren(...[["time", clock(t)], ...rows].map(([name, value]) => {
       const row = document.createElement("div");
       row.dataset.name = name;
@@ -74,11 +69,9 @@ document.addEventListener("plotted", ({ detail: plotted }) => {
     for (const panel of panels) panel.on_event(name, ({ x }) => show(within(x)));
     map?.on_event(name, ({ x, y }) => {
       let nearest = Infinity, t = null;
-      for (const path of paths) {
-        for (let at = 0; at < path.t.length; at += 1) {
-          const distance = (path.x[at] - x) ** 2 + (path.y[at] - y) ** 2;
-          if (distance < nearest) [nearest, t] = [distance, path.t[at]];
-        }
+      for (let at = 0; at < path.t.length; at += 1) {
+        const distance = (path.x[at] - x) ** 2 + (path.y[at] - y) ** 2;
+        if (distance < nearest) [nearest, t] = [distance, path.t[at]];
       }
       if (t !== null) show(t);
     });

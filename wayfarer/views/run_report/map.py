@@ -1,4 +1,4 @@
-"""The map of one run or of two: metres east and north."""
+"""The map of a run: metres east and north."""
 
 from __future__ import annotations
 
@@ -30,35 +30,32 @@ END: Mapping[str, Any] = {"marker": "x", "size": 11, "line_width": 3}
 START: Mapping[str, Any] = {"marker": "star", "size": 14, "line_width": 1}
 
 
-def map_plot(tracks: Sequence[Track]) -> Figure:
-    """Return the map. One run is in the colours of its phases, two have a colour each."""
-    aspect = LOWER_ASPECT if any(track.data.contact_maps for track in tracks) else ASPECT
+def map_plot(track: Track) -> Figure:
+    """Return the map, with the path in the colours of its phases."""
+    aspect = LOWER_ASPECT if track.data.contact_maps else ASPECT
     map_ = plot("map", None, "map", sizing_mode="scale_width", aspect_ratio=aspect, match_aspect=True)
     map_.min_border_left = 40  # as wide as its numbers, whichever they are
     map_.xaxis.axis_label = "metres east; upwards: metres north"
-    if tracks and tracks[0].forest:
-        draw_forest(map_, tracks[0].forest)
-    side_m = _leave_room(map_, tracks)
-    for at, track in enumerate(tracks):
-        colours = palette.PHASE_COLOURS if len(tracks) == 1 else dict.fromkeys(PHASES, palette.RUNS[at])
-        _draw_fixes(map_, track)
-        if track.data.contact_maps:
-            draw_memory(map_, track)
-        _draw_event_marks(map_, track, "anomaly", palette.ANOMALY, 8)  # beneath the path: hundreds of them cover it
-        _draw_path(map_, track, colours)
-        _draw_goals(map_, track, side_m)
-        _draw_event_marks(map_, track, "mark", palette.MARK, 16)
-        _draw_ends(map_, track, palette.RUNS[at])
-    _draw_cursors(map_, tracks)
+    if track.forest:
+        draw_forest(map_, track.forest)
+    side_m = _leave_room(map_, track)
+    _draw_fixes(map_, track)
+    if track.data.contact_maps:
+        draw_memory(map_, track)
+    _draw_event_marks(map_, track, "anomaly", palette.ANOMALY, 8)  # beneath the path: hundreds of them cover it
+    _draw_path(map_, track)
+    _draw_goals(map_, track, side_m)
+    _draw_event_marks(map_, track, "mark", palette.MARK, 16)
+    _draw_ends(map_, track.path, from_start=track.data.summary.where.from_start)
+    _draw_cursor(map_, track.path)
     return map_
 
 
-def _leave_room(map_: Figure, tracks: Sequence[Track]) -> float:
+def _leave_room(map_: Figure, track: Track) -> float:
     """Make the map so large that everything is on it, and return its side in metres."""
-    paths = [path for track in tracks for path in (track.path, track.reckoned) if path is not None]
-    fixes_m = np.concatenate([track.fixes_m for track in tracks])
-    x_m = np.concatenate([*(path.east_m for path in paths), fixes_m.real])
-    y_m = np.concatenate([*(path.north_m for path in paths), fixes_m.imag])
+    paths = [path for path in (track.path, track.reckoned) if path is not None]
+    x_m = np.concatenate([*(path.east_m for path in paths), track.fixes_m.real])
+    y_m = np.concatenate([*(path.north_m for path in paths), track.fixes_m.imag])
     x_m, y_m = (each[~np.isnan(each)] if not np.isnan(each).all() else np.zeros(1) for each in (x_m, y_m))
     side_m = max(SMALLEST_M, float(np.ptp(x_m)), float(np.ptp(y_m)))
     corners_m = [(each.min() + each.max()) / 2.0 + np.array([-0.55, 0.55]) * side_m for each in (x_m, y_m)]
@@ -87,15 +84,15 @@ def _draw_fixes(map_: Figure, track: Track) -> None:
     map_.add_tools(hover([dots], *rows))
 
 
-def _draw_path(map_: Figure, track: Track, colours: Mapping[str, str]) -> None:
+def _draw_path(map_: Figure, track: Track) -> None:
     if track.reckoned is not None:
         _line(map_, _thinned(track.reckoned)[1:3], palette.RECKONED, "reckoned", line_dash=[6, 3])
     path = _thinned(track.path)
-    for phase, colour in colours.items():
+    for phase, colour in palette.PHASE_COLOURS.items():
         inside = path.phase == PHASES.index(phase)
         if inside.any():
             _line(map_, pieces(inside, path.east_m, path.north_m), colour, phase, line_width=2.5)
-    if len(set(colours.values())) > 1 and np.isnan(path.phase).all():
+    if np.isnan(path.phase).all():
         _line(map_, (path.east_m, path.north_m), palette.GREY, "unknown")
 
 
@@ -120,25 +117,23 @@ def _draw_event_marks(map_: Figure, track: Track, name: str, colour: str, size: 
     map_.add_tools(hover([drawn], ("what", "@what"), ("time", "@t{0.0} s")))
 
 
-def _draw_ends(map_: Figure, track: Track, colour: str) -> None:
+def _draw_ends(map_: Figure, path: TimedPath, *, from_start: bool) -> None:
     """Mark where the path begins again after a gap, its start if the log has it, and its end."""
-    path = track.path
     behind = np.flatnonzero(np.isnan(path.east_m)) + 1
     map_.scatter(path.east_m[behind], path.north_m[behind], marker="diamond", size=9, fill_color=palette.PAPER, **EDGE)
     if path.t_s.size:
-        ends = [(START, 0)] if track.data.summary.where.from_start else []
+        ends = [(START, 0)] if from_start else []
         for style, at in [*ends, (END, -1)]:
-            map_.scatter(path.east_m[[at]], path.north_m[[at]], color=colour, **style)
+            map_.scatter(path.east_m[[at]], path.north_m[[at]], color=palette.BLUE, **style)
 
 
-def _draw_cursors(map_: Figure, tracks: Sequence[Track]) -> None:
-    """Put in what the cursor needs: the paths over time, unseen, and a ring on each at the time of the cursor."""
-    for at, track in enumerate(tracks):
-        path = _thinned(track.path)
-        over_time = source(t=path.t_s, x=path.east_m, y=path.north_m)
-        map_.line("x", "y", source=over_time, line_alpha=0.0, name=f"path-{at}")
-        ring: Any = {"size": 16, "fill_color": None, "line_width": 3, "color": palette.RUNS[1 - at]}
-        map_.scatter("x", "y", source=source(x=[], y=[]), name=f"here-{at}", **ring)
+def _draw_cursor(map_: Figure, path: TimedPath) -> None:
+    """Put in what the cursor needs: the path over time, unseen, and a ring on it at the time of the cursor."""
+    path = _thinned(path)
+    over_time = source(t=path.t_s, x=path.east_m, y=path.north_m)
+    map_.line("x", "y", source=over_time, line_alpha=0.0, name="path")
+    ring: Any = {"size": 16, "fill_color": None, "line_width": 3, "color": palette.VERMILION}
+    map_.scatter("x", "y", source=source(x=[], y=[]), name="here", **ring)
 
 
 def _thinned(path: TimedPath) -> TimedPath:

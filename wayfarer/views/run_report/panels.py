@@ -1,4 +1,4 @@
-"""The time panels of one run or of two: they share the range of time, the cursor and the background.
+"""The time panels of a run: they share the range of time, the cursor and the background.
 
 Behind the lines are the phases as bands and the events as lines; the first panel is that of the events.
 """
@@ -41,53 +41,47 @@ return minutes < 60 ? `${minutes}:${seconds}` : `${Math.floor(minutes / 60)}:${t
 
 
 class PanelLine(NamedTuple):
-    """A line of a panel, of the run with this index."""
+    """A line of a panel."""
 
-    run: int
     name: str
     line: Line
     look: Mapping[str, Any]
 
 
-def draw_panels(runs: Sequence[RunData], plots: Plots) -> Iterator[Markup]:
-    """Yield the HTML of all panels for which there is something in a log, the first from the top."""
-    found = [(panel, lines) for panel in panels_of(runs) if (lines := list(_lines_of(panel, runs)))]
+def draw_panels(data: RunData, plots: Plots) -> Iterator[Markup]:
+    """Yield the HTML of all panels for which there is something in the log, the first from the top."""
+    found = [(panel, lines) for panel in panels_of(data) if (lines := list(_lines_of(panel, data)))]
     if not found:
         return
-    time, shared = _time_range(runs), [_panel_background(data) for data in runs]
-    yield html.key("events", []) + plots.place(_events_panel(runs, time, shared))
+    time, behind = _time_range(data), _panel_background(data)
+    yield html.key("events", []) + plots.place(_events_panel(data, time, behind))
     for panel, lines in found:
-        key = [(each.name, each.look["line_color"]) for each in lines if len(runs) == 1]
+        key = [(each.name, each.look["line_color"]) for each in lines]
         title = f"{panel.title}, {panel.unit}" if panel.unit else panel.title
-        yield html.key(title, key) + plots.place(_draw(panel, lines, runs, time, shared))
+        yield html.key(title, key) + plots.place(_draw(panel, lines, data, time, behind))
 
 
-def _lines_of(panel: Panel, runs: Sequence[RunData]) -> Iterator[PanelLine]:
-    for run, data in enumerate(runs):
-        for quantity in panel.quantities:
-            if (line := quantity.line(data)) is not None:
-                colour = quantity.colour if len(runs) == 1 else palette.RUNS[run]
-                look = {"line_width": 1.5, **quantity.look, "line_color": colour}
-                yield PanelLine(run, quantity.name, line, look)
+def _lines_of(panel: Panel, data: RunData) -> Iterator[PanelLine]:
+    for quantity in panel.quantities:
+        if (line := quantity.line(data)) is not None:
+            yield PanelLine(quantity.name, line, {"line_width": 1.5, **quantity.look, "line_color": quantity.colour})
 
 
-def _draw(
-    panel: Panel, lines: Sequence[PanelLine], runs: Sequence[RunData], time: Range1d, shared: Sequence[PanelBackground]
-) -> Figure:
+def _draw(panel: Panel, lines: Sequence[PanelLine], data: RunData, time: Range1d, behind: PanelBackground) -> Figure:
     made = _time_panel(panel.title, HEIGHT_PX, time, y_axis_type=_axis_type(panel, lines))
-    _background(made, shared)
+    _background(made, behind)
     renderers = []
-    for run, name, line, look in lines:
+    for name, line, look in lines:
         if panel.centre is None:
             t_s, values = thinned(line)
             drawn = source(x=t_s, y=values)
         else:
-            centre_deg = panel.centre(runs[run])
+            centre_deg = panel.centre(data)
             t_s, values = thinned(around(line, centre_deg))
             whole_deg = np.round(values + centre_deg, panel.decimals) % 360.0  # rounded first: 359.7 is 0, not 360
             drawn = source(x=t_s, y=values, value=whole_deg)
         renderers.append(made.line("x", "y", source=drawn, name=name, **look))
-        renderers[-1].tags = [{"run": run, "name": name, "unit": panel.unit, "decimals": panel.decimals}]
+        renderers[-1].tags = [{"name": name, "unit": panel.unit, "decimals": panel.decimals}]
     decimals = f"0.{'0' * panel.decimals}" if panel.decimals else "0"
     value = f"@{'value' if panel.centre else 'y'}{{{decimals}}} {panel.unit}"
     made.add_tools(hover(renderers, ("", "$name"), ("value", value), ("time", "@x{0.0} s"), line_policy="nearest"))
@@ -95,7 +89,7 @@ def _draw(
     if panel.centre is not None:
         made.y_range = Range1d(start=-190.0, end=190.0)  # a line at the edge is seen too
         made.yaxis.ticker = [-180, -90, 0, 90, 180]
-    for limit in panel.limits(runs[0]):
+    for limit in panel.limits(data):
         if not isnan(limit):
             made.add_layout(Span(location=limit, dimension="width", line_color=palette.LIMIT, line_dash=[2, 3]))
     return made
@@ -109,9 +103,9 @@ def _axis_type(panel: Panel, lines: Sequence[PanelLine]) -> Literal["linear", "l
 # -- what all panels have, and the panel of events ------------------------------------------------------------------
 
 
-def _time_range(runs: Sequence[RunData]) -> Range1d:
-    """Return the range that all panels share: the longest of the runs, which all begin at 0."""
-    end_s = max([1.0, *(data.summary.lasted_s for data in runs)])
+def _time_range(data: RunData) -> Range1d:
+    """Return the range that all panels share: the whole run."""
+    end_s = max(1.0, data.summary.lasted_s)
     return Range1d(start=0.0, end=end_s, bounds=(0.0, end_s), min_interval=min(end_s, NARROWEST_S))
 
 
@@ -128,14 +122,14 @@ def _time_panel(name: str, height_px: int, time: Range1d, **settings: Any) -> Fi
 
 
 class PanelBackground(NamedTuple):
-    """The phases of one run by name, and its events by layer, for all panels."""
+    """The phases of the run by name, and its events by layer, for all panels."""
 
     phases: Mapping[str, ColumnDataSource]
     events: Mapping[str, ColumnDataSource]
 
 
 def _panel_background(data: RunData) -> PanelBackground:
-    """Return what all panels of a run show behind their lines."""
+    """Return what all panels show behind their lines."""
     bands = spans(data.ticks, data.ticks["phase"])
     inside = {phase: [each for each in bands if PHASES[int(each.value)] == phase] for phase in palette.PHASE_COLOURS}
     told = event_marks(data)
@@ -147,46 +141,38 @@ def _panel_background(data: RunData) -> PanelBackground:
     )  # fmt: skip
 
 
-def _background(made: Figure, shared: Sequence[PanelBackground]) -> None:
-    """Draw the phases of a single run, and its events but anomalies, behind a panel."""
-    if len(shared) > 1:
-        return
-    for phase, bands in shared[0].phases.items():
+def _background(made: Figure, behind: PanelBackground) -> None:
+    """Draw the phases of the run, and its events but anomalies, behind a panel."""
+    for phase, bands in behind.phases.items():
         colour = palette.PHASE_COLOURS[phase]
         layer(phase, made.vstrip("x0", "x1", source=bands, fill_color=colour, fill_alpha=SHADE, line_color=None))
     for each in LAYERS:
-        if each.name != "anomaly" and each.name in shared[0].events:
+        if each.name != "anomaly" and each.name in behind.events:
             colour = palette.TROUBLE if each.name == "trouble" else palette.GREY  # the first panel has those of all
-            events = shared[0].events[each.name]
+            events = behind.events[each.name]
             faint = min(0.6, FEW_EVENTS * 0.6 / len(events.data["t"]))  # many lines would hide the curves
             layer(each.name, made.vspan("t", source=events, line_color=colour, line_alpha=faint, line_dash=[3, 3]))
 
 
-def _events_panel(runs: Sequence[RunData], time: Range1d, shared: Sequence[PanelBackground]) -> Figure:
-    """Return the panel of all events: a row for each layer and for when the wheels were held, of each run."""
-    rows = [
-        (run, name, text) for run, data in enumerate(runs)
-        for name, text in [*((layer.name, layer.text) for layer in LAYERS), ("held", "held")]
-        if name in shared[run].events or (name == "held" and _was_held(data))
-    ]  # fmt: skip
+def _events_panel(data: RunData, time: Range1d, behind: PanelBackground) -> Figure:
+    """Return the panel of all events: a row for each layer that has any, and for when the wheels were held."""
+    shown = [each for each in LAYERS if each.name in behind.events]
+    names = [*(each.text for each in shown), *["held"] * _was_held(data)]
     made = _time_panel(
-        "events", ROW_PX * max(1, len(rows)) + AXIS_PX, time, y_range=Range1d(start=len(rows) - 0.5, end=-0.5)
+        "events", ROW_PX * max(1, len(names)) + AXIS_PX, time, y_range=Range1d(start=len(names) - 0.5, end=-0.5)
     )
-    _background(made, shared)
+    _background(made, behind)
     made.ygrid.grid_line_color = None
-    made.yaxis.ticker = list(range(len(rows)))
-    made.yaxis.major_label_overrides = {at: text for at, (_, _, text) in enumerate(rows)}
+    made.yaxis.ticker = list(range(len(names)))
+    made.yaxis.major_label_overrides = dict(enumerate(names))
     drawn: list[GlyphRenderer[Any]] = []
-    for at, (run, name, _) in enumerate(rows):
-        if name == "held":
-            drawn += _held(made, runs[run], at)
-            continue
-        colour = palette.RUNS[run] if len(runs) > 1 else next(each.colour for each in LAYERS if each.name == name)
-        drawn.append(made.scatter("t", at, source=shared[run].events[name], size=9, fill_color=colour, **LOOK))
-        layer(name, drawn[-1])
+    for at, each in enumerate(shown):
+        events = behind.events[each.name]
+        drawn.append(made.scatter("t", at, source=events, size=9, fill_color=each.colour, **LOOK))
+        layer(each.name, drawn[-1])
+    drawn += _held(made, data, len(shown))
     made.add_tools(hover(drawn, ("what", "@what"), ("time", "@t{0.0} s")))
-    for run, data in enumerate(runs):
-        _states(made, run, data)
+    _states(made, data)
     return made
 
 
@@ -206,19 +192,19 @@ def _held(made: Figure, data: RunData, row: int) -> Iterator[GlyphRenderer[Any]]
             yield made.hbar(y=row, left="t", right="right", height=0.6, source=times, color=colour)
 
 
-def _states(made: Figure, run: int, data: RunData) -> None:
+def _states(made: Figure, data: RunData) -> None:
     """Put in, unseen, what the cursor reads of phase, level and contact map: where each changes."""
     phases = {index: in_words(phase) for index, phase in enumerate(PHASES)}
     levels = {int(value): LEVEL_TEXTS[level] for level, value in LEVEL_NUMBERS.items()}
     for name, words in (("phase", phases), ("level", levels)):
         bands = spans(data.ticks, data.ticks[name])
-        _read(made, run, name, [(band.start_s, words[int(band.value)]) for band in bands])
+        _read(made, name, [(band.start_s, words[int(band.value)]) for band in bands])
     if data.contact_maps:
-        _read(made, run, "contact map", [(each.elapsed_s, event_text(each.record)) for each in kept_maps(data)])
+        _read(made, "contact map", [(each.elapsed_s, event_text(each.record)) for each in kept_maps(data)])
 
 
-def _read(made: Figure, run: int, name: str, texts: Sequence[tuple[float, str]]) -> None:
+def _read(made: Figure, name: str, texts: Sequence[tuple[float, str]]) -> None:
     """Put in texts for the cursor, each with the time from which on it counts."""
     changes = source(x=[t_s for t_s, _ in texts], value=[text for _, text in texts])
-    read = {"run": run, "name": name, "unit": "", "decimals": 0}
+    read = {"name": name, "unit": "", "decimals": 0}
     made.scatter("x", 0, source=changes, alpha=0.0).tags = [read]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,7 +29,7 @@ class Panel(NamedTuple):
     """What one panel shows, its unit and the decimals of its values.
 
     ``limits`` are values that shall not be reached. With a ``centre`` the lines are compass headings, drawn from -180
-    to 180 degrees about that of their run.
+    to 180 degrees about it.
     """
 
     title: str
@@ -49,7 +49,7 @@ def _tick(name: str, factor: float = 1.0) -> Callable[[RunData], Line | None]:
 
 
 def _further(name: str) -> Callable[[RunData], Line | None]:
-    return lambda data: at_ticks(data.ticks, data.further[name]) if name in data.further else None
+    return lambda data: at_ticks(data.ticks, data.further[name])
 
 
 def _commanded(data: RunData) -> Line | None:
@@ -95,10 +95,9 @@ def _tilt_limits(data: RunData) -> list[float]:
     return [sign * data.setting("detector", "tilt_deg") for sign in (-1.0, 1.0)]
 
 
-def panels_of(runs: Sequence[RunData]) -> list[Panel]:
-    """Return all panels of some runs: those of the table, and one for each further number of the log."""
-    names = dict.fromkeys(name for data in runs for name in data.further)
-    further = ((escape_control_chars(name), _further(name)) for name in names)
+def panels_of(data: RunData) -> list[Panel]:
+    """Return all panels of a run: those of the table, and one for each further number of the log."""
+    further = ((escape_control_chars(name), _further(name)) for name in data.further)
     return [*PANELS, *(Panel(title, "", 2, (Quantity(title, line),)) for title, line in further)]
 
 

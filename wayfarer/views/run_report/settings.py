@@ -1,8 +1,8 @@
-"""Tables of rover files: what differs from the defaults in one, and what differs between those of two runs."""
+"""What of a run's rover file is not as the defaults."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from typing import Any
 
@@ -15,10 +15,8 @@ from wayfarer.fieldlog.fields import table
 from wayfarer.views.page import html
 from wayfarer.views.run_report.data import RunData
 
-NOT_THERE = "not there"
 NO_SETTINGS = "The log does not tell the rover file."
 ALL_DEFAULTS = "Everything in the rover file is as wayfarer has it by default."
-SAME_SETTINGS = "Nothing: both runs had the same rover file."
 
 
 def own_settings_table(data: RunData) -> Markup:
@@ -39,19 +37,6 @@ def own_settings_table(data: RunData) -> Markup:
         "default, as of body and parts."
     )
     return html.table(caption, ("key", "value", "default"), rows)
-
-
-def changed_settings_table(runs: Sequence[RunData], names: Sequence[str]) -> Markup:
-    """Return the keys of the rover file that have another value, or are in one of the two runs only."""
-    first, second = (_settings(data) for data in runs)
-    changed = sorted(key for key in first.keys() | second.keys() if first.get(key) != second.get(key))
-    if not changed:
-        return html.paragraph(SAME_SETTINGS)
-    rows = (
-        ("setting", [key, *(_text(each[key]) if key in each else NOT_THERE for each in (first, second))])
-        for key in changed
-    )
-    return html.table("Keys of the rover file with another value.", ["key", *names], rows)
 
 
 def default_settings() -> Mapping[str, Any]:

@@ -95,10 +95,6 @@ class Track:
         there_m = np.array([complex(*self.path.at(fix.t_s)) for fix in compared]) if true else fixed_m
         return float(np.median(np.abs(pinned_m - there_m))), float(np.median(np.abs(self.fit(reckoned_m) - there_m)))
 
-    def from_start(self) -> Track:
-        """Return the path alone, beginning at zero."""
-        return Track(self.data, self.path.beginning_at(0.0, 0.0))
-
     def goals(self) -> Iterator[tuple[Point, float]]:
         """Yield where the rover took a goal, and its heading in degrees on this map."""
         turned_deg = self.fit.turned_deg if self.fit and self.reckoned is None else 0.0
@@ -108,8 +104,8 @@ class Track:
                 yield place_m, goal_deg + turned_deg
 
 
-def track_of(data: RunData, *, origin: Coordinates | None = None) -> Track:
-    """Return what the map shows of a run; ``origin`` is where zero shall be, else the first fix."""
+def track_of(data: RunData) -> Track:
+    """Return what the map shows of a run; with a receiver, zero is at its first fix."""
     path, fixes, forest = _path(data.ticks, "east_m", "north_m"), believable(data.fixes), _forest_of(data)
     if forest is not None and data.truth["x_m"].size:
         found = fit(fixes, ORIGIN)
@@ -118,21 +114,8 @@ def track_of(data: RunData, *, origin: Coordinates | None = None) -> Track:
         return Track(data, true, beside, forest, ORIGIN if fixes else None, fixes, found)
     if not fixes:
         return Track(data, path)
-    found = fit(fixes, origin or fixes[0])
-    return Track(data, path.mapped(found) if found else path, None, None, origin or fixes[0], fixes, found)
-
-
-def tracks_of(runs: Sequence[RunData]) -> list[Track]:
-    """Return what one map shows of some runs.
-
-    They lie to each other as they did where a receiver or the same forest says how; else all begin at zero.
-    """
-    origin = next((fix for data in runs for fix in believable(data.fixes)[:1]), None)
-    tracks = [track_of(data, origin=origin) for data in runs]
-    first = tracks[0]
-    if all(each.forest == first.forest and (each.origin is None) is (first.origin is None) for each in tracks):
-        return tracks
-    return [each.from_start() for each in tracks]
+    found = fit(fixes, fixes[0])
+    return Track(data, path.mapped(found) if found else path, None, None, fixes[0], fixes, found)
 
 
 def _path(columns: Columns, east: str, north: str) -> TimedPath:

@@ -1,0 +1,59 @@
+"""The command that writes the page of a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.views.run_report.logs import HEADER, OUTCOME, write_log
+from wayfarer.cli import report as command
+from wayfarer.errors import BadInput
+from wayfarer.views.run_report.run import write_run_report
+
+
+@pytest.mark.parametrize(("content", "said"), [(b"hello\n", "nothing in this log can be read"), (None, r"run\.jsonl")])
+def test_log_of_which_nothing_can_be_read_is_refused(tmp_path: Path, content: bytes | None, said: str) -> None:
+    run = tmp_path if content is None else write_log(tmp_path / "1-run", [], content)
+    with pytest.raises(BadInput, match=said):
+        write_run_report(run)
+    assert not list(tmp_path.rglob("*.html"))
+
+
+@pytest.fixture
+def logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Two runs; the present folder holds folders that are named as runs are called."""
+    for number in (16, 17):
+        write_log(tmp_path / "logs" / f"000{number}-20261121T061405Z", [HEADER, OUTCOME])
+    for name in ("last", "17", "18"):
+        (tmp_path / "here" / name).mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "here")
+    return tmp_path / "logs"
+
+
+@pytest.mark.parametrize(("what", "number"), [("16", 16), ("last", 17)])
+def test_runs_number_goes_before_a_folder_of_that_name(logs: Path, what: str, number: int) -> None:
+    command.report(what, log_dir=logs)
+    assert [page.parent.name[:5] for page in logs.rglob("report.html")] == [f"000{number}"]
+
+
+@pytest.mark.parametrize("what", ["18", "./17"])
+def test_folder_is_a_campaign_where_no_run_has_its_name(logs: Path, what: str) -> None:
+    with pytest.raises(BadInput, match="campaign"):
+        command.report(what, log_dir=logs)
+    assert not list(logs.rglob("report.html"))
+
+
+def test_what_is_neither_run_nor_folder_is_refused_with_the_runs_there_are(logs: Path) -> None:
+    with pytest.raises(BadInput, match="00016-20261121T061405Z to 00017-20261121T061405Z"):
+        command.report("19", log_dir=logs)
+
+
+def test_command_writes_the_page_where_it_is_told(
+    logs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "mine" / "page.html"
+    command.report("17", out=out, log_dir=logs)
+    assert capsys.readouterr().out == f"the report is {out}\n"
+    assert {path.name for path in out.parent.iterdir()} == {"page.html"}
+    assert {path.name for path in logs.rglob("*") if path.is_file()} == {"run.jsonl"}
