@@ -51,32 +51,21 @@ NEEDS = (("live_host", "live"), ("live_port", "live"))
 
 
 def ground_station(address: str, config: RoverConfig) -> GroundStation:
-    """Return the link to a ground station, with the key that the rover file names.
+    """Return the link to a ground station.
 
     Raises:
-        BadInput: no such address, or the key cannot be used; the text says why.
+        BadInput: no such address; the text says why.
         WayfarerError: a package is missing.
     """
     require("--mavlink")
-    import os
-    from pathlib import Path
-
     from wayfarer.commissioning.checks.system import device_files
-    from wayfarer.config.calibration_file import calibration_file
-    from wayfarer.fieldlog.clock import wall_clock
-    from wayfarer.views.mavlink.address import check_not_a_part, parse_address
     from wayfarer.views.mavlink.ground_station import GroundStation
-    from wayfarer.views.mavlink.signing import Signing, TimeFile, read_key
+    from wayfarer.views.mavlink.link import check_not_a_part, parse_address
 
     where = parse_address(address)
     check_not_a_part(where, device_files(config))
-    key_file, signing, time_file = config.mavlink.key_file, None, None
-    if key_file:
-        time_file = TimeFile(calibration_file(os.environ, Path.home()).with_name("mavlink_time"))
-        signing = Signing(read_key(Path(key_file)), time_file.read(), wall_clock(0.0))
-    trust = "signed" if signing else "without a key: it can start the wheels of a simulation only"
-    print(f"ground station: {where}, {trust}", flush=True)
-    return GroundStation(where, config, signing, time_file)
+    print(f"ground station: {where}; it can hold and disarm the rover, and start nothing", flush=True)
+    return GroundStation(where, config)
 
 
 def live_page(host: str | None, port: int | None, demo: DemoControls | None = None) -> LivePage:

@@ -5,22 +5,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from annotated_types import Interval, MaxLen
+from annotated_types import Interval
 
 StreamHertz = Annotated[float, Interval(ge=0.1, le=20)]
 
 
 @dataclass(frozen=True, slots=True)
 class MavlinkSettings:
-    """The link to a ground station, of ``wayfarer run --mavlink``: what the station gets, and what it may do."""
+    """The link to a ground station, of ``wayfarer run --mavlink``: what the station gets, and who may stop the rover.
+
+    No station can start its wheels.
+    """
 
     system_id: Annotated[int, Interval(ge=1, le=255)] = 1
     """The rover's number among the vehicles of a station."""
-    key_file: Annotated[str, MaxLen(255)] = ""
-    """File with the passphrase that signs messages: 16 characters or more, only for its owner to read (mode 0600).
-    Without it no other computer can command the rover, and none can start its wheels."""
-    may_arm: bool = False
-    """Let a station arm the rover; needs ``key_file``."""
+    network_may_stop: bool = False
+    """Let a station on another computer hold and disarm the rover, as one on the rover's own computer or on a serial
+    line can. MAVLink has no password, so everybody in that network can then."""
     on_link_lost: Literal["continue", "hold"] = "continue"
     """Whether an armed rover goes on when the link is lost, or holds its wheels until somebody resumes."""
     link_lost_s: Annotated[float, Interval(ge=1, le=600)] = 5.0
@@ -34,7 +35,3 @@ class MavlinkSettings:
     """Rate of position and speed."""
     values_hz: StreamHertz = 1.0
     """Rate of the named values: phase, counter and others."""
-
-    def __post_init__(self) -> None:
-        if self.may_arm and not self.key_file:
-            raise ValueError("may_arm = true needs key_file: a rover is armed by signed messages only")

@@ -218,13 +218,12 @@ SENTENCES: Mapping[str, str] = {
 UNREADABLE_RUN = "The run before ({run}) cannot be read: {error}"
 DETAIL = re.compile(r"{(\w+)")
 OPTIONAL = re.compile(r"\[(.*?)\]")
-DRIVERS = {"page": "on the live page", "mavlink": "from a ground station"}
 MISSING = {"goal_heading_deg": "straight ahead", "dropped": "Some records"}  # else ``UNKNOWN``
 WORDS: Mapping[str, Callable[[Any], str]] = {
     "goal_heading_deg": lambda angle_deg: f"towards {whole_deg(angle_deg)} degrees",
     **dict.fromkeys(("part", "sensor", "cause"), in_words),
     **dict.fromkeys(("reason", "mission_ended"), lambda reason: disarmed_text(reason).replace("_", " ")),
-    "driver": lambda driver: DRIVERS.get(str(driver), f"with {_value(driver)}"),
+    "driver": lambda driver: "on the live page" if driver == "page" else f"with {_value(driver)}",
     "counts": lambda counts: _value(counts).replace("_", " "),
     "dropped": lambda count: plural(count, "record"),
     "last_t_wall": lambda wall_s: local_time(wall_s, " at %Y-%m-%d %H:%M:%S"),

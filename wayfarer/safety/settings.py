@@ -58,7 +58,7 @@ class SafetySettings:
 
 @dataclass(frozen=True, slots=True)
 class ManualSettings:
-    """Driving by a person: the live page's pad, a ground station."""
+    """Driving by a person, on the live page's pad."""
 
     allowed: bool = False
     """Let a person drive the rover by hand. ``wayfarer run --manual`` allows it for one run."""

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-import hashlib
 from collections import Counter
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import asynccontextmanager
 from typing import Any, cast
 
@@ -16,29 +15,23 @@ from tests.views.live.records import run_log
 from wayfarer.config.mavlink_settings import MavlinkSettings
 from wayfarer.config.rover_file import load_rover
 from wayfarer.daemon.socket.protocol import Commands, Details, Refused
-from wayfarer.views.mavlink.address import Address
-from wayfarer.views.mavlink.frames import Frame, FrameReader
+from wayfarer.views.mavlink.frames import FrameReader
 from wayfarer.views.mavlink.ground_station import GroundStation
-from wayfarer.views.mavlink.signing import Signing
+from wayfarer.views.mavlink.link import Address
 
-KEY = hashlib.sha256(b"a passphrase for tests").digest()
-NOW_S = 1_764_000_000.0  # the wall clock
 STATION = Address("udpout", "127.0.0.1", 14550)
-NO_KEY = MavlinkSettings()
-MAY_ARM = MavlinkSettings(key_file="key", may_arm=True)
+USUAL = MavlinkSettings()
 
 Message = Any
 
 
 class Encoder:
-    """What a station sends with; ``ticks`` is its signing time, 10 us more for each message."""
+    """What a station sends with; ``signs``: with a key, which the rover does not know."""
 
-    def __init__(self, key: bytes | None = None, ticks: int | None = None, system: int = 255) -> None:
-        self._mavlink = common.MAVLink(None, system, 190)
-        if key is not None:
-            signing = self._mavlink.signing
-            signing.secret_key, signing.sign_outgoing = key, True
-            signing.timestamp = Signing(key, 0, NOW_S).now_ticks(NOW_S, 0.0) if ticks is None else ticks
+    def __init__(self, *, signs: bool = False) -> None:
+        self._mavlink = common.MAVLink(None, 255, 190)
+        if signs:
+            self._mavlink.signing.secret_key, self._mavlink.signing.sign_outgoing = bytes(32), True
 
     def frame(self, message: Message, *, force_mavlink1: bool = False) -> bytes:
         data: bytes = message.pack(self._mavlink, force_mavlink1=force_mavlink1)
@@ -62,60 +55,54 @@ def arming(arms: float) -> Message:
     return command(common.MAV_CMD_COMPONENT_ARM_DISARM, arms)
 
 
-def stick(x: int, y: int, *, target: int = 1) -> Message:
-    return common.MAVLink_manual_control_message(target, x, y, 500, 0, 0)
+def stick(x: int, y: int) -> Message:
+    return common.MAVLink_manual_control_message(1, x, y, 500, 0, 0)
+
+
+def starts() -> list[Message]:
+    """All that could be taken for leave to turn a wheel, as a station would send it."""
+    arm, set_mode = common.MAV_CMD_COMPONENT_ARM_DISARM, common.MAV_CMD_DO_SET_MODE
+    ahead = [0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    return [
+        command(arm, 1.0), command(arm, 1.0, 21196.0), command(arm, 1.0, target=0),
+        common.MAVLink_command_int_message(1, 1, 0, arm, 0, 0, 1.0, 21196.0, 0, 0, 0, 0, 0),
+        *(command(set_mode, 1.0, float(number)) for number in range(30) if number not in (4, 5)),
+        *(command(set_mode, base, 0.0) for base in (128.0, 192.0, 194.0, 208.0, 216.0, 220.0)),
+        *(common.MAVLink_set_mode_message(1, base, 10) for base in (1, 128, 217, 220)),
+        *(command(common.MAV_CMD_DO_SET_STANDARD_MODE, float(number)) for number in (0, 2, 3, 5, 6, 8)),
+        command(common.MAV_CMD_DO_PAUSE_CONTINUE, 1.0), command(common.MAV_CMD_OVERRIDE_GOTO, 1.0),
+        command(common.MAV_CMD_DO_FLIGHTTERMINATION, 0.0), command(common.MAV_CMD_MISSION_START),
+        command(common.MAV_CMD_NAV_WAYPOINT), command(common.MAV_CMD_NAV_RETURN_TO_LAUNCH),
+        command(common.MAV_CMD_NAV_TAKEOFF), command(common.MAV_CMD_DO_REPOSITION, 1.0),
+        command(common.MAV_CMD_DO_CHANGE_SPEED, 1.0, 5.0), command(common.MAV_CMD_DO_MOTOR_TEST, 1.0, 1.0),
+        command(common.MAV_CMD_DO_SET_SERVO, 1.0, 2000.0), command(common.MAV_CMD_DO_SET_ACTUATOR, 1.0, 1.0),
+        command(common.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1.0),
+        stick(1000, 0), stick(0, 1000),
+        common.MAVLink_rc_channels_override_message(1, 1, *[2000] * 8),
+        common.MAVLink_set_position_target_local_ned_message(0, 1, 1, common.MAV_FRAME_LOCAL_NED, 0, *ahead),
+        common.MAVLink_set_attitude_target_message(0, 1, 1, 0, [1.0, 0.0, 0.0, 0.0], 0, 0, 0, 1.0),
+        common.MAVLink_set_actuator_control_target_message(0, 0, 1, 1, [1.0] * 8),
+        common.MAVLink_setup_signing_message(1, 1, list(range(32)), 1),
+        common.MAVLink_param_set_message(1, 1, b"LINK_LOST_HOLD", 1.0, common.MAV_PARAM_TYPE_REAL32),
+        common.MAVLink_serial_control_message(0, 0, 0, 0, 3, [1, 2, 3, *[0] * 67]),
+    ]  # fmt: skip
 
 
 class Rover:
-    """What a station can ask for; keeps what it was asked."""
+    """What a station can ask for; keeps what it was asked, by whatever name of ``Commands``."""
 
     def __init__(self) -> None:
         self.asked: list[str] = []
-        self.driven: list[tuple[float, float]] = []
         self.refuses: str | None = None
-        self.event: Callable[..., None]
 
-    def _note(self, what: str) -> Details:
-        self.asked.append(what)
-        if self.refuses is not None:
-            raise Refused(self.refuses)
-        return {}
+    def __getattr__(self, name: str) -> Callable[..., Awaitable[Details]]:
+        async def note(text: str = "") -> Details:
+            self.asked.append(f"{name}: {text}" if text else name)
+            if self.refuses is not None:
+                raise Refused(self.refuses)
+            return {}
 
-    async def arm(self, heading_deg: float | None = None) -> Details:
-        assert heading_deg is None
-        await asyncio.sleep(0.5)  # as long as the checks take
-        return self._note("arm")
-
-    async def disarm(self) -> Details:
-        return self._note("disarm")
-
-    async def hold(self) -> Details:
-        return self._note("hold")
-
-    async def resume(self) -> Details:
-        return self._note("resume")
-
-    async def mark(self, text: str) -> Details:
-        return self._note(f"mark: {text}")
-
-    async def link_lost(self, text: str) -> Details:
-        return self._note(f"link lost: {text}")
-
-    async def manual_begin(self, driver: str) -> Details:
-        self._note(f"manual by {driver}")
-        self.event("manual", asyncio.get_running_loop().time(), driver=driver)
-        return {"lease": 7, "deadman_s": 0.3, "mode": "manual"}
-
-    async def manual_drive(self, lease: int, seq: int, forward: float, turn: float, sent_s: float) -> Details:
-        assert (lease, sent_s) == (7, asyncio.get_running_loop().time())
-        assert seq == len(self.driven) + 1
-        self.driven.append((forward, turn))
-        if self.refuses is not None:
-            raise Refused(self.refuses)
-        return {}
-
-    async def manual_end(self, lease: int) -> Details:
-        return self._note(f"end of {lease}")
+        return note
 
 
 class FakePort:
@@ -123,20 +110,21 @@ class FakePort:
 
     def __init__(self) -> None:
         self.sent: list[bytes] = []
-        self.answered: list[bytes] = []
-        self.local = False
+        self.is_near = True
+        self.is_served = True
         self.broken = False
         self._ready: Callable[[], None] = lambda: None
         self._data = b""
+        self._reader = FrameReader()
 
     def listen(self, ready: Callable[[], None]) -> None:
         self._ready = ready
 
-    def read(self, now_s: float) -> Iterator[tuple[Frame, bool]]:
+    def read(self, now_s: float) -> Iterator[tuple[bytes, bool]]:
         if self.broken:
             raise OSError("unplugged")
-        for frame in FrameReader().datagram(self._data):
-            yield frame, self.local
+        for frame in self._reader.feed(self._data, now_s):
+            yield frame, self.is_near
 
     def receive(self, data: bytes) -> None:
         self._data = data
@@ -145,10 +133,8 @@ class FakePort:
     def write(self, frame: bytes) -> None:
         self.sent.append(frame)
 
-    def answer(self, frame: bytes) -> None:
-        self.answered.append(frame)
-
-    def believe(self) -> None: ...
+    def serve(self) -> bool:
+        return self.is_served
 
     def forget(self) -> None: ...
 
@@ -158,20 +144,17 @@ class FakePort:
 class Linked:
     """A rover with its link, in virtual time."""
 
-    def __init__(self, settings: MavlinkSettings, *, simulated: bool, port: FakePort) -> None:
+    def __init__(self, settings: MavlinkSettings, port: FakePort) -> None:
         self.port = port
         self.rover = Rover()
-        config = load_rover("sim").model_copy(update={"mavlink": settings})
-        signing = Signing(KEY, 0, NOW_S) if settings.key_file else None
-        self.station = GroundStation(STATION, config, signing, None)
-        self.log = run_log(self.station.show, simulated=simulated)
-        self.rover.event = self.log.event
-        self.encoder = Encoder(KEY if settings.key_file else None)
+        self.station = GroundStation(STATION, load_rover("sim").model_copy(update={"mavlink": settings}))
+        self.log = run_log(self.station.show, simulated=False)
+        self.encoder = Encoder()
 
-    async def says(self, *messages: Message, encoder: Encoder | None = None) -> None:
+    async def says(self, *messages: Message) -> None:
         """Send messages of the station, and let the rover take them."""
         for message in messages:
-            self.port.receive((encoder or self.encoder).frame(message))
+            self.port.receive(self.encoder.frame(message))
         await asyncio.sleep(0.01)
 
     def heard(self) -> list[Any]:
@@ -188,14 +171,13 @@ class Linked:
 
 @asynccontextmanager
 async def linked(
-    monkeypatch: pytest.MonkeyPatch, settings: MavlinkSettings = NO_KEY, *, simulated: bool = False
+    monkeypatch: pytest.MonkeyPatch, settings: MavlinkSettings = USUAL, commands: object = None
 ) -> AsyncIterator[Linked]:
-    """Give a rover with its link, as a task group of the daemon would have it."""
+    """Give a link as a task group of the daemon would have it, to ``commands`` or a rover that only takes notes."""
     port = FakePort()
     monkeypatch.setattr("wayfarer.views.mavlink.link.open_port", lambda _address, _devices: port)
-    monkeypatch.setattr("wayfarer.views.mavlink.link.wall_clock", lambda t_s: NOW_S + t_s)
-    made = Linked(settings, simulated=simulated, port=port)
-    async with made.station.serving(cast(Commands, made.rover)):
+    made = Linked(settings, port)
+    async with made.station.serving(cast(Commands, commands or made.rover)):
         await asyncio.sleep(0.01)
         yield made
 

@@ -1,124 +1,227 @@
-"""What a ground station is told and may do, in virtual time."""
+"""What a ground station is told, how it stops a rover, and that it starts nothing; in virtual time."""
 
 from __future__ import annotations
 
 import asyncio
 import random
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import common
 
+from tests.daemon.played import Run, played
+from tests.kit.rover import Rig
 from tests.views.live.records import tick
 from tests.views.mavlink.station import (
-    KEY,
-    MAY_ARM,
-    NO_KEY,
-    NOW_S,
+    USUAL,
     Encoder,
+    Message,
     arming,
     command,
     heartbeat,
     kinds,
     linked,
     mode,
-    stick,
+    starts,
     texts,
 )
 from tests.virtual import virtual
 from wayfarer.config.mavlink_settings import MavlinkSettings
-from wayfarer.hal import MotorHealth
-from wayfarer.views.mavlink.modes import MODE_AUTO, MODE_HOLD, MODE_INITIALISING, MODE_MANUAL
-from wayfarer.views.mavlink.signing import MOST_TICKS, signing_ticks
+from wayfarer.hal import STOP, MotorHealth
+from wayfarer.views.mavlink.ground_station import NOT_FROM_HERE, NOT_FROM_THERE
+from wayfarer.views.mavlink.telemetry import MODE_AUTO, MODE_HOLD, MODE_INITIALISING, MODE_MANUAL
 
-ACCEPTED, BUSY, DENIED = (
+ACCEPTED, BUSY, DENIED, UNKNOWN = (
     common.MAV_RESULT_ACCEPTED, common.MAV_RESULT_TEMPORARILY_REJECTED, common.MAV_RESULT_DENIED,
+    common.MAV_RESULT_UNSUPPORTED,
 )  # fmt: skip
-SIGNED = MavlinkSettings(key_file="key")
-ORDERS = {
-    "arm": arming(1.0), "disarm": arming(0.0), "hold": mode(MODE_HOLD), "resume": mode(MODE_AUTO),
-    "manual by mavlink": mode(MODE_MANUAL),
-}  # fmt: skip
+NAN = float("nan")
+
+
+def whole(number: int, first: float = 0.0) -> Message:
+    """A command of the kind with whole numbers for a place."""
+    return common.MAVLink_command_int_message(1, 1, 0, number, 0, 0, first, 0, 0, 0, 0, 0, 0)
+
+
+# -- stops -----------------------------------------------------------------------------------------------------------
+
+STOPS: list[tuple[str, Message]] = [
+    ("disarm", arming(0.0)),
+    ("disarm", arming(-0.0)),
+    ("disarm", command(common.MAV_CMD_COMPONENT_ARM_DISARM, 0.0, 21196.0)),
+    ("disarm", command(common.MAV_CMD_COMPONENT_ARM_DISARM, 0.0, target=0)),
+    ("disarm", whole(common.MAV_CMD_COMPONENT_ARM_DISARM)),
+    ("disarm", command(common.MAV_CMD_DO_FLIGHTTERMINATION, 1.0)),
+    *(("disarm", command(common.MAV_CMD_DO_SET_MODE, float(base))) for base in (0, 64, 66, 80, 88, 92)),
+    ("disarm", common.MAVLink_set_mode_message(1, common.MAV_MODE_AUTO_DISARMED, 0)),
+    ("hold", mode(MODE_HOLD)),
+    ("hold", mode(5)),
+    ("hold", common.MAVLink_set_mode_message(1, 217, MODE_HOLD)),
+    ("hold", command(common.MAV_CMD_DO_SET_STANDARD_MODE, 1.0)),
+    ("hold", command(common.MAV_CMD_DO_PAUSE_CONTINUE, 0.0)),
+    ("hold", whole(common.MAV_CMD_DO_PAUSE_CONTINUE)),
+    ("hold", command(common.MAV_CMD_OVERRIDE_GOTO, 0.0, 2.0)),
+    ("hold", command(common.MAV_CMD_NAV_LOITER_UNLIM)),
+]
 
 
 @virtual
-async def test_each_order_reaches_the_rover_where_it_is_signed(monkeypatch: pytest.MonkeyPatch) -> None:
-    async with linked(monkeypatch, MAY_ARM) as link:
-        for name, order in ORDERS.items():
+async def test_rover_stops_under_each_of_mavlinks_names_for_stop(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with linked(monkeypatch) as link:
+        for place, (name, order) in enumerate(STOPS):
             await link.says(order)
-            await asyncio.sleep(1.0)
-            assert link.rover.asked[-1] == name
-            assert link.acks() == [ACCEPTED]
-        await link.says(common.MAVLink_set_mode_message(1, 1, MODE_HOLD))
-        assert link.rover.asked[-1] == "hold"
+            assert link.rover.asked == [name for name, _ in STOPS[: place + 1]], order
+            assert link.acks() == [ACCEPTED], order
+        link.encoder = Encoder(signs=True)  # by a station that was given a key for another vehicle
+        await link.says(arming(0.0))
+        assert link.acks() == [ACCEPTED]
 
 
-async def orders_that_work(
-    monkeypatch: pytest.MonkeyPatch, settings: MavlinkSettings, *, signed: bool, local: bool, simulated: bool = False
-) -> set[str]:
-    """Which orders reach the rover."""
-    async with linked(monkeypatch, settings, simulated=simulated) as link:
-        link.port.local = local
-        for order in ORDERS.values():
-            await link.says(order, encoder=None if signed else Encoder())
-            await asyncio.sleep(1.0)
-        return set(link.rover.asked)
-
-
+@pytest.mark.parametrize(("is_near", "may"), [(True, False), (True, True), (False, False), (False, True)])
 @virtual
-async def test_who_may_do_what(monkeypatch: pytest.MonkeyPatch) -> None:
-    every, stops = set(ORDERS), {"disarm", "hold"}
-
-    async def works(settings: MavlinkSettings, **sender: bool) -> set[str]:
-        return await orders_that_work(monkeypatch, settings, **sender)
-
-    assert await works(MAY_ARM, signed=True, local=False) == every
-    assert await works(SIGNED, signed=True, local=False) == every - {"arm"}
-    assert await works(MAY_ARM, signed=False, local=True) == set()  # it may relay what comes from elsewhere
-    assert await works(NO_KEY, signed=False, local=False) == set()
-    assert await works(NO_KEY, signed=False, local=True) == stops
-    assert await works(NO_KEY, signed=False, local=True, simulated=True) == every - {"arm"}
-    assert await works(NO_KEY, signed=False, local=False, simulated=True) == set()
-
-
-@virtual
-async def test_person_is_told_why_an_order_was_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    async with linked(monkeypatch, SIGNED) as link:
-        link.rover.refuses = "not armed: compass: no answer (check its wires)"
-        await link.says(heartbeat(), arming(1.0), mode(MODE_HOLD))
+async def test_station_of_another_computer_stops_the_rover_if_the_rover_file_says_so(
+    monkeypatch: pytest.MonkeyPatch, is_near: bool, may: bool
+) -> None:
+    async with linked(monkeypatch, MavlinkSettings(network_may_stop=may)) as link:
+        link.port.is_near = is_near
+        await link.says(heartbeat(), arming(0.0))
+        obeyed = is_near or may
         await asyncio.sleep(1.0)
         heard = link.heard()
-        assert [each.result for each in heard if each.get_type() == "COMMAND_ACK"] == [DENIED, BUSY]
-        assert texts(heard)[-2:] == [
-            "arm refused: may_arm in [mavlink] of the rover file is false: use wayfarer arm",
-            "hold refused: not armed: compass: no answer (check its wires)",
-        ]
+        assert link.rover.asked == ["disarm"] * obeyed
+        assert [each.result for each in heard if each.get_type() == "COMMAND_ACK"] == [ACCEPTED if obeyed else DENIED]
+        assert (f"disarm refused: {NOT_FROM_THERE}" in texts(heard)) is not obeyed
 
 
+@pytest.mark.parametrize("signs", [False, True])
 @virtual
-async def test_order_that_is_repeated_while_it_is_carried_out_is_carried_out_once(
-    monkeypatch: pytest.MonkeyPatch,
+async def test_thousand_disarms_behind_random_bytes_are_all_obeyed(
+    monkeypatch: pytest.MonkeyPatch, signs: bool
 ) -> None:
-    async with linked(monkeypatch, MAY_ARM) as link:
-        await link.says(arming(1.0), arming(1.0), arming(1.0))
-        await asyncio.sleep(1.0)
-        assert link.acks() == [common.MAV_RESULT_IN_PROGRESS] * 2 + [ACCEPTED]
-        assert link.rover.asked == ["arm"]
+    chance = random.Random(3)
+    async with linked(monkeypatch) as link:
+        link.encoder = Encoder(signs=signs)
+        for _ in range(1_000):
+            noise = chance.randbytes(chance.randrange(40)) + chance.choice([b"", b"\xfd", b"\xfd\xff", b"\xfd\xff\x01"])
+            link.port.receive(noise + link.encoder.frame(arming(0.0)))
+            await asyncio.sleep(chance.choice([0.0, 0.01, 0.15]))
+        await asyncio.sleep(0.2)
+        link.port.receive(b"")  # the last ones may wait for the end of a frame that never comes
+        await asyncio.sleep(0.01)
+        assert link.rover.asked == ["disarm"] * 1_000
 
 
 @virtual
-async def test_commands_for_others_and_with_impossible_values_do_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    nan, arm, set_mode = float("nan"), common.MAV_CMD_COMPONENT_ARM_DISARM, common.MAV_CMD_DO_SET_MODE
-    async with linked(monkeypatch, MAY_ARM) as link:
-        await link.says(command(arm, 1.0, target=2), command(arm, 1.0, target=0))
+async def test_person_is_told_why_a_stop_was_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with linked(monkeypatch) as link:
+        link.rover.refuses = "the rover is disarmed: its wheels do not turn"
+        await link.says(heartbeat(), mode(MODE_HOLD))
+        await asyncio.sleep(1.0)
+        heard = link.heard()
+        assert [each.result for each in heard if each.get_type() == "COMMAND_ACK"] == [BUSY]
+        assert texts(heard)[-1] == "hold refused: the rover is disarmed: its wheels do not turn"
+
+
+# -- nothing starts --------------------------------------------------------------------------------------------------
+
+
+@virtual
+async def test_what_would_start_or_is_unknown_is_refused_with_where_to_do_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    arm, set_mode, pause = (
+        common.MAV_CMD_COMPONENT_ARM_DISARM, common.MAV_CMD_DO_SET_MODE, common.MAV_CMD_DO_PAUSE_CONTINUE,
+    )  # fmt: skip
+    started = [
+        command(arm, 1.0), command(arm, NAN), command(arm, 0.5), command(arm, 1e30), mode(MODE_AUTO), mode(MODE_MANUAL),
+        command(set_mode, 1.0, NAN), command(set_mode, NAN, 4.0), command(set_mode, float("inf"), 4.0),
+        command(set_mode, 1.0, 1e38), command(pause, 1.0), command(pause, NAN),
+    ]  # fmt: skip
+    unknown = [command(common.MAV_CMD_MISSION_START), command(common.MAV_CMD_NAV_WAYPOINT)]
+    questions = [
+        command(common.MAV_CMD_REQUEST_MESSAGE, NAN), command(common.MAV_CMD_REQUEST_MESSAGE, 1e30),
+        command(common.MAV_CMD_GET_HOME_POSITION), command(31_000, 1.0),
+    ]  # fmt: skip
+    async with linked(monkeypatch) as link:
+        for orders, result, is_told in ((started, DENIED, True), (unknown, UNKNOWN, True), (questions, UNKNOWN, False)):
+            for order in orders:
+                await link.says(heartbeat(), order)
+                await asyncio.sleep(1.0)
+                heard = link.heard()
+                assert [each.result for each in heard if each.get_type() == "COMMAND_ACK"] == [result], order
+                assert (NOT_FROM_HERE in texts(heard)) is is_told, order
+        await link.says(command(arm, 0.0, target=2), command(arm, 1.0, target=2))
         assert not link.acks()
-        await link.says(
-            command(arm, nan), command(arm, 0.5), command(arm, 1e30), command(set_mode, 1.0, nan),
-            command(set_mode, 0.0, 10.0), command(set_mode, 1.0, 1e38), command(31_000, 1.0),
-            command(common.MAV_CMD_REQUEST_MESSAGE, nan), command(common.MAV_CMD_REQUEST_MESSAGE, 1e30),
-        )  # fmt: skip
-        assert link.acks() == [common.MAV_RESULT_UNSUPPORTED] * 9
         assert not link.rover.asked
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Run:
+    """A rover that a person may drive, under its daemon's commands."""
+    rig = Rig(tmp_path)
+    rig.set(manual={"allowed": True})
+    return Run(rig)
+
+
+def hostile(chance: random.Random, number: int, encoders: list[Encoder], orders: list[Message]) -> bytes:
+    """A frame that would start something, whole or damaged; random bytes; or a whole frame with anything in it."""
+    encoder = chance.choice(encoders)
+    if number % 5 == 0:
+        return chance.randbytes(chance.randrange(300))
+    if number % 5 == 1:
+        kind = common.mavlink_map[chance.choice([11, 69, 70, 75, 76, chance.choice(sorted(common.mavlink_map))])]
+        message = common.MAVLink_message(kind.id, kind.msgname)
+        payload = chance.choice([chance.randbytes(40), b"\x01" * 40, b"\xff" * 40])
+        message.pack = lambda mavlink, **_: message._pack(mavlink, kind.crc_extra, payload)
+        return encoder.frame(message)
+    data = bytearray(encoder.frame(chance.choice(orders)))
+    if number % 5 == 2:
+        data[chance.randrange(len(data))] = chance.randrange(256)
+    return bytes(data)
+
+
+@pytest.mark.parametrize("before", ["disarmed", "held"])
+@played
+async def test_ten_thousand_hostile_packets_move_no_wheel(
+    run: Run, monkeypatch: pytest.MonkeyPatch, before: str
+) -> None:
+    """The whole rover, whose person may drive it by hand; the station is believed to be near."""
+    chance, encoders, orders = random.Random(7), [Encoder(), Encoder(signs=True)], starts()
+    if before == "held":
+        await run.arm()
+        await run.commands.hold()
+        await asyncio.sleep(1.0)
+    async with linked(monkeypatch, MavlinkSettings(network_may_stop=True), run.commands) as link:
+        await link.says(heartbeat())
+        for number in range(10_000):
+            link.port.receive(hostile(chance, number, encoders, orders))
+            if number % 10 == 0:
+                await asyncio.sleep(0.01)
+                assert run.wheels == STOP
+        await asyncio.sleep(5.0)
+        assert run.wheels == STOP
+        assert run.mode == "disarmed" or run.supervisor.controller.held, "what was held may have been disarmed"
+        assert len(link.station._texts) < 30
+        assert not link.station._stopping
+
+
+@played
+async def test_armed_rover_is_held_and_disarmed_by_a_station(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    await run.arm()
+    async with linked(monkeypatch, USUAL, run.commands) as link:
+        await link.says(mode(MODE_HOLD))
+        assert (run.wheels, run.mode) == (STOP, "armed")
+        await asyncio.sleep(1.0)
+        await link.says(mode(MODE_AUTO), command(common.MAV_CMD_DO_PAUSE_CONTINUE, 1.0))
+        await asyncio.sleep(3.0)
+        assert (run.wheels, run.supervisor.controller.held) == (STOP, True)
+        await run.commands.resume()
+        await asyncio.sleep(3.0)
+        assert run.wheels != STOP
+        await link.says(arming(0.0))
+        assert (run.wheels, run.mode) == (STOP, "disarmed")
+
+
+# -- what it is asked and told ---------------------------------------------------------------------------------------
 
 
 @virtual
@@ -130,18 +233,17 @@ async def test_station_that_connects_gets_version_parameters_and_an_empty_missio
             command(common.MAV_CMD_REQUEST_MESSAGE, common.MAVLINK_MSG_ID_AUTOPILOT_VERSION),
             common.MAVLink_param_request_list_message(1, 1),
             common.MAVLink_param_request_read_message(1, 1, b"SYSID_THISMAV", -1),
-            common.MAVLink_param_set_message(1, 1, b"MAY_ARM", 1.0, common.MAV_PARAM_TYPE_REAL32),
+            common.MAVLink_param_request_read_message(1, 1, b"", 1),
+            common.MAVLink_param_request_read_message(1, 1, b"", 9),
+            common.MAVLink_param_set_message(1, 1, b"LINK_LOST_HOLD", 1.0, common.MAV_PARAM_TYPE_REAL32),
             common.MAVLink_mission_request_list_message(1, 1, 0),
         )
         heard = link.heard()
         assert kinds(heard)["AUTOPILOT_VERSION"] == 1
         values = [(each.param_id, each.param_value) for each in heard if each.get_type() == "PARAM_VALUE"]
-        assert values[:4] == [("SYSID_THISMAV", 1.0), ("LINK_LOST_S", 5.0), ("LINK_LOST_HOLD", 0.0), ("MAY_ARM", 0.0)]
-        assert values[4:] == [("SYSID_THISMAV", 1.0), ("MAY_ARM", 0.0)]
+        assert values[:3] == [("SYSID_THISMAV", 1.0), ("LINK_LOST_S", 5.0), ("LINK_LOST_HOLD", 0.0)]
+        assert values[3:] == [("SYSID_THISMAV", 1.0), ("LINK_LOST_S", 5.0), ("LINK_LOST_HOLD", 0.0)]
         assert [each.count for each in heard if each.get_type() == "MISSION_COUNT"] == [0]
-
-
-# -- what it is told -------------------------------------------------------------------------------------------------
 
 
 @virtual
@@ -197,10 +299,9 @@ async def bytes_a_second(monkeypatch: pytest.MonkeyPatch, settings: MavlinkSetti
 
 
 @virtual
-async def test_all_messages_fit_half_of_a_radio_signed_or_not(monkeypatch: pytest.MonkeyPatch) -> None:
-    unsigned, signed = await bytes_a_second(monkeypatch, NO_KEY), await bytes_a_second(monkeypatch, SIGNED)
-    assert 300.0 < unsigned < signed < 1_000.0, (unsigned, signed)
-    fast = MavlinkSettings(key_file="key", attitude_hz=20.0, position_hz=20.0, values_hz=20.0)
+async def test_all_messages_fit_half_of_a_radio(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert 300.0 < await bytes_a_second(monkeypatch, USUAL) < 1_000.0
+    fast = MavlinkSettings(attitude_hz=20.0, position_hz=20.0, values_hz=20.0)
     at_most = await bytes_a_second(monkeypatch, fast)
     assert 2_700.0 < at_most <= 1.06 * 2_880.0  # a second of it at once, at the beginning
     floor = await bytes_a_second(monkeypatch, replace(fast, bytes_per_s=500))
@@ -210,14 +311,14 @@ async def test_all_messages_fit_half_of_a_radio_signed_or_not(monkeypatch: pytes
 @virtual
 async def test_rover_sends_less_while_the_radio_is_full_and_heartbeats_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
     async def sent_in_10_s(txbuf: int) -> tuple[int, int]:
-        for _ in range(10):  # unsigned: a radio has no key
-            await link.says(common.MAVLink_radio_status_message(90, 90, txbuf, 20, 20, 0, 0), encoder=Encoder())
+        for _ in range(10):
+            await link.says(common.MAVLink_radio_status_message(90, 90, txbuf, 20, 20, 0, 0))
             link.log.tick(tick(100.0))
             await asyncio.sleep(0.99)
         count = sum(map(len, link.port.sent))
         return count, kinds(link.heard())["HEARTBEAT"]
 
-    async with linked(monkeypatch, MavlinkSettings(key_file="key", attitude_hz=20.0, bytes_per_s=2880)) as link:
+    async with linked(monkeypatch, MavlinkSettings(attitude_hz=20.0, bytes_per_s=2880)) as link:
         usual, _ = await sent_in_10_s(60)
         await sent_in_10_s(5)
         less, beats = await sent_in_10_s(5)
@@ -236,7 +337,7 @@ async def test_rover_sends_less_while_the_radio_is_full_and_heartbeats_go_on(mon
 async def test_lost_link_does_what_the_rover_file_says(
     monkeypatch: pytest.MonkeyPatch, on_link_lost: str, armed: bool
 ) -> None:
-    settings = MavlinkSettings(key_file="key", on_link_lost=on_link_lost)  # type: ignore[arg-type]
+    settings = MavlinkSettings(on_link_lost=on_link_lost)  # type: ignore[arg-type]
     async with linked(monkeypatch, settings) as link:
         if armed:
             link.log.event("armed", 101.0, goal_heading_deg=0.0)
@@ -252,54 +353,31 @@ async def test_lost_link_does_what_the_rover_file_says(
             link.port.receive(data)
             await asyncio.sleep(0.6)
         holds = armed and on_link_lost == "hold"
-        noted = f"link lost: the ground station is silent{': held' if holds else ''}"
+        noted = f"link_lost: the ground station is silent{': held' if holds else ''}"
         assert link.rover.asked == ["hold"] * holds + [noted]
         await asyncio.sleep(60.0)
         assert link.rover.asked == ["hold"] * holds + [noted]  # once, and it may be resumed by somebody else
 
 
 @virtual
-async def test_forged_frame_from_the_future_shuts_nobody_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    async with linked(monkeypatch, SIGNED) as link:
+async def test_heartbeats_of_one_who_is_not_served_keep_no_link(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with linked(monkeypatch) as link:
         await link.says(heartbeat())
-        await link.says(arming(1.0), mode(MODE_AUTO), encoder=Encoder(bytes(32), MOST_TICKS - 9))
-        await link.says(mode(MODE_HOLD))
-        assert link.rover.asked == ["hold"]
-        await asyncio.sleep(31.0)
-        assert any("2 messages ignored: not signed with our key" in text for text in texts(link.heard()))
+        link.port.is_served = False
+        for _ in range(10):
+            await link.says(heartbeat())
+            await asyncio.sleep(1.0)
+        assert link.rover.asked == ["link_lost: the ground station is silent"]
 
 
 @virtual
-async def test_station_behind_the_time_of_a_restarted_rover_is_told_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The rover reserves 10 min ahead; at udpin a station hears nothing else before it is believed."""
-    async with linked(monkeypatch, SIGNED) as link:
-        late = Encoder(KEY, ticks=signing_ticks(NOW_S - 600.0))
-        await link.says(heartbeat(), heartbeat(), encoder=late)
-        await link.says(heartbeat(), encoder=Encoder(b"x" * 32))
-        await link.says(heartbeat(), encoder=Encoder())
-        (answer,) = link.port.answered
-        assert common.MAVLink(None).decode(bytearray(answer)).get_type() == "SYSTEM_TIME"
-        told = int.from_bytes(answer[-12:-6], "little")
-        await link.says(command(common.MAV_CMD_DO_SET_MODE, 1.0, MODE_HOLD), encoder=Encoder(KEY, ticks=told))
-        assert link.rover.asked == ["hold"]
-
-
-@virtual
-async def test_hostile_packets_do_nothing_and_leave_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    chance, unsigned, forged = random.Random(7), Encoder(), Encoder(bytes(32))
-    recorded = Encoder(KEY).frame(mode(MODE_AUTO))
-    async with linked(monkeypatch, SIGNED) as link:
-        await link.says(heartbeat(), heartbeat())
-        for number in range(2_000):
-            order = chance.choice([*ORDERS.values(), stick(1000, 1000)])
-            data = bytearray(chance.choice([unsigned, forged]).frame(order))
-            if number % 3 == 0:
-                data[chance.randrange(len(data))] = chance.randrange(256)
-            link.port.receive(bytes(data) if number % 5 else chance.randbytes(chance.randrange(300)))
-        link.port.receive(recorded)  # its time was that of the first heartbeat
-        await asyncio.sleep(1.0)
-        assert not link.rover.asked
-        assert len(link.port.sent) < 60
+async def test_bug_in_taking_one_frame_does_not_lose_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with linked(monkeypatch) as link:
+        monkeypatch.setattr(link.station._answers, "to", lambda _: 1 / 0)
+        bug, stop = common.MAVLink_param_request_list_message(1, 1), arming(0.0)
+        link.port.receive(link.encoder.frame(bug) + link.encoder.frame(stop))
+        await asyncio.sleep(0.01)
+        assert link.rover.asked == ["disarm"]
 
 
 @virtual
@@ -314,6 +392,18 @@ async def test_commands_that_are_refused_by_the_thousand_keep_nothing_from_the_s
         heard = kinds(link.heard())
         assert heard["COMMAND_ACK"] < 200
         assert heard["ATTITUDE"] > 2
+
+
+@virtual
+async def test_stops_by_the_thousand_delay_what_is_told_by_two_seconds_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with linked(monkeypatch) as link:
+        link.log.tick(tick(1.0))
+        for _ in range(3000):
+            link.port.receive(link.encoder.frame(arming(0.0)))
+        await asyncio.sleep(0.01)
+        assert len(link.acks()) == 3000
+        await asyncio.sleep(2.0)
+        assert kinds(link.heard())["ATTITUDE"] > 2
 
 
 @virtual

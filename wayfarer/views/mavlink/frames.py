@@ -1,8 +1,8 @@
 """MAVLink 2 frames in what arrives: where they begin and end, and whether they are whole. Pure.
 
 A frame (https://mavlink.io/en/guide/serialization.html): marker, payload length, two bytes of flags, sequence number,
-system, component, three bytes of message number, payload, checksum, and where the first flag says so a signature of 13
-bytes. MAVLink 1 has no signature and is not read.
+system, component, three bytes of message number, payload, checksum, and if the first flag says so a signature of 13
+bytes, which nobody looks at: there is nothing that only some may ask for. MAVLink 1 is not read.
 
 pymavlink's own parser is not used: after a stray marker it skips as many bytes as the next byte says, with all good
 frames in them (10 of 20 were lost after the two bytes FD FF). Here only the marker is skipped.
@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from typing import NamedTuple
 
 from pymavlink.dialects.v20 import common
 
@@ -25,55 +24,27 @@ INPUT_BYTES = 2_048
 WHOLE_WITHIN_S = 0.1  # the longest frame takes 0.05 s at 57,600 baud
 
 
-class Frame(NamedTuple):
-    """One whole frame: its checksum is right, and the message is one of the dialect ``common``."""
-
-    data: bytes
-
-    @property
-    def is_signed(self) -> bool:
-        """Whether it has a signature; nothing is said about whose."""
-        return bool(self.data[2] & SIGNED)
-
-    @property
-    def sequence(self) -> int:
-        """The sender's number of the frame, 0 to 255."""
-        return self.data[4]
-
-    @property
-    def system(self) -> int:
-        """The number of the sender's system."""
-        return self.data[5]
-
-    @property
-    def component(self) -> int:
-        """The number of the sender within its system."""
-        return self.data[6]
-
-    @property
-    def message_id(self) -> int:
-        """What message it is."""
-        return int.from_bytes(self.data[7:10], "little")
-
-
 class FrameReader:
-    """Finds the frames in a stream, or in datagrams. Never holds more than ``LONGEST_BYTES`` between two calls."""
+    """Finds the frames in a stream, or in datagrams. Never holds more than ``LONGEST_BYTES`` between two calls.
+
+    Each frame that it yields has a right checksum, and its message is one of the dialect ``common``.
+    """
 
     def __init__(self) -> None:
         self._rest = b""
         self._since_s = 0.0
 
-    def feed(self, data: bytes, now_s: float) -> Iterator[Frame]:
+    def feed(self, data: bytes, now_s: float) -> Iterator[bytes]:
         """Yield the frames that bytes of a stream complete; at most ``INPUT_BYTES`` of them are looked at."""
         if self._rest and now_s - self._since_s > WHOLE_WITHIN_S:
             yield from self._found(self._rest, now_s, at_end=True)  # no frame takes so long: the marker was a stray one
         yield from self._found(self._rest + data[:INPUT_BYTES], now_s, at_end=False)
 
-    def datagram(self, data: bytes) -> Iterator[Frame]:
+    def datagram(self, data: bytes) -> Iterator[bytes]:
         """Yield the frames of a datagram, which never go on in the next one."""
         yield from self._found(data[:INPUT_BYTES], 0.0, at_end=True)
 
-    def _found(self, data: bytes, now_s: float, *, at_end: bool) -> Iterator[Frame]:
+    def _found(self, data: bytes, now_s: float, *, at_end: bool) -> Iterator[bytes]:
         place, was_waiting, self._rest = data.find(MARKER), bool(self._rest), b""
         while place >= 0:
             length = _length(data, place)
@@ -83,28 +54,25 @@ class FrameReader:
                     self._since_s = self._since_s if was_waiting and place == 0 else now_s
                     return
                 length = 0
-            frame = Frame(data[place : place + length])
+            frame = data[place : place + length]
             if is_whole := length > 0 and _is_whole(frame):
                 yield frame
             place = data.find(MARKER, place + (length if is_whole else 1))
 
 
 def _length(data: bytes, place: int) -> int | None:
-    """Return how long the frame that begins here would be; None where too little is there to tell."""
+    """Return how long the frame that begins here would be; None if too little is there to tell."""
     if len(data) < place + 3:
         return None
     signature = SIGNATURE_BYTES if data[place + 2] & SIGNED else 0
     return HEADER_BYTES + data[place + 1] + CHECKSUM_BYTES + signature
 
 
-def _is_whole(frame: Frame) -> bool:
+def _is_whole(frame: bytes) -> bool:
     """Return whether the checksum is right; a message that the dialect does not have cannot be checked."""
-    data = frame.data
-    if data[2] & ~SIGNED:
+    message = common.mavlink_map.get(int.from_bytes(frame[7:10], "little"))
+    if message is None or frame[2] & ~SIGNED:
         return False
-    message = common.mavlink_map.get(frame.message_id)
-    if message is None:
-        return False
-    end = HEADER_BYTES + data[1]
-    (checksum,) = struct.unpack_from("<H", data, end)
-    return bool(common.x25crc(data[1:end] + bytes([message.crc_extra])).crc == checksum)
+    end = HEADER_BYTES + frame[1]
+    (checksum,) = struct.unpack_from("<H", frame, end)
+    return bool(common.x25crc(frame[1:end] + bytes([message.crc_extra])).crc == checksum)

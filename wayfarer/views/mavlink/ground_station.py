@@ -1,41 +1,133 @@
-"""A ground station: shows it the run, and does what it may ask for; implements ``daemon.daemon.Viewer``.
+"""A ground station: shows it the run, and holds or disarms the rover for it; implements ``daemon.daemon.Viewer``.
 
-Nothing here waits for the station, and what goes out and comes in is bounded: bytes by a budget, texts by a queue,
-orders by their kinds, frames by one read in a turn of the loop.
+Nothing that comes over MAVLink starts a wheel: of the daemon's commands only ``hold`` and ``disarm`` are here, so no
+message needs to be believed. Nothing waits for the station. What goes out is bounded by a budget of bytes, what comes
+in by one read in a turn of the loop.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager, suppress
+from math import isfinite
+from typing import Literal
 
 from pymavlink.dialects.v20 import common
 
 from wayfarer.commissioning.checks.system import device_files
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.rate import Rate, RateLimiter
-from wayfarer.daemon.socket.protocol import Commands
+from wayfarer.daemon.socket.protocol import Commands, Refused
 from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.schema import Record
-from wayfarer.fieldlog.wording import plural
-from wayfarer.views.mavlink import answers
-from wayfarer.views.mavlink.address import Address
-from wayfarer.views.mavlink.budget import Budget, Stream
-from wayfarer.views.mavlink.link import Link, Received
-from wayfarer.views.mavlink.manual import StickDriving
-from wayfarer.views.mavlink.modes import Order, asked_for
-from wayfarer.views.mavlink.orders import Orders
-from wayfarer.views.mavlink.signing import RESERVED_S, Signing, TimeFile
-from wayfarer.views.mavlink.telemetry import Telemetry
-from wayfarer.views.mavlink.texts import StatusTexts
+from wayfarer.views.mavlink.link import Address, Link
+from wayfarer.views.mavlink.telemetry import MODE_HOLD, MODE_LOITER, Answers, Messages, StatusTexts, Telemetry, version
 
 LOOK_HZ = 20.0  # how often the streams are looked at: as often as the fastest may be sent
-REFUSED_S = 30.0  # between two texts about messages that were not believed
 HELD = ("arming", "armed")  # the modes in which a lost link may hold the wheels
+NOT_FROM_HERE = "a ground station can only hold and disarm; use wayfarer arm, wayfarer resume, or the live page"
+NOT_FROM_THERE = "it came from another computer: network_may_stop in [mavlink] of the rover file is false"
 
 _log = logging.getLogger("wayfarer.views.mavlink")
+
+# -- MAVLink's names for stop ------------------------------------------------------------------------------------------
+
+Stop = Literal["hold", "disarm"]
+# Of a command (MAV_CMD) the value of its first parameter that stops; the others start something, and are denied.
+STOPS: Mapping[int, Mapping[float, Stop]] = {
+    common.MAV_CMD_COMPONENT_ARM_DISARM: {0.0: "disarm"},
+    common.MAV_CMD_DO_PAUSE_CONTINUE: {0.0: "hold"},
+    common.MAV_CMD_OVERRIDE_GOTO: {float(common.MAV_GOTO_DO_HOLD): "hold"},
+    common.MAV_CMD_DO_SET_STANDARD_MODE: {float(common.MAV_STANDARD_MODE_POSITION_HOLD): "hold"},
+    common.MAV_CMD_DO_SET_MODE: {
+        float(mode): "disarm"
+        for mode in (
+            common.MAV_MODE_PREFLIGHT, common.MAV_MODE_MANUAL_DISARMED, common.MAV_MODE_STABILIZE_DISARMED,
+            common.MAV_MODE_GUIDED_DISARMED, common.MAV_MODE_AUTO_DISARMED, common.MAV_MODE_TEST_DISARMED,
+        )
+    },
+}  # fmt: skip
+HOLD_MODES = (MODE_HOLD, MODE_LOITER)  # the second parameter of DO_SET_MODE, if the first says that it counts
+# From NAV_WAYPOINT to COMPONENT_ARM_DISARM: what a person sends. Above are questions, which stations ask by themselves.
+OF_A_PERSON = range(16, 401)
+
+
+def stop_asked_for(command: int, first: float, second: float) -> Stop | None:
+    """Return which stop a command with these two parameters asks for; None if it is none.
+
+    Parameters that are no such value, NaN among them, ask for nothing.
+    """
+    match command:
+        case common.MAV_CMD_NAV_LOITER_UNLIM:
+            return "hold"
+        case common.MAV_CMD_DO_FLIGHTTERMINATION:
+            return "disarm" if first > 0.5 else None
+        case common.MAV_CMD_DO_SET_MODE if isfinite(first) and int(first) & common.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+            return "hold" if second in HOLD_MODES else None
+    return STOPS.get(command, {}).get(first)
+
+
+# -- how much goes out -------------------------------------------------------------------------------------------------
+
+# What a radio says of its buffer, in per cent that are free (RADIO_STATUS.txbuf), and what share of the budget follows;
+# the bounds are those of ArduPilot (GCS_Common.cpp, handle_radio_status), the factors chosen by us.
+FULL, FULLISH, EMPTY = 20, 50, 90
+LEAST_SHARE = 0.1
+
+
+class Budget:
+    """A bucket of the bytes of a second, which fills at ``bytes_per_s`` or a share of it while a radio is full."""
+
+    def __init__(self, bytes_per_s: float) -> None:
+        self._bytes_per_s = self._left = bytes_per_s
+        self._share = 1.0
+        self._at_s: float | None = None
+
+    def fill(self, now_s: float) -> None:
+        """Let time pass."""
+        passed_s = 0.0 if self._at_s is None else now_s - self._at_s
+        self._at_s = now_s
+        a_second = self._bytes_per_s * self._share
+        self._left = min(a_second, self._left + passed_s * a_second)
+
+    @property
+    def is_left(self) -> bool:
+        """Whether a message may go; the last one may be longer than what is left."""
+        return self._left > 0.0
+
+    def spend(self, count: int) -> None:
+        """Count bytes that went out; what always goes makes a debt of a second at most."""
+        self._left = max(-self._bytes_per_s, self._left - count)
+
+    def radio_says(self, free_percent: int) -> None:
+        """Take how much of the radio's buffer is free; it says so about once a second."""
+        factor = (
+            0.5 if free_percent < FULL else 0.8 if free_percent < FULLISH else 1.25 if free_percent > EMPTY else 1.0
+        )
+        self._share = min(1.0, max(LEAST_SHARE, self._share * factor))
+
+
+class Stream:
+    """Messages that are sent ``rate_hz`` times a second, made of the newest state; ``always``: whatever is left."""
+
+    def __init__(self, make: Callable[[], Messages], rate_hz: float, *, always: bool = False) -> None:
+        self.make = make
+        self.always = always
+        self._period_s = 1.0 / rate_hz
+        self._due_s = float("-inf")
+
+    def is_due(self, now_s: float) -> bool:
+        """Return whether it is time."""
+        return now_s >= self._due_s
+
+    def sent(self, now_s: float) -> None:
+        """Note that they went out; periods that were missed are skipped."""
+        self._due_s = max(self._due_s, now_s - self._period_s) + self._period_s
+
+
+# -- the station -------------------------------------------------------------------------------------------------------
 
 
 class GroundStation:
@@ -44,25 +136,18 @@ class GroundStation:
     Args:
         address: where it is.
         config: the rover; ``mavlink`` in it says what a station gets and may do.
-        signing: whose messages are believed, and what signs ours; None without a key.
-        time_file: keeps the time of ``signing``; None without a key.
     """
 
-    def __init__(
-        self, address: Address, config: RoverConfig, signing: Signing | None, time_file: TimeFile | None
-    ) -> None:
-        self._address = address
+    def __init__(self, address: Address, config: RoverConfig) -> None:
         self._settings = settings = config.mavlink
-        self._devices = device_files(config)
-        self._signing = signing
-        self._time_file = time_file
+        self._link = Link(address, settings.system_id, device_files(config), self._take)
         self._telemetry = telemetry = Telemetry(config.declination_deg)
         self._texts = StatusTexts()
-        self._answers = answers.Answers(settings)
+        self._answers = Answers(settings)
         self._budget = Budget(settings.bytes_per_s)
         self._refusals = RateLimiter()
-        self._refused_told, self._refused_told_s = 0, float("-inf")
         self._is_connected = False
+        self._stopping: set[asyncio.Task[None]] = set()
         # The most important first: what the budget does not reach waits.
         self._streams = [
             Stream(telemetry.heartbeat, 1.0, always=True),
@@ -74,13 +159,6 @@ class GroundStation:
             Stream(telemetry.receiver, 1.0),
             Stream(telemetry.battery, 0.5),
         ]
-        self._on_request = {
-            common.MAVLINK_MSG_ID_AUTOPILOT_VERSION: answers.version,
-            common.MAVLINK_MSG_ID_HEARTBEAT: telemetry.heartbeat,
-            common.MAVLINK_MSG_ID_ATTITUDE: telemetry.attitude,
-            common.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: telemetry.position,
-            common.MAVLINK_MSG_ID_SYS_STATUS: telemetry.health,
-        }
 
     def show(self, record: Record) -> None:
         """Take a record."""
@@ -89,15 +167,12 @@ class GroundStation:
     @asynccontextmanager
     async def serving(self, commands: Commands) -> AsyncIterator[None]:
         """Keep the link while entered; the last texts are still sent at the end."""
-        self._commands = commands
-        self._stick = StickDriving(commands, self._telemetry)
-        self._orders = Orders(commands, self._stick, self._settings, self._telemetry, self._tell)
-        self._link = Link(self._address, self._settings.system_id, self._devices, self._signing, self._take)
+        self._do: dict[Stop, Callable[[], Awaitable[object]]] = {"hold": commands.hold, "disarm": commands.disarm}
+        self._note_loss = commands.link_lost
         loop = asyncio.get_running_loop()
         tasks = [
             loop.create_task(self._link.run(), name="mavlink link"),
             loop.create_task(self._tell_regularly(), name="mavlink streams"),
-            loop.create_task(self._keep_time(), name="mavlink time"),
         ]
         try:
             yield
@@ -105,9 +180,9 @@ class GroundStation:
             while self._texts:
                 self._send(*self._texts.pop())
             self._send(*self._telemetry.heartbeat())
-            for task in tasks:
+            for task in (*tasks, *self._stopping):
                 task.cancel()
-            await asyncio.gather(*tasks, self._orders.end(), return_exceptions=True)
+            await asyncio.gather(*tasks, *self._stopping, return_exceptions=True)
 
     # -- to the station ------------------------------------------------------------------------------------------
 
@@ -149,58 +224,62 @@ class GroundStation:
             holds = self._settings.on_link_lost == "hold" and self._telemetry.state.mode in HELD
             if holds:
                 with suppress(WayfarerError):
-                    await self._commands.hold()
+                    await self._do["hold"]()
             with suppress(WayfarerError):
-                await self._commands.link_lost(f"the ground station is silent{': held' if holds else ''}")
-        refused = self._link.refused - self._refused_told
-        if refused and now_s - self._refused_told_s > REFUSED_S:
-            self._refused_told, self._refused_told_s = self._link.refused, now_s
-            text = f"{plural(refused, 'message')} ignored: not signed with our key"
-            self._send(*self._texts.chunks(text, common.MAV_SEVERITY_WARNING))  # now: nobody is believed to listen
-
-    async def _keep_time(self) -> None:
-        """Reserve the signing time of the next minutes, so that no restart makes it go back."""
-        told = ""
-        while self._signing is not None and self._time_file is not None:
-            try:
-                await asyncio.to_thread(self._time_file.write, self._signing.reserve())
-            except (OSError, WayfarerError) as error:
-                if told != str(error):
-                    told = str(error)
-                    _log.warning("the time of MAVLink's signatures is not kept over a restart: %s", told)
-            await asyncio.sleep(RESERVED_S / 2.0)
+                await self._note_loss(f"the ground station is silent{': held' if holds else ''}")
 
     # -- from the station ----------------------------------------------------------------------------------------
 
-    def _take(self, received: Received) -> None:
-        """Take a message that may be heard."""
-        message, own = received.message, self._settings.system_id
+    def _take(self, message: common.MAVLink_message, is_near: bool) -> None:
+        """Take a message; ``is_near``: of a program on this computer, or of a serial line."""
+        is_for_us = getattr(message, "target_system", None) in (self._settings.system_id, 0)  # 0: for everybody
         match message:
             case common.MAVLink_radio_status_message(txbuf=txbuf):
                 self._budget.radio_says(txbuf)
-            case common.MAVLink_manual_control_message(target=target) if target == own:
-                if not self._orders.why_not(Order.MANUAL, received):
-                    sender = received.system, received.component
-                    self._stick.take(message, sender, received.sequence, asyncio.get_running_loop().time())
-            case common.MAVLink_set_mode_message(target_system=target) if target == own:
-                self._command(received, common.MAV_CMD_DO_SET_MODE, message.base_mode, message.custom_mode)
-            case common.MAVLink_command_long_message() | common.MAVLink_command_int_message():
-                if message.target_system == own:
-                    self._command(received, message.command, message.param1, message.param2)
-            case _ if getattr(message, "target_system", None) == own and self._budget.is_left:
-                self._send(*self._answers.to(message, received.system, received.component))
+            case common.MAVLink_set_mode_message() if is_for_us:
+                self._command(message, common.MAV_CMD_DO_SET_MODE, (message.base_mode, message.custom_mode), is_near)
+            case common.MAVLink_command_long_message() | common.MAVLink_command_int_message() if is_for_us:
+                self._command(message, message.command, (message.param1, message.param2), is_near)
+            case _ if is_for_us and self._budget.is_left:
+                self._send(*self._answers.to(message))
 
-    def _command(self, received: Received, command: int, first: float, second: float) -> None:
+    def _command(
+        self, message: common.MAVLink_message, command: int, values: tuple[float, float], is_near: bool
+    ) -> None:
+        """Begin to stop the rover, or answer something else while the budget lasts: anybody can ask."""
+
         def answer(result: int) -> None:
-            if result == common.MAV_RESULT_DENIED and not self._budget.is_left:
-                return  # anybody can ask: what is told of the rover must not wait for that
-            self._send(common.MAVLink_command_ack_message(command, result, 0, 0, received.system, received.component))
+            sender = message.get_srcSystem(), message.get_srcComponent()
+            self._send(common.MAVLink_command_ack_message(command, result, 0, 0, *sender))
 
-        order = asked_for(command, first, second)
-        if order is not None:
-            self._orders.take(order, received, answer)
-        elif self._budget.is_left:
-            wanted = answers.on_request(self._on_request, first) if command == common.MAV_CMD_REQUEST_MESSAGE else None
-            answer(common.MAV_RESULT_UNSUPPORTED if wanted is None else common.MAV_RESULT_ACCEPTED)
-            if wanted is not None:
-                self._send(wanted)
+        stop = stop_asked_for(command, *values)
+        if stop is not None and (is_near or self._settings.network_may_stop):
+            # Neither stop waits for anything, so those of one read are done before the next.
+            doing = asyncio.get_running_loop().create_task(self._stop(stop, answer), name=f"mavlink {stop}")
+            self._stopping.add(doing)
+            doing.add_done_callback(self._stopping.discard)
+        elif not self._budget.is_left:
+            return
+        elif command == common.MAV_CMD_REQUEST_MESSAGE and values[0] == common.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
+            answer(common.MAV_RESULT_ACCEPTED)
+            self._send(version())
+        else:
+            if command in OF_A_PERSON:
+                self._tell(NOT_FROM_HERE if stop is None else f"{stop} refused: {NOT_FROM_THERE}")
+            is_denied = stop is not None or command in STOPS
+            answer(common.MAV_RESULT_DENIED if is_denied else common.MAV_RESULT_UNSUPPORTED)
+
+    async def _stop(self, stop: Stop, answer: Callable[[int], None]) -> None:
+        result = common.MAV_RESULT_FAILED
+        try:
+            await self._do[stop]()
+            result = common.MAV_RESULT_ACCEPTED
+        except Refused as refusal:
+            result = common.MAV_RESULT_TEMPORARILY_REJECTED
+            self._tell(f"{stop} refused: {refusal}")
+        except WayfarerError as error:
+            self._tell(f"{stop} failed: {error}")
+        except Exception:
+            _log.exception("in carrying out %s", stop)
+            self._tell(f"{stop} failed: an error inside wayfarer")
+        answer(result)

@@ -1,131 +1,307 @@
-"""Keeps the link open, signs what goes out, and judges what comes in. Nothing that happens to it stops the rover."""
+"""The link to a ground station: its address, the UDP socket or serial line, and what keeps it open.
+
+Nothing here waits: what does not fit is dropped, and nothing that happens to a link stops the rover.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import fcntl
 import logging
-from collections.abc import Callable
+import os
+import socket
+import termios
+import tty
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from ipaddress import ip_address
 from typing import NamedTuple
 
 from pymavlink.dialects.v20 import common
 
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.clock import wall_clock
-from wayfarer.views.mavlink.address import Address
-from wayfarer.views.mavlink.frames import Frame
-from wayfarer.views.mavlink.ports import Port, open_port
-from wayfarer.views.mavlink.signing import Signing
+from wayfarer.views.mavlink.frames import INPUT_BYTES, FrameReader
 
-AGAIN_S = 2.0  # between two tries to open it
-RENEW_S = 20.0  # of silence: a UDP socket keeps the address of a network that the computer has left
-TIME_TOLD_S = 0.1  # so often at most our time is told to those who are behind it: an enemy may send recorded frames
+KINDS = ("udpout", "udpin", "serial")
+PORTS = range(1, 65_536)
+# In baud, and what termios calls them.
+BAUDS = {int(name[1:]): getattr(termios, name) for name in dir(termios) if name[:1] == "B" and name[1:].isdecimal()}
+FORM = "give udpout:HOST:PORT, udpin:HOST:PORT or serial:DEVICE:BAUD, such as udpout:192.168.1.5:14550"
+CONTROL, SPEED_IN, SPEED_OUT = 2, 4, 5  # places in what termios.tcgetattr returns
+AGAIN_S = 2.0  # between two tries to open a link
 COMPONENT = common.MAV_COMP_ID_AUTOPILOT1
 
 _log = logging.getLogger("wayfarer.views.mavlink")
 
 
-class Received(NamedTuple):
-    """A message that may be heard. ``signed``: by somebody with the key; ``local``: from this computer."""
+# -- addresses -------------------------------------------------------------------------------------------------------
 
-    message: common.MAVLink_message
-    sequence: int
-    system: int
-    component: int
-    signed: bool
-    local: bool
+
+class Address(NamedTuple):
+    """Where the link goes: an IP address and a port, or a device file and a rate in baud."""
+
+    kind: str
+    where: str
+    number: int
+
+    def __str__(self) -> str:
+        where = f"[{self.where}]" if self.kind != "serial" and ":" in self.where else self.where
+        return f"{self.kind}:{where}:{self.number}"
+
+
+def parse_address(text: str) -> Address:
+    """Return the address that a text names; the name of a host is looked up.
+
+    Raises:
+        BadInput: it is none, or there is no such host; the text says what to do.
+    """
+    kind, _, rest = text.partition(":")
+    where, _, digits = rest.rpartition(":")
+    allowed = BAUDS.keys() - {0} if kind == "serial" else PORTS
+    if kind not in KINDS or not where:
+        raise BadInput(f"--mavlink {text}: no address of a link; {FORM}")
+    if not (digits.isascii() and digits.isdecimal() and int(digits[:8]) in allowed):
+        number = "rate in baud" if kind == "serial" else "port"
+        raise BadInput(f"--mavlink {text}: '{digits}' is no {number}; {FORM}")
+    if kind == "serial":
+        return Address(kind, where, int(digits))
+    host = where.removeprefix("[").removesuffix("]")
+    try:
+        return Address(kind, str(socket.getaddrinfo(host, None, type=socket.SOCK_DGRAM)[0][4][0]), int(digits))
+    except (OSError, UnicodeError):
+        raise BadInput(
+            f"--mavlink: no host {host} is known; give its IP address, which needs neither network nor name server now"
+        ) from None
+
+
+def check_not_a_part(address: Address, devices: Iterable[str]) -> None:
+    """Refuse a serial line that a part of the rover is on: what a motor board is sent could turn the wheels.
+
+    Asked at each opening: an adapter that is plugged in again may get the name that another one had.
+
+    Args:
+        address: of the link.
+        devices: the device files of the rover's parts.
+
+    Raises:
+        BadInput: the text names the device.
+    """
+    if address.kind == "serial" and os.path.realpath(address.where) in map(os.path.realpath, devices):
+        raise BadInput(
+            f"--mavlink {address}: a part of the rover is on {address.where}; name the radio's device, best by"
+            " /dev/serial/by-id"
+        )
+
+
+def is_this_computer(host: str) -> bool:
+    """Return whether an IP address is one that only programs on this computer can send from."""
+    address = ip_address(host.partition("%")[0])
+    return (getattr(address, "ipv4_mapped", None) or address).is_loopback
+
+
+# -- the two kinds of ports: their methods raise OSError if the port has to be opened again ---------------------------
+
+
+class UdpPort:
+    """A UDP socket, which serves one station at a time, so that nobody can multiply what the rover sends.
+
+    ``udpout`` names that one; ``udpin`` waits for one. The socket is not connected, or it would keep the address of a
+    network that the computer has left.
+    """
+
+    def __init__(self, address: Address) -> None:
+        family = socket.AF_INET6 if ":" in address.where else socket.AF_INET
+        self._socket = socket.socket(family, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._reader = FrameReader()
+        where = (address.where, address.number)
+        self._named = where if address.kind == "udpout" else None
+        self._station: tuple[str, int] | None = self._named
+        self._sender = ("", 0)
+        if self._named is None:
+            try:
+                self._socket.bind(where)
+            except OSError:
+                self._socket.close()
+                raise
+
+    def listen(self, ready: Callable[[], None]) -> None:
+        """Call ``ready`` for each datagram, until the port is closed."""
+        asyncio.get_running_loop().add_reader(self._socket, ready)
+
+    def read(self, now_s: float) -> Iterator[tuple[bytes, bool]]:  # noqa: ARG002 - a datagram is whole
+        """Yield the frames of one datagram, each with whether a program of this computer sent it.
+
+        While a station is served, other computers are not heard.
+        """
+        try:
+            data, sender = self._socket.recvfrom(INPUT_BYTES)
+        except BlockingIOError:
+            return
+        self._sender = sender[:2]  # of IPv6, without flow and scope
+        is_near = is_this_computer(self._sender[0])
+        if is_near or self._station in (None, self._sender):
+            for frame in self._reader.datagram(data):
+                yield frame, is_near
+
+    def write(self, frame: bytes) -> None:
+        """Send a frame, if there is a station to send it to and room for it."""
+        if self._station is not None:
+            with suppress(BlockingIOError):
+                self._socket.sendto(frame, self._station)
+
+    def serve(self) -> bool:
+        """Serve the sender of what was read last, if no other is served; return whether it is served."""
+        self._station = self._station or self._sender
+        return self._station == self._sender
+
+    def forget(self) -> None:
+        """Let another station take the place of the one that is silent, if none is named."""
+        self._station = self._named
+
+    def close(self) -> None:
+        """Close the socket. Safe twice."""
+        if self._socket.fileno() >= 0:
+            asyncio.get_running_loop().remove_reader(self._socket)
+            self._socket.close()
+
+
+class SerialPort:
+    """A serial line, as of a telemetry radio: it has one other end, which is always served."""
+
+    def __init__(self, address: Address) -> None:
+        self._line = os.open(address.where, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        try:
+            fcntl.flock(self._line, fcntl.LOCK_EX | fcntl.LOCK_NB)  # two programs would take each other's bytes
+            tty.setraw(self._line)
+            settings = termios.tcgetattr(self._line)
+            settings[CONTROL] = settings[CONTROL] & ~termios.CRTSCTS | termios.CLOCAL | termios.CREAD
+            settings[SPEED_IN] = settings[SPEED_OUT] = BAUDS[address.number]
+            termios.tcsetattr(self._line, termios.TCSANOW, settings)
+        except (OSError, termios.error) as error:
+            os.close(self._line)
+            raise OSError(f"{address.where} is no serial line that can be used: {error}") from None
+        self._reader = FrameReader()
+        self._unsent = b""
+
+    def listen(self, ready: Callable[[], None]) -> None:
+        """Call ``ready`` when bytes are there, until the port is closed."""
+        asyncio.get_running_loop().add_reader(self._line, ready)
+
+    def read(self, now_s: float) -> Iterator[tuple[bytes, bool]]:
+        """Yield the frames that the bytes so far complete; the other end counts as near."""
+        try:
+            data = os.read(self._line, INPUT_BYTES)
+        except BlockingIOError:
+            return
+        if not data:
+            raise OSError("the line was hung up")
+        for frame in self._reader.feed(data, now_s):
+            yield frame, True
+
+    def write(self, frame: bytes) -> None:
+        """Send a frame, after the rest of the one before; drop it if that has not gone yet."""
+        with suppress(BlockingIOError):
+            if self._unsent:
+                self._unsent = self._unsent[os.write(self._line, self._unsent) :]
+            if not self._unsent:
+                self._unsent = frame[os.write(self._line, frame) :]
+
+    def serve(self) -> bool:
+        """Return that the other end is served."""
+        return True
+
+    def forget(self) -> None:
+        """Nothing."""
+
+    def close(self) -> None:
+        """Close the line. Safe twice."""
+        if self._line >= 0:
+            asyncio.get_running_loop().remove_reader(self._line)
+            os.close(self._line)
+            self._line = -1
+
+
+def open_port(address: Address, devices: Iterable[str]) -> UdpPort | SerialPort:
+    """Open a link; ``devices`` are the device files of the rover's parts.
+
+    Raises:
+        OSError: it is not there, or not yet.
+        BadInput: a part of the rover is there.
+    """
+    check_not_a_part(address, devices)
+    return SerialPort(address) if address.kind == "serial" else UdpPort(address)
+
+
+# -- the link ----------------------------------------------------------------------------------------------------------
 
 
 class Link:
-    """One link to one station.
-
-    ``heard_s`` is the loop's time at which a station's heartbeat last came, ``refused`` how many frames were not
-    believed.
+    """One link to one station. ``heard_s`` is the loop's time at which the station's heartbeat last came.
 
     Args:
         address: where it goes.
         system_id: the rover's number.
         devices: the device files of the rover's parts, which are no link.
-        signing: checks and signs; None: there is no key.
-        on_message: takes what is believed; must not wait.
+        on_message: takes each message, and whether its sender is near: on this computer, or on a serial line. Must
+            not wait.
     """
 
     def __init__(
-        self, address: Address, system_id: int, devices: tuple[str, ...], signing: Signing | None,
-        on_message: Callable[[Received], None],
+        self, address: Address, system_id: int, devices: tuple[str, ...],
+        on_message: Callable[[common.MAVLink_message, bool], None],
     ) -> None:  # fmt: skip
         self._address = address
         self._devices = devices
-        self._signing = signing
         self._on_message = on_message
-        self._encoder = common.MAVLink(None, system_id, COMPONENT)
-        self._decoder = common.MAVLink(None)  # it is told no key: ``signing`` has checked before
-        if signing is not None:
-            self._encoder.signing.secret_key, self._encoder.signing.sign_outgoing = signing.key, True
-        self._port: Port | None = None
-        self._broken = asyncio.Event()
+        self._coder = common.MAVLink(None, system_id, COMPONENT)
+        self._port: UdpPort | SerialPort | None = None
         self.heard_s = float("-inf")
-        self.refused = 0
-        self._time_told_s = float("-inf")
 
     async def run(self) -> None:
         """Keep the link open until cancelled."""
-        told = ""
+        loop = asyncio.get_running_loop()
+        told, told_s = "", 0.0
         while True:
+            self._broken: asyncio.Future[OSError] = loop.create_future()
             try:
-                port = await self._opened()
+                if self._address.kind == "serial":  # a driver may take its time
+                    self._port = await asyncio.to_thread(open_port, self._address, self._devices)
+                else:
+                    self._port = open_port(self._address, self._devices)
+                self._port.listen(self._read)
+                raise await self._broken
             except (OSError, BadInput) as error:
                 why = getattr(error, "strerror", None) or str(error)
-                if told != why:  # once, not every two seconds
-                    told = why
-                    _log.warning(
-                        "MAVLink at %s does not open (tried again every %g s): %s", self._address, AGAIN_S, told
-                    )
-                await asyncio.sleep(AGAIN_S)
-                continue
-            told, self._port = "", port
-            self._broken.clear()
-            port.listen(self._read)
-            try:
-                await self._wait_until_broken()
+                if told != why or self.heard_s > told_s:  # once, not every two seconds
+                    told, told_s = why, loop.time()
+                    _log.warning("MAVLink at %s is not open (tried again every %g s): %s", self._address, AGAIN_S, why)
             finally:
-                self._port = None
-                port.close()
+                self._close()
+            await asyncio.sleep(AGAIN_S)
 
-    async def _opened(self) -> Port:
-        if self._address.kind == "serial":  # a driver may take its time
-            return await asyncio.to_thread(open_port, self._address, self._devices)
-        return open_port(self._address, self._devices)
+    def _close(self) -> None:
+        port, self._port = self._port, None
+        if port is not None:
+            port.close()
 
-    async def _wait_until_broken(self) -> None:
-        time = asyncio.get_running_loop().time
-        opened_s = time()
-        while not self._broken.is_set():
-            with suppress(TimeoutError):
-                async with asyncio.timeout(RENEW_S):
-                    await self._broken.wait()
-            if self._address.kind == "udpout" and time() - max(opened_s, self.heard_s) >= RENEW_S:
-                return
-        await asyncio.sleep(AGAIN_S)
+    def _break(self, error: OSError) -> None:
+        """Close the port, which would stay readable and keep the loop busy, and let it be opened again."""
+        self._close()
+        if not self._broken.done():
+            self._broken.set_result(error)
 
     def send(self, message: common.MAVLink_message) -> int:
-        """Send a message; return how many bytes it has, 0 where the link is not open."""
+        """Send a message; return how many bytes it has, 0 if the link is not open."""
         if self._port is None:
             return 0
-        data = self._packed(message)
+        data: bytes = message.pack(self._coder)
+        self._coder.seq = (self._coder.seq + 1) % 256
         try:
             self._port.write(data)
-        except OSError:
-            self._broken.set()
+        except OSError as error:
+            self._break(error)
         return len(data)
-
-    def _packed(self, message: common.MAVLink_message) -> bytes:
-        if self._signing is not None:
-            t_s = asyncio.get_running_loop().time()
-            self._encoder.signing.timestamp = self._signing.now_ticks(wall_clock(t_s), t_s)
-        data: bytes = message.pack(self._encoder)
-        self._encoder.seq = (self._encoder.seq + 1) % 256
-        return data
 
     def station_is_silent(self) -> None:
         """Let another station take the place of the one that is silent."""
@@ -136,44 +312,22 @@ class Link:
         port = self._port
         if port is None:
             return
+        now_s = asyncio.get_running_loop().time()
         try:
-            for frame, local in port.read(asyncio.get_running_loop().time()):
-                self._take(frame, local)
-        except OSError:
-            port.close()  # or its descriptor would stay readable, and keep the loop busy
-            self._port = None
-            self._broken.set()
-        except Exception:
-            _log.exception("in taking what a ground station sent")
+            for frame, is_near in port.read(now_s):
+                self._take(port, frame, is_near, now_s)
+        except OSError as error:
+            self._break(error)
 
-    def _take(self, frame: Frame, local: bool) -> None:
-        """Believe a frame or not. Without a key everything may be heard; ``station`` decides what may be done."""
-        signed = self._signing is not None and self._signing.is_genuine(frame)
-        is_radio = frame.message_id == common.MAVLINK_MSG_ID_RADIO_STATUS  # a radio has no key
-        if self._signing is not None and not signed and not is_radio:
-            self.refused += 1
-            self._tell_time(self._signing, frame)
-            return
+    def _take(self, port: UdpPort | SerialPort, frame: bytes, is_near: bool, now_s: float) -> None:
         try:
-            message = self._decoder.decode(bytearray(frame.data))
+            message = self._coder.decode(bytearray(frame))
+            # Only a station's: another vehicle may be there, and an enemy may send our own messages back to us.
+            is_beat = isinstance(message, common.MAVLink_heartbeat_message) and message.type == common.MAV_TYPE_GCS
+            if is_beat and port.serve():
+                self.heard_s = now_s
+            self._on_message(message, is_near)
         except common.MAVError:
             return  # a text that is no UTF-8
-        if isinstance(message, common.MAVLink_heartbeat_message) and message.type == common.MAV_TYPE_GCS:
-            # Nothing else: another vehicle may have the same key, and an enemy may send our own messages back to us.
-            self.heard_s = asyncio.get_running_loop().time()
-            if self._port is not None:
-                self._port.believe()
-        self._on_message(Received(message, frame.sequence, frame.system, frame.component, signed, local))
-
-    def _tell_time(self, signing: Signing, frame: Frame) -> None:
-        """Tell our signing time to a sender who has the key, but whose time is behind ours, as after a restart.
-
-        Stations go on from the latest time that they hear. To ``udpin`` nothing is sent before a station is believed,
-        so it would never hear ours.
-        """
-        t_s = asyncio.get_running_loop().time()
-        if self._port is None or t_s - self._time_told_s < TIME_TOLD_S or not signing.has_key(frame):
-            return
-        self._time_told_s = t_s
-        boot_ms = int(t_s * 1e3) % 2**32
-        self._port.answer(self._packed(common.MAVLink_system_time_message(int(wall_clock(t_s) * 1e6), boot_ms)))
+        except Exception:  # a bug must not lose the next frame, which may be a stop
+            _log.exception("in taking what a ground station sent")

@@ -1,31 +1,44 @@
 """What the rover tells a ground station: log records in, MAVLink messages out. Pure.
 
 A message is made when it is due, from the state of the run so far; a record costs no more than the fold.
+
+The numbers of the modes are those of ArduPilot's rovers, because MAVProxy and Mission Planner know the names of these
+for each vehicle of the type ground rover. The autopilot is told as ``GENERIC``: no station may take this for ArduPilot
+or PX4, whose parameters and missions it would then ask for.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import re
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
 from math import isfinite, radians
 from typing import Final, TypeVar
 
 from pymavlink.dialects.v20 import common
 
+from wayfarer import __version__
 from wayfarer.angles import wrap180, wrap360
+from wayfarer.config.mavlink_settings import MavlinkSettings
 from wayfarer.escape.api import Phase
+from wayfarer.fieldlog.run_events import PhaseChanged
 from wayfarer.fieldlog.run_fold import RunFold
+from wayfarer.fieldlog.run_state import RunState
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Board, Fix, RunEvent
+from wayfarer.fieldlog.wording import Tone
 from wayfarer.safety.conditions import Level
-from wayfarer.views.mavlink import modes
+from wayfarer.views.text.log_lines import log_lines
 
 Messages = Iterator[common.MAVLink_message]
 Said = TypeVar("Said", Fix, Board)
 
+MODE_MANUAL, MODE_HOLD, MODE_LOITER, MODE_AUTO, MODE_INITIALISING = 0, 4, 5, 10, 16
+
 # "Not known", as the definitions of the fields say.
 NO_U16: Final = 0xFFFF
 NO_I16: Final = -1
-FRESH_S = 5.0  # a receiver speaks once a second, a motor board four times: from no source
+FRESH_S = 5.0  # a receiver speaks once a second, a motor board four times: chosen by us
 PHASES: Final = tuple(phase.value for phase in Phase)  # ``phase`` tells the place in this list, from 0
 LEVELS: Final = {level.name.lower(): int(level) for level in Level}
 
@@ -57,15 +70,16 @@ class Telemetry:
         """Take a record; return what it tells."""
         return self._fold.take(record)
 
-    @property
-    def wheels_turn(self) -> bool:
-        """Whether this run can turn real wheels; a simulated one and a dry run cannot."""
-        header = self.state.header
-        return not (header.simulated is True or header.dry_run is True)
-
     def heartbeat(self) -> Messages:
         """Tell mode and state."""
-        yield modes.heartbeat(self.state)
+        run, mode = self.state, custom_mode(self.state)
+        base = common.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        base |= common.MAV_MODE_FLAG_SAFETY_ARMED if run.mode in ("armed", "manual") else 0
+        base |= common.MAV_MODE_FLAG_AUTO_ENABLED if mode == MODE_AUTO else 0
+        base |= common.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED if mode == MODE_MANUAL else 0
+        yield common.MAVLink_heartbeat_message(
+            common.MAV_TYPE_GROUND_ROVER, common.MAV_AUTOPILOT_GENERIC, base, mode, system_status(run), 3
+        )
 
     def attitude(self) -> Messages:
         """Tell roll, pitch and heading; nothing before the first reading of the compass."""
@@ -122,20 +136,9 @@ class Telemetry:
         if board is not None and board.battery_v is not None:
             present |= BATTERY
         yield common.MAVLink_sys_status_message(
-            present,
-            present,
-            present & ~ill,
-            0,
-            self._millivolts(),
-            NO_I16,
-            -1,
-            0,
-            0,
-            min(state.dropped, NO_U16),
-            0,
-            0,
-            0,
-        )
+            present, present, present & ~ill, 0, self._millivolts(), NO_I16, -1,
+            0, 0, min(state.dropped, NO_U16), 0, 0, 0,
+        )  # fmt: skip
 
     def battery(self) -> Messages:
         """Tell the battery's voltage, if the motor board measures it."""
@@ -156,9 +159,8 @@ class Telemetry:
             ("episodes", tick.episodes),
         )  # fmt: skip
         for name, value in named:
-            if (
-                value is not None and isfinite(value) and abs(value) < 1e30
-            ):  # a third party's algorithm may say anything
+            # A third party's algorithm may say anything.
+            if value is not None and isfinite(value) and abs(value) < 1e30:
                 yield common.MAVLink_named_value_float_message(self._ms(), name.encode(), value)
 
     def _number(self, name: str, value: int) -> common.MAVLink_message:
@@ -181,3 +183,131 @@ class Telemetry:
 
 def _hundredths(heading_deg: float) -> int:
     return round(100.0 * heading_deg) % 36_000
+
+
+def custom_mode(run: RunState) -> int:
+    """Return the number of the mode that a run is in: a rover that is disarmed is in HOLD."""
+    if run.mode == "manual":
+        return MODE_MANUAL
+    if run.mode == "arming":
+        return MODE_INITIALISING
+    return MODE_AUTO if run.mode == "armed" and not run.operator_hold else MODE_HOLD
+
+
+def system_status(run: RunState) -> int:
+    """Return how the rover does (MAV_STATE). A fault disarms it, so its level counts in any mode."""
+    if run.tick.level == "fault":
+        return int(common.MAV_STATE_EMERGENCY)
+    if run.mode not in ("armed", "manual"):
+        return int(common.MAV_STATE_STANDBY)
+    troubled = run.tick.level in ("degrade", "hold") and not run.operator_hold
+    return int(common.MAV_STATE_CRITICAL if troubled else common.MAV_STATE_ACTIVE)
+
+
+# -- texts -----------------------------------------------------------------------------------------------------------
+
+WAITING = 24  # texts; the oldest go first
+CHUNK_BYTES, CHUNKS = 50, 6  # of one text; the longest refusals have 300 characters
+SEVERITIES: Final = {
+    Tone.FAULT: common.MAV_SEVERITY_CRITICAL,
+    Tone.WARNING: common.MAV_SEVERITY_WARNING,
+    Tone.PERSON: common.MAV_SEVERITY_NOTICE,
+    Tone.END: common.MAV_SEVERITY_NOTICE,
+}
+LAST_NUMBER: Final = 0xFFFF  # of a text in chunks; 0 means that there is one chunk only
+
+
+class StatusTexts:
+    """What happens in a run, in the words of the terminal, in chunks of 50 bytes.
+
+    While nobody listens the newest texts wait. So a station that connects is told how the run before ended, and one
+    that was out of reach what it has missed.
+    """
+
+    def __init__(self) -> None:
+        self._waiting: deque[list[common.MAVLink_message]] = deque(maxlen=WAITING)
+        self._number = 0
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def take(self, events: Iterable[RunEvent]) -> None:
+        """Queue a text for each event that has one."""
+        for event in events:
+            if not isinstance(event, PhaseChanged):
+                for _, text, tone in log_lines(event):
+                    if tone is not Tone.QUIET:  # a radio has no room for them
+                        self.add(text, SEVERITIES.get(tone, common.MAV_SEVERITY_INFO))
+
+    def add(self, text: str, severity: int) -> None:
+        """Queue a text with a severity (MAV_SEVERITY); what stations cannot show becomes a question mark."""
+        data = text.encode("ascii", "replace")[: CHUNKS * CHUNK_BYTES]
+        number, pieces = 0, [data]
+        if len(data) > CHUNK_BYTES:
+            self._number = number = self._number % LAST_NUMBER + 1
+            # A chunk that is not full ends a text: an empty one does, if the others are all full.
+            pieces = [data[begin : begin + CHUNK_BYTES] for begin in range(0, len(data) + 1, CHUNK_BYTES)]
+        chunks = [
+            common.MAVLink_statustext_message(severity, piece, number, place) for place, piece in enumerate(pieces)
+        ]
+        self._waiting.append(chunks)
+
+    def pop(self) -> list[common.MAVLink_message]:
+        """Return the chunks of the oldest text.
+
+        Raises:
+            IndexError: none waits.
+        """
+        return self._waiting.popleft()
+
+
+# -- what stations ask when they connect -------------------------------------------------------------------------------
+
+CAPABILITIES = common.MAV_PROTOCOL_CAPABILITY_MAVLINK2 | common.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+
+
+class Answers:
+    """Parameters and an empty mission: QGroundControl and Mission Planner wait for them before they show a vehicle.
+
+    Parameters are there to be read, names of at most 16 characters; ArduPilot calls the first one so.
+    """
+
+    def __init__(self, settings: MavlinkSettings) -> None:
+        self._parameters = {
+            "SYSID_THISMAV": settings.system_id,
+            "LINK_LOST_S": settings.link_lost_s,
+            "LINK_LOST_HOLD": settings.on_link_lost == "hold",
+        }
+
+    def to(self, message: common.MAVLink_message) -> Messages:
+        """Yield the answers to a message; none if it asks for nothing."""
+        sender = message.get_srcSystem(), message.get_srcComponent()
+        match message:
+            case common.MAVLink_param_request_list_message():
+                yield from map(self._parameter, self._parameters)
+            case common.MAVLink_param_request_read_message(param_index=index, param_id=name):
+                names = list(self._parameters)
+                if name in names or 0 <= index < len(names):
+                    yield self._parameter(names[index] if index >= 0 else name)
+            case common.MAVLink_param_set_message(param_id=name) if name in self._parameters:
+                yield self._parameter(name)  # as it is: so a station sees that it has not been changed
+            case common.MAVLink_mission_request_list_message(mission_type=kind):
+                yield common.MAVLink_mission_count_message(*sender, 0, kind)
+            case (
+                common.MAVLink_mission_count_message(mission_type=kind)
+                | common.MAVLink_mission_clear_all_message(mission_type=kind)
+            ):
+                yield common.MAVLink_mission_ack_message(*sender, common.MAV_MISSION_UNSUPPORTED, kind)
+
+    def _parameter(self, name: str) -> common.MAVLink_message:
+        names, kind = list(self._parameters), common.MAV_PARAM_TYPE_REAL32
+        value = float(self._parameters[name])
+        return common.MAVLink_param_value_message(name.encode(), value, kind, len(names), names.index(name))
+
+
+def version() -> common.MAVLink_message:
+    """Return who this is: the version of wayfarer, and what it can do."""
+    major, minor, patch = (int(part) & 0xFF for part in re.findall(r"\d+", __version__)[:3])
+    packed = major << 24 | minor << 16 | patch << 8 | common.FIRMWARE_VERSION_TYPE_DEV
+    nothing = [0] * 8
+    return common.MAVLink_autopilot_version_message(CAPABILITIES, packed, 0, 0, 0, nothing, nothing, nothing, 0, 0, 0)
