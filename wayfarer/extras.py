@@ -25,7 +25,6 @@ NEEDS = {
     "sweeping": OptionalExtra("sim", {"numpy": "numpy", "pyarrow": "pyarrow"}),
     "tuning": OptionalExtra("tune", {"optuna": "optuna"}),
     "--physics mujoco": OptionalExtra("physics", {"mujoco": "mujoco"}),
-    "--video": OptionalExtra("physics", {"av": "av", "PIL": "pillow", "scipy": "scipy"}),
     "--figures": OptionalExtra("figures", {"matplotlib": "matplotlib"}),
     "a report": OptionalExtra("sim", {"bokeh": "bokeh", "numpy": "numpy"}),
     "the live page": OptionalExtra("live", {"aiohttp": "aiohttp"}),

@@ -26,7 +26,6 @@ EXAMPLES = examples(
     "wayfarer sim --senses field --trials 200",
     "wayfarer sim --slope-deg 0:15 --slope-direction-deg 0:360 --trials 200",
     "wayfarer sim --physics mujoco --friction 0.3:0.8 --rover forestrover --trials 20",
-    "wayfarer sim --physics mujoco --friction 0.15 --rover forestrover --trial 9 --video trial.mp4",
     "wayfarer sim --trials 1000000 --out results --cluster tcp://10.0.0.7:8786",
 )
 TRIALS, MOST_TRIALS = 1000, 1_000_000
@@ -57,34 +56,9 @@ TrialNumber = Annotated[
 LogDir = Annotated[
     Path | None, typer.Option(metavar="DIR", help="New or empty folder for the trials' full field logs; slower.")
 ]
-Video = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE",
-        help="Write a film of this trial (needs --physics mujoco): FILE.mp4 or FILE.webp; slower.",
-        rich_help_panel=ONE_TRIAL,
-    ),
-]
-VideoSpeed = Annotated[
-    float | None,
-    typer.Option(
-        min=0.1,
-        max=100.0,
-        metavar="X",
-        help="Speed of the film relative to the trial. (default: 1)",
-        rich_help_panel=ONE_TRIAL,
-    ),
-]
-
 
 # Of each pair, the first option has no effect without the second.
-NEEDS = (
-    ("resume", "out"),
-    *options.WORLD_NEEDS,
-    ("video", "physics mujoco"),
-    ("video", "trial"),
-    ("video_speed", "video"),
-)
+NEEDS = (("resume", "out"), *options.WORLD_NEEDS)
 EXCLUDES = (
     ("log_dir", "resume"),  # each trial that is logged has to run again
     ("trial", "trials"),  # one trial is the same in a campaign of any size
@@ -124,13 +98,11 @@ def sim(
     resume: options.Resume = False,
     trial: TrialNumber = None,
     log_dir: LogDir = None,
-    video: Video = None,
-    video_speed: VideoSpeed = None,
     as_json: AsJson = False,
 ) -> None:
     """Run the rover's code in simulated forests, and print success rate and path length per algorithm."""
     check_together(ctx, needs=NEEDS, excludes=EXCLUDES)
-    _require(video, out, cluster)
+    _require(out, cluster)
     from wayfarer.experiments import sim_command
     from wayfarer.experiments.make_campaign import make_campaign
 
@@ -147,16 +119,12 @@ def sim(
             command=command_line(ctx),
         )  # fmt: skip
         raise typer.Exit(code)
-    if video:
-        raise typer.Exit(sim_command.film_alone(campaign, trial, log_dir, video, video_speed or 1.0, as_json=as_json))
     raise typer.Exit(sim_command.run_alone(campaign, trial, log_dir, as_json=as_json))
 
 
-def _require(video: Path | None, out: Path | None, cluster: str | None) -> None:
+def _require(out: Path | None, cluster: str | None) -> None:
     """Refuse to continue without the packages that a run needs."""
     require("simulating")
-    if video:
-        require("--video")
     if out:
         require("keeping results")
     if cluster is not None:

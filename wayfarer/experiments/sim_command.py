@@ -118,12 +118,10 @@ def run_shown(
     return finished
 
 
-def run_alone(
-    campaign: Campaign, trial: int, log: Path | None, run_trial: RunTrial | None = None, *, as_json: bool = False
-) -> int:
+def run_alone(campaign: Campaign, trial: int, log: Path | None, *, as_json: bool = False) -> int:
     """Run one trial, print its row as in ``trials.csv`` or as JSON, and return the exit code: 1 after a fault.
 
-    With ``log`` the full field log goes there (a ``run_trial`` sees to that itself), and after a fault the traceback.
+    With ``log`` the full field log goes there, and after a fault the traceback.
 
     Raises:
         BadInput: the campaign has several algorithms, or ``log`` is not new or empty.
@@ -132,7 +130,7 @@ def run_alone(
         raise BadInput(f"--trial runs one trial of one algorithm; choose one of {', '.join(campaign.algorithms)}")
     if log:
         make_empty_folder(log, "the log")
-    runner = TrialRunner(campaign, run_trial or partial(field_trial, log_dir=log))
+    runner = TrialRunner(campaign, partial(field_trial, log_dir=log))
     done = runner.run(Task(campaign.algorithms[0], trial))
     columns = columns_of(campaign.settings())
     if as_json:
@@ -147,34 +145,6 @@ def run_alone(
     if log:
         (log / FAULT_FILE).write_text(done.fault.traceback, encoding="utf-8")
     return 1
-
-
-def film_alone(
-    campaign: Campaign, trial: int, log: Path | None, video: Path, speed: float, *, as_json: bool = False
-) -> int:
-    """Run one trial in MuJoCo as ``run_alone`` does, film it, and return the exit code.
-
-    The film is drawn after the trial, which is the same as without it. A trial that ends before its first control tick
-    leaves no film.
-
-    Raises:
-        BadInput: as of ``run_alone``; or the film cannot be written or drawn, which is found out before the trial.
-    """
-    from wayfarer.experiments.film.footage import Footage
-    from wayfarer.experiments.film.video import film
-
-    aside, footage = Console(stderr=True), Footage(log)
-    with film(video) as draw:
-        code = run_alone(campaign, trial, log, footage, as_json=as_json)
-        if not footage.ticks:
-            raise BadInput(
-                f"--video {video}: trial {trial} ended before its first control tick; there is nothing to film"
-            )
-        draw(footage, speed, aside)
-    say(aside, f"the film is {video}")
-    if not as_json:
-        say_next("xdg-open", video)
-    return code
 
 
 def connected(cluster: str | None) -> AbstractContextManager[Cluster | None]:

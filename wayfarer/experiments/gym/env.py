@@ -24,7 +24,7 @@ from wayfarer.simhal.mujoco.terrain import Terrains
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 if TYPE_CHECKING:
-    from wayfarer.experiments.forest_map import ForestMap
+    from wayfarer.experiments.gym.forest_map import ForestMap
 
 Array = NDArray[np.float32]
 
@@ -38,8 +38,6 @@ TIME_COST_PER_S = 0.1
 BONUS = {"escaped": 10.0, "tipped": -10.0, "fault": -10.0, "entrapped": -10.0}
 
 SIZE = 4 + len(Anomaly) + 1
-PICTURE_PX = 480
-GROUND = (32, 36, 28, 255)
 
 
 class ForestEnv(gymnasium.Env[Array, Array]):
@@ -128,9 +126,9 @@ class ForestEnv(gymnasium.Env[Array, Array]):
         self._anomaly_at_m = seen.travelled_m
         self._y_m, self._t_s = bridge.world.y_m, bridge.world.t_s
         if self.render_mode is not None:
-            from wayfarer.experiments.forest_map import ForestMap
+            from wayfarer.experiments.gym.forest_map import ForestMap
 
-            self._map = ForestMap(forest, PICTURE_PX, GROUND)
+            self._map = ForestMap(forest)
             self._look(bridge.world)
         return self._vector(seen), {"trial": trial, "observation": seen}
 
@@ -168,7 +166,7 @@ class ForestEnv(gymnasium.Env[Array, Array]):
             return None
         if self._map is None:
             raise ResetNeeded("no episode has begun: call reset() first")
-        return np.asarray(self._map.draw(self._heading_deg).convert("RGB"))
+        return np.asarray(self._map.draw(self._heading_deg))
 
     def close(self) -> None:
         """End the trial, if one is on."""

@@ -65,7 +65,7 @@ class MujocoWorld:
         streams: RandomStreams,
         step_s: float = STEP_S,
     ) -> None:
-        self.physics, self.terrain, self.body = physics, terrain, body
+        self.physics, self.terrain, self._body = physics, terrain, body
         self.touch: Touch | None = None
         self.high_centred = False
         self.field_deg = self.ground_pitch_deg = self.ground_roll_deg = 0.0
@@ -81,8 +81,7 @@ class MujocoWorld:
         # What passes under the belly is there for the wheels, but nothing that a bumper feels.
         felt = obstacles_of(forest, body.clearance_m)
         obstacles = felt + low_trunks_of(forest, body.clearance_m)
-        self.spec = build_spec(body, terrain, field, obstacles, step_s)
-        self.model = self.spec.compile()
+        self.model = build_spec(body, terrain, field, obstacles, step_s).compile()
         self.data = mujoco.MjData(self.model)
         # Views, as long as the data live: to ask the data for them at each look costs more than to read them.
         self._qpos, self._rims_rad_s = self.data.qpos[:7], self.data.qvel[6:10]
@@ -233,13 +232,13 @@ class MujocoWorld:
         self.high_centred = self._high_centred_s >= HIGH_CENTRED_AFTER_S
 
     def _feel_slip(self, speed_m_s: float) -> None:
-        rims_m_s = sum(self._rims_rad_s.tolist()) / 4.0 * self.body.wheel_radius_m
+        rims_m_s = sum(self._rims_rad_s.tolist()) / 4.0 * self._body.wheel_radius_m
         slip_m_s = abs(rims_m_s - speed_m_s)
         self._slips = slip_m_s > SLIPS_ABOVE_M_S and slip_m_s > SLIPS_BELOW_SHARE * abs(rims_m_s)
 
     def _shove(self, speed_m_s: float) -> None:
         """Push the body along until it goes at the speed of the shove."""
-        force_n = shove_n(self.body.weight_kg, self.body_faults.shove_m_s, speed_m_s)
+        force_n = shove_n(self._body.weight_kg, self.body_faults.shove_m_s, speed_m_s)
         self.data.xfrc_applied[self._rover, :2] = force_n * sin(self.heading_rad), force_n * cos(self.heading_rad)
 
     def _tilt_ground(self) -> None:
