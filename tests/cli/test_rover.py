@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import json
-import sys
-from itertools import count, cycle
 from pathlib import Path
-from threading import Event
 from time import monotonic  # noqa: TID251 - the chips of a real-time check need the loop's own clock
 from typing import Any
 
@@ -27,7 +24,6 @@ from wayfarer.config.calibration_file import (
 )
 from wayfarer.config.rover_file import load_rover
 from wayfarer.daemon.motors_lock import motors_lock
-from wayfarer.daemon.socket.client import NoDaemon
 from wayfarer.daemon.socket.paths import daemon_socket, single_daemon
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import BadInput
@@ -52,21 +48,18 @@ STATUS: dict[str, Any] = {
 
 
 class Daemon:
-    """Stands in for the daemon: keeps what it is asked and gives a set answer, or those of a list in turn."""
+    """Stands in for the daemon: keeps what it is asked and gives a set answer."""
 
-    def __init__(
-        self, monkeypatch: pytest.MonkeyPatch, answer: dict[str, Any] | Exception | list[dict[str, Any] | Exception]
-    ) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, answer: dict[str, Any] | Exception) -> None:
         self.asked: list[dict[str, object]] = []
-        self.answers = cycle(answer if isinstance(answer, list) else [answer])
+        self.answer = answer
         monkeypatch.setattr("wayfarer.daemon.socket.client.ask", self.ask)
 
     def ask(self, request: dict[str, object], timeout_s: float) -> dict[str, Any]:
         self.asked.append(request)
-        answer = next(self.answers)
-        if isinstance(answer, Exception):
-            raise answer
-        return answer
+        if isinstance(self.answer, Exception):
+            raise self.answer
+        return self.answer
 
 
 # -- to a running rover ------------------------------------------------------------------------------------------
@@ -203,64 +196,6 @@ def test_status_tells_of_records_that_the_log_has_lost() -> None:
     trouble = {"log_trouble": f"{STATUS['log']}: no room", "storage_warnings": ["it is worn"], "runs_deleted": 1}
     log, card = status_text({**STATUS, **trouble}).splitlines()[-2:]
     assert (log.split(", ")[-1], card.split()) == ("1 old run deleted", ["card", "no", "room;", "it", "is", "worn"])
-
-
-@pytest.fixture
-def seconds(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let no second pass; Ctrl-C after five."""
-
-    def wait(_event: Event, timeout_s: float) -> None:
-        assert timeout_s == 1.0
-        if next(passed) == 5:
-            raise KeyboardInterrupt
-
-    passed = count(1)
-    monkeypatch.setattr(Event, "wait", wait)
-
-
-GONE = NoDaemon("no wayfarer daemon is running: start it with 'wayfarer run'")
-SEEN: list[dict[str, Any] | Exception] = [
-    STATUS,
-    {**STATUS, "mission_s": 62.0},
-    GONE,
-    GONE,
-    {**STATUS, "phase": "back_off"},
-]
-
-
-@pytest.mark.usefixtures("seconds")
-def test_watched_status_in_a_pipe_is_a_line_a_change_and_waits_for_a_daemon_that_is_gone(
-    monkeypatch: pytest.MonkeyPatch, run: Run
-) -> None:
-    daemon = Daemon(monkeypatch, SEEN)
-    code, out, err = run("status", "--watch")
-    assert (code, err, daemon.asked) == (0, "", [{"do": "status"}] * 5)
-    assert [line.partition("  ")[2] for line in out.splitlines()] == [
-        "minirover armed (dry run); No faults; Driving straight ahead",
-        f"{GONE}; waiting",
-        "minirover armed (dry run); No faults; Backing off",
-    ]
-
-
-@pytest.mark.usefixtures("seconds")
-def test_watched_status_as_json_is_a_document_a_line(monkeypatch: pytest.MonkeyPatch, run: Run) -> None:
-    Daemon(monkeypatch, SEEN)
-    code, out, err = run("status", "--watch", "--json")
-    assert (code, err) == (0, f"wayfarer: {GONE}; waiting\n")
-    assert [json.loads(line) for line in out.splitlines()] == [SEEN[0], SEEN[1], SEEN[4]]
-
-
-@pytest.mark.usefixtures("seconds")
-def test_watched_status_on_a_terminal_stays_in_its_place(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    Daemon(monkeypatch, SEEN)
-    monkeypatch.setenv("TTY_COMPATIBLE", "1")
-    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
-    assert cli.run(["status", "--watch"]) == 0
-    out = capsys.readouterr().out
-    assert out.count("minirover") == 4, "three answers, and the last one stays"
-    assert "\x1b[1A\x1b[2K" * 7 in out, "the lines before are taken back"
 
 
 # -- run ---------------------------------------------------------------------------------------------------------

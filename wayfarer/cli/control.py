@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Annotated, Any, Literal
 
@@ -13,7 +12,7 @@ from wayfarer.angles import wrap360
 from wayfarer.cli.options import AsJson, examples
 from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.fields import escape_document
-from wayfarer.views.text.scripting import json_text, print_json, say_next
+from wayfarer.views.text.scripting import print_json, say_next
 
 ANSWER_S = 5.0
 ARM_S = 30.0  # the checks before arming may wait for every part in turn
@@ -27,45 +26,16 @@ North = Annotated[
 ]
 
 
-def status(
-    *,
-    watch: Annotated[
-        bool,
-        typer.Option(
-            "--watch", help="Show it every second until Ctrl-C; in a pipe, each change of mode, health or phase."
-        ),
-    ] = False,
-    as_json: AsJson = False,
-) -> None:
+def status(*, as_json: AsJson = False) -> None:
     """Show rover status."""
-    if watch:
-        _watch(as_json=as_json)
-    elif as_json:
-        print_json(_answer("status"))
-    else:
-        from wayfarer.cli.status_text import status_text
-
-        print(_told(status_text))
-
-
-def _watch(*, as_json: bool) -> None:
-    from wayfarer.cli import status_watch
-    from wayfarer.cli.status_text import status_line, status_text
-
     if as_json:
-        status_watch.watch_documents(lambda: json_text(_answer("status")))
-    elif sys.stdout.isatty():
-        status_watch.watch_in_place(lambda: _told(status_text))
-    else:
-        status_watch.watch_changes(lambda: _told(status_line))
+        print_json(_answer("status"))
+        return
+    from wayfarer.cli.status_text import status_text
 
-
-def _told(text_of: Callable[[Mapping[str, Any]], str]) -> str:
-    """Ask for the status and return it as a text."""
-    found, text = _ask("status"), ""
+    answer = _ask("status")
     with _as_this_version():
-        text = text_of(found)
-    return text  # noqa: RET504 - mypy takes it that the context may go on here after an error
+        print(status_text(answer))
 
 
 def arm(
@@ -135,7 +105,7 @@ def stop() -> None:
 
 COMMANDS = (status, arm, disarm, hold, resume, goal, mark, stop)
 EXAMPLES = {
-    status: examples("wayfarer status", "wayfarer status --watch", "wayfarer status --watch --json >> status.jsonl"),
+    status: examples("wayfarer status", "wayfarer status --json"),
     arm: examples("wayfarer arm", "wayfarer arm 90", "wayfarer arm 90 --north true"),
     goal: examples("wayfarer goal 270", "wayfarer goal -20 --north true"),
     mark: examples("wayfarer mark hit a log"),

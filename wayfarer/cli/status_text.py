@@ -18,24 +18,18 @@ def status_text(status: Mapping[str, Any]) -> str:
     return "\n".join(f"{name:<9} {text}" for name, text in _lines(status) if text)
 
 
-def status_line(status: Mapping[str, Any]) -> str:
-    """Return of it what changes seldom, in a line: mode, health and phase."""
-    mode = f"{status['rover']} {_mode(status)}{_marks(status)}"
-    return "; ".join(filter(None, [mode, _wrong(status) or WELL, _phase(status)]))
-
-
 def _lines(status: Mapping[str, Any]) -> list[tuple[str, str]]:
     heading = status.get("heading_deg")
     return [
         (status["rover"], f"{_mode(status)}{_marks(status)}"),
-        ("health", health_text(status)),
+        ("health", _health(status)),
         ("so it", status.get("does", "")),
         ("until", status.get("ends_when", "")),
         ("doing", _doing(status)),
         ("heading", "" if heading is None else _heading(status, heading)),
         ("mission", _mission(status)),
         ("last run", _last_run(status)),
-        ("battery", battery_text(status)),
+        ("battery", _battery(status)),
         ("log", _log(status)),
         ("card", _storage(status)),
         ("live page", status.get("live_page", "")),
@@ -55,14 +49,14 @@ def _marks(status: Mapping[str, Any]) -> str:
     return f" ({told})" if told else ""
 
 
-def health_text(status: Mapping[str, Any]) -> str:
+def _health(status: Mapping[str, Any]) -> str:
     """Return what is wrong, and since when."""
     wrong = _wrong(status)
     since = f" (for {duration_text(status['cause_for_s'])})" if "cause_for_s" in status else ""
     return painted(f"{wrong}{since}", "warning") if wrong else painted(WELL, "good")
 
 
-def battery_text(status: Mapping[str, Any]) -> str:
+def _battery(status: Mapping[str, Any]) -> str:
     """Return the battery's voltage, empty where it is not known."""
     return "" if status.get("battery_v") is None else f"{status['battery_v']:.1f} V"
 

@@ -19,13 +19,8 @@ from wayfarer.fieldlog.fields import escape_control_chars
 
 
 def print_json(document: object) -> None:
-    """Print a document, as ``json_text`` has it."""
-    print(json_text(document))
-
-
-def json_text(document: object) -> str:
-    """Return a document as JSON: named tuples and dataclasses are objects, a number that is none (NaN) is null."""
-    return json.dumps(_plain(document), allow_nan=False)
+    """Print a document as JSON: named tuples and dataclasses are objects, a number that is none (NaN) is null."""
+    print(json.dumps(_plain(document), allow_nan=False))
 
 
 def say_next(*words: object) -> None:
