@@ -23,7 +23,7 @@ from wayfarer.fieldlog.writer_thread import WriterThread
 from wayfarer.hal import CompassReading, MotionReading, WheelCommand
 
 PERIOD_S = 0.01  # five times the rover's rate, to meet five times as many moments of the disk
-STALL_S = 0.5  # field.md, log rates: SD cards stall for up to as long
+STALL_S = 0.5  # SD cards stall for up to as long (docs/reference/hardware.md)
 HOUR = 72_000  # ticks at 20 Hz
 
 

@@ -20,7 +20,7 @@ from wayfarer.simhal.buses import FakeBuses
 from wayfarer.testing import check_position_receiver
 
 VERSION = b'{"class":"VERSION","release":"3.22","rev":"3.22","proto_major":3,"proto_minor":14}\n'
-# hardware.md 8.5, as Debian 12's gpsd 3.22 reports it
+# docs/reference/hardware.md, as Debian 12's gpsd 3.22 reports it
 LATITUDE_DEG, LONGITUDE_DEG, ERROR_M = 51.501666667, -0.125, 17.1
 NOON_S = 1_753_012_800.0  # of the reports below, seconds since 1970
 

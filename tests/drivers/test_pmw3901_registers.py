@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from wayfarer.drivers.pmw3901 import PMW3901Settings
 from wayfarer.drivers.pmw3901_registers import Burst, contradiction, decode, quality
 
-NORMAL = bytes.fromhex("B0 BF 05 00 FB FF 4C 55 A0 1E 02 58")  # hardware.md 8.2
+NORMAL = bytes.fromhex("B0 BF 05 00 FB FF 4C 55 A0 1E 02 58")  # docs/reference/hardware.md
 STANDING = bytes.fromhex("30 BF 00 00 00 00 4C 55 A0 1E 02 58")
 DARK = bytes.fromhex("B0 BF 10 00 F0 FF 12 20 30 10 1F 40")
 LIMIT_COUNTS_S = PMW3901Settings().limit_counts_s
@@ -45,7 +45,7 @@ def test_quality_is_a_fraction_and_grows_with_texture(data: bytes, squal_full: i
 
 @pytest.mark.parametrize(("longest_s", "limit"), [(0.0, 28), (0.01, 63), (0.05, 202), (0.1, 375)])
 def test_more_counts_than_the_chip_can_see_in_the_time_are_garbage(longest_s: float, limit: int) -> None:
-    """7.4 rad/s are 173 counts in 0.05 s, and a frame of 8.26 ms has 28 (hardware.md 2.1)."""
+    """7.4 rad/s are 173 counts in 0.05 s, and a frame of 8.26 ms has 28."""
     burst = decode(NORMAL)
     for dx, dy in ((limit, -limit), (-limit, 0)):
         assert contradiction(burst._replace(dx=dx, dy=dy), longest_s, LIMIT_COUNTS_S) is None

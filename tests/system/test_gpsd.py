@@ -44,7 +44,7 @@ def sentence(body: str) -> str:
 
 
 def epoch(second: int) -> str:
-    """Return the two sentences of hardware.md 8.5, at a second after 12:00."""
+    """Return the two sentences of docs/reference/hardware.md, at a second after 12:00."""
     time = f"12{second // 60:02d}{second % 60:02d}.00"
     return sentence(f"GPRMC,{time},A,5130.1000,N,00007.5000,W,2.00,090.0,200725,,,A") + sentence(
         f"GPGGA,{time},5130.1000,N,00007.5000,W,1,08,0.9,35.0,M,46.0,M,,"

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     import numpy
     from numpy.typing import NDArray
 
-Pixels = Annotated[int, Interval(ge=32, le=640), MultipleOf(2)]  # libcamera wants even sizes (hardware.md 5)
+Pixels = Annotated[int, Interval(ge=32, le=640), MultipleOf(2)]  # libcamera wants even sizes
 GreyLevels = Annotated[float, Interval(ge=0, le=255)]
 
 # The image axis that points ahead, as (x to the right, y down).

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 # Long enough for a restart of libcamera and for a long exposure; the detector responds to a frame's age much earlier.
 FRAME_DEADLINE_S = 3.0
 CAMERA_OPEN_DEADLINE_S = 10.0  # picamera2 imports much, and libcamera first looks for all cameras
-MAIN_SIZE = (640, 480)  # lores may not exceed the main stream (hardware.md 5)
+MAIN_SIZE = (640, 480)  # lores may not exceed the main stream (picamera2)
 _SPI_FILE = re.compile(r"/dev/spidev(\d{1,4})\.(\d{1,4})")  # of bus and chip select, as spidev opens it
 
 B = TypeVar("B", bound=Threaded[Any])

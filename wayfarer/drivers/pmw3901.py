@@ -4,10 +4,10 @@ A read is one burst and never waits: no motion is a valid answer. If the chip ca
 each reading has a quality, calculated from the texture that the chip found (SQUAL). Darkness is quality 0, not
 standing still.
 
-It needs 80 mm from lens to ground and 60 lux, and follows no more than 7.4 rad/s: 0.74 m/s at 0.1 m (hardware.md 2.1).
-A reading of more than that is garbage from the bus, and is rejected. The PAA5100, for smaller distances, has the same
-identity and cannot be distinguished. If the sensor is not at the centre of a turn, the turn adds flow; that is not
-corrected.
+It needs 80 mm from lens to ground and 60 lux, and follows no more than 7.4 rad/s: 0.74 m/s at 0.1 m. All numbers are
+from the data sheet, as docs/reference/hardware.md quotes it, unless a comment names another source. A reading of more
+than that is garbage from the bus, and is rejected. The PAA5100, for smaller distances, has the same identity and
+cannot be distinguished. If the sensor is not at the centre of a turn, the turn adds flow; that is not corrected.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from wayfarer.hal import MotionReading
 Axis = Literal["+x", "-x", "+y", "-y"]
 
 PRODUCT, INVERSE_PRODUCT = 0x49, 0xB6
-RUNNING = 0xBF  # the observation byte of a chip that works: hardware.md 2.2
-# The highest speed that the chip follows (hardware.md 2.1); a reading near it may be of a higher speed.
+RUNNING = 0xBF  # the observation byte of a chip that works
+# The highest speed that the chip follows; a reading near it may be of a higher speed.
 LIMIT_RAD_S, AT_LIMIT = 7.4, 0.95
-RAD_PER_COUNT = 0.00213195  # the data sheet's (hardware.md 2.6)
+RAD_PER_COUNT = 0.00213195
 PROBE_TRIES = 3
 RESET_S, SETTLE_S, START_S = 0.02, 0.01, 0.24  # Pimoroni's waits; the reset needs 1 ms
 OBSERVE_S = 0.02  # two frames are 15 ms
@@ -177,7 +177,7 @@ class PMW3901:
             await self._read(register)
 
     async def _configure(self) -> None:
-        """Write the start-up table (hardware.md 2.3), with its reads and choices."""
+        """Write the start-up table, with its reads and choices."""
         await self._write(*registers.WAKE)
         await self._probe()
         await self._write(*(registers.LONG if await self._read(0x67) & 0x80 else registers.SHORT), *registers.ASK_TRIM)

@@ -1,9 +1,9 @@
 """The registers of a PMW3901: decodes its motion burst, and the values that it is started with. Pure.
 
 The start-up values are published by the manufacturer without explanation. Each block is a run of writes,
-``register=value`` in hex, in the order of hardware.md 2.3; ``7F`` selects a bank. The reads, choices and waits between
-the blocks are in ``pmw3901.py``. Where the published drivers differ, the value is that of the data sheet, as in
-Bitcraze and libdriver: ``74=1F``, where Pimoroni and PX4 write 21.
+``register=value`` in hex, in the order of the data sheet (docs/reference/hardware.md); ``7F`` selects a bank. The
+reads, choices and waits between the blocks are in ``pmw3901.py``. Where the published drivers differ, the value is
+that of the data sheet, as in Bitcraze and libdriver: ``74=1F``, where Pimoroni and PX4 write 21.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ _BURST: Final = Struct("<BBhhBxxxBB")  # motion, observation, dx, dy, SQUAL, raw
 MOTION_BIT: Final = 0x80
 SQUAL_DARK: Final = 0x19  # too little texture at the longest exposure: data sheet 7.2
 SHUTTER_UPPER_DARK: Final = 0x1F
-FRAME_S: Final = 0.00826  # the time from one picture of the chip to the next (hardware.md 2.1)
+FRAME_S: Final = 0.00826  # the time from one picture of the chip to the next (docs/reference/hardware.md)
 
 
 class Burst(NamedTuple):
@@ -33,7 +33,7 @@ class Burst(NamedTuple):
 
 
 def decode(data: bytes) -> Burst:
-    """Decode the 12 bytes after a burst's address (hardware.md 2.4)."""
+    """Decode the 12 bytes after a burst's address (docs/reference/hardware.md)."""
     motion, observation, dx, dy, squal, upper, lower = _BURST.unpack(data)
     return Burst(bool(motion & MOTION_BIT), observation, dx, dy, squal, (upper & 0x1F) << 8 | lower)
 

@@ -174,7 +174,7 @@ class BlockingSerial(BlockingDevice, Protocol):
 
 D = TypeVar("D", bound=BlockingDevice)
 
-# What a person who holds the wires should look for, by the error that Linux gives (hardware.md 7).
+# What a person who holds the wires should look for, by the error that Linux gives (docs/reference/hardware.md).
 _CAUSES = {
     errno.EREMOTEIO: "no acknowledgement",
     errno.ENXIO: "no acknowledgement",

@@ -15,7 +15,7 @@ from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.responses import levels_for, worst
 from wayfarer.safety.settings import SafetySettings
 
-# field.md, fault 37: ArduPilot's rover disarms after this time without its main loop. Here, because the stall guard
+# ArduPilot's rover disarms after this time without its main loop. Here, because the stall guard
 # (``daemon.watchdog``) keeps it, and a rover file's control rate is checked against it.
 STALL_LIMIT_S: Final = 0.2
 LOW_VOLTAGE_SHARE: Final = 0.7  # of ``duty_max`` while the computer's supply sags: fault catalogue, fault 32

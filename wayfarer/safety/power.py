@@ -24,7 +24,7 @@ from wayfarer.safety.tick_interval import Debounce
 
 SAME_DUTY: Final = 0.01  # a step of the coarsest board known, a Sabertooth's 1/127, and a bit
 # The firmware's power and heat flags of a Raspberry Pi: bits 0 to 3 are the state now, 16 to 19 what happened since
-# boot (field.md 4).
+# boot (docs/reference/hardware.md).
 UNDER_VOLTAGE_NOW: Final = 0x1
 SLOWED_NOW: Final = 0xE
 UNDER_VOLTAGE_SINCE_BOOT: Final = 0x10000

@@ -16,7 +16,7 @@ from wayfarer.simhal.chips.pmw3901 import PMW3901Chip
 
 pmw3901 = pytest.importorskip("pmw3901", reason="Pimoroni's pmw3901 is not installed, or its gpiod and gpiodevice")
 
-INIT_WRITES = 94  # with 67=80 and 73=00: hardware.md 8.2
+INIT_WRITES = 94  # with 67=80 and 73=00: docs/reference/hardware.md
 
 
 class Peer:

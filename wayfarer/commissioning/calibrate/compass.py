@@ -3,11 +3,11 @@
 The rover is rotated until the chip is calibrated; the chip stores that, and quarter turns verify it.
 
 The part calibrates itself only while this runs. In the field that is off: near a trunk with wire in it, or under the
-motors' current, a part that goes on calibrating learns the wrong field and moves the heading (field.md 2, item 20).
+motors' current, a part that goes on calibrating learns the wrong field and moves the heading.
 
 The motors' current makes a magnetic field that no calibration can remove. For that measurement the rover stands on
 blocks, so its true heading stays; what the compass says while the wheels turn is the motors' doing. More than
-10 degrees are refused (field.md 2, item 19): the cure is a mast and twisted wires, not software.
+10 degrees are refused: the cure is a mast and twisted wires, not software.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Calibration of the motion sensor: push the rover a known distance, and compare.
 
-Published scales of the PMW3901 differ by half (hardware.md 2.6), and the lens height on a rover is a guess; one push of
-two metres corrects both. Signs and axes are not corrected but refused, with the setting to change: a sensor that is
-mounted otherwise than the rover file says is wrong sideways as well.
+Published scales of the PMW3901 differ by half (docs/reference/hardware.md), and the lens height on a rover is a guess;
+one push of two metres corrects both. Signs and axes are not corrected but refused, with the setting to change: a
+sensor that is mounted otherwise than the rover file says is wrong sideways as well.
 
 Of a camera without direction it is measured how much the image changes at rest and in motion. The numbers belong to the
 ground and the light of that day, so they go into the rover file, where a person sees them.

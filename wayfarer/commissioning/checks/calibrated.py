@@ -9,9 +9,10 @@ from wayfarer.commissioning.manual_drive import sample_headings
 from wayfarer.config.calibration_file import STALE_S, CompassEntry, Entry, MotorsEntry, load
 from wayfarer.errors import BadInput, DriverError
 
-# A rotation-vector chip is typically right within 5 degrees (hardware.md 1.5); twice that is a bad calibration.
+# A rotation-vector chip is typically right within 5 degrees (BNO080 data sheet, page 49); twice that is badly
+# calibrated.
 RESIDUAL_MAX_DEG = 10.0
-AWAY = "keep keys and phones 0.15 m, computers 0.5 m, wire fences 2 m and cars 5 m away"  # field.md 6, item 2
+AWAY = "keep keys and phones 0.15 m, computers 0.5 m, wire fences 2 m and cars 5 m away"  # ArduPilot's wiki
 # What each entry of the file was made with.
 PARTS = {"compass": "compass", "flow": "motion", "motors": "motors"}
 

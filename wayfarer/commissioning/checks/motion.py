@@ -31,7 +31,7 @@ PUSH = "Set the rover on the ground and push it half a metre straight ahead by h
 DUTY = 0.25  # enough to turn free wheels, too little to jump off the blocks
 STALL_DUTY = 0.5
 STALL_S = 1.0
-# Of the half metre asked for: scales are wrong by up to a half before calibration (hardware.md 2.6).
+# Of the half metre asked for: scales are wrong by up to a half before calibration (docs/reference/hardware.md).
 PUSHED_MIN_M = 0.15
 UNKNOWN_MAX = 0.5  # share of readings without quality beyond which nothing was seen
 

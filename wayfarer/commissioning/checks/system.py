@@ -43,7 +43,7 @@ class DeviceKind(NamedTuple):
     enable: str
 
 
-# Groups: udev rules of Raspberry Pi OS (hardware.md 7). raspi-config takes 0 for yes.
+# Groups: udev rules of Raspberry Pi OS (docs/reference/hardware.md). raspi-config takes 0 for yes.
 DEVICE_KINDS = (
     DeviceKind(("/dev/i2c-",), "i2c", "the I2C bus is not enabled", "sudo raspi-config nonint do_i2c 0 && sudo reboot"),
     DeviceKind(

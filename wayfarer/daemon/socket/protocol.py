@@ -24,8 +24,8 @@ from wayfarer.errors import BadInput, UnknownName, WayfarerError
 TEXT_CHARACTERS = 500
 DRIVER_CHARACTERS = 20
 WHOLE_MAX = 2**53  # up to here JavaScript knows whole numbers from each other
-# Of one line, without its end. The longest request there is, a text of escaped characters, has 6,100 bytes; reading
-# 64 KiB of brackets (the bound of field.md, fault 50) would hold up the control tick for milliseconds.
+# Of one line, without its end. The longest request there is, a text of escaped characters, has 6,100 bytes; parsing
+# 64 KiB of brackets would hold up the control tick for milliseconds.
 REQUEST_BYTES = 8_192
 REPLY_BYTES = 65_536
 NORTHS = ("magnetic", "true")

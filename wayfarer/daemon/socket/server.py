@@ -36,8 +36,8 @@ from wayfarer.daemon.socket.protocol import (
 )
 from wayfarer.errors import BadInput, WayfarerError
 
-CLIENTS = 16  # at once; field.md, fault 50. The more there are, the longer a stop waits for its turn
-WAIT_S = 60.0  # for a whole line, and for a client to read its reply; field.md, fault 50
+CLIENTS = 16  # at once, chosen by us. The more there are, the longer a stop waits for its turn
+WAIT_S = 60.0  # for a whole line, and for a client to read its reply; chosen by us
 _QUEUE = 128  # clients that wait in the kernel to be accepted; from no source
 _NO_FILES_S = 0.1  # until accepting is tried again, where the process has no file descriptor left for it
 

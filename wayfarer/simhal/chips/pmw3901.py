@@ -1,4 +1,4 @@
-"""Simulated PMW3901 on SPI: banks, start-up, motion burst (hardware.md 2.2 to 2.6).
+"""Simulated PMW3901 on SPI: banks, start-up, motion burst (docs/reference/hardware.md).
 
 It counts from the end of its start-up on: once registers 02..06 have been read after a reset and the table's last block
 has been written. Until then its counts are 0, its observation byte is not BF, and the sense is left alone; from then on
