@@ -14,6 +14,7 @@ import pytest
 
 import wayfarer
 from tests.test_imports import named_in
+from wayfarer.experiments.rows import TrialRow
 
 pytestmark = pytest.mark.process  # a second and more each: not a unit test's
 
@@ -40,10 +41,12 @@ PRINTS = {
     "replay_a_log": [r"^as logged: \d+ decisions, then the end", r"patient: .* key='anomalies'"],
     "simulated_chips": [r"^CMPS14Chip"],
     "trial_in_a_forest": [r"^trial +7", r"outcome +(escaped|left_bounds)", r"spl +0\.\d", r"it probed for \d"],
+    "tune": [r"^point 0: \d+\.\d\d m after 1 layouts; best: \d+\.\d\d m, point 0\npoint 1: "],
 }
 
 
-ARGUMENTS = {"gym_train_policy": ("1", "2", "1", "1")}  # as small as it can be; its training takes minutes
+# As small as they can be: training and searching take minutes.
+ARGUMENTS = {"gym_train_policy": ("1", "2", "1", "1"), "tune": ("2", "1", "1")}
 
 PUBLIC = (
     "wayfarer.escape.", "wayfarer.hal.", "wayfarer.drivers.buses.", "wayfarer.errors.", "wayfarer.testing."
@@ -64,9 +67,10 @@ Output = Callable[..., str]
 
 
 @pytest.fixture
-def output_of(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Output:
+def output_of(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Output:
     """What an example prints as a script, in this process; it must not say anything on stderr."""
     monkeypatch.syspath_prepend(FOLDER)
+    monkeypatch.chdir(tmp_path)  # for what it writes
 
     def output_of(name: str, *arguments: str) -> str:
         monkeypatch.setattr(sys, "argv", [f"{name}.py", *arguments])
@@ -109,3 +113,53 @@ def test_failsafe_gets_out_where_the_planner_alone_stays_stuck(failsafe_example:
 def test_agent_of_the_catalogue_ends_as_the_trial_of_that_number(output_of: Output) -> None:
     result = wayfarer.run_trial(7).row
     assert f"{result.outcome} after {result.path_m:.1f} m, {result.time_s:.2f} s" in output_of("gym_forest_pledge", "7")
+
+
+# -- the search for settings -------------------------------------------------------------------------------------------
+
+
+class PathsByAngle:
+    """Trials that need no simulator: the nearer the turn angle is to 45 degrees, the shorter is the path."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.trials, self.interrupted_after = 0, -1
+        monkeypatch.setattr(wayfarer, "run_trial", self.run_trial)
+        monkeypatch.setattr(wayfarer, "run_campaign", self.run_campaign)
+
+    def run_trial(self, number: int, algorithm: str, *, rover: Any, seed: int, **_: Any) -> wayfarer.Trial:
+        if self.trials == self.interrupted_after:
+            raise KeyboardInterrupt
+        self.trials += 1
+        path_m = (50.0 + abs(rover.escape.turn_angle_deg - 45.0)) * (1.0 + number / 1000.0)  # no two differences alike
+        row = TrialRow(number, algorithm, number // 2, number % 2, seed, "escaped", path_m=path_m)
+        return wayfarer.Trial(row, [])
+
+    def run_campaign(self, algorithm: str, trials: int, *, rover: Any, seed: int, **_: Any) -> wayfarer.Results:
+        rows = [self.run_trial(number, algorithm, rover=rover, seed=seed).row for number in range(trials)]
+        return wayfarer.Results({"algorithms": [algorithm]}, rows)
+
+
+@pytest.fixture
+def by_angle(monkeypatch: pytest.MonkeyPatch) -> PathsByAngle:
+    return PathsByAngle(monkeypatch)
+
+
+def test_search_finds_what_matters_and_confirms_it(output_of: Output, by_angle: PathsByAngle, tmp_path: Path) -> None:
+    said = output_of("tune", "20", "20", "20")
+    angle_deg = float(re.findall(r"^turn_angle_deg = (.*)$", said, re.MULTILINE)[0])
+    assert angle_deg == pytest.approx(45.0, abs=5.0)
+    assert re.search(r"given up after 1\d layouts", said), "by Wilcoxon's test"
+    assert re.search(r"success_gain \+0\.00 .*\nheld out: path_gain_m -1\d\.\d\d \[.*\na gain; for the rover", said)
+    assert by_angle.trials < 20 * 20
+    assert {each.name for each in (tmp_path / "tuned").iterdir()} == {"study.journal", "history.png", "settings.png"}
+
+
+def test_search_goes_on_where_it_was_interrupted(output_of: Output, by_angle: PathsByAngle) -> None:
+    by_angle.interrupted_after = 25
+    with pytest.raises(SystemExit, match="run this again, and it goes on"):
+        output_of("tune", "10", "9", "9")
+    by_angle.interrupted_after = -1
+    said = output_of("tune", "10", "9", "9")
+    numbers = [int(number) for number in re.findall(r"^point (\d+): ", said, re.MULTILINE)]
+    assert numbers == [0, 1, 3, 4, 5, 6, 7, 8, 9, 10], "the third was cut short; the present settings only once"
+    assert "no gain is shown" in said, "of fewer than ten layouts nothing is"

@@ -231,7 +231,6 @@ def test_only_the_demo_arms_a_rover_by_itself_and_gives_a_page_buttons_for_the_c
             {"numpy", "scipy", "pydantic", "asyncio", "aiohttp", "orjson", "wayfarer.views.live.server"},
         ),
         (["wayfarer.experiments.sim_command"], {"numpy", "pyarrow"}),
-        (["wayfarer.experiments.report.tune"], {"optuna"}),  # `wayfarer report` looks there at every folder
         (["wayfarer.control.supervisor"], HEAVY),
         (["wayfarer.testing"], HEAVY),
         (["wayfarer.daemon.daemon"], HEAVY),

@@ -23,7 +23,6 @@ NEEDS = {
     "keeping results": OptionalExtra("sim", {"pyarrow": "pyarrow"}),
     "a cluster": OptionalExtra("cluster", {"distributed": "distributed"}),
     "sweeping": OptionalExtra("sim", {"numpy": "numpy", "pyarrow": "pyarrow"}),
-    "tuning": OptionalExtra("tune", {"optuna": "optuna"}),
     "--physics mujoco": OptionalExtra("physics", {"mujoco": "mujoco"}),
     "--figures": OptionalExtra("figures", {"matplotlib": "matplotlib"}),
     "a report": OptionalExtra("sim", {"bokeh": "bokeh", "numpy": "numpy"}),

@@ -80,8 +80,6 @@ GET = "which is not installed: pip install 'wayfarer-rover"
         (["sim", "--spl"], "skfmm", f"--spl needs scikit-fmm, {GET}[spl]'"),
         (["sweep", "footprint_m=0.4", "--out", "o", "--spl"], "skfmm", f"{GET}[spl]'"),
         (["sim", "--site", "extended-maze"], "scipy", f"--site needs scipy, {GET}[sim]'"),
-        (["tune", "--out", "o"], "optuna", f"tuning needs optuna, {GET}[tune]'"),
-        (["tune", "--out", "o"], "skfmm", f"--spl needs scikit-fmm, {GET}[spl]'"),
         (["compare", "r"], "scipy", f"comparing needs scipy, {GET}[sim]'"),
         (["report"], "bokeh", f"a report needs bokeh, {GET}[sim]'"),
         (["report", "r", "--figures", "f"], "matplotlib", f"matplotlib, {GET}[figures]'"),

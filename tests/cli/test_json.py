@@ -156,14 +156,6 @@ def test_sweep_says_at_which_point_each_line_is(says: Any, tmp_path: Path) -> No
     assert table[0]["point"].keys() == {"escape.turn_angle_deg", "slip_mean_m"}
 
 
-@pytest.mark.usefixtures("quick_trials")
-def test_tune(says: Any, tmp_path: Path) -> None:
-    asked = ("--forests", "reference", "--points", 8, "--trials", 8, "--confirm-trials", 4, "--confirm-mujoco", 0)
-    said = says("tune", "tune", *asked, "--jobs", 1, "--out", tmp_path / "out")
-    assert said == json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
-    assert [each["point"] for each in said["points"]] == [*range(9)]
-
-
 def test_list(says: Any) -> None:
     algorithms = {each["name"]: each for each in says("list", "list")["algorithms"]}
     assert algorithms["oo-react"]["needs"] == ["contact"]

@@ -20,11 +20,7 @@ from wayfarer import cli
 
 LANGUAGES = {*SHELL, "python", "pycon", "toml", "ini", "json", "text"}
 # Instead of what a page says: what comes out is the business of other tests.
-FEW = {
-    "sim": ["--trials", "2"],
-    "sweep": ["--trials", "1"],
-    "tune": ["--trials", "2", "--points", "2", "--confirm-trials", "2", "--confirm-mujoco", "0"],
-}
+FEW = {"sim": ["--trials", "2"], "sweep": ["--trials", "1"]}
 SHORT = ["--budget-m", "5"]  # metres: some tenths of a trial
 PLAIN = {"cp"}  # what else a page may do in a test
 

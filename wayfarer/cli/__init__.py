@@ -32,7 +32,6 @@ from wayfarer.cli import (
     rover,
     sim,
     sweep,
-    tune,
 )
 from wayfarer.cli.help_texts import HELP_OPTIONS, HelpCommand, HelpGroup, error_text
 from wayfarer.cli.options import examples
@@ -66,7 +65,6 @@ command = partial(app.command, cls=HelpCommand)
 command(epilog=demo.EXAMPLES)(demo.demo)
 command(epilog=sim.EXAMPLES)(sim.sim)
 command(epilog=sweep.EXAMPLES)(sweep.sweep)
-command(epilog=tune.EXAMPLES)(tune.tune)
 command(rich_help_panel=ROVER, epilog=init.EXAMPLES)(init.init)
 command(rich_help_panel=ROVER, epilog=rover.RUN_EXAMPLES)(rover.run)
 for verb in control.COMMANDS:

@@ -1,4 +1,4 @@
-"""``wayfarer report``: an HTML page with figures, of a field run, a campaign, a sweep or a search."""
+"""``wayfarer report``: an HTML page with figures, of a field run, a campaign or a sweep."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def report(
         typer.Argument(
             metavar="RUN|DIR",
             autocompletion=complete_runs,
-            help="A run, or a folder that `wayfarer sim --out`, `wayfarer sweep --out` or `wayfarer tune --out` wrote.",
+            help="A run, or a folder that `wayfarer sim --out` or `wayfarer sweep --out` wrote.",
         ),
     ] = "last",
     *,
@@ -56,7 +56,7 @@ def report(
     allow_code: AllowCode = False,
     log_dir: LogDir = None,
 ) -> None:
-    """Write report.html for a run (default: the newest), a campaign, a sweep or a search."""
+    """Write report.html for a run (default: the newest), a campaign or a sweep."""
     require("a report")
     if figures:
         require("--figures")
@@ -82,15 +82,11 @@ def _of_trials(
     from wayfarer.experiments.report.campaign import write_report
     from wayfarer.experiments.report.sweep import write_sweep_report
     from wayfarer.experiments.report.sweep_results import is_sweep
-    from wayfarer.experiments.report.tune import is_tuned, write_tune_report
     from wayfarer.fieldlog.fields import escape_control_chars
 
     if is_sweep(folder):
         _refuse(figures)
         return write_sweep_report(folder, out)
-    if is_tuned(folder):
-        _refuse(figures)
-        return write_tune_report(folder, out)
     if figures:
         from wayfarer.experiments.report.load_results import read_results
         from wayfarer.experiments.report.paper_figures import write_figures

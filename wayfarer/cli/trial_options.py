@@ -1,4 +1,4 @@
-"""Options that the commands share which run trials: ``sim``, ``sweep`` and ``tune``; others share some of them."""
+"""Options that the commands share which run trials: ``sim`` and ``sweep``; others share some of them."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The results folder of a campaign or a sweep: partial results that survive a crash, and the final files.
 
-``campaign.json``, ``sweep.json`` or ``search.json`` is written first and says whose folder this is; ``forests.jsonl``
+``campaign.json`` or ``sweep.json`` is written first and says whose folder this is; ``forests.jsonl``
 beside it is a copy of a campaign's forest file, if it has one, so that its trials can be run again, and ``runs.json``
 says how they were made (``provenance``). While it runs, each finished trial is appended to ``trials.partial.csv`` in
 the order of completion, with a checksum. At the end ``trials.csv``, the same as ``trials.parquet``, and the
@@ -35,7 +35,6 @@ SETTINGS = "campaign.json"
 SWEEP_SETTINGS = "sweep.json"
 FORESTS = "forests.jsonl"
 PARTIAL = "trials.partial.csv"
-SEARCHED = "search.csv"  # the same of a search, which runs no fixed set of trials, and so has no final table
 TRIALS = "trials.csv"
 PARQUET = "trials.parquet"
 SUMMARY = "summary.json"
@@ -152,7 +151,7 @@ class ResultsFolder:
         """Return the trials of the final table, or those of a campaign that is not finished, which takes more."""
         if self.complete:
             return self._open.enter_context(finished_trials(self.path, self._settings))
-        path = self.path / (SEARCHED if kind_of(self._settings) == "search" else PARTIAL)
+        path = self.path / PARTIAL
         file = self._open.enter_context(open_to_append(path))
         return TrialStore(file, tasks_of(self._settings), partial_columns(self._settings), str(path))
 
@@ -218,15 +217,14 @@ def _json(value: Mapping[str, Any]) -> bytes:
 
 
 def kind_of(settings: Mapping[str, Any]) -> str:
-    """Return ``sweep``, ``search`` or ``campaign``: what has these settings, as errors and their file call it."""
-    return "sweep" if "axes" in settings else "search" if "space" in settings else "campaign"
+    """Return ``sweep`` or ``campaign``: what has these settings, as errors and their file call it."""
+    return "sweep" if "axes" in settings else "campaign"
 
 
 def tasks_of(settings: Mapping[str, Any]) -> Tasks:
     """Return every trial of the campaign or sweep that has these settings."""
     campaign = settings.get("campaign", settings)
-    points = settings["points"] if kind_of(settings) == "search" else len(swept_values(settings))
-    return Tasks(campaign["algorithms"], campaign["trials"], points)
+    return Tasks(campaign["algorithms"], campaign["trials"], len(swept_values(settings)))
 
 
 def swept_values(settings: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -257,10 +255,9 @@ def _refuse_another(path: Path, settings: Mapping[str, Any]) -> None:
 
 
 def _by_name(settings: dict[str, Any]) -> dict[str, Any]:
-    """Return settings by their dotted names, those of a sweep's axes, or a search's ranges, by their numbers too.
+    """Return settings by their dotted names, those of a sweep's axes by their numbers too.
 
     Of a version only the release counts: a commit between two releases does not end a campaign.
     """
-    numbered = {name: dict(enumerate(settings.get(name, ()), start=1)) for name in ("axes", "space")}
-    named = flat(settings | numbered)
+    named = flat(settings | {"axes": dict(enumerate(settings.get("axes", ()), start=1))})
     return named | {name: str(named[name]).partition("+")[0] for name in VERSIONS & named.keys()}

@@ -89,12 +89,11 @@ def columns_of(settings: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the columns of ``trials.csv`` in a campaign or sweep with these settings.
 
     In MuJoCo it has the terrain as well, with ``--slope-deg`` the slope, in a sweep the point and the swept keys before
-    all else, in a search the point.
+    all else.
     """
     campaign = settings.get("campaign", settings)
     drawn = (*(TERRAIN if campaign.get("mujoco") else ()), *(SLOPE if campaign.get("slope") else ()))
     swept = ("point", *(axis["key"] for axis in settings["axes"])) if "axes" in settings else ()
-    swept = ("point",) if "space" in settings else swept
     return (*swept, *COLUMNS, *drawn)
 
 

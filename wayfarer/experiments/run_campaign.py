@@ -18,7 +18,7 @@ from tempfile import TemporaryFile
 from typing import Any, NamedTuple
 
 from wayfarer.errors import WayfarerError
-from wayfarer.experiments.campaign import Plan, Tasks
+from wayfarer.experiments.campaign import Plan
 from wayfarer.experiments.executors import Done, MakeExecutor, RunTrial, Stopped, TrialRunner, field_trial, stream
 from wayfarer.experiments.results_folder import ResultsFolder, swept_values, tasks_of
 from wayfarer.experiments.rows import TrialRow, rounded_values
@@ -114,40 +114,15 @@ def run(
     """
     with _kept(plan, folder) as kept, stop_on_signals() as stop:
         keep = folder.append if folder else kept.append
-        effort = run_tasks(
-            plan, kept.missing(), keep, kept, stop, jobs=jobs, progress=progress, executor=executor, run_trial=run_trial
-        )
-        return _summed_up(plan, kept, folder, effort)
-
-
-def run_tasks(
-    plan: Plan,
-    todo: Tasks,
-    keep: Callable[[TrialRow], object],
-    kept: Sized,
-    stop: threading.Event,
-    *,
-    jobs: int = 1,
-    progress: Callable[[Done], object] | None = None,
-    executor: MakeExecutor | None = None,
-    run_trial: RunTrial = field_trial,
-) -> ComputeCost:
-    """Run these trials of a plan, as ``run`` does, and give each that is done to ``keep``; ``kept`` counts them.
-
-    Once ``stop`` is set no more are run.
-
-    Raises:
-        WayfarerError: a worker died.
-    """
-    began, ticks = os.times(), 0
-    finished = stream(TrialRunner(plan, run_trial).run, todo, jobs, stop, executor)
-    with suppress(Stopped), _worker_death_explained(kept, stop), closing(finished):
-        for done in finished:
-            keep(done.row)
-            ticks += done.row.ticks or 0
-            if progress:
-                progress(done)
-    return _effort(began, ticks, elsewhere=executor is not None)
+        began, ticks = os.times(), 0
+        finished = stream(TrialRunner(plan, run_trial).run, kept.missing(), jobs, stop, executor)
+        with suppress(Stopped), _worker_death_explained(kept, stop), closing(finished):
+            for done in finished:
+                keep(done.row)
+                ticks += done.row.ticks or 0
+                if progress:
+                    progress(done)
+        return _summed_up(plan, kept, folder, _effort(began, ticks, elsewhere=executor is not None))
 
 
 @contextmanager
