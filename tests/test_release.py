@@ -133,17 +133,13 @@ def test_the_container_s_test_builds_by_what_the_release_has(release: Any) -> No
 @pytest.mark.parametrize(
     ("status", "refused"),
     [
-        ('{"last_run": {"mode": "armed"}, "mode": "disarmed"}', ""),
-        ('{"mode": "disarmed", "last_run": {"mode": "armed"}}', ""),
-        ('{"last_run": {"mode": "disarmed"}, "mode": "armed"}', "armed"),
-        ('{"mode": "armed", "last_run": {"mode": "disarmed"}}', "armed"),
-        ('{"mode": "manual", "last_run": null}', "manual"),
+        ('{"mode": "disarmed", "why_disarmed": "the mode was armed"}', ""),
+        ('{"why_disarmed": null, "mode": "armed"}', "armed"),
+        ('{"mode": "manual"}', "manual"),
         ("", ""),
     ],
 )
-def test_removal_is_refused_by_the_mode_of_now_and_not_of_the_run_before(
-    tmp_path: Path, status: str, refused: str
-) -> None:
+def test_removal_is_refused_by_the_mode_of_now(tmp_path: Path, status: str, refused: str) -> None:
     script = (ROOT / "packaging" / "debian" / "wayfarer.prerm").read_text(encoding="utf-8")
     (tmp_path / "status").write_text(status, encoding="utf-8")
     script = script.replace("/usr/bin/wayfarer status --json", f"cat {tmp_path / 'status'}")

@@ -64,10 +64,27 @@ def read_regular(path: Path, most_bytes: int) -> bytes:
         OSError: as of ``open_regular``, or the file has more than ``most_bytes``.
     """
     with open_regular(path) as file:
-        content = file.read(most_bytes + 1) or b""  # None for a file of the kernel that would have to be waited for
+        return _bounded(file, path, most_bytes)
+
+
+def _bounded(file: BinaryIO, path: Path, most_bytes: int) -> bytes:
+    content = file.read(most_bytes + 1) or b""  # None for a file of the kernel that would have to be waited for
     if len(content) > most_bytes:
         raise OSError(errno.EFBIG, f"it has more than {most_bytes:,} bytes", str(path))
     return content
+
+
+def read_own(path: Path, most_bytes: int) -> bytes:
+    """Return what is in an ordinary file of this user or of root, one that a person has not named.
+
+    Raises:
+        OSError: as of ``read_regular``, or it is a symlink, or another user's.
+    """
+    _refuse_special(path, path.lstat().st_mode)
+    with os.fdopen(_opened(path, os.O_RDONLY | os.O_NOFOLLOW), "rb") as file:
+        if os.fstat(file.fileno()).st_uid not in {0, os.geteuid()}:
+            raise OSError(errno.EPERM, "it is another user's file", str(path))
+        return _bounded(file, path, most_bytes)
 
 
 def _opened(path: Path, flags: int) -> int:

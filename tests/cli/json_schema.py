@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import types
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
 from enum import Enum
 from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
@@ -76,7 +77,7 @@ def keys_of(name: str, tables: Mapping[str, Table]) -> Table:
 def keys_of_class(cls: type) -> Table:
     """Return the keys that an object of a dataclass or named tuple has, with their types as the page words them."""
     hints = get_type_hints(cls)
-    names = getattr(cls, "_fields", None) or cls.__dataclass_fields__  # type: ignore[attr-defined]
+    names = getattr(cls, "_fields", None) or [field.name for field in fields(cls)]
     return {name: wording(hints[name]) for name in names}
 
 

@@ -19,11 +19,11 @@ from tests.views.text.records import HEADER, drive, event, numbered, outcome, wr
 from wayfarer import cli
 from wayfarer.cli.listing import Described
 from wayfarer.commissioning.checks import Finding
+from wayfarer.daemon.last_mission import LastMission
 from wayfarer.experiments.paired_statistics import Comparison, Difference
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.run_campaign import ComputeCost
 from wayfarer.experiments.statistics import AlgorithmSummary, Estimate
-from wayfarer.fieldlog.last_run import LastRun
 from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.replay import DecisionDifference, Replay
 from wayfarer.fieldlog.run_state import LowBattery
@@ -38,7 +38,7 @@ tables = cache(read_tables)
 # Tables of what a class holds, and the keys that are added to it; a key is in no table that is not in its class.
 CLASSES: dict[type, set[str]] = {
     RunRow: set(), RunSummary: set(), LowBattery: set(), PeriodPercentiles: set(), Mark: set(), LastPosition: set(),
-    RangeBearing: set(), LastRun: set(), Fix: set(), Damage: set(), Replay: {"run"}, DecisionDifference: set(),
+    RangeBearing: set(), LastMission: set(), Fix: set(), Damage: set(), Replay: {"run"}, DecisionDifference: set(),
     AlgorithmSummary: set(), ComputeCost: {"cpu_us_per_tick"}, Comparison: set(), Difference: set(), Estimate: set(),
     TrialRow: set(), Finding: set(), Described: set(),
 }  # fmt: skip

@@ -28,7 +28,6 @@ from wayfarer.daemon.socket.paths import daemon_socket, single_daemon
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.clock import wall_clock
-from wayfarer.fieldlog.last_run import LastRun
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chip_wiring import ChipWiring
 from wayfarer.simhal.random_streams import RandomStreams
@@ -173,12 +172,15 @@ def test_status_of_a_disarmed_rover_says_why() -> None:
     assert not any(line.startswith("doing") for line in lines)
 
 
-def test_status_tells_of_the_run_before_until_the_rover_is_armed() -> None:
-    last_run = LastRun("00016-x", mission_s=754.0, mission_m=134.0, mission_ended="mission_radius", mode="disarmed")
-    status = {**STATUS, "mode": "disarmed", "why_disarmed": "not armed since the start", "last_run": last_run._asdict()}
-    told = "The run before (00016-x) was cut off while disarmed: killed, or without power"
-    assert f"last run  {told}. Its last mission: 754 s, 134 m, radius limit" in status_text(status).splitlines()
-    assert "last run" not in status_text({**status, "mode": "armed", "why_disarmed": None})
+def test_status_tells_of_the_mission_before_until_the_rover_is_armed() -> None:
+    mission = {"run": "00016-x", "armed_t_wall": None, "mission_s": 754.0, "mission_m": 134.0, "mission_anomalies": 3}
+    last_mission = {**mission, "mission_ended": "mission_radius"}
+    status = {**STATUS, "mode": "disarmed", "why_disarmed": "not armed since the start", "last_mission": last_mission}
+    before = {key: value for key, value in status.items() if key != "mission_s"}
+    told = "before    The last mission (run 00016-x) is over after 754 s, 134 m, anomalies: 3: radius limit"
+    assert told in status_text(before).splitlines()
+    assert "The last mission" not in status_text({**before, "mode": "armed", "why_disarmed": None})
+    assert "The last mission" not in status_text({**before, "mission_s": 3.0, "travelled_m": 1.0}), "it is another one"
 
 
 def test_status_of_a_limited_rover_says_since_when_what_it_does_and_until_when() -> None:

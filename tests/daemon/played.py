@@ -22,7 +22,7 @@ from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.mission_limits import RunEnd
 
 ABOUT = {"version": "1", "rover": "sim", "algorithm": "pledge", "log": "logs/00001", "start_delay_s": 2.0,
-         "simulated": True, "dry_run": False, "last_run": None}  # fmt: skip
+         "simulated": True, "dry_run": False, "last_mission": None}  # fmt: skip
 DELAY_S = 2.0
 
 

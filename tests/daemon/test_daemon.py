@@ -20,7 +20,7 @@ import pytest
 from tests.daemon.conftest import Listener
 from tests.fieldlog.disks import FailingCall
 from tests.kit.workshop import Overriding
-from tests.views.text.records import HEADER, drive, event, numbered, write
+from tests.views.text.records import HEADER, drive, numbered, write
 from wayfarer.commissioning.checks import Check, Finding, Inspection, system
 from wayfarer.commissioning.checks.api import fail
 from wayfarer.config.rover_file import laid_over, load_rover
@@ -30,6 +30,7 @@ from wayfarer.daemon.socket.paths import AlreadyRunning, single_daemon
 from wayfarer.errors import NotResponding, WayfarerError
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.live_rover import live_rover_setup
+from wayfarer.fieldlog.folders import run_folders
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.safety.settings import ManualSettings
@@ -87,10 +88,10 @@ class Site:
         return await asyncio.to_thread(ask, {"do": do, **keys}, self.socket)
 
     def runs(self) -> int:
-        return len(list(self.logs.iterdir())) if self.logs.exists() else 0
+        return len(run_folders(self.logs))
 
     def log(self) -> list[dict[str, Any]]:
-        folder = max(self.logs.iterdir())
+        folder = run_folders(self.logs)[-1]
         return [json.loads(line) for line in (folder / "run.jsonl").read_text(encoding="utf-8").splitlines()]
 
     def events(self, name: str) -> list[dict[str, Any]]:
@@ -169,7 +170,7 @@ async def test_log_is_named_so_that_it_is_found_from_any_folder(site: Site, monk
         told = (await site.ask("status"))["log"]
         stopped = await site.ask("stop")
         await daemon.end()
-    assert Path(told) == max(site.logs.iterdir())
+    assert Path(told) == run_folders(site.logs)[-1]
     assert stopped["log"] == site.log()[0]["log"] == told
 
 
@@ -265,18 +266,19 @@ async def test_settings_of_two_runs_are_told_apart_by_their_hash(site: Site) -> 
 # -- the run before ----------------------------------------------------------------------------------------------------
 
 
-async def test_run_that_was_cut_off_is_told_by_the_next_which_stands_disarmed(
+async def test_mission_that_was_cut_off_is_told_by_the_next_run_which_stands_disarmed(
     site: Site, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    before = "00016-20261121T061405Z"
-    write(site.logs / before, numbered([HEADER, event("armed", 1.0), *drive(1.0, 2.0, phase="follow")]))
+    site.logs.mkdir()
+    cut_off = {"run": "00016-20261121T061405Z", "armed_t_wall": 1.795e9}
+    (site.logs / "last_mission.json").write_text(json.dumps(cut_off), encoding="utf-8")
     async with Running(site) as daemon:
-        assert (await site.ask("status"))["mode"] == "disarmed"
+        status = await site.ask("status")
+        assert (status["mode"], status["last_mission"]["mission_ended"]) == ("disarmed", None)
         await daemon.stop()
     (told,) = site.events("unclean_shutdown")
-    assert (told["run"], told["last_t_s"], told["mode"], told["error"]) == (before, 101.95, "armed", None)
-    assert f"The run before ({before}) was cut off while armed at " in capfd.readouterr().err
-    assert site.log()[-1]["record"] == "outcome", "and the next one will not speak of this"
+    assert {key: told[key] for key in cut_off} == cut_off
+    assert f"(run {cut_off['run']}) was cut off: killed, or without power" in capfd.readouterr().err
 
 
 async def test_next_run_tells_how_the_last_mission_ended(site: Site, capfd: pytest.CaptureFixture[str]) -> None:
@@ -290,18 +292,17 @@ async def test_next_run_tells_how_the_last_mission_ended(site: Site, capfd: pyte
         await daemon.until(lambda: bool(site.events("mission_ended")))
         assert (await site.ask("status"))["why_disarmed"] == "mission_distance"
         await daemon.stop()
-    first = max(site.logs.iterdir()).name
+    first = run_folders(site.logs)[-1].name
     async with Running(site) as daemon:
-        told = (await site.ask("status"))["last_run"]
+        told = (await site.ask("status"))["last_mission"]
         await daemon.stop()
-    (event,) = site.events("last_run")
-    assert (told["run"], told["ended"], told["mission_ended"]) == (first, "requested", "mission_distance")
+    (event,) = site.events("last_mission")
+    assert (told["run"], told["mission_ended"]) == (first, "mission_distance")
     assert told["mission_m"] == event["mission_m"] == pytest.approx(0.3, abs=0.1)
-    assert f"The run before ({first}) ended: requested by a person. Its last mission: " in capfd.readouterr().err
+    assert f" (run {first}) is over after " in capfd.readouterr().err
 
 
 async def test_mission_that_a_stop_of_the_daemon_ends_is_told_to_its_last_tick(site: Site) -> None:
-    """The totals in the computer's health are up to 10 s old."""
     async with Running(site) as daemon:
         await daemon.drives()
         await asyncio.sleep(0.4)
@@ -312,16 +313,29 @@ async def test_mission_that_a_stop_of_the_daemon_ends_is_told_to_its_last_tick(s
     (armed,), (ended,) = site.events("armed"), site.events("mission_ended")
     assert ended["mission_s"] == pytest.approx(last - armed["t_s"], abs=0.1)
     assert ended["mission_s"] > 0.0
-    assert ended["mission_ended"] is None
+    assert ended["mission_ended"] == "requested"
+    assert json.loads((site.logs / "last_mission.json").read_bytes())["mission_ended"] == "requested"
 
 
-async def test_log_of_the_run_before_that_cannot_be_read_stops_no_daemon(site: Site) -> None:
-    before = site.logs / "00016-20261121T061405Z"
-    before.mkdir(parents=True)
-    os.mkfifo(before / "run.jsonl")
+async def test_file_of_the_last_mission_that_cannot_be_read_is_told_and_stops_no_daemon(
+    site: Site, capfd: pytest.CaptureFixture[str]
+) -> None:
+    site.logs.mkdir()
+    os.mkfifo(site.logs / "last_mission.json")
     async with Running(site) as daemon:
+        assert (await site.ask("status"))["last_mission"] is None
         await daemon.stop()
-    assert site.events("unclean_shutdown")[0]["error"] == "it is a pipe, no ordinary file"
+    assert "last_mission.json: the last mission cannot be read: it is a pipe" in capfd.readouterr().err
+
+
+async def test_mark_keeps_its_run_and_no_other_is_asked_to(site: Site) -> None:
+    async with Running(site) as daemon:
+        keep = run_folders(site.logs)[-1] / "keep"
+        await site.ask("status")
+        assert not keep.exists()
+        await site.ask("mark", text="a log across the way")
+        await daemon.until(keep.exists)
+        await daemon.stop()
 
 
 # -- disk and power ----------------------------------------------------------------------------------------------------
@@ -387,8 +401,8 @@ async def test_old_runs_are_deleted_at_the_start_where_the_rover_file_says_so(si
     for number in (1, 2):
         before = site.logs / f"{number:05d}-20261101T000000Z"
         write(before, numbered([HEADER, *drive(0.0, 1.0)]))
-        os.utime(before / "run.jsonl", (0.0, time.time() - 40 * 86_400.0 * (3 - number)))
-    log = replace(site.service.config.log, keep_days=60)
+        os.truncate(before / "run.jsonl", 9_000_000)
+    log = replace(site.service.config.log, keep_mb=10)
     site.service = replace(site.service, config=site.service.config.model_copy(update={"log": log}))
     run = asyncio.create_task(Daemon(site.service).run())
     async with asyncio.timeout(LONG_S):
@@ -398,7 +412,7 @@ async def test_old_runs_are_deleted_at_the_start_where_the_rover_file_says_so(si
     await site.ask("stop")
     await run
     assert site.events("runs_deleted")[0]["runs"] == ["00001-20261101T000000Z"]
-    assert [run.name[:5] for run in sorted(site.logs.iterdir())] == ["00002", "00003"]
+    assert [run.name[:5] for run in run_folders(site.logs)] == ["00002", "00003"]
 
 
 async def test_low_voltage_of_the_computer_is_noticed_within_a_second(

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
+import threading
 from pathlib import Path
 
 import pytest
 
-from tests.fieldlog.lines import header
 from wayfarer.commissioning.checks.card import CardHealth
 from wayfarer.config.rover_file import LogSettings
 from wayfarer.control.run_log import PartialLog
@@ -16,7 +15,7 @@ from wayfarer.fieldlog.retention import Pruned
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.fieldlog.writer_thread import WriterThread
 
-WELL = CardHealth(False, "", 0, 20, False)
+WELL, IN_MEMORY = CardHealth(False, ""), CardHealth(False, "tmpfs")
 
 
 class Site(PartialLog):
@@ -28,7 +27,7 @@ class Site(PartialLog):
         self.files = RunFiles(logs / "00009-20261121T061405Z")
         self.storage = Storage(
             logs / "00009-20261121T061405Z",
-            LogSettings(keep_days=30),
+            LogSettings(keep_mb=10),
             WriterThread(self.files),
             self,
             lambda: not self.armed,
@@ -45,12 +44,12 @@ def site(tmp_path: Path) -> Site:
 
 
 def test_trouble_of_the_card_is_told_once_and_shown_while_it_lasts(site: Site) -> None:
-    for health, shown in ((WELL, 0), (WELL._replace(disk_errors=3), 1), (WELL, 0), (WELL._replace(disk_errors=5), 1)):
+    for health, shown in ((WELL, 0), (IN_MEMORY, 1), (WELL, 0), (IN_MEMORY, 1)):
         site.storage.take_health(1.0, health)
         assert len(site.storage.status()["storage_warnings"]) == shown
     ((name, details),) = site.events
     assert name == "card"
-    assert "3 errors" in str(details["text"])
+    assert "in memory (tmpfs)" in str(details["text"])
 
 
 def test_slowest_write_since_the_last_look_is_told(site: Site) -> None:
@@ -65,9 +64,8 @@ def test_old_runs_are_deleted_while_disarmed_only(site: Site, tmp_path: Path) ->
     for number in (1, 9):
         run = tmp_path / f"{number:05d}-20261121T061405Z"
         run.mkdir()
-        (run / "run.jsonl").write_bytes(header(1) + b"\n")
-        if number == 1:
-            os.utime(run / "run.jsonl", (0.0, (run / "run.jsonl").stat().st_mtime - 31 * 86_400.0))
+        with (run / "run.jsonl").open("wb") as file:
+            file.truncate(9_000_000)
     site.armed = True
     assert site.storage.delete_old_runs() is None
     site.armed = False
@@ -76,11 +74,28 @@ def test_old_runs_are_deleted_while_disarmed_only(site: Site, tmp_path: Path) ->
     assert pruned.deleted == ("00001-20261121T061405Z",)
 
 
+def test_run_that_was_marked_is_kept_and_it_is_shown_while_it_cannot_be(site: Site, tmp_path: Path) -> None:
+    def keep() -> list[str]:
+        before = set(threading.enumerate())
+        site.storage.keep()
+        for thread in set(threading.enumerate()) - before:
+            thread.join()
+        warnings: list[str] = site.storage.status()["storage_warnings"]
+        return warnings
+
+    (warning,) = keep()
+    assert warning.startswith("this run can be deleted, although it was marked: ")
+    run = tmp_path / "00009-20261121T061405Z"
+    run.mkdir()
+    assert keep() == []
+    assert [path.name for path in run.iterdir()] == ["keep"]
+
+
 def test_what_was_deleted_is_counted_and_each_reason_for_what_was_not_is_told_once(site: Site) -> None:
     for _ in range(2):
-        site.storage.take_pruned(1.0, Pruned(("00001-x",), 50.0, 3, 70.0, "no room in the shed"))
+        site.storage.take_pruned(1.0, Pruned(("00001-x",), 50.0, 70.0, "no room in the shed"))
     assert site.storage.status()["runs_deleted"] == 2
     assert site.storage.status()["storage_warnings"] == ["no room in the shed"]
     assert [name for name, _ in site.events] == ["runs_deleted", "runs_not_deleted", "runs_deleted"]
-    site.storage.take_pruned(2.0, Pruned((), 0.0, 3, 70.0))
+    site.storage.take_pruned(2.0, Pruned((), 0.0, 70.0))
     assert site.storage.status()["storage_warnings"] == []

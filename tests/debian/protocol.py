@@ -195,14 +195,14 @@ def upgrade_while_down() -> str:
 
 def upgrade_while_disarmed() -> str:
     must("systemctl", "start", SERVICE)
-    pid, logs = shown("MainPID"), len(list(LOGS.iterdir()))
+    pid, logs = shown("MainPID"), len(list(LOGS.glob("*/")))
     code, said = apt("install", package(1))
     need(code == 0, said)
     need(shown("ActiveState") == "active", shown("ActiveState"))
     now = status()
     need(now["mode"] == "disarmed" and shown("MainPID") != pid, str(now))
     need(ROVER_FILE.read_bytes() == ROVER_TEXT[0], "the rover file has changed")
-    need(len(list(LOGS.iterdir())) == logs + 1, "logs are missing")
+    need(len(list(LOGS.glob("*/"))) == logs + 1, "logs are missing")
     need(not Path("/run/wayfarer.upgrade").exists(), "a mark was left")
     return f"{installed_version()}; another process, version {now['version']}, disarmed; rover file and logs are kept"
 

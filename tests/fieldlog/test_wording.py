@@ -11,7 +11,7 @@ from wayfarer.fieldlog.typed import Header
 from wayfarer.fieldlog.wording import SENTENCES, event_text, run_text
 
 SEEN: dict[str, Any] = {"ahead_m": 9.0, "right_m": -1.0, "trunks": [[1, 0, 1, 1, 0.9], [2, 0, 2, 1, 0.2]]}
-RUN_BEFORE: dict[str, Any] = {"run": "00016-x", "last_t_s": 9.0, "last_t_wall": None, "mode": "armed", "error": None}
+TOTALS: dict[str, Any] = {"mission_s": 61.0, "mission_m": 12.5, "mission_anomalies": 0, "mission_ended": "mission_time"}
 EVENTS: list[tuple[str, dict[str, Any], str]] = [
     ("arming", {"start_delay_s": 10.0, "goal_heading_deg": None}, "Arming: in 10 s it drives straight ahead"),
     ("arming", {"start_delay_s": 0.0, "goal_heading_deg": 359.7}, "Arming: it drives towards 0 degrees"),
@@ -49,10 +49,12 @@ EVENTS: list[tuple[str, dict[str, Any], str]] = [
     ("log_gap", {"dropped": 12}, "12 records could not be written into the log"),
     ("loop_stalled", {"stall_s": 0.41, "where": "a.py:1 f"}, "The control loop stood still for 0.4 s in a.py:1 f"),
     ("stop_not_confirmed", {"part": "board", "error": "silent"}, "The board did not confirm the stop: silent"),
-    ("unclean_shutdown", RUN_BEFORE, "The run before (00016-x) was cut off while armed: killed, or without power"),
-    ("unclean_shutdown", {}, "The run before (not known) was cut off: killed, or without power"),
-    ("unclean_shutdown", {"run": "00016-x", "mode": None, "error": "no entry"},
-     "The run before (00016-x) cannot be read: no entry"),
+    ("unclean_shutdown", {"run": "00016-x", "armed_t_wall": None, "mission_ended": None},
+     "The last mission (run 00016-x) was cut off: killed, or without power"),
+    ("unclean_shutdown", {}, "The last mission (run not known) was cut off: killed, or without power"),
+    ("last_mission", {"run": "00016-x", **TOTALS},
+     "The last mission (run 00016-x) is over after 61 s, 12 m: time limit"),
+    ("mission_ended", TOTALS, "The mission is over after 61 s, 12 m: time limit"),
     ("wheels_stopped", {"reason": "mission_time"}, "The wheels are stopped: time limit"),
 ]  # fmt: skip
 

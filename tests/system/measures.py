@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from math import inf
 from pathlib import Path
@@ -11,11 +12,10 @@ from statistics import median, quantiles
 from typing import NamedTuple, TypeAlias
 
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.folders import FILE_NAME, run_folders, run_number
+from wayfarer.fieldlog.folders import run_number
 from wayfarer.fieldlog.reader import RunReader
 
 PERIOD_S = 0.05  # of the shipped rovers
-OUTCOME = b'"record":"outcome"'
 
 Commands: TypeAlias = list[tuple[float, float, float]]
 """Each is (time that it is true from, left duty, right duty)."""
@@ -118,19 +118,16 @@ def numbered_twice(logs: Path) -> list[str]:
 
 def all_folders(logs: Path) -> list[Path]:
     """Return the folders of all runs; unlike ``run_folders`` also those in which no log was begun."""
-    return sorted(logs.iterdir()) if logs.exists() else []
+    return sorted(path for path in logs.iterdir() if path.is_dir()) if logs.exists() else []
 
 
 def cut_off(logs: Path) -> str | None:
-    """Return the name of the newest run if it has no outcome; found by other means than the daemon's own."""
-    runs = run_folders(logs)
-    if not runs or _says_outcome(runs[-1].glob(FILE_NAME)):
+    """Return the name of the run whose mission has no end in the file of the last mission."""
+    try:
+        told = json.loads((logs / "last_mission.json").read_bytes())
+    except FileNotFoundError:
         return None
-    return runs[-1].name
-
-
-def _says_outcome(parts: Iterable[Path]) -> bool:
-    return any(OUTCOME in part.read_bytes() for part in parts)
+    return str(told["run"]) if told["mission_ended"] is None else None
 
 
 # -- ticks -------------------------------------------------------------------------------------------------------------

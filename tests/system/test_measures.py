@@ -78,9 +78,12 @@ def test_log_that_a_kill_cut_short_reads_back_to_its_last_whole_tick_and_one_wit
             read_back(run_of(tmp_path / told, text))
 
 
-def test_newest_run_without_an_outcome_was_cut_off_and_runs_that_share_a_number_are_found(tmp_path: Path) -> None:
-    run_of(tmp_path, HEADER + TICKS + OUTCOME)
+def test_mission_without_an_end_was_cut_off_and_runs_that_share_a_number_are_found(tmp_path: Path) -> None:
+    run = run_of(tmp_path, HEADER + TICKS)
     assert (cut_off(tmp_path), numbered_twice(tmp_path)) == (None, [])
-    run = run_of(tmp_path, HEADER + TICKS, "00001-20261121T061406Z")
-    assert cut_off(tmp_path) == run.name
+    for ended, expected in (("null", run.name), ('"mission_time"', None)):
+        told = f'{{"run": "{run.name}", "mission_ended": {ended}}}'
+        (tmp_path / "last_mission.json").write_text(told, encoding="utf-8")
+        assert cut_off(tmp_path) == expected
+    run_of(tmp_path, HEADER + TICKS, "00001-20261121T061406Z")
     assert numbered_twice(tmp_path) == ["2 runs have the number 1"]

@@ -105,7 +105,7 @@ class Killer:
         assert where.status()["mode"] == "disarmed"
         records = (record for run in runs for record in RunReader(run))
         told = [record["run"] for record in records if record.get("name") == "unclean_shutdown"]
-        assert told == ([expected] if expected else []), "the run that was cut off"
+        assert told == ([expected] if expected else []), "the mission that was cut off"
         self._assert_still()
         return daemon
 

@@ -172,12 +172,9 @@ def summary(
         print(summary_text(title, found, reader.damage))
 
 
-@command(epilog="Exit code: 0 if all runs together are within the limits now, 1 if not.")
+@command(epilog="Exit code: 0 if all runs together are within the limit now, 1 if not.")
 def prune(
     *,
-    keep_days: Annotated[
-        float | None, typer.Option(metavar="DAYS", min=1, help="Delete runs that were last written longer ago.")
-    ] = None,
     keep_mb: Annotated[
         float | None,
         typer.Option(metavar="MB", min=10, help="Delete the oldest runs beyond this size of all together."),
@@ -185,19 +182,16 @@ def prune(
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would be deleted.")] = False,
     log_dir: LogDir = None,
 ) -> None:
-    """Delete old runs, but never those of the last day, marked ones, or the newest."""
-    from wayfarer.config.rover_file import LogSettings
-    from wayfarer.fieldlog.clock import wall_clock
+    """Delete the oldest runs, but never the newest, one that is being written, or one with a file keep in it."""
     from wayfarer.fieldlog.retention import prune as delete_old_runs
     from wayfarer.fieldlog.wording import plural
 
-    if keep_days is None and keep_mb is None:
-        raise BadInput("say how much to keep: give --keep-days DAYS, --keep-mb MB, or both")
+    if keep_mb is None:
+        raise BadInput("say how much to keep: give --keep-mb MB")
     folder = log_folder(log_dir)
     if not folder.is_dir():
         raise BadInput(f"{folder}: no such folder; give that of the logs with --log-dir DIR")
-    limits = LogSettings(keep_days=keep_days, keep_mb=keep_mb)
-    found = delete_old_runs(folder, limits, wall_clock(0.0), dry_run=dry_run)
+    found = delete_old_runs(folder, keep_mb, dry_run=dry_run)
     print(*found.deleted, sep="\n", end="\n" if found.deleted else "")
     done = "would be deleted" if dry_run else "deleted"
     print(f"{plural(len(found.deleted), 'run')} {done}, {found.deleted_mb:.1f} MB; {found.left_mb:.1f} MB are left")

@@ -7,7 +7,7 @@ from typing import Any
 
 from wayfarer.fieldlog.clock import duration_text
 from wayfarer.fieldlog.vocabulary import disarmed_text, in_words, level_text
-from wayfarer.fieldlog.wording import last_run_text, marks, plural, whole_deg
+from wayfarer.fieldlog.wording import last_mission_text, marks, plural, whole_deg
 from wayfarer.views.text.colour import painted
 
 WELL = level_text("well", None)
@@ -28,7 +28,7 @@ def _lines(status: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("doing", _doing(status)),
         ("heading", "" if heading is None else _heading(status, heading)),
         ("mission", _mission(status)),
-        ("last run", _last_run(status)),
+        ("before", _last_mission(status)),
         ("battery", _battery(status)),
         ("log", _log(status)),
         ("card", _storage(status)),
@@ -94,10 +94,12 @@ def _storage(status: Mapping[str, Any]) -> str:
     return painted(told, "warning") if told else ""
 
 
-def _last_run(status: Mapping[str, Any]) -> str:
-    """Return how the run before this one ended: until the rover is armed, it stands as that one has left it."""
-    last_run = status.get("last_run")
-    return last_run_text(last_run) if last_run and status["mode"] == "disarmed" else ""
+def _last_mission(status: Mapping[str, Any]) -> str:
+    """Return how the last mission before this run ended: until the rover is armed, it stands as that one left it."""
+    last_mission = status.get("last_mission")
+    if not last_mission or status["mode"] != "disarmed" or "mission_s" in status:
+        return ""
+    return last_mission_text(last_mission)
 
 
 def _mission(status: Mapping[str, Any]) -> str:

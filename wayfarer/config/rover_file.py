@@ -40,7 +40,7 @@ _TEXT = "utf-8-sig"  # some editors begin a file with a byte order mark
 
 @dataclass(frozen=True, slots=True)
 class LogSettings:
-    """Limits of the logs, in MB (1,000,000 bytes) and days. At 20 Hz a run writes 14 kB a second: 50 MB an hour."""
+    """Limits of the logs, in MB (1,000,000 bytes). At 20 Hz a run writes 14 kB a second: 50 MB an hour."""
 
     part_mb: Annotated[float, Interval(ge=1, le=2000)] = 50.0
     """Size of one file of a log: an hour, small enough for an editor and for a phone's connection, and far below the
@@ -52,11 +52,9 @@ class LogSettings:
     free_mb: Annotated[float, Interval(ge=0, le=100_000)] = 100.0
     """With less left on the disk only events are written: the computer needs that to boot and to let a person log
     in."""
-    keep_days: Annotated[float, Interval(ge=1, le=10_000)] | None = None
-    """The daemon deletes runs that were last written more days ago, the oldest first; without it none.
-    ``fieldlog/retention.py`` says which runs always stay."""
     keep_mb: Annotated[float, Interval(ge=10, le=100_000_000)] | None = None
-    """The daemon deletes the oldest runs where all runs together take more; without it none."""
+    """The daemon deletes the oldest runs while all together take more; without it none. The newest stays, and each run
+    with a file ``keep``, which ``wayfarer mark`` makes."""
 
 
 # One file, whatever the disk is like: the same simulated trial writes the same bytes everywhere.

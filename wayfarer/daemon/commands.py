@@ -37,6 +37,7 @@ class RoverCommands:
         about: constant details for ``status``: version, rover, algorithm.
         checks: the checks that must not fail before the rover is armed.
         storage: returns what ``status`` says of the log and its disk; nothing is wrong where nobody watches it.
+        keep: keeps this run, which somebody has marked, from being deleted; must not wait.
     """
 
     def __init__(
@@ -48,6 +49,7 @@ class RoverCommands:
         about: Mapping[str, Any],
         checks: Sequence[Check],
         storage: Callable[[], Mapping[str, Any]] = lambda: NO_STORAGE,
+        keep: Callable[[], None] = lambda: None,
     ) -> None:
         self._supervisor = supervisor
         self._controller = supervisor.controller
@@ -55,6 +57,7 @@ class RoverCommands:
         self._log = log
         self._about = about
         self._storage = storage
+        self._keep = keep
         self._check = ArmingCheck(supervisor, inspect, log, checks)
         self._checking = False
         self._begun = RateLimiter()  # a log has a record of each
@@ -176,18 +179,20 @@ class RoverCommands:
         self._controller.set_goal(_now_s(), heading_deg)
         return {"goal_heading_deg": heading_deg}
 
-    async def mark(self, text: str) -> Details:
-        """Write a person's note into the log; refuse it if there are too many for a person."""
+    async def mark(self, text: str, *, keep: bool = True) -> Details:
+        """Write a person's note into the log, and keep its run; refuse it if there are too many for a person."""
         if not self._marks.take(_now_s()):
             raise Refused(
                 f"not noted: all clients together may send {ASKED_AT_ONCE} marks at once, and {ASKED_HZ:g} a second for"
                 " long; wait a second and mark again"
             )
         self._log.event("mark", _now_s(), text=text)
+        if keep:
+            self._keep()
         return {}
 
     async def link_lost(self, text: str) -> Details:
-        """Write into the log that a viewer has lost its person; a mark would keep the run for ever (retention)."""
+        """Write into the log that a viewer has lost its person; a mark would keep the run for ever."""
         self._log.event("link_lost", _now_s(), text=text)
         return {}
 

@@ -8,7 +8,7 @@ import os
 import signal
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager, AsyncExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from random import Random
@@ -29,7 +29,7 @@ from wayfarer.daemon.arming_inspection import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.dry_run import DryMotors
 from wayfarer.daemon.host_health import Health, monitor_host_health
-from wayfarer.daemon.mission_totals import MissionTotals
+from wayfarer.daemon.last_mission import LastMission, MissionKeeper, read_last_mission
 from wayfarer.daemon.motors_lock import motors_device, motors_lock
 from wayfarer.daemon.signals import handle_signals
 from wayfarer.daemon.socket.driven import DrivenBoard, remove_record, write_record
@@ -39,11 +39,11 @@ from wayfarer.daemon.socket.server import ControlServer
 from wayfarer.daemon.stderr_writer import StderrWriter
 from wayfarer.daemon.storage import Storage
 from wayfarer.daemon.watchdog import StallGuard, SystemdNotifier, WatchdogFeed, feed_watchdog, watchdog_period_s
-from wayfarer.errors import WayfarerError
+from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.fieldlog.folders import new_run_folder
-from wayfarer.fieldlog.last_run import LastRun, last_run
 from wayfarer.fieldlog.log import FieldLog
+from wayfarer.fieldlog.retention import held_open
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.fieldlog.writer_thread import WriterThread
@@ -149,7 +149,12 @@ class Daemon:
         self._lines = StderrWriter()
         self._guard = StallGuard(self._rover.motors.halt, self._lines.write, self._tell_of_stall)
         self._suspension: asyncio.TimerHandle | None = None
-        before, folder = last_run(service.logs), new_run_folder(service.logs, needed=False)
+        try:
+            before = read_last_mission(service.logs)
+        except BadInput as error:
+            before = None
+            self._lines.write(str(error))
+        self._folder = folder = new_run_folder(service.logs, needed=False)
         about = {
             "version": __version__,
             "rover": config.name,
@@ -168,19 +173,19 @@ class Daemon:
         if before is not None:
             self._tell_of_last(before)
         ground_truth_logs = [rover_setup.ground_truth_log(self._field_log)] if rover_setup.ground_truth_log else []
-        self._mission = MissionTotals(self._field_log)
-        self._log = Tee(self._mission, self._field_log, *ground_truth_logs, WatchdogFeed(self._notifier, self._guard))
+        keeper = MissionKeeper(folder, self._field_log, self._lines.write)
+        self._log = Tee(keeper, self._field_log, *ground_truth_logs, WatchdogFeed(self._notifier, self._guard))
         handler = service.algorithm.make(config.escape, config.vehicle, Random(service.seed))
         self._supervisor = Supervisor(
             self._rover, config, service.algorithm, handler, self._log,
-            goes_on=True, last_end=before and before.end,
+            goes_on=True, last_end=None if before is None else before.end,
         )  # fmt: skip
         self._storage = Storage(folder, config.log, self._writer, self._log, self._is_disarmed)
         checks: list[Check] = [*rover_setup.checks, partial(system.log, lambda: self._writer.trouble)]
         self._commands = RoverCommands(
             self._supervisor, self._rover.motors, self._inspect, self._log,
-            {**about, **service.addresses, "last_run": before and before._asdict()}, checks,
-            lambda: {"log_dropped": self._field_log.dropped, **self._storage.status()},
+            {**about, **service.addresses, "last_mission": before and asdict(before)}, checks,
+            lambda: {"log_dropped": self._field_log.dropped, **self._storage.status()}, self._storage.keep,
         )  # fmt: skip
 
     @property
@@ -201,7 +206,8 @@ class Daemon:
             async with server, AsyncExitStack() as stack:
                 for viewer in self._service.viewers:
                     await stack.enter_async_context(viewer.serving(self._commands))
-                delete_old_runs = self._delete_old_runs if self._storage.deletes else None
+                stack.enter_context(held_open(self._folder))
+                delete_old_runs = None if self._service.config.log.keep_mb is None else self._delete_old_runs
                 stack.enter_context(
                     monitor_host_health(self._service.logs, self._note_computer, self._note_power, delete_old_runs)
                 )
@@ -248,8 +254,7 @@ class Daemon:
         def note() -> None:
             sync_ms = self._storage.take_health(self._loop.time(), card)
             log = {"log_dropped": self._field_log.dropped, "log_sync_ms": sync_ms}
-            totals = self._mission.totals
-            self._field_log.note("computer", self._loop.time(), {**health, **card._asdict(), **log, **totals})
+            self._field_log.note("computer", self._loop.time(), {**health, **card._asdict(), **log})
 
         self._loop.call_soon_threadsafe(note)
 
@@ -265,18 +270,15 @@ class Daemon:
         """Pass the computer's power flags to the controller; called in another thread."""
         self._loop.call_soon_threadsafe(lambda: self._supervisor.controller.power(self._loop.time(), flags))
 
-    def _tell_of_last(self, before: LastRun) -> None:
-        """Log how the run before ended, also if it was cut off (fault catalogue, fault 33)."""
-        if before.ended is None:
+    def _tell_of_last(self, before: LastMission) -> None:
+        """Log how the last mission ended, also if it was cut off (fault catalogue, fault 33)."""
+        if before.mission_ended is None:
             self._field_log.event(
-                "unclean_shutdown", self._loop.time(), run=before.run, last_t_s=before.last_t_s,
-                last_t_wall=before.last_t_wall, mode=before.mode, error=before.error, mission_s=before.mission_s,
-                mission_m=before.mission_m, mission_anomalies=before.mission_anomalies,
-                mission_ended=before.mission_ended,
-            )  # fmt: skip
+                "unclean_shutdown", self._loop.time(), run=before.run, armed_t_wall=before.armed_t_wall
+            )
         else:
             self._field_log.event(
-                "last_run", self._loop.time(), run=before.run, text=before.text, dropped=before.dropped,
+                "last_mission", self._loop.time(), run=before.run, armed_t_wall=before.armed_t_wall,
                 mission_s=before.mission_s, mission_m=before.mission_m, mission_anomalies=before.mission_anomalies,
                 mission_ended=before.mission_ended,
             )  # fmt: skip

@@ -1,7 +1,8 @@
-"""The storage side of a daemon: what the card's health says, old runs that are deleted, and both for ``status``."""
+"""The storage side of a daemon: the card's health, runs that are kept or deleted, and what ``status`` says of it."""
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,8 +10,8 @@ from typing import Any
 from wayfarer.commissioning.checks.card import CardHealth, card_troubles
 from wayfarer.config.rover_file import LogSettings
 from wayfarer.control.run_log import RunLog
-from wayfarer.fieldlog.clock import wall_clock
-from wayfarer.fieldlog.retention import Pruned, prune
+from wayfarer.fieldlog.disk import error_advice
+from wayfarer.fieldlog.retention import Pruned, keep_run, prune
 from wayfarer.fieldlog.writer_thread import WriterThread
 
 
@@ -19,10 +20,10 @@ class Storage:
 
     Args:
         run: the folder of the run, among all others.
-        settings: how much of the past is kept.
+        settings: how much is kept.
         writer: writes the run's log.
         log: takes the events; the methods that are given a time call it, so they are for the event loop.
-        may_delete: whether old runs may be deleted now, from any thread.
+        may_delete: whether runs may be deleted now, from any thread.
     """
 
     def __init__(
@@ -39,20 +40,16 @@ class Storage:
         self._log = log
         self._may_delete = may_delete
         self._card: list[str] = []
-        self._kept: str | None = None
+        self._not_deleted: str | None = None
+        self._not_kept: str | None = None
         self._told: set[str] = set()
         self._deleted = 0
-
-    @property
-    def deletes(self) -> bool:
-        """Whether the rover file lets old runs be deleted."""
-        return self._settings.keep_days is not None or self._settings.keep_mb is not None
 
     def status(self) -> dict[str, Any]:
         """Return what ``wayfarer status`` says of it."""
         return {
             "log_trouble": self._writer.trouble,
-            "storage_warnings": [*self._card, *([self._kept] if self._kept else [])],
+            "storage_warnings": [*self._card, *filter(None, [self._not_deleted, self._not_kept])],
             "runs_deleted": self._deleted,
         }
 
@@ -66,19 +63,33 @@ class Storage:
                 self._log.event("card", t_s, text=f"{trouble.found}: {trouble.remedy}")
         return sync_ms
 
+    def keep(self) -> None:
+        """Let nobody delete this run. A thread does that: a disk that does not answer must not delay the loop."""
+
+        def make() -> None:
+            try:
+                keep_run(self._run)
+                self._not_kept = None
+            except OSError as error:
+                self._not_kept = f"this run can be deleted, although it was marked: {error_advice(error)}"
+
+        threading.Thread(target=make, name="keep this run", daemon=True).start()
+
     def delete_old_runs(self) -> Pruned | None:
-        """Delete the runs that are over the limits unless the rover is armed; may take seconds, so not on the loop."""
-        if not self._may_delete():
+        """Delete what is beyond ``keep_mb`` while the rover is not armed; may take seconds, so not on the loop."""
+        if self._settings.keep_mb is None or not self._may_delete():
             return None
-        return prune(self._run.parent, self._settings, wall_clock(0.0), self._run.name)
+        return prune(self._run.parent, self._settings.keep_mb, self._may_delete)
 
     def take_pruned(self, t_s: float, pruned: Pruned) -> None:
         """Tell what was deleted and what was not."""
-        self._kept = pruned.trouble
+        self._not_deleted = pruned.trouble
         self._deleted += len(pruned.deleted)
         if pruned.deleted:
-            names, mb, _, left_mb, _ = pruned
-            self._log.event("runs_deleted", t_s, runs=list(names), deleted_mb=mb, left_mb=left_mb)
+            left_mb = pruned.left_mb
+            self._log.event(
+                "runs_deleted", t_s, runs=list(pruned.deleted), deleted_mb=pruned.deleted_mb, left_mb=left_mb
+            )
         if pruned.trouble is not None and self._is_new(pruned.trouble):
             self._log.event("runs_not_deleted", t_s, text=pruned.trouble)
 

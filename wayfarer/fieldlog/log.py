@@ -20,11 +20,12 @@ from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Observation
 from wayfarer.fieldlog.clock import WallClock, wall_clock
 from wayfarer.fieldlog.lines import sealed
-from wayfarer.fieldlog.log_clock import LogClock
 from wayfarer.fieldlog.schema import SCHEMA, Record
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.fieldlog.writer_thread import WriterThread
 from wayfarer.hal import MotorHealth, PositionFix, WheelCommand
+
+STEP_S = 1.0  # more than a clock is slewed between two records; finding the right time steps it by hours
 
 
 class FieldLog:
@@ -51,7 +52,8 @@ class FieldLog:
         viewers: Sequence[Callable[[Record], object]] = (),
     ) -> None:
         self._sink = sink
-        self._clock = LogClock(wall)
+        self._wall = wall
+        self._zero_s = wall(t_s) - t_s  # the wall time at which the loop's was 0
         self._viewers = list(viewers)
         self._details = details
         self._t_s = t_s
@@ -76,9 +78,8 @@ class FieldLog:
         self._write("urgent", "event", t_s, {"name": name, **details})
 
     def position(self, fix: PositionFix | None) -> None:
-        """Write a position; from the time in it on, ``t_wall`` is right."""
+        """Write a position."""
         if fix is not None:
-            self._note_right_time(fix)
             self._write("urgent", "position", fix.t_s, fix._asdict())
 
     def board(self, t_s: float, health: MotorHealth, duties: WheelCommand | None) -> None:
@@ -109,7 +110,7 @@ class FieldLog:
         """Return the line of what happened; structlog gives it to the sink."""
         fields, t_s = event["fields"], self._t_s
         # Kind and times come first, for the person who tails the file; times are whole, for replay.
-        stamp = {"record": event["event"], "n": self._number, "t_s": t_s, "t_wall": round(self._clock.wall_s(t_s), 3)}
+        stamp = {"record": event["event"], "n": self._number, "t_s": t_s, "t_wall": round(self._wall(t_s), 3)}
         if isinstance(fields, TickRecord):
             fields = tick_fields(fields)
         self._newest = {**stamp, **fields, **stamp}
@@ -117,22 +118,16 @@ class FieldLog:
 
     def _note_clock_step(self, t_s: float) -> None:
         """Write down that the computer's clock was set, before the first record with the new time."""
-        if step_s := self._clock.step_s(t_s):
+        zero_s = self._wall(t_s) - t_s
+        step_s, self._zero_s = zero_s - self._zero_s, zero_s
+        if abs(step_s) > STEP_S:
             self.event("clock_step", t_s, by_s=round(step_s, 3))
-
-    def _note_right_time(self, fix: PositionFix) -> None:
-        """Write down that the receiver has another time than the computer, or that they agree again."""
-        wrong_by_s = self._clock.take(fix)
-        if wrong_by_s:
-            self.event("clock_wrong", fix.t_s, by_s=round(wrong_by_s, 3))
-        elif wrong_by_s is not None:
-            self.event("clock_right", fix.t_s)
 
     def _header(self, part: int) -> Record:
         """Return the first record of a part of the log."""
         t_s = self._t_s
         about = {"schema": SCHEMA, "part": part, "version": __version__, **self._details}
-        return {"record": "run", "t_s": t_s, "t_wall": round(self._clock.wall_s(t_s), 3), **about}
+        return {"record": "run", "t_s": t_s, "t_wall": round(self._wall(t_s), 3), **about}
 
     def _show(self, record: Record) -> None:
         """Show a record; a failing viewer must not end the log."""

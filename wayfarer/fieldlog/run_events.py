@@ -130,8 +130,7 @@ class Noted(RunEvent):
     part: schema.Text = None
     counts: schema.Table = None
     run: schema.Text = None
-    last_t_s: schema.SinceBoot = None
-    last_t_wall: schema.Since1970 = None
+    armed_t_wall: schema.Since1970 = None
     mode: schema.Text = None
     mission_s: schema.Lasting = None
     mission_m: schema.Metres = None

@@ -206,7 +206,7 @@ class Fix(RunEvent):
 
 @dataclass(slots=True)
 class Computer(RunEvent):
-    """How the computer is, and what the latest mission has come to; see ``daemon.mission_totals``."""
+    """How the computer is."""
 
     cpu_c: Annotated[float | None, Values(NUMBER, -273.0, 1000.0)] = None
     throttled: Text = None
@@ -214,15 +214,8 @@ class Computer(RunEvent):
     disk_free_mb: Annotated[float | None, Values(NUMBER, 0.0, 1e12)] = None
     disk_read_only: Flag = None
     disk_memory: Text = None
-    disk_errors: Count = None
-    disk_worn_percent: Count = None
-    disk_spare_low: Flag = None
     log_dropped: Count = None
     log_sync_ms: Annotated[float | None, Values(NUMBER, 0.0, 1e9)] = None
-    mission_s: Lasting = None
-    mission_m: Metres = None
-    mission_anomalies: Count = None
-    mission_ended: Text = None
 
     @property
     def power_bits(self) -> str:

@@ -36,7 +36,7 @@ class Tone(Enum):
 PERSON = {"arming", "armed", "disarmed", "hold", "resume", "manual", "manual_ended", "goal", "mark"}
 WARNINGS = {
     "arming_refused", "sensor_failed", "board_silent", "motors_not_opened", "light_failed", "part_failed", "clock_step",
-    "clock_wrong", "log_gap", "viewer_failed", "close_hangs", "unclean_shutdown", "power", "card", "runs_not_deleted",
+    "log_gap", "viewer_failed", "close_hangs", "unclean_shutdown", "power", "card", "runs_not_deleted",
     "link_lost",
 }  # fmt: skip
 FAULTS = {"motors_failed", "loop_stalled", "stop_not_confirmed", "control_error"}
@@ -44,7 +44,7 @@ OFTEN = {"contact_map"}  # up to once a second, beside the changes of phase
 GROUPS = ((PERSON, Tone.PERSON), (WARNINGS, Tone.WARNING), (FAULTS, Tone.FAULT), (OFTEN, Tone.QUIET))
 LEVEL_TONES = {"degrade": Tone.WARNING, "hold": Tone.WARNING, "fault": Tone.FAULT}
 
-STAMP = {"record", "n", "t_s", "t_wall", "name", "last_t_s"}  # what every event has, and a clock's time since boot
+STAMP = {"record", "n", "t_s", "t_wall", "name"}  # what every event has
 NOTHING: tuple[object, ...] = (None, "", [], {})
 BARE = {"text", "reason", "error", "level", "cause"}  # details that say what they are by themselves
 UNKNOWN = "not known"
@@ -77,19 +77,15 @@ def event_text(event: Record) -> str:
         details = {key: value for key, value in details.items() if key not in keys_of(ContactMapNoted)}
         details["remembered"] = remembered_text(ContactMapNoted.of(0.0, event))
     if what in SENTENCES:
-        template = UNREADABLE_RUN if what == "unclean_shutdown" and "error" in details else SENTENCES[what]
-        return escape_control_chars(", ".join([_filled(template, details), *starmap(detail_text, details.items())]))
+        told = [_filled(SENTENCES[what], details), *starmap(detail_text, details.items())]
+        return escape_control_chars(", ".join(told))
     told = [detail_text(key.removeprefix(f"{what}_"), value) for key, value in details.items()]
     return f"{what.replace('_', ' ')}{': ' if told else ''}{', '.join(told)}"
 
 
-def last_run_text(last_run: Mapping[str, Any]) -> str:
-    """Say how the run before this one ended, given the fields of ``last_run.LastRun``."""
-    what = "unclean_shutdown" if last_run["ended"] is None else "last_run"
-    told = {"error", *DETAIL.findall(SENTENCES[what])}
-    return event_text(
-        {"name": what, **{key: value for key, value in last_run.items() if key in told and value is not None}}
-    )
+def last_mission_text(mission: Mapping[str, Any]) -> str:
+    """Say how the last mission ended, given the fields of ``daemon.last_mission.LastMission``."""
+    return event_text({"name": "unclean_shutdown" if mission["mission_ended"] is None else "last_mission", **mission})
 
 
 def event_tone(event: Record) -> Tone:
@@ -171,7 +167,6 @@ def _degrees(value: object) -> str:
 
 # Details of an event are in braces. A piece in brackets is told only where its details are known, and not zero.
 _OF_MISSION = "{mission_s:.0f} s][, {mission_m:.0f} m][, anomalies: {mission_anomalies}]"
-_ITS_MISSION = f"[. Its last mission: {_OF_MISSION}[, {{mission_ended}}]"
 SENTENCES: Mapping[str, str] = {
     "opened": "The parts are open: {parts}",
     "arming": "Arming:[ in {start_delay_s:.0f} s] it drives {goal_heading_deg}",
@@ -198,8 +193,6 @@ SENTENCES: Mapping[str, str] = {
     "light_failed": "The status light did not answer: {error}",
     "power": "The computer's supply: {text}",
     "clock_step": "The computer's clock was set[ by {by_s:+.0f} s]",
-    "clock_wrong": "The computer's clock is wrong[ by {by_s:+.0f} s]: the log follows the position receiver's",
-    "clock_right": "The computer's clock is right again: the log follows it",
     "log_gap": "{dropped} could not be written into the log",
     "card": "The card with the logs: {text}",
     "runs_deleted": "Old runs were deleted[, {deleted_mb:.0f} MB][, {left_mb:.0f} MB are left]: {runs}",
@@ -209,13 +202,13 @@ SENTENCES: Mapping[str, str] = {
     "close_hangs": "The {part} did not close in time",
     "control_error": "An error inside wayfarer, in a command: {error}",
     "viewer_failed": "An error inside wayfarer, in a viewer: {error}",
-    "unclean_shutdown": "The run before ({run}) was cut off[ while {mode}][{last_t_wall}]: killed, or without power"
-    + _ITS_MISSION,
-    "last_run": "The run before ({run}) ended: {text}" + _ITS_MISSION + "[. Its log has lost {dropped}]",
+    "unclean_shutdown": "The last mission[{armed_t_wall}] (run {run}) was cut off: killed, or without power",
+    "last_mission": "The last mission[{armed_t_wall}] (run {run}) is over[ after "
+    + _OF_MISSION
+    + "[: {mission_ended}]",
     "mission_ended": f"The mission is over[ after {_OF_MISSION}[: {{mission_ended}}]",
     "wheels_stopped": "The wheels are stopped[: {reason}]",
 }
-UNREADABLE_RUN = "The run before ({run}) cannot be read: {error}"
 DETAIL = re.compile(r"{(\w+)")
 OPTIONAL = re.compile(r"\[(.*?)\]")
 MISSING = {"goal_heading_deg": "straight ahead", "dropped": "Some records"}  # else ``UNKNOWN``
@@ -226,7 +219,7 @@ WORDS: Mapping[str, Callable[[Any], str]] = {
     "driver": lambda driver: "on the live page" if driver == "page" else f"with {_value(driver)}",
     "counts": lambda counts: _value(counts).replace("_", " "),
     "dropped": lambda count: plural(count, "record"),
-    "last_t_wall": lambda wall_s: local_time(wall_s, " at %Y-%m-%d %H:%M:%S"),
+    "armed_t_wall": lambda wall_s: local_time(wall_s, " of %Y-%m-%d %H:%M"),
 }
 
 

@@ -66,7 +66,7 @@ class FakeDaemon:
         self.told.append(("manual_end", lease))
         return {}
 
-    async def mark(self, text: str) -> Details:
+    async def mark(self, text: str, *, keep: bool = True) -> Details:
         self.told.append(("mark", text))
         return {}
 

@@ -37,8 +37,8 @@ class Rover:
     async def resume(self) -> Details:
         raise Refused("the rover is not held: there is nothing to resume")
 
-    async def mark(self, text: str) -> Details:
-        self.asked.append(("mark", text))
+    async def mark(self, text: str, *, keep: bool = True) -> Details:
+        self.asked.append(("mark, kept" if keep else "mark", text))
         return {}
 
     async def stop(self) -> Details:
@@ -179,7 +179,7 @@ async def test_page_is_the_same_for_everybody_and_leaves_no_cookie(site: Site, q
         assert "Set-Cookie" not in response.headers
 
 
-async def test_who_has_no_token_may_do_everything_but_start_the_wheels(site: Site) -> None:
+async def test_who_has_no_token_may_do_everything_but_start_the_wheels_and_keep_the_run(site: Site) -> None:
     for token, why in ((TOKEN, "not held"), ("", "needs the token"), ("s3crets", "needs the token")):
         site.rover.asked.clear()
         async with site.connect(token) as connection:
@@ -189,7 +189,7 @@ async def test_who_has_no_token_may_do_everything_but_start_the_wheels(site: Sit
                 await connection.send_json(request)
                 reply = await first(connection, "reply")
                 assert why in reply["why"] if request["do"] == "resume" else reply["ok"], (token, request)
-        assert site.rover.asked == [("mark", "log"), ("hold", None)]
+        assert site.rover.asked == [("mark, kept" if token == TOKEN else "mark", "log"), ("hold", None)]
 
 
 async def test_page_on_another_site_may_not_connect(site: Site) -> None:
@@ -214,7 +214,7 @@ async def test_viewer_is_told_everything_and_then_what_happens(site: Site) -> No
 ASKED: list[tuple[dict[str, Any], dict[str, Any], list[Any]]] = [
     ({"do": "hold"}, {"do": "hold", "ok": True, "held": True}, [("hold", None)]),
     ({"do": "stop"}, {"do": "stop", "ok": True}, [("stop", None)]),
-    ({"do": "mark", "text": "hit log"}, {"do": "mark", "ok": True}, [("mark", "hit log")]),
+    ({"do": "mark", "text": "hit log"}, {"do": "mark", "ok": True}, [("mark, kept", "hit log")]),
     ({"do": "resume"}, {"do": "resume", "ok": False, "why": "an old state"}, []),
     ({"do": "arm"}, {"do": "arm", "ok": False, "why": "not possible from the page"}, []),
     ({"do": "arm", "heading_deg": 0}, {"do": "arm", "ok": False, "why": "not possible from the page"}, []),

@@ -273,12 +273,12 @@ async def test_heartbeat_tells_mode_and_state(monkeypatch: pytest.MonkeyPatch) -
 async def test_texts_wait_for_a_station_and_come_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     async with linked(monkeypatch) as link:
         link.log.event("contact_map", 100.4, mode="plan")  # too often for a radio
-        link.log.event("unclean_shutdown", 100.5, run="00041", mode="armed")
+        link.log.event("unclean_shutdown", 100.5, run="00041")
         await asyncio.sleep(10.0)
         assert not texts(link.heard())
         await link.says(heartbeat())
         await asyncio.sleep(2.0)
-        assert texts(link.heard())[1] == "The run before (00041) was cut off while armed: killed, or without power"
+        assert texts(link.heard())[1] == "The last mission (run 00041) was cut off: killed, or without power"
         for number in range(1000):
             link.log.event("mark", 101.0 + number, text=f"{number} " + "é" * 400)
         assert len(link.station._texts) < 30

@@ -90,8 +90,8 @@ class Commands(Protocol):
     async def manual_end(self, lease: int) -> Details:
         """Stop the wheels: the rover is disarmed as before, or its mission is held until ``resume``."""
 
-    async def mark(self, text: str) -> Details:
-        """Write a person's note into the log."""
+    async def mark(self, text: str, *, keep: bool = True) -> Details:
+        """Write a person's note into the log; ``keep``: no daemon deletes this run any more."""
 
     async def link_lost(self, text: str) -> Details:
         """Write into the log that a viewer has lost its person. No client can ask for it, and it is nobody's mark."""

@@ -158,6 +158,8 @@ class ClientSession:
                 self._check_rate()
             if request.do in STARTING and self._demo is None:
                 self._check_start(request.do, fields.get(SHOWN), f", or use wayfarer {request.do} in a terminal")
+            if request.do == "mark":  # the log is everybody's, but only who has the token fills the card for good
+                return await self._commands.mark(request.keys["text"], keep=self.may_start)
             details = await perform(request, self._commands, None)
             if request.do == "hold":  # who holds a rover that a person drives ends that; it may be disarmed then
                 return {"held": details.get("held")}

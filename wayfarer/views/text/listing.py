@@ -11,13 +11,15 @@ from wayfarer.fieldlog.clock import began_wall_s, duration_text, local_time
 from wayfarer.fieldlog.disk import MB
 from wayfarer.fieldlog.fields import escape_control_chars, integer, number, safe_text
 from wayfarer.fieldlog.folders import run_folders, run_number
-from wayfarer.fieldlog.last_run import end_of_log
+from wayfarer.fieldlog.lines import LogLines
 from wayfarer.fieldlog.reader import first_record, log_segments, read_header
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Header
 from wayfarer.fieldlog.vocabulary import outcome_in_words
+from wayfarer.files import open_regular
 
 UNREADABLE, CUT_OFF = "unreadable", "cut off"
+TAIL_BYTES = 65_536  # about a hundred ticks: the last one, the outcome and what stood between them
 ALIVE_S = 5.0  # a log without an outcome that was written to so recently is of a run that goes on
 
 
@@ -154,9 +156,27 @@ def _outcome(outcome: Record | None, *, alive: bool) -> str:
 
 
 def _last(segments: Sequence[Path]) -> dict[str, Record]:
-    """Return the last record of each kind, and the last of ``any``."""
+    """Return the last record of each kind, and the last of ``any``, from the end of a log.
+
+    Where the newest segment has no tick, the end of the one before counts as well.
+    """
     found: dict[str, Record] = {}
-    for record in reversed(end_of_log(segments)):
-        found.setdefault("any", record)
-        found.setdefault(record["record"], record)
+    lines: list[bytes] = []
+    for segment in reversed(segments[-2:]):
+        lines = _last_lines(segment) + lines
+        log_lines = LogLines()
+        found = {}
+        for record in map(log_lines.take, lines):
+            if isinstance(record, dict):
+                found["any"] = found[record["record"]] = record
+        if "tick" in found:
+            break
     return found
+
+
+def _last_lines(segment: Path) -> list[bytes]:
+    with open_regular(segment) as file:
+        size_b = file.seek(0, 2)
+        file.seek(max(0, size_b - TAIL_BYTES))
+        tail = file.read(TAIL_BYTES) or b""  # None for a file of the kernel that would have to be waited for
+    return tail.splitlines(keepends=True)
