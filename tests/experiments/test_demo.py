@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
+import time
 from collections.abc import Awaitable, Callable, Coroutine
 from concurrent.futures import Future
 from pathlib import Path
@@ -20,6 +21,7 @@ from wayfarer.experiments.demo import Demo, DemoTrial, ForwardedCommands
 from wayfarer.experiments.trial import TrialResult, run_trial
 from wayfarer.fieldlog.clock import duration_text
 from wayfarer.fieldlog.reader import RunReader
+from wayfarer.views.text.console import Console
 
 pytest.importorskip("aiohttp", reason="the live page needs aiohttp")
 from wayfarer.views.live.server import LivePage
@@ -29,12 +31,12 @@ FAST = 1000.0
 
 
 class Site:
-    """A demo without a browser, and the trials that it told the end of."""
+    """A demo without a browser, and the trial that it told the end of."""
 
-    def __init__(self, folder: Path, speed: float, seed: int = SEED, algorithm: str = "forest-pledge") -> None:
+    def __init__(self, folder: Path, speed: float) -> None:
         self.ended: list[DemoTrial] = []
         self.folder = folder
-        self.demo = Demo(algorithm, seed, TRIAL, speed, folder, self.ended.append)
+        self.demo = Demo("forest-pledge", SEED, TRIAL, speed, folder, self.ended.append)
         self.page = LivePage("127.0.0.1", 0, "token", demo=self.demo)
         self.rover: Any = ForwardedCommands(self.demo)
 
@@ -50,7 +52,7 @@ class Site:
 
     @property
     def log(self) -> list[dict[str, Any]]:
-        return list(RunReader(sorted(self.folder.iterdir())[-1]))
+        return list(RunReader(next(self.folder.iterdir())))
 
     async def until(self, holds: Callable[[], object]) -> None:
         while not holds():  # noqa: ASYNC110 - anything
@@ -73,8 +75,8 @@ def site(tmp_path: Path) -> Site:
     return Site(tmp_path, FAST)
 
 
-def trial(seed: int, log: Path | None = None) -> TrialResult:
-    campaign = Campaign(("forest-pledge",), 1, load_rover("sim"), seed)
+def trial(log: Path) -> TrialResult:
+    campaign = Campaign(("forest-pledge",), 1, load_rover("sim"), SEED)
     return run_trial(campaign.spec(Task("forest-pledge", TRIAL), campaign.make_forest(TRIAL)), log)
 
 
@@ -94,7 +96,7 @@ def test_demo_is_the_trial_to_the_last_byte_at_any_speed(tmp_path: Path, speed: 
     site = Site(tmp_path / "demo", speed)
     site.run(disturb)
     (ended,) = site.ended
-    assert ended.result == trial(SEED, tmp_path / "trial")
+    assert ended.result == trial(tmp_path / "trial")
     assert (ended.folder / "run.jsonl").read_bytes() == (tmp_path / "trial" / "run.jsonl").read_bytes()
 
 
@@ -124,42 +126,38 @@ def test_trial_begins_when_somebody_sees_the_page(site: Site) -> None:
     assert site.ended
 
 
-@pytest.mark.parametrize(("presses", "seed"), [([False], SEED), ([True, False, True], SEED + 2)], ids=str)
-def test_press_ends_the_trial_and_begins_another_one_without_telling_an_end(
-    tmp_path: Path, presses: list[bool], seed: int
-) -> None:
-    async def press(site: Site) -> None:
-        await see(site)
-        await site.until(lambda: site.t_s > 5.0)
-        site.demo.pause(True)
-        for each in presses:
-            site.demo.begin_again(each)
-        assert not site.demo.now().paused
-        await site.until(lambda: len(list(site.folder.iterdir())) > 1)
-        site.demo.run_at(FAST)
+def test_page_stays_after_the_trial_while_somebody_has_it_open(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(LivePage, "is_watched", property(lambda _: not left))
+    left: list[bool] = []
 
-    site = Site(tmp_path, 20.0)
-    site.run(press)
-    assert [each.seed for each in site.ended] == [seed]
-    assert site.ended[0].result == trial(seed)
-    first = list(RunReader(min(site.folder.iterdir())))
-    assert (first[-1]["reason"], first[-1]["text"]) == ("requested", "replaced by another one")
-
-
-def test_demo_goes_on_after_a_trial_while_its_page_is_open(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(LivePage, "is_watched", property(lambda _: len(site.ended) < 2))
-
-    async def press(site: Site) -> None:
+    async def look(site: Site) -> None:
         await see(site)
         await site.until(lambda: site.ended)
         await asyncio.sleep(0.2)
-        site.demo.run_at(FAST / 2)  # speeds count for the next trial
-        site.demo.begin_again(False)
+        with pytest.raises(Refused, match="the run has ended"):
+            await site.rover.hold()
+        left.append(True)
 
-    site.run(press)
-    first, second = site.ended
-    assert first.result == second.result
-    assert site.demo.now().speed == FAST / 2
+    site.run(look)
+    assert left
+
+
+def test_trial_waits_for_a_page_that_is_slower(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    logged: list[Any] = []
+    shown: list[Any] = []
+    ahead: list[int] = []
+
+    def show(_page: LivePage, record: Any) -> None:
+        time.sleep(0.0005)  # noqa: TID251 - a page that takes its time
+        shown.append(record)
+        ahead.append(len(logged) - len(shown))
+
+    monkeypatch.setattr(module, "AHEAD", 20)
+    monkeypatch.setattr(Console, "show", lambda _console, record: logged.append(record))
+    monkeypatch.setattr(LivePage, "show", show)
+    site.run(see)
+    assert shown == logged, "none is left out"
+    assert 10 < max(ahead) <= 21
 
 
 def test_what_the_page_asks_of_the_rover_is_done_also_in_a_pause(tmp_path: Path) -> None:
@@ -209,7 +207,7 @@ def test_command_that_the_end_of_the_trial_overtakes_is_refused(site: Site, monk
 
 
 def test_command_without_a_trial_is_refused(site: Site) -> None:
-    with pytest.raises(Refused, match="no run is active"):
+    with pytest.raises(Refused, match="the run has ended"):
         asyncio.run(site.rover.stop())
     site.page.close()
 
@@ -227,7 +225,7 @@ def test_signal_ends_a_pause_the_trial_and_the_demo(tmp_path: Path, number: sign
     assert [each.state.ended and each.state.ended.text for each in site.ended] == [f"ended by {number.name}"]
 
 
-def test_signal_before_there_is_a_trial_ends_the_demo_and_no_press_keeps_it(site: Site) -> None:
+def test_signal_before_there_is_a_trial_ends_the_demo_and_no_pause_keeps_it(site: Site) -> None:
     async def end(site: Site) -> None:
         os.kill(os.getpid(), signal.SIGTERM)
         await site.until(lambda: site.demo._signal)

@@ -72,7 +72,7 @@ def demo(
 
     find_algorithm(algorithm)  # before there is a page
     folder = log_dir or Path(tempfile.mkdtemp(prefix="wayfarer-demo-"))
-    shown = Demo(algorithm, seed, trial, speed, folder, lambda ended: print(_last_words(ended), flush=True))
+    shown = Demo(algorithm, seed, trial, speed, folder, lambda ended: print(_last_words(ended, seed), flush=True))
     page = live_page(None, live_port, shown)
     print(f"open this page; the rover starts when it is open: {page.url}", flush=True)
     if not no_browser:
@@ -88,14 +88,14 @@ def open_page(url: str) -> None:
         webbrowser.open(url)
 
 
-def _last_words(ended: DemoTrial) -> str:
+def _last_words(ended: DemoTrial, seed: int) -> str:
     from wayfarer.fieldlog.clock import duration_text
 
-    state, again = ended.state, f"--seed {ended.seed} --trial {ended.result.trial}"
+    state, again = ended.state, f"--seed {seed} --trial {ended.result.trial}"
     reason, text = (state.ended.reason, state.ended.text) if state.ended else (None, "the log has no end")
     if ended.result.algorithm != "forest-pledge":
         again += f" --algorithm {ended.result.algorithm}"
-    stays = "" if reason == "signal" else "\nthe page and its buttons stay until you close the page or press Ctrl-C"
+    stays = "" if reason == "signal" else "\nthe page stays until you close it or press Ctrl-C"
     return f"""
 {text}: {state.driven_m or 0.0:.1f} m driven in {duration_text(state.elapsed_s)}{stays}
 the field log: {ended.folder}

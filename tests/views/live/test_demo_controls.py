@@ -7,7 +7,6 @@ import contextlib
 from collections.abc import AsyncIterator
 from typing import Any
 
-from tests.views.live.records import run_log
 from tests.views.live.test_server import Site, first, serving
 from wayfarer.views.live.broadcaster import LIMITS
 from wayfarer.views.live.demo_controls import VERBS, DemoState
@@ -33,9 +32,6 @@ class Demo:
 
     def run_at(self, speed: float) -> None:
         self.asked.append(("speed", speed))
-
-    def begin_again(self, next_forest: bool) -> None:
-        self.asked.append(("again", next_forest))
 
 
 @contextlib.asynccontextmanager
@@ -73,7 +69,7 @@ async def test_demo_is_asked_for_each() -> None:
     async with demonstrated() as (site, demo):
         replies = await replies_to(site, *REQUESTS)
         assert [reply["ok"] for reply in replies] == [True] * len(VERBS)
-        assert demo.asked == [("pause", True), ("pause", False), ("again", False), ("again", True), ("speed", 20.0)]
+        assert demo.asked == [("pause", True), ("pause", False), ("speed", 20.0)]
         assert site.rover.asked == [], "no part of the rover takes part"
 
 
@@ -119,13 +115,3 @@ async def test_old_page_of_a_demo_may_resume_because_no_wheels_turn() -> None:
     async with demonstrated() as (site, _):
         (reply,) = await replies_to(site, {"do": "resume", "state_t_s": -100.0})
         assert "not held" in reply["why"], "the rover itself has answered"
-
-
-async def test_next_run_is_shown_from_its_beginning_to_everybody() -> None:
-    async with demonstrated() as (site, _), site.connect() as connection:
-        await first(connection, "snapshot")
-        site.log.close("escaped", "the rover is out")
-        assert (await first(connection, "news"))["outcome"]
-        run_log(site.page.begin_run)
-        snapshot = await first(connection, "snapshot")
-        assert (snapshot["outcome"], snapshot["about"]["rover"], snapshot["track"]) == (None, "sim", [])

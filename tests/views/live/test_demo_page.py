@@ -1,7 +1,4 @@
-"""The demo in a real browser: what it says, and what its buttons do to real trials.
-
-To start a demo takes seconds of CPU, so what does not end one shares it: each test begins with a press of Restart.
-"""
+"""The demo in a real browser: what it says, and what its buttons do to a real trial."""
 
 from __future__ import annotations
 
@@ -34,9 +31,8 @@ SMALL = """() => [...document.querySelectorAll("button, input, a, select")].filt
   .map(([name, box]) => `${name}: ${box.width} x ${box.height}`)"""
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def demo() -> Iterator[Daemon]:
-    """A demo for all tests but the last one; they stand together, because it ends once it is left alone."""
     with running_demo() as found:
         yield found
 
@@ -46,16 +42,9 @@ def running_demo(speed: str = "6") -> AbstractContextManager[Daemon]:
 
 
 def watch(browser_page: OpenPage, demo: Daemon) -> Opened:
-    """Open the page, have the rover begin at its start and wait until it drives."""
+    """Open the page, and wait until the rover drives."""
     opened = browser_page()
-    page = opened.page
-    page.goto(demo.url)
-    page.locator("#seed", has_text="seed").wait_for()
-    if metres(opened) > 1.0 or page.locator("#next").is_visible():
-        before = len(logs(demo))
-        page.locator("#restart").click()
-        poll(lambda: len(logs(demo)) > before)
-        page.reload()
+    opened.page.goto(demo.url)
     poll(lambda: metres(opened) > 1.0, within_s=20.0)
     return opened
 
@@ -64,15 +53,16 @@ def metres(opened: Opened) -> float:
     return float(opened.page.locator("#way").inner_text().split()[0])
 
 
-def logs(demo: Daemon) -> list[Path]:
-    return sorted((demo.folder / "logs").glob("*/run.jsonl"))
+def log(demo: Daemon) -> Path:
+    (path,) = (demo.folder / "logs").glob("*/run.jsonl")
+    return path
 
 
-def records(path: Path) -> list[dict[str, Any]]:
-    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+def records(demo: Daemon) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in log(demo).read_text(encoding="utf-8").splitlines()]
 
 
-def test_demo_says_what_is_seen_and_everything_fits_a_finger(browser_page: OpenPage, demo: Daemon) -> None:
+def test_demo_says_what_is_seen_everything_fits_a_finger_and_stop_ends_it(browser_page: OpenPage, demo: Daemon) -> None:
     opened = watch(browser_page, demo)
     page = opened.page
     page.locator("#demo", has_text="A rover without vision").wait_for()
@@ -95,9 +85,14 @@ def test_demo_says_what_is_seen_and_everything_fits_a_finger(browser_page: OpenP
     page.locator("#stop").click()  # in a pause, too
     page.locator("#banner", has_text="requested by a person").wait_for(timeout=3000)
     page.locator("#next", has_text="wayfarer sim --trials 1000").wait_for()
-    assert records(logs(demo)[-1])[-1]["reason"] == "requested"
+    assert records(demo)[-1]["reason"] == "requested"
     assert_readable(opened)
     assert opened.trouble == []
+    assert demo.process.stdout is not None
+    assert any("the page stays" in line for line in iter(demo.process.stdout.readline, ""))
+    demo.process.send_signal(signal.SIGTERM)
+    assert demo.process.wait(timeout=10) == 0
+    assert "Traceback" not in (demo.folder / "stderr").read_text(encoding="utf-8")
 
 
 # Two fingers that move apart on the map, from 40 to 120 pixels.
@@ -156,7 +151,9 @@ def assert_readable(opened: Opened) -> None:
             assert (weak_texts(page), page.evaluate(SMALL), opened.overflow_px()) == ([], [], 0), (width, scheme)
 
 
-def test_pause_stops_the_time_and_the_page_stays_alive(browser_page: OpenPage, demo: Daemon) -> None:
+def test_pause_stops_the_time_speed_is_that_of_the_button_and_ctrl_c_ends_a_pause(
+    browser_page: OpenPage, demo: Daemon
+) -> None:
     opened = watch(browser_page, demo)
     page = opened.page
     page.locator("#pause").click()
@@ -170,53 +167,23 @@ def test_pause_stops_the_time_and_the_page_stays_alive(browser_page: OpenPage, d
     page.locator("#lines li", has_text="noted in a pause").wait_for()
     page.locator("#pause", has_text="Go on").click()
     poll(lambda: metres(opened) > stands_m + 2.0)
-    ticks_s = [record["t_s"] for record in records(logs(demo)[-1]) if record["record"] == "tick"]
+    ticks_s = [record["t_s"] for record in records(demo) if record["record"] == "tick"]
     assert max(after_s - before_s for before_s, after_s in pairwise(ticks_s)) < 0.06
     assert opened.trouble == []
-
-
-def test_speed_is_that_of_the_button(browser_page: OpenPage, demo: Daemon) -> None:
-    page = watch(browser_page, demo).page
     for speed, shown in (("1", "Shown in real time."), ("6", "Shown 6 times as fast.")):
         page.locator(f"#speeds [data-times='{speed}']").click()
         page.locator(f"#speeds [data-times='{speed}'][aria-pressed=true]").wait_for()
         assert page.locator("#speeds [aria-pressed=true]").count() == 1
         assert page.locator("#pace").inner_text() == shown
-
-
-def test_restart_begins_the_same_forest_and_another_forest_is_another(browser_page: OpenPage, demo: Daemon) -> None:
-    opened = watch(browser_page, demo)
-    page = opened.page
-    seed = int(page.locator("#seed").inner_text().removeprefix("seed "))
-    poll(lambda: metres(opened) > 4.0, within_s=30.0)
-    page.locator("#restart").click()
-    poll(lambda: metres(opened) < 3.0)
-    poll(lambda: metres(opened) > 1.0)
-    page.locator("#forest").click()
-    page.locator("#seed", has_text=f"seed {seed + 1}").wait_for()
-    poll(lambda: 0.0 < metres(opened) < 5.0)
-    assert page.locator("#banner").is_hidden(), "a run that the page itself replaced is no end"
-    first, again, other = (records(path) for path in logs(demo)[-3:])
-    assert first[0]["world"] == again[0]["world"] != other[0]["world"]
-    assert first[0] == again[0]
-    for run in (first, again):
-        assert run[-1]["reason"] == "requested"
-        assert any(record.get("name") == "wheels_stopped" for record in run)
-    assert opened.trouble == []
-
-
-def test_sigterm_after_the_run_ends_the_demo_well(browser_page: OpenPage, demo: Daemon) -> None:
-    opened = watch(browser_page, demo)
-    opened.page.locator("#stop").click()
-    opened.page.locator("#next").wait_for()
-    assert demo.process.stdout is not None
-    assert any("the page and its buttons stay" in line for line in iter(demo.process.stdout.readline, ""))
-    demo.process.send_signal(signal.SIGTERM)
+    page.locator("#pause").click()
+    page.locator("#age", has_text="paused").wait_for()
+    demo.process.send_signal(signal.SIGINT)
     assert demo.process.wait(timeout=10) == 0
-    assert "Traceback" not in (demo.folder / "stderr").read_text(encoding="utf-8")
+    page.locator("#banner", has_text=re.compile("ended by SIGINT, .* The demo is closed")).wait_for()
+    assert page.locator("#demo button:enabled").count() == 0
 
 
-def test_end_says_what_to_do_next_and_ctrl_c_ends_the_next_run_in_a_pause(browser_page: OpenPage) -> None:
+def test_end_says_what_to_do_next(browser_page: OpenPage) -> None:
     with running_demo(speed="60") as demo:
         opened = browser_page(PHONE)
         page = opened.page
@@ -229,26 +196,12 @@ def test_end_says_what_to_do_next_and_ctrl_c_ends_the_next_run_in_a_pause(browse
             timeout=60_000
         )
         told = page.locator("#next dt").all_inner_texts()
-        folder = logs(demo)[0].parent
+        folder = log(demo).parent
         assert {"wayfarer sim --trials 1000", f"wayfarer report {folder}", f"wayfarer logs show {folder}"} <= set(told)
         assert int(page.locator("#episodes").inner_text()) > 3
         assert page.locator("#lines li").count() > 20
-        assert page.locator("#pause").is_disabled(), "there is nothing to pause"
+        assert page.locator("#demo button:enabled").count() == 0, "there is no time that could be changed"
         assert (page.locator("#way").inner_text(), page.locator("#time").inner_text()) == ("67.7 m", "0:01:29")
         assert page.locator("#again").is_hidden()
-        # At 60 times the next run would be over before a busy computer has looked at it.
-        page.locator("#speeds button[data-times='1']").click()
-        page.locator("#speeds button[data-times='1'][aria-pressed=true]").wait_for()
-        page.locator("#forest").click()
-        page.locator("body:not(.ended)").wait_for()
-        page.locator("#seed", has_text="seed 23").wait_for()
-        page.locator("#mode", has_text=re.compile("^Armed")).wait_for()
-        assert page.locator("#next").is_hidden()
         assert opened.trouble == []
         assert [url for url in asked if not url.startswith("data:")] == [demo.url, f"ws://127.0.0.1:{demo.port}/ws"]
-        page.locator("#pause").click()
-        page.locator("#age", has_text="paused").wait_for()
-        demo.process.send_signal(signal.SIGINT)
-        assert demo.process.wait(timeout=10) == 0
-        page.locator("#banner", has_text=re.compile("ended by SIGINT, .* The demo is closed")).wait_for()
-        assert page.locator("#restart").is_disabled()

@@ -69,11 +69,6 @@ class Broadcaster:
         for viewer in self.viewers:
             viewer.wake()
 
-    def start_over(self) -> None:
-        """Send a snapshot to all viewers, with the next state: another run begins."""
-        self._news.clear()
-        self.pieces += 1
-
     def since(self, pieces: int | None) -> list[str]:
         """Return the news after the first ``pieces`` of it, or a snapshot where that is not possible."""
         if pieces is not None and self.pieces - pieces <= len(self._news):

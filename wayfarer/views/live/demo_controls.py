@@ -1,4 +1,4 @@
-"""The interface between the live page and a demo: pause, speed, restart and another forest.
+"""The interface between the live page and a demo: pause and speed.
 
 Only ``wayfarer demo`` gives a page such controls. A page without them refuses these requests: a rover has no clock that
 could be paused.
@@ -11,8 +11,8 @@ from typing import Any, NamedTuple, Protocol
 
 from wayfarer.errors import BadInput
 
-VERBS = ("pause", "play", "speed", "restart", "forest")
-LEAST_SPEED, MOST_SPEED = 0.1, 1000.0  # of no source: slow enough to follow a turn, more than a computer can simulate
+VERBS = ("pause", "play", "speed")
+LEAST_SPEED, MOST_SPEED = 0.1, 1000.0  # chosen by us: slow enough to follow a turn, more than a computer can simulate
 
 
 class DemoState(NamedTuple):
@@ -39,9 +39,6 @@ class DemoControls(Protocol):
     def run_at(self, speed: float) -> None:
         """Let the time of the demo go ``speed`` times as fast as the clock, and end a pause."""
 
-    def begin_again(self, next_forest: bool) -> None:
-        """End this run and begin another one, in the same forest or in the next one."""
-
 
 def perform(fields: Mapping[str, Any], demo: DemoControls) -> None:
     """Do what a page asks of a demo; ``fields["do"]`` is one of ``VERBS``.
@@ -54,8 +51,6 @@ def perform(fields: Mapping[str, Any], demo: DemoControls) -> None:
             demo.run_at(checked_speed(fields.get("times")))
         case "pause" | "play" as do:
             demo.pause(do == "pause")
-        case "restart" | "forest" as do:
-            demo.begin_again(do == "forest")
 
 
 def checked_speed(value: object) -> float:

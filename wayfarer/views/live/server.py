@@ -80,12 +80,6 @@ class LivePage:
         """Whether anybody has the page open."""
         return bool(self._broadcaster.viewers)
 
-    def begin_run(self, header: Record) -> None:
-        """Show the run whose first record this is from now on, in place of any other."""
-        self._model = PageModel()
-        self._model.take(header)
-        self._broadcaster.start_over()
-
     @asynccontextmanager
     async def serving(self, commands: Commands) -> AsyncIterator[None]:
         """Serve while entered; see ``daemon.daemon.Viewer``. The last records are still sent at the end."""

@@ -16,10 +16,9 @@ function writeDemo(demo, ended) {
   }
 }
 
-// Without a connection nothing can be asked for; after a run there is nothing to pause. A speed counts for the next run too.
+// Without a connection nothing can be asked for, and after the run there is no time that could be paused or go faster.
 function enableDemo(connected, ended) {
-  for (const button of element("demo").querySelectorAll("button")) button.disabled = !connected;
-  element("pause").disabled ||= ended;
+  for (const button of element("demo").querySelectorAll("button")) button.disabled = !connected || ended;
 }
 
 function askDemo(request) {
@@ -28,8 +27,6 @@ function askDemo(request) {
 
 function prepareDemo() {
   element("pause").onclick = () => askDemo({ do: model.state.demo.paused ? "play" : "pause" });
-  element("restart").onclick = () => askDemo({ do: "restart" });
-  element("forest").onclick = () => askDemo({ do: "forest" });
   for (const button of element("speeds").children) {
     button.onclick = () => askDemo({ do: "speed", times: Number(button.dataset.times) });
   }
