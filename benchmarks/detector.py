@@ -123,7 +123,7 @@ async def _run(spec: TrialSpec) -> Scores:
     setup = TrialSetup(spec, lambda *_: truth)
     truth.follow(setup.world)
     assert setup.injector is not None
-    setup.injector.start(setup.world, setup.supervisor.controller.power, lambda *_, **__: None)
+    setup.injector.start(setup.world, setup.supervisor.controller.power)
     await setup.supervisor.arm(spec.forest.heading_deg)
     await setup.supervisor.run()
     setup.injector.end()

@@ -150,7 +150,7 @@ async def _soak(for_s: float, seed: int, folder: Path, beside: Beside | None) ->
     setup.world.after_step = partial(carry_back, forest)  # in place of the outcome monitor, who would end the run
     rules.follow(setup)
     assert setup.injector is not None
-    setup.injector.start(setup.world, setup.supervisor.controller.power, rules.note)
+    setup.injector.start(setup.world, setup.supervisor.controller.power, [rules.note])
     rng = Random(seed)
     others = [_faults(setup, faults, rng, counts), _person(setup, rules, rng)]
     tasks = [asyncio.ensure_future(each) for each in (*others, *([beside(setup)] if beside else []))]

@@ -45,6 +45,7 @@ def test_bash_completes_commands_runs_algorithms_rovers_and_scenarios(tmp_path: 
         "wayfarer sim --algorithm pledge,levy-": "pledge,levy-pledge pledge,levy-walk",
         "wayfarer run --rover ": "forestrover minirover sim",
         "wayfarer sim --site ext": "extended-maze",
+        "wayfarer sim --fault sil": "silent",
         "wayfarer sweep escape.turn_a": "escape.turn_angle_deg=",
     }
     assert BASH is not None

@@ -161,6 +161,10 @@ def test_list(says: Any) -> None:
     assert algorithms["oo-react"]["needs"] == ["contact"]
 
 
+def test_list_of_faults(says: Any) -> None:
+    assert {"silent", "snag"} <= {each["kind"] for each in says("list --faults", "list", "--faults")["faults"]}
+
+
 def test_list_of_conditions(says: Any) -> None:
     rows = {each["condition"]: each for each in says("list --conditions", "list", "--conditions")["conditions"]}
     assert (rows["motors_failed"]["level"], rows["motors_failed"]["among_people"]) == ("hold", "fault")

@@ -42,6 +42,7 @@ def results(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("compare", "results"),
         ("list",),
         ("list", "--conditions"),
+        ("list", "--faults"),
         ("logs", "summary", "--log-dir", FIELD_LOGS),
     ],
     ids=lambda arguments: " ".join(map(str, arguments[:2])),

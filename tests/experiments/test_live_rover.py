@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from functools import cache
+from pathlib import Path
 from random import Random
 from typing import Any
 
@@ -15,8 +16,12 @@ from wayfarer.control.run_log import Tee
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.live_rover import live_rover_setup
+from wayfarer.fieldlog.log import FieldLog
+from wayfarer.fieldlog.reader import RunReader
+from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.simhal.build_rover import Depth
+from wayfarer.simhal.faults.kinds import parse_fault
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
 
@@ -71,6 +76,32 @@ def test_world_begins_when_the_rover_is_made_and_not_when_the_computer_was_switc
 
 def test_both_depths_give_the_same_drive() -> None:
     assert run_on_a_desk(Depth.DEVICE)[0] == run_on_a_desk(Depth.BUS)[0]
+
+
+def test_fault_strikes_so_many_seconds_after_the_first_arming(tmp_path: Path) -> None:
+    log = FieldLog(RunFiles(tmp_path), {}, wall=lambda t_s: t_s)
+
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        config, faults = load_rover("sim"), [parse_fault("silent:compass@3+2")]
+        rover_setup = live_rover_setup(config, Depth.DEVICE, 1, lambda *_: None, faults)
+        assert rover_setup.ground_truth_log is not None
+        algorithm = CATALOGUE["forest-pledge"]
+        handler = algorithm.make(config.escape, config.vehicle, Random(1))
+        logs = Tee(log, rover_setup.ground_truth_log(log))
+        supervisor = Supervisor(rover_setup.rover, config, algorithm, handler, logs, goes_on=True)
+        running = loop.create_task(supervisor.run())
+        await asyncio.sleep(10.0)  # disarmed
+        for _ in range(2):
+            await supervisor.arm(0.0)
+            await asyncio.sleep(8.0)
+            supervisor.disarm("for a while")
+        supervisor.finish("requested", "enough")
+        await running
+
+    run_virtually(main())
+    faults = [(each["t_s"], each["begins"]) for each in RunReader(tmp_path) if each["record"] == "fault"]
+    assert faults == [(pytest.approx(13.0, abs=0.05), True), (pytest.approx(15.0, abs=0.05), False)]
 
 
 def test_seed_is_another_forest() -> None:

@@ -94,7 +94,7 @@ class Daemon:
         self.rules.follow(setup)
         assert setup.injector is not None
         self.injector = setup.injector
-        self.injector.start(setup.world, setup.supervisor.controller.power, self.rules.note)
+        self.injector.start(setup.world, setup.supervisor.controller.power, [self.rules.note])
         self.controller = setup.supervisor.controller
         place = HostEnvironment(FOLDER / "logs", FOLDER / "calibration.json", (), T_WALL, FOLDER)
         inspection = RunningInspection(spec.rover, setup.rover, place, setup.supervisor)

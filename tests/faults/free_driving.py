@@ -174,7 +174,7 @@ async def _drive(spec: TrialSpec, for_s: float) -> list[tuple[float, str]]:
 
     setup.world.after_step = end
     if setup.injector is not None:
-        setup.injector.start(setup.world, setup.supervisor.controller.power, lambda *_, **__: None)
+        setup.injector.start(setup.world, setup.supervisor.controller.power)
     await setup.supervisor.arm(CLEARING.heading_deg)
     await setup.supervisor.run()
     if setup.injector is not None:

@@ -139,7 +139,7 @@ BAD = {
     "rover file": ('"forestrover"', '"./no.toml"', "no.toml: no such file"),
     "algorithm": ('"forest-pledge"', '"pledg"', "unknown algorithm 'pledg'"),
     "command": ('"arm"', '"go"', "key 'command.do' = 'go': input should be 'arm', 'disarm'"),
-    "wires without drivers": ('"bus"', '"device"', "kind 'nack' happens on a bus: it needs depth = \"bus\" (line 16)"),
+    "wires without drivers": ('"bus"', '"device"', "kind 'nack' happens on a bus: it needs depth \"bus\" (line 16)"),
     "name that is no folder": ('"loose-plug"', '"../up"', "key 'name' = '../up': string should match"),
     "one pair of brackets": ("[[scenario]]", "[scenario]", "write [[scenario]], in double brackets"),
     "mistyped table": ("[[scenario]]", "[[scenari]]", "unknown key 'scenari'; did you mean 'scenario'?"),

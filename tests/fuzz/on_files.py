@@ -226,7 +226,7 @@ FOREST = Target(
 CAMPAIGN: dict[str, Any] = {
     "version": "0.1.0", "algorithms": ["pledge", "cv-react"], "trials": 2, "seed": 0, "slip_mean_m": 10.0,
     "budget_m": 400.0, "spl": False, "depth": "device", "scenario": None, "forests": None, "mujoco": None,
-    "ground": "ideal", "slope": None, "sim": dataclasses.asdict(PHYSICS),
+    "ground": "ideal", "slope": None, "sim": dataclasses.asdict(PHYSICS), "faults": ["silent:compass@20+5"],
     "rover": load_rover("sim").model_dump(mode="json"),
 }  # fmt: skip
 ROWS = [

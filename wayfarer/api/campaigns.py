@@ -42,6 +42,7 @@ def run_campaign(
     anomaly_source: Literal["motion", "contact"] | None = None,
     depth: Literal["device", "bus"] = "device",
     spl: bool = False,
+    faults: Sequence[str] = (),
     jobs: int = 1,
     out: str | Path | None = None,
     resume: bool = False,
@@ -73,6 +74,8 @@ def run_campaign(
         anomaly_source: notice an obstacle by lack of motion, or by contact as well; as in the rover file by default.
         depth: ``"bus"`` runs the real drivers over simulated chips, which takes longer.
         spl: compute shortest paths, for the SPL (success weighted by path length); slower.
+        faults: on purpose, each as ``KIND[:PART][@SECONDS[+SECONDS]]``: ``"silent:compass@20+5"`` takes the compass
+            away from each rover for 5 s, 20 s after the start.
         jobs: number of processes.
         out: a new or empty folder for ``trials.csv``, ``trials.parquet`` and ``summary.json``.
         resume: continue what was interrupted in ``out``.
@@ -96,7 +99,7 @@ def run_campaign(
         algorithms, rover=rover, anomaly_source=anomaly_source, forests=forests, senses=senses, site=site,
         trials=trials, seed=seed, slip_mean_m=slip_mean_m, budget_m=budget_m, spl=spl, depth=depth, ground=ground,
         physics=physics, friction=friction, roughness_m=roughness_m, torque_scale=torque_scale, slope_deg=slope_deg,
-        slope_direction_deg=slope_direction_deg,
+        slope_direction_deg=slope_direction_deg, faults=faults,
     )  # fmt: skip
     return _run(campaign, forests, jobs, out, resume=resume, progress=progress)
 
@@ -126,7 +129,7 @@ def run_sweep(
         out: a new or empty folder for the results.
         resume: continue what was interrupted in ``out``.
         progress: show a progress bar on stderr.
-        options: the others of ``run_campaign``, from ``rover`` to ``spl``.
+        options: the others of ``run_campaign``, from ``rover`` to ``faults``.
 
     Raises:
         BadInput: no such key, or a value out of its range; and as of ``run_campaign``.

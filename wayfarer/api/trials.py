@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from wayfarer.control.tick_record import TickRecord
     from wayfarer.experiments.make_campaign import CampaignOptions
     from wayfarer.hal import Rover
+    from wayfarer.simhal.faults.injector import NoteFault
     from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 
@@ -88,7 +89,7 @@ def run_trial(
         number: of the trial, from 0. Trials 0 and 1 are in the first layout with two noises, and so on.
         algorithm: a name that ``wayfarer list`` prints, or one of your own as ``"module:attribute"``.
         log_dir: a new or empty folder for the full field log, which ``open_run`` reads.
-        options: the others of ``run_campaign``, from ``rover`` to ``spl``.
+        options: the others of ``run_campaign``, from ``rover`` to ``faults``.
 
     Raises:
         BadInput: something that cannot be used; the text names it and says what is allowed.
@@ -117,14 +118,19 @@ def run_trial(
         make_empty_folder(folder, "the log")
     spec = campaign.spec(Task(campaign.algorithms[0], number), campaign.make_forest(number))
     track = _Track()
+    notes: list[NoteFault] = []
 
     def make_log(world: SimulatedWorld, rover: Rover) -> Tee:
+        track.world = world
+        if folder is None:
+            return Tee(track)
         from wayfarer.experiments.trial_log import field_log
 
-        track.world = world
-        return Tee(track, *(field_log(spec, folder, world, rover) if folder else ()))
+        log, truth = field_log(spec, folder, world, rover)
+        notes.append(truth.note)
+        return Tee(track, log, truth)
 
-    return Trial(row_of(run_watched(spec, make_log)), track.ticks)
+    return Trial(row_of(run_watched(spec, make_log, notes)), track.ticks)
 
 
 class _Track(PartialLog):

@@ -1,20 +1,23 @@
-"""``wayfarer list``: algorithms, rovers and drivers; what can be wrong with a rover, what it does, and what ends it."""
+"""``wayfarer list``: algorithms, rovers and drivers; what can be wrong with a rover; the faults of ``--fault``."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from wayfarer.cli.options import AsJson
+from wayfarer.cli.options import AsJson, check_together
 from wayfarer.errors import BadInput
+from wayfarer.extras import require
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from wayfarer.safety.conditions import Condition
     from wayfarer.safety.responses import Response
+    from wayfarer.simhal.faults.fault_kind import FaultKind
 
 
 class Described(NamedTuple):
@@ -27,9 +30,13 @@ class Described(NamedTuple):
 
 
 def list_names(
+    ctx: typer.Context,
     *,
     conditions: Annotated[
         bool, typer.Option("--conditions", help="List what can be wrong with a rover, and what it does about it.")
+    ] = False,
+    faults: Annotated[
+        bool, typer.Option("--faults", help="List the kinds of --fault of wayfarer sim and run --sim.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -40,6 +47,10 @@ def list_names(
     from wayfarer.config.rover_file import rover_names
     from wayfarer.views.text.scripting import print_json
 
+    check_together(ctx, excludes=(("conditions", "faults"),))
+    if faults:
+        _print_faults(as_json=as_json)
+        return
     if conditions:
         _print_conditions(as_json=as_json)
         return
@@ -121,3 +132,51 @@ def _sentences(row: Mapping[str, Any]) -> str:
     from wayfarer.fieldlog.wording import sentence
 
     return f"{sentence(row['what'])}. The rover {row['does']}. Until: {row['ends_when']}."
+
+
+def _print_faults(*, as_json: bool) -> None:
+    """Print the kinds of faults, what each can happen to, and what ``--fault`` makes of it.
+
+    Raises:
+        MissingPackage: the extra that simulates is not installed.
+    """
+    require("simulating")
+    from rich.console import Console
+
+    from wayfarer.simhal.faults.kinds import KINDS
+    from wayfarer.views.text.scripting import print_json
+    from wayfarer.views.text.terminal_table import Column, table
+
+    kinds = [_fault_in_words(*item) for item in KINDS.items()]
+    if as_json:
+        print_json({"faults": kinds})
+        return
+    columns: list[Column[Mapping[str, Any]]] = [
+        Column("kind", lambda row: row["kind"], left=True),
+        Column("part", lambda row: ", ".join(row["parts"]), left=True, wraps=True),
+        Column("what happens, and with which numbers", _with_params, left=True, wraps=True),
+    ]
+    console = Console()
+    for depth, where in ((None, "at any depth"), ("bus", "with --depth bus")):
+        console.print(f"--fault KIND[:PART][@SECONDS[+SECONDS]], {where}", highlight=False, markup=False)
+        console.print(table(columns, (row for row in kinds if row["depth"] == depth)))
+        console.print()
+
+
+def _with_params(row: Mapping[str, Any]) -> str:
+    params = ", ".join(f"{key} = {value}" for key, value in row["params"].items())
+    return f"{row['what']} {params}".strip()
+
+
+def _fault_in_words(name: str, kind: type[FaultKind]) -> dict[str, Any]:
+    from wayfarer.simhal.faults.bus import BusFault
+    from wayfarer.simhal.faults.kinds import parts_of
+
+    params = kind(**kind.typical)
+    return {
+        "kind": name,
+        "parts": parts_of(params),
+        "depth": "bus" if issubclass(kind, BusFault) else None,
+        "what": (kind.__doc__ or "").replace("``", ""),
+        "params": asdict(params),
+    }

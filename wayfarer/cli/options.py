@@ -53,6 +53,15 @@ def complete_algorithms(incomplete: str) -> list[str]:
     return [f"{before}{comma}{name}" for name in [*complete_algorithm(), "paper"]]
 
 
+def complete_faults() -> list[str]:
+    """Return the kinds of faults."""
+    try:
+        from wayfarer.simhal.faults.kinds import KINDS
+    except ImportError:  # without the extra that simulates
+        return []
+    return list(KINDS)
+
+
 def complete_sweep_keys(ctx: typer.Context, incomplete: str) -> list[str]:
     """Return the keys that ``wayfarer sweep`` takes for its ``--rover``."""
     from wayfarer.config.rover_file import load_rover
@@ -92,6 +101,15 @@ Rover = Annotated[
 AlgorithmOption = Annotated[
     str, typer.Option(metavar="NAME", autocompletion=complete_algorithm, help="Escape algorithm; see wayfarer list.")
 ]
+Faults = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="KIND[:PART][@S[+S]]",
+        autocompletion=complete_faults,
+        help="A fault on purpose, S seconds after arming (default: 5) and for S seconds (default: to the end), such as "
+        "silent:compass@20+5; may be given again. See wayfarer list --faults.",
+    ),
+]
 AllowCode = Annotated[
     bool,
     typer.Option(
@@ -119,7 +137,7 @@ def check_together(ctx: typer.Context, *, needs: Pairs = (), excludes: Pairs = (
     """Refuse options that do not go together.
 
     Args:
-        ctx: of the command. An option is given if its value is neither None nor False.
+        ctx: of the command. An option is given if its value is none of None, False and ().
         needs: of each pair, the first option has no effect without the second. An option is named as its parameter,
             such as ``live_port``, or with one of its values, such as ``physics mujoco``.
         excludes: of each pair, only one option may be given.
@@ -127,7 +145,7 @@ def check_together(ctx: typer.Context, *, needs: Pairs = (), excludes: Pairs = (
     Raises:
         BadInput: two of them do not go together; of several such pairs the first is told.
     """
-    given = {name for name, value in ctx.params.items() if value is not None and value is not False}
+    given = {name for name, value in ctx.params.items() if not any(value is no for no in (None, False, ()))}
     given |= {f"{name} {value}" for name, value in ctx.params.items() if isinstance(value, str)}
     for name, needed in needs:
         if name in given and needed not in given:

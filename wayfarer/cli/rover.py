@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wayfarer.cli.options import AlgorithmOption, LogDir, Rover, check_together, examples, log_folder
+from wayfarer.cli.options import AlgorithmOption, Faults, LogDir, Rover, check_together, examples, log_folder
 from wayfarer.cli.trial_options import DepthName
 from wayfarer.cli.viewer_options import (
     NEEDS,
@@ -24,7 +24,7 @@ from wayfarer.errors import BadInput
 from wayfarer.extras import require
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from wayfarer.config.rover_file import RoverConfig
     from wayfarer.daemon.daemon import RoverSetup, Viewer
@@ -33,6 +33,7 @@ HINT = "In another terminal: wayfarer arm, wayfarer status, wayfarer stop"
 RUN_EXAMPLES = examples(
     "wayfarer run --sim",
     "wayfarer run --sim --live",
+    "wayfarer run --sim --fault silent:compass@20+10",
     "wayfarer run --sim --mavlink udpout:127.0.0.1:14550",
     "wayfarer run --rover minirover --dry-run",
     "wayfarer run --rover /etc/wayfarer/rover.toml --log-dir /var/lib/wayfarer/field_logs",
@@ -60,6 +61,7 @@ def run(
     seed: Annotated[
         int | None, typer.Option(min=0, metavar="N", help="With --sim: random seed, for forest and noise. (default: 0)")
     ] = None,
+    fault: Faults = None,
     live: Live = False,
     live_host: LiveHost = None,
     live_port: LivePort = None,
@@ -72,13 +74,13 @@ def run(
     from wayfarer.daemon.socket.paths import daemon_socket
     from wayfarer.views.text.console import Console
 
-    check_together(ctx, needs=(("depth", "sim"), ("seed", "sim"), *NEEDS))
+    check_together(ctx, needs=(("depth", "sim"), ("seed", "sim"), ("fault", "sim"), *NEEDS))
     name = chosen_rover(rover, default="sim" if sim else None)
     loaded = load_rover(name)
     folder = log_folder(log_dir)
     if seed is None:  # a real run draws its seed; the log's first record has it
         seed = 0 if sim else SystemRandom().randrange(2**31)
-    make_rover = simulated(loaded, name, depth or "device", seed) if sim else _real(loaded, name, folder)
+    make_rover = simulated(loaded, name, depth or "device", seed, fault or ()) if sim else _real(loaded, name, folder)
     if manual:
         loaded = laid_over(loaded, {"manual": {"allowed": True}})
     viewers: list[Viewer] = []
@@ -147,19 +149,29 @@ def _real(config: RoverConfig, where: str, logs: Path) -> Callable[[Any], RoverS
     return lambda _: setup
 
 
-def simulated(config: RoverConfig, where: str, depth: DepthName, seed: int) -> Callable[[Any], RoverSetup]:
+def simulated(
+    config: RoverConfig, where: str, depth: DepthName, seed: int, faults: Sequence[str] = ()
+) -> Callable[[Any], RoverSetup]:
     """Return what makes a simulated rover, as ``daemon.daemon.Service`` wants it.
 
     ``where`` is the rover's file, or the name of a shipped one.
 
     Raises:
         BadConfig: the rover cannot be built at that depth; the text names file, key and line.
+        BadInput: a fault cannot happen to it.
         MissingPackage: a package is not installed.
     """
     require("simulating")
     from wayfarer.experiments.commands import check_rover
+    from wayfarer.experiments.commands import faults as checked
     from wayfarer.experiments.live_rover import live_rover_setup
     from wayfarer.simhal import build_rover
+    from wayfarer.simhal.faults.kinds import parse_fault
+    from wayfarer.simhal.faults.process import ProcessFault
 
     check_rover(config, depth, where)
-    return lambda finish: live_rover_setup(config, build_rover.Depth(depth), seed, finish)
+    parsed = [parse_fault(each) for each in checked(faults, config, depth)]
+    for each in parsed:
+        if isinstance(each.params, ProcessFault):
+            raise BadInput(f"--fault {each.kind} happens to the process, in virtual time only: use wayfarer sim")
+    return lambda finish: live_rover_setup(config, build_rover.Depth(depth), seed, finish, parsed)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from wayfarer.cli import trial_options as options
-from wayfarer.cli.options import AsJson, check_together, command_line, examples
+from wayfarer.cli.options import AsJson, Faults, check_together, command_line, examples
 from wayfarer.cli.trial_options import RUNNING
 from wayfarer.extras import require
 
@@ -24,6 +24,7 @@ EXAMPLES = examples(
     "wayfarer sim --site extended-maze --rover forestrover --algorithm forest-pledge,levy-walk --trials 200",
     "wayfarer sim --ground mud --trials 200",
     "wayfarer sim --senses field --trials 200",
+    "wayfarer sim --fault silent:compass --trials 200",
     "wayfarer sim --slope-deg 0:15 --slope-direction-deg 0:360 --trials 200",
     "wayfarer sim --physics mujoco --friction 0.3:0.8 --rover forestrover --trials 20",
     "wayfarer sim --trials 1000000 --out results --cluster tcp://10.0.0.7:8786",
@@ -93,6 +94,7 @@ def sim(
     roughness_m: options.RoughnessM = None,
     torque_scale: options.TorqueScale = None,
     senses: options.SensesOption = "ideal",
+    fault: Faults = None,
     spl: options.Spl = False,
     out: Out = None,
     resume: options.Resume = False,
@@ -111,7 +113,7 @@ def sim(
         trials=trials or (TRIALS if trial is None else trial + 1), seed=seed, slip_mean_m=slip_mean_m,
         budget_m=budget_m, spl=spl, depth=depth, ground=ground, physics=physics, friction=friction,
         roughness_m=roughness_m, torque_scale=torque_scale, slope_deg=slope_deg,
-        slope_direction_deg=slope_direction_deg,
+        slope_direction_deg=slope_direction_deg, faults=fault or (),
     )  # fmt: skip
     if trial is None:
         code = sim_command.run_all(

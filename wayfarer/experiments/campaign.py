@@ -99,7 +99,8 @@ class Campaign:
     rover; ``--senses`` too changes ``physics``.
     ``scenario`` names the site (``world.sites``) that layouts are drawn of in place of the abstract forests, one a
     trial. With ``terrains`` the body moves in MuJoCo and not in physics-light; ``ground`` is what physics-light has
-    under the wheels. With ``slopes`` a slope is drawn for each trial.
+    under the wheels. With ``slopes`` a slope is drawn for each trial. ``faults`` strike each trial, as the option
+    ``--fault`` writes them (``simhal.faults.kinds.parse_fault``).
     """
 
     algorithms: tuple[str, ...]
@@ -117,6 +118,7 @@ class Campaign:
     terrains: Terrains | None = None
     ground: GroundName = GroundName.ideal
     slopes: Slopes | None = None
+    faults: tuple[str, ...] = ()
 
     @property
     def site(self) -> FieldSite | None:
@@ -164,12 +166,13 @@ class Campaign:
         """Return everything that decides one trial."""
         from wayfarer.experiments.trial_setup import TrialSpec
         from wayfarer.simhal.build_rover import Depth
+        from wayfarer.simhal.faults.kinds import parse_fault
 
         seed, depth = self.trial_seed(task.trial), Depth(self.depth)
         return TrialSpec(
             task.trial, task.algorithm, forest, seed, self.rover, self.slip_mean_m, self.budget_m, depth,
-            physics=self.physics, site=self.site, terrains=self.terrains, ground=self.ground,
-            slopes=self.slopes,
+            tuple(map(parse_fault, self.faults)), physics=self.physics, site=self.site, terrains=self.terrains,
+            ground=self.ground, slopes=self.slopes,
         )  # fmt: skip
 
     def settings(self) -> dict[str, Any]:
@@ -190,6 +193,7 @@ class Campaign:
             "ground": self.ground.value,
             "slope": self.slopes and self.slopes.as_json(),
             "sim": asdict(self.physics),
+            "faults": list(self.faults),
         }
 
     def _with_shortest_path(self, forest: Forest) -> Forest:

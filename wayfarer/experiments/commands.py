@@ -118,6 +118,21 @@ def senses(asked: str) -> Physics:
         raise BadInput(f"--senses {asked}: {error}") from None
 
 
+def faults(asked: Iterable[str], config: RoverConfig, depth: str) -> tuple[str, ...]:
+    """Return the values of ``--fault``, all of which can happen to a rover at a depth.
+
+    Raises:
+        BadInput: one cannot happen to it, or is none; the text says why, and offers the nearest names.
+    """
+    from wayfarer.simhal.build_rover import Depth
+    from wayfarer.simhal.faults.kinds import misfit, parse_fault
+
+    for each in (texts := tuple(asked)):
+        if why := misfit(parse_fault(each), config, Depth(depth)):
+            raise BadInput(f"--fault {each}: {why}")
+    return texts
+
+
 def _number(asked: str, text: str) -> float:
     try:
         return float(text)

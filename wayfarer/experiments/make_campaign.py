@@ -42,6 +42,7 @@ class CampaignOptions(TypedDict, total=False):
     torque_scale: Drawn
     slope_deg: Drawn
     slope_direction_deg: Drawn
+    faults: Sequence[str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,14 +81,15 @@ def make_campaign(
     torque_scale: Drawn = None,
     slope_deg: Drawn = None,
     slope_direction_deg: Drawn = None,
+    faults: Sequence[str] = (),
 ) -> Campaign:
     """Return the campaign with these options of ``wayfarer sim``.
 
     ``algorithms`` is a list, or a text with commas; ``paper`` stands for all ten of the paper.
 
     Raises:
-        BadInput: no such algorithm, rover, forest file, senses or site, or one that cannot be used with the others; or
-            a number is out of its range.
+        BadInput: no such algorithm, rover, forest file, senses, site or fault, or one that cannot be used with the
+            others; or a number is out of its range.
         MissingPackage: shortest paths, a site or MuJoCo need a library that is not installed.
     """
     numbers = validated(
@@ -109,6 +111,7 @@ def make_campaign(
         physics=commands.senses(senses),
         terrains=commands.terrains(terrain, physics, ground),
         slopes=commands.slopes({"slope_deg": slope_deg, "slope_direction_deg": slope_direction_deg}),
+        faults=commands.faults(faults, config, numbers.depth),
         **settings,
     )
     if numbers.spl:

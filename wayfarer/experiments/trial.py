@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -18,7 +18,9 @@ from wayfarer.simhal.clock.run_virtually import run_virtually
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 if TYPE_CHECKING:
-    from wayfarer.simhal.faults.kinds import Fault
+    from wayfarer.hal import Rover
+    from wayfarer.simhal.faults.injector import NoteFault
+    from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 
 class TrialResult(NamedTuple):
@@ -100,33 +102,44 @@ def run_trial(spec: TrialSpec, log_dir: Path | None = None) -> TrialResult:
         return run_watched(spec, None)
     from wayfarer.experiments.trial_log import field_log  # a thousand trials without a log need not import its writer
 
-    return run_watched(spec, lambda world, rover: Tee(*field_log(spec, log_dir, world, rover)))
+    notes: list[NoteFault] = []
+
+    def make_log(world: SimulatedWorld, rover: Rover) -> Tee:
+        log, truth = field_log(spec, log_dir, world, rover)
+        notes.append(truth.note)
+        return Tee(log, truth)
+
+    return run_watched(spec, make_log, notes)
 
 
 def run_watched(
     spec: TrialSpec,
     make_log: MakeLog | None,
+    notes: Sequence[NoteFault] = (),
     *,
     begin: Callable[[Supervisor], None] = lambda _supervisor: None,
     loop_factory: Callable[[], VirtualLoop] = VirtualLoop,
 ) -> TrialResult:
     """Run one trial beside a log that is made for its world and rover, and may look at what no rover can see.
 
-    ``begin`` is called on the running loop just before the supervisor runs.
+    ``notes`` are told when a fault begins or ends; ``make_log`` may add to them. ``begin`` is called on the running
+    loop just before the supervisor runs.
 
     Raises:
         MissingPart: the rover cannot give what the algorithm needs.
     """
-    return run_virtually(lambda: _run(spec, make_log, begin), loop_factory)
+    return run_virtually(lambda: _run(spec, make_log, notes, begin), loop_factory)
 
 
-async def _run(spec: TrialSpec, make_log: MakeLog | None, begin: Callable[[Supervisor], None]) -> TrialResult:
+async def _run(
+    spec: TrialSpec, make_log: MakeLog | None, notes: Sequence[NoteFault], begin: Callable[[Supervisor], None]
+) -> TrialResult:
     counters = TrialCounters()
     setup = TrialSetup(spec, lambda *seen: counters if make_log is None else Tee(counters, make_log(*seen)))
     counters.finish = setup.supervisor.finish
     await setup.supervisor.arm(spec.forest.heading_deg)
     if setup.injector is not None:
-        setup.injector.start(setup.world, setup.supervisor.controller.power, _note_nothing)
+        setup.injector.start(setup.world, setup.supervisor.controller.power, notes)
     begin(setup.supervisor)
     try:
         end = await setup.supervisor.run()
@@ -142,10 +155,6 @@ async def _run(spec: TrialSpec, make_log: MakeLog | None, begin: Callable[[Super
         if drawn:
             result = result._replace(**drawn._asdict())
     return result
-
-
-def _note_nothing(t_s: float, fault: Fault, *, begins: bool) -> None:
-    """Keep no account of the faults: their trial's result tells what became of it."""
 
 
 def outcome_of(outcome_monitor: OutcomeMonitor, counters: TrialCounters, end: RunEnd) -> Outcome:

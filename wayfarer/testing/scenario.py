@@ -14,7 +14,7 @@ from difflib import get_close_matches
 from enum import StrEnum
 from math import inf
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 from annotated_types import Interval, MaxLen, MinLen
 from pydantic import Field
@@ -25,10 +25,9 @@ from wayfarer.config.rover_file import RoverConfig, laid_over, load_rover
 from wayfarer.config.rover_path import is_rover_file
 from wayfarer.errors import BadConfig, BadInput, UnknownName, one_line
 from wayfarer.files import read_regular
-from wayfarer.hal import CompassReading, ContactReading, MotionReading, PositionFix
 from wayfarer.safety.conditions import Level
 from wayfarer.simhal.build_rover import Depth
-from wayfarer.simhal.faults.kinds import KINDS, Fault, misfit
+from wayfarer.simhal.faults.kinds import KINDS, Fault, measured, misfit, parts_of
 
 T = TypeVar("T")
 
@@ -36,7 +35,6 @@ LONGEST_S = 3600.0  # of a scenario
 MOST = 100  # scenarios in a file
 FILE_BYTES = 1_000_000
 OVERLAY = "settings"  # the table's name in a file
-READINGS = {"compass": CompassReading, "motion": MotionReading, "contact": ContactReading, "position": PositionFix}
 
 Moment = Annotated[float, Interval(ge=0, le=LONGEST_S)]
 Duration = Annotated[float, Interval(gt=0, le=LONGEST_S)]
@@ -277,16 +275,10 @@ def _fault(place: _FileLocation, table: dict[str, Any]) -> Fault:
     own = {each.name for each in fields(_FaultTable)}
     params: Any = place.check(kind, {key: value for key, value in table.items() if key not in own})
     checked = place.check(_FaultTable, {key: value for key, value in table.items() if key in own})
-    measured = _measured(checked.target)
-    if getattr(params, "of", None) not in {None, *measured}:
-        raise place.error(f"key 'fault.of' = '{params.of}': a {checked.target} measures {_either(measured)}")
+    if checked.target not in parts_of(params):
+        numbers = _either(measured(checked.target))
+        raise place.error(f"key 'fault.of' = '{params.of}': a {checked.target} measures {numbers}")
     return Fault(checked.at_s, checked.for_s, checked.target, name, params)
-
-
-def _measured(target: str) -> tuple[str, ...]:
-    """Return the numbers in the readings of a part."""
-    reading = READINGS.get(target)
-    return () if reading is None else tuple(name for name, hint in get_type_hints(reading).items() if hint is float)
 
 
 def _check_whole(place: _FileLocation, scenario: Scenario) -> None:

@@ -166,15 +166,11 @@ async def _run(scenario: Scenario, log_dir: Path | None) -> RunResult:
         notes.append(ground_truth_log.note)
         return Tee(recorder, rules, log, ground_truth_log)
 
-    def note_all(t_s: float, fault: Fault, *, begins: bool) -> None:
-        for note in notes:
-            note(t_s, fault, begins=begins)
-
     setup = TrialSetup(spec, make_log)
     recorder.follow(setup)
     rules.follow(setup)
     if setup.injector is not None:
-        setup.injector.start(setup.world, setup.supervisor.controller.power, note_all)
+        setup.injector.start(setup.world, setup.supervisor.controller.power, notes)
     error, end, loop = None, None, asyncio.get_running_loop()
     stray: list[str] = []  # errors that nobody awaits: of the injection, or of a task that was forgotten
     loop.set_exception_handler(lambda _, context: stray.append(f"{context['message']}: {context.get('exception')!r}"))

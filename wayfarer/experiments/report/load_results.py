@@ -30,21 +30,23 @@ from wayfarer.experiments.statistics import AlgorithmSummary, summarise
 from wayfarer.experiments.sweep import MOST_TRIALS
 from wayfarer.experiments.tables import NAME_COLUMN, PAPER_FIGURES, Layout, PaperColumn, PaperFigures, fault_columns
 from wayfarer.files import read_regular
+from wayfarer.simhal.faults.kinds import parse_fault
 from wayfarer.simhal.mujoco.terrain import terrains_of
 from wayfarer.simhal.world.physics import GroundName, Physics
 from wayfarer.simhal.world.slope import slopes_of
 from wayfarer.views.text.terminal_table import known
 
+T = TypeVar("T")
 ModelT = TypeVar("ModelT", bound=BaseModel)
 Bounds = dict[str, list[float]]  # the least and the most of what is drawn for each trial, by its name
 
 
-def _taken_by(read: Callable[[Bounds], object]) -> AfterValidator:
-    """Return the check that ``read`` can make something of the bounds."""
+def _taken_by(read: Callable[[T], object]) -> AfterValidator:
+    """Return the check that ``read`` can make something of a value."""
 
-    def check(bounds: Bounds) -> Bounds:
-        read(bounds)
-        return bounds
+    def check(value: T) -> T:
+        read(value)
+        return value
 
     return AfterValidator(check)
 
@@ -76,6 +78,7 @@ class CampaignSettings(BaseModel):
     ground: GroundName
     slope: Annotated[Bounds, _taken_by(slopes_of)] | None
     sim: Physics
+    faults: list[Annotated[str, _taken_by(parse_fault)]]
 
     @field_validator("algorithms")
     @classmethod
@@ -164,6 +167,7 @@ class CampaignResults:
             ground=settings.ground,
             physics=settings.sim,
             slopes=slopes_of(settings.slope) if settings.slope else None,
+            faults=tuple(settings.faults),
         )
 
     def _rover(self) -> RoverConfig:

@@ -12,6 +12,7 @@ from wayfarer.experiments.report.load_results import CampaignResults, CampaignSe
 from wayfarer.experiments.report.worst_trials import ending
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.fieldlog.wording import plural
+from wayfarer.simhal.faults.kinds import parse_fault
 from wayfarer.simhal.world.physics import changed
 
 SUCCESS = (
@@ -70,6 +71,8 @@ def facts(settings: CampaignSettings, runs: Sequence[RecordedRun] = ()) -> Itera
         yield name, _drawn(low, high)
     for name, value in changed(settings.sim).items():
         yield f"sim.{name}", f"{value:g}"
+    if settings.faults:
+        yield "faults in each trial", "; ".join(str(parse_fault(each)) for each in settings.faults)
     if not settings.scenario:
         yield "forests", f"{forests.file}, BLAKE2b {forests.blake2b}" if forests else "generated"
     yield "algorithms", ", ".join(settings.algorithms)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from random import Random
@@ -18,10 +18,11 @@ class FaultKind(ABC):
     """A kind of fault: each concrete class is one; its fields are the parameters, each with a range and a default.
 
     Its docstring is its row in ``docs/reference/faults.md``. ``targets`` says to what it can happen: parts, the
-    ``world`` or the ``process``.
+    ``world`` or the ``process``. ``typical`` are the parameters of ``--fault`` where the defaults change nothing.
     """
 
     targets: ClassVar[tuple[str, ...]]
+    typical: ClassVar[Mapping[str, float]] = {}
 
     @abstractmethod
     def effect(self, target: Any, rng: Random) -> AbstractContextManager[None]:

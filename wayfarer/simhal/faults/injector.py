@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from math import inf
@@ -78,9 +78,9 @@ class Injector:
         fitted: dict[str, Any] = dict(self._parts)
         return replace(rover, **fitted)
 
-    def start(self, world: SimulatedWorld, take_power: TakePower, note: NoteFault) -> None:
-        """Begin what begins at once, and the rest at its time from now on."""
-        self._world, self._take_power, self._note = world, take_power, note
+    def start(self, world: SimulatedWorld, take_power: TakePower, notes: Sequence[NoteFault] = ()) -> None:
+        """Begin what begins at once, and the rest at its time from now on; ``notes`` are told of each."""
+        self._world, self._take_power, self._notes = world, take_power, notes
         loop = asyncio.get_running_loop()
         self._pump(loop)
         for number, fault in enumerate(self._faults):
@@ -107,7 +107,8 @@ class Injector:
         if not self._faults:
             return
         loop = asyncio.get_running_loop()
-        self._note(loop.time(), fault, begins=True)
+        for note in self._notes:
+            note(loop.time(), fault, begins=True)
         stack = self._lasting[number] = ExitStack()
         rng = self._streams.random(f"fault.{number}")
         stack.enter_context(fault.params.effect(self._target(fault), rng))
@@ -119,7 +120,8 @@ class Injector:
         stack = self._lasting.pop(number, None)
         if stack is not None:
             stack.close()
-            self._note(asyncio.get_running_loop().time(), fault, begins=False)
+            for note in self._notes:
+                note(asyncio.get_running_loop().time(), fault, begins=False)
 
     def _target(self, fault: Fault) -> Any:
         if isinstance(fault.params, BusFault):

@@ -1,4 +1,4 @@
-"""Faults as data: what goes wrong, with what, from when to when; and the names of all kinds."""
+"""Faults as data: what goes wrong, with what, from when to when; the names of all kinds, and the option ``--fault``."""
 
 from __future__ import annotations
 
@@ -8,16 +8,22 @@ from dataclasses import dataclass
 from inspect import isabstract
 from math import inf
 from types import ModuleType
-from typing import Any
+from typing import Any, get_type_hints
 
 from wayfarer.config.factory import NEEDED
 from wayfarer.config.rover_file import RoverConfig
+from wayfarer.errors import BadInput, UnknownName
+from wayfarer.hal import CompassReading, ContactReading, MotionReading, PositionFix
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.faults import bus, process, readings, world
 from wayfarer.simhal.faults.bus import BusFault
-from wayfarer.simhal.faults.fault_kind import FaultKind
+from wayfarer.simhal.faults.fault_kind import PARTS, FaultKind
 from wayfarer.simhal.faults.wired_part import is_on
 
+BEGINS_S = 5.0  # of ``--fault`` without a time: the rover has driven some metres by then; chosen by us
+MOST_S = 1e6  # of its times
+
+_READINGS = {"compass": CompassReading, "motion": MotionReading, "contact": ContactReading, "position": PositionFix}
 # What the name of a class becomes: NotANumber is not_a_number in scenario files and logs, AllFF is all_ff.
 _NEW_WORD = re.compile("(?<=[a-z])(?=[A-Z0-9])|(?<=[A-Z])(?=[A-Z][a-z])")
 
@@ -58,13 +64,68 @@ class Fault:
         return f"{self.target} {self.kind}{lasting} from {self.at_s:g} s on"
 
 
+def parse_fault(text: str) -> Fault:
+    """Return the fault that ``--fault`` asks for, as ``KIND[:PART][@SECONDS[+SECONDS]]``.
+
+    It begins so many seconds after arming (``BEGINS_S`` if nothing is said), and lasts for the seconds after the
+    plus, else to the end. The part may be left out if the kind can happen to one only. Its parameters are the defaults
+    of its kind, or what is ``typical`` if these change nothing.
+
+    Raises:
+        UnknownName: no such kind, or it cannot happen to that part; the text offers the nearest names.
+        BadInput: the part is missing, or a time is out of its range.
+    """
+    what, at, times = text.partition("@")
+    name, colon, part = what.partition(":")
+    if name not in KINDS:
+        raise UnknownName("kind of fault", name, KINDS)
+    params = KINDS[name](**KINDS[name].typical)
+    parts = parts_of(params)
+    if not colon and len(parts) > 1:
+        raise BadInput(f"--fault {text}: name the part: {', '.join(f'{name}:{each}' for each in parts)}")
+    if colon and part not in parts:
+        raise UnknownName(f"part for --fault {name}", part, parts)
+    begins, plus, lasting = times.partition("+")
+    at_s = _seconds(text, begins) if at else BEGINS_S
+    for_s = _seconds(text, lasting) if plus else inf
+    if not for_s:
+        raise BadInput(f"--fault {text}: it must last longer than 0 s")
+    return Fault(at_s, for_s, part or parts[0], name, params)
+
+
+def _seconds(text: str, value: str) -> float:
+    try:
+        seconds = float(value)
+    except ValueError:
+        seconds = -1.0
+    if not 0.0 <= seconds <= MOST_S:
+        raise BadInput(
+            f"--fault {text}: '{value}' is no time of 0 to {MOST_S:g} s; write KIND:PART@SECONDS+SECONDS, such as "
+            "silent:compass@20+5"
+        )
+    return seconds
+
+
+def parts_of(params: FaultKind) -> tuple[str, ...]:
+    """Return to what a fault with these parameters can happen: the targets that measure the value that it changes."""
+    of = getattr(params, "of", None)
+    return params.targets if of is None else tuple(part for part in params.targets if of in measured(part))
+
+
+def measured(part: str) -> tuple[str, ...]:
+    """Return the names of the numbers in the readings of a part."""
+    hints = get_type_hints(_READINGS[part]) if part in _READINGS else {}
+    return tuple(name for name, hint in hints.items() if hint is float)
+
+
 def misfit(fault: Fault, config: RoverConfig, depth: Depth) -> str | None:
     """Return why a fault cannot happen to a simulated rover at a depth, None where it can."""
     if isinstance(fault.params, BusFault) and depth is not Depth.BUS:
-        return f"kind '{fault.kind}' happens on a bus: it needs depth = \"bus\""
+        return f"kind '{fault.kind}' happens on a bus: it needs depth \"bus\""
     if depth is Depth.BUS and (missing := [part for part in NEEDED if part not in config.parts]):
-        return f"rover '{config.name}' has no [parts.{missing[0]}], so no driver to run; it needs depth = \"device\""
-    if config.parts and fault.target not in {"world", "process", *config.parts}:
+        return f"rover '{config.name}' has no [parts.{missing[0]}], so no driver to run; it needs depth \"device\""
+    without = set() if config.parts else {*PARTS} - {"position"}  # a file without parts has all that is simulated
+    if fault.target not in {"world", "process", *config.parts, *without}:
         return f"rover '{config.name}' has no [parts.{fault.target}]"
     return misplaced(fault, config) if isinstance(fault.params, BusFault) else None
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from random import Random
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from annotated_types import Interval
 
@@ -80,6 +80,7 @@ class MagneticAnomaly(WorldFault):
 class Slope(WorldFault):
     """The ground tilts the body, nose up and right side down positive; 180 is upside down."""
 
+    typical: ClassVar[Mapping[str, float]] = {"pitch_deg": 25.0}  # more than a rover drives up: it backs off
     pitch_deg: SignedDegrees = 0.0
     roll_deg: SignedDegrees = 0.0
 
@@ -101,6 +102,7 @@ class Shove(WorldFault):
 class Drive(WorldFault):
     """The sides turn ``left_gain`` and ``right_gain`` times as fast as commanded: 0 dead, -1 wired the wrong way."""
 
+    typical: ClassVar[Mapping[str, float]] = {"left_gain": 0.0}
     left_gain: DriveGain = 1.0
     right_gain: DriveGain = 1.0
 
