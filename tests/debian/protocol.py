@@ -230,7 +230,7 @@ def kill_while_armed() -> str:
 
 
 def earlier_install_service() -> str:
-    code, said = run("wayfarer", "install-service", "--rover", str(ROVER_FILE))
+    code, said = run("wayfarer", "install-service")
     need(code == 2 and not Path(f"/etc/systemd/system/{SERVICE}").exists(), said)
     return f"refused: {said.strip()}"
 

@@ -74,10 +74,13 @@ def drive_simulated(more: str = "") -> None:
 
 
 def install() -> dict[str, Any]:
-    """Install twice: the second time must find everything in place."""
-    first = run(WAYFARER, "install-service", "--rover", ROVER)
+    """Install twice, and give the first of the two commands that it says; the second one starts the service."""
+    run("install", "-D", "-m", "644", ROVER, str(ROVER_FILE))
+    first = run(WAYFARER, "install-service")
+    make_user, _ = [line.strip().replace("sudo ", "") for line in first["out"].splitlines() if "sudo" in line]
     return {
         "first": first,
+        "make_user": run("sh", "-c", make_user),
         "second": run(WAYFARER, "install-service"),
         "verify": run("systemd-analyze", "verify", f"/etc/systemd/system/{SERVICE}"),
         "user": run("id", "wayfarer"),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from wayfarer.cli.options import LogDir, Rover, examples, log_folder, rover_option
+from wayfarer.cli.options import LogDir, Rover, examples, log_folder
 from wayfarer.cli.rover import chosen_rover
 from wayfarer.views.text.colour import painted
 from wayfarer.views.text.scripting import print_json, say_next
@@ -27,7 +27,7 @@ CHECK_EXAMPLES = examples(
     "wayfarer check", "wayfarer check --rover ./rover.toml", "wayfarer check --rover minirover --json"
 )
 CALIBRATE_EXAMPLES = examples("wayfarer calibrate", "wayfarer calibrate compass motors --rover ./rover.toml")
-INSTALL_EXAMPLES = examples("wayfarer install-service --print", "sudo wayfarer install-service --rover ./rover.toml")
+INSTALL_EXAMPLES = examples("wayfarer install-service --print", "sudo wayfarer install-service")
 
 
 class CalibrationStep(StrEnum):
@@ -93,22 +93,12 @@ def calibrate(
 
 def install_service(
     *,
-    rover: Annotated[
-        str | None,
-        rover_option("The rover that /etc/wayfarer/rover.toml is made from, if it does not exist yet."),
-    ] = None,
-    root: Annotated[
-        Path, typer.Option(metavar="DIR", help="Root folder of the system to install into, such as a mounted SD card.")
-    ] = Path("/"),
     show: Annotated[bool, typer.Option("--print", help="Print the unit and change nothing.")] = False,
 ) -> None:
-    """Install the systemd service; it starts disarmed at each boot."""
+    """Write the unit of the systemd service, and say the two commands that start it; the Debian package brings both."""
     from wayfarer.daemon import install
 
-    if show:
-        print(install.unit_text(root), end="")
-        return
-    install.install(rover, root)
+    print(install.unit_text() if show else install.install(), end="" if show else "\n")
 
 
 def _at_the_rover(

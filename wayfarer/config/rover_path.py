@@ -8,10 +8,10 @@ from pathlib import Path
 ROVER_FILE = Path("/etc/wayfarer/rover.toml")
 STATE_FOLDER = Path("/var/lib/wayfarer")  # logs and calibration
 SHIPPED = Path(__file__).parents[1] / "rovers"
-# The JSON Schema of rover files, for editors; docs/generate.py writes it. Editors look for it
-# where the first line of a rover file says: shipped ones have a relative path there, and others an absolute one.
+# The JSON Schema of rover files, for editors; docs/generate.py writes it. Editors look for it where the first line of a
+# rover file says: shipped ones have a relative path there, and those of ``wayfarer init`` this absolute one.
 SCHEMA = SHIPPED / "rover.schema.json"
-SCHEMA_BESIDE, SCHEMA_ELSEWHERE = "#:schema ./rover.schema.json\n", f"#:schema {SCHEMA}\n"
+SCHEMA_ELSEWHERE = f"#:schema {SCHEMA}\n"
 ROVER_FILE_BYTES = 1_000_000  # of no source: a hundred times the longest one
 
 
