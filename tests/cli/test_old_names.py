@@ -47,6 +47,6 @@ def test_scenario_and_log_of_a_trial_are_its_site_and_its_log_dir(run: Run, tmp_
     assert (tmp_path / "old" / "run.jsonl").exists()
 
 
-@pytest.mark.parametrize("command", ["demo --config sim", "faults --site x", "run --scenario x", "status --logs x"])
+@pytest.mark.parametrize("command", ["demo --config sim", "run --scenario x", "status --logs x"])
 def test_a_command_without_the_new_name_has_no_old_one(run: Run, command: str) -> None:
     assert f"No such option: {command.split()[1]}" in refusal(run, *command.split())

@@ -116,7 +116,7 @@ def test_parts_that_can_share_a_wire_are_accepted(tmp_path: Path, tables: tuple[
 
 
 @pytest.mark.parametrize("command", [["run", "--rover"], ["run", "--sim", "--rover"], ["check", "--rover"],
-                                     ["sim", "--depth", "bus", "--rover"], ["faults", "--rover"]])  # fmt: skip
+                                     ["sim", "--depth", "bus", "--rover"]])  # fmt: skip
 def test_every_command_refuses_such_a_rover_in_one_line(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: list[str]
 ) -> None:
