@@ -24,7 +24,7 @@ NEEDS = {
     "a cluster": OptionalExtra("cluster", {"distributed": "distributed"}),
     "sweeping": OptionalExtra("sim", {"numpy": "numpy", "pyarrow": "pyarrow"}),
     "--physics mujoco": OptionalExtra("physics", {"mujoco": "mujoco"}),
-    "--figures": OptionalExtra("figures", {"matplotlib": "matplotlib"}),
+    "--figure": OptionalExtra("figures", {"matplotlib": "matplotlib"}),
     "a report": OptionalExtra("sim", {"bokeh": "bokeh", "numpy": "numpy"}),
     "the live page": OptionalExtra("live", {"aiohttp": "aiohttp"}),
     "a table": OptionalExtra("sim", {"pyarrow": "pyarrow"}),

@@ -82,7 +82,7 @@ GET = "which is not installed: pip install 'wayfarer-rover"
         (["sim", "--site", "extended-maze"], "scipy", f"--site needs scipy, {GET}[sim]'"),
         (["compare", "r"], "scipy", f"comparing needs scipy, {GET}[sim]'"),
         (["report"], "bokeh", f"a report needs bokeh, {GET}[sim]'"),
-        (["report", "r", "--figures", "f"], "matplotlib", f"matplotlib, {GET}[figures]'"),
+        (["report", "r", "--figure", "f.pdf"], "matplotlib", "--figure needs matplotlib, which is not installed: pip"),
         (["run", "--sim", "--live"], "aiohttp", f"page needs aiohttp, {GET}[live]'"),
         (["demo"], "aiohttp", f"the live page needs aiohttp, {GET}[live]'"),
         (["logs", "export", *SAMPLE, "--out", "o.gpx"], "gpxpy", "gpx needs gpxpy, which is not installed"),

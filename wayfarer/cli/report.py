@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from wayfarer.cli.options import AllowCode, LogDir, complete_runs, examples, log_folder
+from wayfarer.cli.options import AllowCode, LogDir, check_together, complete_runs, examples, log_folder
 from wayfarer.cli.trial_options import Jobs
 from wayfarer.errors import BadInput
 from wayfarer.extras import require
@@ -19,11 +19,13 @@ EXAMPLES = examples(
     "wayfarer report 17 --out ~/run17/report.html",
     "wayfarer report results",
     "wayfarer report results --gallery 30 --jobs 2",
-    "wayfarer report results --figures figures",
+    "wayfarer report results --figure figure.pdf",
 )
+GALLERY = 12
 
 
 def report(
+    ctx: typer.Context,
     what: Annotated[
         str,
         typer.Argument(
@@ -34,8 +36,14 @@ def report(
     ] = "last",
     *,
     gallery: Annotated[
-        int, typer.Option(min=0, max=1000, metavar="N", help="Number of trials of a campaign to run again and draw.")
-    ] = 12,
+        int | None,
+        typer.Option(
+            min=0,
+            max=1000,
+            metavar="N",
+            help=f"Number of trials of a campaign to run again and draw. (default: {GALLERY})",
+        ),
+    ] = None,
     jobs: Jobs = None,
     out: Annotated[
         Path | None,
@@ -45,60 +53,64 @@ def report(
             help="File name of the page. (default: report.html in the folder)",
         ),
     ] = None,
-    figures: Annotated[
+    figure: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR",
-            file_okay=False,
-            help="Of a campaign: write its figures there too, as SVG and PDF for papers, for one column and for two.",
+            metavar="FILE",
+            dir_okay=False,
+            help="Instead of the page of a campaign, draw the paper's figure of it: FILE.pdf, FILE.svg or FILE.png.",
         ),
     ] = None,
     allow_code: AllowCode = False,
     log_dir: LogDir = None,
 ) -> None:
     """Write report.html for a run (default: the newest), a campaign or a sweep."""
+    check_together(ctx, excludes=(("figure", "out"), ("figure", "gallery"), ("figure", "jobs")))
     require("a report")
-    if figures:
-        require("--figures")
+    if figure:
+        require("--figure")
     from wayfarer.fieldlog.fields import escape_control_chars
     from wayfarer.views.run_report.run import write_run_report
 
     folder = log_folder(log_dir)
-    if run := _run(what, folder):
-        _refuse(figures)
-        page = write_run_report(run, out)
-    else:
-        page = _of_trials(Path(what), out, gallery, jobs, figures, allow_code=allow_code)
+    run = _run(what, folder)
+    if figure:
+        _draw(figure, Path(what) if run is None else run)
+        print(f"the figure is {escape_control_chars(str(figure))}")
+        say_next("xdg-open", figure)
+        return
+    page = write_run_report(run, out) if run else _of_trials(Path(what), out, gallery, jobs, allow_code=allow_code)
     print(f"the report is {escape_control_chars(str(page))}")
     say_next("xdg-open", page)
 
 
-def _of_trials(
-    folder: Path, out: Path | None, gallery: int, jobs: int | None, figures: Path | None, *, allow_code: bool
-) -> Path:
+def _of_trials(folder: Path, out: Path | None, gallery: int | None, jobs: int | None, *, allow_code: bool) -> Path:
     """Write the report of a sweep or a campaign, and return the page's path."""
     require("comparing")
     from wayfarer.experiments.commands import cores
     from wayfarer.experiments.report.campaign import write_report
     from wayfarer.experiments.report.sweep import write_sweep_report
     from wayfarer.experiments.report.sweep_results import is_sweep
-    from wayfarer.fieldlog.fields import escape_control_chars
 
     if is_sweep(folder):
-        _refuse(figures)
         return write_sweep_report(folder, out)
-    if figures:
-        from wayfarer.experiments.report.load_results import read_results
-        from wayfarer.experiments.report.paper_figures import write_figures
-
-        write_figures(read_results(folder), figures)
-        print(f"the figures are in {escape_control_chars(str(figures))}")
-    return write_report(folder, out, gallery=gallery, jobs=jobs or cores(), allow_code=allow_code)
+    shown = GALLERY if gallery is None else gallery
+    return write_report(folder, out, gallery=shown, jobs=jobs or cores(), allow_code=allow_code)
 
 
-def _refuse(figures: Path | None) -> None:
-    if figures:
-        raise BadInput("--figures draws a campaign: name a folder that `wayfarer sim --out` wrote, or leave it out")
+def _draw(figure: Path, folder: Path) -> None:
+    """Draw the paper's figure of a campaign.
+
+    Raises:
+        BadInput: the folder holds no finished campaign, or the figure cannot be written.
+    """
+    from wayfarer.experiments.report.load_results import read_results
+    from wayfarer.experiments.report.paper_figure import write_paper_figure
+    from wayfarer.experiments.results_folder import SETTINGS
+
+    if not (folder / SETTINGS).exists():
+        raise BadInput(f"--figure draws a campaign, and {folder} is none: name a folder of `wayfarer sim --out`")
+    write_paper_figure(read_results(folder), figure)
 
 
 def _run(what: str, logs: Path) -> Path | None:

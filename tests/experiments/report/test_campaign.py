@@ -16,8 +16,7 @@ import pytest
 from tests.experiments import fake_trials
 from tests.experiments.report.campaigns import ALGORITHMS, TRIALS, run_campaign
 from tests.views.page.outline import Outline
-from wayfarer import __version__
-from wayfarer.cli import report as command
+from wayfarer import __version__, cli
 from wayfarer.experiments.provenance import RUNS
 from wayfarer.experiments.report.campaign import write_report
 from wayfarer.experiments.results_folder import TRIALS as TABLE
@@ -31,7 +30,7 @@ def folder(finished: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The finished campaign with the report that the command wrote."""
     folder = Path(shutil.copytree(finished, tmp_path_factory.mktemp("reported") / "out"))
     with redirect_stdout(StringIO()) as told:
-        command.report(str(folder), gallery=GALLERY, jobs=1)
+        assert cli.run(["report", str(folder), "--gallery", str(GALLERY), "--jobs", "1"]) == 0
     assert told.getvalue() == f"the report is {folder / PAGE}\n"
     return folder
 
@@ -61,7 +60,7 @@ def test_page_links_to_nothing_elsewhere(text: str) -> None:
 
 def test_every_figure_has_its_place_and_is_described(text: str) -> None:
     page = Outline(text)
-    assert page.tags["figure"] == 2 + 3 + 1 + 1 + GALLERY  # paths, failures, three comparisons, escapes, ratios, maps
+    assert page.tags["figure"] == 1 + 3 + 1 + GALLERY  # paths, three comparisons, escapes, maps
     assert sum(name.startswith("plot-") for name in page.ids) == page.tags["figure"]
     assert len(page.labels) == page.tags["figure"] - GALLERY, "a map has its caption"
     assert all(len(label) > 20 for label in page.labels)
@@ -120,7 +119,7 @@ def test_without_shortest_paths_the_page_says_how_to_get_them(tmp_path: Path) ->
     text = write_report(tmp_path / "out", gallery=0, jobs=1).read_text()
     assert "--spl" in text
     assert 'scope="col">SPL' not in text
-    assert Outline(text).tags["figure"] == 3
+    assert Outline(text).tags["figure"] == 2
     assert "No trial is drawn." in text
 
 

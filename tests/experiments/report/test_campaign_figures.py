@@ -18,11 +18,10 @@ from wayfarer.experiments.report.algorithm_rows import grouped, lay_out
 from wayfarer.experiments.report.campaign import path_in, trial_map
 from wayfarer.experiments.report.comparison import GAINS, gain_figure
 from wayfarer.experiments.report.escape_figure import escape_figure
-from wayfarer.experiments.report.paths_figure import failures_figure, paths_figure
-from wayfarer.experiments.report.ratio_figure import TIMES, quantile, ratio_figure, ratios
+from wayfarer.experiments.report.paths_figure import paths_figure
 from wayfarer.experiments.report.worst_trials import Trajectory, TrajectoryPoint
 from wayfarer.experiments.rows import TrialRow
-from wayfarer.experiments.statistics import AlgorithmSummary, summarise
+from wayfarer.experiments.statistics import summarise
 from wayfarer.experiments.tables import PAPER_FIGURES
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.views import palette
@@ -31,20 +30,12 @@ from wayfarer.views.page.plots import Figure, Plots
 Rows = Mapping[str, Sequence[TrialRow]]
 
 
-def summaries(rows: Rows) -> dict[str, AlgorithmSummary]:
-    return {name: summarise(name, own) for name, own in rows.items()}
-
-
 def paths_of(rows: Rows) -> Figure:
-    return paths_figure(rows, summaries(rows), [39.0, 41.0], PAPER_FIGURES)
+    summaries = {name: summarise(name, own) for name, own in rows.items()}
+    return paths_figure(rows, summaries, [39.0, 41.0], PAPER_FIGURES)
 
 
-FIGURES: dict[str, Callable[[Rows], Figure]] = {
-    "paths": paths_of,
-    "failures": lambda rows: failures_figure(summaries(rows), PAPER_FIGURES),
-    "escape": escape_figure,
-    "ratio": ratio_figure,
-}
+FIGURES: dict[str, Callable[[Rows], Figure]] = {"paths": paths_of, "escape": escape_figure}
 ODD = {
     "one trial": [row("pledge", 0)],
     "one path for all": [row("pledge", n) for n in range(5)],
@@ -66,9 +57,8 @@ def test_odd_campaigns_are_drawn_without_a_warning(name: str, rows: list[TrialRo
     assert 0.0 <= figure.x_range.start < figure.x_range.end < math.inf
 
 
-@pytest.mark.parametrize("name", ["paths", "failures", "ratio"])
-def test_rows_are_the_algorithms_in_their_groups(name: str) -> None:
-    assert names_of_rows(FIGURES[name](rows_of(names(12)))) == [
+def test_rows_are_the_algorithms_in_their_groups() -> None:
+    assert names_of_rows(paths_of(rows_of(names(12)))) == [
         label for group in grouped(names(12)) for label in map(_label, group.algorithms)
     ]
 
@@ -100,31 +90,12 @@ def test_papers_figure_shows_what_the_rows_say() -> None:
     assert columns(figure, "mean, the paper's")["text"] == ["81.3 ± 29.3"]
     assert columns(figure, "mean, the paper's")["high"] == pytest.approx([110.6])
     assert sum(columns(figure, "histogram")["count"]) == len(rows), "the path of a failure is no path of a success"
-    failures = columns(failures_figure(summaries(shown), PAPER_FIGURES), "failures")
-    assert failures["share"] == ["16.7 [3.0, 56.4] %"]
-    assert failures["how"] == ["1 entrapped, 0 tipped, 0 faults of 6 trials"]
-
-
-def test_papers_entrapment_stands_beside_ours_where_it_is_known() -> None:
-    figure = failures_figure(summaries(rows_of(["pledge", "forest-pledge"])), PAPER_FIGURES)
-    assert columns(figure, "paper")["text"] == ["0.3"]
-    assert columns(figure, "paper")["y"] == columns(figure, "failures")["y"][1:]
 
 
 def test_papers_mean_and_shortest_path_are_in_view_however_far_off() -> None:
     figure: Any = paths_of({"levy-walk": [row("levy-walk", n, path_m=1.0 + n) for n in range(5)]})
     assert figure.x_range.start < 1.0
     assert figure.x_range.end > 247.5
-
-
-def test_ratio_counts_failures_as_endless() -> None:
-    rows = [row("pledge", n, "escaped", 39.0 * (n + 1)) for n in range(3)]
-    found = ratios([row("pledge", 3, "entrapped", 50.0), *rows, row("pledge", 4)._replace(shortest_path_m=None)])
-    assert found == [1.0, 2.0, 3.0, math.inf]
-    assert [quantile(found, share) for share in (0.05, 0.25, 0.5, 0.51, 0.75, 0.95)] == [1, 1, 2, 3, 3, math.inf]
-    drawn = columns(ratio_figure({"pledge": [row("pledge", 3, "entrapped", 50.0), *rows]}), "ratio")
-    assert (drawn["p50_text"], drawn["p95_text"], drawn["within2"]) == ([f"2.0 {TIMES}"], ["a failure"], [50.0])
-    assert drawn["p95"] == drawn["arrow"], "drawn as an arrow at the edge"
 
 
 def test_forest_plot_shows_the_numbers_of_the_table_beside_zero() -> None:

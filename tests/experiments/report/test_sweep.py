@@ -16,7 +16,7 @@ from tests.experiments import fake_trials
 from tests.experiments.report.campaigns import STRANGERS
 from tests.experiments.report.reading_plots import columns
 from tests.views.page.outline import Outline
-from wayfarer.cli import report as command
+from wayfarer import cli
 from wayfarer.errors import BadInput
 from wayfarer.experiments.report.sweep import write_sweep_report
 from wayfarer.experiments.report.sweep_figures import curves_figures, maps_figures
@@ -121,7 +121,7 @@ def test_page_is_whole_and_the_same_each_time(
 ) -> None:
     sweep = make_sweep(fake_trials.campaign_of(3, "pledge", "levy-walk"), axes)
     run_all(sweep, tmp_path, run_trial=fake_trials.quick)
-    command.report(str(tmp_path), gallery=0, jobs=1)
+    assert cli.run(["report", str(tmp_path)]) == 0
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     page = Outline(text)
     assert page.tags["figure"] == 3 * len(axes), "two algorithms on two keys; too few escape for a mean path and time"

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.conftest import Run, refusal
 from tests.views.run_report.logs import HEADER, OUTCOME, write_log
-from wayfarer.cli import report as command
 from wayfarer.errors import BadInput
 from wayfarer.views.run_report.run import write_run_report
 
@@ -32,28 +32,23 @@ def logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize(("what", "number"), [("16", 16), ("last", 17)])
-def test_runs_number_goes_before_a_folder_of_that_name(logs: Path, what: str, number: int) -> None:
-    command.report(what, log_dir=logs)
+def test_runs_number_goes_before_a_folder_of_that_name(run: Run, logs: Path, what: str, number: int) -> None:
+    assert run("report", what, "--log-dir", logs)[0] == 0
     assert [page.parent.name[:5] for page in logs.rglob("report.html")] == [f"000{number}"]
 
 
 @pytest.mark.parametrize("what", ["18", "./17"])
-def test_folder_is_a_campaign_where_no_run_has_its_name(logs: Path, what: str) -> None:
-    with pytest.raises(BadInput, match="campaign"):
-        command.report(what, log_dir=logs)
+def test_folder_is_a_campaign_where_no_run_has_its_name(run: Run, logs: Path, what: str) -> None:
+    assert "campaign" in refusal(run, "report", what, "--log-dir", logs)
     assert not list(logs.rglob("report.html"))
 
 
-def test_what_is_neither_run_nor_folder_is_refused_with_the_runs_there_are(logs: Path) -> None:
-    with pytest.raises(BadInput, match="00016-20261121T061405Z to 00017-20261121T061405Z"):
-        command.report("19", log_dir=logs)
+def test_what_is_neither_run_nor_folder_is_refused_with_the_runs_there_are(run: Run, logs: Path) -> None:
+    assert "00016-20261121T061405Z to 00017-20261121T061405Z" in refusal(run, "report", "19", "--log-dir", logs)
 
 
-def test_command_writes_the_page_where_it_is_told(
-    logs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_command_writes_the_page_where_it_is_told(run: Run, logs: Path, tmp_path: Path) -> None:
     out = tmp_path / "mine" / "page.html"
-    command.report("17", out=out, log_dir=logs)
-    assert capsys.readouterr().out == f"the report is {out}\n"
+    assert run("report", "17", "--out", out, "--log-dir", logs)[:2] == (0, f"the report is {out}\n")
     assert {path.name for path in out.parent.iterdir()} == {"page.html"}
     assert {path.name for path in logs.rglob("*") if path.is_file()} == {"run.jsonl"}

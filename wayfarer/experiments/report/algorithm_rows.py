@@ -21,7 +21,7 @@ OTHERS = "Others"
 LONGEST_NAME = 18  # letters; a longer name would take the place of the data
 
 HEADING = 0.55  # rows that a group's name takes
-MARGINS_PX = 60  # the axis below, and the legend's place
+MARGINS_PX = 90  # the axis below, and the buttons above: beside few rows there is no place for all of them
 EDGE = 1.08  # room beside the first and the last value on a logarithmic axis
 SVG = "svg"  # what the save button writes: for papers
 
@@ -87,6 +87,7 @@ def rows_plot(name: str, layout: Rows, row_px: int, label: str, low: float, high
         x_range=(low, high),
         y_range=(layout.rows, 0.0),
         output_backend=SVG,
+        toolbar_location="above",
         **settings,
     )
     made.yaxis.ticker = FixedTicker(ticks=list(layout.at.values()))

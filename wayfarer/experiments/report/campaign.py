@@ -15,13 +15,11 @@ from wayfarer.experiments.campaign import Campaign
 from wayfarer.experiments.progress_bar import shown_progress
 from wayfarer.experiments.provenance import read_runs
 from wayfarer.experiments.report import words
-from wayfarer.experiments.report.algorithm_rows import grouped
-from wayfarer.experiments.report.causes import failures_section
+from wayfarer.experiments.report.algorithm_rows import SVG, grouped
 from wayfarer.experiments.report.comparison import comparison_section
 from wayfarer.experiments.report.escape_figure import escape_figure
 from wayfarer.experiments.report.load_results import CampaignResults, read_results
-from wayfarer.experiments.report.paths_figure import failures_figure, paths_figure
-from wayfarer.experiments.report.ratio_figure import ratio_figure, ratios_table
+from wayfarer.experiments.report.paths_figure import paths_figure
 from wayfarer.experiments.report.worst_trials import RerunTrial, Trajectory, TrajectoryPoint, choose, run_again
 from wayfarer.experiments.tables import lines_of
 from wayfarer.fieldlog.vocabulary import in_words
@@ -66,19 +64,14 @@ def _overview(results: CampaignResults, plots: Plots) -> Iterator[str]:
 
     yield html.facts(words.facts(results.settings, read_runs(results.folder)))
     yield html.section(
-        "Path length and failures",
+        "Path length",
         drawn(
             paths_figure(rows, summaries, results.shortest_paths_m, results.papers_paths),
             words.paths_caption(results),
             "Path length by algorithm",
         ),
-        drawn(
-            failures_figure(summaries, results.papers_paths),
-            words.failures_caption(results),
-            "Trials that did not get out, by algorithm",
-        ),
     )
-    legend = (words.SUCCESS, words.SPL if results.shortest_paths_m else "")
+    legend = (words.SUCCESS, words.SPL if results.shortest_paths_m else words.NO_SHORTEST_PATHS)
     yield html.section("Results beside the paper's", _results_table(results), *map(html.paragraph, legend))
     if len(rows) > 1:
         yield html.section("Paired comparison", *comparison_section(results, plots))
@@ -86,13 +79,6 @@ def _overview(results: CampaignResults, plots: Plots) -> Iterator[str]:
         "Escapes by path length",
         drawn(escape_figure(rows), words.ESCAPE, "Share of escaped trials by path length"),
     )
-    heading = "Path over shortest path"
-    if results.shortest_paths_m:
-        figure = drawn(ratio_figure(rows), words.ratio_caption(results), "Path over shortest path")
-        yield html.section(heading, figure, ratios_table(rows))
-    else:
-        yield html.section(heading, html.paragraph(words.NO_SHORTEST_PATHS))
-    yield html.section("Why trials failed", *failures_section(results))
 
 
 def _results_table(results: CampaignResults) -> str:
@@ -152,7 +138,7 @@ def _not_drawn(ran: Sequence[RerunTrial], version: str) -> Iterator[str]:
 
 def trial_map(name: str, forest: Forest, trajectory: Trajectory) -> Figure:
     """Return the map of a trial, metres, north up; ``name`` is the figure's."""
-    made = plot(name, None, "map", sizing_mode="scale_width", aspect_ratio=1.0, match_aspect=True)
+    made = plot(name, None, "map", output_backend=SVG, sizing_mode="scale_width", aspect_ratio=1.0, match_aspect=True)
     made.xaxis.axis_label, made.yaxis.axis_label = "east, m", "north, m"
     draw_forest(made, forest)
     for phase in Phase:

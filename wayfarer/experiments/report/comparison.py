@@ -45,19 +45,10 @@ GAINS = (
 )
 
 
-def compared(results: CampaignResults) -> list[Comparison]:
-    """Return the algorithms as ``wayfarer compare`` compares them.
-
-    Raises:
-        BadInput: there is one only, or the trials cannot be paired.
-    """
-    return compare(results.rows)
-
-
 def comparison_section(results: CampaignResults, plots: Plots) -> Iterator[str]:
     """Yield how the algorithms, at least two, differ from one of them; or why they cannot be compared."""
     try:
-        base, *others = compared(results)
+        base, *others = compare(results.rows)
     except BadInput as reason:
         yield html.paragraph(f"The trials cannot be compared: {reason}.")
         return
@@ -77,8 +68,10 @@ def comparison_section(results: CampaignResults, plots: Plots) -> Iterator[str]:
 def gain_figure(gain: Gain, found: dict[str, Difference]) -> Figure:
     """Return a forest plot: an algorithm a row, its mean difference with the 95 % interval, and a line at 0."""
     layout = lay_out(grouped(found))
-    low, high = span_of_gains(found)
-    made = rows_plot(f"comparison, {gain.name}", layout, ROW_PX, gain.label, low, high)
+    low = min(0.0, *(each.estimate.low for each in found.values()))
+    high = max(0.0, *(each.estimate.high for each in found.values()))
+    room = ROOM * (high - low) or 1.0
+    made = rows_plot(f"comparison, {gain.name}", layout, ROW_PX, gain.label, low - room, high + room)
     made.add_layout(Span(location=0.0, dimension="height", line_color=palette.GREY, line_dash=[5, 3]))
     points = source(
         algorithm=list(found), y=[layout.at[name] for name in found], pairs=[each.pairs for each in found.values()],
@@ -91,11 +84,3 @@ def gain_figure(gain: Gain, found: dict[str, Difference]) -> Figure:
     told = (("algorithm", "@algorithm"), ("difference [95 %]", "@text"), ("p", "@p"), ("pairs", "@pairs"))
     made.add_tools(hover([line, mean], *told))
     return made
-
-
-def span_of_gains(found: dict[str, Difference]) -> tuple[float, float]:
-    """Return the ends of an axis with room for these intervals and 0."""
-    low = min(0.0, *(each.estimate.low for each in found.values()))
-    high = max(0.0, *(each.estimate.high for each in found.values()))
-    room = ROOM * (high - low) or 1.0
-    return low - room, high + room

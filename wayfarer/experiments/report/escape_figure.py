@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +17,6 @@ from wayfarer.views.page.plots import Figure, hover, plot, source
 
 CURVES_PX, LEGEND_ROW_PX = 320, 18  # the legend stands below zero, where no curve runs
 AXIS_PX = 70
-PATH_LABEL, ESCAPED_LABEL = "path driven, m (logarithmic)", "escaped, % of all trials"
 DASHES: tuple[tuple[int, ...], ...] = ((), (7, 2), (2, 2), (8, 2, 2, 2))  # not as many as colours: 20 looks
 
 
@@ -68,23 +67,12 @@ def escape_curve(rows: Sequence[TrialRow]) -> Curve:
     return Curve(escaped_m, failed_m, len(rows))
 
 
-def escape_curves(by_algorithm: Mapping[str, Sequence[TrialRow]]) -> dict[str, Curve]:
-    """Return the curve of each algorithm, group by group."""
-    names = [name for group in grouped(by_algorithm) for name in group.algorithms]
-    return {name: escape_curve(by_algorithm[name]) for name in names}
-
-
-def span_of_curves(curves: Iterable[Curve]) -> tuple[float, float]:
-    """Return the ends of an axis on which all that escaped has a place."""
-    curves = list(curves)
-    escaped_m = [path_m for curve in curves for path_m in curve.escaped_m]
-    return span_of(escaped_m or [path_m for curve in curves for path_m in curve.failed_m])
-
-
 def escape_figure(by_algorithm: Mapping[str, Sequence[TrialRow]]) -> Figure:
     """Return the figure: escapes by path length."""
-    curves = escape_curves(by_algorithm)
-    span_m = span_of_curves(curves.values())
+    names = [name for group in grouped(by_algorithm) for name in group.algorithms]
+    curves = {name: escape_curve(by_algorithm[name]) for name in names}
+    escaped_m = [path_m for curve in curves.values() for path_m in curve.escaped_m]
+    span_m = span_of(escaped_m or [path_m for curve in curves.values() for path_m in curve.failed_m])
     legend_px = LEGEND_ROW_PX * (1 + len(curves))
     made = plot(
         "escape", CURVES_PX + legend_px + AXIS_PX, "both", x_axis_type="log", output_backend=SVG, x_range=span_m,
@@ -92,7 +80,7 @@ def escape_figure(by_algorithm: Mapping[str, Sequence[TrialRow]]) -> Figure:
     )  # fmt: skip
     made.yaxis.bounds = made.ygrid.bounds = (0.0, 100.0)
     plain_numbers(made)
-    made.xaxis.axis_label, made.yaxis.axis_label = PATH_LABEL, ESCAPED_LABEL
+    made.xaxis.axis_label, made.yaxis.axis_label = "path driven, m (logarithmic)", "escaped, % of all trials"
     items = [_curve(made, place, name, curve, span_m[0]) for place, (name, curve) in enumerate(curves.items())]
     made.add_layout(Legend(items=items, **LEGEND))
     return made
@@ -114,11 +102,6 @@ def curve_look(place: int) -> dict[str, Any]:
     return {"line_color": colour_of(place), "line_width": 2, "line_dash": list(DASHES[place % len(DASHES)])}
 
 
-def curve_label(name: str, curve: Curve) -> str:
-    """Return what a legend says of a curve."""
-    return f"{short(name)}, {curve.escaped_percent:.1f} %"
-
-
 def _curve(made: Figure, place: int, name: str, curve: Curve, first_m: float) -> LegendItem:
     """Draw a curve, with a mark where its longest failure ended, and return its line of the legend."""
     line: Any = made.line("x", "y", source=_stairs(curve, first_m), name=name, **curve_look(place))
@@ -126,4 +109,4 @@ def _curve(made: Figure, place: int, name: str, curve: Curve, first_m: float) ->
     ended: Any = {"marker": "dash", "angle": np.pi / 2, "size": 11, "line_width": 2, "color": colour_of(place)}
     mark: Any = made.scatter(last_m, [curve.escaped_percent] * len(last_m), **ended)
     made.add_tools(hover([line], ("algorithm", "$name"), ("by", "@x{0.0} m"), ("escaped", "@y{0.0} %")))
-    return LegendItem(label=curve_label(name, curve), renderers=[line, mark])
+    return LegendItem(label=f"{short(name)}, {curve.escaped_percent:.1f} %", renderers=[line, mark])

@@ -1,4 +1,4 @@
-"""Figures of the paper's simulations: path lengths and failures, by algorithm and group, beside the paper's."""
+"""Figure of the paper's simulations: path lengths by algorithm and group, beside the paper's."""
 
 from __future__ import annotations
 
@@ -13,18 +13,17 @@ from wayfarer.experiments.outcome import SUCCESSES
 from wayfarer.experiments.report.algorithm_rows import Rows, grouped, lay_out, plain_numbers, rows_plot, span_of
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import AlgorithmSummary
-from wayfarer.experiments.tables import PaperFigures, mean_and_sd, number_text
+from wayfarer.experiments.tables import PaperFigures, mean_and_sd
 from wayfarer.views import palette
 from wayfarer.views.page.plots import Figure, hover, source
 
-PATHS_ROW_PX, FAILURES_ROW_PX = 52, 28
+ROW_PX = 52
 BINS = 48  # of all paths, of equal width on the logarithmic axis
 WHISKERS_IQR = 1.5  # Tukey's
 # Places in a row, from its middle down: the histogram's foot, the box, our mean and the paper's.
 FOOT, BOX, OURS, PAPERS = -0.02, 0.12, 0.29, 0.41
 HISTOGRAM, BOX_HIGH = 0.44, 0.2
 
-BOX_LABEL = "path to the destination line, m (logarithmic)"
 ByAlgorithm = Mapping[str, Sequence[TrialRow]]
 
 
@@ -66,7 +65,9 @@ def paths_figure(
     papers = {name: papers[name] for name in layout.at if name in papers}
     seen_m = [row.path_m or 0.0 for rows in paths.values() for row in rows]
     low_m, high_m = span_of([*seen_m, *shortest_m, *(paper.path_mean_m for paper in papers.values())])
-    made = rows_plot("paths", layout, PATHS_ROW_PX, BOX_LABEL, low_m, high_m, x_axis_type="log")
+    made = rows_plot(
+        "paths", layout, ROW_PX, "path to the destination line, m (logarithmic)", low_m, high_m, x_axis_type="log"
+    )
     plain_numbers(made)
     _histograms(made, layout, paths, np.geomspace(low_m, high_m, BINS + 1))
     _boxes(made, layout, boxes)
@@ -151,46 +152,3 @@ def _means(
     line = made.segment("low", "y", "high", "y", source=points, line_color=colour, line_width=2, name=f"SD, {whose}")
     mean = made.scatter("mean", "y", source=points, marker="diamond", size=9, color=colour, name=f"mean, {whose}")
     made.add_tools(hover([line, mean], ("algorithm", "@algorithm"), (f"mean ± SD, {whose}", "@text m")))
-
-
-def failures_figure(summaries: Mapping[str, AlgorithmSummary], papers: Mapping[str, PaperFigures]) -> Figure:
-    """Return bars of the share that did not get out, with Wilson intervals, beside the paper's."""
-    layout = lay_out(grouped(summaries))
-    shares = {name: _failures_percent(summary) for name, summary in summaries.items()}
-    top = next(limit for limit in (5, 10, 20, 40, 60, 100) if limit >= max(high for *_, high in shares.values()))
-    made = rows_plot("failures", layout, FAILURES_ROW_PX, "did not get out, % of the trials", 0.0, top * 1.04)
-    bars = source(
-        algorithm=list(shares), y=[layout.at[name] for name in shares], failed=[share for share, *_ in shares.values()],
-        low=[low for _, low, _ in shares.values()], high=[high for *_, high in shares.values()],
-        share=[f"{share:.1f} [{low:.1f}, {high:.1f}] %" for share, low, high in shares.values()],
-        how=[_how(summaries[name]) for name in shares],
-    )  # fmt: skip
-    drawn = made.hbar("y", 0.6, "failed", source=bars, color=palette.BLUE, fill_alpha=0.45, name="failures")
-    interval = made.segment("low", "y", "high", "y", source=bars, line_color=palette.BLUE, line_width=2)
-    rows = (("algorithm", "@algorithm"), ("did not get out [95 %]", "@share"), ("of these", "@how"))
-    made.add_tools(hover([drawn, interval], *rows))
-    _papers_failures(made, layout, papers)
-    return made
-
-
-def _papers_failures(made: Figure, layout: Rows, papers: Mapping[str, PaperFigures]) -> None:
-    known = {
-        name: 100.0 - percent for name in layout.at if name in papers and (percent := papers[name].success_percent)
-    }
-    points = source(
-        x=list(known.values()), y=[layout.at[name] for name in known], text=[number_text(x) for x in known.values()]
-    )
-    mark = made.scatter("x", "y", source=points, marker="diamond", size=10, color=palette.VERMILION, name="paper")
-    made.add_tools(hover([mark], ("the paper's", "@text % entrapped")))
-
-
-def _how(summary: AlgorithmSummary) -> str:
-    counts = {"entrapped": summary.entrapped, "tipped": summary.tipped, "faults": summary.fault}
-    return ", ".join(f"{count} {what}" for what, count in counts.items()) + f" of {summary.trials} trials"
-
-
-def _failures_percent(summary: AlgorithmSummary) -> tuple[float, float, float]:
-    """Return the share of failures and the ends of its interval, within 0..100."""
-    ends = (summary.success_percent, summary.success_high_percent, summary.success_low_percent)
-    failed, low, high = (min(100.0, max(0.0, 100.0 - end)) for end in ends)
-    return failed, low, high

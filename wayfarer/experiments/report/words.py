@@ -84,15 +84,6 @@ def table_caption(results: CampaignResults) -> str:
     return f"Success with its 95 % interval; path: of the successes; {time}: mean a trial."
 
 
-def failures_caption(results: CampaignResults) -> str:
-    """Explain the figure of failures."""
-    paper = " Diamond: the paper's, which gives a number for Forest-Pledge alone (section IV)."
-    return (
-        "Share of trials that did not get out (entrapped, tipped or faulty), line: Wilson 95 % interval."
-        f"{paper if results.papers_paths else ''}"
-    )
-
-
 def paths_caption(results: CampaignResults) -> str:
     """Explain the figure of paths."""
     shortest_m = results.shortest_paths_m
@@ -102,19 +93,6 @@ def paths_caption(results: CampaignResults) -> str:
         "Path length of the successes: how many trials had which path; box with quartiles and median, whiskers to the "
         "last trial within 1.5 interquartile ranges, a ring for every trial beyond; blue diamond: mean with one "
         f"standard deviation{paper}.{line}"
-    )
-
-
-def ratio_caption(results: CampaignResults) -> str:
-    """Explain the figure of ratios."""
-    of_all = (
-        "" if len(results.shortest_paths_m) == len(results.rows) else ", of the trials whose shortest path is known"
-    )
-    return (
-        "Path driven over the shortest path for the rover's width in the same forest; a failure counts as longer than "
-        "any number, and an arrow says that the 95th percentile lies among the failures. Ring: median; thick: the "
-        f"middle half; thin: 5th to 95th percentile{of_all}. Mean shortest path: "
-        f"{statistics.fmean(results.shortest_paths_m):.1f} m."
     )
 
 
