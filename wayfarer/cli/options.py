@@ -145,7 +145,7 @@ def check_together(ctx: typer.Context, *, needs: Pairs = (), excludes: Pairs = (
     Raises:
         BadInput: two of them do not go together; of several such pairs the first is told.
     """
-    given = {name for name, value in ctx.params.items() if not any(value is no for no in (None, False, ()))}
+    given = {name for name, value in ctx.params.items() if not (value is None or value is False or value == ())}
     given |= {f"{name} {value}" for name, value in ctx.params.items() if isinstance(value, str)}
     for name, needed in needs:
         if name in given and needed not in given:
