@@ -43,8 +43,8 @@ ROVER = "sim"
 ENDING = (signal.SIGINT, signal.SIGTERM)
 LOOK_S = 0.1  # between two looks at whether anybody has the page open
 LEFT_S = 12.0  # nobody has had it open for so long: longer than a page takes to come back, PAUSES_S of connection.js
-# Records that the trial may be ahead of its page, six seconds of a rover: chosen by us. A trial is faster than the page
-# that shows it, and waits for it there.
+# Records that the trial may be ahead of its page, eight seconds of a rover: chosen by us. A trial is faster than its
+# page, and waits for it then.
 AHEAD = 200
 ANSWER_S = 2.0  # for a trial to do what was asked, before it has ended meanwhile
 
