@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import sys
 from collections.abc import Iterator
 from itertools import groupby
 from pathlib import Path
@@ -62,3 +63,18 @@ def inline_commands(page: str) -> list[list[str]]:
     """Return the ``wayfarer`` commands that stand in sentences; words in capitals stand for something else."""
     text = _FENCE.sub("", (ROOT / page).read_text(encoding="utf-8"))
     return [found.split() for found in _INLINE.findall(text)]
+
+
+def script(page: str) -> str:
+    """Return what a page shows, as one script of bash: its commands that can run everywhere, and its Python."""
+    parts = []
+    for fence in fences(page):
+        if fence.language in SHELL and fence.why_not is None:
+            parts += list(shell_lines(fence))
+        elif fence.language == "python":
+            parts.append(f"python - <<'END'\n{fence.body}END")
+    return "\n".join(parts)
+
+
+if __name__ == "__main__":  # for .ci/run
+    print(script(sys.argv[1]))

@@ -77,6 +77,8 @@ def runs(page: str) -> list[str]:
 @pytest.mark.parametrize("page", [page for page in PAGES if runs(page)])
 def test_commands_of_a_page_run_one_after_the_other(page: str, run: Run) -> None:
     for line in runs(page):
+        if "--spl" in line:
+            pytest.importorskip("skfmm", reason="scikit-fmm is not installed: pip install '.[hardware]'")
         commands = list(wayfarer_words(line))
         if not commands:
             assert line.split()[0] in PLAIN, f"{line}: say why it is not run, or let it run"

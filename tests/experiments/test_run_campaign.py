@@ -79,6 +79,7 @@ def test_trial_seed_never_changes() -> None:
 
 
 def test_spl_computes_the_shortest_paths_that_are_not_known() -> None:
+    pytest.importorskip("skfmm", reason="scikit-fmm is not installed: pip install '.[hardware]'")
     plan = replace(campaign_of(1), spl=True)
     shortest_path_m = plan.make_forest(0).shortest_path_m
     assert shortest_path_m is not None

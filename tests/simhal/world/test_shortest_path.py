@@ -13,6 +13,8 @@ from wayfarer.simhal.world.forest import CLEARING, Trunk
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.shortest_path import has_path, shortest_path_m
 
+pytest.importorskip("skfmm", reason="scikit-fmm is not installed: pip install '.[hardware]'")
+
 WALL = Trunk(0.0, 30.0, 50.0, 30.0, "across")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from importlib.util import find_spec
 from math import hypot
 from typing import get_args
 
@@ -23,6 +24,9 @@ from wayfarer.simhal.world.sites.field_site import FieldSite, SiteLayout
 
 FOREST_ROVER, MINI_ROVER = (load_rover(name).vehicle for name in ("forestrover", "minirover"))
 
+shortest_paths = pytest.mark.skipif(
+    find_spec("skfmm") is None, reason="scikit-fmm is not installed: pip install '.[hardware]'"
+)
 few = settings(max_examples=2, phases=[Phase.explicit, Phase.generate])  # a layout takes up to half a second
 sites = st.sampled_from(sorted(SITES))
 numbers = st.integers(0, 10_000)
@@ -42,6 +46,7 @@ def test_layout_follows_from_its_numbers_and_serves_both_rovers(site: str, numbe
     assert forest == SITES[site].layout(number, seed, MINI_ROVER)
 
 
+@shortest_paths
 @few
 @given(sites, numbers, numbers)
 def test_rover_starts_free_and_has_a_way_out(site: str, number: int, seed: int) -> None:
@@ -97,6 +102,7 @@ def test_sites_are_what_the_paper_describes() -> None:
     assert len(bearings) == 4  # on all sides
 
 
+@shortest_paths
 def test_some_gaps_let_only_the_smaller_rover_through() -> None:
     ways = [
         [
