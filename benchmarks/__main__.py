@@ -4,9 +4,9 @@ With ``daemon`` only those of ``wayfarer run --sim``, with ``log`` only those of
 trial costs in units that hold on any computer; with ``profile``, where the time of a control tick goes; with ``soak``,
 whether anything grows in a simulated day full of faults; with ``missions``, in a thousand missions of one daemon; with
 ``campaign``, the memory of a small and of a large one; with ``gps``, how near dead reckoning is to the true way, before
-and after a report lays it onto the receiver's fixes; with ``detector``, how well each anomaly is noticed; with
-``hand``, what turning to the other side at a contact would have cost. ``guard`` and ``stops`` say whether a change of
-the code has changed results or stops, ``size`` how much there is to read, ``mutants`` whether the tests bite.
+and after a report lays it onto the receiver's fixes; with ``detector``, how well each anomaly is noticed. ``guard`` and
+``stops`` say whether a change of the code has changed results or stops, ``size`` how much there is to read, ``mutants``
+whether the tests bite.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def main() -> None:
     parser.add_argument(
         "--trials",
         type=int,
-        help="of the large campaign (20,000), each case of the detector (60), each hand (250); pairs of the guard",
+        help="of the large campaign (20,000), each case of the detector (60); pairs of the guard",
     )
     parser.add_argument("--rover", default="sim", help="whose detector")
     parser.add_argument("--mujoco", action="store_true", help="measure the detector on grounds of five frictions")
@@ -77,15 +77,6 @@ def _print_detector(asked: Namespace) -> None:
     print_table(header, detector.rows(load_rover(asked.rover), cases, asked.trials or 60))
 
 
-def _print_hand(asked: Namespace) -> None:
-    from benchmarks import hand, other_hand  # scikit-learn: no other figure needs it
-
-    contacts = list(other_hand.contacts(asked.trials or 250))
-    print_table(hand.HEADER, hand.rows(contacts))
-    for line in hand.tree_lines(contacts):
-        print(line)
-
-
 def _figures(quick: bool) -> list[Figure]:
     return [
         *(command.campaigns(trials=50, runs=1) if quick else command.campaigns(trials=1000, runs=3)),
@@ -118,7 +109,6 @@ WHAT: dict[str, Callable[[Namespace], int | None]] = {
     "campaign": lambda asked: print_table(memory.HEADER, memory.rows(asked.trials or 20_000)),
     "gps": lambda asked: print_table(gps.HEADER, gps.rows(trials=1 if asked.quick else 5)),
     "detector": _print_detector,
-    "hand": _print_hand,
     "guard": lambda asked: print_guard(asked.only, asked.trials, accept=asked.accept),
     "stops": lambda _: print_stops(),
     "size": lambda _: print_size(),

@@ -22,11 +22,11 @@ from wayfarer.simhal.world.forest_file import REFERENCE, content_of
 ROOT = Path(__file__).resolve().parents[1]
 HELD_OUT = "odd.jsonl"  # the half of the reference forests that nothing was tuned to
 
-_AT_SITE = "--algorithm forest-pledge,levy-walk,memory-pledge --trials 200 --spl"
-_CHALLENGE = "--algorithm forest-pledge,memory-pledge --trials 20"
+_AT_SITE = "--algorithm forest-pledge,levy-walk --trials 200 --spl"
+_CHALLENGE = "--algorithm forest-pledge,retry-pledge --trials 20"
 _GROUNDS = "sweep ground=ideal,leaf-litter,dry-soil,mud"
 _SLIPPERY = f"{_GROUNDS} --trials 50"
-_BOTH = "--algorithm forest-pledge,memory-pledge --trials 1000"
+_BOTH = "--algorithm forest-pledge,retry-pledge --trials 1000"
 _ANGLE = "sweep escape.turn_angle_deg"
 
 CAMPAIGNS: Mapping[str, str] = {

@@ -5,7 +5,7 @@ Run it: pip install '.[sim]' && python examples/compare_two_algorithms.py
 
 import wayfarer
 
-both = ["forest-pledge", "memory-pledge"]
+both = ["forest-pledge", "retry-pledge"]
 results = wayfarer.run_campaign(both, trials=4, forests="reference", slip_mean_m=2.0)
 for row in wayfarer.compare(results, against="forest-pledge"):
     print(f"{row['algorithm']}: SPL {row['spl']:.3f} over {row['trials']} trials")

@@ -22,10 +22,10 @@ def results(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
     def far_apart(*arguments: object) -> object:
         result = out_at_once(*arguments)  # type: ignore[arg-type]
-        return result._replace(path_m=200.0 + result.path_m * (7.0 if result.algorithm == "memory-pledge" else -1.0))
+        return result._replace(path_m=200.0 + result.path_m * (7.0 if result.algorithm == "retry-pledge" else -1.0))
 
     monkeypatch.setattr("wayfarer.experiments.trial.run_trial", far_apart)
-    asked = ("--algorithm", "forest-pledge,memory-pledge", "--trials", 6, "--jobs", 1, "--out", tmp_path / "results")
+    asked = ("--algorithm", "forest-pledge,retry-pledge", "--trials", 6, "--jobs", 1, "--out", tmp_path / "results")
     assert run("sim", *asked)[0] == 0
     return tmp_path / "results"
 
@@ -33,10 +33,10 @@ def results(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.parametrize(
     "arguments",
     [
-        ("sim", "--algorithm", "memory-pledge,levy-walk", "--trials", 8, "--jobs", 1),
+        ("sim", "--algorithm", "retry-pledge,levy-walk", "--trials", 8, "--jobs", 1),
         ("sim", "--site", "dense-obstruction", "--rover", "forestrover", "--trials", 4, "--jobs", 1),
         ("sweep", "escape.turn_angle_deg=60,90", "ground=leaf-litter,mud", "--rover", "forestrover", "--algorithm",
-         "memory-pledge", "--trials", 2, "--jobs", 1, "--out", "sweep"),
+         "retry-pledge", "--trials", 2, "--jobs", 1, "--out", "sweep"),
         ("sweep", "sim.compass_noise_deg=0:20:10", "escape.probe_straight_m=1", "--trials", 2, "--jobs", 1,
          "--out", "sweep"),
         ("compare", "results"),

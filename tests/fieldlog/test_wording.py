@@ -10,7 +10,6 @@ from tests.views.text.records import event
 from wayfarer.fieldlog.typed import Header
 from wayfarer.fieldlog.wording import SENTENCES, event_text, run_text
 
-SEEN: dict[str, Any] = {"ahead_m": 9.0, "right_m": -1.0, "trunks": [[1, 0, 1, 1, 0.9], [2, 0, 2, 1, 0.2]]}
 TOTALS: dict[str, Any] = {"mission_s": 61.0, "mission_m": 12.5, "mission_anomalies": 0, "mission_ended": "mission_time"}
 EVENTS: list[tuple[str, dict[str, Any], str]] = [
     ("arming", {"start_delay_s": 10.0, "goal_heading_deg": None}, "Arming: in 10 s it drives straight ahead"),
@@ -28,16 +27,6 @@ EVENTS: list[tuple[str, dict[str, Any], str]] = [
     ("health", {"level": "well", "cause": None}, "No faults"),
     ("manual", {"driver": "page"}, "A person drives on the live page"),
     ("manual", {"driver": ["a"]}, "A person drives with a"),
-    ("contact_map", {**SEEN, "way": [[9.5, 0.2], [10.0, -0.5]], "mode": "plan"},
-     "Remembers 2 trunks (1 doubted); plans to pass 1.2 m to the right"),
-    ("contact_map", {**SEEN, "way": [[9.5, -3.0]], "mode": "plan"},
-     "Remembers 2 trunks (1 doubted); plans to pass 2.0 m to the left"),
-    ("contact_map", {"ahead_m": 9.0, "right_m": -1.0, "trunks": [[1, 0, 1, 1, 0.9]], "way": [], "mode": "plan"},
-     "Remembers 1 trunk; plans to drive straight towards the goal"),
-    ("contact_map", {**SEEN, "trunks": [[1, 1, 2, 1, 0.9], [1, 0, 1, 1, 0.9]], "way": [], "mode": "plan"},
-     "Remembers 1 trunk; plans to drive straight towards the goal"),
-    ("contact_map", {**SEEN, "trunks": [], "way": [], "mode": "pledge"},
-     "Remembers no trunks; follows Pledge, not a plan"),
     ("sensor_failed", {"sensor": "compass", "error": "no answer", "retry_in_s": 0.5},
      "The compass failed: no answer (tried again in 0.5 s)"),
     ("sensor_failed", {"sensor": "motion", "error": "no answer"}, "The motion sensor failed: no answer"),

@@ -79,7 +79,7 @@ def test_colours_stand_out_from_the_ground(ground: str) -> None:
 def test_all_that_is_drawn_in_one_map_is_told_apart_by_every_eye(eye: str, dark: bool) -> None:
     drawn = {
         **palette.PHASE_COLOURS, "reckoned": palette.RECKONED, "receiver": palette.RECEIVER, "anomaly": palette.ANOMALY,
-        "mark": palette.MARK, "remembered": palette.REMEMBERED, "operator": palette.PERSON, "other": palette.OTHER,
+        "mark": palette.MARK, "trouble": palette.TROUBLE, "operator": palette.PERSON, "other": palette.OTHER,
     }  # fmt: skip
     colours = {name: seen(brighter(colour) if dark else colour, EYES[eye]) for name, colour in drawn.items()}
     near = {(one, two): float(np.linalg.norm(colours[one] - colours[two])) for one, two in combinations(colours, 2)}

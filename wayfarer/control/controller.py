@@ -19,7 +19,6 @@ from math import radians
 from typing import Final
 
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.control.contact_map_notes import ContactMapNotes
 from wayfarer.control.latest import SensorBuffers
 from wayfarer.control.power_reports import PowerReports
 from wayfarer.control.recovery import Recovery
@@ -102,7 +101,6 @@ class Controller:
         self._speed_m_s = config.manual.speed_m_s or config.escape.cruise_m_s
         self._turn_rad_s = radians(config.manual.turn_deg_s or config.escape.turn_deg_s)
         self._vehicle = config.vehicle
-        self._map_notes = ContactMapNotes(handler, log)
         self.power_reports = PowerReports(config.board, log)
         self.board = self.power_reports.board
         self.mode = Mode.DISARMED
@@ -252,7 +250,6 @@ class Controller:
         self._driven = self._detector.grade.level(applied)
         self.last = tick
         self._log.tick(tick)
-        self._map_notes.note(t_s)
         if tick.cause is not self._last_cause or (may_drive and tick.level is _FAULT):
             self._note_health(t_s, tick.level, tick.cause)
         if mission is not None and observation is not None:
@@ -322,7 +319,6 @@ class Controller:
         if compass is None:
             return None
         _, heading_deg, pitch_deg, roll_deg, _ = compass
-        mission = self.mission
         return Observation(
             tick.t_s - self._held_s - self._away_s,
             heading_deg,
@@ -334,8 +330,6 @@ class Controller:
             self._travelled_m,
             self._odometer.covered_m,
             tick.commanded,
-            None if mission is None else mission.north_m,
-            None if mission is None else mission.east_m,
         )
 
     def _continue_arming(self, tick: TickRecord, arming: ArmingSequence) -> None:

@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import Annotated, NamedTuple, Protocol, runtime_checkable
+from typing import Annotated, NamedTuple, Protocol
 
 from annotated_types import Interval
 
 from wayfarer.hal import ContactReading, WheelCommand
-from wayfarer.setting_ranges import Degrees, DegreesPerSecond, Fraction, Gain, Metres, MetresPerSecond
+from wayfarer.setting_ranges import Degrees, DegreesPerSecond, Gain, Metres, MetresPerSecond
 
 
 class Anomaly(Enum):
@@ -53,9 +53,7 @@ class Observation(NamedTuple):
     ``travelled_m`` is the distance commanded so far; driving forwards and backwards both increase it. ``measured_m`` is
     the distance that the motion sensor saw, or the commanded one where the sensor is not usable; None where nothing
     measures it. ``contact`` is None on a rover without a contact sensor. ``applied`` is the wheel command that was
-    applied since the last tick, after the gate's limits; None where that is not known. ``north_m`` and ``east_m`` are
-    dead reckoning since the mission began, from the compass and the displacement that the motion sensor saw (the
-    commanded one where it cannot tell); None where nothing sums it up.
+    applied since the last tick, after the gate's limits; None where that is not known.
 
     >>> seen = Observation(
     ...     t_s=0.05, heading_deg=12.0, pitch_deg=0.0, roll_deg=0.0, anomalies=(Anomaly.IMMOBILISED,), contact=None,
@@ -75,8 +73,6 @@ class Observation(NamedTuple):
     travelled_m: float
     measured_m: float | None = None
     applied: WheelCommand | None = None
-    north_m: float | None = None
-    east_m: float | None = None
 
     @property
     def covered_m(self) -> float:
@@ -103,35 +99,6 @@ class EscapeHandler(Protocol):
 
     def memory(self) -> Mapping[str, float | str]:
         """Return the inner state for the log and for replay: at least ``counter_deg`` and ``episodes``."""
-
-
-class ContactMap(NamedTuple):
-    """What an algorithm remembers of the wood, in dead reckoning since the mission began.
-
-    All lengths are metres ahead along, and right of, the goal heading. Positions are of the middle of the rover when it
-    was stopped.
-    """
-
-    ahead_m: float
-    """Where the rover is, in the same frame."""
-    right_m: float
-    trunks: tuple[tuple[float, float, float, float, float], ...]
-    """Its ends ahead0, right0, ahead1, right1 (m), and the belief, 0 to 1, that it blocks."""
-    way: tuple[tuple[float, float], ...]
-    """The planned waypoints (ahead, right), the nearest first; empty: straight along the goal heading."""
-    mode: str
-    """``plan``, or ``pledge``: the fallback."""
-
-
-@runtime_checkable
-class Remembers(EscapeHandler, Protocol):
-    """An algorithm with a memory that people can look at; others need none of this."""
-
-    changes: int
-    """Counts changes of the map or the way."""
-
-    def contact_map(self) -> ContactMap:
-        """Return what it remembers and plans; asked only when ``changes`` has changed, and changes nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,16 +219,6 @@ class EscapeSettings:
     """Its derivative gain: deg/s per deg/s of error."""
     pivot_beyond_deg: Degrees = 60.0
     """A heading that is further from the goal after a half turn's time makes the rover back off."""
-    memory_reach_m: Metres = 1.2
-    """Memory-Pledge: a trunk is assumed to go on so far beyond its contacts; a long one twice as far."""
-    memory_link_m: Metres = 2.4
-    """Memory-Pledge: two contacts no further apart are of one trunk."""
-    memory_retry_back_off: Fraction = 0.35
-    """Memory-Pledge: share of ``back_off_m`` before a second try, where the wheels may only have slipped."""
-    memory_contacts: Annotated[float, Interval(ge=1, le=1e4)] = 60.0
-    """Memory-Pledge: number of contacts without progress before Pledge drives for the first time."""
-    memory_forget_m: Metres = 200.0
-    """Memory-Pledge: a trunk is forgotten after so much path since its latest contact."""
 
     def __post_init__(self) -> None:
         if self.levy_stride_min_m > self.levy_stride_max_m or self.levy_turn_min_deg > self.levy_turn_max_deg:

@@ -53,7 +53,6 @@ class PhasedHandler:
         self._escape_plan = EscapePlan(resets=spec.resets)
         self._turns = TurnController(vehicle)
         self._manoeuvres = {kind.phase: kind(settings, self._turns, self._escape_plan) for kind in MANOEUVRES}
-        self._transitions = spec.transitions
         self.reset()
 
     def reset(self) -> None:
@@ -81,7 +80,6 @@ class PhasedHandler:
             self._turns.begin_manoeuvre()
             self._manoeuvre.begin(observation)
         manoeuvre = self._manoeuvre
-        observation = self._aim(observation)
         event = (
             PhaseEvent.OVERWOUND
             if abs(self._escape_plan.counter_deg) > COUNTER_MAX_DEG
@@ -90,12 +88,8 @@ class PhasedHandler:
         if event is None:
             return Decision(manoeuvre.wheels(observation), manoeuvre.phase, self._phase_name)
         why = WHY[manoeuvre.phase, event]
-        self._enter(self._transitions[manoeuvre.phase, event], event, observation)
+        self._enter(self._spec.transitions[manoeuvre.phase, event], event, observation)
         return Decision(self._manoeuvre.wheels(observation), self._manoeuvre.phase, why)
-
-    def _aim(self, observation: Observation) -> Observation:
-        """Return what the manoeuvres see; an algorithm that plans has another heading as their goal."""
-        return observation
 
     def memory(self) -> Mapping[str, float | str]:
         """Return the inner state for the log and for replay."""
@@ -139,8 +133,7 @@ class PhasedHandler:
         escape_plan.back_off_m = settings.back_off_m * BACK_OFF_SHARES[self._blocked_turns % len(BACK_OFF_SHARES)]
         escape_plan.turn_deg = spec.angle(observation, settings, self._rng)
         escape_plan.stride_m = spec.stride(settings, self._rng)
-        escape_plan.straight_m, escape_plan.radius_m = settings.probe_straight_m, settings.probe_radius_m
-        escape_plan.side, escape_plan.resets = self._side, spec.resets
+        escape_plan.side = self._side
         too_often = self._blocked_turns - BLOCKED_TURNS_BEFORE_ALTERNATING
         if too_often >= 0 and too_often % 2 == 0:
             escape_plan.side = -self._side

@@ -27,17 +27,15 @@ class EscapePlan:
     """What an episode carries from one manoeuvre to the next.
 
     ``counter_deg`` is the paper's C: the heading gained since the episode began, clockwise positive, any number of
-    turns. ``side`` is the turn direction tau (+1 clockwise), ``turn_deg`` the turn angle theta; ``straight_m`` and
-    ``radius_m`` are the two parts of the probe. ``unturned_deg`` is what a finished turn left to its probe, clockwise
-    positive. ``resets`` says whether a heading that is back at the goal heading ends the episode.
+    turns. ``side`` is the turn direction tau (+1 clockwise), ``turn_deg`` the turn angle theta; ``unturned_deg`` is
+    what a finished turn left to its probe, clockwise positive. ``resets`` says whether a heading that is back at the
+    goal heading ends the episode.
     """
 
     side: int = 1
     turn_deg: float = 0.0
     back_off_m: float = 0.0
     stride_m: float = 0.0
-    straight_m: float = 0.0
-    radius_m: float = 1.0
     counter_deg: float = 0.0
     unturned_deg: float = 0.0
     resets: bool = False
@@ -122,10 +120,6 @@ class Follow(Manoeuvre):
     def begin(self, observation: Observation) -> None:
         self._hold.reset()
         self._drive_ahead(observation)
-        self.allow_turn(observation)
-
-    def allow_turn(self, observation: Observation) -> None:
-        """Give a turn to another goal heading, from now on, the time that it may take."""
         self._bound(observation, self._pivot_s)
 
     def event(self, observation: Observation) -> PhaseEvent | None:
@@ -145,7 +139,7 @@ class Follow(Manoeuvre):
         error_deg = wrap180(observation.goal_heading_deg - observation.heading_deg)
         if abs(error_deg) >= self._settings.pivot_beyond_deg:
             return PhaseEvent.EXHAUSTED
-        self.allow_turn(observation)
+        self._bound(observation, self._pivot_s)
         return None
 
 
@@ -242,11 +236,11 @@ class Probe(Manoeuvre):
     phase = Phase.PROBE
 
     def begin(self, observation: Observation) -> None:
-        escape_plan = self._escape_plan
+        settings, escape_plan = self._settings, self._escape_plan
         self._drive_ahead(observation)
         self._heading_deg = observation.heading_deg + escape_plan.unturned_deg
-        self._curve_from_m = observation.covered_m + escape_plan.straight_m
-        distance_m = escape_plan.straight_m + radians(abs(escape_plan.counter_deg)) * escape_plan.radius_m
+        self._curve_from_m = observation.covered_m + settings.probe_straight_m
+        distance_m = settings.probe_straight_m + radians(abs(escape_plan.counter_deg)) * settings.probe_radius_m
         self._bound(observation, distance_m / self._curve_speed_m_s(), distance_m)
 
     def event(self, observation: Observation) -> PhaseEvent | None:
@@ -262,12 +256,12 @@ class Probe(Manoeuvre):
         return PhaseEvent.EXHAUSTED if self._exhausted(observation) else None
 
     def wheels(self, observation: Observation) -> WheelCommand:
-        settings, escape_plan = self._settings, self._escape_plan
+        settings = self._settings
         speed_m_s, curve_deg, curve_deg_s = settings.cruise_m_s, 0.0, 0.0
         curved_m = observation.covered_m - self._curve_from_m
         if curved_m > 0.0:
             speed_m_s = self._curve_speed_m_s()
-            deg_per_m = degrees(escape_plan.side / escape_plan.radius_m)
+            deg_per_m = degrees(self._escape_plan.side / settings.probe_radius_m)
             curve_deg, curve_deg_s = curved_m * deg_per_m, speed_m_s * deg_per_m
         error_deg = wrap180(self._heading_deg - curve_deg - observation.heading_deg)
         turn_deg_s = settings.heading_p * error_deg - curve_deg_s
@@ -275,7 +269,7 @@ class Probe(Manoeuvre):
         return self._turns.wheels(speed_m_s, clamp(turn_deg_s, -limit_deg_s, limit_deg_s))
 
     def _curve_speed_m_s(self) -> float:
-        return self._turns.curve_speed_m_s(self._settings.cruise_m_s, self._escape_plan.radius_m)
+        return self._turns.curve_speed_m_s(self._settings.cruise_m_s, self._settings.probe_radius_m)
 
     def _realigned(self, observation: Observation) -> bool:
         error_deg = wrap180(observation.goal_heading_deg - observation.heading_deg)

@@ -16,8 +16,7 @@ degrees of the goal heading, whatever the number of whole turns. This is shorter
 Pledge's guarantee.
 
 The *stochastic* and *reactive* families drive straight ahead in the new direction instead (``STRIDE``) and then follow
-the goal again. They have no memory and can therefore stay in pockets. *Memory-Pledge* follows its plan after the turn:
-``FOLLOW`` has the heading of a waypoint then, not the goal's.
+the goal again. They have no memory and can therefore stay in pockets.
 
 Every phase is bounded in time and in commanded distance. Reaching a bound is an event like any other (``EXHAUSTED``),
 so a rover whose way back is blocked, or whose wheels spin, continues with the next manoeuvre.
@@ -25,8 +24,8 @@ so a rover whose way back is blocked, or whose wheels spin, continues with the n
 A counter beyond three turns is set to zero (``OVERWOUND``), in every phase. Otherwise a compass that drifts could make
 the rover take back turns for ever.
 
-All transitions are in ``PLEDGE``, ``STRIDES`` and ``PLANNED`` below. The phase that ended and the event that ended it
-are the ``why`` of the decision and of the log: ``probe.unwound``, ``turn_away.exhausted``.
+All transitions are in ``PLEDGE`` and ``STRIDES`` below. The phase that ended and the event that ended it are the
+``why`` of the decision and of the log: ``probe.unwound``, ``turn_away.exhausted``.
 """
 
 from __future__ import annotations
@@ -63,7 +62,10 @@ _SHARED: Final[Transitions] = {
     (Phase.TURN_AWAY, PhaseEvent.ANOMALY): Phase.BACK_OFF,
 }
 
-_PROBE: Final[Transitions] = {
+PLEDGE: Final[Transitions] = {
+    **_SHARED,
+    (Phase.TURN_AWAY, PhaseEvent.DONE): Phase.PROBE,
+    (Phase.TURN_AWAY, PhaseEvent.EXHAUSTED): Phase.PROBE,
     (Phase.PROBE, PhaseEvent.ANOMALY): Phase.BACK_OFF,
     (Phase.PROBE, PhaseEvent.UNWOUND): Phase.FOLLOW,
     (Phase.PROBE, PhaseEvent.REALIGNED): Phase.FOLLOW,
@@ -72,35 +74,14 @@ _PROBE: Final[Transitions] = {
     (Phase.PROBE, PhaseEvent.OVERWOUND): Phase.FOLLOW,
 }
 
-_STRIDE: Final[Transitions] = {
-    (Phase.STRIDE, PhaseEvent.ANOMALY): Phase.BACK_OFF,
-    (Phase.STRIDE, PhaseEvent.DONE): Phase.FOLLOW,
-    (Phase.STRIDE, PhaseEvent.EXHAUSTED): Phase.FOLLOW,
-    (Phase.STRIDE, PhaseEvent.OVERWOUND): Phase.FOLLOW,
-}
-
-PLEDGE: Final[Transitions] = {
-    **_SHARED,
-    (Phase.TURN_AWAY, PhaseEvent.DONE): Phase.PROBE,
-    (Phase.TURN_AWAY, PhaseEvent.EXHAUSTED): Phase.PROBE,
-    **_PROBE,
-}
-
 STRIDES: Final[Transitions] = {
     **_SHARED,
     (Phase.TURN_AWAY, PhaseEvent.DONE): Phase.STRIDE,
     (Phase.TURN_AWAY, PhaseEvent.EXHAUSTED): Phase.STRIDE,
-    **_STRIDE,
-}
-
-# The rover drives along a planned way; where it could not turn, it drives a short stretch as it stands. A probe is one
-# that Pledge had begun before the goal changed.
-PLANNED: Final[Transitions] = {
-    **_SHARED,
-    (Phase.TURN_AWAY, PhaseEvent.DONE): Phase.FOLLOW,
-    (Phase.TURN_AWAY, PhaseEvent.EXHAUSTED): Phase.STRIDE,
-    **_STRIDE,
-    **_PROBE,
+    (Phase.STRIDE, PhaseEvent.ANOMALY): Phase.BACK_OFF,
+    (Phase.STRIDE, PhaseEvent.DONE): Phase.FOLLOW,
+    (Phase.STRIDE, PhaseEvent.EXHAUSTED): Phase.FOLLOW,
+    (Phase.STRIDE, PhaseEvent.OVERWOUND): Phase.FOLLOW,
 }
 
 # Interned once: the control tick must not build strings.

@@ -1,8 +1,8 @@
 """Dead reckoning over the ticks of a log. Pure.
 
 The motion sensor says how far, while it can; where it cannot tell, the wheels' commands do. The compass alone says
-which way. Good enough to draw a path and to search for a lost rover; no decision sees it.
-The one that algorithms with a memory see is the mission's (``safety/mission_limits.py``).
+which way. Good enough to draw a path and to search for a lost rover; no decision sees it. That of the mission's radius
+is another (``safety/mission_limits.py``).
 """
 
 from __future__ import annotations

@@ -15,15 +15,13 @@ from zlib import crc32
 
 import orjson
 
-from wayfarer.fieldlog.contact_map import ContactMapNoted
 from wayfarer.fieldlog.run_events import Ended, FaultInjected, Noted
 from wayfarer.fieldlog.schema import ANY_NUMBER, FLAG, LIST, SCHEMA, STAMP, Record, Values, keys_of
 from wayfarer.fieldlog.typed import Board, Computer, Fix, Header, Tick, Truth
 from wayfarer.hal import CompassReading, ContactReading, MotionReading
 
 KEYS: Mapping[str, Mapping[str, Values]] = {
-    "run": keys_of(Header), "tick": keys_of(Tick), "event": keys_of(Noted) | keys_of(ContactMapNoted),
-    "position": keys_of(Fix),
+    "run": keys_of(Header), "tick": keys_of(Tick), "event": keys_of(Noted), "position": keys_of(Fix),
     "board": keys_of(Board), "computer": keys_of(Computer), "truth": keys_of(Truth), "fault": keys_of(FaultInjected),
     "outcome": keys_of(Ended),
 }  # fmt: skip

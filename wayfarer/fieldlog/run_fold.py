@@ -12,7 +12,6 @@ from math import isnan
 from wayfarer.escape.api import Phase
 from wayfarer.escape.phases import PhaseEvent
 from wayfarer.fieldlog.clock import seconds_since
-from wayfarer.fieldlog.contact_map import ContactMapNoted
 from wayfarer.fieldlog.dead_reckoning import GAP_S, QUALITY_MIN, DeadReckoning
 from wayfarer.fieldlog.fields import table
 from wayfarer.fieldlog.missions import EpisodeTracker, MissionTracker
@@ -186,8 +185,6 @@ class RunFold:
             case Noted(name="log_gap"):
                 self._announced += event.dropped
                 state.dropped += event.dropped
-            case Noted(name="contact_map"):
-                return [event, ContactMapNoted.of(elapsed_s, record, state.tick.goal_heading_deg)]
         return [event]
 
     # -- everything else -----------------------------------------------------------------------------------------

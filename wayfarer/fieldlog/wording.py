@@ -13,10 +13,9 @@ from itertools import starmap
 from typing import Any
 
 from wayfarer.fieldlog.clock import local_time
-from wayfarer.fieldlog.contact_map import ContactMapNoted, remembered_text
 from wayfarer.fieldlog.fields import MAX_PLAUSIBLE, escape_control_chars
 from wayfarer.fieldlog.run_events import Ended, FaultInjected, Silence, event_name
-from wayfarer.fieldlog.schema import Record, keys_of
+from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.typed import Fix, Header
 from wayfarer.fieldlog.vocabulary import disarmed_text, ends_text, in_words, level_text
 
@@ -25,7 +24,7 @@ class Tone(Enum):
     """The meaning of a line, from which its colour follows."""
 
     PLAIN = "plain"
-    QUIET = "quiet"  # nothing has changed, or too often to be told everywhere
+    QUIET = "quiet"  # nothing has changed
     PHASE = "phase"
     PERSON = "person"  # somebody asked for it
     WARNING = "warning"
@@ -40,8 +39,7 @@ WARNINGS = {
     "link_lost",
 }  # fmt: skip
 FAULTS = {"motors_failed", "loop_stalled", "stop_not_confirmed", "control_error"}
-OFTEN = {"contact_map"}  # up to once a second, beside the changes of phase
-GROUPS = ((PERSON, Tone.PERSON), (WARNINGS, Tone.WARNING), (FAULTS, Tone.FAULT), (OFTEN, Tone.QUIET))
+GROUPS = ((PERSON, Tone.PERSON), (WARNINGS, Tone.WARNING), (FAULTS, Tone.FAULT))
 LEVEL_TONES = {"degrade": Tone.WARNING, "hold": Tone.WARNING, "fault": Tone.FAULT}
 
 STAMP = {"record", "n", "t_s", "t_wall", "name"}  # what every event has
@@ -73,9 +71,6 @@ def event_text(event: Record) -> str:
     details = {key: value for key, value in event.items() if key not in STAMP and value not in NOTHING}
     if what == "health":
         details["ends_when"] = ends_text(event.get("level"), event.get("cause"))
-    if what == "contact_map":
-        details = {key: value for key, value in details.items() if key not in keys_of(ContactMapNoted)}
-        details["remembered"] = remembered_text(ContactMapNoted.of(0.0, event))
     if what in SENTENCES:
         told = [_filled(SENTENCES[what], details), *starmap(detail_text, details.items())]
         return escape_control_chars(", ".join(told))
@@ -182,7 +177,6 @@ SENTENCES: Mapping[str, str] = {
     "mark": "Mark: {text}",
     "link_lost": "The link is lost: {text}",
     "health": "{level}[: {cause}][. This ends when {ends_when}]",
-    "contact_map": "{remembered}",
     "sensor_failed": "The {sensor} failed: {error}[ (tried again in {retry_in_s:.1f} s)]",
     "part_failed": "The {part} did not open: {error}",
     "part_troubles": "The {part} carried on after {counts}",

@@ -49,21 +49,13 @@ LEVEL_COLOURS: Mapping[str, str] = {
 SERIES = (BLUE, VERMILION, GREEN, PURPLE, VIOLET)  # curves beside each other; with dashes for more
 MEASURED, LIMIT = BLUE, VERMILION
 RECEIVER = MAGENTA
-REMEMBERED = RED  # trunks that an algorithm remembers, and its plan
-FAINTEST = 0.25  # opacity of a remembered trunk that is hardly believed
 TRUNK, TREE, GOAL_LINE = "#9C7A54", "#63926B", "#00804F"
-
-
-def opacity(belief: float) -> float:
-    """Return how opaque a remembered trunk is drawn, given the belief, 0 to 1, that it blocks."""
-    return FAINTEST + (1.0 - FAINTEST) * belief
 
 
 def css() -> str:
     """Return the colours that the style and the scripts of a page use, as variables: a phase's by its name in a log."""
     named = {
         **PHASE_COLOURS, Phase.HALT.value: STANDS, "trunk": TRUNK, "tree": TREE, "goal-line": GOAL_LINE,
-        "remembered": REMEMBERED, "anomaly": ANOMALY, "mark-edge": EDGE, "paper": PAPER, "night": NIGHT,
-        "brighter": BRIGHTER, "faintest": FAINTEST,
+        "anomaly": ANOMALY, "mark-edge": EDGE, "paper": PAPER, "night": NIGHT, "brighter": BRIGHTER,
     }  # fmt: skip
     return f":root {{ {' '.join(f'--{name}: {value};' for name, value in named.items())} }}\n"

@@ -124,19 +124,6 @@ def test_forest_and_bodies_are_there_from_the_beginning(exported: Exported, reco
     assert forest.time_ns == bodies.time_ns == nanoseconds(records[0]["t_s"])
 
 
-def test_what_the_algorithm_remembers_is_laid_at_the_rover(tmp_path: Path) -> None:
-    trunk, seen = [7.0, -1.0, 7.0, 1.0, 0.5], {"ahead_m": 5.0, "right_m": 0.0, "way": [[10.0, 0.0]], "mode": "plan"}
-    noted = stamped("event", 100.1, name="contact_map", trunks=[trunk], **seen)
-    exported = round_trip(tmp_path, HEADER, tick(100.0) | {"n": 1}, tick(100.1) | {"n": 2}, noted | {"n": 3})
-    (message,) = exported.messages["/contact_map"]
-    remembered, way = ([line["points"] for line in entity["lines"]] for entity in message.value["entities"])
-    here_m = exported.messages["/pose"][-1].value["translation"]["x"]
-    assert [(point["x"], point["y"]) for point in remembered[0]] == [
-        pytest.approx((here_m + 2.0, 1.0)), pytest.approx((here_m + 2.0, -1.0)),
-    ]  # fmt: skip
-    assert [point["x"] for point in way[0]] == [pytest.approx(here_m), pytest.approx(here_m + 5.0)]
-
-
 def test_messages_come_in_the_order_of_the_log(exported: Exported) -> None:
     times = [message.time_ns for _, message in exported.all]
     assert times == sorted(times)

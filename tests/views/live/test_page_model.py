@@ -58,37 +58,6 @@ def test_way_of_a_real_rover_is_dead_reckoned(model: PageModel) -> None:
     assert model.snapshot()["forest"] is None
 
 
-CONTACT_MAP: dict[str, Any] = {
-    "ahead_m": 5.0, "right_m": 0.0, "trunks": [[7.0, -1.0, 7.0, 1.0, 0.9]], "way": [[6.0, 1.5]], "mode": "plan",
-}  # fmt: skip
-
-
-def test_what_the_algorithm_remembers_is_laid_at_the_rover_on_its_track(model: PageModel) -> None:
-    log = shown(model, simulated=False)
-    for step in range(5):
-        log.tick(tick(100.0 + step * 0.05, heading_deg=90.0, moved_m=0.1))
-    log.event("contact_map", 100.2, **CONTACT_MAP)
-    memory = model.news()["memory"]
-    assert memory == model.snapshot()["memory"]
-    assert memory == {
-        "trunks": [[-0.5, 2.0, 1.5, 2.0, 0.9]], "way": [[0.5, 0.0], [2.0, 1.0]], "mode": "plan",
-        "text": "Remembers 1 trunk; plans to pass 1.5 m to the right",
-    }  # fmt: skip
-    assert "memory" not in model.news()
-    assert not any("Remembers" in text for _, text, _ in model.snapshot()["lines"]), "it would bury all others"
-
-
-def test_memory_of_a_simulated_rover_is_laid_at_its_true_place_also_between_two_truths(model: PageModel) -> None:
-    log = shown(model)
-    log.event("contact_map", 100.0, **CONTACT_MAP)
-    assert model.snapshot()["memory"] is None, "nobody knows yet where the rover is"
-    log.tick(tick(100.0, heading_deg=0.0, moved_m=0.1))
-    log.note("truth", 100.0, {"x_m": 25.0, "y_m": 13.0, "heading_deg": 0.0})
-    log.tick(tick(100.05, heading_deg=0.0, moved_m=0.1))
-    log.event("contact_map", 100.05, **CONTACT_MAP)
-    assert model.snapshot()["memory"]["way"] == [[25.0, 13.1], [26.5, 14.1]]
-
-
 def test_news_are_told_once_and_add_up_to_what_a_new_viewer_sees(model: PageModel) -> None:
     log = shown(model, simulated=False)
     model.news()

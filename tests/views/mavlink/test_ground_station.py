@@ -272,7 +272,6 @@ async def test_heartbeat_tells_mode_and_state(monkeypatch: pytest.MonkeyPatch) -
 @virtual
 async def test_texts_wait_for_a_station_and_come_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     async with linked(monkeypatch) as link:
-        link.log.event("contact_map", 100.4, mode="plan")  # too often for a radio
         link.log.event("unclean_shutdown", 100.5, run="00041")
         await asyncio.sleep(10.0)
         assert not texts(link.heard())

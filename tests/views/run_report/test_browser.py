@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, Page
@@ -18,19 +17,13 @@ from wayfarer.views.run_report.run import write_run_report
 MODELS = "[...Bokeh.documents[0]._all_models.values()]"
 SEEN = f"(({{x_range}}) => [x_range.start, x_range.end])({MODELS}.find((model) => model.name === 'speed'))"
 RING = f"[...{MODELS}.find((model) => model.name === 'here').data_source.data.y]"
-CONTACT_MAP: dict[str, Any] = {
-    "right_m": 0.0, "trunks": [[4.0, -1.0, 4.0, 1.0, 0.9], [5.0, -1.0, 5.0, 1.0, 0.1]], "way": [[3.0, 1.2]],
-    "mode": "plan",
-}  # fmt: skip
 TEXT = "<b>a mark</b> without an end" + "d" * 120
 
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The page of a run with an episode and a mark."""
-    maps = [event("contact_map", at_s, **CONTACT_MAP | {"ahead_m": at_s}) for at_s in (1.0, 2.0)]
-    maps[1]["mode"] = "pledge"
-    records = by_time(HEADER, ARMED, *episode(), *maps, fix(2.0, 2.0), event("mark", 4.5, text=TEXT), OUTCOME)
+    records = by_time(HEADER, ARMED, *episode(), fix(2.0, 2.0), event("mark", 4.5, text=TEXT), OUTCOME)
     return write_run_report(write_log(tmp_path_factory.mktemp("runs") / "00017-20261121T061405Z", records))
 
 
@@ -115,14 +108,6 @@ def test_slider_moves_the_cursor_through_map_panels_and_values(report: Path, bro
     assert read(shown.page, "commanded") == "1.00 m/s"
     lines = f"{MODELS}.filter((model) => model.tags.includes('cursor'))"
     assert shown.page.evaluate(f"{lines}.map((line) => line.location)") == [2.2] * 7
-    remembered = f"{MODELS}.filter((model) => model.name === 'memory').map((each) => each.view.filter.indices.length)"
-    assert shown.page.evaluate(remembered) == [2, 0], "trunks, and no planned way: by Pledge"
-    assert read(shown.page, "contact map").endswith("follows Pledge, not a plan")
-    shown.page.locator(".cursor input").fill("1.5")
-    assert shown.page.evaluate(remembered) == [2, 1]
-    shown.page.locator(".cursor input").fill("0.5")
-    assert shown.page.evaluate(remembered) == [0, 0], "nothing was remembered yet"
-    shown.page.locator(".cursor input").fill("2.2")
     (y_m,) = shown.page.evaluate(RING)
     assert y_m == pytest.approx(0.2, abs=0.06)  # one metre a second, from the fix at 2 s
     assert shown.overflow_px() == 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -24,7 +24,6 @@ from foxglove.messages import (
 )
 
 from wayfarer import __version__
-from wayfarer.fieldlog.contact_map import ContactMapNoted, MapRow, Point
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.run_events import Ended, RunBegan
 from wayfarer.fieldlog.run_fold import RunFold
@@ -37,7 +36,6 @@ from wayfarer.views.export.mcap_scene import (
     TRUTH,
     DrawnPath,
     body_scene,
-    contact_map_scene,
     forest_scene,
     orientation,
     path_scene,
@@ -110,8 +108,6 @@ class Channels:
     def __init__(self, context: Context) -> None:
         self._fold = RunFold()
         self._start_m = (0.0, 0.0)
-        self._here_m: tuple[float, float] | None = None
-        self._remembered: tuple[Sequence[MapRow], Sequence[Point]] | None = None
         self._paths = {frame: DrawnPath() for frame in (ROVER, TRUTH)}
         self._rows: defaultdict[type[RunEvent], Row] = defaultdict(list)
         self._add_plots(context)
@@ -130,10 +126,7 @@ class Channels:
                 case Tick(place=place) if place is not None:
                     east_m, north_m = place.east_m + self._start_m[0], place.north_m + self._start_m[1]
                     event.place = place._replace(east_m=east_m, north_m=north_m)
-                    self._here_m = east_m, north_m
                     self._paths[ROVER].grow(east_m, north_m)
-                case ContactMapNoted(is_placed=True) if self._here_m is not None:
-                    self._remembered = event.trunks_from(self._here_m), event.way_from(self._here_m)
                 case Truth(x_m=x_m, y_m=y_m):
                     self._paths[TRUTH].grow(x_m, y_m)
                 case RunBegan(header=Header(world=world)) if world is not None:
@@ -155,20 +148,12 @@ class Channels:
         self._rows[Tick].append((FrameTransformChannel("/pose", context=context), _pose))
         self._rows[Truth].append((FrameTransformChannel("/truth", context=context), _true_pose))
         self._rows[Fix].append((LocationFixChannel("/location", context=context), _location))
-        scenes: tuple[tuple[str, type[RunEvent], Make], ...] = (
-            ("/forest", RunBegan, _forest), ("/rover", RunBegan, _bodies),
-            ("/contact_map", ContactMapNoted, self._contact_map),
-        )  # fmt: skip
-        for topic, kind, make in scenes:
-            self._rows[kind].append((SceneUpdateChannel(topic, context=context), make))
+        self._rows[RunBegan].append((SceneUpdateChannel("/forest", context=context), _forest))
+        self._rows[RunBegan].append((SceneUpdateChannel("/rover", context=context), _bodies))
         for topic, kind, frame in (("/track", Tick, ROVER), ("/truth_track", Truth, TRUTH)):
             channel = SceneUpdateChannel(topic, context=context)
             self._rows[kind].append((channel, partial(self._longer_path, frame)))
             self._rows[Ended].append((channel, partial(self._path, frame)))
-
-    def _contact_map(self, _event: RunEvent, at: MessageTime) -> Iterator[SceneUpdate]:
-        if self._remembered is not None:
-            yield contact_map_scene(at.stamp, *self._remembered)
 
     def _longer_path(self, frame: str, event: RunEvent, at: MessageTime) -> Iterator[SceneUpdate]:
         if self._paths[frame].is_due(event.t_s):

@@ -37,7 +37,6 @@ def _colour(name: str, opaque: float = 1.0) -> Color:
 
 COLOURS = {ROVER: _colour(palette.BLUE, 0.8), TRUTH: _colour(palette.ORANGE, 0.8)}
 TREE_HEIGHT_M, BODY_HEIGHT_M, LINE_M = 2.0, 0.25, 0.05  # only for the eye: nothing in a log says how high or thick
-REMEMBERED_M = 0.15  # as thick is a trunk that is remembered
 GOAL_HALF_LENGTH_M = 25.0  # to either side of the start: the simulated forest's half width
 
 POINTS = 1000  # of a path, at most: 20 kB a message, and drawn again in a fraction of a millisecond
@@ -129,27 +128,6 @@ def path_scene(time: Timestamp, frame: str, points: list[Point3]) -> SceneUpdate
     return SceneUpdate(entities=[SceneEntity(timestamp=time, frame_id=MAP, id=f"{frame} path", lines=lines)])
 
 
-def contact_map_scene(
-    time: Timestamp, trunks: Sequence[Sequence[float]], way: Sequence[tuple[float, float]]
-) -> SceneUpdate:
-    """Return what an algorithm remembers, as rows of ``ContactMapNoted``: trunks, fainter if doubted, and its way."""
-    remembered = [
-        _line(
-            [point(x0_m, y0_m), point(x1_m, y1_m)],
-            _colour(palette.REMEMBERED, palette.opacity(belief)),
-            REMEMBERED_M,
-        )
-        for x0_m, y0_m, x1_m, y1_m, belief in trunks
-    ]
-    planned = [_line([point(*waypoint) for waypoint in way], _colour(palette.REMEMBERED))] if way else []
-    return SceneUpdate(
-        entities=[
-            SceneEntity(timestamp=time, frame_id=MAP, id="remembered trunks", lines=remembered),
-            SceneEntity(timestamp=time, frame_id=MAP, id="planned way", lines=planned),
-        ]
-    )
-
-
 _LEVEL = orientation(90.0)  # to the east: no rotation at all
 
 
@@ -187,6 +165,6 @@ def _arrow(pose: Pose, length_m: float, colour: Color) -> ArrowPrimitive:
     )
 
 
-def _line(points: list[Point3], colour: Color, thick_m: float = LINE_M) -> LinePrimitive:
+def _line(points: list[Point3], colour: Color) -> LinePrimitive:
     pose = Pose(position=Vector3(), orientation=_LEVEL)
-    return LinePrimitive(pose=pose, thickness=thick_m, points=points, color=colour)
+    return LinePrimitive(pose=pose, thickness=LINE_M, points=points, color=colour)

@@ -13,7 +13,7 @@ from wayfarer.views import palette
 
 # In this order they make one script; each is about one thing.
 SCRIPTS = (
-    "words.js", "memory.js", "map.js", "zoom.js", "dial.js", "curves.js", "panel.js", "legend.js", "demo.js",
+    "words.js", "map.js", "zoom.js", "dial.js", "curves.js", "panel.js", "legend.js", "demo.js",
     "rover_clock.js", "hands.js", "manual.js", "connection.js", "main.js",
 )  # fmt: skip
 

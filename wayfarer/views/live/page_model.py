@@ -10,12 +10,10 @@ simulated and so the truth is known.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
 from typing import Any
 
 from wayfarer.angles import wrap180
 from wayfarer.fieldlog.clock import duration_text
-from wayfarer.fieldlog.contact_map import ContactMapNoted
 from wayfarer.fieldlog.fields import table
 from wayfarer.fieldlog.run_events import AnomalyBegan, Ended, PhaseChanged, RunBegan
 from wayfarer.fieldlog.run_fold import RunFold
@@ -23,7 +21,6 @@ from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.sensor_status import SensorStatus
 from wayfarer.fieldlog.typed import Header, RunEvent, Tick, Truth
 from wayfarer.fieldlog.vocabulary import disarmed_text, in_words, level_text, response_text
-from wayfarer.fieldlog.wording import event_text
 from wayfarer.views.text.run_narrator import RunNarrator, Verbosity, further_texts, reason_text
 from wayfarer.views.trail import Trail
 
@@ -55,8 +52,6 @@ class PageModel:
         self._about: dict[str, Any] = {}
         self._why = ""
         self._place: tuple[float, float, float] | None = None
-        self._shift_m = (0.0, 0.0)  # of the truth from dead reckoning, when the truth was last told
-        self._memory: dict[str, Any] | None = None
 
     def take(self, record: Record) -> bool:
         """Take a record; return whether people should see it at once, not at the next regular moment."""
@@ -73,7 +68,6 @@ class PageModel:
             "about": self._about,
             "forest": self._fold.state.header.world,
             "track": list(self._trail.points),
-            "memory": self._memory,
             "marks": list(self._marks),
             "phases": list(self._phases),
             "course": list(self._course),
@@ -145,10 +139,6 @@ class PageModel:
                 self._move(place.east_m, place.north_m, place.heading_deg)
             case Truth():
                 self._move(event.x_m, event.y_m, event.heading_deg)
-                if (place := self._fold.state.place) is not None:
-                    self._shift_m = event.x_m - place.east_m, event.y_m - place.north_m
-            case ContactMapNoted(is_placed=True):
-                self._remember(event)
             case PhaseChanged():
                 self._why = reason_text(self._fold.state.tick)
                 self._tell("phases", self._phases, [round(event.t_s, 2), event.phase or ""])
@@ -173,26 +163,9 @@ class PageModel:
         if self._trail.add(*self._place[:2], self._fold.state.tick.phase or ""):
             self._news.setdefault("track", []).append(self._trail.points[-1])
 
-    def _remember(self, noted: ContactMapNoted) -> None:
-        """Lay what the algorithm remembers onto the map: at the rover, where the track has it at this tick."""
-        place = self._fold.state.place
-        if place is None:
-            return
-        here_m = place.east_m + self._shift_m[0], place.north_m + self._shift_m[1]
-        self._memory = self._news["memory"] = {
-            "trunks": [_rounded(trunk) for trunk in noted.trunks_from(here_m)],
-            "way": [_rounded(waypoint) for waypoint in noted.way_from(here_m)],
-            "mode": noted.mode,
-            "text": event_text(noted.record),
-        }
-
     def _tell(self, what: str, kept: deque[Any], told: list[Any]) -> None:
         kept.append(told)
         self._news.setdefault(what, []).append(told)
-
-
-def _rounded(row: Iterable[float]) -> list[float]:
-    return [round(value, 2) for value in row]
 
 
 def _about(header: Header) -> dict[str, Any]:

@@ -236,8 +236,7 @@ class StatusTexts:
         for event in events:
             if not isinstance(event, PhaseChanged):
                 for _, text, tone in log_lines(event):
-                    if tone is not Tone.QUIET:  # a radio has no room for them
-                        self.add(text, SEVERITIES.get(tone, common.MAV_SEVERITY_INFO))
+                    self.add(text, SEVERITIES.get(tone, common.MAV_SEVERITY_INFO))
 
     def add(self, text: str, severity: int) -> None:
         """Queue a text with a severity (MAV_SEVERITY); what stations cannot show becomes a question mark."""

@@ -7,7 +7,6 @@ document.addEventListener("plotted", ({ detail: plotted }) => {
   const map = models.find((model) => model.name === "map");
   const path = models.find((model) => model.name === "path")?.data_source.data;
   const ring = models.find((model) => model.name === "here")?.data_source;
-  const remembered = models.filter((model) => model.name === "memory");
   const slider = document.querySelector(".cursor input");
   const shown = document.querySelector(".cursor dl");
   // What is read at the cursor: a renderer's tag says its name, unit and decimals.
@@ -44,9 +43,6 @@ document.addEventListener("plotted", ({ detail: plotted }) => {
     if (path) {
       const at = before(path.t, t);
       ring.data = at < 0 ? { x: [], y: [] } : { x: [path.x[at]], y: [path.y[at]] };
-    }
-    for (const { view, data_source: { data } } of remembered) {
-      view.filter.indices = [...data.t.keys()].filter((row) => data.t[row] <= t && t < data.until[row]);
     }
     const rows = readings.map((reading) => [reading.name, valueAt(reading, t)]);
     shown.replaceChildren(...[["time", clock(t)], ...rows].map(([name, value]) => {

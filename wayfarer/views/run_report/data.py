@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.escape.api import Anomaly, Phase
-from wayfarer.fieldlog.contact_map import ContactMapNoted
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose
 from wayfarer.fieldlog.fields import number, or_nan
 from wayfarer.fieldlog.missions import Episode, EpisodeBegan
@@ -67,8 +66,7 @@ class RunData:
     ``conditions.Level``, and ``period_s`` is NaN where records are missing since the tick before. ``further`` has the
     numbers that ticks have under keys that no view names. ``truth`` is where a simulated rover really was, in the
     metres of its forest. ``batteries`` are the voltages and the seconds since the motor board spoke before. These
-    tables have a column ``stretch``: the log breaks off between two rows that differ in it. ``contact_maps`` are what
-    an algorithm with a memory remembered; they are not among the ``events``, which they would bury.
+    tables have a column ``stretch``: the log breaks off between two rows that differ in it.
     """
 
     header: Record = field(default_factory=dict)
@@ -81,7 +79,6 @@ class RunData:
     batteries: Columns = field(default_factory=dict)
     onsets: list[AnomalyBegan] = field(default_factory=list)
     events: list[Noted | Silence] = field(default_factory=list)
-    contact_maps: list[ContactMapNoted] = field(default_factory=list)
     fixes: list[MapFix] = field(default_factory=list)
     episodes: list[Episode] = field(default_factory=list)
 
@@ -160,10 +157,6 @@ def _keep(event: RunEvent, place: ReckonedPose | None, data: RunData) -> None:
     match event:
         case AnomalyBegan(kind=kind) if kind in ANOMALY_KINDS:
             data.onsets.append(event)
-        case ContactMapNoted(is_placed=True):
-            data.contact_maps.append(event)
-        case Noted(name="contact_map"):
-            pass
         case Noted() | Silence():
             data.events.append(event)
         case Fix():

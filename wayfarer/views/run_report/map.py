@@ -14,7 +14,6 @@ from wayfarer.views.page.plots import Figure, hover, layer, plot, source
 from wayfarer.views.run_report.data import PHASES, Floats
 from wayfarer.views.run_report.events import EDGE, LOOK, columns, event_marks
 from wayfarer.views.run_report.forest import draw_forest
-from wayfarer.views.run_report.memory import draw_memory
 from wayfarer.views.run_report.series import pieces
 from wayfarer.views.run_report.track import TimedPath, Track
 
@@ -25,23 +24,19 @@ NUMBER: Mapping[str, Any] = {"text_align": "center", "text_baseline": "middle", 
 ARROW = 0.12  # of the map's side: length of an arrow to the goal
 CROSSES, CIRCLES = 1000, 24  # at most, for the receiver's fixes and for their error: more of them bury the path
 ASPECT = 1.15  # of the map: its width is half a screen's, and its height leaves room for what stands above it
-LOWER_ASPECT = 1.2  # where that is a line more
 END: Mapping[str, Any] = {"marker": "x", "size": 11, "line_width": 3}
 START: Mapping[str, Any] = {"marker": "star", "size": 14, "line_width": 1}
 
 
 def map_plot(track: Track) -> Figure:
     """Return the map, with the path in the colours of its phases."""
-    aspect = LOWER_ASPECT if track.data.contact_maps else ASPECT
-    map_ = plot("map", None, "map", sizing_mode="scale_width", aspect_ratio=aspect, match_aspect=True)
+    map_ = plot("map", None, "map", sizing_mode="scale_width", aspect_ratio=ASPECT, match_aspect=True)
     map_.min_border_left = 40  # as wide as its numbers, whichever they are
     map_.xaxis.axis_label = "metres east; upwards: metres north"
     if track.forest:
         draw_forest(map_, track.forest)
     side_m = _leave_room(map_, track)
     _draw_fixes(map_, track)
-    if track.data.contact_maps:
-        draw_memory(map_, track)
     _draw_event_marks(map_, track, "anomaly", palette.ANOMALY, 8)  # beneath the path: hundreds of them cover it
     _draw_path(map_, track)
     _draw_goals(map_, track, side_m)

@@ -17,13 +17,11 @@ from bokeh.plotting import ColumnDataSource
 from markupsafe import Markup
 
 from wayfarer.fieldlog.vocabulary import LEVEL_TEXTS, in_words
-from wayfarer.fieldlog.wording import event_text
 from wayfarer.views import palette
 from wayfarer.views.page import html
 from wayfarer.views.page.plots import Figure, Plots, hover, layer, plot, source
 from wayfarer.views.run_report.data import LEVEL_NUMBERS, PHASES, RunData
 from wayfarer.views.run_report.events import LAYERS, LOOK, columns, event_marks
-from wayfarer.views.run_report.memory import kept_maps
 from wayfarer.views.run_report.quantities import Panel, panels_of
 from wayfarer.views.run_report.series import Line, around, spans, thinned
 
@@ -193,14 +191,12 @@ def _held(made: Figure, data: RunData, row: int) -> Iterator[GlyphRenderer[Any]]
 
 
 def _states(made: Figure, data: RunData) -> None:
-    """Put in, unseen, what the cursor reads of phase, level and contact map: where each changes."""
+    """Put in, unseen, what the cursor reads of phase and level: where each changes."""
     phases = {index: in_words(phase) for index, phase in enumerate(PHASES)}
     levels = {int(value): LEVEL_TEXTS[level] for level, value in LEVEL_NUMBERS.items()}
     for name, words in (("phase", phases), ("level", levels)):
         bands = spans(data.ticks, data.ticks[name])
         _read(made, name, [(band.start_s, words[int(band.value)]) for band in bands])
-    if data.contact_maps:
-        _read(made, "contact map", [(each.elapsed_s, event_text(each.record)) for each in kept_maps(data)])
 
 
 def _read(made: Figure, name: str, texts: Sequence[tuple[float, str]]) -> None:

@@ -19,7 +19,6 @@ from wayfarer.views.page.plots import Plots
 from wayfarer.views.run_report.data import RunData, read_run
 from wayfarer.views.run_report.events import LAYERS
 from wayfarer.views.run_report.map import map_plot
-from wayfarer.views.run_report.memory import LAYER
 from wayfarer.views.run_report.panels import draw_panels
 from wayfarer.views.run_report.settings import own_settings_table
 from wayfarer.views.run_report.tables import (
@@ -53,10 +52,6 @@ TRUE = (
 )
 FIXES = "Small crosses: the receiver's fixes; thin circles: the error of some. Of a long run not all are drawn."
 FOREST = "Brown: fallen trunks; green dots: trees; green line: goal line."
-REMEMBERED = (
-    "Red, as of the time of the cursor: the trunks that the algorithm remembers, fainter where it doubts them, and the "
-    "way that it plans, dashed; laid at where the rover was then."
-)
 GAPS = (
     "White diamonds: records are missing there, or no ticks came for a while. The motion in between is unknown; the "
     "path continues from where it ended."
@@ -117,8 +112,6 @@ def track_caption(track: Track) -> str:
     told = [TRUE] if track.reckoned else [RECKONED, f"{'True' if track.origin else 'Magnetic'} north is up."]
     if track.forest:
         told.append(FOREST)
-    if track.data.contact_maps:
-        told.append(REMEMBERED)
     if track.fixes:
         told.append(FIXES)
     if np.isnan(track.path.east_m).any():
@@ -155,8 +148,6 @@ def _layers(track: Track) -> Iterator[html.PlotLayer]:
     yield from html.phase_layers()
     if track.reckoned:
         yield html.PlotLayer("reckoned", "dead reckoning", palette.RECKONED)
-    if track.data.contact_maps:
-        yield LAYER
     if track.fixes:
         yield html.PlotLayer("fixes", "receiver", palette.RECEIVER)
     yield from LAYERS

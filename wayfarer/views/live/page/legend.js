@@ -10,19 +10,14 @@ const FOREST = [
 const MARK = ["anomaly", "M12 2 A4 4 0 1 1 11.99 2 Z", 'stroke="var(--mark-edge)" class="filled"', "something stopped it"];
 const ROVER = ["ink", "M8 12 V5 L12 0 L16 5 V12 Z", 'stroke="none" class="filled"', "the rover, with its nose ahead"];
 
-const MEMORY = [
-  ["remembered", "M3 6 H21", 'fill="none" stroke-width="5" stroke-linecap="round"', "remembered trunk (faint: doubted)"],
-  ["remembered", "M0 6 H24", 'fill="none" stroke-width="2.5" stroke-dasharray="3 4"', "planned way"],
-];
-
-function writeLegend({ track, phases: strip, forest, memory, state }) {
+function writeLegend({ track, phases: strip, forest, state }) {
   const drawn = new Set([...track.slice(1).map((point) => point[2]), ...strip.map(([, phase]) => phase)]);
   const phases = Object.keys(PHASES).filter((phase) => drawn.has(phase));
-  const list = element("legend"), shown = [phases, Boolean(forest), Boolean(memory), Boolean(state.place)].join();
+  const list = element("legend"), shown = [phases, Boolean(forest), Boolean(state.place)].join();
   if (list.dataset.shown === shown) return;
   list.dataset.shown = shown;
   const paths = phases.map((phase) => [phase, "M0 6 H24", line(false), PHASES[phase]]);
-  list.replaceChildren(...[...(state.place ? [ROVER] : []), ...paths, MARK, ...(memory ? MEMORY : []), ...(forest ? FOREST : [])].map(key));
+  list.replaceChildren(...[...(state.place ? [ROVER] : []), ...paths, MARK, ...(forest ? FOREST : [])].map(key));
 }
 
 function key([name, shape, style, text]) {

@@ -5,7 +5,7 @@ const REPLY_S = 6; // long enough to read a refusal twice
 const ANSWER_S = 2; // an answer that takes longer is missed
 const KEPT = { track: 8000, marks: 400, phases: 400, course: 600 }; // as the server keeps; it sends a thinner track in time
 
-const model = { about: {}, forest: null, track: [], memory: null, marks: [], phases: [], course: [], outcome: null, state: null, mayStart: false };
+const model = { about: {}, forest: null, track: [], marks: [], phases: [], course: [], outcome: null, state: null, mayStart: false };
 const connection = new Connection(take, takeToken());
 let drawing = false;
 let unsaid; // the timer of what is said about the last request
@@ -51,7 +51,6 @@ function takeNews(news) {
     if (model[kind].length > KEPT[kind]) model[kind].splice(0, model[kind].length - KEPT[kind]);
   }
   if (news.whole_track) model.track = news.whole_track;
-  if (news.memory) model.memory = news.memory;
   if (news.lines) addLines(news.lines);
   if (news.outcome) model.outcome = news.outcome;
 }

@@ -27,10 +27,6 @@ function bounds(model) {
   };
   for (const [east, north] of model.track) take(east, north);
   if (model.state.place) take(model.state.place[0], model.state.place[1]);
-  if (model.memory) {
-    for (const [x0, y0, x1, y1] of model.memory.trunks) take(x0, y0), take(x1, y1);
-    for (const [x, y] of model.memory.way) take(x, y);
-  }
   if (model.forest) {
     for (const [x0, y0, x1, y1] of model.forest.trunks_m) take(x0, y0), take(x1, y1);
     for (const [x, y] of model.forest.trees_m) take(x, y);
@@ -64,7 +60,6 @@ function drawMap(canvas, model) {
   const view = zoomed(fit(bounds(model), width, height), model.state.place, width, height);
   if (model.forest) drawForest(pen, view, model.forest, width);
   drawTrack(pen, view, model.track);
-  if (model.memory) drawMemory(pen, view, model.memory, height);
   drawMarks(pen, view, model.marks);
   if (model.state.place) drawRover(pen, view, model.state.place, model.about);
   drawScale(pen, view.scale, width, height);

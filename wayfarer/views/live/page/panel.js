@@ -20,7 +20,6 @@ function writeState(state, mayStart) {
   element("health").className = ["hold", "fault", "degrade"].includes(state.level) ? "bad" : "";
   write("phase", ended ? "" : state.phase_text);
   write("why", ended ? "" : state.why_text);
-  write("memory", ended ? "" : (model.memory?.text ?? ""));
   write("time", state.time_text);
   write("time-of", state.time_of);
   write("way", fixed(state.way_m, 1, " m"));
