@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import pytest
@@ -212,11 +213,23 @@ def test_armed_rover_that_goes_on_without_a_sensor_is_fresh_and_a_disarmed_one_i
     assert freshness(shop, script, (3.0, 5.0)) == [True, False]
 
 
-def test_armed_rover_that_rests_without_a_sensor_is_fresh(shop: Workshop) -> None:
-    """A rest is longer than systemd's patience."""
-    rests: Script = {2.0: lambda it: it.controller._recovery._ladder._rest_now(2.0)}
-    script = {1.01: breaking(shop, "motion.read", NotResponding("gone")), **rests}
-    assert freshness(shop, script, (3.0, 20.0)) == [True, True]
+@pytest.mark.parametrize("sensor", ["compass", "motion", "contact"])
+@pytest.mark.parametrize(
+    "stands",
+    [
+        lambda it: it.controller._recovery._ladder._rest_now(2.0),
+        lambda it: it.controller.hold(2.0, held=True),
+        lambda it: setattr(it.controller.wheels, "failed", True),
+    ],
+    ids=["rests", "is held", "waits for its motors"],
+)
+def test_armed_rover_that_stands_for_another_reason_than_its_lost_sensor_is_fresh(
+    shop: Workshop, sensor: str, stands: Callable[[Supervisor], object]
+) -> None:
+    """Each may last longer than systemd's patience, and the mission goes on afterwards."""
+    script: Script = {1.01: breaking(shop, f"{sensor}.read", NotResponding("gone")), 2.0: stands}
+    rover = {"algorithm": "cv-pledge", "contact": Contact(shop, "contact")}
+    assert freshness(shop, script, (6.0, 12.0, 20.0), **rover) == [True, True, True]
 
 
 def test_run_is_fresh_without_a_position_a_light_or_a_battery(shop: Workshop) -> None:

@@ -41,9 +41,6 @@ STALE = frozenset(
         Condition.CONTACT_STALE,
     }
 )
-SOON = frozenset(  # the rover holds its wheels, and continues by itself
-    {Condition.RESTING, Condition.RESUME_WARNING, Condition.MOTORS_FAILED, Condition.BOARD_FAULT}
-)
 
 
 class Supervisor:
@@ -151,13 +148,14 @@ class Supervisor:
     def is_fresh(self) -> bool:
         """Return whether the control tick runs and every sensor that the run needs has answered recently.
 
-        Where it is not, systemd starts the daemon again, disarmed. A mission that goes on without a sense must not end
-        this way, nor a run that a person may drive: they need no sensor, and a daemon that is there.
+        If it is not, systemd starts the daemon again, disarmed. A mission must not end this way unless the lost sense
+        is what holds it: one that rests, or that a person holds, goes on afterwards. Nor must a run that a person may
+        drive: they need no sensor, and a daemon that is there.
         """
         last = self.controller.last
         if last is None or asyncio.get_running_loop().time() - last.t_s > FRESH_S:
             return False
-        goes_on = self.mode in {Mode.ARMED, Mode.MANUAL} and (last.level < Level.HOLD or last.cause in SOON)
+        goes_on = self.mode in {Mode.ARMED, Mode.MANUAL} and (last.level < Level.HOLD or last.cause not in STALE)
         return goes_on or self._by_hand or STALE.isdisjoint(self.controller.conditions)
 
     async def run(self) -> RunEnd:
