@@ -8,11 +8,16 @@ from math import inf, nan
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tests.detector.rover import ALL_WELL, BACK, FULL, MAX_SPEED_M_S, PIVOT, SETTINGS, STEP_M, TICK_S, Rover, started
+from wayfarer.detector.detector import DetectorTick
 from wayfarer.escape.api import Anomaly
-from wayfarer.hal import STOP, CompassReading, MotionReading, Snapshot
+from wayfarer.hal import STOP, CompassReading, MotionReading, Snapshot, WheelCommand
 from wayfarer.safety.conditions import Condition
+
+CREEP = WheelCommand(0.3, 0.3)
 
 
 def test_silent_motion_sensor_is_stale_and_no_stall_is_claimed() -> None:
@@ -140,6 +145,33 @@ def test_rubbish_sideways_hides_a_stall_for_two_seconds_at_most(every: int) -> N
     found = [sideways(rover, 4.9 * TICK_S if n % every == 0 else 0.0) for n in range(48)]
     assert all(found[round(SETTINGS.nowhere_s / TICK_S) :])
     assert not all(found)
+
+
+@given(
+    legs=st.lists(st.tuples(st.sampled_from([FULL, BACK, PIVOT, CREEP, STOP]), st.integers(2, 12)), max_size=6),
+    share=st.floats(0.2, 1.0),
+    pitch_deg=st.sampled_from([-10.0, 0.0, 10.0]),
+)
+def test_sensor_that_sees_no_direction_says_the_same_as_one_that_does(
+    legs: list[tuple[WheelCommand, int]], share: float, pitch_deg: float
+) -> None:
+    """For all who use it: backing off uphill taught it that the slope takes up no duty."""
+    rovers = {signed: started() for signed in (True, False)}
+    for rover in rovers.values():
+        rover.tick(pitch_deg=pitch_deg)
+        rover.detector.begin_mission(DetectorTick(rover.t_s))
+    for wheels, ticks in legs:
+        ahead_m = share * (wheels.left + wheels.right) / 2.0 * STEP_M
+        for _ in range(ticks):
+            found = {
+                signed: (
+                    rover.tick(wheels, ahead_m if signed else abs(ahead_m), signed=signed, pitch_deg=pitch_deg),
+                    rover.detector.motion and rover.detector.motion.forward_m,
+                    rover.detector.grade.compensate(CREEP),
+                )
+                for signed, rover in rovers.items()
+            }
+            assert found[True] == found[False]
 
 
 # -- without sight ----------------------------------------------------------------------------------------------------

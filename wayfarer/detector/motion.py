@@ -35,7 +35,8 @@ class MotionMonitor:
     ``watched`` says whether silence is a condition; ``moves`` is whether the newest reading shows that the rover moves.
     ``ahead_m`` is how far it was seen to move ahead since the start, minus how far it moved back. ``reading`` is what
     may be believed of this tick's reading: its quality is 0 where its zeros are doubted (``detector.sight``), and while
-    the sensor is silent, because motion that nobody saw is unknown, not zero. ``stride_over`` says that a rover that
+    the sensor is silent, because motion that nobody saw is unknown, not zero. A sensor that sees no direction counts as
+    seeing that of the wheels, here and for all who take ``reading``. ``stride_over`` says that a rover that
     sees nothing has driven ahead for ``blind_stride_m``, and may have been stuck for all of it, or that something holds
     it, because its heading does not answer steering.
     """
@@ -99,6 +100,8 @@ class MotionMonitor:
             self._driven_t_s = t_s
         self._zeros.update(interval, turned_deg, reading)
         if reading is not None:
+            if not reading.signed and self._commanded_m < 0.0:
+                reading = reading._replace(forward_m=-reading.forward_m)
             if reading.quality >= self._quality_min:
                 self._lies = self._readings.doubts(reading, self._commanded_m)
             if self._lies or self._zeros.doubts:
@@ -144,8 +147,6 @@ class MotionMonitor:
         if abs(self._led_m - turned_deg * self._m_per_deg) > abs(commanded_m - forward_m):
             straight = 0.0  # one side's wheels slip ahead, the other's back: their friction cancels out
         self._pushed_m = self._led_m = self._turned_deg = 0.0
-        if not signed and commanded_m < 0.0:
-            forward_m = -forward_m  # the sensor does not see the direction; take that of the wheels
         limit_m = self._speed_max_m_s * dt_s
         can_be = abs(forward_m) <= limit_m and abs(right_m) <= limit_m and 0.0 <= quality <= 1.0
         known = can_be and quality >= self._quality_min
