@@ -95,8 +95,9 @@ class Detector:
         self._heading.update(tick, self._compass.reading, turned_deg, conditions, armed=armed)
         gained_deg = self._heading.gained_deg
         doubtful = bool(conditions)
-        read = self._compass.reading
-        self._motion.runaway.pitch_deg = 0.0 if read is None or doubtful else read.pitch_deg
+        if not (left or right) and (believed := self._heading.reading) is not None:
+            rises_deg, falls_deg, _, _ = self._ground.towards_deg(believed.heading_deg)
+            self._motion.runaway.stands_at(0.0 if doubtful else believed.pitch_deg, falls_deg, rises_deg)
         self._motion.update(tick, gained_deg - before_deg, tick.motion, conditions)
         self.motion = self._motion.reading
         anomalies = [Anomaly.IMMOBILISED] if self._motion.stall.found or self._motion.stride_over else []

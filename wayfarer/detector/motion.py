@@ -51,7 +51,7 @@ class MotionMonitor:
         self._seen_from_m_s = settings.immobilised_from_m_s
         self._speed_max_m_s = settings.motion_speed_max_m_s
         self.stall = StallMonitor(settings)
-        self.runaway = RunawayMonitor(settings)
+        self.runaway = RunawayMonitor(settings, vehicle.max_speed_m_s)
         self._steering = SteeringMonitor(vehicle)
         self._zeros, self._readings = ZeroDoubt(), ReadingDoubt()
         self._stride_m = settings.blind_stride_m
@@ -171,7 +171,7 @@ class MotionMonitor:
         self.moves = abs(forward_m) >= self._seen_from_m_s * dt_s
         stood_s = read_t_s - self._driven_t_s
         if stood_s > 0.0 or self.runaway.found:
-            self.runaway.add(dt_s, stood_s, forward_m)
+            self.runaway.add(dt_s, stood_s, forward_m, signed=signed)
 
     def _check_ages(self, t_s: float, conditions: list[Condition]) -> None:
         settings = self._settings
