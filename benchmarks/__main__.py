@@ -3,10 +3,9 @@
 With ``daemon`` only those of ``wayfarer run --sim``, with ``log`` only those of the field log; with ``trial``, what a
 trial costs in units that hold on any computer; with ``profile``, where the time of a control tick goes; with ``soak``,
 whether anything grows in a simulated day full of faults; with ``missions``, in a thousand missions of one daemon; with
-``campaign``, the memory of a small and of a large one; with ``gps``, how near dead reckoning is to the true way, before
-and after a report lays it onto the receiver's fixes; with ``detector``, how well each anomaly is noticed. ``guard`` and
-``stops`` say whether a change of the code has changed results or stops, ``size`` how much there is to read, ``mutants``
-whether the tests bite.
+``gps``, how near dead reckoning is to the true way, before and after a report lays it onto the receiver's fixes; with
+``detector``, how well each anomaly is noticed. ``guard`` and ``stops`` say whether a change of the code has changed
+results or stops, ``size`` how much there is to read, ``mutants`` whether the tests bite.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ import sys
 from argparse import Namespace
 from collections.abc import Callable
 
-from benchmarks import by_hand, calibration, command, daemon, detector, disk, gps, memory, missions, rover, stack
+from benchmarks import by_hand, calibration, command, daemon, detector, disk, gps, missions, rover, stack
 from benchmarks.breakdown import print_breakdown
 from benchmarks.figures import HEADER, Figure, print_table
 from benchmarks.guard import print_guard
@@ -38,11 +37,7 @@ def main() -> None:
     parser.add_argument("--hours", type=float, default=24.0, help="of the soak, simulated")
     parser.add_argument("--missions", type=int, default=1000, help="in one daemon")
     parser.add_argument("--idle-s", type=float, default=1.0, help="disarmed after each mission, simulated")
-    parser.add_argument(
-        "--trials",
-        type=int,
-        help="of the large campaign (20,000), each case of the detector (60); pairs of the guard",
-    )
+    parser.add_argument("--trials", type=int, help="of each case of the detector (60); pairs of the guard")
     parser.add_argument("--rover", default="sim", help="whose detector")
     parser.add_argument("--mujoco", action="store_true", help="measure the detector on grounds of five frictions")
     parser.add_argument("--only", nargs="*", default=(), help="campaigns of the guard")
@@ -106,7 +101,6 @@ WHAT: dict[str, Callable[[Namespace], int | None]] = {
     "log": _print_log,
     "soak": lambda asked: print_soak(asked.hours),
     "missions": lambda asked: missions.print_missions(asked.missions, asked.idle_s),
-    "campaign": lambda asked: print_table(memory.HEADER, memory.rows(asked.trials or 20_000)),
     "gps": lambda asked: print_table(gps.HEADER, gps.rows(trials=1 if asked.quick else 5)),
     "detector": _print_detector,
     "guard": lambda asked: print_guard(asked.only, asked.trials, accept=asked.accept),

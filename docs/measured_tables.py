@@ -17,6 +17,7 @@ from typing import Any
 from wayfarer.experiments.outcome import SUCCESSES
 from wayfarer.experiments.paired_statistics import compare
 from wayfarer.experiments.paired_table import COLUMNS
+from wayfarer.experiments.provenance import read_runs
 from wayfarer.experiments.report.load_results import read_results
 from wayfarer.experiments.report.sweep import point_rows, point_titles
 from wayfarer.experiments.report.sweep_results import read_sweep
@@ -77,7 +78,7 @@ class Measured:
         told = self.told or {}
         run, version = told["last_run"], told.get("campaign", told)["version"]
         minutes = "{:.1f} min, {:.1f} min of CPU".format(*(run[key] / 60 for key in ("wall_s", "cpu_s")))
-        took = minutes if run["ticks"] == told["ticks"] else "in several runs"
+        took = minutes if len(read_runs(self.results)) == 1 else "in several runs"
         return f"`{self.command}`, version {version} ({took}):"
 
 

@@ -19,7 +19,7 @@ from wayfarer.experiments.sweep import FOREST, WORLD
 from wayfarer.simhal.chip_wiring import CHIP_GROUP
 
 NAME = re.compile(r"``([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)+)(?:\(\))?``")
-FILE = re.compile(r".*\.(py|md|toml|json|jsonl|csv|parquet|yaml|html|css|js|c|service)")
+FILE = re.compile(r".*\.(py|md|toml|json|jsonl|csv|yaml|html|css|js|c|service)")
 GROUPS = {ALGORITHM_GROUP, DRIVER_GROUP, CHIP_GROUP}  # of entry points
 REASONS = {f"{phase.value}.{what}" for phase in Phase for what in ["anomaly", *(event.value for event in PhaseEvent)]}
 SWEPT = {WORLD + name for name in FOREST}

@@ -225,12 +225,12 @@ def test_only_the_demo_arms_a_rover_by_itself_and_gives_a_page_buttons_for_the_c
     [
         (["wayfarer"], {"numpy", "pydantic", "typer", "structlog", "asyncio", "typing"}),
         (["wayfarer.api.handlers", "wayfarer.escape.failsafe"], {"numpy", "pydantic", "asyncio"}),
-        (["wayfarer.api.campaigns", "wayfarer.api.trials", "wayfarer.api.runs"], {"numpy", "pyarrow", "pandas"}),
+        (["wayfarer.api.campaigns", "wayfarer.api.trials", "wayfarer.api.runs"], {"numpy"}),
         (
             ["wayfarer.cli"],
             {"numpy", "scipy", "pydantic", "asyncio", "aiohttp", "orjson", "wayfarer.views.live.server"},
         ),
-        (["wayfarer.experiments.sim_command"], {"numpy", "pyarrow"}),
+        (["wayfarer.experiments.sim_command"], {"numpy"}),
         (["wayfarer.control.supervisor"], HEAVY),
         (["wayfarer.testing"], HEAVY),
         (["wayfarer.daemon.daemon"], HEAVY),

@@ -18,7 +18,6 @@ if TYPE_CHECKING:  # for type checkers and editors; ``_MODULES`` says the same t
     from wayfarer.api.campaigns import run_campaign, run_sweep
     from wayfarer.api.handlers import make_handler
     from wayfarer.api.results import Results, compare, open_results
-    from wayfarer.api.rows import Rows
     from wayfarer.api.runs import Run, open_run, replay
     from wayfarer.api.trials import Trial, run_trial
     from wayfarer.config.rover_file import load_rover
@@ -32,7 +31,6 @@ __all__ = [  # first what does something, then the types that it takes and gives
     "FailSafe",
     "Observation",
     "Results",
-    "Rows",
     "Run",
     "Trial",
     "Vehicle",
@@ -52,7 +50,6 @@ _MODULES = {
     "wayfarer.api.campaigns": ["run_campaign", "run_sweep"],
     "wayfarer.api.handlers": ["make_handler"],
     "wayfarer.api.results": ["Results", "compare", "open_results"],
-    "wayfarer.api.rows": ["Rows"],
     "wayfarer.api.runs": ["Run", "open_run", "replay"],
     "wayfarer.api.trials": ["Trial", "run_trial"],
     "wayfarer.config.rover_file": ["load_rover"],

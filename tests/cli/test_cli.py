@@ -74,7 +74,6 @@ GET = "which is not installed: pip install 'wayfarer-rover"
     ("arguments", "module", "said"),
     [
         (["sim", "--trials", "1"], "numpy", f"simulating needs numpy, {GET}[sim]'"),
-        (["sim", "--out", "o"], "pyarrow", f"results needs pyarrow, {GET}[sim]'"),
         (["sim", "--cluster", "x:1"], "distributed", f"distributed, {GET}[cluster]'"),
         (["run", "--sim"], "numpy", f"simulating needs numpy, {GET}[sim]'"),
         (["sim", "--spl"], "skfmm", f"--spl needs scikit-fmm, {GET}[spl]'"),

@@ -124,7 +124,7 @@ def test_commands_that_no_test_runs_are_understood(page: str) -> None:
 
 @pytest.mark.parametrize("page", PAGES)
 def test_commands_in_sentences_have_the_options_that_they_name(page: str) -> None:
-    """Of commands in blocks too: an old name that is only kept for scripts is shown to nobody."""
+    """Of commands in blocks too: a short name or a hidden one is shown to nobody."""
     lines = [line for fence in fences(page) if fence.language in SHELL for line in shell_lines(fence)]
     in_blocks = [words for line in lines for words in wayfarer_words(line)]
     for words in (*inline_commands(page), *in_blocks):

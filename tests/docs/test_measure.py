@@ -17,6 +17,7 @@ from tests.conftest import Run
 from tests.docs.pages import ROOT
 from tests.docs.test_commands import command_of
 from tests.experiments import fake_trials
+from wayfarer.experiments.provenance import record_run
 from wayfarer.experiments.trial import TrialResult
 from wayfarer.simhal.world.forest_file import REFERENCE, content_of, forests_in
 
@@ -136,10 +137,12 @@ def test_campaign_that_failed_is_not_finished_and_goes_on_in_its_folder(
 
 def test_caption_gives_no_time_where_a_campaign_was_interrupted(tmp_path: Path) -> None:
     campaign = Measured(tmp_path, "one", "sim --trials 2")
-    told = {"version": "1.2.0", "ticks": 10, "last_run": {"ticks": 10, "wall_s": 90.0, "cpu_s": 150.0}}
+    told = {"version": "1.2.0", "last_run": {"ticks": 10, "wall_s": 90.0, "cpu_s": 150.0}}
     campaign.end.write_text(json.dumps(told))
+    campaign.results.mkdir()
+    record_run(campaign.results, None)
     assert campaign.caption == "`wayfarer sim --trials 2`, version 1.2.0 (1.5 min, 2.5 min of CPU):"
-    campaign.end.write_text(json.dumps(told | {"ticks": 30}))
+    record_run(campaign.results, None)
     assert "(in several runs)" in campaign.caption
 
 

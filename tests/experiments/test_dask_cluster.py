@@ -15,7 +15,7 @@ from tests.experiments.dask_processes import STRANGER, UP_S, DaskProcesses, even
 from tests.experiments.fake_trials import MANY, campaign_of, started
 from tests.experiments.test_run_campaign import lines_in, run_into
 from wayfarer.errors import BadInput
-from wayfarer.experiments.results_folder import PARTIAL, TRIALS
+from wayfarer.experiments.results_folder import TRIALS
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def test_cluster_gives_the_bytes_of_two_jobs_although_a_worker_is_killed(dask: D
     doomed, _ = dask.worker(), dask.worker()
     out = tmp_path / "far"
     with started(out, dask.address) as campaign:
-        assert eventually(lambda: lines_in(out / PARTIAL) > 10)
+        assert eventually(lambda: lines_in(out / TRIALS) > 10)
         kill(doomed)
         assert ended(campaign) == (0, [f"the results are in {out}", f"Next: wayfarer report {out}"])
     two_jobs = run_into(tmp_path / "near", campaign_of(MANY), jobs=2)
@@ -59,14 +59,14 @@ def test_interrupted_on_one_cluster_it_is_resumed_on_another_after_the_first_was
     dask.worker()
     out = tmp_path / "out"
     with started(out, dask.address) as campaign:
-        assert eventually(lambda: lines_in(out / PARTIAL) > 5)
+        assert eventually(lambda: lines_in(out / TRIALS) > 5)
         campaign.send_signal(signal.SIGINT)
         code, (last,) = ended(campaign)
-    kept = lines_in(out / PARTIAL) - 1
+    kept = lines_in(out / TRIALS) - 1
     assert code == 130
     assert last == f"interrupted: {kept} of {MANY} trials are kept in {out}; continue with --resume"
     with started(out, dask.address) as campaign:
-        assert eventually(lambda: lines_in(out / PARTIAL) > kept + 5)
+        assert eventually(lambda: lines_in(out / TRIALS) > kept + 5)
         kill(dask.scheduler)
         code, said = ended(campaign)
     assert (code, said[0]) == (1, f"{kept} of {MANY} trials are in {out} already")

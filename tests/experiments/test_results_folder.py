@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,21 @@ from hypothesis import strategies as st
 
 from tests.fieldlog.disks import files_no_longer_than
 from wayfarer.errors import BadInput, WayfarerError
+from wayfarer.experiments.campaign import Task
 from wayfarer.experiments.outcome import OUTCOMES
 from wayfarer.experiments.provenance import RUNS
-from wayfarer.experiments.results_folder import PARQUET, PARTIAL, SETTINGS, SUMMARY, TRIALS, ResultsFolder
+from wayfarer.experiments.results_folder import (
+    MOST_LINE_BYTES,
+    SETTINGS,
+    SUMMARY,
+    TRIALS,
+    ResultsFolder,
+    in_table_order,
+    missing,
+    read_rows,
+    tasks_of,
+)
 from wayfarer.experiments.rows import COLUMNS, TERRAIN, TrialRow, csv_line, parse_row, row_of
-from wayfarer.experiments.store import CHECKSUM, MOST_LINE_BYTES, line_of
 from wayfarer.experiments.trial import TrialResult
 
 SETTINGS_HERE: dict[str, Any] = {
@@ -25,8 +36,9 @@ SETTINGS_HERE: dict[str, Any] = {
     "trials": 3,
     "rover": {"name": "sim", "rates": {"compass_hz": 20.0}},
 }
-ROWS = [TrialRow(n, "pledge", n // 2, n % 2, 77 + n, "escaped", 80.125, 1.5, 90.0, 3, 2, ticks=9) for n in range(3)]
-KEPT = (*COLUMNS, "ticks", CHECKSUM)
+ROWS = [TrialRow(n, "pledge", n // 2, n % 2, 77 + n, "escaped", 80.125, 1.5, 90.0, 3, 2) for n in range(3)]
+HEADER = csv_line(COLUMNS).encode()
+LINES = [csv_line(COLUMNS, row).encode() for row in ROWS]
 numbers = st.floats(0, 1e6)
 maybe = st.none() | numbers
 
@@ -71,9 +83,8 @@ def fill(path: Path, *rows: TrialRow, finished: bool = False) -> None:
         for row in rows:
             folder.append(row)
         if finished:
-            assert list(folder.into_tables(folder.kept)) == list(rows)
-            folder.finish({"ticks": 27})
-            assert folder.complete
+            folder.finish(in_table_order(rows, SETTINGS_HERE), {"seed": 27})
+            assert folder.finished
 
 
 WHOLE = csv_line(COLUMNS, ROWS[0])
@@ -103,16 +114,16 @@ def test_line_that_is_no_row_is_refused_with_its_place(line: str) -> None:
 
 
 def test_finished_folder_holds_whole_files_only(tmp_path: Path) -> None:
-    fill(folder := tmp_path / "new" / "run", *ROWS, finished=True)
-    assert {path.name for path in folder.iterdir()} == {SETTINGS, RUNS, TRIALS, PARQUET, SUMMARY}
-    assert (folder / TRIALS).read_text() == csv_line(COLUMNS) + "".join(csv_line(COLUMNS, row) for row in ROWS)
-    assert json.loads((folder / SUMMARY).read_text()) == {"ticks": 27}
+    fill(folder := tmp_path / "new" / "run", *ROWS[::-1], finished=True)
+    assert {path.name for path in folder.iterdir()} == {SETTINGS, RUNS, TRIALS, SUMMARY}
+    assert (folder / TRIALS).read_bytes() == HEADER + b"".join(LINES), "in the order of its trials"
+    assert json.loads((folder / SUMMARY).read_text()) == {"seed": 27}
 
 
 def test_row_is_on_disk_as_soon_as_it_is_kept_and_the_folder_in_use_until_it_is_left(tmp_path: Path) -> None:
     with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
         folder.append(ROWS[1])
-        assert (tmp_path / PARTIAL).read_bytes() == csv_line(KEPT).encode() + line_of(KEPT, ROWS[1])
+        assert (tmp_path / TRIALS).read_bytes() == HEADER + LINES[1]
         with pytest.raises(BadInput, match="in use"):
             ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
     ResultsFolder(tmp_path, SETTINGS_HERE, resume=True).close()
@@ -120,79 +131,56 @@ def test_row_is_on_disk_as_soon_as_it_is_kept_and_the_folder_in_use_until_it_is_
 
 def test_resuming_after_a_cut_anywhere_keeps_exactly_the_whole_lines(tmp_path: Path) -> None:
     fill(tmp_path, *ROWS[:2])
-    whole = (tmp_path / PARTIAL).read_bytes()
+    whole = (tmp_path / TRIALS).read_bytes()
     for length in range(len(whole) + 1):
-        (tmp_path / PARTIAL).write_bytes(whole[:length])
+        (tmp_path / TRIALS).write_bytes(whole[:length])
         with ResultsFolder(tmp_path, SETTINGS_HERE, resume=True) as folder:
-            assert list(folder.kept) == ROWS[: max(0, whole[:length].count(b"\n") - 1)]
-            for row in ROWS[len(folder.kept) : 2]:
+            assert folder.rows == ROWS[: max(0, whole[:length].count(b"\n") - 1)]
+            for row in ROWS[len(folder.rows) : 2]:
                 folder.append(row)
-        assert (tmp_path / PARTIAL).read_bytes() == whole
+        assert (tmp_path / TRIALS).read_bytes() == whole
 
 
-def test_complete_folder_resumes_to_what_it_holds(tmp_path: Path) -> None:
+def test_finished_folder_resumes_to_what_it_holds(tmp_path: Path) -> None:
     fill(tmp_path, *ROWS, finished=True)
+    runs = (tmp_path / RUNS).read_bytes()
     with ResultsFolder(tmp_path, SETTINGS_HERE, resume=True) as folder:
-        assert folder.complete
-        assert list(folder.kept) == [row._replace(ticks=None) for row in ROWS]
+        assert folder.finished
+        assert folder.rows == ROWS
+    assert (tmp_path / RUNS).read_bytes() == runs, "nothing is run"
 
 
-FIRST_TWO = [line_of(KEPT, row) for row in ROWS[:2]]
-NAMES = csv_line(KEPT).encode()
-OLDER = (*COLUMNS, "ticks")
-
-
-@pytest.mark.parametrize(
-    ("lines", "said"),
-    [
-        ([NAMES, FIRST_TWO[0].replace(b"80.125", b"80.126"), FIRST_TWO[1]], ", line 2 is damaged: its checksum"),
-        ([NAMES, FIRST_TWO[0], csv_line(OLDER, ROWS[1]).encode()], ", line 3 is damaged: its checksum"),
-        (
-            [NAMES, *FIRST_TWO, line_of(KEPT, ROWS[0]._replace(path_m=1.0))],
-            ", line 4 is damaged: it is a second row",
-        ),
-        ([csv_line(OLDER).encode(), csv_line(OLDER, ROWS[0]).encode()], ".* written by another version"),
-    ],
-)
-def test_partial_file_that_was_changed_is_refused_and_left_alone(tmp_path: Path, lines: list[bytes], said: str) -> None:
-    fill(tmp_path)
-    (tmp_path / PARTIAL).write_bytes(b"".join(lines) + b"2,pled")
-    with pytest.raises(BadInput, match=rf"{PARTIAL}{said}"):
-        ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
-    assert (tmp_path / PARTIAL).read_bytes() == b"".join(lines) + b"2,pled"
+@pytest.mark.parametrize("order", [1, -1])
+def test_folder_that_lost_its_end_after_its_last_trial_is_not_finished(tmp_path: Path, order: int) -> None:
+    fill(tmp_path, *ROWS[::order])
+    with ResultsFolder(tmp_path, SETTINGS_HERE, resume=True) as folder:
+        assert not folder.finished
+        assert folder.rows == ROWS[::order]
 
 
 def test_nothing_of_a_torn_line_stays_behind_the_next_one(tmp_path: Path) -> None:
     fill(tmp_path)
-    (tmp_path / PARTIAL).write_bytes(NAMES + b"0" * 500)
+    (tmp_path / TRIALS).write_bytes(HEADER + b"0" * 500)
     with ResultsFolder(tmp_path, SETTINGS_HERE, resume=True) as folder:
         folder.append(ROWS[0])
-    assert (tmp_path / PARTIAL).read_bytes() == NAMES + FIRST_TWO[0]
-
-
-def test_line_that_is_there_twice_counts_once(tmp_path: Path) -> None:
-    fill(tmp_path)
-    (tmp_path / PARTIAL).write_bytes(b"".join([NAMES, *FIRST_TWO, *FIRST_TWO]))
-    with ResultsFolder(tmp_path, SETTINGS_HERE, resume=True) as folder:
-        assert list(folder.kept) == ROWS[:2]
-        assert [task.trial for task in folder.kept.missing()] == [2]
+    assert (tmp_path / TRIALS).read_bytes() == HEADER + LINES[0]
 
 
 @pytest.mark.parametrize("kind", ["symlink", "dangling symlink", "pipe", "device"])
-def test_partial_file_is_neither_followed_nor_waited_for(tmp_path: Path, kind: str) -> None:
+def test_table_is_neither_followed_nor_waited_for(tmp_path: Path, kind: str) -> None:
     fill(folder := tmp_path / "run")
-    partial, other = folder / PARTIAL, tmp_path / "other"
-    partial.unlink()
+    table, other = folder / TRIALS, tmp_path / "other"
+    table.unlink()
     match kind:
         case "pipe":
-            os.mkfifo(partial)
+            os.mkfifo(table)
         case "device":
-            partial.symlink_to("/dev/zero")
+            table.symlink_to("/dev/zero")
         case _:
-            partial.symlink_to(other)
+            table.symlink_to(other)
     if kind == "symlink":
-        other.write_bytes(NAMES)
-    with pytest.raises(BadInput, match=rf"{PARTIAL} cannot be used .* no ordinary file"):
+        other.write_bytes(HEADER)
+    with pytest.raises(BadInput, match=rf"{TRIALS} cannot be used .* no ordinary file"):
         ResultsFolder(folder, SETTINGS_HERE, resume=True)
     assert other.exists() == (kind == "symlink")
 
@@ -223,30 +211,63 @@ def test_settings_are_not_waited_for(tmp_path: Path) -> None:
         ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
 
 
-HEADER = csv_line(COLUMNS).encode()
-
-
 @pytest.mark.parametrize(
     ("content", "said"),
     [
         (HEADER + b"\0\0\0\n", ", line 2 is not a row"),
         (HEADER + b"\x80\n", ", line 2 is not a row of a campaign .*can't decode byte 0x80"),
         (b"\xff\xfe\n", " is damaged.*: its first line does not name its columns"),
-        (b"", " is damaged.*: its first line does not name its columns"),
         (b"trial,algorithm\n", " is damaged.*: its first line does not name its columns"),
+        (b"point," + HEADER, " is damaged, or was written by another version"),
         (HEADER + b"0" * MOST_LINE_BYTES, ", line 2 is not a row"),
-        (HEADER + WHOLE.encode(), " is damaged: it has 1 of 3 trials"),
-        (
-            HEADER + 2 * WHOLE.encode() + WHOLE.replace("80.125", "80.126").encode(),
-            ", line 4 is damaged: it is a second row",
-        ),
+        (HEADER + LINES[0] + LINES[1] + LINES[0], ", line 4 is damaged: it is a second row of trial 0 of 'pledge'"),
+        (HEADER + LINES[0].replace(b"0,pledge", b"3,pledge"), ", line 2 is damaged: there is no trial 3 of 'pledge'"),
+        (HEADER + LINES[0].replace(b"pledge", b"oo-react"), ", line 2 is damaged: there is no trial 0 of 'oo-react'"),
     ],
 )
-def test_damaged_table_is_named(tmp_path: Path, content: bytes, said: str) -> None:
-    fill(tmp_path, *ROWS, finished=True)
-    (tmp_path / TRIALS).write_bytes(content)
+@pytest.mark.parametrize("finished", [False, True])
+def test_damaged_table_is_named_and_left_alone(tmp_path: Path, content: bytes, said: str, finished: bool) -> None:
+    fill(tmp_path, *ROWS[: 3 if finished else 1], finished=finished)
+    (tmp_path / TRIALS).write_bytes(content + b"2,pled")
     with pytest.raises(BadInput, match=rf"trials\.csv{said}"):
         ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
+    assert (tmp_path / TRIALS).read_bytes() == content + b"2,pled"
+
+
+# -- which trials there are, and in which order ------------------------------------------------------------------------
+
+SWEPT: dict[str, Any] = {
+    "campaign": {"algorithms": ["b", "a"], "trials": 2},
+    "axes": [{"key": "escape.turn_angle_deg", "values": [10, 30.5, 20]}],
+}
+ALL = tasks_of(SWEPT)
+
+
+def row_of_task(task: Task) -> TrialRow:
+    return TrialRow(task.trial, task.algorithm, 3, 1, 77, "escaped", 80.5, point=task.point)
+
+
+def test_tasks_come_forest_by_forest_and_go_into_the_table_point_by_point() -> None:
+    assert [Task(name, trial, point) for trial in range(2) for point in range(3) for name in "ba"] == ALL
+    assert [row.key for row in in_table_order(list(map(row_of_task, ALL)), SWEPT)] == [
+        (name, trial, point) for point in range(3) for name in "ba" for trial in range(2)
+    ]
+
+
+@given(st.lists(st.sampled_from(ALL), unique=True))
+def test_rows_come_back_as_they_were_kept_and_what_is_missing_is_the_rest(finished: list[Task]) -> None:
+    with tempfile.TemporaryDirectory() as out:
+        with ResultsFolder(Path(out), SWEPT) as folder:
+            for task in finished:
+                folder.append(row_of_task(task))
+        with (Path(out) / TRIALS).open("rb") as file:
+            rows, end = read_rows(file, SWEPT, TRIALS)
+        assert end == (Path(out) / TRIALS).stat().st_size
+    assert rows == list(map(row_of_task, finished))
+    assert missing(SWEPT, rows) == [task for task in ALL if task not in finished]
+
+
+# -- whose folder it is ------------------------------------------------------------------------------------------------
 
 
 def test_another_campaigns_folder_is_refused_by_its_first_difference(tmp_path: Path) -> None:

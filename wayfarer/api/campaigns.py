@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Literal, Unpack
 
-from wayfarer.api.results import Results, open_results
+from wayfarer.api.results import Results
 from wayfarer.errors import BadInput
 from wayfarer.extras import require
 
@@ -77,7 +77,7 @@ def run_campaign(
         faults: on purpose, each as ``KIND[:PART][@SECONDS[+SECONDS]]``: ``"silent:compass@20+5"`` takes the compass
             away from each rover for 5 s, 20 s after the start.
         jobs: number of processes.
-        out: a new or empty folder for ``trials.csv``, ``trials.parquet`` and ``summary.json``.
+        out: a new or empty folder for ``trials.csv`` and ``summary.json``.
         resume: continue what was interrupted in ``out``.
         progress: show a progress bar on stderr.
 
@@ -92,7 +92,6 @@ def run_campaign(
     [(0, 'left_bounds'), (1, 'escaped')]
     """
     require("simulating")
-    require("keeping results")
     from wayfarer.experiments.make_campaign import make_campaign
 
     campaign = make_campaign(
@@ -138,7 +137,7 @@ def run_sweep(
     >>> [(row["point"], row["escape.turn_angle_deg"], row["trial"]) for row in results.trials]
     [(0, 30, 0), (1, 60, 0)]
     """
-    require("sweeping")
+    require("simulating")
     from wayfarer.experiments.commands import check_points
     from wayfarer.experiments.make_campaign import make_campaign
     from wayfarer.experiments.sweep import Axis, make_sweep
@@ -177,26 +176,16 @@ def _run(
         if done.fault:
             faults.append(done)
 
-    with _folder(out) as path:
-        with ResultsFolder(path, plan.settings(), resume=resume) as folder:
-            if forests:
-                folder.keep_forests(content_of(forests))
-            if progress:
-                finished = run_shown(plan, folder, jobs=jobs, run_trial=field_trial)
-            else:
-                finished = run(plan, folder, jobs=jobs, progress=note)
-        if finished.interrupted:
-            raise KeyboardInterrupt
-        if faults:
-            warnings.warn(f"{plural(len(faults), 'trial')} ended in a fault: {fault_line(faults[0])}", stacklevel=3)
-        return open_results(path)
-
-
-@contextmanager
-def _folder(out: str | Path | None) -> Iterator[Path]:
-    """Give the folder for the results, one that goes at the end where nobody wants to keep it."""
-    if out is not None:
-        yield Path(out)
-        return
-    with TemporaryDirectory(prefix="wayfarer-") as folder:
-        yield Path(folder)
+    settings = plan.settings()
+    with nullcontext() if out is None else ResultsFolder(Path(out), settings, resume=resume) as folder:
+        if folder and forests:
+            folder.keep_forests(content_of(forests))
+        if progress:
+            finished = run_shown(plan, folder, jobs=jobs, run_trial=field_trial)
+        else:
+            finished = run(plan, folder, jobs=jobs, progress=note)
+    if finished.interrupted:
+        raise KeyboardInterrupt
+    if faults:
+        warnings.warn(f"{plural(len(faults), 'trial')} ended in a fault: {fault_line(faults[0])}", stacklevel=3)
+    return Results(json.loads(json.dumps(settings)), finished.rows)

@@ -2,29 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any
 
-from wayfarer.api.rows import Rows, typed_rows
 from wayfarer.errors import BadInput
 from wayfarer.experiments.results_folder import swept_values
-from wayfarer.experiments.rows import TrialRow, columns_of, types_of
-from wayfarer.experiments.statistics import AlgorithmSummary, Estimate, summarise
+from wayfarer.experiments.rows import TrialRow, columns_of
+from wayfarer.experiments.statistics import Estimate, summarise
 from wayfarer.extras import require
 from wayfarer.fieldlog.wording import plural
 
 if TYPE_CHECKING:
     from wayfarer.experiments.paired_statistics import Comparison, Difference
-
-# The types of the columns of a comparison; the others are numbers with a fraction.
-COMPARED = {
-    "algorithm": str,
-    **dict.fromkeys(("trials", "layouts", "worst_trial"), int),
-    **dict.fromkeys(("success_gain_pairs", "spl_gain_pairs", "path_gain_pairs"), int),
-}
 
 
 @dataclass(frozen=True, repr=False)
@@ -35,9 +27,8 @@ class Results:
     rows, on any computer and with any number of processes. ``rows`` are named tuples, as ``Trial.row``.
 
     >>> results = run_campaign("pledge", trials=1)
-    >>> frame = results.trials.to_pandas()
-    >>> frame.groupby("algorithm").size().to_dict()
-    {'pledge': 1}
+    >>> [(row["algorithm"], row["outcome"]) for row in results.trials]
+    [('pledge', 'escaped')]
     >>> [row["success_percent"] for row in results.summary]
     [100.0]
     """
@@ -50,44 +41,27 @@ class Results:
         return f"<Results: {plural(len(self.rows), 'trial')} of {', '.join(campaign['algorithms'])}>"
 
     @property
-    def trials(self) -> Rows:
+    def trials(self) -> list[dict[str, Any]]:
         """A row for each trial, with the columns of ``trials.csv``; those of a sweep begin with the swept values.
 
         Paths are in metres, times in simulated seconds, ``spl`` is 0 to 1, and ``outcome`` is ``escaped``,
         ``left_bounds``, ``entrapped``, ``tipped`` or ``fault``. What is not known is None.
         """
-        points, types = self._points()
-        columns = columns_of(self.settings)
-
-        def read() -> Iterator[dict[str, Any]]:
-            for row in self.rows:
-                values = row._asdict() | points[row.point]
-                yield {name: values[name] for name in columns}
-
-        return typed_rows({name: types[name] for name in columns}, read)
+        points, columns = swept_values(self.settings), columns_of(self.settings)
+        all_values = (row._asdict() | points[row.point] for row in self.rows)
+        return [{name: values[name] for name in columns} for values in all_values]
 
     @property
-    def summary(self) -> Rows:
+    def summary(self) -> list[dict[str, Any]]:
         """A row for each algorithm, of a sweep for each at each point: success with its 95 % interval, path, SPL, time.
 
         The columns are those of ``summary.json``, in per cent, metres and seconds.
         """
-        points, types = self._points()
-
-        def read() -> Iterator[dict[str, Any]]:
-            for (point, name), rows in groupby(self.rows, lambda row: (row.point, row.algorithm)):
-                yield points[point] | asdict(summarise(name, rows))
-
-        return typed_rows({key: types[key] for key in points[0]} | _types_in(AlgorithmSummary), read)
-
-    def _points(self) -> tuple[list[dict[str, Any]], dict[str, type]]:
-        """Return the swept values at each point, of one type for each key, and the types of all columns."""
-        points = swept_values(self.settings)
-        types = types_of(points)
-        return [{key: types[key](value) for key, value in point.items()} for point in points], types
+        points, cells = swept_values(self.settings), groupby(self.rows, lambda row: (row.point, row.algorithm))
+        return [points[point] | asdict(summarise(name, rows)) for (point, name), rows in cells]
 
 
-def compare(results: Results, against: str | None = None) -> Rows:
+def compare(results: Results, against: str | None = None) -> list[dict[str, Any]]:
     """Compare the algorithms of a campaign in pairs: each met the same forests with the same noise.
 
     All are compared with ``against``: without it with Forest-Pledge, or the first one where that is not among them.
@@ -111,8 +85,7 @@ def compare(results: Results, against: str | None = None) -> Rows:
 
     if "axes" in results.settings:
         raise BadInput("the results of a sweep have a campaign at each point; compare those of one campaign")
-    rows = [_paired_row(one) for one in compared(results.rows, against)]
-    return typed_rows({name: COMPARED.get(name, float) for name in rows[0]}, lambda: rows)
+    return [_paired_row(one) for one in compared(results.rows, against)]
 
 
 def _paired_row(one: Comparison) -> dict[str, Any]:
@@ -157,11 +130,3 @@ def open_results(folder: str | Path) -> Results:
     path = Path(folder)
     found = read_sweep(path) if is_sweep(path) else read_results(path)
     return Results(found.settings.model_dump(mode="json"), found.rows)
-
-
-def _types_in(kind: type) -> dict[str, type]:
-    """Return the type of each field of a class: that beside None, where a value may be unknown."""
-    hints = get_type_hints(kind)
-    return {
-        name: next((each for each in get_args(hint) if each is not type(None)), hint) for name, hint in hints.items()
-    }

@@ -7,31 +7,27 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wayfarer.api.rows import Rows, typed_rows
 from wayfarer.fieldlog.folders import default_log_folder, find_run, run_title
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.views.text.summary import RunSummary, summarise
 
 if TYPE_CHECKING:
-    import pyarrow
-
     from wayfarer.config.rover_file import RoverConfig
     from wayfarer.fieldlog.replay import Replay
-
-EVENT_COLUMNS = {"elapsed_s": float, "t_s": float, "t_wall": float, "name": str, "text": str}
 
 
 class Run:
     """A run's field log.
 
     ``folder`` is where it is, ``summary`` what ``wayfarer logs summary`` tells of it, and ``damage`` what of it could
-    not be read, false where that is nothing. The log is read again for each table, block by block.
+    not be read, false where that is nothing. ``ticks`` and ``events`` read the log again, row by row, each time that
+    they are asked for.
 
     >>> run = open_run(1, log_dir="field_logs")
     >>> run
     <Run 00001-20261126T101254Z: 14 s, log complete>
-    >>> frame = run.ticks.to_pandas()
-    >>> len(frame), list(frame.columns[:2])
+    >>> ticks = list(run.ticks)
+    >>> len(ticks), list(ticks[0])[:2]
     (272, ['elapsed_s', 't_s'])
     """
 
@@ -45,30 +41,19 @@ class Run:
         return f"<Run {run_title(self.folder)}: {self.summary.lasted_s:.0f} s, log {self.damage}>"
 
     @property
-    def ticks(self) -> Rows:
+    def ticks(self) -> Iterator[dict[str, Any]]:
         """A row for each control tick, with the columns of ``wayfarer logs export``: readings, decisions, duties.
 
         What the log says after the last tick is in one more row.
         """
-        return Rows(self._ticks, self._tick_table)
-
-    @property
-    def events(self) -> Rows:
-        """A row for each event: ``elapsed_s`` since the beginning, ``name``, and ``text``, what happened in words."""
-        return typed_rows(EVENT_COLUMNS, self._events)
-
-    def _ticks(self) -> Iterator[dict[str, Any]]:
         from wayfarer.views.export.tables import COLUMNS, table_rows
 
         for row in table_rows(RunReader(self.folder)):
             yield dict.fromkeys(COLUMNS) | row
 
-    def _tick_table(self) -> pyarrow.Table:
-        from wayfarer.views.export.parquet import read_table
-
-        return read_table(self.folder)
-
-    def _events(self) -> Iterator[dict[str, Any]]:
+    @property
+    def events(self) -> Iterator[dict[str, Any]]:
+        """A row for each event: ``elapsed_s`` since the beginning, ``name``, and ``text``, what happened in words."""
         from wayfarer.fieldlog.run_events import Noted
         from wayfarer.fieldlog.run_fold import RunFold
         from wayfarer.fieldlog.wording import event_text

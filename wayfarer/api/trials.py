@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Unpack
+from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
 
-from wayfarer.api.rows import Rows, typed_rows
 from wayfarer.control.run_log import PartialLog, Tee
 from wayfarer.errors import BadInput
 from wayfarer.experiments.rows import TrialRow, row_of
@@ -47,8 +46,8 @@ class Trial:
     >>> trial = run_trial(7)
     >>> trial
     <Trial 7 of forest-pledge: escaped>
-    >>> frame = trial.track.to_pandas()
-    >>> f"{frame.y_m.min():.0f} m to {frame.y_m.max():.0f} m north"
+    >>> north_m = [tick["y_m"] for tick in trial.track]
+    >>> f"{min(north_m):.0f} m to {max(north_m):.0f} m north"
     '12 m to 50 m north'
     """
 
@@ -64,16 +63,14 @@ class Trial:
         return self.row.outcome
 
     @property
-    def track(self) -> Rows:
+    def track(self) -> list[dict[str, Any]]:
         """A row for each control tick, 20 a second: the true pose, which no rover knows, and the decision.
 
         ``t_s`` is the simulated time, seconds. ``x_m`` and ``y_m`` are metres east and north in the forest,
         ``heading_deg`` is clockwise from north, ``pitch_deg`` positive with the nose up, ``roll_deg`` with the right
         side down. ``left`` and ``right`` are the wheels' duties, -1 to 1. ``anomalies`` has a ``+`` between two.
         """
-        types = {"slipping": bool, "touching": bool, "phase": str, "why": str, "anomalies": str}
-        columns = {name: types.get(name, float) for name in TrackRow._fields}
-        return typed_rows(columns, lambda: (tick._asdict() for tick in self._ticks))
+        return [tick._asdict() for tick in self._ticks]
 
 
 def run_trial(

@@ -1,7 +1,4 @@
-"""Commands as Typer makes them, in this program's words: help without the notation of types, and old option names.
-
-An option's old name is accepted wherever the command has the new one, and appears in no help.
-"""
+"""Commands as Typer makes them, in this program's words: help without the notation of types."""
 
 from __future__ import annotations
 
@@ -14,7 +11,6 @@ from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
 from wayfarer.errors import near_names
 
 NO_BRACES = str.maketrans("", "", "{}")
-OLD_NAMES = {"config": "rover", "log": "log-dir", "logs": "log-dir", "scenario": "site"}
 HELP_OPTIONS = {"help_option_names": ["-h", "--help"]}  # settings of the root, which all commands inherit
 
 
@@ -44,16 +40,7 @@ def _plain(param: Any) -> Any:
 
 
 class HelpCommand(TyperCommand):
-    """A command whose help is plain, and which accepts the old names of its options."""
-
-    def make_context(self, info_name: Any, args: list[str], parent: Any = None, **extra: Any) -> Any:
-        """Return the context of a call, its options parsed."""
-        own = {option.lstrip("-") for param in self.params for option in param.opts}
-
-        def today(name: str) -> str:
-            return new if name not in own and (new := OLD_NAMES.get(name)) in own else name
-
-        return super().make_context(info_name, args, parent, token_normalize_func=today, **extra)
+    """A command whose help is plain."""
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Return options and arguments, in plain notation."""

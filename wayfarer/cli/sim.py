@@ -40,7 +40,7 @@ Out = Annotated[
     Path | None,
     typer.Option(
         metavar="DIR",
-        help="New or empty folder for trials.csv, trials.parquet and summary.json.",
+        help="New or empty folder for trials.csv and summary.json.",
         rich_help_panel=RUNNING,
     ),
 ]
@@ -104,7 +104,9 @@ def sim(
 ) -> None:
     """Run the rover's code in simulated forests, and print success rate and path length per algorithm."""
     check_together(ctx, needs=NEEDS, excludes=EXCLUDES)
-    _require(out, cluster)
+    require("simulating")
+    if cluster is not None:
+        require("a cluster")
     from wayfarer.experiments import sim_command
     from wayfarer.experiments.make_campaign import make_campaign
 
@@ -122,12 +124,3 @@ def sim(
         )  # fmt: skip
         raise typer.Exit(code)
     raise typer.Exit(sim_command.run_alone(campaign, trial, log_dir, as_json=as_json))
-
-
-def _require(out: Path | None, cluster: str | None) -> None:
-    """Refuse to continue without the packages that a run needs."""
-    require("simulating")
-    if out:
-        require("keeping results")
-    if cluster is not None:
-        require("a cluster")

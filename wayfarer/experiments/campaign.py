@@ -6,10 +6,9 @@ and every algorithm meets the same forests with the same noise: comparisons are 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from hashlib import blake2b
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
@@ -33,44 +32,6 @@ class Task(NamedTuple):
     algorithm: str
     trial: int
     point: int = 0
-
-
-class Tasks:
-    """Trials in the order of running: a forest serves all algorithms of a point, then comes the next.
-
-    Each is made when it is asked for, so that a million take no more memory than a thousand. ``numbers`` are the places
-    of these trials in that order; without them they are all that the campaign has.
-    """
-
-    def __init__(
-        self, algorithms: Sequence[str], trials: int, points: int = 1, numbers: Sequence[int] | None = None
-    ) -> None:
-        self._algorithms, self._trials, self._points = algorithms, trials, points
-        self._numbers = range(len(algorithms) * points * trials) if numbers is None else numbers
-
-    def __len__(self) -> int:
-        return len(self._numbers)
-
-    def __iter__(self) -> Iterator[Task]:
-        for number in self._numbers:
-            rest, algorithm = divmod(number, len(self._algorithms))
-            yield Task(self._algorithms[algorithm], *divmod(rest, self._points))
-
-    def number(self, task: Task) -> int | None:
-        """Return a trial's place in the order of running; None where the campaign has no such trial."""
-        name, trial, point = task
-        if name not in self._algorithms or not (0 <= trial < self._trials and 0 <= point < self._points):
-            return None
-        return (trial * self._points + point) * len(self._algorithms) + self._algorithms.index(name)
-
-    def in_table_order(self) -> Iterator[Task]:
-        """Yield all trials of the campaign by point, algorithm as asked, and number."""
-        for point, name, trial in product(range(self._points), self._algorithms, range(self._trials)):
-            yield Task(name, trial, point)
-
-    def only(self, numbers: Sequence[int]) -> Tasks:
-        """Return the trials at these places in the order of running."""
-        return Tasks(self._algorithms, self._trials, self._points, numbers)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Generator, Iterable, Iterator, Sized
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from functools import partial
@@ -36,7 +36,6 @@ P = ParamSpec("P")
 T = TypeVar("T")
 TaskT = TypeVar("TaskT")
 DoneT = TypeVar("DoneT")
-TaskT_co = TypeVar("TaskT_co", covariant=True)
 
 LARGEST_CHUNK = 4  # handing over a chunk costs the parent 0.3 ms; what is in flight at Ctrl-C is lost
 LAST_SINGLY = 16  # times the jobs; a trial of one algorithm can take ten times as long as one of another
@@ -44,10 +43,6 @@ CHUNKS_AHEAD = 2  # a worker: one that it runs and one that waits for it
 POLL_S = 0.1  # how soon a stop is noticed
 
 RunTrial = Callable[["TrialSpec"], "TrialResult"]
-
-
-class SizedIterable(Iterable[TaskT_co], Sized, Protocol[TaskT_co]):
-    """Tasks that know how many they are; they may be made one by one."""
 
 
 class TrialError(NamedTuple):
@@ -58,10 +53,11 @@ class TrialError(NamedTuple):
 
 
 class Done(NamedTuple):
-    """A finished trial."""
+    """A finished trial, and how many control ticks it took, as far as that is known."""
 
     row: TrialRow
     fault: TrialError | None = None
+    ticks: int = 0
 
 
 class Stopped(Exception):  # a request that was heard, not an error
@@ -92,10 +88,10 @@ class TrialRunner:
         """Run one trial; whatever it raises becomes its row's ``fault`` and goes no further."""
         try:
             spec = self._points[task.point].spec(task, self._forest(task))
-            row, fault = row_of(self._run_trial(spec))._replace(point=task.point), None
+            result = self._run_trial(spec)
+            return Done(row_of(result)._replace(point=task.point), ticks=result.ticks)
         except Exception as error:
-            row, fault = self._fault_row(task), _fault(error)
-        return Done(row, fault)
+            return Done(self._fault_row(task), _fault(error))
 
     def _forest(self, task: Task) -> Forest:
         """Make a trial's forest, once for all the algorithms that follow each other in it."""
@@ -155,7 +151,7 @@ class SpawnedProcesses(ProcessPoolExecutor):
 
 def stream(
     run: Callable[[TaskT], DoneT],
-    tasks: SizedIterable[TaskT],
+    tasks: Sequence[TaskT],
     jobs: int,
     stop: threading.Event,
     executor: MakeExecutor | None = None,
@@ -201,7 +197,7 @@ def _run_on(pool: Executor, key: str, chunks: Iterator[list[Any]], jobs: int, st
             raise Stopped
 
 
-def in_chunks(tasks: SizedIterable[TaskT], jobs: int) -> Iterator[list[TaskT]]:
+def in_chunks(tasks: Sequence[TaskT], jobs: int) -> Iterator[list[TaskT]]:
     """Cut ``tasks`` into chunks; the last ones come singly, so that all workers finish at about the same time."""
     rest = iter(tasks)
     for _ in range((len(tasks) - LAST_SINGLY * jobs) // LARGEST_CHUNK):

@@ -1,12 +1,10 @@
-"""The results folder of a campaign or a sweep: partial results that survive a crash, and the final files.
+"""The results folder of a campaign or a sweep: finished trials survive a crash, and are put in order at the end.
 
-``campaign.json`` or ``sweep.json`` is written first and says whose folder this is; ``forests.jsonl``
-beside it is a copy of a campaign's forest file, if it has one, so that its trials can be run again, and ``runs.json``
-says how they were made (``provenance``). While it runs, each finished trial is appended to ``trials.partial.csv`` in
-the order of completion, with a checksum. At the end ``trials.csv``, the same as ``trials.parquet``, and the
-``summary.json`` of a campaign appear whole, and the partial file goes. A line that a crash cut short has no newline;
-resuming drops it and runs that trial again. A line that was changed is refused: it would end in the tables without a
-sign.
+``campaign.json`` or ``sweep.json`` is written first and says whose folder this is; ``forests.jsonl`` beside it is a
+copy of a campaign's forest file, if it has one, so that its trials can be run again, and ``runs.json`` says how they
+were made (``provenance``). While it runs, each finished trial is appended to ``trials.csv`` in the order of completion.
+When none is missing ``trials.csv`` is written again, by point, algorithm and trial, and a campaign gets a
+``summary.json``. A line that a crash cut short has no newline; resuming drops it and runs that trial again.
 
 The folder may have come from somebody else: only ordinary files are read, and nothing is written through a symlink.
 """
@@ -18,38 +16,36 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from itertools import product
+from itertools import count, product
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, BinaryIO, Self
 
 from wayfarer.config.messages import shortened, shown
 from wayfarer.config.rover_file import flat
 from wayfarer.errors import BadInput, WayfarerError
-from wayfarer.experiments.campaign import Tasks
+from wayfarer.experiments.campaign import Task
 from wayfarer.experiments.provenance import record_run
-from wayfarer.experiments.rows import TrialRow, columns_of, copy_as_parquet, csv_line
-from wayfarer.experiments.store import CHECKSUM, TrialStore
-from wayfarer.files import atomic_file, open_regular, open_to_append, read_regular, write_atomically
+from wayfarer.experiments.rows import TrialRow, columns_of, csv_line, parse_row
+from wayfarer.files import open_to_append, read_regular, write_atomically
 
 SETTINGS = "campaign.json"
 SWEEP_SETTINGS = "sweep.json"
 FORESTS = "forests.jsonl"
-PARTIAL = "trials.partial.csv"
 TRIALS = "trials.csv"
-PARQUET = "trials.parquet"
 SUMMARY = "summary.json"
 VERSIONS = {"version", "campaign.version"}  # where the settings of a campaign and of a sweep have it
 MOST_BYTES = 10_000_000  # of a settings' file: a sweep of two keys with all the values that fit a command line has less
+MOST_LINE_BYTES = 100_000  # far more than any row: a file without line ends must not fill the memory
 
 
 class ResultsFolder:
     """The folder of a campaign or sweep with these ``settings`` (``Campaign.settings``), locked while it is open.
 
-    ``kept`` are its finished trials; ``complete`` says that they are all there are. ``command``, the command line, is
-    noted where trials are still to be run.
+    ``rows`` are the trials that were in it when it was opened, and ``finished`` says that all are there, with the final
+    files. ``command``, the command line, is noted if that is not so.
 
     Raises:
-        BadInput: the folder is not empty and not to be resumed, belongs to another campaign, is in use or
+        BadInput: the folder is not empty and not to be resumed, belongs to another campaign, is in use, damaged or
             cannot be written.
     """
 
@@ -63,14 +59,17 @@ class ResultsFolder:
     ) -> None:
         self.path = path
         self._settings = settings
-        self._columns = columns_of(settings)
+        self._columns, self._swept = columns_of(settings), swept_values(settings)
         with _one_line_errors(path):
             path.mkdir(parents=True, exist_ok=True)
             self._open = ExitStack()
             with self._open:
                 self._open.callback(os.close, _locked(path, kind_of(settings)))
-                self.kept = self._claim(resume)
-                if not self.complete:
+                self._claim(resume)
+                self._file = self._open.enter_context(open_to_append(path / TRIALS))
+                self.rows = self._kept()
+                self.finished = self._is_finished()
+                if not self.finished:
                     record_run(path, command)
                 self._open = self._open.pop_all()
 
@@ -83,11 +82,6 @@ class ResultsFolder:
     def close(self) -> None:
         """Let others use the folder."""
         self._open.close()
-
-    @property
-    def complete(self) -> bool:
-        """Return whether the final files are there."""
-        return (self.path / TRIALS).exists() and not (self.path / PARTIAL).exists()
 
     def keep_forests(self, content: bytes) -> None:
         """Keep a copy of the campaign's forest file; the report compares its checksum with the settings'.
@@ -105,55 +99,48 @@ class ResultsFolder:
             WayfarerError: the folder cannot be written any more.
         """
         with self._writing():
-            self.kept.append(row)
+            self._file.write(self._line(row))
+            self._file.flush()
 
-    def into_tables(self, rows: Iterable[TrialRow]) -> Iterator[TrialRow]:
-        """Pass on ``rows``, in their final order, and write them: the tables are there when the last has passed.
-
-        Raises:
-            WayfarerError: the folder cannot be written any more.
-        """
-        values = swept_values(self._settings)
-        with (
-            self._writing(),
-            atomic_file(self.path / TRIALS) as draft,
-            atomic_file(self.path / PARQUET) as parquet_draft,
-        ):
-            draft.write(csv_line(self._columns).encode())
-            for row in rows:
-                draft.write(csv_line(self._columns, row, values[row.point]).encode())
-                yield row
-            draft.seek(0)
-            copy_as_parquet(draft, parquet_draft, values)
-
-    def finish(self, summary: Mapping[str, Any]) -> None:
-        """Write the summary, which a sweep does not have; with it the campaign is complete.
+    def finish(self, rows: Sequence[TrialRow], summary: Mapping[str, Any]) -> None:
+        """Write all ``rows`` in their final order, and the summary, which a sweep does not have.
 
         Raises:
             WayfarerError: the folder cannot be written any more.
         """
+        table = [csv_line(self._columns).encode(), *map(self._line, rows)]
         with self._writing():
+            write_atomically(self.path / TRIALS, b"".join(table))
             if kind_of(self._settings) == "campaign":
                 write_atomically(self.path / SUMMARY, _json(summary))
-            (self.path / PARTIAL).unlink()
+        self.finished = True
 
-    def _claim(self, resume: bool) -> TrialStore:
-        """Make the folder this campaign's and return the trials that it holds."""
+    def _claim(self, resume: bool) -> None:
+        """Make the folder this campaign's."""
         if not any(self.path.iterdir()):
             write_atomically(self.path / f"{kind_of(self._settings)}.json", _json(self._settings))
         elif not resume:
             raise BadInput(f"{self.path} is not empty; give a new folder, or add --resume to continue what is in it")
         else:
             _refuse_another(self.path, self._settings)
-        return self._trials()
 
-    def _trials(self) -> TrialStore:
-        """Return the trials of the final table, or those of a campaign that is not finished, which takes more."""
-        if self.complete:
-            return self._open.enter_context(finished_trials(self.path, self._settings))
-        path = self.path / PARTIAL
-        file = self._open.enter_context(open_to_append(path))
-        return TrialStore(file, tasks_of(self._settings), partial_columns(self._settings), str(path))
+    def _kept(self) -> list[TrialRow]:
+        """Read what is there; the next row is to come behind its last whole line."""
+        rows, end = read_rows(self._file, self._settings, str(self.path / TRIALS))
+        self._file.seek(end)
+        self._file.truncate()  # nothing of a torn line may stay behind the next one
+        if not end:
+            self._file.write(csv_line(self._columns).encode())
+            self._file.flush()
+        return rows
+
+    def _is_finished(self) -> bool:
+        if len(self.rows) < count_of(self._settings) or self.rows != in_table_order(self.rows, self._settings):
+            return False
+        return kind_of(self._settings) == "sweep" or (self.path / SUMMARY).exists()
+
+    def _line(self, row: TrialRow) -> bytes:
+        return csv_line(self._columns, row, self._swept[row.point]).encode()
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -165,22 +152,51 @@ class ResultsFolder:
             ) from error
 
 
-@contextmanager
-def finished_trials(folder: Path, settings: Mapping[str, Any]) -> Iterator[TrialStore]:
-    """Open the final table of a campaign or sweep with these settings.
+def read_rows(file: BinaryIO, settings: Mapping[str, Any], name: str) -> tuple[list[TrialRow], int]:
+    """Return the rows of an open ``trials.csv`` in its order, and where its last whole line ends.
+
+    A last line that a crash cut short is left out, also if it is the first one.
 
     Raises:
-        BadInput: the table is damaged, or has not all trials.
-        OSError: it is no ordinary file, or cannot be read.
+        BadInput: the file has other columns, a line is no row of these trials, or a trial is there twice; the text
+            says in which line, and calls the file ``name``.
     """
-    path = folder / TRIALS
-    with open_regular(path) as file:
-        kept = TrialStore(file, tasks_of(settings), columns_of(settings), str(path))
-        if len(kept) < kept.total:
+    columns = columns_of(settings)
+    header, first = csv_line(columns).encode(), file.readline(MOST_LINE_BYTES)
+    if first != header and header.startswith(first):
+        return [], 0
+    if first != header:
+        raise BadInput(
+            f"{name} is damaged, or was written by another version: its first line does not name its columns; "
+            "run the trials again into another folder"
+        )
+    campaign, points = _campaign(settings), len(swept_values(settings))
+    rows: dict[Task, TrialRow] = {}
+    end = len(header)
+    for number in count(2):
+        line = file.readline(MOST_LINE_BYTES)
+        if not line.endswith(b"\n") and len(line) < MOST_LINE_BYTES:
+            break
+        row = parse_row(line, columns, f"{name}, line {number}")
+        if row.algorithm not in campaign["algorithms"] or row.trial >= campaign["trials"] or row.point >= points:
+            at = f" at point {row.point}" if row.point else ""
             raise BadInput(
-                f"{path} is damaged: it has {len(kept)} of {kept.total} trials; run them again into another folder"
+                f"{name}, line {number} is damaged: there is no trial {row.trial} of {shown(row.algorithm)}{at}; "
+                "remove the line"
             )
-        yield kept
+        if rows.setdefault(Task(*row.key), row) is not row:
+            raise BadInput(
+                f"{name}, line {number} is damaged: it is a second row of trial {row.trial} of {shown(row.algorithm)}; "
+                "remove one of them"
+            )
+        end += len(line)
+    return list(rows.values()), end
+
+
+def in_table_order(rows: Sequence[TrialRow], settings: Mapping[str, Any]) -> list[TrialRow]:
+    """Return rows in the order of a finished ``trials.csv``: by point, algorithm as asked, and number."""
+    place = {name: number for number, name in enumerate(_campaign(settings)["algorithms"])}
+    return sorted(rows, key=lambda row: (row.point, place[row.algorithm], row.trial))
 
 
 @contextmanager
@@ -204,11 +220,6 @@ def _locked(path: Path, kind: str) -> int:
     return descriptor
 
 
-def partial_columns(settings: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the columns of ``trials.partial.csv``: those that are fields of a row, the ticks, and a checksum."""
-    return (*(name for name in columns_of(settings) if name in TrialRow._fields), "ticks", CHECKSUM)
-
-
 def _json(value: Mapping[str, Any]) -> bytes:
     return (json.dumps(value, indent=2, allow_nan=False) + "\n").encode()
 
@@ -221,10 +232,36 @@ def kind_of(settings: Mapping[str, Any]) -> str:
     return "sweep" if "axes" in settings else "campaign"
 
 
-def tasks_of(settings: Mapping[str, Any]) -> Tasks:
-    """Return every trial of the campaign or sweep that has these settings."""
-    campaign = settings.get("campaign", settings)
-    return Tasks(campaign["algorithms"], campaign["trials"], len(swept_values(settings)))
+def tasks_of(settings: Mapping[str, Any]) -> list[Task]:
+    """Return every trial of the campaign or sweep that has these settings, in the order of running.
+
+    A forest serves all algorithms of a point, then comes the next.
+    """
+    campaign = _campaign(settings)
+    points = range(len(swept_values(settings)))
+    return [
+        Task(name, trial, point) for trial in range(campaign["trials"]) for point in points
+        for name in campaign["algorithms"]
+    ]  # fmt: skip
+
+
+def missing(settings: Mapping[str, Any], rows: Iterable[TrialRow]) -> list[Task]:
+    """Return those of them that have no row, in the order of running."""
+    done = {row.key for row in rows}
+    return [task for task in tasks_of(settings) if task not in done]
+
+
+def count_of(settings: Mapping[str, Any]) -> int:
+    """Return how many trials that are."""
+    campaign = _campaign(settings)
+    found: int = len(campaign["algorithms"]) * campaign["trials"] * len(swept_values(settings))
+    return found
+
+
+def _campaign(settings: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the settings of the campaign, which a sweep has among its own."""
+    found: Mapping[str, Any] = settings.get("campaign", settings)
+    return found
 
 
 def swept_values(settings: Mapping[str, Any]) -> list[dict[str, Any]]:

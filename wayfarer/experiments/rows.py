@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from wayfarer.config.messages import shown
 from wayfarer.errors import BadInput
@@ -31,8 +31,7 @@ class TrialRow(NamedTuple):
 
     ``interventions`` are counted in scenarios only: of a rover that has ``overturned``, and of one that is
     ``off_wheels``. ``friction``, ``roughness_m`` and ``torque_scale`` were drawn for a trial in MuJoCo, a slope for one
-    with ``--slope-deg``. ``ticks``, the control ticks, has no column in ``trials.csv``; ``point`` has one in that of a
-    sweep.
+    with ``--slope-deg``. ``point`` has a column in the table of a sweep only.
     """
 
     trial: int
@@ -56,7 +55,6 @@ class TrialRow(NamedTuple):
     torque_scale: float | None = None
     slope_deg: float | None = None
     slope_direction_deg: float | None = None
-    ticks: int | None = None
     point: int = 0
 
     @property
@@ -82,7 +80,7 @@ class TrialRow(NamedTuple):
 
 TERRAIN = ("friction", "roughness_m", "torque_scale")
 SLOPE = ("slope_deg", "slope_direction_deg")
-COLUMNS = tuple(name for name in TrialRow._fields if name not in (*TERRAIN, *SLOPE, "ticks", "point"))
+COLUMNS = tuple(name for name in TrialRow._fields if name not in (*TERRAIN, *SLOPE, "point"))
 
 
 def columns_of(settings: Mapping[str, Any]) -> tuple[str, ...]:
@@ -99,7 +97,9 @@ def columns_of(settings: Mapping[str, Any]) -> tuple[str, ...]:
 
 def row_of(result: TrialResult) -> TrialRow:
     """Return a trial's result as its row."""
-    return rounded_row(**result._asdict())
+    values = result._asdict()
+    del values["ticks"]
+    return rounded_row(**values)
 
 
 def rounded_row(**values: Any) -> TrialRow:
@@ -160,37 +160,3 @@ def _value(name: str, text: str) -> Any:
     if not 0 <= value < BELOW:
         raise ValueError(f"{name} is {shown(text)}")
     return value
-
-
-# -- the same rows as ``trials.parquet`` -------------------------------------------------------------------------------
-
-
-def types_of(swept: Sequence[Mapping[str, Any]]) -> dict[str, type]:
-    """Return the type of each column that a table can have; ``swept`` has the swept values at each point."""
-    own = {name: str if name in TEXT_COLUMNS else float if name in DECIMALS else int for name in TrialRow._fields}
-    return own | {key: _common_type({type(values[key]) for values in swept}) for key in swept[0]}
-
-
-def copy_as_parquet(table: BinaryIO, copy: BinaryIO, swept: Sequence[Mapping[str, Any]]) -> None:
-    """Write an open ``trials.csv`` as Parquet, block by block, so that memory does not grow with the table.
-
-    ``swept`` has the swept values at each point, for their types.
-
-    Raises:
-        OSError: the file cannot be written.
-    """
-    from pyarrow import csv, parquet  # only where a file is written: it is large
-
-    from wayfarer.views.export.arrow import arrow_schema
-
-    options = csv.ConvertOptions(column_types=arrow_schema(types_of(swept)), null_values=[""])
-    path = f"/proc/self/fd/{table.fileno()}"  # Arrow reads it by name, and makes no Python object of each block
-    with csv.open_csv(path, convert_options=options) as rows, parquet.ParquetWriter(copy, rows.schema) as file:
-        for batch in rows:
-            file.write_batch(batch)
-
-
-def _common_type(kinds: set[type]) -> type:
-    if kinds == {int, float}:
-        return float
-    return kinds.pop() if len(kinds) == 1 else str

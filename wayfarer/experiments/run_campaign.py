@@ -9,21 +9,19 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
+from collections.abc import Callable, Iterator, Sequence, Sized
 from concurrent.futures import BrokenExecutor
 from contextlib import closing, contextmanager, suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from itertools import groupby
-from tempfile import TemporaryFile
 from typing import Any, NamedTuple
 
 from wayfarer.errors import WayfarerError
 from wayfarer.experiments.campaign import Plan
 from wayfarer.experiments.executors import Done, MakeExecutor, RunTrial, Stopped, TrialRunner, field_trial, stream
-from wayfarer.experiments.results_folder import ResultsFolder, swept_values, tasks_of
+from wayfarer.experiments.results_folder import ResultsFolder, count_of, in_table_order, missing, swept_values
 from wayfarer.experiments.rows import TrialRow, rounded_values
 from wayfarer.experiments.statistics import AlgorithmSummary, summarise
-from wayfarer.experiments.store import TrialStore
 
 SAME_SIGNAL_S = 0.5  # a signal to the whole process group may reach the workers first
 
@@ -44,39 +42,28 @@ class ComputeCost(NamedTuple):
         return 1e6 * self.cpu_s / self.ticks if self.cpu_s is not None and self.ticks else None
 
 
-@dataclass
-class Totals:
-    """Sums over rows: simulated seconds and control ticks."""
-
-    simulated_s: float = 0.0
-    ticks: int = 0
-
-    def over(self, rows: Iterable[TrialRow]) -> Iterator[TrialRow]:
-        """Pass rows on and add them up."""
-        for row in rows:
-            self.simulated_s += row.time_s or 0.0
-            self.ticks += row.ticks or 0
-            yield row
-
-
 @dataclass(frozen=True, slots=True)
 class CampaignRun:
-    """How a run ended: how many trials there are, what this run took, and what all of them say once none is missing.
+    """How a run ended: the ``rows`` there are, what this run took, and what they say once none is missing.
 
-    ``summaries`` has one line an algorithm, and in a sweep one at each point: the points one after the other.
+    ``summaries`` has one line an algorithm, and in a sweep one at each point: the points one after the other. There are
+    none while trials are missing.
     """
 
     plan: Plan
-    trials: int
-    total: int
+    rows: Sequence[TrialRow]
     effort: ComputeCost
-    totals: Totals
     summaries: Sequence[AlgorithmSummary] = ()
 
     @property
     def interrupted(self) -> bool:
         """Return whether trials are missing."""
-        return self.trials < self.total
+        return not self.summaries
+
+    @property
+    def simulated_s(self) -> float:
+        """Simulated time of all trials."""
+        return sum(row.time_s or 0.0 for row in self.rows)
 
     @property
     def points(self) -> list[dict[str, Any]]:
@@ -89,8 +76,7 @@ class CampaignRun:
         return {
             **self.plan.settings(),
             "table": [({"point": at} if at else {}) | rounded_values(asdict(summary)) for at, summary in lines],
-            "simulated_s": round(self.totals.simulated_s, 3),
-            "ticks": self.totals.ticks,
+            "simulated_s": round(self.simulated_s, 3),
             "last_run": rounded_values({**self.effort._asdict(), "cpu_us_per_tick": self.effort.cpu_us_per_tick}),
         }
 
@@ -107,46 +93,33 @@ def run(
     """Run the trials that ``folder`` does not hold yet, and write the final files when none is missing.
 
     ``progress`` is told each trial when it is done. Results depend neither on ``jobs``, the number of processes, nor on
-    an ``executor`` in their place. Without a folder finished trials are in a file that nobody sees, not in memory.
+    an ``executor`` in their place.
 
     Raises:
         WayfarerError: a worker died, or the folder cannot be written any more; finished trials are kept.
     """
-    with _kept(plan, folder) as kept, stop_on_signals() as stop:
-        keep = folder.append if folder else kept.append
-        began, ticks = os.times(), 0
-        finished = stream(TrialRunner(plan, run_trial).run, kept.missing(), jobs, stop, executor)
-        with suppress(Stopped), _worker_death_explained(kept, stop), closing(finished):
+    settings = plan.settings()
+    rows = list(folder.rows) if folder else []
+    began, ticks = os.times(), 0
+    with stop_on_signals() as stop:
+        finished = stream(TrialRunner(plan, run_trial).run, missing(settings, rows), jobs, stop, executor)
+        with suppress(Stopped), _worker_death_explained(rows, stop), closing(finished):
             for done in finished:
-                keep(done.row)
-                ticks += done.row.ticks or 0
+                if folder:
+                    folder.append(done.row)
+                rows.append(done.row)
+                ticks += done.ticks
                 if progress:
                     progress(done)
-        return _summed_up(plan, kept, folder, _effort(began, ticks, elsewhere=executor is not None))
-
-
-@contextmanager
-def _kept(plan: Plan, folder: ResultsFolder | None) -> Iterator[TrialStore]:
-    if folder:
-        yield folder.kept
-        return
-    with TemporaryFile() as file:
-        yield TrialStore(file, tasks_of(plan.settings()), TrialRow._fields, "the file of finished trials")
-
-
-def _summed_up(plan: Plan, kept: TrialStore, folder: ResultsFolder | None, effort: ComputeCost) -> CampaignRun:
-    """Go once through all trials, if none is missing: for the summaries, and the tables of a folder without them."""
-    totals = Totals()
-    finished = CampaignRun(plan, len(kept), kept.total, effort, totals)
-    if finished.interrupted:
-        return finished
-    to_finish = folder if folder and not folder.complete else None
-    rows = totals.over(to_finish.into_tables(kept) if to_finish else kept)
-    cells = groupby(rows, lambda row: (row.point, row.algorithm))
-    finished = replace(finished, summaries=[summarise(name, its_rows) for (_, name), its_rows in cells])
-    if to_finish:
-        to_finish.finish(finished.as_json())
-    return finished
+        effort = _effort(began, ticks, elsewhere=executor is not None)
+        if len(rows) < count_of(settings):
+            return CampaignRun(plan, rows, effort)
+        rows = in_table_order(rows, settings)
+        cells = groupby(rows, lambda row: (row.point, row.algorithm))
+        ended = CampaignRun(plan, rows, effort, [summarise(name, its_rows) for (_, name), its_rows in cells])
+        if folder and not folder.finished:
+            folder.finish(rows, ended.as_json())
+    return ended
 
 
 def _effort(began: os.times_result, ticks: int, *, elsewhere: bool) -> ComputeCost:

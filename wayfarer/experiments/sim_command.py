@@ -16,7 +16,7 @@ from wayfarer.experiments.campaign import Campaign, Plan, Task
 from wayfarer.experiments.commands import INTERRUPTED, cores, make_empty_folder
 from wayfarer.experiments.executors import MakeExecutor, RunTrial, TrialRunner, field_trial, logged_trial
 from wayfarer.experiments.progress_bar import fault_line, say, shown_progress
-from wayfarer.experiments.results_folder import ResultsFolder, tasks_of
+from wayfarer.experiments.results_folder import ResultsFolder, count_of
 from wayfarer.experiments.rows import columns_of, csv_line
 from wayfarer.experiments.run_campaign import CampaignRun
 from wayfarer.experiments.site_table import layout_of
@@ -106,15 +106,14 @@ def run_shown(
     Raises:
         WayfarerError: as of ``run_campaign.run``.
     """
-    aside, todo = Console(stderr=True), folder.kept.missing() if folder else tasks_of(plan.settings())
-    kept = len(folder.kept) if folder else 0
+    aside, kept, total = Console(stderr=True), len(folder.rows) if folder else 0, count_of(plan.settings())
     if folder and kept:
-        say(aside, f"{kept} of {folder.kept.total} trials are in {folder.path} already")
-    with shown_progress(aside, kept, kept + len(todo)) as progress:
+        say(aside, f"{kept} of {total} trials are in {folder.path} already")
+    with shown_progress(aside, kept, total) as progress:
         finished = run_campaign.run(plan, folder, jobs=jobs, progress=progress, executor=executor, run_trial=run_trial)
     if finished.interrupted:
         where = f"kept in {folder.path}; continue with --resume" if folder else "done; with --out DIR they are kept"
-        say(aside, f"interrupted: {finished.trials} of {finished.total} trials are {where}")
+        say(aside, f"interrupted: {len(finished.rows)} of {total} trials are {where}")
     return finished
 
 
@@ -162,6 +161,6 @@ def connected(cluster: str | None) -> AbstractContextManager[Cluster | None]:
 
 def _effort(finished: CampaignRun) -> str:
     effort = finished.effort
-    simulated_h = finished.totals.simulated_s / 3600
+    simulated_h = finished.simulated_s / 3600
     per_tick = f", {effort.cpu_us_per_tick:.1f} us of CPU a control tick" if effort.cpu_us_per_tick else ""
     return f"{simulated_h:.1f} h simulated; this run took {effort.wall_s:.1f} s{per_tick}"

@@ -21,7 +21,7 @@ from wayfarer.errors import BadInput
 from wayfarer.experiments.report.sweep import write_sweep_report
 from wayfarer.experiments.report.sweep_figures import curves_figures, maps_figures
 from wayfarer.experiments.report.sweep_results import SweepResults, SweepSettings, read_sweep
-from wayfarer.experiments.results_folder import TRIALS, tasks_of
+from wayfarer.experiments.results_folder import TRIALS, in_table_order, tasks_of
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import MEASURES, estimated_mean, spl_difference
 from wayfarer.experiments.sweep import Axis, make_sweep
@@ -38,13 +38,14 @@ def results_of(*axes: Axis, algorithms: tuple[str, ...] = ("pledge",), spl: bool
     """At point p 8 - p of 8 trials escape, each on 60 + 10 p metres; the rest end entrapped."""
     sweep = make_sweep(fake_trials.campaign_of(8, *algorithms), axes)
     rows = []
-    for task in tasks_of(sweep.settings()).in_table_order():
+    for task in tasks_of(sweep.settings()):
         out = task.trial >= task.point
         path_m = 60.0 + 10 * task.point + task.trial if out else 1000.0
         shortest_m, share = (36.0, 36.0 / path_m if out else 0.0) if spl else (None, None)
         row = TrialRow(task.trial, task.algorithm, 0, 0, 1, "escaped" if out else "entrapped", path_m)
         rows.append(row._replace(time_s=2.0 * path_m, shortest_path_m=shortest_m, spl=share, point=task.point))
-    return SweepResults(SweepSettings.model_validate_json(json.dumps(sweep.settings())), rows)
+    settings = SweepSettings.model_validate_json(json.dumps(sweep.settings()))
+    return SweepResults(settings, in_table_order(rows, sweep.settings()))
 
 
 def drawn(figures: Iterator[Figure]) -> list[Any]:
@@ -138,7 +139,7 @@ def test_unfinished_and_damaged_sweeps_are_told(tmp_path: Path) -> None:
     whole = (tmp_path / TRIALS).read_text()
     assert [(row.point, row.trial) for row in read_sweep(tmp_path).rows] == [(p, n) for p in range(2) for n in range(3)]
     (tmp_path / TRIALS).write_text(whole.rpartition("\n1,")[0] + "\n")
-    with pytest.raises(BadInput, match="it has 5 of 6 trials"):
+    with pytest.raises(BadInput, match="is not finished, it has 5 of 6 trials"):
         read_sweep(tmp_path)
     (tmp_path / TRIALS).unlink()
     with pytest.raises(BadInput, match="is not finished"):

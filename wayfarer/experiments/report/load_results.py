@@ -19,17 +19,18 @@ from wayfarer.experiments.campaign import Campaign, ForestFile, read_forest_file
 from wayfarer.experiments.results_folder import (
     FORESTS,
     MOST_BYTES,
-    PARTIAL,
     SETTINGS,
     TRIALS,
-    finished_trials,
+    count_of,
+    in_table_order,
+    read_rows,
 )
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.site_table import layout_of
 from wayfarer.experiments.statistics import AlgorithmSummary, summarise
 from wayfarer.experiments.sweep import MOST_TRIALS
 from wayfarer.experiments.tables import NAME_COLUMN, PAPER_FIGURES, Layout, PaperColumn, PaperFigures, fault_columns
-from wayfarer.files import read_regular
+from wayfarer.files import open_regular, read_regular
 from wayfarer.simhal.faults.kinds import parse_fault
 from wayfarer.simhal.mujoco.terrain import terrains_of
 from wayfarer.simhal.world.physics import GroundName, Physics
@@ -228,18 +229,22 @@ def read_settings(path: Path, model: type[ModelT], kind: str) -> ModelT:
 
 
 def read_trials(folder: Path, model: BaseModel, kind: str, command: str) -> list[TrialRow]:
-    """Return the rows of the finished ``trials.csv`` that belongs to these settings.
+    """Return the rows of the finished ``trials.csv`` that belongs to these settings, in its order.
 
     Raises:
         BadInput: it is not there yet, is damaged, or cannot be read.
     """
-    path = folder / TRIALS
-    if (folder / PARTIAL).exists() or not path.exists():
-        raise BadInput(
-            f"{folder}: its {kind} is not finished; repeat its `wayfarer {command}` and add --resume to finish it first"
-        )
+    path, settings = folder / TRIALS, model.model_dump()
     try:
-        with finished_trials(folder, model.model_dump()) as trials:
-            return list(trials)
+        with open_regular(path) as file:
+            rows, _ = read_rows(file, settings, str(path))
+    except FileNotFoundError:
+        rows = []
     except OSError as error:
         raise BadInput(f"{path}: cannot be read: {error.strerror}") from None
+    if len(rows) < (total := count_of(settings)):
+        raise BadInput(
+            f"{folder}: its {kind} is not finished, it has {len(rows)} of {total} trials; "
+            f"repeat its `wayfarer {command}` and add --resume to finish it first"
+        )
+    return in_table_order(rows, settings)

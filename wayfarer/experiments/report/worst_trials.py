@@ -112,8 +112,7 @@ def _compare(row: TrialRow, done: Done, trajectory: Trajectory | None) -> RerunT
     """Return the path only where the trial gave the result of the table, in every column."""
     if done.fault is not None:
         return RerunTrial(row, None, f"cannot be run again: {done.fault.text}")
-    again = done.row._replace(ticks=None)
-    return RerunTrial(row, trajectory) if again == row else RerunTrial(row, None, _difference(row, again))
+    return RerunTrial(row, trajectory) if done.row == row else RerunTrial(row, None, _difference(row, done.row))
 
 
 def _difference(row: TrialRow, again: TrialRow) -> str:

@@ -25,34 +25,26 @@ from wayfarer.fieldlog.lines import KEYS, READINGS
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.run_events import Ended, FaultInjected, Noted
 from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.fieldlog.schema import ANY_NUMBER, STAMP, TEXT, Record, Values
+from wayfarer.fieldlog.schema import STAMP, Record
 from wayfarer.fieldlog.typed import Tick
 from wayfarer.fieldlog.wording import event_text, fault_text, outcome_text
 from wayfarer.views.export.wall_time import utc_stamp
 
 # What readings and other records say, under their names.
-PART_COLUMNS: Mapping[str, Values] = {
-    f"{kind}_{key}": values
+PART_COLUMNS = tuple(
+    f"{kind}_{key}"
     for kind in ("compass", "motion", "contact", "board", "position", "computer", "truth")
-    for key, values in {**KEYS, **READINGS}[kind].items()
-}
-_KNOWN: Mapping[str, Values] = {
-    **STAMP, "event": TEXT, **dict.fromkeys(("elapsed_s", "reckoned_north_m", "reckoned_east_m"), ANY_NUMBER),
-    **KEYS["tick"], **PART_COLUMNS,
-}  # fmt: skip
-# Always there and in this order, so that the tables of two runs can be put below each other; with the values that the
-# log's schema knows, None for what an algorithm remembers.
-COLUMNS: Mapping[str, Values | None] = {
-    name: _KNOWN.get(name)
-    for name in (
-        "elapsed_s", "t_s", "t_wall", "n", "event",
-        "phase", "why", "anomalies", "heading_deg", "goal_heading_deg", "pitch_deg", "roll_deg", "travelled_m",
-        "covered_m", "reckoned_north_m", "reckoned_east_m",
-        "wanted_left", "wanted_right", "applied_left", "applied_right", "level", "cause",
-        "counter_deg", "side", "turn_deg", "episodes", "blocked_turns", "turn_from_duty", "decision_t_s",
-        *PART_COLUMNS,
-    )
-}  # fmt: skip
+    for key in {**KEYS, **READINGS}[kind]
+)
+# Always there and in this order, so that the tables of two runs can be put below each other.
+COLUMNS = (
+    "elapsed_s", "t_s", "t_wall", "n", "event",
+    "phase", "why", "anomalies", "heading_deg", "goal_heading_deg", "pitch_deg", "roll_deg", "travelled_m",
+    "covered_m", "reckoned_north_m", "reckoned_east_m",
+    "wanted_left", "wanted_right", "applied_left", "applied_right", "level", "cause",
+    "counter_deg", "side", "turn_deg", "episodes", "blocked_turns", "turn_from_duty", "decision_t_s",
+    *PART_COLUMNS,
+)  # fmt: skip
 WORDS = {"run", "event", "fault", "outcome"}  # what is told in words, or is in every part of a log
 _NUMBER = r"[+-](?:[0-9]+\.?[0-9]*(?:e[+-]?[0-9]+)?|inf)"
 # Where the decimal separator is a comma, spreadsheets begin a cell after each semicolon, some after a tab. Full-width
@@ -83,14 +75,10 @@ def csv_rows(records: Iterable[Record], further: Iterable[str] = ()) -> Iterator
         yield [_spreadsheet_cell(row.get(column)) for column in columns]
 
 
-def further_columns(records: Iterable[Record]) -> dict[str, set[type]]:
-    """Return the columns whose values the log's schema does not know, as an algorithm's memory, with their types."""
-    found: dict[str, set[type]] = {}
-    for record in records:
-        for column, value in _columns_of(record).items():
-            if COLUMNS.get(column) is None:
-                found.setdefault(column, set()).add(type(value))
-    return found
+def further_columns(records: Iterable[Record]) -> list[str]:
+    """Return the columns that only some tables have, as an algorithm's memory."""
+    found = dict.fromkeys(column for record in records for column in _columns_of(record))
+    return [column for column in found if column not in COLUMNS]
 
 
 def table_rows(records: Iterable[Record]) -> Iterator[Row]:
