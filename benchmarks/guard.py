@@ -31,6 +31,7 @@ STORE = Path(__file__).with_name("guard")
 DIGESTS = STORE / "digests.json"
 SUCCESSES = {"escaped", "left_bounds"}
 CONFIDENCE = 0.95
+FEWEST_LAYOUTS = 10  # a bootstrap of fewer says nothing; chosen by us
 SAMPLES = 2000  # of the bootstrap: its bounds then move by about 2 % of their width
 # At most so much worse, chosen by us: points of success, per cent of path, SPL.
 MARGINS = {"success": 0.5, "path": 2.0, "spl": 0.01}
@@ -131,6 +132,8 @@ def compare(name: str, before: Iterable[Row], now: Iterable[Row]) -> Iterator[tu
             low, high = bounds(groups, change)
             flat = [pair for group in groups for pair in group]
             verdict = "not worse" if low >= -margin else "worse" if high < -margin else "undecided"
+            if len(groups) < FEWEST_LAYOUTS:
+                verdict = "undecided"
             was, is_now = (sum(values) / len(flat) for values in zip(*flat, strict=True))
             moved = f"{change(groups):+.3g}"
             interval = f"{low:+.3g} to {high:+.3g}"

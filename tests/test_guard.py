@@ -38,6 +38,10 @@ def test_one_lost_trial_of_few_is_undecided() -> None:
     assert verdicts(lost=1, pairs=60)["success"] == "undecided"
 
 
+def test_few_layouts_decide_nothing() -> None:
+    assert set(verdicts(lost=5, pairs=9).values()) == {"undecided"}
+
+
 def test_comments_docstrings_and_imports_are_no_code() -> None:
     lines = ['"""Doc', 'of two lines."""', "from a import (", "    b,", ")", "", "# why", "X = 1", '"""Said."""']
     lines += ["def f():", '    "doc"', '    return """two', 'lines"""']
