@@ -63,7 +63,8 @@ class _Page:
 
     async def ask(self, request: dict[str, object]) -> None:
         """Send a request and wait until it is done."""
-        await self._socket.send_json({**request, "state_t_s": time.monotonic()})
+        now_s = time.clock_gettime(time.CLOCK_BOOTTIME)
+        await self._socket.send_json({**request, "asked_s": now_s, "sent_s": now_s})
         async for message in self._socket:
             told = json.loads(message.data)
             if any("state" in piece for piece in told):

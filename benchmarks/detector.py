@@ -18,6 +18,7 @@ from benchmarks.detector_score import NOTHING, DetectorScorer, Score
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.escape.api import Anomaly
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
+from wayfarer.safety.permission import Asked
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.world import Slope
@@ -124,7 +125,7 @@ async def _run(spec: TrialSpec) -> Scores:
     truth.follow(setup.world)
     assert setup.injector is not None
     setup.injector.start(setup.world, setup.supervisor.controller.power)
-    await setup.supervisor.arm(spec.forest.heading_deg)
+    await setup.supervisor.arm(Asked(asyncio.get_running_loop().time()), spec.forest.heading_deg)
     await setup.supervisor.run()
     setup.injector.end()
     return truth.scores()

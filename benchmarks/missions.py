@@ -26,6 +26,7 @@ from benchmarks.soak import HOUR_S, MB, carry_back, open_files, resident_mb
 from benchmarks.stock_loop import JumpingStockLoop
 from wayfarer.config.rover_file import RoverConfig, laid_over, load_rover
 from wayfarer.daemon.daemon import Daemon, RoverSetup, Service
+from wayfarer.daemon.socket.protocol import STARTING
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.simhal.build_rover import Depth, build
 from wayfarer.simhal.random_streams import RandomStreams
@@ -166,6 +167,9 @@ async def _client(path: Path) -> AsyncIterator[Ask]:
     """Give a function that asks the daemon over its socket, with a new connection each time, as a command does."""
 
     async def ask(do: str, **keys: object) -> dict[str, Any]:
+        if do in STARTING:
+            await asyncio.sleep(POLL_S)  # this clock stands between two requests, and what is asked next must be later
+            keys["asked_s"] = asyncio.get_running_loop().time()
         reader, writer = await asyncio.open_unix_connection(path)
         writer.write(orjson.dumps({"do": do, **keys}) + b"\n")
         told: dict[str, Any] = orjson.loads(await reader.readline())

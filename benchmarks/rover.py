@@ -19,6 +19,7 @@ from wayfarer.control.supervisor import Supervisor
 from wayfarer.drivers.threaded import ThreadedI2C
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.trial import TrialCounters, run_trial
+from wayfarer.safety.permission import Asked
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.buses import FakeBuses, FakeI2C
 from wayfarer.simhal.chip_wiring import ChipWiring
@@ -74,7 +75,7 @@ async def _drive_into_a_hang() -> tuple[float, float, float]:
     supervisor = Supervisor(assemble(config, buses), config, algorithm, handler, TrialCounters())
     running = asyncio.create_task(supervisor.run())
     await asyncio.sleep(1.0)
-    await supervisor.arm(0.0)
+    await supervisor.arm(Asked(asyncio.get_running_loop().time()), 0.0)
     before_s = await _longest_stop_s(partial(asyncio.sleep, 1.0))
     device.hang_s = HANG_S
     stopped_s = 0.0

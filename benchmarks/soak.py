@@ -37,6 +37,7 @@ from wayfarer.errors import NotArmed
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.writer import RunFiles
+from wayfarer.safety.permission import Asked
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults.kinds import Fault, misfit
@@ -211,11 +212,12 @@ async def _person(setup: TrialSetup, log: Any, rng: Random) -> None:
     controller = setup.supervisor.controller
     while True:
         await asyncio.sleep(rng.expovariate(1.0 / PERSON_EVERY_S))
+        asked = Asked(asyncio.get_running_loop().time())
         with suppress(Refused, NotArmed):
             if controller.mode is Mode.DISARMED:
-                await commands.arm()
+                await commands.arm(asked)
             elif controller.held:
-                await commands.resume()
+                await commands.resume(asked)
             elif rng.random() < 0.1:
                 await rng.choice((commands.hold, commands.disarm, partial(commands.goal, rng.uniform(0.0, 359.0))))()
 

@@ -24,7 +24,7 @@ from wayfarer.daemon.socket.client import ask
 VIEWERS = 10
 SETTLE_S = 1.0  # ten snapshots are no steady state
 
-Spell = tuple[float, float]  # from and to, on the monotonic clock, which is also the daemon's
+Spell = tuple[float, float]  # from and to, on CLOCK_BOOTTIME, the daemon's
 
 
 def figures(runs: int, for_s: float) -> list[Figure]:
@@ -63,9 +63,9 @@ async def _alternate(url: str, for_s: float) -> list[Spell]:
     for spell in range(4):
         async with _viewers(url, VIEWERS if spell % 2 else 0):
             await asyncio.sleep(SETTLE_S)
-            begins_s = time.monotonic()
+            begins_s = time.clock_gettime(time.CLOCK_BOOTTIME)
             await asyncio.sleep(for_s)
-            spells.append((begins_s, time.monotonic()))
+            spells.append((begins_s, time.clock_gettime(time.CLOCK_BOOTTIME)))
     return spells
 
 

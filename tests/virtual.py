@@ -1,4 +1,4 @@
-"""Running in virtual time: a coroutine, or a test."""
+"""Running in virtual time: a coroutine, or a test; and asking in it for what starts wheels."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
 from tests.loop_guard import WatchedVirtualLoop
+from wayfarer.safety.permission import Asked
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -27,3 +28,8 @@ def virtual(test: Callable[P, Coroutine[Any, Any, T]]) -> Callable[P, T]:
         return run_virtually(test(*args, **kwargs))
 
     return run
+
+
+def asked() -> Asked:
+    """A permission of now."""
+    return Asked(asyncio.get_running_loop().time())

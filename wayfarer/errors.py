@@ -13,7 +13,7 @@
     │   ├── PowerLost             the part lost its power for a moment, and has forgotten its commands
     │   ├── WrongPart             something answered, but it is another part
     │   └── BadReading            an answer that cannot be true (range, NaN, checksum)
-    ├── NotArmed                  the rover was asked to arm and was not; nothing has changed
+    ├── NotArmed                  the wheels were asked to start and do not; nothing has changed
     ├── MissingPart               an algorithm needs a part that this rover does not have
     ├── MissingPackage            something needs a package that is not installed
     └── NothingScheduled          virtual time cannot continue: every task waits for an event that cannot occur
@@ -124,7 +124,7 @@ class BadReading(DriverError):
 
 
 class NotArmed(WayfarerError):
-    """The rover was asked to arm and refused; its wheels do not turn, and the text says why."""
+    """Somebody asked to start the wheels, and they stand as before; the text says why."""
 
 
 class MissingPart(WayfarerError):

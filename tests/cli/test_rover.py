@@ -39,7 +39,8 @@ pytestmark = pytest.mark.usefixtures("own_folders")
 
 STATUS: dict[str, Any] = {
     "rover": "minirover", "algorithm": "forest-pledge", "log": "logs/1", "simulated": False, "dry_run": True,
-    "mode": "armed", "why_disarmed": None, "held": False, "conditions": [], "motor_faults": [], "battery_v": 12.04,
+    "mode": "armed", "why_disarmed": None, "being_checked": False, "held": False,
+    "conditions": [], "motor_faults": [], "battery_v": 12.04,
     "heading_deg": 359.7, "pitch_deg": 2.0, "roll_deg": -1.0, "goal_heading_deg": 20.0,
     "phase": "stride", "why": "probe.unwound",
     "anomalies": ["immobilised"], "counter_deg": 30.2, "mission_s": 61.0, "travelled_m": 12.34,
@@ -102,7 +103,8 @@ def test_arming_tells_of_warnings_and_of_the_time_to_step_away(monkeypatch: pyte
 def test_what_a_terminal_obeys_is_written_out(monkeypatch: pytest.MonkeyPatch, run: Run, verb: str) -> None:
     """A false daemon, or a folder's name, could otherwise write whatever it likes onto the screen."""
     hostile = "logs/\x1b[2J\x9b1m\rstopped"
-    status = {"rover": hostile, "mode": hostile, "held": False, "conditions": [hostile], "motor_faults": [hostile]}
+    status = {"rover": hostile, "mode": hostile, "being_checked": False, "held": False}
+    status |= {"conditions": [hostile], "motor_faults": [hostile]}
     Daemon(monkeypatch, {"warnings": [hostile], "start_delay_s": 10.0, "log": hostile, **status})
     code, out, err = run(verb)
     assert code == 0
@@ -161,6 +163,7 @@ def test_status_says_the_most_important_first() -> None:
 def test_name_of_the_rover_and_its_mode_are_two_words(rover: str) -> None:
     assert status_text({**STATUS, "rover": rover}).splitlines()[0].split() == [rover, "armed", "(dry", "run)"]
     by_hand = {"rover": rover, "mode": "manual", "driver": "page"}
+    assert "sim being checked" in " ".join(status_text({**STATUS, "rover": "sim", "being_checked": True}).split())
     assert "driven by hand, by page" in status_text({**STATUS, **by_hand}).splitlines()[0]
 
 

@@ -24,7 +24,7 @@ from tests.kit.workshop import (
     mending,
     supervisor,
 )
-from tests.virtual import virtual
+from tests.virtual import asked, virtual
 from wayfarer.control.controller import Mode
 from wayfarer.control.latest import SensorBuffers
 from wayfarer.control.run_log import PartialLog
@@ -74,7 +74,7 @@ def test_contact_sensor_is_read_only_where_it_is_needed() -> None:
 
 async def test_run_on_the_stock_loop_is_the_same(shop: Workshop) -> None:
     under_test = supervisor(shop)
-    await under_test.arm(0.0)
+    await under_test.arm(asked(), 0.0)
     asyncio.get_running_loop().call_later(0.12, under_test.finish, "requested", "enough")
     assert (await under_test.run()).reason == "requested"
     assert "handler.decide" in shop.done
@@ -128,7 +128,7 @@ def test_run_that_a_person_may_drive_begins_without_a_sensor_and_reads_it_only_o
     by_hand: list[str] = []
 
     async def drives(supervisor: Supervisor) -> None:
-        await supervisor.begin_manual(7, "keys")
+        await supervisor.begin_manual(asked(), 7, "keys")
         by_hand.append(supervisor.mode.value)
 
     tasks: list[asyncio.Task[None]] = []
@@ -231,7 +231,7 @@ class Armer:
 
     async def _arm(self, it: Supervisor) -> None:
         try:
-            await it.arm(0.0, self.check)
+            await it.arm(asked(), 0.0, self.check)
         except WayfarerError as error:
             self.refusals.append(error)
 

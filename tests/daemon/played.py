@@ -12,7 +12,7 @@ import orjson
 
 from tests.kit.rover import Rig
 from tests.kit.workshop import EventLog
-from tests.virtual import virtual
+from tests.virtual import asked, virtual
 from wayfarer.commissioning.checks import ARMING
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.daemon.arming_inspection import RunningInspection
@@ -67,8 +67,9 @@ class Run:
         return told
 
     async def arm(self, heading_deg: float | None = 0.0) -> None:
-        """Arm, and drive for a second."""
-        await self.commands.arm(heading_deg)
+        """Arm a moment later, and drive for a second."""
+        await asyncio.sleep(0.001)
+        await self.commands.arm(asked(), heading_deg)
         await asyncio.sleep(DELAY_S + 1.0)
         assert self.mode == "armed"
         assert self.wheels != STOP

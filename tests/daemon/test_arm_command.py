@@ -12,7 +12,7 @@ import pytest
 
 from tests.daemon.played import DELAY_S, Run, played
 from tests.kit.rover import T_WALL, Rig
-from tests.virtual import virtual
+from tests.virtual import asked, virtual
 from wayfarer.commissioning.checks.deadman import keep_proof
 from wayfarer.config.calibration_file import MotorsEntry, stamp
 from wayfarer.daemon.socket.protocol import Refused
@@ -26,7 +26,7 @@ from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
 @played
 async def test_rover_starts_disarmed_and_drives_after_arming_and_the_delay(run: Run) -> None:
     assert run.mode == "disarmed"
-    reply = await run.commands.arm(90.0)
+    reply = await run.commands.arm(asked(), 90.0)
     assert (reply["mode"], reply["start_delay_s"]) == ("arming", DELAY_S)
     await asyncio.sleep(DELAY_S - 0.2)
     assert run.wheels == STOP
@@ -38,7 +38,7 @@ async def test_rover_starts_disarmed_and_drives_after_arming_and_the_delay(run: 
 
 @played
 async def test_warnings_of_the_checks_are_told_and_keep_no_rover_from_arming(run: Run) -> None:
-    warnings = str((await run.commands.arm())["warnings"])
+    warnings = str((await run.commands.arm(asked()))["warnings"])
     assert "calibrated compass" in warnings
     assert "wayfarer calibrate" in warnings
 
@@ -46,12 +46,12 @@ async def test_warnings_of_the_checks_are_told_and_keep_no_rover_from_arming(run
 @pytest.mark.parametrize("armed", [False, True], ids=["arming", "armed"])
 @played
 async def test_arming_twice_is_refused_and_changes_nothing(run: Run, armed: bool) -> None:
-    await run.commands.arm(0.0)
+    await run.commands.arm(asked(), 0.0)
     if armed:
         await asyncio.sleep(DELAY_S + 1.0)
     mode = run.mode
     with pytest.raises(Refused, match=f"{mode} already: disarm it first"):
-        await run.commands.arm(180.0)
+        await run.commands.arm(asked(), 180.0)
     assert run.mode == mode
     assert run.supervisor.controller.goal_heading_deg == 0.0
 
@@ -60,10 +60,10 @@ async def test_arming_twice_is_refused_and_changes_nothing(run: Run, armed: bool
 async def test_only_one_of_two_who_arm_at_once_is_heard(run: Run) -> None:
     opened = asyncio.Event()
     run.rig.motors.open = opened.wait  # type: ignore[assignment, method-assign]
-    first = asyncio.create_task(run.commands.arm(0.0))
+    first = asyncio.create_task(run.commands.arm(asked(), 0.0))
     await asyncio.sleep(0.01)
     with pytest.raises(Refused, match="being checked"):
-        await run.commands.arm(180.0)
+        await run.commands.arm(asked(), 180.0)
     opened.set()
     assert (await first)["mode"] == "arming"
 
@@ -80,7 +80,7 @@ async def test_arming_right_after_the_start_waits_until_the_parts_are_open(tmp_p
     rig.compass.open = open_slowly  # type: ignore[method-assign]
 
     async with Run(rig, after_s=0.0) as run:
-        assert (await run.commands.arm(0.0))["mode"] == "arming"
+        assert (await run.commands.arm(asked(), 0.0))["mode"] == "arming"
         await asyncio.sleep(DELAY_S + 1.0)
         assert run.wheels != STOP
 
@@ -92,7 +92,7 @@ async def test_arming_while_parts_take_too_long_to_open_is_refused_and_says_so(t
 
     async with Run(rig, after_s=0.0) as run:
         with pytest.raises(Refused, match="still being opened: try again in some seconds"):
-            await run.commands.arm(0.0)
+            await run.commands.arm(asked(), 0.0)
 
 
 class ThunderBorgRig(Rig):
@@ -158,7 +158,7 @@ async def test_arming_is_refused_with_what_a_check_found_and_what_to_do(
         vars(getattr(run.rig, part)).update(state)
     await asyncio.sleep(0.1)
     with pytest.raises(Refused, match=f"not armed: .*{text}"):
-        await run.commands.arm()
+        await run.commands.arm(asked())
     assert run.mode == "disarmed"
     assert run.log.named("arming_refused")
     await asyncio.sleep(DELAY_S + 1.0)
@@ -177,10 +177,10 @@ async def test_board_that_cannot_be_asked_is_armed_with_a_proof_or_a_reason_that
     async with Run(rig) as run:
         if not because:
             with pytest.raises(Refused, match=r"deadman proved: nobody has seen board at 0x15 .*wayfarer check"):
-                await run.commands.arm(0.0)
+                await run.commands.arm(asked(), 0.0)
             assert run.log.named("arming_refused") == [{"failed": ["deadman proved"]}]
             keep_proof(run.inspect, tripped=True)
-        warnings: Any = (await run.commands.arm(0.0))["warnings"]
+        warnings: Any = (await run.commands.arm(asked(), 0.0))["warnings"]
         told = [warning for warning in warnings if warning.startswith("deadman proved")]
         assert len(told) == bool(because)
         assert all(because in warning for warning in told)
@@ -193,7 +193,7 @@ async def test_rover_that_lies_on_its_roof_is_refused_at_once_and_told_what_to_d
     run.rig.compass.tilt_deg = 170.0
     await asyncio.sleep(1.0)
     with pytest.raises(Refused, match=r"not armed: overturned: .*stand it on its wheels"):
-        await run.commands.arm(0.0)
+        await run.commands.arm(asked(), 0.0)
     assert run.mode == "disarmed"
     assert run.log.named("arming_refused") == [{"failed": ["overturned"]}]
     assert not run.log.named("arming")
@@ -210,7 +210,7 @@ async def test_board_that_turns_the_wheels_by_itself_is_refused_at_once(run: Run
     run.rig.motors.read_back = astray  # type: ignore[method-assign]
     await asyncio.sleep(2.5)  # sim.toml asks the board once a second
     with pytest.raises(Refused, match=r"board disagrees: .*no other program commands it"):
-        await run.commands.arm(0.0)
+        await run.commands.arm(asked(), 0.0)
     assert not run.log.named("arming")
 
 
@@ -239,7 +239,7 @@ async def test_board_that_falls_silent_after_the_checks_refuses_arming(run: Run)
 
     run.rig.motors.open = open_once  # type: ignore[method-assign]
     with pytest.raises(Refused, match="not armed: board: no answer"):
-        await run.commands.arm()
+        await run.commands.arm(asked())
     assert run.mode == "disarmed"
 
 
@@ -248,12 +248,12 @@ async def test_board_that_falls_silent_after_the_checks_refuses_arming(run: Run)
 async def test_whatever_stops_the_wheels_while_the_checks_run_ends_the_arming(run: Run, verb: str) -> None:
     opened = asyncio.Event()
     run.rig.motors.open = opened.wait  # type: ignore[assignment, method-assign]
-    arming = asyncio.create_task(run.commands.arm(0.0))
+    arming = asyncio.create_task(run.commands.arm(asked(), 0.0))
     await asyncio.sleep(0.01)
     with suppress(Refused):
         await getattr(run.commands, verb)()
     opened.set()
-    with pytest.raises(WayfarerError, match="disarmed while it was being checked"):
+    with pytest.raises(WayfarerError, match=r"stopped, or started, after this was asked|the run is ending"):
         await arming
     await asyncio.sleep(DELAY_S + 1.0)
     assert run.wheels == STOP

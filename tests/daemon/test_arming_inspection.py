@@ -10,7 +10,7 @@ import pytest
 
 from tests.daemon.played import Run, played
 from tests.kit.rover import Rig
-from tests.virtual import virtual
+from tests.virtual import asked, virtual
 from wayfarer.commissioning.checks import CheckVerdict, run_checks
 from wayfarer.commissioning.checks.parts import contact
 from wayfarer.daemon.arming_inspection import FRESH_S
@@ -39,7 +39,7 @@ async def test_compass_that_fell_silent_is_stale_and_keeps_the_rover_from_arming
     with pytest.raises(NotResponding, match="compass has said nothing for 1 s"):
         await run.inspect.compass()
     with pytest.raises(Refused, match="compass has said nothing"):
-        await run.commands.arm()
+        await run.commands.arm(asked())
     assert run.mode == "disarmed"
 
 
@@ -48,7 +48,7 @@ async def test_motion_sensor_that_fell_silent_lets_no_rover_drive(run: Run) -> N
     run.rig.motion.dead = True
     await asyncio.sleep(5.0)
     with suppress(Refused):
-        await run.commands.arm(0.0)
+        await run.commands.arm(asked(), 0.0)
     for _ in range(200):
         await asyncio.sleep(0.1)
         assert run.mode != "armed"

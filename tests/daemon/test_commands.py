@@ -9,7 +9,7 @@ import pytest
 
 from tests.daemon.played import DELAY_S, Run, played
 from tests.kit.rover import Rig
-from tests.virtual import virtual
+from tests.virtual import asked, virtual
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import VERBS, Refused
 from wayfarer.hal import STOP, MotorHealth
@@ -38,7 +38,8 @@ async def test_disarming_is_never_refused(run: Run) -> None:
     run.rig.motors.dead = True
     await run.commands.disarm()
     run.rig.motors.dead = False
-    await run.commands.arm()
+    await asyncio.sleep(0.001)
+    await run.commands.arm(asked())
     await run.commands.disarm()
     await run.arm()
     await run.commands.hold()
@@ -59,7 +60,7 @@ async def test_hold_stops_the_wheels_at_once_and_resume_goes_on_with_the_same_mi
     await asyncio.sleep(1.0)
     assert run.wheels == STOP
     assert "operator_hold" in (await run.status())["conditions"]
-    assert await run.commands.resume() == {"held": False}
+    assert await run.commands.resume(asked()) == {"held": False}
     await asyncio.sleep(0.5)
     assert run.wheels != STOP
     assert run.supervisor.controller.mission is mission
@@ -75,10 +76,10 @@ async def test_hold_of_a_disarmed_rover_is_refused(run: Run) -> None:
 @played
 async def test_resume_without_a_hold_is_refused(run: Run) -> None:
     with pytest.raises(Refused, match="nothing to resume"):
-        await run.commands.resume()
+        await run.commands.resume(asked())
     await run.arm()
     with pytest.raises(Refused, match="nothing to resume"):
-        await run.commands.resume()
+        await run.commands.resume(asked())
 
 
 @played
@@ -105,7 +106,7 @@ async def test_goal_turns_the_rover_that_drives_elsewhere(run: Run) -> None:
 @played
 async def test_goal_is_refused_before_the_rover_drives(run: Run, arming: bool) -> None:
     if arming:
-        await run.commands.arm(0.0)
+        await run.commands.arm(asked(), 0.0)
     with pytest.raises(Refused, match=f"{run.mode}: give the heading when arming"):
         await run.commands.goal(90.0)
     await asyncio.sleep(DELAY_S + 1.0)
@@ -151,7 +152,7 @@ async def test_status_can_be_sent_in_every_mode_and_says_which(run: Run) -> None
     disarmed = await run.status()
     assert (disarmed["mode"], disarmed["battery_v"], disarmed["wheels"]) == ("disarmed", 12.0, [0.0, 0.0])
     assert "mission_s" not in disarmed
-    await run.commands.arm(0.0)
+    await run.commands.arm(asked(), 0.0)
     assert (await run.status())["mode"] == "arming"
     await asyncio.sleep(DELAY_S + 1.0)
     armed = await run.status()

@@ -233,8 +233,9 @@ async def test_person_drives_over_the_socket_until_the_loop_stands_still_and_mus
         async def press(forward: float) -> dict[str, Any]:
             nonlocal seq
             seq += 1
-            sample = {"seq": seq, "forward": forward, "turn": 0.0, "sent_s": time.monotonic()}
-            told = await asyncio.to_thread(ask, {"do": "manual_drive", "lease": lease, **sample}, site.socket)
+            sample = {"lease": lease, "seq": seq, "forward": forward, "turn": 0.0}
+            sent_s = time.clock_gettime(time.CLOCK_BOOTTIME)
+            told = await asyncio.to_thread(ask, {"do": "manual_drive", "sent_s": sent_s, **sample}, site.socket)
             await asyncio.sleep(0.05)
             return told
 

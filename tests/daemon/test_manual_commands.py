@@ -12,8 +12,8 @@ import pytest
 
 from tests.daemon.played import DELAY_S, Run, played
 from tests.kit.rover import Rig
-from tests.virtual import virtual
-from wayfarer.daemon.socket.protocol import Details, Refused, check, perform, read_line
+from tests.virtual import asked, virtual
+from wayfarer.daemon.socket.protocol import STARTING, Details, Refused, check, perform, read_line
 from wayfarer.errors import NotArmed, NotResponding, WayfarerError
 from wayfarer.hal import STOP, MotorHealth, WheelCommand
 
@@ -31,10 +31,11 @@ class Hand:
         self.task: asyncio.Task[None] | None = None
 
     async def ask(self, **request: object) -> Details:
-        return await self.line(orjson.dumps(request))
+        starts = {"asked_s": asked().at_s} if request["do"] in STARTING else {}
+        return await self.line(orjson.dumps(starts | request))
 
     async def line(self, line: bytes) -> Details:
-        return await perform(check(read_line(line)), self.run.commands, None)
+        return await perform(check(read_line(line)), self.run.commands, None, lambda: True)
 
     def sample(self, forward: float = -1.0, **other: Any) -> dict[str, Any]:
         """A sample that would be taken, but for ``other``."""
@@ -48,6 +49,7 @@ class Hand:
         return told
 
     async def begin(self, driver: str = "keys") -> Hand:
+        await asyncio.sleep(0.001)  # what is asked at the time of a stop was asked before it
         self.lease = int(str((await self.ask(do="manual_begin", driver=driver))["lease"]))
         self.seq = 0
         await self.send(0.0)
@@ -104,7 +106,7 @@ async def test_mission_goes_on_after_a_person_has_driven(run: Run, hand: Hand) -
     assert await hand.ask(do="manual_end", lease=lease) == {"mode": "armed"}
     await asyncio.sleep(1.0)
     assert (run.wheels, (await run.status())["held"]) == (STOP, True)
-    await run.commands.resume()
+    await run.commands.resume(asked())
     await asyncio.sleep(1.0)
     assert goes(run.wheels, 1.0)
     assert run.supervisor.controller.mission is mission
@@ -166,6 +168,7 @@ Way = Callable[[Hand], Awaitable[object]]
 async def _old_lease(hand: Hand) -> object:
     old = hand.lease
     await hand.ask(do="manual_end", lease=old)
+    await asyncio.sleep(0.1)
     await hand.begin()
     await hand.hold_key()
     return await hand.ask(**hand.sample(lease=old))

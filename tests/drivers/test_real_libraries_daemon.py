@@ -15,7 +15,7 @@ import pytest
 
 from tests.drivers.real_site import I2C, SERIAL, SPI, RealSite, each_forestrover, each_site
 from tests.system.hil_setup import BUSY, STARTS, wait_for
-from tests.system.measures import first_stop, spans, stop_after
+from tests.system.measures import first_stop, now_s, spans, stop_after
 from wayfarer.daemon.socket.protocol import Refused
 
 pytestmark = pytest.mark.process
@@ -73,7 +73,7 @@ def assert_goes_on(site: RealSite, since_s: float, device: str, late_s: float = 
         site.drives_on()
         return
     assert site.status()["mode"] == "disarmed"
-    back_s = time.monotonic()
+    back_s = now_s()
     wait_for("all is well", lambda: set(site.status()["conditions"]) <= CLEARED_BY_ARMING)
     site.ticks_beyond(back_s + 2 * site.deadman_s)
     stood_s = first_stop(site.commands(), since_s)[1]
@@ -113,7 +113,7 @@ def test_chip_that_freezes_stops_the_wheels_and_never_the_control_loop(site: Rea
 @each_device
 def test_device_that_vanishes_and_comes_back(site: RealSite, device: str) -> None:
     driving(site)
-    gone_s = time.monotonic()
+    gone_s = now_s()
     site.dev.unplug(device)
     try:
         assert_stood(site, gone_s, device)
@@ -130,7 +130,7 @@ def test_device_that_vanishes_and_comes_back(site: RealSite, device: str) -> Non
 @each_forestrover
 def test_serial_adapter_that_is_pulled_out_and_plugged_in_again(site: RealSite) -> None:
     driving(site)
-    gone_s = time.monotonic()
+    gone_s = now_s()
     site.unplug_serial()  # on a busy computer this may last longer than the deadman
     try:
         assert_stood(site, gone_s, SERIAL)
@@ -146,7 +146,7 @@ def test_serial_adapter_that_is_pulled_out_and_plugged_in_again(site: RealSite) 
 )
 def test_serial_line_that_blocks(site: RealSite, blocked_s: float, late_s: float) -> None:
     driving(site)
-    began_s = time.monotonic()
+    began_s = now_s()
     site.line.block()
     assert_stood(site, began_s, SERIAL)
     site.ticks_beyond(began_s + blocked_s)

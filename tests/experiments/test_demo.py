@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from tests.virtual import asked
 from wayfarer.config.rover_file import load_rover
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.experiments import demo as module
@@ -168,11 +169,11 @@ def test_what_the_page_asks_of_the_rover_is_done_also_in_a_pause(tmp_path: Path)
         await site.rover.mark(text="noted in a pause")
         assert site.demo.now().paused
         with pytest.raises(Refused, match="not held"):
-            await site.rover.resume()
+            await site.rover.resume(asked=asked())
         await site.rover.hold()
         assert not site.demo.now().paused, "what it does takes time"
         await site.until(lambda: site.page._model.state()["held"])
-        await site.rover.resume()
+        await site.rover.resume(asked=asked())
         site.demo.pause(True)
         await site.rover.stop()
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from tests.virtual import run_virtually
+from tests.virtual import asked, run_virtually
 from wayfarer.config.rover_file import load_rover
 from wayfarer.control.run_log import Tee
 from wayfarer.control.supervisor import Supervisor
@@ -41,7 +41,7 @@ def run_on_a_desk(depth: Depth = Depth.DEVICE, seed: int = 1, for_s: float = 1e5
         algorithm = CATALOGUE["forest-pledge"]
         handler = algorithm.make(config.escape, config.vehicle, Random(seed))
         supervisors.append(Supervisor(rover_setup.rover, config, algorithm, handler, Tee()))
-        await supervisors[0].arm(0.0)
+        await supervisors[0].arm(asked(), 0.0)
         loop.call_later(for_s, supervisors[0].finish, "requested", "enough")
         return await supervisors[0].run(), loop.time() - UPTIME_S
 
@@ -93,7 +93,7 @@ def test_fault_strikes_so_many_seconds_after_the_first_arming(tmp_path: Path) ->
         running = loop.create_task(supervisor.run())
         await asyncio.sleep(10.0)  # disarmed
         for _ in range(2):
-            await supervisor.arm(0.0)
+            await supervisor.arm(asked(), 0.0)
             await asyncio.sleep(8.0)
             supervisor.disarm("for a while")
         supervisor.finish("requested", "enough")

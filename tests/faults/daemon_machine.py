@@ -43,10 +43,11 @@ from wayfarer.control.controller import Mode
 from wayfarer.control.supervisor import first_cause
 from wayfarer.daemon.arming_inspection import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
-from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.daemon.socket.protocol import STARTING, Refused
 from wayfarer.errors import NotArmed
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.safety.conditions import Condition, Level
+from wayfarer.safety.permission import Asked
 from wayfarer.safety.responses import LEVELS, MANUAL_LEVELS
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
@@ -125,7 +126,8 @@ class Daemon:
         self.pass_time(SOON_S)
 
     def _ask(self, verb: str, *args: float | str) -> None:
-        self._in_loop(lambda: self._asked.add(asyncio.ensure_future(getattr(self.commands, verb)(*args))))
+        permission = [Asked(self._runner.get_loop().time())] if verb in STARTING else []
+        self._in_loop(lambda: self._asked.add(asyncio.ensure_future(getattr(self.commands, verb)(*permission, *args))))
 
     def drives(self, forward: float, turn: float, samples: int, every_s: float, stale_s: float) -> None:
         """A person holds keys for a while, over a link that takes its time; first they let go."""

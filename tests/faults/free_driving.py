@@ -14,7 +14,7 @@ from math import copysign
 from random import Random
 from typing import TYPE_CHECKING, NamedTuple
 
-from tests.virtual import run_virtually
+from tests.virtual import asked, run_virtually
 from wayfarer.angles import wrap180
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.run_log import PartialLog
@@ -175,7 +175,7 @@ async def _drive(spec: TrialSpec, for_s: float) -> list[tuple[float, str]]:
     setup.world.after_step = end
     if setup.injector is not None:
         setup.injector.start(setup.world, setup.supervisor.controller.power)
-    await setup.supervisor.arm(CLEARING.heading_deg)
+    await setup.supervisor.arm(asked(), CLEARING.heading_deg)
     await setup.supervisor.run()
     if setup.injector is not None:
         setup.injector.end()

@@ -16,7 +16,7 @@ import pytest
 
 from tests.kit.workshop import Overriding
 from tests.views.text.records import SAMPLE_LOGS
-from tests.virtual import virtual
+from tests.virtual import asked, virtual
 from wayfarer import cli
 from wayfarer.cli.replay import replay_text
 from wayfarer.config.rover_file import RoverConfig, load_rover
@@ -321,7 +321,7 @@ async def eventful_run(folder: Path, config: RoverConfig) -> None:
         await asyncio.sleep(1.0)
 
     await asyncio.sleep(1.0)
-    await supervisor.arm()
+    await supervisor.arm(asked())
     await asyncio.sleep(config.safety.start_delay_s + 6.0)
     controller.hold(now(), held=True)
     await asyncio.sleep(2.03)
@@ -349,7 +349,7 @@ async def eventful_run(folder: Path, config: RoverConfig) -> None:
     await drive_by_hand(controller, 0.5)
     supervisor.disarm("asked for, while a person drives")
     await asyncio.sleep(1.0)
-    await supervisor.arm(350.0)
+    await supervisor.arm(asked(), 350.0)
     await asyncio.sleep(config.safety.start_delay_s + 4.0)
     await fails("motors", 0.2)
     await asyncio.sleep(5.0)  # it is opened again, warns, and drives on
@@ -360,14 +360,14 @@ async def eventful_run(folder: Path, config: RoverConfig) -> None:
     await asyncio.sleep(6.0)
     assert not controller.waits_for_motors
     supervisor.disarm("asked for again")
-    await supervisor.arm(20.0)
+    await supervisor.arm(asked(), 20.0)
     await asyncio.sleep(config.safety.start_delay_s + 2.0)
     trouble.duties = WheelCommand(0.9, -0.9)
     await asyncio.sleep(3.0)
     assert controller.mode is Mode.DISARMED
     trouble.duties = None
     await asyncio.sleep(2.0)
-    await supervisor.arm(10.0)
+    await supervisor.arm(asked(), 10.0)
     await asyncio.sleep(config.safety.start_delay_s + 2.0)
     trouble.health = MotorHealth(9.0, ())
     await asyncio.sleep(12.0)

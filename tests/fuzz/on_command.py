@@ -83,8 +83,9 @@ COMMAND = Target(
 # -- a daemon of another version ------------------------------------------------------------------------------------
 
 STATUS = {
-    "ok": True, "rover": "minirover", "mode": "armed", "held": False, "simulated": False, "dry_run": False,
-    "conditions": [], "motor_faults": [], "heading_deg": 12.5, "pitch_deg": 1.0, "roll_deg": -1.0, "battery_v": 12.1,
+    "ok": True, "rover": "minirover", "mode": "armed", "being_checked": False, "held": False, "simulated": False,
+    "dry_run": False, "conditions": [], "motor_faults": [], "heading_deg": 12.5, "pitch_deg": 1.0, "roll_deg": -1.0,
+    "battery_v": 12.1,
     "goal_heading_deg": 0.0, "why": "follow", "algorithm": "pledge", "counter_deg": 30.0, "anomalies": ["nose_up"],
     "mission_s": 12.0, "travelled_m": 3.0, "log": "logs/1", "log_dropped": 2, "why_disarmed": "",
 }  # fmt: skip

@@ -21,8 +21,8 @@ from wayfarer.daemon.socket.client import ask
 from wayfarer.daemon.socket.protocol import REQUEST_BYTES, VERBS, check, ok_reply, read_line
 
 REQUESTS = [
-    {"do": "status"}, {"do": "arm", "heading_deg": 12.5, "north": "true"}, {"do": "goal", "heading_deg": 0},
-    {"do": "mark", "text": "hit log"}, {"do": "stop"}, {"do": "hold", "why": None},
+    {"do": "status"}, {"do": "arm", "asked_s": 5.5, "heading_deg": 12.5, "north": "true"},
+    {"do": "goal", "heading_deg": 0}, {"do": "mark", "text": "hit log"}, {"do": "stop"}, {"do": "hold", "why": None},
 ]  # fmt: skip
 LINES = [as_json(request) + b"\n" for request in REQUESTS]
 WORDS = [

@@ -30,7 +30,7 @@ WORDS = [
     b"Expect: 100-continue\r\n", b"%ff", b"%00", b"//[", b"*",
 ]  # fmt: skip
 MESSAGES = [
-    {"seen": 1}, {"do": "hold"}, {"do": "mark", "text": "hit log"}, {"do": "resume", "state_t_s": 1.0}, {"do": "stop"},
+    {"seen": 1}, {"do": "hold"}, {"do": "mark", "text": "hit log"}, {"do": "resume", "asked_s": 1.0}, {"do": "stop"},
     {"do": "arm", "heading_deg": 1.0}, {"do": "pause"}, {"do": "speed", "times": 6},
 ]  # fmt: skip
 OPCODES = (1, 1, 1, 1, 1, 0, 2, 8, 9, 10, 3)

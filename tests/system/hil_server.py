@@ -38,6 +38,7 @@ import orjson
 
 from tests.system.hil_buses import from_hex
 from wayfarer.config.rover_file import RoverConfig, load_rover
+from wayfarer.daemon.daemon import DaemonLoop
 from wayfarer.errors import NotResponding
 from wayfarer.escape.api import Vehicle
 from wayfarer.simhal.buses import ChipMisuse
@@ -223,8 +224,8 @@ def main() -> None:
     parser.add_argument("--rover", required=True, help="a shipped rover or a TOML file")
     parser.add_argument("--socket", required=True, type=Path, help="where to serve its chips")
     options = parser.parse_args()
-    with suppress(KeyboardInterrupt):
-        asyncio.run(serve(load_rover(options.rover), options.socket))
+    with suppress(KeyboardInterrupt), asyncio.Runner(loop_factory=DaemonLoop) as runner:
+        runner.run(serve(load_rover(options.rover), options.socket))
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """A bench and a daemon over it, each a separate process: where a fault of the process happens for real.
 
 The bench (``hil_server.py``) holds the chips of one rover in a clearing, where the rover drives ahead until the
-test does something to it, and writes down what its wheels were told and when. All processes of a machine share one
-monotonic clock, so its times compare with those in the daemon's log.
+test does something to it, and writes down what its wheels were told and when. It counts time as the
+daemon does, so its times compare with those in the daemon's log.
 """
 
 # ruff: noqa: TID251 - real processes need real time
@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from tests.system.hil_buses import SOCKET_VARIABLE, HilConnection, HilI2C, HilSerial
-from tests.system.measures import Commands, stop_after
+from tests.system.measures import Commands, now_s, stop_after
 from tests.system.subprocesses import HARDWARE_PRIORITY, WAYFARER, command, put_first, starting
 from wayfarer.config.rover_file import rover_text
 from wayfarer.daemon.socket.client import ask
@@ -65,9 +65,9 @@ def wait_for(what: str, holds: Callable[[], T | None], patience_s: float = PATIE
     Raises:
         HilSetupError: it does not within ``patience_s``.
     """
-    ends_s = time.monotonic() + patience_s
+    ends_s = now_s() + patience_s
     while not (found := holds()):
-        if time.monotonic() > ends_s:
+        if now_s() > ends_s:
             raise HilSetupError(f"after {patience_s:g} s not yet: {what}")
         time.sleep(POLL_S)
     return found
@@ -162,12 +162,12 @@ class Site:
     @property
     def turning(self) -> bool:
         """Whether any wheel is told to turn."""
-        return any(self.bench("look", since_s=time.monotonic())["commanded"])
+        return any(self.bench("look", since_s=now_s())["commanded"])
 
     @property
     def drives(self) -> bool:
         """Whether the wheels of both sides turn ahead."""
-        left_m_s, right_m_s = self.bench("look", since_s=time.monotonic())["wheels_m_s"]
+        left_m_s, right_m_s = self.bench("look", since_s=now_s())["wheels_m_s"]
         return bool(min(left_m_s, right_m_s) > DRIVES_M_S)
 
     def drives_on(self) -> None:
@@ -257,7 +257,7 @@ class Site:
 
         def press() -> None:
             for seq in itertools.count(1):
-                pressed = {"seq": seq, "forward": 0.5 if seq > LET_GO else 0.0, "turn": 0.0, "sent_s": time.monotonic()}
+                pressed = {"seq": seq, "forward": 0.5 if seq > LET_GO else 0.0, "turn": 0.0, "sent_s": now_s()}
                 with suppress(WayfarerError):
                     ask({"do": "manual_drive", "lease": lease, **pressed}, self.socket, timeout_s=KEY_S)
                 if over.wait(KEY_S):

@@ -9,6 +9,7 @@ from itertools import pairwise
 from math import inf
 from pathlib import Path
 from statistics import median, quantiles
+from time import CLOCK_BOOTTIME, clock_gettime
 from typing import NamedTuple, TypeAlias
 
 from wayfarer.errors import BadInput
@@ -19,6 +20,11 @@ PERIOD_S = 0.05  # of the shipped rovers
 
 Commands: TypeAlias = list[tuple[float, float, float]]
 """Each is (time that it is true from, left duty, right duty)."""
+
+
+def now_s() -> float:
+    """Return the time on the clock of daemon and bench: seconds since the start of the computer, asleep or not."""
+    return clock_gettime(CLOCK_BOOTTIME)
 
 
 # -- wheels ------------------------------------------------------------------------------------------------------------

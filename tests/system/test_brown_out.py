@@ -15,7 +15,7 @@ from random import Random
 import pytest
 
 from tests.system.hil_setup import DEADMAN_S, Site, wait_for
-from tests.system.measures import stop_after, told_to_turn
+from tests.system.measures import now_s, stop_after, told_to_turn
 from wayfarer.fieldlog.folders import run_folders
 
 KILLS = int(os.environ.get("KILLS", "6"))  # half of them on each rover; each takes about three seconds
@@ -33,7 +33,7 @@ def test_wheels_stand_within_the_deadman_after_a_brown_out_of_the_board_and_the_
         after_s = chance.uniform(0.0, LATEST_S)
         time.sleep(after_s)
         daemon.kill()
-        killed_s = time.monotonic()
+        killed_s = now_s()
         daemon.wait()
         _, stopped_s = stop_after(site.stopped())
         print(f"{site.rover}, killed after {after_s:.3f} s: stood after {stopped_s - killed_s:.3f} s")

@@ -21,7 +21,16 @@ from random import Random
 import pytest
 
 from tests.system.hil_setup import DEADMAN_S, MARGIN_S, Site, wait_for
-from tests.system.measures import ReadBack, after_death, all_folders, cut_off, numbered_twice, read_back, told_to_turn
+from tests.system.measures import (
+    ReadBack,
+    after_death,
+    all_folders,
+    cut_off,
+    now_s,
+    numbered_twice,
+    read_back,
+    told_to_turn,
+)
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.writer_thread import WRITE_S, WRITES_A_SYNC
 
@@ -57,7 +66,7 @@ class Killer:
 
     def __init__(self, where: Site, rng: Random) -> None:
         self._site, self._rng = where, rng
-        self._still_since_s = time.monotonic()
+        self._still_since_s = now_s()
         self._folders: set[Path] = set()
 
     def kill(self, life: Life) -> bool:
@@ -70,7 +79,7 @@ class Killer:
             self._forgive(daemon)
         daemon.kill()
         daemon.wait()
-        return self._judge(life, time.monotonic())
+        return self._judge(life, now_s())
 
     # -- leading a daemon to its death -----------------------------------------------------------------------------
 
@@ -113,7 +122,7 @@ class Killer:
         """Ask to arm without waiting for the answer: the daemon dies while it thinks about it."""
         with socket.socket(socket.AF_UNIX) as line:
             line.connect(str(self._site.socket))
-            line.sendall(b'{"do": "arm"}\n')
+            line.sendall(b'{"do": "arm", "asked_s": %f}\n' % now_s())
             time.sleep(then_wait_s)
 
     def _assert_still(self) -> None:
@@ -123,7 +132,7 @@ class Killer:
         """Let go of a daemon that ended by itself; that it must stop its wheels is another row's."""
         ended.wait()
         wait_for("the wheels stand still", lambda: not self._site.turning)
-        self._still_since_s = time.monotonic()
+        self._still_since_s = now_s()
 
     # -- what is left ------------------------------------------------------------------------------------------------
 
@@ -133,7 +142,7 @@ class Killer:
         if life is Life.STARTING:
             self._assert_still()
         silence_s, stopped_s = after_death(where.commands(), died_s)
-        self._still_since_s = time.monotonic()
+        self._still_since_s = now_s()
         found = self._read_back()
         lost_s = None if found.last_tick_s is None or found.ended else died_s - found.last_tick_s
         print(f"{where.rover}, {life}: stop after {stopped_s} s, {silence_s} s of silence; {lost_s} s of log lost")

@@ -17,7 +17,7 @@ from signal import Signals
 import pytest
 
 from tests.system.hil_setup import MARGIN_S, PATIENCE_S, Site, hil_site, wait_for
-from tests.system.measures import stop_after, told_to_turn
+from tests.system.measures import now_s, stop_after, told_to_turn
 from wayfarer.daemon.signals import ENDING, IGNORED, SUSPENDING, name_of
 
 BY_PYTHON = {Signals.SIGPIPE, Signals.SIGXFSZ}  # ignored from the start of every Python process
@@ -50,7 +50,7 @@ def signals_in(status: str, mask: str) -> set[int]:
 @pytest.mark.parametrize("number", TRIED, ids=name_of)
 def test_signal_stops_the_wheels_first_and_is_named_in_the_outcome(site: Site, number: int) -> None:
     daemon = site.armed()
-    began_s = time.monotonic()
+    began_s = now_s()
     daemon.send_signal(number)
     assert daemon.wait(PATIENCE_S) == 0
     assert site.stopped_by_daemon_s(began_s - 1.0) - began_s < 0.5
@@ -60,7 +60,7 @@ def test_signal_stops_the_wheels_first_and_is_named_in_the_outcome(site: Site, n
 
 def test_ctrl_z_stops_the_wheels_first_and_what_wakes_it_finds_it_disarmed(site: Site) -> None:
     daemon = site.armed()
-    began_s = time.monotonic()
+    began_s = now_s()
     for _ in range(2):  # keys are pressed twice
         daemon.send_signal(signal.SIGTSTP)
     stopped_s = site.stopped_by_daemon_s(began_s - 1.0)
@@ -87,7 +87,7 @@ def test_daemon_in_the_background_goes_on_where_its_terminal_would_suspend_it(si
 def test_board_stops_the_wheels_of_a_daemon_that_a_fault_ends(site: Site) -> None:
     """As docs/explanation/what-stops-the-wheels.md says: what a fault does to a process is left as it is."""
     daemon = site.armed()
-    began_s = time.monotonic()
+    began_s = now_s()
     daemon.send_signal(Signals.SIGSEGV)
     assert daemon.wait(PATIENCE_S) == -Signals.SIGSEGV
     site.stopped()

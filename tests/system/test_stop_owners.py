@@ -13,7 +13,7 @@ import pytest
 
 from tests.system import buggy_algorithms
 from tests.system.hil_setup import DEADMAN_S, MARGIN_S, PATIENCE_S, Site, wait_for
-from tests.system.measures import stop_after
+from tests.system.measures import now_s, stop_after
 
 pytestmark = pytest.mark.parametrize("site", sorted(DEADMAN_S), indirect=True)
 
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.parametrize("site", sorted(DEADMAN_S), indirect=True)
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "suspended"])
 def test_board_stops_the_wheels_of_a_daemon_that_is_gone(site: Site, how: signal.Signals) -> None:
     daemon = site.armed()
-    gone_s = time.monotonic()
+    gone_s = now_s()
     daemon.send_signal(how)
     turned_s, stopped_s = stop_after(site.stopped())
     # No earlier: nobody but the deadman stopped them. No later: it was armed.
@@ -31,7 +31,7 @@ def test_board_stops_the_wheels_of_a_daemon_that_is_gone(site: Site, how: signal
 
 def test_board_stops_the_wheels_of_a_killed_daemon_though_a_person_holds_the_key(site: Site) -> None:
     with site.driven_by_hand() as daemon:
-        gone_s = time.monotonic()
+        gone_s = now_s()
         daemon.kill()
         turned_s, stopped_s = stop_after(site.stopped())
     assert stopped_s - turned_s == pytest.approx(site.deadman_s, abs=MARGIN_S)
@@ -72,7 +72,7 @@ def test_wheels_turn_again_a_second_after_the_daemon_is_woken_or_not_at_all(site
     daemon = site.armed()
     daemon.send_signal(signal.SIGSTOP)
     time.sleep(suspended_s)
-    woken_s = time.monotonic()
+    woken_s = now_s()
     daemon.send_signal(signal.SIGCONT)
     wait_for("it turns again or is disarmed", lambda: site.turning or site.status()["mode"] == "disarmed")
     turns_s = [t_s - woken_s for t_s, left, right in site.commands(woken_s) if left or right]
@@ -87,10 +87,10 @@ def test_wheels_turn_again_a_second_after_the_daemon_is_woken_or_not_at_all(site
 
 def test_ended_daemon_stops_the_wheels_itself_and_writes_how_it_ended(site: Site) -> None:
     daemon = site.armed()
-    began_s = time.monotonic()
+    began_s = now_s()
     daemon.terminate()
     assert daemon.wait(PATIENCE_S) == 0
-    took_s = time.monotonic() - began_s
+    took_s = now_s() - began_s
     stopped_s = site.stopped_by_daemon_s()
     print(f"{site.rover}: stopped {stopped_s - began_s:.3f} s after SIGTERM, ended after {took_s:.3f} s")
     assert stopped_s - began_s <= 0.1

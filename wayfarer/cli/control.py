@@ -14,9 +14,7 @@ from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.fields import escape_document
 from wayfarer.views.text.scripting import print_json, say_next
 
-ANSWER_S = 5.0
-ARM_S = 30.0  # the checks before arming may wait for every part in turn
-
+ANSWER_S = 5.0  # above ``safety.permission.PERMISSION_S``: what is not answered by then does not happen later
 
 Heading = Annotated[
     float, typer.Argument(metavar="DEG", min=-360, max=360, help="Degrees clockwise from north; -20 is 340.")
@@ -134,4 +132,4 @@ def _ask(do: str, **keys: object) -> dict[str, Any]:
 def _answer(do: str, **keys: object) -> dict[str, Any]:
     from wayfarer.daemon.socket.client import ask
 
-    return ask({"do": do, **keys}, timeout_s=ARM_S if do == "arm" else ANSWER_S)
+    return ask({"do": do, **keys}, timeout_s=ANSWER_S)

@@ -39,6 +39,8 @@ def _lines(status: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 def _mode(status: Mapping[str, Any]) -> str:
     why = status.get("why_disarmed")
+    if status["being_checked"]:
+        return "being checked before its wheels may turn"
     if status["mode"] == "manual":
         return f"driven by hand, by {status['driver']}"
     return f"disarmed: {disarmed_text(why)}" if why else "held" if status["held"] else str(status["mode"])

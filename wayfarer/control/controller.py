@@ -34,6 +34,7 @@ from wayfarer.safety.conditions import BLIND, Condition, Level
 from wayfarer.safety.gate import Gate
 from wayfarer.safety.manual import LEASE_S, ManualControl
 from wayfarer.safety.mission_limits import Mission, RunEnd
+from wayfarer.safety.permission import PERMISSION_S
 from wayfarer.safety.responses import MANUAL_LEVELS
 from wayfarer.safety.resume_warning import BOARD_FAILED, ResumeWarning
 from wayfarer.safety.tick_interval import IntervalTimer
@@ -334,6 +335,9 @@ class Controller:
 
     def _continue_arming(self, tick: TickRecord, arming: ArmingSequence) -> None:
         t_s, compass = tick.t_s, self._detector.compass
+        if tick.dt_s > PERMISSION_S:  # suspended meanwhile: who armed it expects nothing any more
+            self.disarm(t_s, f"not armed: the daemon stood still for {tick.dt_s:.0f} s")
+            return
         goal_heading_deg = arming.update(compass) if compass is not None else None
         stops = [condition.value for condition in tick.conditions if self.levels[condition] >= Level.DEGRADE]
         if goal_heading_deg is not None and not stops:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
+from math import inf, nextafter
 
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.board_watch import BoardWatch
@@ -30,6 +31,7 @@ from wayfarer.escape.catalogue import Algorithm
 from wayfarer.hal import Driver, Rover, StatusLight
 from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.mission_limits import RunEnd
+from wayfarer.safety.permission import PERMISSION_S, Asked
 
 FRESH_S = 1.0  # if the last control tick is older, systemd's watchdog is not fed
 STALE = frozenset(
@@ -47,7 +49,8 @@ class Supervisor:
     """Runs one rover with one algorithm, once. It starts disarmed.
 
     A mission that reaches a limit ends the run, as a trial does. With ``goes_on`` it only disarms the rover, which can
-    be armed again. ``last_end`` is what the light tells of the run before.
+    be armed again. ``last_end`` is what the light tells of the run before. ``being_checked`` is whether somebody has
+    asked to start the wheels, and the checks before that are under way.
 
     Raises:
         MissingPart: the algorithm or the configuration needs a part that the rover does not have.
@@ -77,7 +80,8 @@ class Supervisor:
         )
         self._board = BoardWatch(rover.motors, self.controller, log, config.board.health_hz)
         self._patience_s = config.detector.compass_stale_s  # after this a silent compass is a condition
-        self._disarms = 0
+        self._over_s = -inf  # permissions that were given before are void
+        self.being_checked = False
         self.ticked = asyncio.Event()  # set by the first control tick; the parts are open then
         self.tasks = sensor_tasks(rover, self.buffers, config.rates, needs, self.controller.position)
         lights = () if rover.light is None else (rover.light,)
@@ -97,7 +101,7 @@ class Supervisor:
         return self._stopping.confirmed
 
     async def arm(
-        self, goal_heading_deg: float | None = None, check: Callable[[], Awaitable[None]] | None = None
+        self, asked: Asked, goal_heading_deg: float | None = None, check: Callable[[], Awaitable[None]] | None = None
     ) -> None:
         """Begin to arm, towards a heading or, if None, the rover's own at the end of the start delay.
 
@@ -105,39 +109,87 @@ class Supervisor:
         error is raised, nothing has changed.
 
         Args:
+            asked: the permission; it is judged again at the end, after all that had to be waited for.
             goal_heading_deg: degrees clockwise from magnetic north.
             check: is awaited first, and raises an error if the rover must not be armed.
 
         Raises:
             DriverError: the motor board does not answer, or its deadman does not arm.
-            NotArmed: somebody disarmed the rover, or ended the run, while this was under way.
+            NotArmed: the permission is void, or somebody disarmed the rover or ended the run while this was under way.
         """
-        await self._open_motors(check)
-        self.controller.arm(asyncio.get_running_loop().time(), goal_heading_deg)
+        await self._open_motors(asked, check)
+        self.controller.arm(self._use(asked), goal_heading_deg)
 
-    async def begin_manual(self, lease: int, driver: str, check: Callable[[], Awaitable[None]] | None = None) -> None:
-        """Let a person drive; see ``arm`` for ``check`` and errors, and ``ManualControl.begin`` for the others.
+    async def begin_manual(
+        self, asked: Asked, lease: int, driver: str, check: Callable[[], Awaitable[None]] | None = None
+    ) -> None:
+        """Let a person drive; see ``arm`` for ``asked``, ``check`` and errors, ``ManualControl.begin`` for the others.
 
         The motors of a mission are open already, and turn: they are left as they are.
         """
         if self.mode is not Mode.ARMED:
-            await self._open_motors(check)
-        self.controller.begin_manual(asyncio.get_running_loop().time(), lease, driver)
+            await self._open_motors(asked, check)
+        self.controller.begin_manual(self._use(asked), lease, driver)
 
-    async def _open_motors(self, check: Callable[[], Awaitable[None]] | None) -> None:
-        """Check, and open the motors again, unless somebody disarms the rover meanwhile."""
-        asked = self._disarms
-        if check is not None:
-            await check()
-        await self._rover.motors.open()
-        if self._disarms != asked or self.controller.end is not None:
-            raise NotArmed("not armed: the rover was disarmed while it was being checked")
+    def resume(self, asked: Asked) -> None:
+        """Let the wheels turn again after ``hold``; raises ``NotArmed`` as ``arm``."""
+        self.controller.hold(self._use(asked), held=False)
+
+    async def _open_motors(self, asked: Asked, check: Callable[[], Awaitable[None]] | None) -> None:
+        """Check, and open the motors again, for no longer than the permission lasts."""
+        self._refuse_void(asked)
+        self.being_checked = True
+        try:
+            async with asyncio.timeout_at(asked.at_s + PERMISSION_S):
+                if check is not None:
+                    await check()
+                await self._rover.motors.open()
+        except TimeoutError:
+            raise NotArmed(
+                f"not started: the checks took longer than {PERMISSION_S:g} s, and nobody may be there any more: see"
+                " the log for what is slow, and ask again"
+            ) from None
+        finally:
+            self.being_checked = False
+
+    def _refuse_void(self, asked: Asked) -> None:
+        """Raise ``NotArmed`` if a permission does not count any more."""
+        over = "the run is ending" if self.controller.end is not None else ""
+        if why := over or asked.why_void(_loop_time(), self._over_s):
+            raise NotArmed(f"not started: {why}: look at the rover, and ask again if that is still right")
+
+    def _use(self, asked: Asked) -> float:
+        """Use up a permission, or raise ``NotArmed``; return the time of now.
+
+        Every start of a wheel that somebody asks for goes through here, and nothing is awaited between this and the
+        change of mode.
+        """
+        self._refuse_void(asked)
+        self._over_s = nextafter(asked.at_s, inf)
+        return _loop_time()
+
+    def _end_permissions(self) -> float:
+        """Let nothing start that was asked for before; return the time of now."""
+        now_s = _loop_time()
+        self._over_s = max(self._over_s, now_s)
+        return now_s
+
+    def hold(self) -> None:
+        """Stop the wheels until ``resume``; the mission continues after that. Nobody drives by hand any more."""
+        if self.mode is Mode.MANUAL:
+            self.end_manual("asked to hold")
+        else:
+            self.controller.hold(self._end_permissions(), held=True)
+
+    def end_manual(self, reason: str) -> None:
+        """Stop the wheels, and go back to what was before a person drove."""
+        self.controller.end_manual(self._end_permissions(), reason)
 
     def disarm(self, reason: str) -> None:
         """Stop the wheels until re-armed, also while arming is under way; the run continues."""
-        self._disarms += 1
+        now_s = self._end_permissions()
         if self.mode is not Mode.DISARMED:
-            self.controller.disarm(asyncio.get_running_loop().time(), reason)
+            self.controller.disarm(now_s, reason)
 
     def finish(self, reason: str, text: str) -> None:
         """End the run: at the next tick, or at once if its parts are still being opened."""

@@ -21,6 +21,7 @@ from wayfarer.escape.api import Phase
 from wayfarer.hal import DriveMotors
 from wayfarer.safety.conditions import Level
 from wayfarer.safety.manual import ManualControl, ManualSample
+from wayfarer.safety.permission import Asked
 from wayfarer.safety.responses import RESPONSES
 
 NO_STORAGE: Mapping[str, Any] = {"log_dropped": 0, "log_trouble": None, "storage_warnings": [], "runs_deleted": 0}
@@ -59,20 +60,25 @@ class RoverCommands:
         self._storage = storage
         self._keep = keep
         self._check = ArmingCheck(supervisor, inspect, log, checks)
-        self._checking = False
         self._begun = RateLimiter()  # a log has a record of each
         self._marks = RateLimiter()  # for all clients together: one that connects again is another client
 
     async def status(self) -> Details:
         """Return the state of the rover."""
-        return {**self._about, **self._storage(), **rover_status(self._controller, _now_s())}
+        state = rover_status(self._controller, _now_s(), being_checked=self.being_checked)
+        return {**self._about, **self._storage(), **state}
 
-    async def arm(self, heading_deg: float | None = None, *, without_log: bool = False) -> Details:
+    @property
+    def being_checked(self) -> bool:
+        """Whether somebody has asked to start the wheels, and the checks before that are under way."""
+        return self._supervisor.being_checked
+
+    async def arm(self, asked: Asked, heading_deg: float | None = None, *, without_log: bool = False) -> Details:
         """Check everything, then begin to arm."""
-        if self._controller.mode is not Mode.DISARMED or self._checking:
+        if self._controller.mode is not Mode.DISARMED or self.being_checked:
             raise Refused(f"the rover is {self._mode_text()} already: disarm it first (wayfarer disarm)")
         check = partial(self._check.before_arming, without_log=without_log)
-        await self._checked(self._supervisor.arm(heading_deg, check))
+        await _started(self._supervisor.arm(asked, heading_deg, check))
         return {
             "mode": self._controller.mode.value,
             "start_delay_s": self._about["start_delay_s"],
@@ -81,19 +87,9 @@ class RoverCommands:
 
     def _mode_text(self) -> str:
         mode = self._controller.mode
-        return "being checked" if self._checking else "driven by a person" if mode is Mode.MANUAL else mode.value
+        return "being checked" if self.being_checked else "driven by a person" if mode is Mode.MANUAL else mode.value
 
-    async def _checked(self, doing: Awaitable[None]) -> None:
-        """Await what checks the rover first; nothing else may begin meanwhile."""
-        self._checking = True
-        try:
-            await doing
-        except DriverError as error:
-            raise Refused(f"not armed: {error}") from None
-        finally:
-            self._checking = False
-
-    async def manual_begin(self, driver: str) -> Details:
+    async def manual_begin(self, asked: Asked, driver: str) -> Details:
         """Check the motors, and let a client drive by hand."""
         settings = self._controller.manual.settings
         if not settings.allowed:
@@ -101,16 +97,17 @@ class RoverCommands:
                 "driving by hand is not allowed: set allowed = true in [manual] of the rover file, or start the daemon"
                 " with wayfarer run --manual"
             )
-        if self._checking or self._controller.mode not in {Mode.DISARMED, Mode.ARMED}:
+        if self.being_checked or self._controller.mode not in {Mode.DISARMED, Mode.ARMED}:
             raise Refused(f"the rover is {self._mode_text()} already: wait, or disarm it first (wayfarer disarm)")
         if self._controller.waits_for_motors:
             raise Refused("the motor board has failed and is being opened again: try again in some seconds")
         if not self._begun.take(_now_s()):
             raise Refused(f"begun too often: at most {ASKED_HZ:g} times a second for long; wait a second")
         lease = randbelow(WHOLE_MAX)
-        if self._controller.mode is Mode.ARMED:
+        was_armed = self._controller.mode is Mode.ARMED
+        await _started(self._supervisor.begin_manual(asked, lease, driver, self._check.before_driving_by_hand))
+        if was_armed:  # nothing was awaited, and what the mission has commanded last must not go on
             self._motors.halt()
-        await self._checked(self._supervisor.begin_manual(lease, driver, self._check.before_driving_by_hand))
         return {"mode": self._controller.mode.value, "lease": lease, "deadman_s": settings.deadman_s}
 
     async def manual_drive(self, lease: int, seq: int, forward: float, turn: float, sent_s: float) -> Details:
@@ -128,7 +125,7 @@ class RoverCommands:
         """Stop the wheels, and go back to what was before."""
         self._driving(lease)
         self._motors.halt()
-        self._controller.end_manual(_now_s(), "requested by the person who drove")
+        self._supervisor.end_manual("requested by the person who drove")
         return {"mode": self._controller.mode.value}
 
     def _driving(self, lease: int) -> ManualControl:
@@ -157,17 +154,14 @@ class RoverCommands:
         if self._controller.mode is Mode.DISARMED:
             self._supervisor.disarm("asked to hold")  # arming may be under way
             raise Refused("the rover is disarmed: its wheels do not turn")
-        if self._controller.mode is Mode.MANUAL:
-            self._controller.end_manual(_now_s(), "asked to hold")
-        else:
-            self._controller.hold(_now_s(), held=True)
+        self._supervisor.hold()
         return {"held": self._controller.held}
 
-    async def resume(self) -> Details:
+    async def resume(self, asked: Asked) -> Details:
         """Let the wheels turn again."""
         if not self._controller.held:
             raise Refused("the rover is not held: there is nothing to resume")
-        self._controller.hold(_now_s(), held=False)
+        self._supervisor.resume(asked)
         return {"held": False}
 
     async def goal(self, heading_deg: float) -> Details:
@@ -201,6 +195,14 @@ class RoverCommands:
         self._motors.halt()
         self._supervisor.finish("requested", "requested by a person")
         return {"log": self._about.get("log")}
+
+
+async def _started(starting: Awaitable[None]) -> None:
+    """Await what opens the motors and starts them, and refuse the request if it fails."""
+    try:
+        await starting
+    except DriverError as error:
+        raise Refused(f"not armed: {error}") from None
 
 
 def _now_s() -> float:

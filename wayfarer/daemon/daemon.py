@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from random import Random
+from time import CLOCK_BOOTTIME, clock_gettime
 from typing import Any, Protocol
 
 import orjson
@@ -124,7 +125,7 @@ def serve(service: Service) -> RunEnd:
             remove_record(service.socket)
         return end
 
-    with single_daemon(service.socket), motors_lock(device), asyncio.Runner() as runner:
+    with single_daemon(service.socket), motors_lock(device), asyncio.Runner(loop_factory=DaemonLoop) as runner:
         if motors is not None:
             write_record(service.socket, DrivenBoard(motors, config.buses))
         try:
@@ -132,6 +133,14 @@ def serve(service: Service) -> RunEnd:
         except Exception as error:
             cause = first_cause(error)
             raise (cause if isinstance(cause, WayfarerError) else error) from None
+
+
+class DaemonLoop(asyncio.SelectorEventLoop):
+    """The loop of a daemon. Its clock goes on while the computer sleeps: what was asked before that has aged, too."""
+
+    def time(self) -> float:
+        """Return the seconds since the computer was started; every process of it can read this clock."""
+        return clock_gettime(CLOCK_BOOTTIME)
 
 
 class Daemon:

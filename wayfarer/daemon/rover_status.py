@@ -9,12 +9,13 @@ from wayfarer.control.tick_record import TickRecord
 from wayfarer.safety.responses import said_of
 
 
-def rover_status(controller: Controller, now_s: float) -> dict[str, Any]:
-    """Return the state of the rover at ``now_s``, on the loop's clock."""
+def rover_status(controller: Controller, now_s: float, *, being_checked: bool) -> dict[str, Any]:
+    """Return the state of the rover at ``now_s``, on the loop's clock; for ``being_checked`` see ``Supervisor``."""
     health, last = controller.board.health, controller.last
     return {
         "mode": controller.mode.value,
         "why_disarmed": controller.why_disarmed if controller.mode is Mode.DISARMED else None,
+        "being_checked": being_checked,
         "held": controller.held,
         "driver": controller.manual.driver if controller.mode is Mode.MANUAL else None,
         "conditions": [condition.value for condition in controller.conditions],

@@ -31,6 +31,7 @@ from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.fieldlog.run_state import RunState
 from wayfarer.fieldlog.schema import Record
 from wayfarer.hal import DriveMotors, Rover
+from wayfarer.safety.permission import Asked
 from wayfarer.simhal.clock.paced_loop import Pace, PacedLoop
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 from wayfarer.views.live.demo_controls import DemoState
@@ -211,6 +212,8 @@ class Demo:
             raise Refused("the run has ended: wayfarer demo in a terminal begins another one")
         if verb in {"stop", "hold", "resume"}:
             self.pause(False)  # what they do takes time
+        if "asked" in keys:  # a paused trial's clock stands, and the page knows another one
+            keys["asked"] = Asked(running.loop.time())
         work: Coroutine[Any, Any, Details] = getattr(running.commands, verb)(**keys)
         answer = asyncio.wrap_future(asyncio.run_coroutine_threadsafe(work, running.loop))
         await asyncio.wait([answer], timeout=ANSWER_S)

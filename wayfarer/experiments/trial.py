@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -14,6 +15,7 @@ from wayfarer.experiments.outcome import SUCCESSES, Outcome, OutcomeMonitor
 from wayfarer.experiments.trial_setup import MakeLog, TrialSetup, TrialSpec
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.mission_limits import RunEnd
+from wayfarer.safety.permission import Asked
 from wayfarer.simhal.clock.run_virtually import run_virtually
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
@@ -137,7 +139,7 @@ async def _run(
     counters = TrialCounters()
     setup = TrialSetup(spec, lambda *seen: counters if make_log is None else Tee(counters, make_log(*seen)))
     counters.finish = setup.supervisor.finish
-    await setup.supervisor.arm(spec.forest.heading_deg)
+    await setup.supervisor.arm(Asked(asyncio.get_running_loop().time()), spec.forest.heading_deg)
     if setup.injector is not None:
         setup.injector.start(setup.world, setup.supervisor.controller.power, notes)
     begin(setup.supervisor)

@@ -12,13 +12,12 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
+from wayfarer.safety.permission import AHEAD_S
 from wayfarer.safety.settings import ManualSettings
 
 # A client that is silent for this long has gone: another one may drive. LeKiwi's host stops its base after 0.5 s; here
 # the wheels stand long before, so that a person can let a key go and think.
 LEASE_S: Final = 2.0
-# Times that pass through a page are rounded to milliseconds; a sample from later than this is not believed.
-AHEAD_S: Final = 0.001
 
 
 class ManualSample(NamedTuple):

@@ -21,6 +21,7 @@ from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.hal import MotorHealth, PositionFix, Rover, Snapshot, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.mission_limits import RunEnd
+from wayfarer.safety.permission import Asked
 from wayfarer.simhal.clock.run_virtually import run_virtually
 from wayfarer.simhal.faults.injector import NoteFault
 from wayfarer.simhal.faults.kinds import Fault
@@ -201,7 +202,9 @@ async def _ask(setup: TrialSetup, commands: tuple[Command, ...], log: RunLog) ->
         await asyncio.sleep(max(0.0, command.at_s - loop.time()))
         try:
             if command.do == "arm":
-                await rover.arm(command.heading_deg)
+                await rover.arm(Asked(loop.time()), command.heading_deg)
+            elif command.do == "resume":
+                await rover.resume(Asked(loop.time()))
             else:
                 await getattr(rover, command.do)()
         except (Refused, NotArmed) as error:

@@ -15,7 +15,9 @@ import orjson
 from tests.children import child
 from wayfarer.daemon.socket.protocol import Details, Refused
 from wayfarer.daemon.socket.server import ControlServer
+from wayfarer.safety.permission import Asked
 
+ARM = b'{"do": "arm", "asked_s": 1.5}\n'
 STATUS = b'{"do": "status"}\n'
 
 
@@ -24,19 +26,29 @@ class FakeDaemon:
 
     def __init__(self) -> None:
         self.told: list[tuple[object, ...]] = []
+        self.asked: list[Asked] = []
         self.errors: list[Exception] = []
         self.fails_with: Exception = Refused("nothing to hold: arm first")
         self.answers: Details = {"mode": "disarmed"}
         self.waits = asyncio.Event()
         self.waits.set()
 
+    @property
+    def being_checked(self) -> bool:
+        return not self.waits.is_set()
+
     async def status(self) -> Details:
         self.told.append(("status",))
         return self.answers
 
-    async def arm(self, heading_deg: float | None = None, *, without_log: bool = False) -> Details:
+    async def arm(self, asked: Asked, heading_deg: float | None = None, *, without_log: bool = False) -> Details:
+        self.asked.append(asked)
         self.told.append(("arm", heading_deg))
-        await self.waits.wait()
+        try:
+            await self.waits.wait()
+        except asyncio.CancelledError:
+            self.told.append(("gave up",))
+            raise
         return {"start_delay_s": 10.0}
 
     async def disarm(self) -> Details:
@@ -46,7 +58,8 @@ class FakeDaemon:
     async def hold(self) -> Details:
         raise self.fails_with
 
-    async def resume(self) -> Details:
+    async def resume(self, asked: Asked) -> Details:
+        self.asked.append(asked)
         self.told.append(("resume",))
         return {}
 
@@ -54,7 +67,8 @@ class FakeDaemon:
         self.told.append(("goal", heading_deg))
         return {}
 
-    async def manual_begin(self, driver: str) -> Details:
+    async def manual_begin(self, asked: Asked, driver: str) -> Details:
+        self.asked.append(asked)
         self.told.append(("manual_begin", driver))
         return {"lease": 7}
 

@@ -9,6 +9,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from time import CLOCK_BOOTTIME, clock_gettime
 from typing import Any
 
 import pytest
@@ -52,6 +53,18 @@ async def test_answer_is_the_details(path: Path, daemon: FakeDaemon) -> None:
         assert await asyncio.to_thread(ask, STATUS, path) == {"mode": "disarmed"}
         assert await asyncio.to_thread(ask, {"do": "arm", "heading_deg": None}, path) == {"start_delay_s": 10.0}
     assert daemon.told == [("status",), ("arm", None)]
+
+
+async def test_what_starts_wheels_is_sent_with_the_time_of_asking(path: Path, daemon: FakeDaemon) -> None:
+    """Not that of connecting: the daemon may be suspended, or its queue full."""
+    began_s = clock_gettime(CLOCK_BOOTTIME)
+    async with serve(daemon, path):
+        for request in ({"do": "arm"}, {"do": "resume"}, {"do": "manual_begin", "driver": "page"}):
+            await asyncio.to_thread(ask, request, path)
+        await asyncio.to_thread(ask, {"do": "resume", "asked_s": 1.5}, path)
+    times_s = [asked.at_s for asked in daemon.asked]
+    assert began_s < times_s[0] < times_s[1] < times_s[2] < clock_gettime(CLOCK_BOOTTIME)
+    assert times_s[3] == 1.5, "a program that has waited itself"
 
 
 async def test_refusal_is_raised_with_its_reason(path: Path, daemon: FakeDaemon) -> None:

@@ -28,15 +28,15 @@ from wayfarer.errors import BadInput, UnknownName
     ("request_", "told"),
     [
         ({"do": "status"}, ("status",)),
-        ({"do": "arm"}, ("arm", None)),
-        ({"do": "arm", "heading_deg": None, "north": None}, ("arm", None)),
-        ({"do": "arm", "heading_deg": 0}, ("arm", 0)),
-        ({"do": "arm", "heading_deg": 12.5, "north": "magnetic"}, ("arm", 12.5)),
+        ({"do": "arm", "asked_s": 1}, ("arm", None)),
+        ({"do": "arm", "asked_s": 1.5, "heading_deg": None, "north": None}, ("arm", None)),
+        ({"do": "arm", "asked_s": 1, "heading_deg": 0}, ("arm", 0)),
+        ({"do": "arm", "asked_s": 1, "heading_deg": 12.5, "north": "magnetic"}, ("arm", 12.5)),
         ({"do": "disarm"}, ("disarm",)),
-        ({"do": "resume"}, ("resume",)),
+        ({"do": "resume", "asked_s": 1}, ("resume",)),
         ({"do": "goal", "heading_deg": 359.9}, ("goal", 359.9)),
         ({"do": "goal", "heading_deg": 2.0, "north": "true"}, ("goal", 358.5)),
-        ({"do": "manual_begin", "driver": "keys"}, ("manual_begin", "keys")),
+        ({"do": "manual_begin", "asked_s": 1, "driver": "keys"}, ("manual_begin", "keys")),
         (
             {"do": "manual_drive", "lease": 2**53, "seq": 1, "forward": -1, "turn": 0.5, "sent_s": 12.5},
             ("manual_drive", 2**53, 1, -1, 0.5, 12.5),
@@ -50,7 +50,7 @@ from wayfarer.errors import BadInput, UnknownName
 async def test_each_verb_is_its_method(
     request_: dict[str, object], told: tuple[object, ...], daemon: FakeDaemon
 ) -> None:
-    await perform(check(request_), daemon, declination_deg=3.5)
+    await perform(check(request_), daemon, declination_deg=3.5, is_there=lambda: True)
     assert daemon.told == [told]
 
 
@@ -61,7 +61,8 @@ async def test_true_heading_is_the_magnetic_one_plus_the_declination(
     heading_deg: float, declination_deg: float
 ) -> None:
     daemon = FakeDaemon()
-    await perform(check({"do": "arm", "heading_deg": heading_deg, "north": "true"}), daemon, declination_deg)
+    request = check({"do": "arm", "asked_s": 1, "heading_deg": heading_deg, "north": "true"})
+    await perform(request, daemon, declination_deg, lambda: True)
     ((_, magnetic_deg),) = daemon.told
     assert isinstance(magnetic_deg, float)
     assert 0 <= magnetic_deg < 360
@@ -72,7 +73,7 @@ async def test_true_heading_is_the_magnetic_one_plus_the_declination(
 async def test_true_north_without_a_declination_is_refused(daemon: FakeDaemon) -> None:
     request = check({"do": "goal", "heading_deg": 10.0, "north": "true"})
     with pytest.raises(Refused, match="declination, which this rover's configuration does not give: set it"):
-        await perform(request, daemon, declination_deg=None)
+        await perform(request, daemon, declination_deg=None, is_there=lambda: True)
     assert daemon.told == []
 
 
@@ -90,7 +91,7 @@ HEADINGS = [-0.1, 360, 360.0, 1e300, nan, inf, -inf, True, "12", [12], {}]
 )
 def test_impossible_value_is_refused_with_its_range(do: str, key: str, value: object, why: str) -> None:
     with pytest.raises(BadInput, match=why):
-        check({"do": do, key: value})
+        check({"do": do, key: value} | ({"asked_s": 1} if do == "arm" else {}))
 
 
 @pytest.mark.parametrize(
@@ -107,7 +108,14 @@ def test_impossible_value_is_refused_with_its_range(do: str, key: str, value: ob
         ({"do": "goal", "heading_deg": None}, "goal needs heading_deg"),
         ({"do": "goal", "heading_deg": 1.0, "north": "grid"}, "north must be magnetic or true, not 'grid'"),
         ({"do": "goal", "heading_deg": 1.0, "north": ["true"]}, "north must be magnetic or true, not "),
-        ({"do": "arm", "north": "true"}, "north without heading_deg"),
+        ({"do": "arm", "asked_s": 1, "north": "true"}, "north without heading_deg"),
+        ({"do": "arm"}, "arm needs asked_s: a time in seconds of the rover's CLOCK_BOOTTIME, when the person asked"),
+        ({"do": "resume", "asked_s": None}, "resume needs asked_s"),
+        ({"do": "manual_begin", "driver": "keys"}, "manual_begin needs asked_s"),
+        ({"do": "resume", "asked_s": -1.0}, "asked_s must be a time in seconds of the rover's CLOCK_BOOTTIME"),
+        ({"do": "resume", "asked_s": nan}, "asked_s must be a time"),
+        ({"do": "resume", "asked_s": "now"}, "asked_s must be a time"),
+        ({"do": "resume", "asked_s": True}, "asked_s must be a time"),
         ({"do": "mark"}, "mark needs text: a text of 1 to 500 characters"),
     ],
 )

@@ -5,16 +5,18 @@ from __future__ import annotations
 import asyncio
 import os
 import socket
+from functools import partial
 from pathlib import Path
 from stat import S_IMODE
 
 import pytest
 
-from tests.daemon.socket.fake_daemon import STATUS, FakeDaemon, RawClient, answers, serve, until
+from tests.daemon.socket.fake_daemon import ARM, STATUS, FakeDaemon, RawClient, answers, serve, until
 from wayfarer.daemon.socket import server
 from wayfarer.daemon.socket.paths import peer_uid
-from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.daemon.socket.protocol import Details, Refused
 from wayfarer.errors import BadInput, NotResponding
+from wayfarer.safety.permission import Asked
 
 # -- answering -----------------------------------------------------------------------------------------------------
 
@@ -62,10 +64,50 @@ async def test_details_that_are_no_json_are_reported_as_a_bug(path: Path, daemon
     assert [type(error).__name__ for error in daemon.errors] == ["TypeError"]
 
 
+@pytest.mark.parametrize("leaves", ["close", "abort", "write_eof"])
+async def test_arming_is_given_up_at_once_when_its_client_leaves(path: Path, daemon: FakeDaemon, leaves: str) -> None:
+    """Also one that ceases to send: who waits for no answer has gone."""
+    daemon.waits.clear()
+    async with serve(daemon, path), RawClient(path) as client:
+        client.writer.write(ARM)
+        await until(lambda: daemon.told)
+        assert daemon.asked[0].is_there()
+        getattr(client.writer.transport, leaves)()
+        await until(lambda: ("gave up",) in daemon.told)
+        assert not daemon.asked[0].is_there()
+        assert await answers(path)
+
+
+async def test_who_has_gone_before_the_request_is_read_is_not_there(path: Path, daemon: FakeDaemon) -> None:
+    """The bytes of a command that was interrupted wait in the buffer of a daemon that was suspended."""
+    noted: list[bool] = []
+
+    async def resume(asked: Asked) -> Details:
+        noted.append(asked.is_there())
+        return {}
+
+    daemon.resume = resume  # type: ignore[method-assign]
+    async with serve(daemon, path):
+        with socket.socket(socket.AF_UNIX) as line:
+            line.connect(str(path))
+            line.sendall(b'{"do": "resume", "asked_s": 1}\n')
+        await until(lambda: noted)
+    assert noted == [False]
+
+
+async def test_stop_of_a_client_that_has_gone_is_obeyed(path: Path, daemon: FakeDaemon) -> None:
+    async with serve(daemon, path):
+        for verb in ("disarm", "stop"):
+            with socket.socket(socket.AF_UNIX) as line:
+                line.connect(str(path))
+                line.sendall(b'{"do": "%s"}\n' % verb.encode())
+            await until(partial(daemon.told.__contains__, (verb,)))
+
+
 async def test_stop_does_not_queue_behind_a_slow_arm(path: Path, daemon: FakeDaemon) -> None:
     daemon.waits.clear()
     async with serve(daemon, path), RawClient(path) as one, RawClient(path) as other:
-        one.writer.write(b'{"do": "arm"}\n')
+        one.writer.write(ARM)
         await until(lambda: daemon.told)
         assert await other.reply_to(b'{"do": "stop"}\n') == {"ok": True}
         daemon.waits.set()

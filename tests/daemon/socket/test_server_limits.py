@@ -13,7 +13,7 @@ from pathlib import Path
 import orjson
 import pytest
 
-from tests.daemon.socket.fake_daemon import STATUS, FakeDaemon, RawClient, answers, open_files, serve, until
+from tests.daemon.socket.fake_daemon import ARM, STATUS, FakeDaemon, RawClient, answers, open_files, serve, until
 from wayfarer.daemon.socket.client import ask
 from wayfarer.daemon.socket.protocol import REQUEST_BYTES
 from wayfarer.daemon.socket.server import CLIENTS
@@ -55,7 +55,7 @@ async def test_idle_client_is_closed(path: Path, daemon: FakeDaemon) -> None:
 
 async def test_line_cut_off_by_the_client_is_not_obeyed(path: Path, daemon: FakeDaemon) -> None:
     async with serve(daemon, path), RawClient(path) as client:
-        client.writer.write(b'{"do": "arm"}')
+        client.writer.write(ARM[:-1])
         client.writer.write_eof()
         assert "the line does not end" in (await client.reply())["why"]
     assert daemon.told == []
@@ -65,7 +65,7 @@ async def test_client_that_came_first_gives_up_its_place_and_hears_why(path: Pat
     """Whatever it does: here it waits for its arming, which is given up with it."""
     daemon.waits.clear()
     async with serve(daemon, path, clients=2), RawClient(path) as busy, RawClient(path) as begun:
-        busy.writer.write(b'{"do": "arm"}\n')
+        busy.writer.write(ARM)
         await until(lambda: daemon.told)
         begun.writer.write(STATUS[:9])
         async with RawClient(path) as third:
@@ -91,7 +91,7 @@ HOGS = {
     "nothing": b"",
     "half a line": b"{",
     "lines without end": STATUS * 2000,
-    "no reading": b'{"do": "arm"}\n' * 2000,
+    "no reading": ARM * 2000,
 }
 
 
@@ -103,9 +103,9 @@ async def test_clients_that_take_all_places_keep_nobody_out(path: Path, daemon: 
         for hog in hogs:
             hog.writer.write(said)
         await asyncio.sleep(0.02)
-        for verb in (b"stop", b"disarm", b"status", b"arm"):
+        for line in (b'{"do": "stop"}\n', b'{"do": "disarm"}\n', STATUS, ARM):
             async with RawClient(path) as client:
-                assert (await client.reply_to(b'{"do": "%s"}\n' % verb))["ok"]
+                assert (await client.reply_to(line))["ok"]
         for hog in hogs:
             await hog.__aexit__()
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from tests.virtual import virtual
+from tests.virtual import asked, virtual
 from wayfarer.config.factory import assemble
 from wayfarer.config.rover_file import RoverConfig, laid_over, load_rover
 from wayfarer.control.supervisor import first_cause
@@ -94,7 +94,7 @@ async def run(
         setup.injector.start(setup.world, setup.supervisor.controller.power, [monitor.note])
     running = asyncio.ensure_future(setup.supervisor.run())
     await asyncio.sleep(1.0)
-    await setup.supervisor.arm(0.0)
+    await setup.supervisor.arm(asked(), 0.0)
     for at_s in (BEGINS_S - 0.001, BEGINS_S + LASTS_S + 0.001):
         await asyncio.sleep(at_s - loop.time())
         looks.append(look(setup))

@@ -113,5 +113,5 @@ async def test_state_of_a_rover_says_nothing_of_a_demo() -> None:
 
 async def test_old_page_of_a_demo_may_resume_because_no_wheels_turn() -> None:
     async with demonstrated() as (site, _):
-        (reply,) = await replies_to(site, {"do": "resume", "state_t_s": -100.0})
+        (reply,) = await replies_to(site, {"do": "resume", "asked_s": 1.0})
         assert "not held" in reply["why"], "the rover itself has answered"

@@ -11,6 +11,7 @@ from tests.views.live.test_demo_controls import Demo
 from tests.views.live.test_server import Rover, first, serving
 from wayfarer.daemon.socket.protocol import Details, Refused
 from wayfarer.safety.manual import ManualControl, ManualSample
+from wayfarer.safety.permission import Asked
 from wayfarer.safety.settings import ManualSettings
 
 LEASE = 7
@@ -27,7 +28,8 @@ class DrivenRover(Rover):
         self.checked.set()
         self.ended = asyncio.Event()
 
-    async def manual_begin(self, driver: str) -> Details:
+    async def manual_begin(self, asked: Asked, driver: str) -> Details:
+        self.permissions.append((asked.at_s, asked.is_there()))
         self.asked.append(("begin", driver))
         await self.checked.wait()
         if self.lease is not None:
@@ -58,7 +60,8 @@ def now_s() -> float:
 
 async def ask(connection: Any, do: str, **keys: object) -> dict[str, Any]:
     """Send a request, and return the reply to it."""
-    await connection.send_json({"do": do, "state_t_s": now_s(), **keys})
+    dated = {"manual_begin": "asked_s", "manual_drive": "sent_s"}
+    await connection.send_json({"do": do, **({dated[do]: now_s()} if do in dated else {}), **keys})
     while True:
         reply: dict[str, Any] = await first(connection, "reply")
         if reply["do"] == do:
@@ -80,7 +83,7 @@ async def test_page_that_drives_is_told_what_it_needs_to_know_how_old_things_are
         assert (began["ok"], began["deadman_s"]) == (True, ManualSettings().deadman_s)
         assert "lease" not in began
         told_s = began["t_s"]
-        drove = await ask(connection, "manual_drive", **sample(1, state_t_s=told_s))
+        drove = await ask(connection, "manual_drive", **sample(1, sent_s=told_s))
         assert (drove["ok"], drove["seq"]) == (True, 1)
         assert told_s <= drove["t_s"] <= now_s()
         assert rover.asked == [("begin", "page"), ("drive", (1, 0.5, -0.25, told_s))]
@@ -93,9 +96,9 @@ async def test_wheels_are_not_had_without_the_token_or_from_an_old_page(rover: D
         async with site.connect(token="") as connection:
             assert (await ask(connection, "manual_begin"))["why"].endswith("the address that wayfarer status shows")
         shown: list[object] = [now_s() - 1.1, now_s() + 5.0, None, "now", []]
-        for state_t_s in shown:
+        for asked_s in shown:
             async with site.connect() as connection:
-                assert "old state" in (await ask(connection, "manual_begin", state_t_s=state_t_s))["why"], state_t_s
+                assert "old state" in (await ask(connection, "manual_begin", asked_s=asked_s))["why"], asked_s
         assert rover.asked == []
 
 
@@ -123,7 +126,7 @@ async def test_page_that_connects_again_does_not_drive(rover: DrivenRover) -> No
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"state_t_s": None}, {"state_t_s": "now"}, {"seq": None}, {"seq": 1.5}, {"seq": True}, {"forward": 1.01},
+        {"sent_s": None}, {"sent_s": "now"}, {"seq": None}, {"seq": 1.5}, {"seq": True}, {"forward": 1.01},
         {"forward": "1"}, {"turn": None}, {"turn": [[]]}, {"turn": -2},
     ],
     ids=str,
@@ -142,8 +145,8 @@ async def test_sample_that_waited_or_is_sent_again_does_not_drive(rover: DrivenR
         for why, keys in (
             ("repetition", sample(5)),
             ("repetition", sample(4)),
-            ("s ago", sample(6, state_t_s=now_s() - 0.31)),
-            ("from the future", sample(7, state_t_s=now_s() + 5.0)),
+            ("s ago", sample(6, sent_s=now_s() - 0.31)),
+            ("from the future", sample(7, sent_s=now_s() + 5.0)),
         ):
             reply = await ask(connection, "manual_drive", **keys)
             assert why in reply["why"], keys
@@ -155,7 +158,7 @@ async def test_stop_waits_for_no_checks_and_who_leaves_during_them_never_drives(
     async with serving(rover=rover) as site:
         rover.checked.clear()
         async with site.connect() as connection:
-            await connection.send_json({"do": "manual_begin", "state_t_s": now_s()})
+            await connection.send_json({"do": "manual_begin", "asked_s": now_s()})
             assert (await ask(connection, "hold"))["ok"]
             again = await ask(connection, "manual_begin")
             assert not again["ok"], "it is being asked for"

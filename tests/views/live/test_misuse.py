@@ -25,9 +25,33 @@ async def test_resume_reaches_the_rover_from_a_page_of_now_alone() -> None:
         for why, at in ((why, at) for why, ages in shown.items() for at in ages):
             async with site.connect() as connection:
                 now_s = asyncio.get_running_loop().time()
-                state_t_s = now_s - at if isinstance(at, float) else at
-                await connection.send_json({"do": "resume", "state_t_s": state_t_s})
+                asked_s = now_s - at if isinstance(at, float) else at
+                await connection.send_json({"do": "resume", "asked_s": asked_s})
                 assert why in (await first(connection, "reply"))["why"], at
+
+
+async def test_permission_is_of_the_newest_time_that_the_page_was_told_and_ends_with_its_connection() -> None:
+    async with serving() as site, site.connect() as connection:
+        asked_s = (await first(connection, "state"))["now_s"]
+        await connection.send_json({"do": "resume", "asked_s": asked_s})
+        await first(connection, "reply")
+        assert site.rover.permissions == [(asked_s, True)]
+        await connection.send_json({"do": "resume", "asked_s": asked_s})
+        connection.get_extra_info("socket").shutdown(socket.SHUT_WR)  # both wait for the daemon
+        async with asyncio.timeout(5.0):
+            while len(site.rover.permissions) < 2:  # noqa: ASYNC110  (nothing there tells of it)
+                await asyncio.sleep(0.01)
+        assert site.rover.permissions[1] == (asked_s, False)
+
+
+async def test_state_says_while_the_rover_is_being_checked() -> None:
+    async with serving() as site, site.connect() as connection:
+        assert (await first(connection, "snapshot"))["state"]["being_checked"] is False
+        site.rover.being_checked = True
+        async for state in pieces(connection, "state"):
+            if state["being_checked"]:
+                return
+    raise AssertionError("the page was not told")
 
 
 async def test_marks_are_limited_and_stopping_is_not() -> None:

@@ -26,17 +26,17 @@ if os.geteuid() == 0:
     os.setuid(65534)
 
 async def visit():
-    replies, asked, state_t_s = [], 0, None
+    replies, asked, asked_s = [], 0, None
     async with aiohttp.ClientSession() as client:
         async with client.ws_connect(f"{origin}/ws{query}", headers={"Origin": origin}) as connection:
             async for message in connection:
                 for piece in json.loads(message.data):
-                    state_t_s = piece.get("state", {}).get("t_s", state_t_s)
+                    asked_s = piece.get("state", {}).get("now_s", asked_s)
                     replies += [piece["reply"]] if "reply" in piece else []
                 if len(replies) == len(requests):
                     return replies
-                if state_t_s is not None and asked == len(replies):
-                    shown = {"state_t_s": state_t_s} if requests[asked] == "resume" else {}
+                if asked_s is not None and asked == len(replies):
+                    shown = {"asked_s": asked_s} if requests[asked] == "resume" else {}
                     await connection.send_json({"do": requests[asked], **shown})
                     asked += 1
 

@@ -17,6 +17,7 @@ from tests.views.live.records import run_log, tick
 from wayfarer.daemon.socket.protocol import Details, Refused
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.log import FieldLog
+from wayfarer.safety.permission import Asked
 from wayfarer.views.live.broadcaster import LIMITS, ViewerLimits
 from wayfarer.views.live.demo_controls import DemoControls
 from wayfarer.views.live.server import LivePage
@@ -29,12 +30,16 @@ class Rover:
 
     def __init__(self) -> None:
         self.asked: list[tuple[str, Any]] = []
+        self.permissions: list[tuple[float, bool]] = []
 
     async def hold(self) -> Details:
         self.asked.append(("hold", None))
         return {"held": True}
 
-    async def resume(self) -> Details:
+    being_checked = False
+
+    async def resume(self, asked: Asked) -> Details:
+        self.permissions.append((asked.at_s, asked.is_there()))
         raise Refused("the rover is not held: there is nothing to resume")
 
     async def mark(self, text: str, *, keep: bool = True) -> Details:
@@ -45,7 +50,7 @@ class Rover:
         self.asked.append(("stop", None))
         return {"log": "logs/1"}
 
-    async def arm(self, heading_deg: float | None = None, *, without_log: bool = False) -> Details:
+    async def arm(self, asked: Asked, heading_deg: float | None = None, *, without_log: bool = False) -> Details:
         raise AssertionError("armed from a web page")
 
     async def disarm(self) -> Details:
@@ -184,8 +189,8 @@ async def test_who_has_no_token_may_do_everything_but_start_the_wheels_and_keep_
         site.rover.asked.clear()
         async with site.connect(token) as connection:
             assert await first(connection, "may_start") is (token == TOKEN)
-            state_t_s = asyncio.get_running_loop().time()
-            for request in ({"do": "resume", "state_t_s": state_t_s}, {"do": "mark", "text": "log"}, {"do": "hold"}):
+            asked_s = asyncio.get_running_loop().time()
+            for request in ({"do": "resume", "asked_s": asked_s}, {"do": "mark", "text": "log"}, {"do": "hold"}):
                 await connection.send_json(request)
                 reply = await first(connection, "reply")
                 assert why in reply["why"] if request["do"] == "resume" else reply["ok"], (token, request)

@@ -26,7 +26,7 @@ from tests.views.mavlink.station import (
     starts,
     texts,
 )
-from tests.virtual import virtual
+from tests.virtual import asked, virtual
 from wayfarer.config.mavlink_settings import MavlinkSettings
 from wayfarer.hal import STOP, MotorHealth
 from wayfarer.views.mavlink.ground_station import NOT_FROM_HERE, NOT_FROM_THERE
@@ -214,7 +214,7 @@ async def test_armed_rover_is_held_and_disarmed_by_a_station(run: Run, monkeypat
         await link.says(mode(MODE_AUTO), command(common.MAV_CMD_DO_PAUSE_CONTINUE, 1.0))
         await asyncio.sleep(3.0)
         assert (run.wheels, run.supervisor.controller.held) == (STOP, True)
-        await run.commands.resume()
+        await run.commands.resume(asked())
         await asyncio.sleep(3.0)
         assert run.wheels != STOP
         await link.says(arming(0.0))

@@ -10,12 +10,13 @@ import struct
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
+from time import CLOCK_BOOTTIME, clock_gettime
 from typing import Any
 
 import orjson
 
 from wayfarer.daemon.socket.paths import known_sockets, may_listen, peer_uid, unsafe_folders
-from wayfarer.daemon.socket.protocol import REPLY_BYTES, Refused, check, read_line
+from wayfarer.daemon.socket.protocol import REPLY_BYTES, STARTING, Refused, check, read_line
 from wayfarer.errors import BadInput, WayfarerError
 
 
@@ -25,6 +26,8 @@ class NoDaemon(WayfarerError):
 
 def ask(request: Mapping[str, object], path: Path | None = None, timeout_s: float = 5.0) -> dict[str, Any]:
     """Ask the daemon to do something and return the details of its reply; see ``protocol`` for both.
+
+    What starts wheels is asked now: ``asked_s`` need not be given.
 
     Args:
         request: such as ``{"do": "arm", "heading_deg": 12.5}``; None for a value is the same as leaving it out.
@@ -55,11 +58,13 @@ def ask(request: Mapping[str, object], path: Path | None = None, timeout_s: floa
 
 
 def _line_of(request: Mapping[str, object]) -> bytes:
-    """Return a request as it is sent.
+    """Return a request as it is sent, with the time of now where it starts wheels and does not say when it was asked.
 
     Raises:
         BadInput: it is wrong.
     """
+    if request.get("do") in STARTING:
+        request = {"asked_s": clock_gettime(CLOCK_BOOTTIME), **request}
     check(request)
     try:
         return orjson.dumps(dict(request)) + b"\n"

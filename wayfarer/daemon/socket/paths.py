@@ -18,10 +18,14 @@ import struct
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from select import POLLRDHUP, poll
 from stat import S_IMODE, S_ISDIR, S_ISVTX
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from wayfarer.errors import BadInput, WayfarerError
+
+if TYPE_CHECKING:
+    from asyncio import BaseTransport  # the client does without a loop
 
 SYSTEM_FOLDER = Path("/run/wayfarer")
 SESSIONS_FOLDER = Path("/run/user")
@@ -76,6 +80,15 @@ def peer_uid(connection: Any) -> int:
     """Return the user at the other end: of the process that connected or, asked by a client, that began to listen."""
     _, user, _ = _CREDENTIALS.unpack(connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size))
     return int(user)
+
+
+def has_gone(transport: BaseTransport | None) -> bool:
+    """Return whether who is at the other end has closed its side, also where what it sent before was not read yet."""
+    if transport is None or transport.is_closing():
+        return True
+    ends = poll()
+    ends.register(transport.get_extra_info("socket"), POLLRDHUP)
+    return bool(ends.poll(0))
 
 
 def known_folders() -> Iterator[Path]:

@@ -2,8 +2,12 @@
 
 ::
 
-    {"do": "arm", "heading_deg": 12.5, "north": "true"}    ->  {"ok": true, ...details}
-    {"do": "hold"}                                         ->  {"ok": false, "why": "what is wrong, and what to do"}
+    {"do": "arm", "asked_s": 5214.061, "heading_deg": 12.5}    ->  {"ok": true, ...details}
+    {"do": "hold"}                                             ->  {"ok": false, "why": "what is wrong, what to do"}
+
+What starts wheels (``STARTING``) says when the person asked, as ``asked_s``, in seconds of the rover's
+``CLOCK_BOOTTIME`` (Python: ``time.clock_gettime(time.CLOCK_BOOTTIME)``). It is refused where that is too long ago, and
+where the client closes its side before it has the answer (``safety.permission.Asked``). What stops them needs no time.
 
 A key that is ``null`` counts as left out. Requests are checked by the client, for a quick answer, and again by the
 server, because any program can write to the socket. Pure: no clock, no loop, no files.
@@ -20,6 +24,7 @@ import orjson
 
 from wayfarer.angles import wrap360
 from wayfarer.errors import BadInput, UnknownName, WayfarerError
+from wayfarer.safety.permission import Asked
 
 TEXT_CHARACTERS = 500
 DRIVER_CHARACTERS = 20
@@ -43,13 +48,17 @@ class Commands(Protocol):
 
     Each returns details for the reply (plain JSON values), or raises ``Refused`` or another error that says why.
     Headings are in degrees clockwise from magnetic north, 0 <= heading < 360. While one command waits, others can run,
-    so that ``stop`` never waits for ``arm``.
+    so that ``stop`` never waits for ``arm``. ``asked`` is the permission to start the wheels: fresh, or refused.
     """
+
+    @property
+    def being_checked(self) -> bool:
+        """Whether somebody has asked to start the wheels, and the checks before that are under way."""
 
     async def status(self) -> Details:
         """Return the state of the rover."""
 
-    async def arm(self, heading_deg: float | None = None, *, without_log: bool = False) -> Details:
+    async def arm(self, asked: Asked, heading_deg: float | None = None, *, without_log: bool = False) -> Details:
         """Begin to arm, towards a heading or, if None, the rover's own at the end of the start delay.
 
         ``without_log``: also where the log cannot be written.
@@ -61,13 +70,13 @@ class Commands(Protocol):
     async def hold(self) -> Details:
         """Stop the wheels until ``resume``; the mission continues."""
 
-    async def resume(self) -> Details:
+    async def resume(self, asked: Asked) -> Details:
         """Let the wheels turn again after ``hold``."""
 
     async def goal(self, heading_deg: float) -> Details:
         """Set a new goal heading."""
 
-    async def manual_begin(self, driver: str) -> Details:
+    async def manual_begin(self, asked: Asked, driver: str) -> Details:
         """Let a person drive by hand; ``driver`` says in a word by what ("page"), for the log.
 
         Returns ``lease``, which the other two need, ``deadman_s``, and ``mode``. The rover was disarmed, or its mission
@@ -82,7 +91,7 @@ class Commands(Protocol):
             seq: grows with each sample taken of keys, stick or finger; a relay that repeats a sample repeats it.
             forward: share of full speed, -1 to 1, ahead positive.
             turn: share of full turn rate, -1 to 1, clockwise positive.
-            sent_s: when it was taken, on the daemon's loop clock; on the same computer that is ``CLOCK_MONOTONIC``.
+            sent_s: when it was taken, on the daemon's loop clock; on the same computer that is ``CLOCK_BOOTTIME``.
 
         Returns ``wheels`` as applied last, and ``why_not``: why they are not asked to turn, empty where they are.
         """
@@ -109,17 +118,18 @@ class Verb(NamedTuple):
 
 VERBS: Mapping[str, Verb] = {
     "status": Verb(),
-    "arm": Verb(takes=("heading_deg", "north", "without_log")),
+    "arm": Verb(needs=("asked_s",), takes=("heading_deg", "north", "without_log")),
     "disarm": Verb(),
     "hold": Verb(),
-    "resume": Verb(),
+    "resume": Verb(needs=("asked_s",)),
     "goal": Verb(needs=("heading_deg",), takes=("north",)),
-    "manual_begin": Verb(needs=("driver",)),
+    "manual_begin": Verb(needs=("asked_s", "driver")),
     "manual_drive": Verb(needs=("lease", "seq", "forward", "turn", "sent_s")),
     "manual_end": Verb(needs=("lease",)),
     "mark": Verb(needs=("text",)),
     "stop": Verb(),
 }
+STARTING = frozenset(do for do, verb in VERBS.items() if "asked_s" in verb.needs)
 
 
 class Request(NamedTuple):
@@ -169,15 +179,20 @@ def check(fields: Mapping[str, object]) -> Request:
     return Request(do, {key: _checked(key, value) for key, value in keys.items()})
 
 
-async def perform(request: Request, commands: Commands, declination_deg: float | None) -> Details:
+async def perform(
+    request: Request, commands: Commands, declination_deg: float | None, is_there: Callable[[], bool]
+) -> Details:
     """Carry out a request and return the details for the reply.
 
     ``declination_deg`` is the angle from true north to magnetic north at this place, east positive; None is not known.
+    ``is_there`` returns whether who asked still waits for the reply.
 
     Raises:
         Refused: the daemon refuses; its commands may raise other errors, too.
     """
     arguments = dict(request.keys)
+    if request.do in STARTING:
+        arguments["asked"] = Asked(arguments.pop("asked_s"), is_there)
     if arguments.pop("north", "magnetic") == "true":
         if declination_deg is None:
             raise Refused(
@@ -221,6 +236,9 @@ def _is_count(value: object) -> bool:
 
 
 _COUNT = _Check("a whole number from 0 to 2^53", _is_count)
+_TIME = _Check(
+    "a time in seconds of the rover's CLOCK_BOOTTIME, when the person asked", lambda value: _is_number(value, 0.0, 1e12)
+)
 _SHARE = _Check("a number from -1 to 1", lambda value: _is_number(value, -1.0, 1.0))
 _CHECKS = {
     "heading_deg": _Check(
@@ -235,7 +253,8 @@ _CHECKS = {
     "seq": _COUNT,
     "forward": _SHARE,
     "turn": _SHARE,
-    "sent_s": _Check("a time in seconds, on the daemon's clock", lambda value: _is_number(value, 0.0, 1e12)),
+    "asked_s": _TIME,
+    "sent_s": _TIME,
     "north": _Check(" or ".join(NORTHS), lambda value: value in NORTHS),
     "without_log": _Check("true or false", lambda value: isinstance(value, bool)),
     "text": _Check(

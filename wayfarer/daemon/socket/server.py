@@ -7,8 +7,8 @@ tick. Every error in a request becomes a refusal, and the server continues.
 A new client always gets in, so a ``stop`` does: where all places are taken, it gets that of the client that came first,
 which is silent, has sent half a line, does not read, or can ask again. Accepting a client takes a turn of the loop, as
 answering does. So a request that is there is answered before its client can be pushed out, however many others come.
-An arming that is under way for a client that is pushed out is given up. While all places are taken, a client is closed
-after one answer, so that a few that never cease to ask cannot keep a ``stop`` waiting for long.
+An arming that is under way for a client that has gone, or is pushed out, is given up. While all places are taken, a
+client is closed after one answer, so that a few that never cease to ask cannot keep a ``stop`` waiting for long.
 """
 
 from __future__ import annotations
@@ -16,16 +16,18 @@ from __future__ import annotations
 import asyncio
 import os
 import socket
-from asyncio import IncompleteReadError, LimitOverrunError, StreamReader, StreamWriter
+from asyncio import IncompleteReadError, LimitOverrunError, StreamReader, StreamReaderProtocol, StreamWriter
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from wayfarer.daemon.socket.paths import peer_uid
+from wayfarer.daemon.socket.paths import has_gone, peer_uid
 from wayfarer.daemon.socket.protocol import (
     REQUEST_BYTES,
+    STARTING,
     Commands,
     Refused,
     check,
@@ -106,7 +108,7 @@ class ControlServer:
                 await asyncio.sleep(_NO_FILES_S)
                 continue
             with suppress(OSError):  # it has gone already
-                self._admit(*await asyncio.open_unix_connection(sock=connection, limit=REQUEST_BYTES))
+                self._admit(*await _open(connection))
             await self._take_turn()
 
     async def _take_turn(self) -> None:
@@ -114,7 +116,7 @@ class ControlServer:
         async with self._turn:
             await asyncio.sleep(0)
 
-    def _admit(self, reader: StreamReader, writer: StreamWriter) -> None:
+    def _admit(self, reader: _Client, writer: StreamWriter) -> None:
         """Begin to serve a new client, in place of the first one where there is none left."""
         new = asyncio.create_task(self._serve(reader, writer), name="control client")
         self._clients[new] = writer
@@ -125,7 +127,7 @@ class ControlServer:
             self._clients.pop(first).write(error_reply("too many clients: this one was here longest, connect again"))
             first.cancel()
 
-    async def _serve(self, reader: StreamReader, writer: StreamWriter) -> None:
+    async def _serve(self, reader: _Client, writer: StreamWriter) -> None:
         writer.transport.set_write_buffer_limits(0)  # drain() then waits until nothing is left here
         try:
             await self._answer_all(reader, writer)
@@ -136,7 +138,7 @@ class ControlServer:
         finally:
             writer.transport.abort()  # close() would wait for a client that does not read
 
-    async def _answer_all(self, reader: StreamReader, writer: StreamWriter) -> None:
+    async def _answer_all(self, reader: _Client, writer: StreamWriter) -> None:
         try:
             if (user := peer_uid(writer.get_extra_info("socket"))) not in {os.geteuid(), 0}:
                 raise Refused(
@@ -144,7 +146,7 @@ class ControlServer:
                 )
             while line := await self._next_line(reader):
                 await self._take_turn()
-                await self._send(writer, await self._answer(line))
+                await self._send(writer, await self._answer(line, reader, writer))
                 if len(self._clients) >= self._places:
                     return
         except Refused as refusal:
@@ -168,22 +170,61 @@ class ControlServer:
                 raise Refused("the line does not end: send an end of line after each request") from None
             return b""
 
-    async def _answer(self, line: bytes) -> bytes:
-        """Carry out the request of a line, and return the reply."""
+    async def _answer(self, line: bytes, reader: _Client, writer: StreamWriter) -> bytes:
+        """Carry out the request of a line, and return the reply; a client that goes ends what would start wheels."""
         try:
-            return ok_reply(await perform(check(read_line(line)), self._commands, self._declination_deg))
+            request = check(read_line(line))
+            if request.do in STARTING:
+                reader.gone = asyncio.current_task()
+            there = partial(_is_there, writer.transport)
+            return ok_reply(await perform(request, self._commands, self._declination_deg, there))
         except WayfarerError as refusal:
             return error_reply(str(refusal))
         except Exception as error:
             self._on_error(error)
             text = f"{type(error).__name__}: {error}"[:200]
             return error_reply(f"an error inside wayfarer ({text}): ask for the status before you go on")
+        finally:
+            reader.gone = None
 
     async def _send(self, writer: StreamWriter, reply: bytes) -> None:
         """Send a line, at most ``wait_s`` long; both ways to fail, TimeoutError and ConnectionError, are OSErrors."""
         writer.write(reply)
         async with asyncio.timeout(self._wait_s):
             await writer.drain()
+
+
+class _Client(StreamReader):
+    """What a client sends. The task ``gone`` is cancelled once it has closed its side, also while nobody reads."""
+
+    gone: asyncio.Task[None] | None = None
+
+    def feed_eof(self) -> None:
+        """Take the end of what it sends."""
+        super().feed_eof()
+        self._cancel()
+
+    def set_exception(self, exc: Exception) -> None:
+        """Take the error with which it went."""
+        super().set_exception(exc)
+        self._cancel()
+
+    def _cancel(self) -> None:
+        if self.gone is not None:
+            self.gone.cancel()
+
+
+async def _open(connection: socket.socket) -> tuple[_Client, StreamWriter]:
+    """Do what ``asyncio.open_unix_connection`` does, with a ``_Client``."""
+    loop = asyncio.get_running_loop()
+    client = _Client(REQUEST_BYTES, loop)
+    protocol = StreamReaderProtocol(client, loop=loop)
+    transport, _ = await loop.create_unix_connection(lambda: protocol, sock=connection)
+    return client, StreamWriter(transport, protocol, client, loop)
+
+
+def _is_there(transport: asyncio.BaseTransport) -> bool:
+    return not has_gone(transport)
 
 
 def _bind(path: Path) -> socket.socket:

@@ -23,6 +23,7 @@ from wayfarer.experiments.outcome import Outcome
 from wayfarer.experiments.trial import TrialCounters, outcome_of
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.hal import STOP, WheelCommand
+from wayfarer.safety.permission import Asked
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
@@ -108,7 +109,7 @@ class AgentBridge:
         setup = TrialSetup(self._spec, lambda _world, _rover: log)
         self.world = setup.world
         self._finish = log.finish = setup.supervisor.finish
-        await setup.supervisor.arm(self._spec.forest.heading_deg)
+        await setup.supervisor.arm(Asked(asyncio.get_running_loop().time()), self._spec.forest.heading_deg)
         end = await setup.supervisor.run()
         monitor = setup.outcome_monitor
         outcome = outcome_of(monitor, log, end)

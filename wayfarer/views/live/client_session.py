@@ -3,8 +3,9 @@
 Requests are handled as those of the control socket. A page cannot arm: wheels must not start from a web page. Only one
 with the token can resume or drive by hand (``manual_lease``), because every user of the rover's computer can open the
 page (``access``). Nor can an old page: the request may have waited in a network, or for a blocked daemon, until the
-viewer has gone. A demo, where no wheels turn, asks for neither. Only its page can pause, change the speed or begin
-another run (``demo_controls``).
+viewer has gone. So its ``asked_s`` is the newest time that the page had from the daemon (``now_s`` of a state). A demo,
+where no wheels turn, asks for neither. Only its page can pause, change the speed or begin another run
+(``demo_controls``).
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ import orjson
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from wayfarer.control.rate import RateLimiter
+from wayfarer.daemon.socket import protocol
+from wayfarer.daemon.socket.paths import has_gone
 from wayfarer.daemon.socket.protocol import Commands, Details, Refused, check, perform, read_line
 from wayfarer.errors import WayfarerError
 from wayfarer.views.live import demo_controls, manual_lease
@@ -25,7 +28,6 @@ from wayfarer.views.live.broadcaster import PageViewer, TooSlow, ViewerLimits
 VERBS = ("hold", "resume", "stop", "mark")
 STOPPING = ("hold", "stop")  # never limited
 STARTING = ("resume",)  # what can make wheels turn: only with the token, and from a page that is not old
-SHOWN = "state_t_s"  # which state the page shows, or when a sample was taken; to start wheels needs it
 
 _bugs = logging.getLogger("wayfarer.views.live")
 
@@ -35,6 +37,7 @@ class ClientSession:
 
     Args:
         socket: its connection.
+        request: what opened it.
         viewer: how far it has got with the news.
         commands: what the daemon can do.
         turn: shared by all: one message is taken in a turn of the loop, so that a flood waits for the control tick and
@@ -45,10 +48,11 @@ class ClientSession:
     """
 
     def __init__(
-        self, socket: web.WebSocketResponse, viewer: PageViewer, commands: Commands, turn: asyncio.Lock,
-        limits: ViewerLimits, demo: demo_controls.DemoControls | None, may_start: bool,
+        self, socket: web.WebSocketResponse, request: web.BaseRequest, viewer: PageViewer, commands: Commands,
+        turn: asyncio.Lock, limits: ViewerLimits, demo: demo_controls.DemoControls | None, may_start: bool,
     ) -> None:  # fmt: skip
         self._socket = socket
+        self._request = request
         self._viewer = viewer
         self._commands = commands
         self._turn = turn
@@ -56,7 +60,7 @@ class ClientSession:
         self._rate_limiter = RateLimiter(limits.requests, limits.requests_hz)
         self._demo = demo
         self.may_start = may_start
-        self._lease = manual_lease.ManualLease(commands)
+        self._lease = manual_lease.ManualLease(commands, self._is_there)
         self._beginning: asyncio.Task[None] | None = None
 
     async def run(self) -> None:
@@ -151,16 +155,16 @@ class ClientSession:
         elif do in manual_lease.VERBS:
             return await self._do_by_hand(fields)
         else:
-            request = check({key: value for key, value in fields.items() if key != SHOWN})
-            if request.do not in VERBS:
-                raise Refused(f"{request.do} is not possible from the page: use wayfarer {request.do} in a terminal")
+            if do not in VERBS and isinstance(do, str) and do in protocol.VERBS:
+                raise Refused(f"{do} is not possible from the page: use wayfarer {do} in a terminal")
+            if do in STARTING and self._demo is None:
+                self._check_start(str(do), fields.get("asked_s"), f", or use wayfarer {do} in a terminal")
+            request = check(fields)
             if request.do not in STOPPING:
                 self._check_rate()
-            if request.do in STARTING and self._demo is None:
-                self._check_start(request.do, fields.get(SHOWN), f", or use wayfarer {request.do} in a terminal")
             if request.do == "mark":  # the log is everybody's, but only who has the token fills the card for good
-                return await self._commands.mark(request.keys["text"], keep=self.may_start)
-            details = await perform(request, self._commands, None)
+                return await self._commands.mark(text=request.keys["text"], keep=self.may_start)
+            details = await perform(request, self._commands, None, self._is_there)
             if request.do == "hold":  # who holds a rover that a person drives ends that; it may be disarmed then
                 return {"held": details.get("held")}
         return {}
@@ -172,10 +176,10 @@ class ClientSession:
         match fields["do"]:
             case manual_lease.BEGIN:
                 self._check_rate()
-                self._check_start("to drive by hand", fields.get(SHOWN))
-                return await self._lease.begin()
+                self._check_start("to drive by hand", fields.get("asked_s"))
+                return await self._lease.begin(fields.get("asked_s"))
             case manual_lease.DRIVE:
-                return await self._lease.drive(fields, fields.get(SHOWN))
+                return await self._lease.drive(fields)
             case _:
                 await self._let_go()
                 return {}
@@ -184,13 +188,17 @@ class ClientSession:
         if not self._rate_limiter.take(asyncio.get_running_loop().time()):
             raise Refused("too many requests at once: wait a second and try again")
 
-    def _check_start(self, what: str, state_t_s: object, other_way: str = "") -> None:
-        """Raise an error unless a request that can make wheels turn has the token and is of now."""
+    def _is_there(self) -> bool:
+        """Return whether the viewer still has the page open."""
+        return not (self._socket.closed or has_gone(self._request.transport))
+
+    def _check_start(self, what: str, asked_s: object, other_way: str = "") -> None:
+        """Raise an error unless a request to start wheels has the token, and what its page shows is of now."""
         if not self.may_start:
             raise Refused(f"{what} needs the token: open the page at the address that wayfarer status shows{other_way}")
         now_s = asyncio.get_running_loop().time()
         # What is no time is not new, and a state from the future is of another run.
-        if not (isinstance(state_t_s, int | float) and abs(now_s - state_t_s) <= self._old_s):
+        if not (isinstance(asked_s, int | float) and abs(now_s - asked_s) <= self._old_s):
             raise Refused("the page showed an old state: look at the new one, and press again if it is still right")
 
     def _do_in_demo(self, fields: dict[str, object]) -> None:

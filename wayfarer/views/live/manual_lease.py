@@ -10,7 +10,7 @@ refuse what waited in a network or in a busy browser.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 
 from wayfarer.daemon.socket.protocol import Commands, Details, Refused, check, perform
@@ -25,15 +25,17 @@ class ManualLease:
 
     Args:
         commands: what the daemon can do.
+        is_there: returns whether the viewer has the page open.
     """
 
-    def __init__(self, commands: Commands) -> None:
+    def __init__(self, commands: Commands, is_there: Callable[[], bool]) -> None:
         self._commands = commands
+        self._is_there = is_there
         self._lease: object = None
         self._asking = False
 
-    async def begin(self) -> Details:
-        """Ask for the wheels, and return ``deadman_s``.
+    async def begin(self, asked_s: object) -> Details:
+        """Ask for the wheels, and return ``deadman_s``; ``asked_s`` is when the person asked, on the daemon's clock.
 
         Raises:
             Refused: they cannot be had now, or this viewer has asked already.
@@ -42,26 +44,22 @@ class ManualLease:
             raise Refused("this page has asked to drive by hand already: wait for the answer")
         self._asking = True
         try:
-            details = await self._perform({"do": BEGIN, "driver": DRIVER})
+            details = await self._perform({"do": BEGIN, "asked_s": asked_s, "driver": DRIVER})
         finally:
             self._asking = False
         self._lease = details["lease"]
         return {"deadman_s": details["deadman_s"]}
 
-    async def drive(self, fields: Mapping[str, object], taken_s: object) -> Details:
-        """Drive by a sample, and return what ``Commands.manual_drive`` does.
-
-        Args:
-            fields: ``seq``, ``forward`` and ``turn``, see ``Commands.manual_drive``.
-            taken_s: when the sample was taken, on the clock of the daemon's loop.
+    async def drive(self, fields: Mapping[str, object]) -> Details:
+        """Drive by a sample: ``seq``, ``forward``, ``turn`` and ``sent_s``, as ``Commands.manual_drive`` takes them.
 
         Raises:
             WayfarerError: this viewer does not drive, or the daemon refuses the sample.
         """
         if self._lease is None:
             raise Refused("this page does not drive the rover: press Drive by hand first")
-        sample = {key: fields.get(key) for key in ("seq", "forward", "turn")}
-        return await self._perform({"do": DRIVE, "lease": self._lease, "sent_s": taken_s, **sample})
+        sample = {key: fields.get(key) for key in ("seq", "forward", "turn", "sent_s")}
+        return await self._perform({"do": DRIVE, "lease": self._lease, **sample})
 
     async def end(self) -> None:
         """Let go of the wheels; safe if this viewer does not drive."""
@@ -71,4 +69,4 @@ class ManualLease:
                 await self._perform({"do": END, "lease": lease})
 
     async def _perform(self, fields: Mapping[str, object]) -> Details:
-        return await perform(check(fields), self._commands, None)
+        return await perform(check(fields), self._commands, None, self._is_there)

@@ -115,12 +115,14 @@ class LivePage:
             self._broadcaster.tell(news, self._state())
 
     def _state(self) -> dict[str, Any]:
-        demo = {} if self._demo is None else {"demo": self._demo.now()._asdict()}
-        return self._model.state() | demo
+        now = {"now_s": asyncio.get_running_loop().time()}
+        if self._demo is not None:
+            return self._model.state() | now | {"demo": self._demo.now()._asdict()}
+        return self._model.state() | now | {"being_checked": self._commands.being_checked}
 
     def _snapshot(self) -> dict[str, Any]:
         self._tell()  # what is in the snapshot must not be news afterwards
-        return self._model.snapshot()
+        return self._model.snapshot() | {"state": self._state()}
 
     async def _end(self) -> None:
         """Send the last news and close all connections; each of the three steps has a time limit."""
@@ -189,7 +191,7 @@ class LivePage:
         )
         viewer = PageViewer(self._broadcaster, socket.send_str, limits.silent_s, limits.unseen)
         session = self._sessions[request.protocol] = ClientSession(
-            socket, viewer, self._commands, self._turn, limits, self._demo, has_token or self._demo is not None
+            socket, request, viewer, self._commands, self._turn, limits, self._demo, has_token or self._demo is not None
         )
         try:
             await _shake_hands(socket, request)

@@ -162,7 +162,7 @@ function askFresh(request, said) {
 
 element("stop").onclick = () => ask({ do: "stop" }, "Stop");
 element("hold").onclick = () => ask({ do: "hold" }, "Hold");
-element("resume").onclick = () => askFresh({ do: "resume", state_t_s: model.state.t_s }, "Resume");
+element("resume").onclick = () => askFresh({ do: "resume", asked_s: model.state.now_s }, "Resume");
 element("mark-form").onsubmit = (event) => {
   event.preventDefault();
   const text = element("mark").value.trim();

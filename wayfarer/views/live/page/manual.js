@@ -12,7 +12,7 @@ function pressDrive() {
   if (manual.state !== "no") return endManual("The rover is not driven from this page any more.");
   if (!isFresh()) return say("Not sent: what the page shows is old.");
   Object.assign(manual, { state: "asked", socket: connection.socket });
-  ask({ do: "manual_begin", state_t_s: model.state.t_s }, "Drive by hand");
+  ask({ do: "manual_begin", asked_s: model.state.now_s }, "Drive by hand");
   showManual();
 }
 
@@ -57,7 +57,7 @@ function sendSample() {
   const [forward, turn] = handsNow() ?? [0, 0];
   manual.seq += 1;
   manual.sentAt[manual.seq % TIMED] = performance.now();
-  connection.send({ do: "manual_drive", seq: manual.seq, forward, turn, state_t_s: manual.clock.nowS });
+  connection.send({ do: "manual_drive", seq: manual.seq, forward, turn, sent_s: manual.clock.nowS });
   showKnob(element("pad"), [forward, turn]);
 }
 

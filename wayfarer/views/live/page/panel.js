@@ -10,7 +10,8 @@ function writeAbout(about) {
 
 function writeState(state, mayStart) {
   const ended = state.mode === "ended"; // and nothing is measured any more
-  const mode = state.held && state.mode === "armed" ? "Held" : MODES[state.mode] || state.mode;
+  const named = state.held && state.mode === "armed" ? "Held" : MODES[state.mode] || state.mode;
+  const mode = state.being_checked ? "Being checked" : named;
   write("mode", mode);
   document.title = `${model.about.rover ?? "no run yet"}: ${mode} - wayfarer`;
   write("why-disarmed", state.mode === "disarmed" ? state.why_disarmed : "");

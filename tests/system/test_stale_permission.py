@@ -1,0 +1,121 @@
+"""A daemon that is suspended, or whose disk freezes, while somebody asks it to start the wheels: it never does."""
+
+# ruff: noqa: TID251 - real processes need real time
+from __future__ import annotations
+
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Callable
+
+import orjson
+import pytest
+
+from tests.system.hil_setup import Site, wait_for
+from tests.system.measures import now_s, told_to_turn
+from tests.system.subprocesses import MAIN, WAYFARER, command, python
+from wayfarer.daemon.socket.client import ask
+from wayfarer.errors import WayfarerError
+from wayfarer.safety.permission import PERMISSION_S
+
+LOOKS_S = 1.0  # the start delay is 0 here
+FROZEN_S = 6.0
+FROZEN = python(
+    "import time; from wayfarer.commissioning.checks import system; looks = system.free_mb;"
+    f" system.free_mb = lambda path: (time.sleep({FROZEN_S}), looks(path))[1]; {MAIN}"
+)
+
+
+def interrupted(site: Site, verb: str, daemon: subprocess.Popen[bytes]) -> None:
+    """The command is interrupted, and the daemon is woken at once: its bytes wait, and are fresh."""
+    with pytest.raises(WayfarerError, match="did not answer"):
+        ask({"do": verb}, site.socket, timeout_s=0.3)
+    daemon.send_signal(signal.SIGCONT)
+
+
+def killed(site: Site, verb: str, daemon: subprocess.Popen[bytes]) -> None:
+    client = site.start(*WAYFARER, verb)
+    time.sleep(1.5)
+    client.kill()
+    client.wait()
+    daemon.send_signal(signal.SIGCONT)
+
+
+def patient(site: Site, verb: str, daemon: subprocess.Popen[bytes]) -> None:
+    """It waits for however long it takes, as another program may."""
+    with socket.socket(socket.AF_UNIX) as line:
+        line.settimeout(30.0)
+        line.connect(str(site.socket))
+        line.sendall(orjson.dumps({"do": verb, "asked_s": now_s()}) + b"\n")
+        time.sleep(PERMISSION_S + 0.1)
+        daemon.send_signal(signal.SIGCONT)
+        reply = orjson.loads(line.recv(65_536))
+    assert not reply["ok"]
+    assert "s ago" in reply["why"]
+
+
+def half_sent(site: Site, verb: str, daemon: subprocess.Popen[bytes]) -> None:
+    with socket.socket(socket.AF_UNIX) as line:
+        line.settimeout(30.0)
+        line.connect(str(site.socket))
+        text = orjson.dumps({"do": verb, "asked_s": now_s()}) + b"\n"
+        line.sendall(text[:20])
+        daemon.send_signal(signal.SIGCONT)
+        time.sleep(PERMISSION_S + 0.1)
+        line.sendall(text[20:])
+        assert not orjson.loads(line.recv(65_536))["ok"]
+
+
+def stopped_by_another(site: Site, verb: str, daemon: subprocess.Popen[bytes]) -> None:
+    """A relay delivers the request only after the stop of another person, who came later."""
+    text = orjson.dumps({"do": verb, "asked_s": now_s()}) + b"\n"
+    daemon.send_signal(signal.SIGCONT)
+    site.ask("hold" if verb == "resume" else "disarm")
+    with socket.socket(socket.AF_UNIX) as line:
+        line.settimeout(30.0)
+        line.connect(str(site.socket))
+        line.sendall(text)
+        assert "after this was asked" in orjson.loads(line.recv(65_536))["why"]
+
+
+Way = Callable[[Site, str, "subprocess.Popen[bytes]"], None]
+WAYS: tuple[Way, ...] = (interrupted, killed, patient, half_sent, stopped_by_another)
+
+
+@pytest.mark.parametrize(
+    ("verb", "way"),
+    [*(("arm", way) for way in WAYS), *(("resume", way) for way in (interrupted, patient))],
+    ids=lambda tried: tried if isinstance(tried, str) else tried.__name__,
+)
+def test_suspended_daemon_starts_nothing_when_it_wakes(site: Site, verb: str, way: Way) -> None:
+    if verb == "arm":
+        daemon = site.daemon()
+    else:
+        daemon = site.armed()
+        site.ask("hold")
+        wait_for("the wheels stand", lambda: not site.turning)
+    daemon.send_signal(signal.SIGSTOP)
+    stands_s = now_s()
+    way(site, verb, daemon)
+    wait_for("it answers", site.sees)
+    time.sleep(LOOKS_S)
+    status = site.status()
+    assert status["mode"] == "disarmed" or status["held"]
+    assert not told_to_turn(site.commands(stands_s))
+
+
+def test_disk_that_freezes_keeps_the_rover_disarmed_for_good(site: Site) -> None:
+    """The command says that nothing was started, while it is so, and stays so when the disk answers."""
+    site.daemon(program=FROZEN)
+    began_s = now_s()
+    arming = site.start(*WAYFARER, "arm", "0")
+    wait_for("it is being checked", lambda: site.status()["being_checked"])
+    assert "being checked" in command("status", env=site.environment).stdout
+    assert arming.wait(10.0) == 1
+    assert now_s() - began_s < FROZEN_S
+    assert "longer than 4 s" in site.said()
+    assert not site.status()["being_checked"]
+    time.sleep(began_s + FROZEN_S + LOOKS_S - now_s())
+    assert site.status()["mode"] == "disarmed"
+    assert not told_to_turn(site.commands(began_s))
