@@ -96,17 +96,17 @@ def _compared(name: str, own: dict[PairKey, TrialRow], base: dict[PairKey, Trial
         name,
         len(rows),
         len({row.forest for row in rows}),
-        gain(pairs, lambda row: 100.0 * (row.outcome in SUCCESSES)),
+        _gain(pairs, lambda row: 100.0 * (row.outcome in SUCCESSES)),
         spread_of([spl for row in rows if (spl := row.counted_spl) is not None]).mean,
-        gain(pairs, attrgetter("counted_spl")),
-        gain(pairs, attrgetter("escape_path_m")),
+        _gain(pairs, attrgetter("counted_spl")),
+        _gain(pairs, attrgetter("escape_path_m")),
         _share(rows, "entrapped"),
         _share(rows, "left_bounds"),
         max(rows, key=lambda row: (row.outcome not in SUCCESSES, row.path_m or 0.0)),
     )
 
 
-def gain(pairs: Iterable[tuple[TrialRow, TrialRow]], value: Callable[[TrialRow], float | None]) -> Difference | None:
+def _gain(pairs: Iterable[tuple[TrialRow, TrialRow]], value: Callable[[TrialRow], float | None]) -> Difference | None:
     """Return the mean difference of a value over the pairs that have it on both sides; None where none has."""
     gains: dict[int, list[float]] = {}
     for own, other in pairs:

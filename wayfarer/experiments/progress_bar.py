@@ -1,4 +1,4 @@
-"""Progress of a campaign or another batch: a bar on a terminal, otherwise a line for each tenth."""
+"""Progress of a campaign: a bar on a terminal, otherwise a line for each tenth."""
 
 from __future__ import annotations
 
@@ -11,37 +11,25 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from wayfarer.experiments.executors import Done
 
-LINES = 10  # for a whole batch
+LINES = 10  # for all trials
 FAULTS_SHOWN = 5  # further ones are counted in the table
-
-
-@contextmanager
-def shown_count(console: Console, done: int, total: int, what: str) -> Iterator[Callable[[], None]]:
-    """Show how many of ``total`` tasks, called ``what`` in plural, are done; give what is to be called at each."""
-    columns = BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"), TimeRemainingColumn()
-    on_terminal, finished = console.is_terminal, count(done + 1)
-    with Progress(*columns, console=console, transient=True, disable=not on_terminal) as bar:
-        shown = bar.add_task(what, total=total, completed=done)
-
-        def advance() -> None:
-            bar.advance(shown)
-            number = next(finished)
-            if not on_terminal and number * LINES // total > (number - 1) * LINES // total:
-                say(console, f"{number} of {total} {what}")
-
-        yield advance
 
 
 @contextmanager
 def shown_progress(console: Console, kept: int, total: int) -> Iterator[Callable[[Done], None]]:
     """Show progress from ``kept`` trials to all, and the first few faults; give what is to be told each trial."""
-    faults = count(1)
-    with shown_count(console, kept, total, "trials") as advance:
+    columns = BarColumn(), MofNCompleteColumn(), TextColumn("trials"), TimeRemainingColumn()
+    on_terminal, finished, faults = console.is_terminal, count(kept + 1), count(1)
+    with Progress(*columns, console=console, transient=True, disable=not on_terminal) as bar:
+        shown = bar.add_task("", total=total, completed=kept)
 
         def take(done: Done) -> None:
             if done.fault and next(faults) <= FAULTS_SHOWN:
                 say(console, fault_line(done))
-            advance()
+            bar.advance(shown)
+            number = next(finished)
+            if not on_terminal and number * LINES // total > (number - 1) * LINES // total:
+                say(console, f"{number} of {total} trials")
 
         yield take
 

@@ -101,7 +101,7 @@ def run(
     settings = plan.settings()
     rows = list(folder.rows) if folder else []
     began, ticks = os.times(), 0
-    with stop_on_signals() as stop:
+    with _stop_on_signals() as stop:
         finished = stream(TrialRunner(plan, run_trial).run, missing(settings, rows), jobs, stop, executor)
         with suppress(Stopped), _worker_death_explained(rows, stop), closing(finished):
             for done in finished:
@@ -129,7 +129,7 @@ def _effort(began: os.times_result, ticks: int, *, elsewhere: bool) -> ComputeCo
 
 
 @contextmanager
-def stop_on_signals() -> Iterator[threading.Event]:
+def _stop_on_signals() -> Iterator[threading.Event]:
     """Turn the first SIGINT or SIGTERM into a set event; only a main thread gets signals."""
     stop = threading.Event()
     if threading.current_thread() is not threading.main_thread():

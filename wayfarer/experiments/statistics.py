@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import statistics
-from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -100,41 +99,21 @@ def spread_of(values: Sequence[float]) -> SampleSpread:
     )
 
 
-class Mean:
-    """A mean that keeps none of its values."""
-
-    def __init__(self) -> None:
-        self._sum = 0.0
-        self._count = 0
-
-    def append(self, value: float) -> None:
-        """Take a value."""
-        self._sum += value
-        self._count += 1
-
-    @property
-    def value(self) -> float | None:
-        """The mean; None where nothing was added."""
-        return self._sum / self._count if self._count else None
-
-
 def summarise(algorithm: str, rows: Iterable[TrialRow]) -> AlgorithmSummary:
     """Return what ``rows``, all of one algorithm and at least one, say of it.
 
-    No row is kept. SPL is success weighted by path length, 0..1 (Anderson et al., arXiv:1807.06757).
+    SPL is success weighted by path length, 0..1 (Anderson et al., arXiv:1807.06757).
     """
-    outcomes: Counter[str] = Counter()
-    spreads = {name: array("d") for name in ("escape_path_m", "escape_s")}  # a median needs all, 8 bytes each
-    means = {name: Mean() for name in AVERAGED}
-    takers = spreads | means
-    for row in rows:
-        outcomes[row.outcome] += 1
-        for name, taker in takers.items():
-            if (value := getattr(row, name)) is not None:
-                taker.append(value)
+    rows = list(rows)
+    outcomes = Counter(row.outcome for row in rows)
+
+    def known(name: str) -> list[float]:
+        return [value for row in rows if (value := getattr(row, name)) is not None]
+
+    path_m, escape_s = spread_of(known("escape_path_m")), spread_of(known("escape_s"))
+    means = {name: statistics.fmean(values) if (values := known(name)) else None for name in AVERAGED}
     trials, successes = outcomes.total(), sum(outcomes[outcome] for outcome in SUCCESSES)
     low, high = wilson_interval(successes, trials)
-    path_m, escape_s = map(spread_of, spreads.values())
     return AlgorithmSummary(
         algorithm,
         trials,
@@ -145,15 +124,15 @@ def summarise(algorithm: str, rows: Iterable[TrialRow]) -> AlgorithmSummary:
         path_mean_m=path_m.mean,
         path_sd_m=path_m.sd,
         path_median_m=path_m.median,
-        spl=means["counted_spl"].value,
-        time_mean_s=means["time_s"].value,
-        anomalies_mean=means["anomalies"].value,
+        spl=means["counted_spl"],
+        time_mean_s=means["time_s"],
+        anomalies_mean=means["anomalies"],
         escape_mean_s=escape_s.mean,
         escape_sd_s=escape_s.sd,
         escape_median_s=escape_s.median,
-        interventions_mean=means["interventions"].value,
-        overturned_mean=means["overturned"].value,
-        off_wheels_mean=means["off_wheels"].value,
+        interventions_mean=means["interventions"],
+        overturned_mean=means["overturned"],
+        off_wheels_mean=means["off_wheels"],
     )
 
 
