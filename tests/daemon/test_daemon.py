@@ -272,7 +272,7 @@ async def test_mission_that_was_cut_off_is_told_by_the_next_run_which_stands_dis
 ) -> None:
     site.logs.mkdir()
     cut_off = {"run": "00016-20261121T061405Z", "armed_t_wall": 1.795e9}
-    (site.logs / "last_mission.json").write_text(json.dumps(cut_off), encoding="utf-8")
+    (site.logs / ".last_mission.json").write_text(json.dumps(cut_off), encoding="utf-8")
     async with Running(site) as daemon:
         status = await site.ask("status")
         assert (status["mode"], status["last_mission"]["mission_ended"]) == ("disarmed", None)
@@ -315,18 +315,18 @@ async def test_mission_that_a_stop_of_the_daemon_ends_is_told_to_its_last_tick(s
     assert ended["mission_s"] == pytest.approx(last - armed["t_s"], abs=0.1)
     assert ended["mission_s"] > 0.0
     assert ended["mission_ended"] == "requested"
-    assert json.loads((site.logs / "last_mission.json").read_bytes())["mission_ended"] == "requested"
+    assert json.loads((site.logs / ".last_mission.json").read_bytes())["mission_ended"] == "requested"
 
 
 async def test_file_of_the_last_mission_that_cannot_be_read_is_told_and_stops_no_daemon(
     site: Site, capfd: pytest.CaptureFixture[str]
 ) -> None:
     site.logs.mkdir()
-    os.mkfifo(site.logs / "last_mission.json")
+    os.mkfifo(site.logs / ".last_mission.json")
     async with Running(site) as daemon:
         assert (await site.ask("status"))["last_mission"] is None
         await daemon.stop()
-    assert "last_mission.json: the last mission cannot be read: it is a pipe" in capfd.readouterr().err
+    assert ".last_mission.json: the last mission cannot be read: it is a pipe" in capfd.readouterr().err
 
 
 async def test_mark_keeps_its_run_and_no_other_is_asked_to(site: Site) -> None:

@@ -86,6 +86,13 @@ def test_file_is_written_at_arming_and_at_the_end_with_metres_and_anomalies(site
     assert len(site.events) == 1, "there was no mission any more"
 
 
+def test_all_that_a_shell_finds_beside_the_file_are_runs(site: Site) -> None:
+    """As in ``wayfarer logs check field_logs/*``."""
+    site.keeper.event("armed", 1.0)
+    assert site.kept is not None
+    assert [path.name for path in site.logs.iterdir() if not path.name.startswith(".")] == [RUN]
+
+
 def test_what_a_person_drives_meanwhile_is_none_of_it(site: Site) -> None:
     site.keeper.event("armed", 0.0)
     for tick in (

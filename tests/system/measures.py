@@ -130,7 +130,7 @@ def all_folders(logs: Path) -> list[Path]:
 def cut_off(logs: Path) -> str | None:
     """Return the name of the run whose mission has no end in the file of the last mission."""
     try:
-        told = json.loads((logs / "last_mission.json").read_bytes())
+        told = json.loads((logs / ".last_mission.json").read_bytes())
     except FileNotFoundError:
         return None
     return str(told["run"]) if told["mission_ended"] is None else None

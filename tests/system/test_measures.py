@@ -83,7 +83,7 @@ def test_mission_without_an_end_was_cut_off_and_runs_that_share_a_number_are_fou
     assert (cut_off(tmp_path), numbered_twice(tmp_path)) == (None, [])
     for ended, expected in (("null", run.name), ('"mission_time"', None)):
         told = f'{{"run": "{run.name}", "mission_ended": {ended}}}'
-        (tmp_path / "last_mission.json").write_text(told, encoding="utf-8")
+        (tmp_path / ".last_mission.json").write_text(told, encoding="utf-8")
         assert cut_off(tmp_path) == expected
     run_of(tmp_path, HEADER + TICKS, "00001-20261121T061406Z")
     assert numbered_twice(tmp_path) == ["2 runs have the number 1"]

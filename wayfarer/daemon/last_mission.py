@@ -1,6 +1,6 @@
 """The last mission: counted while it goes on, kept beside the logs, and told by the daemon's next start.
 
-``last_mission.json`` in the folder of all runs is written at arming and at the mission's end, whole, so a power cut
+``.last_mission.json`` in the folder of all runs is written at arming and at the mission's end, whole, so a power cut
 leaves the old one or the new one. One that has no end was cut off: by a power cut, or by the death of the process.
 """
 
@@ -25,7 +25,7 @@ from wayfarer.fieldlog.clock import WallClock, wall_clock
 from wayfarer.fieldlog.disk import error_advice
 from wayfarer.files import read_own, write_atomically
 
-FILE_NAME = "last_mission.json"
+FILE_NAME = ".last_mission.json"  # hidden, so that a shell's field_logs/* is all runs and nothing else
 MOST_BYTES = 10_000  # a hundred times what there is to say
 CLOSE_S = 1.0  # how long the end of a run waits for the disk
 OUT = {"mission_radius", "escaped", "left_bounds"}  # ends of a rover that has left the wood
