@@ -123,7 +123,8 @@ class FakePort:
     def read(self, now_s: float) -> Iterator[tuple[bytes, bool]]:
         if self.broken:
             raise OSError("unplugged")
-        for frame in self._reader.feed(self._data, now_s):
+        data, self._data = self._data, b""
+        for frame in self._reader.feed(data, now_s):
             yield frame, self.is_near
 
     def receive(self, data: bytes) -> None:

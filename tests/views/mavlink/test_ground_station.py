@@ -113,6 +113,15 @@ async def test_thousand_disarms_behind_random_bytes_are_all_obeyed(
 
 
 @virtual
+async def test_stop_behind_a_stray_marker_waits_for_no_further_byte(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with linked(monkeypatch) as made:
+        made.port.receive(b"\xfd\xff" + made.encoder.frame(arming(0.0)))
+        await asyncio.sleep(0.01)
+        assert made.rover.asked == []
+        await asyncio.sleep(0.2)
+        assert made.rover.asked == ["disarm"]
+
+
 async def test_person_is_told_why_a_stop_was_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     async with linked(monkeypatch) as link:
         link.rover.refuses = "the rover is disarmed: its wheels do not turn"

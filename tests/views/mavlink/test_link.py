@@ -175,6 +175,19 @@ async def test_serial_line_carries_frames_drops_what_does_not_fit_and_notices_th
     port.close()
 
 
+async def test_frame_behind_a_stray_marker_is_read_without_another_byte() -> None:
+    radio, line = os.openpty()
+    tty.setraw(radio)
+    port = SerialPort(Address("serial", os.ttyname(line), 57600))
+    os.close(line)
+    os.write(radio, b"\xfd\xff" + Encoder().frame(heartbeat()))
+    assert [list(port.read(now_s)) for now_s in (0.0, 0.05)] == [[], []]
+    assert [frame[4] for frame, _ in port.read(0.15)] == [0]
+    assert not list(port.read(0.2)), "once"
+    port.close()
+    os.close(radio)
+
+
 def test_device_that_is_not_there_is_an_os_error(tmp_path: Path) -> None:
     with pytest.raises(OSError):
         open_port(Address("serial", str(tmp_path / "ttyUSB0"), 57600), ())

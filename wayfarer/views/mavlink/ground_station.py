@@ -192,6 +192,7 @@ class GroundStation:
             await rate.wait()
             now_s = asyncio.get_running_loop().time()
             self._budget.fill(now_s)
+            self._link.look()  # a stop behind a stray marker must not wait for the station's next byte
             await self._watch_link(now_s)
             self._send_due(now_s)
 

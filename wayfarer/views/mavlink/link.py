@@ -189,13 +189,13 @@ class SerialPort:
         asyncio.get_running_loop().add_reader(self._line, ready)
 
     def read(self, now_s: float) -> Iterator[tuple[bytes, bool]]:
-        """Yield the frames that the bytes so far complete; the other end counts as near."""
+        """Yield the frames that the bytes so far complete, by now; the other end counts as near."""
         try:
             data = os.read(self._line, INPUT_BYTES)
+            if not data:
+                raise OSError("the line was hung up")
         except BlockingIOError:
-            return
-        if not data:
-            raise OSError("the line was hung up")
+            data = b""
         for frame in self._reader.feed(data, now_s):
             yield frame, True
 
@@ -269,7 +269,7 @@ class Link:
                     self._port = await asyncio.to_thread(open_port, self._address, self._devices)
                 else:
                     self._port = open_port(self._address, self._devices)
-                self._port.listen(self._read)
+                self._port.listen(self.look)
                 raise await self._broken
             except (OSError, BadInput) as error:
                 why = getattr(error, "strerror", None) or str(error)
@@ -308,7 +308,8 @@ class Link:
         if self._port is not None:
             self._port.forget()
 
-    def _read(self) -> None:
+    def look(self) -> None:
+        """Take what has arrived; called again and again, also what stands behind a stray marker with nothing after."""
         port = self._port
         if port is None:
             return
