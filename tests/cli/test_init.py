@@ -41,7 +41,7 @@ def test_file_loads_and_what_was_seen_and_what_comes_next_is_said(run: Run, tmp_
     assert names(tmp_path) == ["my-rover.toml"]
 
 
-@pytest.mark.parametrize("argument", ["otter", "otter.toml", "./otter.toml"])
+@pytest.mark.parametrize("argument", ["otter", "otter.toml", "./otter.toml", "./otter", "otter/"])
 def test_name_and_file_write_the_same(run: Run, tmp_path: Path, argument: str) -> None:
     assert run("init", argument)[0] == 0
     assert names(tmp_path) == ["otter.toml"]
@@ -100,7 +100,8 @@ def test_a_file_that_came_meanwhile_is_not_overwritten(
 
 def test_what_cannot_be_a_file_or_a_name_is_said_in_one_line(run: Run, tmp_path: Path) -> None:
     assert "no: no such folder" in refusal(run, "init", "no/rover.toml")
-    assert "the rover has no name" in refusal(run, "init", "")
+    for nameless in ("", ".", "..", "/", ".toml", "./.toml"):
+        assert "the rover has no name" in refusal(run, "init", nameless)
     code, _, err = run("init", "o" * 41)
     assert (code, "key 'name'" in err, err.count("\n")) == (2, True, 1)
     assert names(tmp_path) == []

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wayfarer.cli.options import examples, log_folder
-from wayfarer.config.rover_path import is_rover_file
 from wayfarer.errors import BadInput
 from wayfarer.files import write_new
 from wayfarer.views.text.colour import painted
@@ -45,7 +44,7 @@ def init(
     from wayfarer.commissioning.first_rover import MODELS, first_rover_file, nearest
     from wayfarer.errors import UnknownName
 
-    file = Path(name if is_rover_file(name) else f"{name}.toml")
+    file = Path(name if name.endswith(".toml") else f"{name.rstrip('/')}.toml")
     model = next((each for each in MODELS if each == (like or name)), None)
     if like and model is None:
         raise UnknownName("rover", like, MODELS)
@@ -67,7 +66,7 @@ def init(
 def _refuse_existing(file: Path) -> None:
     if os.path.lexists(file):
         raise BadInput(f"{file} exists and is left as it is: name another file, or move it away")
-    if file.name == ".toml":
+    if not file.name.removesuffix(".toml").strip("."):
         raise BadInput("the rover has no name: give it one, or leave it out for my-rover.toml")
     if not file.parent.is_dir():
         raise BadInput(f"{file.parent}: no such folder; make it first")
