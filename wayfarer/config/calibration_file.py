@@ -29,7 +29,7 @@ from wayfarer.files import read_regular, write_atomically
 from wayfarer.setting_ranges import DegreesOrZero
 
 FILE_NAME = "calibration.json"
-CALIBRATION_BYTES = 65_536  # of no source: a hundred times what there is to say
+CALIBRATION_BYTES = 65_536  # chosen by us: a hundred times what there is to say
 USER_FOLDER = Path(".local/state/wayfarer")
 
 # Half a year: field, screws and cables of a rover change within a season.

@@ -12,7 +12,7 @@ SHIPPED = Path(__file__).parents[1] / "rovers"
 # rover file says: shipped ones have a relative path there, and those of ``wayfarer init`` this absolute one.
 SCHEMA = SHIPPED / "rover.schema.json"
 SCHEMA_ELSEWHERE = f"#:schema {SCHEMA}\n"
-ROVER_FILE_BYTES = 1_000_000  # of no source: a hundred times the longest one
+ROVER_FILE_BYTES = 1_000_000  # chosen by us: a hundred times the longest one
 
 
 def is_rover_file(name_or_path: str) -> bool:

@@ -47,7 +47,7 @@ def test_every_kind_can_be_asked_for_at_each_of_its_parts(name: str) -> None:
         ("silent:compas", "unknown part for --fault silent 'compas': did you mean compass?"),
         ("silent", "--fault silent: name the part: silent:compass, silent:motion, silent:contact"),
         ("offset:motion", "known: compass"),
-        ("silent:compass@soon", "'soon' is no time of 0 to 1e+06 s"),
+        ("silent:compass@soon", "'soon' is no time of 0 to 1,000,000 s"),
         ("silent:compass@", "'' is no time"),
         ("silent:compass@5+", "'' is no time"),
         ("silent:compass@-1", "'-1' is no time"),

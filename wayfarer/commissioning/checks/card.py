@@ -18,7 +18,8 @@ from wayfarer.commissioning.checks.system import system_text
 MOUNTS = "/proc/self/mountinfo"  # man 5 proc
 # What a person reads of each: the upper layer of an overlay is nearly always a tmpfs.
 MEMORY = {"tmpfs": "tmpfs", "ramfs": "ramfs", "overlay": "an overlay, as it seems"}
-SLOW_SYNC_MS = 2000.0  # a card pauses for up to 500 ms (field.md 3); one that works is not four times as slow
+# A card pauses for up to 500 ms (docs/reference/hardware.md); one that works is not four times as slow.
+SLOW_SYNC_MS = 2000.0
 
 
 class CardHealth(NamedTuple):

@@ -48,7 +48,6 @@ RECEIVER = common.MAV_SYS_STATUS_SENSOR_GPS
 MOTORS = common.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
 BATTERY = common.MAV_SYS_STATUS_SENSOR_BATTERY
 ARMING_CHECKS = common.MAV_SYS_STATUS_PREARM_CHECK
-NO_FENCE_BREACH = common.MAV_SYS_STATUS_GEOFENCE  # healthy, though there is none: MAVProxy warns of a breach otherwise
 BITS = {"compass": COMPASS, "motion": MOTION, "position": RECEIVER}
 
 
