@@ -38,6 +38,9 @@ FAULTS = st.builds(
     st.lists(st.binary(max_size=34), max_size=40),
 )
 
+# Of a part that makes three transfers in all, and tries each three times.
+FAULTS_AT_ONCE = st.lists(st.binary(min_size=1, max_size=34), min_size=1, max_size=40)
+
 Answer = Callable[[bytes, int], bytes]
 Use = Callable[[Any], Awaitable[object]]
 
@@ -207,7 +210,7 @@ BOARD = Target(
 )
 LIGHT = Target(
     "thunderborg-light",
-    FAULTS,
+    FAULTS_AT_ONCE,
     lambda: _driven(
         lambda faults: ThunderBorgLight(ThunderBorgLightSettings(), Wire(_board_answer, faults)),  # type: ignore[arg-type]
         _use_light,
