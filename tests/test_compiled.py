@@ -55,12 +55,6 @@ def test_no_compiled_coroutine_waits_while_it_handles_an_exception() -> None:
     assert found == set()
 
 
-def test_coroutine_that_waits_in_a_handler_is_seen() -> None:
-    supervisor = ast.parse((ROOT / "wayfarer/control/supervisor.py").read_text(encoding="utf-8"))
-    functions = [node for node in ast.walk(supervisor) if isinstance(node, ast.AsyncFunctionDef)]
-    assert {"run", "_run_tasks"} <= {function.name for function in functions if waits_in_a_handler(function)}
-
-
 def test_compiled_class_that_plain_python_inherits_from_says_so() -> None:
     compiled = {
         node.name: SUBCLASSED in map(ast.unparse, node.decorator_list)

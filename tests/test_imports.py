@@ -127,20 +127,6 @@ def test_arrows_between_parts_point_downwards() -> None:
     assert {module: found for module in MODULES if part_of(module) and (found := upwards(module))} == {}
 
 
-def test_an_arrow_upwards_is_seen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """The test above can fail: for a line above, for a neighbour on the same line, and for an import in a function."""
-    gate = tmp_path / "gate.py"
-    monkeypatch.setitem(MODULES, "wayfarer.safety.gate", gate)
-    right = "from wayfarer.hal import STOP\nfrom wayfarer.safety import conditions\n"
-    for wrong, seen in (
-        ("", set()),
-        ("import wayfarer.drivers.gpio", {"wayfarer.drivers.gpio"}),
-        ("def f():\n    from wayfarer.escape import api", {"wayfarer.escape", "wayfarer.escape.api"}),
-    ):
-        gate.write_text(right + wrong, encoding="utf-8")
-        assert upwards("wayfarer.safety.gate") == seen
-
-
 def test_picture_shows_the_whole_package() -> None:
     shown = [part for line in LAYERS for part in line]
     assert sorted(shown) == sorted({part_of(module) for module in MODULES} - {""})
@@ -201,17 +187,6 @@ def test_arrays_and_bus_libraries_are_loaded_by_drivers_when_they_are_used_and_b
         tree = ast.parse(MODULES[module].read_text(encoding="utf-8"))
         loaded = imports_when_run(tree, in_functions=not within(module, "drivers"))
         assert roots(loaded) & HEAVY == set(), module
-
-
-def test_walk_over_imports_tells_types_functions_and_real_imports_apart() -> None:
-    """The test above can fail."""
-    tree = ast.parse(
-        "if TYPE_CHECKING:\n    import numpy\n"
-        "class A:\n    import scipy\n    def f(self):\n        from cv2 import phaseCorrelate\n"
-        "try:\n    import spidev.x\nexcept ImportError:\n    pass\n"
-    )
-    assert set(imports_when_run(tree, in_functions=False)) == {"scipy", "spidev.x"}
-    assert set(imports_when_run(tree, in_functions=True)) == {"scipy", "spidev.x", "cv2", "cv2.phaseCorrelate"}
 
 
 def test_only_the_demo_arms_a_rover_by_itself_and_gives_a_page_buttons_for_the_clock() -> None:

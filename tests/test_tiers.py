@@ -1,4 +1,4 @@
-"""Each test is in one tier, and a unit test starts no process."""
+"""The suite guards itself: a unit test starts no process, and none leaves a task or a thread, or blocks its loop."""
 
 from __future__ import annotations
 
@@ -6,15 +6,20 @@ import asyncio
 import multiprocessing
 import os
 import subprocess
-from collections.abc import Callable
+import threading
+import time
+from collections.abc import Callable, Coroutine
+from typing import Any
 
 import pytest
 
-from tests.tiers import LIMIT_S
+from tests import loop_guard, thread_guard
+from tests.loop_guard import WatchedLoop
+from tests.thread_guard import no_thread_left
+from tests.virtual import run_virtually
 
-pytest_plugins = ["pytester"]
+Main = Callable[[Coroutine[Any, Any, None]], None]
 
-NO_PROCESS = "a unit test starts no process: mark it @pytest.mark.process"
 STARTS: dict[str, Callable[[], object]] = {
     "subprocess": lambda: subprocess.run(["true"], check=True),
     "shell": lambda: os.system("true"),
@@ -27,74 +32,43 @@ STARTS: dict[str, Callable[[], object]] = {
 
 @pytest.mark.parametrize("start", STARTS.values(), ids=STARTS)
 def test_unit_test_that_starts_a_process_fails_with_the_marker_that_it_needs(start: Callable[[], object]) -> None:
-    with pytest.raises(pytest.fail.Exception) as failed:
+    with pytest.raises(pytest.fail.Exception, match=r"^a unit test starts no process: mark it @pytest\.mark\.process$"):
         start()
-    assert failed.value.msg == NO_PROCESS
 
 
-@pytest.mark.process
-@pytest.mark.parametrize("start", [STARTS["subprocess"], STARTS["shell"]])
-def test_process_test_may(start: Callable[[], object]) -> None:
-    start()
+def run_watched(main: Coroutine[Any, Any, None]) -> None:
+    """Run as pytest-asyncio does."""
+    with asyncio.Runner(loop_factory=WatchedLoop) as runner:
+        runner.run(main)
 
 
-CONFTEST = "from tests.tiers import pytest_collection_modifyitems, pytest_runtest_protocol"
-TESTS = """
-import subprocess
-import pytest
-
-def test_plain(): pass
-
-def test_starts(): subprocess.run(["true"])
-
-@pytest.fixture
-def started(): subprocess.run(["true"])
-
-def test_with_a_fixture_that_starts(started): pass
-
-@pytest.mark.process
-class TestProcesses:
-    def test_starts(self, started): subprocess.run(["true"])
-
-    @pytest.mark.long
-    def test_long(self): pass
-
-    @pytest.mark.parametrize("how", ["short", pytest.param("long", marks=pytest.mark.long)])
-    def test_both(self, how): pass
-"""
-TIERS = {
-    "unit": ["test_plain", "test_starts", "test_with_a_fixture_that_starts"],
-    "process": ["TestProcesses::test_starts", "TestProcesses::test_both[short]"],
-    "long": ["TestProcesses::test_long", "TestProcesses::test_both[long]"],
-}
+async def leave_a_task() -> None:
+    task = asyncio.create_task(asyncio.sleep(60.0), name="forgotten")
+    assert not task.done()
 
 
-@pytest.fixture
-def suite(pytester: pytest.Pytester) -> pytest.Pytester:
-    """Tests of all tiers."""
-    pytester.makeconftest(CONFTEST)
-    pytester.makeini("[pytest]\nasyncio_default_fixture_loop_scope = function\nmarkers =\n  unit\n  process\n  long")
-    pytester.makepyfile(test_suite=TESTS)
-    return pytester
+async def work_for(seconds: float) -> None:
+    ends_s = time.thread_time() + seconds
+    while time.thread_time() < ends_s:
+        pass
 
 
-@pytest.mark.parametrize("tier", TIERS)
-def test_test_is_in_the_longest_tier_that_it_is_marked_with_and_in_no_other(suite: pytest.Pytester, tier: str) -> None:
-    lines = suite.runpytest_inprocess("-m", tier, "--collect-only", "-q", "-p", "no:cacheprovider").outlines
-    assert [line.removeprefix("test_suite.py::") for line in lines if "::" in line] == TIERS[tier]
+@pytest.mark.parametrize("run", [run_virtually, run_watched])
+def test_task_that_is_left_running_and_a_blocked_loop_fail(run: Main, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(pytest.fail.Exception, match=r"^tasks were left running: forgotten$"):
+        run(leave_a_task())
+    monkeypatch.setattr(loop_guard, "BLOCKED_S", 0.02)
+    with pytest.raises(pytest.fail.Exception, match=r"^the loop was blocked for 0\.0\d s of the processor's time$"):
+        run(work_for(0.03))
 
 
-def test_only_unit_tests_fail_that_start_a_process(suite: pytest.Pytester) -> None:
-    done = suite.runpytest_inprocess("-p", "no:cacheprovider")
-    done.assert_outcomes(passed=5, failed=1, errors=1)
-    assert done.stdout.str().splitlines().count(NO_PROCESS) == 2
+async def test_async_tests_are_watched() -> None:
+    assert isinstance(asyncio.get_running_loop(), WatchedLoop)
 
 
-def test_test_that_hangs_fails_after_the_limit_of_its_tier(
-    suite: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(LIMIT_S, "unit", 0.1)
-    suite.makepyfile(test_suite="import threading\n\ndef test_hangs(): threading.Event().wait()")
-    done = suite.runpytest_inprocess("-p", "no:cacheprovider")
-    done.assert_outcomes(failed=1)
-    done.stdout.fnmatch_lines("*Timeout (>0.1s)*")
+def test_thread_that_does_not_end_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(thread_guard, "PATIENCE_S", 0.01)
+    ends = threading.Event()
+    with pytest.raises(pytest.fail.Exception, match="left the thread 'forgotten' behind"), no_thread_left():
+        threading.Thread(target=lambda: ends.wait(), name="forgotten", daemon=True).start()
+    ends.set()
