@@ -40,7 +40,7 @@ def test_page_has_every_scenario_of_the_catalogue() -> None:
 def test_test_that_the_page_names_is_there(test: str) -> None:
     file, _, function = test.partition("::")
     module = ast.parse((CHECKOUT / file).read_text(encoding="utf-8"))
-    assert function in {node.name for node in module.body if isinstance(node, ast.FunctionDef)}
+    assert function in {node.name for node in module.body if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)}
 
 
 def test_pages_scenarios_are_met(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""A computer whose disk is slow, and one whose wall clock is set."""
+"""A disk that is slow, a wall clock that is set, and files that change or go while the daemon runs."""
 
 # ruff: noqa: TID251 - real processes need real time
 from __future__ import annotations
@@ -6,10 +6,13 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 
+import pytest
+
 from tests.system import broken_os
-from tests.system.hil_setup import Site
+from tests.system.hil_setup import Site, wait_for
 from tests.system.measures import jitter, now_s
 from tests.system.subprocesses import MAIN, python
+from wayfarer.daemon.socket.protocol import Refused
 
 ILL = python(f"from {broken_os.__name__} import patch_os; patch_os(); {MAIN}")
 QUIET_S = ILL_S = 2.5
@@ -18,6 +21,8 @@ SYNC_TAKES_S = 0.5
 JITTER_S = 0.01
 HOURS_S = 3 * 3600.0
 STEP_LASTS_S = 1.0
+TOLD_WITHIN_S = 1.3
+CRUISE, GENTLER = "cruise_m_s = 0.42", "cruise_m_s = 0.21"
 
 
 def test_slow_disk_delays_no_tick_and_costs_no_record(site: Site) -> None:
@@ -69,3 +74,43 @@ def set_clock(site: Site, by_s: float) -> float:
     fresh.replace(site.folder / broken_os.CLOCK_STEP)
     site.ticks_beyond(set_s + STEP_LASTS_S)
     return set_s
+
+
+def test_rover_file_that_is_changed_counts_from_the_next_start_on(site: Site) -> None:
+    daemon = site.armed()
+    site.config.write_text(site.config.read_text("utf-8").replace(CRUISE, GENTLER), encoding="utf-8")
+    time.sleep(1.0)
+    before = site.log()[0]
+    assert before["config"]["escape"]["cruise_m_s"] == 0.42
+    site.drives_on()
+    daemon.terminate()
+    daemon.wait()
+    site.daemon()
+    after = site.log()[0]
+    assert after["config"]["escape"]["cruise_m_s"] == 0.21
+    assert before["config_hash"] != after["config_hash"]
+
+
+def test_rover_drives_on_without_its_folder_of_logs_and_check_fails(site: Site) -> None:
+    """A file in the folder's place; a card that is read-only refuses in the same place, with another error."""
+    daemon = site.armed()
+    site.logs.rename(site.folder / "taken away")
+    site.logs.write_text("no folder", encoding="ascii")
+    drives_on_without_a_log(site)
+    daemon.terminate()
+    daemon.wait()
+    checked = site.run("check", "--rover", site.config, "--log-dir", site.logs, "--json")
+    assert checked.returncode == 1
+    assert "cannot be written" in checked.stdout
+
+
+def drives_on_without_a_log(site: Site) -> None:
+    """The daemon notices, the rover drives on, and it is not armed again."""
+    began_s = time.monotonic()
+    wait_for("the daemon says that it loses records", lambda: site.status()["log_dropped"] > 0)
+    assert time.monotonic() - began_s <= TOLD_WITHIN_S
+    assert "the field log" in site.said(), "nothing on the terminal"
+    site.drives_on()
+    site.ask("disarm")
+    with pytest.raises(Refused, match="log"):
+        site.ask("arm", heading_deg=0.0)

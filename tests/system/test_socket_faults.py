@@ -1,4 +1,4 @@
-"""The control socket of a real daemon: abused, asked for what cannot be, and wanted by a second daemon."""
+"""The control socket of a real daemon is abused."""
 
 # ruff: noqa: TID251 - real processes need real time
 from __future__ import annotations
@@ -10,11 +10,8 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 
-import pytest
-
-from tests.system.hil_setup import Site, wait_for
-from tests.system.measures import all_folders, jitter, now_s
-from wayfarer.daemon.socket.protocol import Refused
+from tests.system.hil_setup import Site
+from tests.system.measures import jitter, now_s
 
 QUIET_S = ABUSE_S = 2.5
 CLIENTS = 1000
@@ -23,7 +20,6 @@ PIECE_BYTES = 1_000_000
 PAUSE_S = 0.05
 AGAIN_S = 0.01  # without it the abuse would take a core away from the bench, whose answers the ticks wait for
 JITTER_S = 0.01
-ALREADY_RUNNING = 75  # EX_TEMPFAIL of sysexits.h
 
 
 def test_socket_that_is_abused_delays_no_tick(site: Site) -> None:
@@ -40,41 +36,6 @@ def test_socket_that_is_abused_delays_no_tick(site: Site) -> None:
     assert after.median_s - before.median_s < JITTER_S
     assert site.status()["mode"] == "armed", "the crowd keeps nobody out"
     site.drives_on()
-
-
-def test_verbs_at_the_wrong_time_are_refused_and_change_nothing(site: Site) -> None:
-    """Disarmed, armed, and with a fault that lasts."""
-    site.daemon()
-    are_refused(site, "disarmed", "resume", "hold")
-    are_refused(site, "disarmed", "goal", heading_deg=1.0)
-    site.ask("arm", heading_deg=0.0)
-    wait_for("it is armed", lambda: site.status()["mode"] == "armed")
-    are_refused(site, "armed", "arm", "resume")
-    site.ask("disarm")
-    site.bench("inject", target="compass", kind="nack")
-    wait_for("a fault", lambda: "compass_lost" in site.status()["conditions"])
-    are_refused(site, "disarmed", "arm")
-
-
-def are_refused(site: Site, mode: str, *verbs: str, **details: object) -> None:
-    for verb in verbs:
-        with pytest.raises(Refused):
-            site.ask(verb, **details)
-        assert site.status()["mode"] == mode, verb
-
-
-def test_second_daemon_leaves_the_first_alone(site: Site) -> None:
-    first = site.armed()
-    second = site.run("run", "--rover", site.config, "--log-dir", site.logs)
-    assert second.returncode == ALREADY_RUNNING
-    assert str(first.pid) in second.stderr
-    site.drives_on()
-    assert len(all_folders(site.logs)) == 1, "the second has made a run"
-    first.kill()
-    first.wait()
-    assert site.socket.exists(), "there is no stale socket"
-    site.daemon()
-    assert site.status()["mode"] == "disarmed"
 
 
 # -- abuse -------------------------------------------------------------------------------------------------------------
