@@ -12,15 +12,12 @@ import pytest
 from tests.simhal.clearing import STEADY, VEHICLE
 from tests.virtual import virtual
 from wayfarer.config.rover_file import load_rover
-from wayfarer.experiments.trial import run_trial
-from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.hal import MotionReading, WheelCommand
 from wayfarer.simhal.build_rover import Depth, build
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, BlindGround, FlowSensorModel, flow_scale
 from wayfarer.simhal.world.forest import CLEARING, WORLD_SIZE_M
-from wayfarer.simhal.world.generate import generate_forest
-from wayfarer.simhal.world.physics import PHYSICS, Physics
+from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
 
 BLIND = replace(STEADY, blind_share=0.3, blind_quality=0.4)
@@ -122,11 +119,3 @@ def test_false_height_multiplies_and_is_drawn_once_a_trial() -> None:
     assert min(scales) > 0.0
     assert fmean(scales) == pytest.approx(exp(0.125), rel=0.1)
     assert pstdev(scales) > 0.4
-
-
-def test_whole_trial_over_blind_ground_is_the_same_at_both_depths() -> None:
-    physics = replace(PHYSICS, blind_share=0.3, blind_quality=0.4, flow_scale_sd=0.15)
-    spec = TrialSpec(0, "forest-pledge", generate_forest(1, 0, 0), 0, load_rover("sim"), budget_m=20.0, physics=physics)
-    device = run_trial(spec)
-    assert run_trial(replace(spec, depth=Depth.BUS)) == device
-    assert device != run_trial(replace(spec, physics=PHYSICS))

@@ -15,13 +15,11 @@ from tests.simhal.clearing import STEADY, VEHICLE, steady_world
 from tests.virtual import virtual
 from wayfarer.angles import offset_m
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.hal import STOP, Rover, Side, WheelCommand
-from wayfarer.simhal.build_rover import device_depth
+from wayfarer.hal import STOP, Side, WheelCommand
 from wayfarer.simhal.parts import FIX_ERROR_M, ORIGIN, SimBumper, SimCompass, SimFlow, SimMotors, SimReceiver
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, HeadingSensorModel
 from wayfarer.simhal.world.forest import CLEARING, Trunk
-from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
 
 BARE = RoverConfig(name="bare", vehicle=VEHICLE)  # without parts: all that is simulated
@@ -141,39 +139,6 @@ async def test_motors_apply_what_they_say_and_stop() -> None:
     battery_v, faults = await motors.health()
     assert battery_v is not None
     assert faults == ()
-
-
-@settings(max_examples=30, deadline=None)
-@given(looks_s=st.lists(st.sampled_from([0.0, 0.013, 0.05, 0.12, 0.3]), max_size=20))
-def test_reading_the_parts_does_not_disturb_the_world(looks_s: list[float]) -> None:
-    def path_of(looks_s: list[float]) -> tuple[float, ...]:
-        world = World(FENCED, VEHICLE, Physics(), RandomStreams(0))
-        rover = device_depth(world, RandomStreams(0), BARE)
-
-        @virtual
-        async def main() -> None:
-            for part in rover.parts.values():
-                await part.open()
-            async with asyncio.TaskGroup() as group:
-                group.create_task(look(rover, looks_s))
-                for duty in (0.6, 1.0, -0.7, 0.4):
-                    await rover.motors.drive(WheelCommand(duty, duty * 0.8))
-                    await asyncio.sleep(1.0)
-                await rover.motors.drive(STOP)
-
-        main()
-        return world.x_m, world.y_m, world.heading_rad, world.pitch_deg, world.path_m
-
-    async def look(rover: Rover, looks_s: list[float]) -> None:
-        assert rover.motion is not None
-        assert rover.contact is not None
-        for look_s in looks_s:
-            await rover.compass.read()
-            await rover.motion.read()
-            await rover.contact.read()
-            await asyncio.sleep(look_s)
-
-    assert path_of(looks_s) == path_of([])
 
 
 @virtual

@@ -73,19 +73,6 @@ async def cancelled_timer_never_runs(note: Note) -> None:
     await asyncio.sleep(2.0)
 
 
-async def failing_task_cancels_its_group(note: Note) -> None:
-    async def fail() -> None:
-        await asyncio.sleep(1.5)
-        raise ValueError("on purpose")
-
-    try:
-        async with asyncio.TaskGroup() as group:
-            group.create_task(sleeper(note, "a", 1.0, 1.0))
-            group.create_task(fail())
-    except* ValueError as errors:
-        note(str(errors.exceptions[0]))
-
-
 async def timeouts(note: Note) -> None:
     loop = asyncio.get_running_loop()
     with suppress(TimeoutError):
@@ -101,49 +88,6 @@ async def timeouts(note: Note) -> None:
         outer.reschedule(loop.time() + 9.0)
         await sleeper(note, "d", 8.0)
     note(f"outer expired: {outer.expired()}")
-
-
-async def waiting_for(note: Note) -> None:
-    note(str(await asyncio.wait_for(asyncio.sleep(1.0, "result"), 2.0)))
-    with suppress(TimeoutError):
-        await asyncio.wait_for(sleeper(note, "a", 0.75, 0.75), 1.0)
-    tasks = [asyncio.ensure_future(sleeper(note, name, delay_s)) for name, delay_s in (("b", 1.0), ("c", 2.0))]
-    done, pending = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-    note(f"{len(done)} done, {len(pending)} pending")
-    for task in asyncio.as_completed(pending):
-        await task
-
-
-async def gathering(note: Note) -> None:
-    async def fail() -> None:
-        await asyncio.sleep(0.5)
-        raise ValueError("on purpose")
-
-    results = await asyncio.gather(asyncio.sleep(1.0, "first"), fail(), return_exceptions=True)
-    note(repr(results))
-    with suppress(ValueError):
-        await asyncio.gather(sleeper(note, "survivor", 0.25, 0.5), fail())
-    await asyncio.sleep(2.0)
-
-
-async def events_and_queues(note: Note) -> None:
-    event, queue = asyncio.Event(), asyncio.Queue[int](maxsize=2)
-
-    async def produce() -> None:
-        await event.wait()
-        for item in range(5):
-            await queue.put(item)
-            note(f"put {item}")
-
-    async def consume() -> None:
-        for _ in range(5):
-            note(f"got {await queue.get()}")
-            await asyncio.sleep(0.5)
-
-    async with asyncio.TaskGroup() as group:
-        group.create_task(produce())
-        group.create_task(consume())
-        asyncio.get_running_loop().call_later(1.25, event.set)
 
 
 async def cancelled_while_sleeping(note: Note) -> None:
@@ -245,11 +189,7 @@ PROGRAMS: tuple[Program, ...] = (
     call_soon_comes_before_timers,
     call_at_in_the_past_runs_now,
     cancelled_timer_never_runs,
-    failing_task_cancels_its_group,
     timeouts,
-    waiting_for,
-    gathering,
-    events_and_queues,
     cancelled_while_sleeping,
     paced_tasks_of_which_one_is_cancelled,
     cancelled_before_it_starts,

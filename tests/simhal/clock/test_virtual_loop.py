@@ -12,14 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.stock_loop import JumpingStockLoop
-from tests.simhal.clock.programs import PROGRAMS, LoopFactory, Note, Program, sleeper, trace_of
+from tests.simhal.clock.programs import PROGRAMS, LoopFactory, Note, Program, trace_of
 from tests.virtual import virtual
 from wayfarer.control.rate import Rate
 from wayfarer.errors import NothingScheduled
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 virtual_loop: LoopFactory = VirtualLoop
-CENTURY_S = 100 * 365.25 * 86400.0
 
 
 @pytest.fixture
@@ -34,11 +33,6 @@ def test_program_runs_as_on_the_stock_loop(program: Program) -> None:
     trace = trace_of(program)
     assert trace == trace_of(program, JumpingStockLoop)
     assert len(trace) > 1
-
-
-@pytest.mark.parametrize("program", PROGRAMS)
-def test_ten_runs_give_one_trace(program: Program) -> None:
-    assert len({tuple(trace_of(program)) for _ in range(10)}) == 1
 
 
 steps = st.one_of(st.integers(0, 5), st.just("yield"), st.just("cancel"))
@@ -65,17 +59,6 @@ def test_any_program_runs_as_on_the_stock_loop(scripts: list[list[int | str]]) -
 
 
 # -- what virtual time adds ------------------------------------------------------------------------------------------
-
-
-def test_two_tasks_sleep_centuries_in_order_at_once() -> None:
-    async def program(note: Note) -> None:
-        await asyncio.gather(sleeper(note, "long", 9 * CENTURY_S), sleeper(note, "short", CENTURY_S))
-
-    assert trace_of(program) == [
-        (CENTURY_S, "short"),
-        (9 * CENTURY_S, "long"),
-        (9 * CENTURY_S, "end"),
-    ]
 
 
 def test_equal_times_run_in_order_of_creation(loop: asyncio.AbstractEventLoop) -> None:
@@ -156,18 +139,6 @@ def test_call_at_is_punctual_and_in_order_whenever_it_was_asked_for(when_s: floa
     assert all(time_s == max(when_s, asked_s) for time_s, asked_s in ran)
 
 
-@given(delays_s=st.lists(st.floats(-10, 1e9), min_size=1, max_size=20))
-def test_time_never_runs_backwards_and_no_timer_is_early(delays_s: list[float]) -> None:
-    loop = virtual_loop()
-    ran_at_s: list[float] = []
-    for delay_s in delays_s:
-        loop.call_later(delay_s, lambda: ran_at_s.append(loop.time()))
-    loop.call_later(max(delays_s), loop.stop)
-    loop.run_forever()
-    loop.close()
-    assert ran_at_s == [max(delay_s, 0.0) for delay_s in sorted(delays_s)]
-
-
 timers = st.tuples(st.one_of(st.integers(-3, 8).map(float), st.just(inf)), st.integers(0, 3), st.booleans())
 
 
@@ -206,13 +177,6 @@ def test_cancelled_timers_do_not_move_the_clock(loop: asyncio.AbstractEventLoop)
     loop.call_later(1.0, loop.stop)
     loop.run_forever()
     assert loop.time() == 1.0
-
-
-@virtual
-async def test_an_hour_of_control_periods_takes_an_hour() -> None:
-    for _ in range(20 * 3600):
-        await asyncio.sleep(0.05)
-    assert asyncio.get_running_loop().time() == pytest.approx(3600.0, abs=1e-6)
 
 
 @virtual
@@ -334,7 +298,7 @@ def test_runner_cancels_what_is_left_and_lets_it_finish() -> None:
 
     async def stubborn() -> None:
         try:
-            await asyncio.sleep(CENTURY_S)
+            await asyncio.sleep(1e9)
         finally:
             await asyncio.sleep(1.0)
             notes.append("stopped")

@@ -7,25 +7,20 @@ import json
 import shutil
 import subprocess
 import sys
-from functools import partial
 from pathlib import Path
-from statistics import fmean
 
 import pytest
 
 from tests.conftest import Run, refusal
 from tests.experiments import fake_trials
 from tests.simhal.commands import facts_of, succeed
-from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput
-from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.report.load_results import read_results
 from wayfarer.experiments.rows import TERRAIN
 from wayfarer.experiments.trial import TrialResult, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.simhal.drawn_ranges import Range, parse_range
 from wayfarer.simhal.mujoco.terrain import BOUNDS, Terrain, Terrains
-from wayfarer.simhal.mujoco.world import MujocoWorld
 from wayfarer.simhal.random_streams import RandomStreams
 
 SIM = ("sim", "--physics", "mujoco", "--jobs", "1", "--trials", "2", "--budget-m", "6")
@@ -236,23 +231,3 @@ def test_fixed_terrain_is_what_was_asked_for_and_a_range_is_drawn_within() -> No
     frictions = [terrains.draw(RandomStreams(seed)).friction for seed in range(50)]
     assert 0.2 <= min(frictions) < 0.22
     assert 0.38 < max(frictions) <= 0.4
-
-
-@pytest.mark.long
-def test_half_the_time_step_changes_outcomes_within_noise(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As docs/explanation/physics.md says. The ground is slippery, and the rover gets out.
-
-    Trials part ways in the end, as they do at any rounding.
-    """
-    terrains = Terrains(friction=Range(0.15, 0.15))
-    campaign = Campaign(("forest-pledge",), 8, load_rover("forestrover"), budget_m=250.0, terrains=terrains)
-    paths_m = []
-    for step_s in (0.004, 0.002):
-        monkeypatch.setattr("wayfarer.simhal.mujoco.world.MujocoWorld", partial(MujocoWorld, step_s=step_s))
-        specs = [campaign.spec(Task("forest-pledge", n), campaign.make_forest(n)) for n in (0, 2, 4, 6)]
-        results = [run_trial(spec) for spec in specs]
-        assert {result.outcome for result in results} <= {"escaped", "left_bounds"}
-        paths_m.append([result.path_m for result in results])
-    coarse_m, fine_m = paths_m
-    assert coarse_m != fine_m, "the step was really another"
-    assert fmean(coarse_m) == pytest.approx(fmean(fine_m), rel=0.15)

@@ -34,28 +34,12 @@ def test_ground_is_kept_told_and_rebuilt(run: Run, tmp_path: Path) -> None:
     assert json.loads(log.read_text(encoding="utf-8").splitlines()[0])["ground"] == "mud"
 
 
-def test_ideal_ground_is_what_there_was_before_and_says_nothing(run: Run, tmp_path: Path) -> None:
-    for name, ground in (("unsaid", ()), ("said", ("--ground", "ideal"))):
-        succeed(run, *SIM, *ground, "--out", tmp_path / name, "--log-dir", tmp_path / f"{name}-log")
-    for file in ("campaign.json", "trials.csv"):
-        assert (tmp_path / "unsaid" / file).read_bytes() == (tmp_path / "said" / file).read_bytes()
-    assert facts_of(read_results(tmp_path / "said"))["ground"] == "ideal"
-
-
 @pytest.mark.parametrize(("there", "here"), [("ideal", "mud"), ("mud", "ideal")])
 def test_folder_of_another_ground_is_not_resumed(run: Run, tmp_path: Path, there: str, here: str) -> None:
     run(*SIM, "--ground", there, "--out", tmp_path / "out")
     err = refusal(run, *SIM, "--ground", here, "--out", tmp_path / "out", "--resume")
     assert f"ground is '{there}' there and '{here}' here" in err
     succeed(run, *SIM, "--ground", there, "--out", tmp_path / "out", "--resume")
-
-
-def test_both_depths_decide_the_same(run: Run, tmp_path: Path) -> None:
-    rows = []
-    for depth in ("device", "bus"):
-        succeed(run, *SIM, "--ground", "mud", "--depth", depth, "--out", tmp_path / depth)
-        rows.append((tmp_path / depth / "trials.csv").read_bytes())
-    assert rows[0] == rows[1]
 
 
 def test_grounds_can_be_swept(run: Run, tmp_path: Path) -> None:
