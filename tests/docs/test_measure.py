@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import subprocess
 from collections.abc import Iterable
@@ -17,7 +16,6 @@ from tests.conftest import Run
 from tests.docs.pages import ROOT
 from tests.docs.test_commands import command_of
 from tests.experiments import fake_trials
-from wayfarer.experiments.provenance import record_run
 from wayfarer.experiments.trial import TrialResult
 from wayfarer.simhal.world.forest_file import REFERENCE, content_of, forests_in
 
@@ -112,45 +110,3 @@ def test_place_gets_the_whole_table_with_command_and_version(
     assert [*write_pages(tmp_path, {"one": campaign})] == [], "the same again"
     lines = [line for line in text.splitlines() if line.startswith("|")]
     assert len({line.replace("\\|", "").count("|") for line in lines}) == 1, "each row has all columns"
-
-
-def test_place_of_several_campaigns_waits_for_all_of_them(tmp_path: Path, installed: list[list[str]]) -> None:
-    page = tmp_path / "page.md"
-    page.write_text(PAGE.format("outcomes: one two"), encoding="utf-8")
-    one, two = (Measured(tmp_path, name, "sim --trials 2") for name in ("one", "two"))
-    measure.run(one, jobs=1)
-    assert [*write_pages(tmp_path, {"one": one})] == []
-    measure.run(two, jobs=1)
-    assert [*write_pages(tmp_path, {"one": one, "two": two})] == [page]
-    assert page.read_text(encoding="utf-8").count("`wayfarer sim --trials 2`, version") == 2
-
-
-def test_campaign_that_failed_is_not_finished_and_goes_on_in_its_folder(
-    tmp_path: Path, installed: list[list[str]]
-) -> None:
-    campaign = Measured(tmp_path, "one", "sim --algorithm no-such --trials 2")
-    with pytest.raises(subprocess.CalledProcessError):
-        measure.run(campaign, jobs=None)
-    assert campaign.told is None
-    assert installed[0][-4:] == ["--out", "one-2", "--resume", "--json"]
-
-
-def test_caption_gives_no_time_where_a_campaign_was_interrupted(tmp_path: Path) -> None:
-    campaign = Measured(tmp_path, "one", "sim --trials 2")
-    told = {"version": "1.2.0", "last_run": {"ticks": 10, "wall_s": 90.0, "cpu_s": 150.0}}
-    campaign.end.write_text(json.dumps(told))
-    campaign.results.mkdir()
-    record_run(campaign.results, None)
-    assert campaign.caption == "`wayfarer sim --trials 2`, version 1.2.0 (1.5 min, 2.5 min of CPU):"
-    record_run(campaign.results, None)
-    assert "(in several runs)" in campaign.caption
-
-
-def test_checkout_whose_version_names_no_commit_is_refused(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr("sys.argv", ["measure", "body"])
-    monkeypatch.setattr(measure, "version", lambda: "1.2.0+dev")
-    with pytest.raises(SystemExit, match="2"):
-        measure.main()
-    assert "pip install ." in capsys.readouterr().err

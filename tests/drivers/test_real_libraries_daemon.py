@@ -4,18 +4,16 @@ The bounds are those of what-stops-the-wheels.md. The bench writes down what the
 clock that all processes of a machine share: a busy machine delays what is seen here more than what is judged.
 """
 
-# ruff: noqa: TID251 - real processes need real time
 from __future__ import annotations
 
 import json
-import time
 from itertools import pairwise
 
 import pytest
 
 from tests.drivers.real_site import I2C, SERIAL, SPI, RealSite, each_forestrover, each_site
 from tests.system.hil_setup import BUSY, STARTS, wait_for
-from tests.system.measures import first_stop, now_s, spans, stop_after
+from tests.system.measures import first_stop, now_s, spans
 from wayfarer.daemon.socket.protocol import Refused
 
 pytestmark = pytest.mark.process
@@ -152,18 +150,3 @@ def test_serial_line_that_blocks(site: RealSite, blocked_s: float, late_s: float
     site.ticks_beyond(began_s + blocked_s)
     site.line.unblock()
     assert_goes_on(site, began_s, SERIAL, late_s)
-
-
-@each_site
-def test_board_and_then_stop_motors_stop_the_wheels_of_a_daemon_that_is_killed(site: RealSite) -> None:
-    driving(site)
-    site.processes[-1].kill()
-    turned_s, stopped_s = stop_after(site.stopped())
-    assert stopped_s - turned_s == pytest.approx(site.deadman_s, abs=MARGIN_S)
-    site.bench("power_cycle")  # the board forgets its deadman
-    site.turn_wheels()
-    time.sleep(2 * site.deadman_s)
-    assert site.turning
-    done = site.run("stop-motors", "--rover", site.config)
-    assert done.returncode == 0, done.stderr
-    site.stopped()

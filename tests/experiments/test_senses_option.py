@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import Run, refusal
+from tests.conftest import Run
 from tests.simhal.commands import facts_of, succeed
 from wayfarer.errors import BadInput
 from wayfarer.experiments.commands import senses
@@ -55,20 +55,6 @@ def test_senses_are_kept_told_and_rebuilt(run: Run, tmp_path: Path) -> None:
     assert facts_of(results)["sim.blind_share"] == "0.3"
     (log,) = (path for path in (tmp_path / "log").rglob("*.jsonl"))
     assert json.loads(log.read_text(encoding="utf-8").splitlines()[0])["sim"] == kept
-
-
-def test_ideal_senses_are_those_of_no_option(run: Run, tmp_path: Path) -> None:
-    for name, asked in (("unsaid", ()), ("said", ("--senses", "ideal"))):
-        succeed(run, *SIM, *asked, "--out", tmp_path / name)
-    for file in ("campaign.json", "trials.csv"):
-        assert (tmp_path / "unsaid" / file).read_bytes() == (tmp_path / "said" / file).read_bytes()
-
-
-def test_folder_of_other_senses_is_not_resumed(run: Run, tmp_path: Path) -> None:
-    succeed(run, *BLIND, "--out", tmp_path / "out")
-    err = refusal(run, *SIM, "--out", tmp_path / "out", "--resume")
-    assert "sim.blind_share is 0.3 there and 0.0 here" in err
-    succeed(run, *BLIND, "--out", tmp_path / "out", "--resume")
 
 
 def test_sweep_has_the_senses_that_it_does_not_sweep(run: Run, tmp_path: Path) -> None:

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from tests.fuzz import on_command, on_control, on_files, on_gpsd, on_live, on_logs, on_mavlink, on_parts
-from tests.fuzz.damage import DEPTH, as_json, changed, damaged, nested
 from tests.fuzz.target import Case, Target
 
 MODULES = (on_control, on_files, on_logs, on_parts, on_gpsd, on_live, on_mavlink, on_command)
@@ -39,12 +38,3 @@ def test_no_case_of_a_reader_ends_in_an_error_that_it_does_not_know(target: Targ
         attempt_one()
     assert outcomes.total() >= cases // 2
     assert len(outcomes) > 1 or cases < SLOW_BELOW
-
-
-def test_nothing_is_damaged_where_nothing_is_told() -> None:
-    assert damaged((b"x",), (), b"\x01\x02", b"") == b"\x01\x02"
-    assert changed(b'{"a":[1,2]}', b"") == {"a": [1, 2]}
-
-
-def test_json_may_be_deeper_than_orjson_writes() -> None:
-    assert as_json(nested("x")).count(b"[") == DEPTH

@@ -147,17 +147,3 @@ def test_every_figure_is_saved_as_svg(report: Path, browser_page: OpenPage) -> N
     assert {"paths.svg", "comparison, SPL.svg", "escape.svg"} <= saved.keys()
     assert all(name.endswith(".svg") and text.lstrip().startswith("<svg") for name, text in saved.items())
     assert all(name in saved["paths.svg"] for name in ALGORITHMS)
-
-
-def test_trouble_would_be_noticed(browser_page: OpenPage, tmp_path: Path) -> None:
-    """The tests above can fail."""
-    path = tmp_path / "bad.html"
-    path.write_text(
-        '<!DOCTYPE html><meta charset="utf-8"><div style="width: 500px">wide</div>'
-        '<img src="http://127.0.0.1:9/x.png"><script>throw new Error("broken")</script>'
-    )
-    opened = browser_page(PHONE, offline=True)
-    opened.page.goto(path.as_uri())
-    assert opened.overflow_px() > 0
-    assert any("x.png" in each for each in opened.trouble)
-    assert any("broken" in each for each in opened.trouble)
