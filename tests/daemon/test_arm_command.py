@@ -215,19 +215,6 @@ async def test_board_that_turns_the_wheels_by_itself_is_refused_at_once(run: Run
 
 
 @played
-async def test_motors_that_failed_keep_no_rover_from_arming_once_they_answer(run: Run) -> None:
-    """Nobody knows whether they answer again before they are opened, and arming does that."""
-
-    await run.arm()
-    run.rig.motors.fails_at = 0
-    await asyncio.sleep(0.5)
-    assert (run.mode, (await run.status())["cause"]) == ("armed", "motors_failed")
-    await run.commands.disarm()
-    run.rig.motors.fails_at = 10**9
-    await run.arm()
-
-
-@played
 async def test_board_that_falls_silent_after_the_checks_refuses_arming(run: Run) -> None:
     opened = 0
 

@@ -181,20 +181,6 @@ async def test_client_that_reads_late_gets_every_reply_whole(path: Path, daemon:
     assert [orjson.loads(line)["text"] for line in received.splitlines()] == ["x" * 60_000] * count
 
 
-async def test_clients_that_come_together_all_get_in(path: Path, daemon: FakeDaemon) -> None:
-    async with serve(daemon, path):
-        clients = [socket.socket(socket.AF_UNIX) for _ in range(16)]
-        for client in clients:
-            client.setblocking(False)
-            client.connect(str(path))
-            client.send(STATUS)
-        await until(lambda: len(daemon.told) == 16)
-        answers = [await asyncio.get_running_loop().sock_recv(client, 10_000) for client in clients]
-        for client in clients:
-            client.close()
-    assert all(orjson.loads(answer)["ok"] for answer in answers)
-
-
 async def test_request_that_is_there_is_answered_before_its_client_is_pushed_out(
     path: Path, daemon: FakeDaemon
 ) -> None:
