@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from tests.browser import PHONE, SIZES, Opened, OpenPage, drag, plotted
+from tests.browser import PHONE, SIZES, Opened, OpenPage, plotted
 from tests.experiments.report.campaigns import ALGORITHMS
 from wayfarer.experiments.report.campaign import write_report
 from wayfarer.experiments.results_folder import TRIALS
@@ -106,33 +106,6 @@ def test_pointer_curves_table_and_csv_tell_the_same_numbers(
     said = told(opened, "escape", last_m, percent)
     assert "forest-pledge" in said
     assert f"{percent:.1f} %" in said
-
-
-def test_drag_zooms(report: Path, browser_page: OpenPage) -> None:
-    opened = plotted(browser_page, report)
-    low, high = (asked(opened, "escape", f"x_range.{end}") for end in ("start", "end"))
-    middle = (low * high) ** 0.5
-    start, end = pixel(opened, "escape", middle, 80), pixel(opened, "escape", high / 1.02, 40)
-    drag(opened.page, start, end, f"{MODEL.format(name='escape')}.x_range.start > {low * 1.02}")
-    assert asked(opened, "escape", "x_range.start") == pytest.approx(middle, rel=0.05)
-    assert asked(opened, "escape", "y_range.end") == pytest.approx(80, abs=3)
-
-
-def test_click_on_a_name_hides_its_curve(report: Path, browser_page: OpenPage) -> None:
-    opened = plotted(browser_page, report)
-    assert asked(opened, "levy-walk", "visible") is True
-    pixel(opened, "escape", 50, 50)
-    opened.page.locator(".bk-Legend .bk-item", has_text="levy-walk").first.click()
-    assert asked(opened, "levy-walk", "visible") is False
-
-
-def test_box_of_a_phase_hides_it_in_all_maps_of_the_worst_trials(report: Path, browser_page: OpenPage) -> None:
-    opened = plotted(browser_page, report)
-    shown = """[...Bokeh.documents[0]._all_models.values()].filter(
-      (model) => model.tags.includes("layer:probe")).map((model) => model.visible)"""
-    assert opened.page.evaluate(shown) == [True] * GALLERY
-    opened.page.locator("input[data-layer=probe]").uncheck()
-    assert opened.page.evaluate(shown) == [False] * GALLERY
 
 
 def test_every_figure_is_saved_as_svg(report: Path, browser_page: OpenPage) -> None:
