@@ -94,12 +94,15 @@ class Rover:
     def __init__(self) -> None:
         self.asked: list[str] = []
         self.refuses: str | None = None
+        self.breaks: Exception | None = None
 
     def __getattr__(self, name: str) -> Callable[..., Awaitable[Details]]:
         async def note(text: str = "") -> Details:
             self.asked.append(f"{name}: {text}" if text else name)
             if self.refuses is not None:
                 raise Refused(self.refuses)
+            if self.breaks is not None:
+                raise self.breaks
             return {}
 
         return note

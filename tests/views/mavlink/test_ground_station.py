@@ -368,6 +368,21 @@ async def test_lost_link_does_what_the_rover_file_says(
 
 
 @virtual
+async def test_bug_in_holding_ends_neither_the_watch_nor_the_telemetry(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with linked(monkeypatch, MavlinkSettings(on_link_lost="hold")) as link:
+        link.log.event("armed", 101.0, goal_heading_deg=0.0)
+        noted = "link_lost: the ground station is silent"  # and not held
+        for times in (1, 2):
+            await link.says(heartbeat())
+            link.rover.breaks = RuntimeError("a bug")
+            await asyncio.sleep(10.0)
+            assert link.rover.asked == ["hold", noted] * times
+            link.heard()
+            await asyncio.sleep(2.0)
+            assert kinds(link.heard())["HEARTBEAT"] == 2
+
+
+@virtual
 async def test_heartbeats_of_one_who_is_not_served_keep_no_link(monkeypatch: pytest.MonkeyPatch) -> None:
     async with linked(monkeypatch) as link:
         await link.says(heartbeat())

@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager
 from math import isfinite
 from typing import Literal
 
@@ -223,11 +223,8 @@ class GroundStation:
         if was_connected and not self._is_connected:
             self._link.station_is_silent()
             holds = self._settings.on_link_lost == "hold" and self._telemetry.state.mode in HELD
-            if holds:
-                with suppress(WayfarerError):
-                    await self._do["hold"]()
-            with suppress(WayfarerError):
-                await self._note_loss(f"the ground station is silent{': held' if holds else ''}")
+            held = holds and await _is_done(self._do["hold"]())
+            await _is_done(self._note_loss(f"the ground station is silent{': held' if held else ''}"))
 
     # -- from the station ----------------------------------------------------------------------------------------
 
@@ -284,3 +281,15 @@ class GroundStation:
             _log.exception("in carrying out %s", stop)
             self._tell(f"{stop} failed: an error inside wayfarer")
         answer(result)
+
+
+async def _is_done(doing: Awaitable[object]) -> bool:
+    """Return whether this could be done of what a lost link asks for; the next loss must be noticed in any case."""
+    try:
+        await doing
+    except WayfarerError:
+        return False
+    except Exception:
+        _log.exception("in doing what a lost link asks for")
+        return False
+    return True
