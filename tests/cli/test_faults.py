@@ -9,6 +9,9 @@ import pytest
 
 import wayfarer
 from tests.conftest import Run, refusal
+from wayfarer.cli.rover import simulated
+from wayfarer.config.rover_file import load_rover
+from wayfarer.errors import BadInput
 from wayfarer.fieldlog.reader import RunReader
 
 QUICK = ("sim", "--trials", 2, "--budget-m", 20, "--jobs", 1)
@@ -74,4 +77,15 @@ def test_list_has_each_kind_with_its_parts_and_what_it_does(run: Run) -> None:
     assert faults["silent"]["parts"] == ["compass", "motion", "contact", "position", "motors"]
     assert (faults["nack"]["depth"], faults["snag"]["depth"]) == ("bus", None)
     assert faults["drive"]["params"] == {"left_gain": 0.0, "right_gain": 1.0}
-    assert "The part does not answer." in run("list", "--faults")[1]
+    told = run("list", "--faults")[1]
+    assert "The part does not answer." in told
+    anywhere, _, in_virtual_time = told.partition("with wayfarer sim only")
+    for kind, where in {"task_crash": anywhere, "loop_stall": in_virtual_time, "undervoltage": in_virtual_time}.items():
+        assert f" {kind} " in where
+
+
+def test_bug_in_a_driver_can_be_injected_into_the_live_rover_too() -> None:
+    simulated(load_rover("sim"), "sim", "device", 0, ["task_crash:compass@1"])
+    for of_the_process in ("loop_stall", "undervoltage"):
+        with pytest.raises(BadInput, match="in virtual time only: use wayfarer sim"):
+            simulated(load_rover("sim"), "sim", "device", 0, [of_the_process])

@@ -144,6 +144,7 @@ def _print_faults(*, as_json: bool) -> None:
     from rich.console import Console
 
     from wayfarer.simhal.faults.kinds import KINDS
+    from wayfarer.simhal.faults.process import PROCESS
     from wayfarer.views.text.scripting import print_json
     from wayfarer.views.text.terminal_table import Column, table
 
@@ -157,9 +158,12 @@ def _print_faults(*, as_json: bool) -> None:
         Column("what happens, and with which numbers", _with_params, left=True, wraps=True),
     ]
     console = Console()
-    for depth, where in ((None, "at any depth"), ("bus", "with --depth bus")):
+    for depth, of_process, where in (
+        (None, False, "at any depth"), ("bus", False, "with --depth bus"), (None, True, "with wayfarer sim only"),
+    ):  # fmt: skip
+        rows = [row for row in kinds if row["depth"] == depth and (PROCESS in row["parts"]) is of_process]
         console.print(f"--fault KIND[:PART][@SECONDS[+SECONDS]], {where}", highlight=False, markup=False)
-        console.print(table(columns, (row for row in kinds if row["depth"] == depth)))
+        console.print(table(columns, rows))
         console.print()
 
 

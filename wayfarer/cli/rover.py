@@ -167,11 +167,11 @@ def simulated(
     from wayfarer.experiments.live_rover import live_rover_setup
     from wayfarer.simhal import build_rover
     from wayfarer.simhal.faults.kinds import parse_fault
-    from wayfarer.simhal.faults.process import ProcessFault
+    from wayfarer.simhal.faults.process import PROCESS
 
     check_rover(config, depth, where)
     parsed = [parse_fault(each) for each in checked(faults, config, depth)]
     for each in parsed:
-        if isinstance(each.params, ProcessFault):
+        if each.target == PROCESS:
             raise BadInput(f"--fault {each.kind} happens to the process, in virtual time only: use wayfarer sim")
     return lambda finish: live_rover_setup(config, build_rover.Depth(depth), seed, finish, parsed)

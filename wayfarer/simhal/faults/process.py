@@ -23,12 +23,13 @@ from wayfarer.simhal.faults.faulty_part import Bug, FaultyPart
 
 # Takes the computer's flags at a time: the target of these faults.
 TakePower = Callable[[float, int], None]
+PROCESS = "process"  # in virtual time only: the clock and the power of a daemon are real
 
 
 class ProcessFault(FaultKind):
     """Happens to the daemon, or to the computer under it."""
 
-    targets: ClassVar[tuple[str, ...]] = ("process",)
+    targets: ClassVar[tuple[str, ...]] = (PROCESS,)
 
 
 class TaskCrash(ProcessFault):
