@@ -11,6 +11,7 @@ import typer
 
 from tests.conftest import Run
 from wayfarer import cli
+from wayfarer.cli.help_texts import error_text
 
 
 def commands(group: Any = None, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
@@ -45,3 +46,23 @@ def test_examples_are_lines_without_gaps(run: Run) -> None:
     lines = [line.strip() for line in run("replay", "--help")[1].splitlines()]
     first = lines.index("Examples:") + 1
     assert all(line.startswith("wayfarer replay") for line in lines[first : first + 3])
+
+
+@pytest.mark.parametrize(
+    ("epilog", "example"),
+    [
+        (None, ""),
+        ("Exit code: 0 if all is well.", ""),
+        ("Exit code: 0 if all is well.\nExamples:\nwayfarer try 1", ", for example: wayfarer try 1"),
+        ("Examples:\nwayfarer try 1\nwayfarer try 2", ", for example: wayfarer try 1"),
+    ],
+)
+def test_what_is_missing_is_told_with_the_first_example_if_there_is_one(epilog: str | None, example: str) -> None:
+    app = typer.Typer()
+
+    @app.command(epilog=epilog)
+    def _needs(number: int) -> None: ...
+
+    with pytest.raises(typer.TyperException) as missing:
+        typer.main.get_command(app)([], standalone_mode=False)
+    assert error_text(missing.value) == f"Missing argument 'number'{example or '.'}"

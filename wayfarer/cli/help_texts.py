@@ -70,9 +70,10 @@ def error_text(error: typer.TyperException) -> str:
         params = problem.ctx.command.get_params(problem.ctx)
         return error.message + _suggestion(problem.option_name, [option for param in params for option in param.opts])
     text = error.format_message().replace("Value error, ", "", 1)  # the name of a class
-    if hasattr(problem, "param_type") and problem.ctx.command.epilog:  # something is missing
-        _, example, *_ = problem.ctx.command.epilog.splitlines()
-        return f"{text.rstrip('.')}, for example: {example}"
+    if hasattr(problem, "param_type"):  # something is missing
+        for line in (problem.ctx.command.epilog or "").splitlines():  # which may tell of exit codes only
+            if line.startswith("wayfarer "):
+                return f"{text.rstrip('.')}, for example: {line}"
     return text
 
 
