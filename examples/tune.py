@@ -4,7 +4,7 @@ Every point meets the same layouts with the same noise. A point that is worse th
 layout, is given up early. Finished points are in tuned/study.journal: after Ctrl-C run this again, and it goes on. For
 more cores run it again in other terminals, one after the other, once the first point is there: they share the journal.
 
-Run it: pip install '.[sim,figures]' 'optuna>=5' && python examples/tune.py [POINTS LAYOUTS HELD_OUT]
+Run it: pip install '.[sim,figures]' 'optuna>=5' && python examples/tune.py [POINTS [LAYOUTS [HELD_OUT]]]
 """
 
 import os
@@ -149,8 +149,16 @@ def main(points: int, layouts: int, held_out: int) -> None:
         confirm(study.best_params, held_out)
 
 
+def numbers(given: list[str], usual: tuple[int, int, int] = (60, 100, 200)) -> tuple[int, int, int]:
+    """Return points, layouts and held-out layouts: those that are given, then the usual ones."""
+    if len(given) > len(usual) or not all(each.isdecimal() and int(each) for each in given):
+        raise SystemExit("give up to three whole numbers above 0: POINTS LAYOUTS HELD_OUT")
+    points, layouts, held_out = (*map(int, given), *usual[len(given) :])
+    return points, layouts, held_out
+
+
 if __name__ == "__main__":
     try:
-        main(*map(int, sys.argv[1:] or (60, 100, 200)))
+        main(*numbers(sys.argv[1:]))
     except KeyboardInterrupt:
         raise SystemExit("interrupted; run this again, and it goes on") from None

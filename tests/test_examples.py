@@ -156,6 +156,16 @@ def test_search_finds_what_matters_and_confirms_it(output_of: Output, by_angle: 
     assert {each.name for each in (tmp_path / "tuned").iterdir()} == {"study.journal", "history.png", "settings.png"}
 
 
+def test_search_takes_fewer_numbers_and_refuses_others_in_one_line(output_of: Output, by_angle: PathsByAngle) -> None:
+    by_angle.interrupted_after = 0
+    for fewer in ("1", "1 9"):
+        with pytest.raises(SystemExit, match="run this again"):
+            output_of("tune", *fewer.split())
+    for others in ("none", "0", "-5 9", "1 9 9 9"):
+        with pytest.raises(SystemExit, match=r"^give up to three whole numbers above 0: POINTS LAYOUTS HELD_OUT$"):
+            output_of("tune", *others.split())
+
+
 def test_search_goes_on_where_it_was_interrupted(output_of: Output, by_angle: PathsByAngle) -> None:
     by_angle.interrupted_after = 25
     with pytest.raises(SystemExit, match="run this again, and it goes on"):
