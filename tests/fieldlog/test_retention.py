@@ -15,6 +15,7 @@ from wayfarer.fieldlog import retention
 from wayfarer.fieldlog.disk import MB
 from wayfarer.fieldlog.folders import new_run_folder, run_folders, run_number
 from wayfarer.fieldlog.retention import held_open, keep_run, prune
+from wayfarer.views.page.frame import PAGE
 
 NONE_MB = 0.0  # nothing but what always stays
 
@@ -79,6 +80,18 @@ def test_what_a_person_kept_renamed_or_added_to_stays_and_so_does_a_run_that_som
         assert "kept ones" in str(found.trouble)
     (kept / "keep").unlink()
     assert deleted(tmp_path) == [1, 4]
+
+
+def test_report_of_a_run_goes_with_it_and_keeps_it_no_longer(tmp_path: Path) -> None:
+    reported, another, linked = (make(tmp_path, number) for number in range(1, 4))
+    make(tmp_path, 4)
+    (reported / PAGE).write_text("<html>")
+    if os.geteuid() == 0:
+        os.chown(reported / PAGE, 65534, 65534)  # it was written with sudo, or by a person of the service's group
+    (another / "notes.html").write_text("of a person")
+    (linked / PAGE).symlink_to(another / "notes.html")
+    assert deleted(tmp_path) == [1]
+    assert left(tmp_path) == [2, 3, 4]
 
 
 def test_run_that_is_kept_at_the_last_moment_gets_its_name_back(

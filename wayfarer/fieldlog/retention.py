@@ -2,8 +2,8 @@
 
 The oldest is the one with the lowest counter, whatever a clock says. Never deleted: the newest run, one that a process
 writes, and a folder that is not exactly a run: another name or a longer one (a person wrote behind the counter), a
-symlink, another user's folder, or one with any other file in it. So the file ``keep``, which ``wayfarer mark`` makes,
-keeps a run.
+symlink, another user's folder, or one with any other file in it, but for its report. So the file ``keep``, which
+``wayfarer mark`` makes, keeps a run.
 
 One run after the other: its folder is renamed, looked at again, and then emptied. A power cut leaves a run that is
 whole, or a hidden folder that no tool takes for a run and that the next deletion removes.
@@ -24,6 +24,7 @@ from wayfarer.fieldlog.disk import MB, error_advice
 from wayfarer.fieldlog.folders import DELETING, FILE_NAME, RUN_NAME, SEGMENT_NAME
 
 KEEP = "keep"  # the file that keeps a run
+REPORT = "report.html"  # of ``wayfarer report``: it goes with its run, because it only shows what the log says
 WHOLE_NAME = re.compile(RUN_NAME.pattern + r"(-[0-9a-f]{8})?\Z", re.ASCII)
 OPEN_FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC
 
@@ -123,7 +124,7 @@ def _size_mb(logs: int, name: str) -> float:
 
 
 def _is_deletable(logs: int, name: str) -> bool:
-    """Return whether a folder has a run's name, is this user's, has only files of a log in it, and nobody writes it."""
+    """Return whether a folder has a run's name, is this user's, has only files of a run in it, and nobody writes it."""
     if not WHOLE_NAME.match(name.removeprefix(DELETING)):
         return False
     with _opened(name, logs) as folder:
@@ -133,8 +134,8 @@ def _is_deletable(logs: int, name: str) -> bool:
             return False
         except OSError:  # a file system without locks
             pass
-        only_a_log = all(_is_log_file(file, its) for file, its in _files(folder).items())
-        return only_a_log and os.fstat(folder).st_uid == os.geteuid()
+        only_a_run = all(_is_runs_file(file, its) for file, its in _files(folder).items())
+        return only_a_run and os.fstat(folder).st_uid == os.geteuid()
 
 
 def _is_own(entry: os.DirEntry[str]) -> bool:
@@ -147,9 +148,10 @@ def _files(folder: int) -> dict[str, os.stat_result]:
         return {entry.name: entry.stat(follow_symlinks=False) for entry in entries}
 
 
-def _is_log_file(name: str, its: os.stat_result) -> bool:
-    is_name = name == FILE_NAME or SEGMENT_NAME.match(name) is not None
-    return is_name and stat.S_ISREG(its.st_mode) and its.st_uid == os.geteuid()
+def _is_runs_file(name: str, its: os.stat_result) -> bool:
+    is_log = name == FILE_NAME or SEGMENT_NAME.match(name) is not None
+    is_own = is_log and its.st_uid == os.geteuid()
+    return stat.S_ISREG(its.st_mode) and (is_own or name == REPORT)  # which may have been made with sudo
 
 
 # -- deleting --------------------------------------------------------------------------------------------------------
@@ -175,13 +177,13 @@ def _finish_deletions(logs: int) -> None:
 
 
 def _empty(logs: int, name: str) -> bool:
-    """Remove a hidden folder with the files of a log in it, or give it its name back if it must stay after all."""
+    """Remove a hidden folder with the files of a run in it, or give it its name back if it must stay after all."""
     if not _is_deletable(logs, name):
         os.rename(name, name.removeprefix(DELETING), src_dir_fd=logs, dst_dir_fd=logs)
         return False
     with _opened(name, logs) as folder:
         for file, its in _files(folder).items():
-            if _is_log_file(file, its):
+            if _is_runs_file(file, its):
                 os.unlink(file, dir_fd=folder)
     os.rmdir(name, dir_fd=logs)
     return True
