@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, TemporaryFile
 from time import perf_counter
 from typing import NamedTuple
 
@@ -28,12 +28,12 @@ class Campaign(NamedTuple):
 def run_campaign(trials: int) -> Campaign:
     """Run ``wayfarer sim`` with a process for each core that this one may use."""
     cores = len(os.sched_getaffinity(0))
-    with TemporaryDirectory() as folder:
+    with TemporaryDirectory() as folder, TemporaryFile() as told:
         out = Path(folder) / "out"
         before_s = perf_counter()
         process = subprocess.Popen(
-            [WAYFARER, "sim", "--trials", str(trials), "--jobs", str(cores), "--out", out],
-            stdout=subprocess.DEVNULL,
+            [WAYFARER, "sim", "--trials", str(trials), "--jobs", str(cores), "--out", out, "--json"],
+            stdout=told,
             stderr=subprocess.DEVNULL,
         )
         _, status, used = os.wait4(process.pid, 0)
@@ -41,7 +41,8 @@ def run_campaign(trials: int) -> Campaign:
         process.returncode = os.waitstatus_to_exitcode(status)
         if process.returncode != 0:
             raise SystemExit(f"wayfarer sim ended with exit code {process.returncode}; run it by hand to see why")
-        last_run = json.loads((out / "summary.json").read_text(encoding="utf-8"))["last_run"]
+        told.seek(0)
+        last_run = json.load(told)["last_run"]
     return Campaign(wall_s, 1e6 * last_run["cpu_s"] / last_run["ticks"], used.ru_maxrss / 1024)
 
 

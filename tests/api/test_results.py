@@ -26,6 +26,7 @@ from wayfarer.experiments.trial_setup import TrialSpec
 
 BOTH = ["forest-pledge", "pledge"]
 # Two trials a second: a rover that may drive 15 m.
+SHORT = ("--trials", 3, "--budget-m", 15, "--seed", 4, "--jobs", 1)
 short = partial(wayfarer.run_campaign, BOTH, trials=3, budget_m=15.0, seed=4)
 
 
@@ -40,8 +41,7 @@ def results(out: Path) -> wayfarer.Results:
 
 
 def test_rows_are_those_of_the_command(results: wayfarer.Results, out: Path, run: Run, tmp_path: Path) -> None:
-    options = ["--trials", "3", "--budget-m", "15", "--seed", "4", "--jobs", "1", "--out", str(tmp_path / "out")]
-    assert run("sim", "--algorithm", ",".join(BOTH), *options)[0] == 0
+    assert run("sim", "--algorithm", ",".join(BOTH), *SHORT, "--out", tmp_path / "out")[0] == 0
     assert (tmp_path / "out/trials.csv").read_bytes() == (out / "trials.csv").read_bytes()
 
 
@@ -72,8 +72,9 @@ def test_trial_alone_is_that_of_the_campaign(results: wayfarer.Results) -> None:
     assert wayfarer.run_trial(0, budget_m=1.0, slope_deg=3.0).row.slope_deg == 3.0
 
 
-def test_summary_has_the_numbers_of_summary_json(results: wayfarer.Results, out: Path) -> None:
-    table = json.loads((out / "summary.json").read_text(encoding="utf-8"))["table"]
+def test_summary_has_the_numbers_of_the_command(results: wayfarer.Results, run: Run) -> None:
+    _, said, _ = run("sim", "--algorithm", ",".join(BOTH), *SHORT, "--json")
+    table = json.loads(said)["table"]
     assert [row["algorithm"] for row in table] == BOTH
     for row, written in zip(results.summary, table, strict=True):
         assert row == pytest.approx(written, abs=1e-4)

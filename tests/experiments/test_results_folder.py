@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import json
 import os
 import sys
 import tempfile
@@ -19,7 +18,6 @@ from wayfarer.experiments.provenance import RUNS
 from wayfarer.experiments.results_folder import (
     MOST_LINE_BYTES,
     SETTINGS,
-    SUMMARY,
     TRIALS,
     ResultsFolder,
     in_table_order,
@@ -83,7 +81,7 @@ def fill(path: Path, *rows: TrialRow, finished: bool = False) -> None:
         for row in rows:
             folder.append(row)
         if finished:
-            folder.finish(in_table_order(rows, SETTINGS_HERE), {"seed": 27})
+            folder.finish(in_table_order(rows, SETTINGS_HERE))
             assert folder.finished
 
 
@@ -115,9 +113,8 @@ def test_line_that_is_no_row_is_refused_with_its_place(line: str) -> None:
 
 def test_finished_folder_holds_whole_files_only(tmp_path: Path) -> None:
     fill(folder := tmp_path / "new" / "run", *ROWS[::-1], finished=True)
-    assert {path.name for path in folder.iterdir()} == {SETTINGS, RUNS, TRIALS, SUMMARY}
+    assert {path.name for path in folder.iterdir()} == {SETTINGS, RUNS, TRIALS}
     assert (folder / TRIALS).read_bytes() == HEADER + b"".join(LINES), "in the order of its trials"
-    assert json.loads((folder / SUMMARY).read_text()) == {"seed": 27}
 
 
 def test_row_is_on_disk_as_soon_as_it_is_kept_and_the_folder_in_use_until_it_is_left(tmp_path: Path) -> None:
@@ -151,10 +148,12 @@ def test_finished_folder_resumes_to_what_it_holds(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("order", [1, -1])
-def test_folder_that_lost_its_end_after_its_last_trial_is_not_finished(tmp_path: Path, order: int) -> None:
+def test_folder_that_lost_its_end_after_its_last_trial_is_finished_only_if_it_is_in_order(
+    tmp_path: Path, order: int
+) -> None:
     fill(tmp_path, *ROWS[::order])
     with ResultsFolder(tmp_path, SETTINGS_HERE, resume=True) as folder:
-        assert not folder.finished
+        assert folder.finished is (order == 1)
         assert folder.rows == ROWS[::order]
 
 

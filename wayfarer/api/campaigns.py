@@ -77,7 +77,7 @@ def run_campaign(
         faults: on purpose, each as ``KIND[:PART][@SECONDS[+SECONDS]]``: ``"silent:compass@20+5"`` takes the compass
             away from each rover for 5 s, 20 s after the start.
         jobs: number of processes.
-        out: a new or empty folder for ``trials.csv`` and ``summary.json``.
+        out: a new or empty folder for ``trials.csv``.
         resume: continue what was interrupted in ``out``.
         progress: show a progress bar on stderr.
 

@@ -55,7 +55,7 @@ class Results:
     def summary(self) -> list[dict[str, Any]]:
         """A row for each algorithm, of a sweep for each at each point: success with its 95 % interval, path, SPL, time.
 
-        The columns are those of ``summary.json``, in per cent, metres and seconds.
+        The columns are those that ``wayfarer sim --json`` prints, in per cent, metres and seconds.
         """
         points, cells = swept_values(self.settings), groupby(self.rows, lambda row: (row.point, row.algorithm))
         return [points[point] | asdict(summarise(name, rows)) for (point, name), rows in cells]

@@ -40,7 +40,7 @@ Out = Annotated[
     Path | None,
     typer.Option(
         metavar="DIR",
-        help="New or empty folder for trials.csv and summary.json.",
+        help="New or empty folder for trials.csv.",
         rich_help_panel=RUNNING,
     ),
 ]

@@ -3,8 +3,8 @@
 ``campaign.json`` or ``sweep.json`` is written first and says whose folder this is; ``forests.jsonl`` beside it is a
 copy of a campaign's forest file, if it has one, so that its trials can be run again, and ``runs.json`` says how they
 were made (``provenance``). While it runs, each finished trial is appended to ``trials.csv`` in the order of completion.
-When none is missing ``trials.csv`` is written again, by point, algorithm and trial, and a campaign gets a
-``summary.json``. A line that a crash cut short has no newline; resuming drops it and runs that trial again.
+When none is missing ``trials.csv`` is written again, by point, algorithm and trial. A line that a crash cut short has
+no newline; resuming drops it and runs that trial again.
 
 The folder may have come from somebody else: only ordinary files are read, and nothing is written through a symlink.
 """
@@ -32,7 +32,6 @@ SETTINGS = "campaign.json"
 SWEEP_SETTINGS = "sweep.json"
 FORESTS = "forests.jsonl"
 TRIALS = "trials.csv"
-SUMMARY = "summary.json"
 VERSIONS = {"version", "campaign.version"}  # where the settings of a campaign and of a sweep have it
 MOST_BYTES = 10_000_000  # of a settings' file: a sweep of two keys with all the values that fit a command line has less
 MOST_LINE_BYTES = 100_000  # far more than any row: a file without line ends must not fill the memory
@@ -41,8 +40,8 @@ MOST_LINE_BYTES = 100_000  # far more than any row: a file without line ends mus
 class ResultsFolder:
     """The folder of a campaign or sweep with these ``settings`` (``Campaign.settings``), locked while it is open.
 
-    ``rows`` are the trials that were in it when it was opened, and ``finished`` says that all are there, with the final
-    files. ``command``, the command line, is noted if that is not so.
+    ``rows`` are the trials that were in it when it was opened, and ``finished`` says that all are there, in
+    the final order. ``command``, the command line, is noted if that is not so.
 
     Raises:
         BadInput: the folder is not empty and not to be resumed, belongs to another campaign, is in use, damaged or
@@ -68,7 +67,8 @@ class ResultsFolder:
                 self._claim(resume)
                 self._file = self._open.enter_context(open_to_append(path / TRIALS))
                 self.rows = self._kept()
-                self.finished = self._is_finished()
+                has_all = len(self.rows) == count_of(settings)
+                self.finished = has_all and self.rows == in_table_order(self.rows, settings)
                 if not self.finished:
                     record_run(path, command)
                 self._open = self._open.pop_all()
@@ -102,8 +102,8 @@ class ResultsFolder:
             self._file.write(self._line(row))
             self._file.flush()
 
-    def finish(self, rows: Sequence[TrialRow], summary: Mapping[str, Any]) -> None:
-        """Write all ``rows`` in their final order, and the summary, which a sweep does not have.
+    def finish(self, rows: Sequence[TrialRow]) -> None:
+        """Write all ``rows``, which are in their final order.
 
         Raises:
             WayfarerError: the folder cannot be written any more.
@@ -111,8 +111,6 @@ class ResultsFolder:
         table = [csv_line(self._columns).encode(), *map(self._line, rows)]
         with self._writing():
             write_atomically(self.path / TRIALS, b"".join(table))
-            if kind_of(self._settings) == "campaign":
-                write_atomically(self.path / SUMMARY, _json(summary))
         self.finished = True
 
     def _claim(self, resume: bool) -> None:
@@ -133,11 +131,6 @@ class ResultsFolder:
             self._file.write(csv_line(self._columns).encode())
             self._file.flush()
         return rows
-
-    def _is_finished(self) -> bool:
-        if len(self.rows) < count_of(self._settings) or self.rows != in_table_order(self.rows, self._settings):
-            return False
-        return kind_of(self._settings) == "sweep" or (self.path / SUMMARY).exists()
 
     def _line(self, row: TrialRow) -> bytes:
         return csv_line(self._columns, row, self._swept[row.point]).encode()

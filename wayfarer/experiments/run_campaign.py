@@ -71,7 +71,7 @@ class CampaignRun:
         return [point for point in swept_values(self.plan.settings()) for _ in self.plan.points[0].algorithms]
 
     def as_json(self) -> dict[str, Any]:
-        """Return what ``summary.json`` holds; ``last_run`` is this run, without what was kept before."""
+        """Return what ``--json`` prints; ``last_run`` is this run, without what was kept before."""
         lines = zip(self.points, self.summaries, strict=True)
         return {
             **self.plan.settings(),
@@ -118,7 +118,7 @@ def run(
         cells = groupby(rows, lambda row: (row.point, row.algorithm))
         ended = CampaignRun(plan, rows, effort, [summarise(name, its_rows) for (_, name), its_rows in cells])
         if folder and not folder.finished:
-            folder.finish(rows, ended.as_json())
+            folder.finish(rows)
     return ended
 
 

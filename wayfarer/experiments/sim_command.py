@@ -46,7 +46,7 @@ def run_all(
     command: Sequence[str] | None = None,
     run_trial: RunTrial = field_trial,
 ) -> int:
-    """Run a campaign, show it, print its table or what ``summary.json`` holds, and return the exit code.
+    """Run a campaign, show it, print its table, or with ``as_json`` an object, and return the exit code.
 
     ``forests`` is what the campaign's forests were read from (``campaign.read_forest_file``); ``out`` keeps a copy, and
     ``command``, the command line.

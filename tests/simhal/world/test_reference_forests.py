@@ -69,7 +69,7 @@ def test_results_keep_word_checksum_and_copy_so_that_resume_and_report_find_them
     out = tmp_path / "out"
     command = ("sim", "--forests", "reference", "--trials", 4, "--jobs", 1, "--out", out)
     succeed(run, *command)
-    assert json.loads((out / "summary.json").read_text())["forests"] == {"file": "reference", "blake2b": CHECKSUM}
+    assert json.loads((out / "campaign.json").read_text())["forests"] == {"file": "reference", "blake2b": CHECKSUM}
     succeed(run, *command, "--resume")
     assert read_results(out).rebuild().make_forest(3).noise == 2026
 
