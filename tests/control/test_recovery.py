@@ -1,17 +1,14 @@
-"""What takes the wheels from the algorithm: self-tests of the sides, and a place that the rover does not leave."""
+"""What takes the wheels from the algorithm, or ends its mission: a place that it does not leave, reversed sides."""
 
 from __future__ import annotations
 
 from math import inf
 
-import pytest
-
 from tests.control.bench import TICK_S, Bench
 from wayfarer.config.rover_file import load_rover
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.tick_record import TickRecord
-from wayfarer.escape.api import Anomaly, SideGains
-from wayfarer.escape.ladder import BLIND_DETOUR, SELF_TEST
+from wayfarer.escape.ladder import BLIND_DETOUR
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.trial import run_watched
 from wayfarer.hal import MotionReading, WheelCommand
@@ -45,60 +42,10 @@ def trial(drive: Drive) -> tuple[str, Seen]:
     return run_watched(faulty, lambda *_: seen).outcome, seen
 
 
-def test_rover_with_a_dead_side_gets_out() -> None:
-    outcome, seen = trial(Drive(left_gain=0.0))
-    assert outcome in {"escaped", "left_bounds"}
-    assert {Condition.DRIVE_SUSPECTED, Condition.DRIVE_WEAK} <= seen.conditions
-    assert SELF_TEST.name in seen.whys
-
-
 def test_rover_with_reversed_sides_is_stopped() -> None:
     outcome, seen = trial(Drive(left_gain=-1.0, right_gain=-1.0))
     assert outcome == "fault"
     assert Condition.DRIVE_REVERSED in seen.conditions
-
-
-@pytest.mark.parametrize(
-    ("gains", "wheels", "compensated"),
-    [
-        (SideGains(0.0, 1.0), WheelCommand(0.3, 0.3), WheelCommand(0.0, 0.6)),
-        (SideGains(1.0, 0.0), WheelCommand(0.8, -0.8), WheelCommand(1.0, 0.0)),
-        (SideGains(0.5, 1.0), WheelCommand(0.4, 0.4), WheelCommand(0.8, 0.4)),
-        (SideGains(0.5, 1.0), WheelCommand(1.0, 1.0), WheelCommand(1.0, 0.5)),
-    ],
-)
-def test_wheels_of_a_rover_with_a_weak_side(gains: SideGains, wheels: WheelCommand, compensated: WheelCommand) -> None:
-    assert gains.compensate(wheels) == pytest.approx(compensated)
-
-
-@pytest.mark.parametrize("right", [0.5, -0.5])
-def test_one_side_alone_does_not_turn_the_body_further_up_what_has_tilted_it(right: float) -> None:
-    """It would tip over in the end; the other way it comes down."""
-    gains, turn = SideGains(0.0, 1.0), WheelCommand(-right, right)
-    climbs, descends = (Anomaly.NOSE_UP, Anomaly.NOSE_DOWN) if right > 0.0 else (Anomaly.NOSE_DOWN, Anomaly.NOSE_UP)
-    assert gains.compensate(turn, (climbs,)) == WheelCommand(0.0, -2.0 * right)
-    assert gains.compensate(turn, (descends,)) == WheelCommand(0.0, 2.0 * right)
-
-
-def test_one_side_alone_does_not_back_the_body_further_up_what_is_behind() -> None:
-    gains, back = SideGains(0.0, 1.0), WheelCommand(-0.5, -0.5)
-    assert gains.compensate(back, (Anomaly.NOSE_DOWN,)) == WheelCommand(0.0, 1.0)
-    assert gains.compensate(back, (Anomaly.NOSE_UP,)) == WheelCommand(0.0, -1.0)
-
-
-@pytest.mark.parametrize(
-    ("wheels", "climbs", "descends"),
-    [
-        (WheelCommand(0.4, -0.4), Anomaly.NOSE_DOWN, Anomaly.NOSE_UP),
-        (WheelCommand(-0.4, 0.4), Anomaly.NOSE_UP, Anomaly.NOSE_DOWN),
-        (WheelCommand(-0.4, -0.4), Anomaly.NOSE_DOWN, Anomaly.NOSE_UP),
-    ],
-)
-def test_weak_side_is_not_compensated_up_a_trunk(wheels: WheelCommand, climbs: Anomaly, descends: Anomaly) -> None:
-    """It may be healthy, and held: 27 of 1,000 Levy walks tipped backwards at full duty of a healthy side."""
-    gains = SideGains(1.0, 0.4)
-    assert gains.compensate(wheels, (climbs,)) == wheels
-    assert gains.compensate(wheels, (descends,)) == gains.compensate(wheels)
 
 
 async def to_and_fro(bench: Bench, for_s: float) -> None:
@@ -116,7 +63,7 @@ async def test_rover_that_stays_at_one_place_climbs_the_ladder_though_it_has_fre
     await to_and_fro(bench, 110.0)
     assert Condition.NO_PROGRESS not in bench.controller.conditions
     await to_and_fro(bench, 20.0)
-    assert Condition.NO_PROGRESS in bench.controller.conditions
+    assert any(Condition.NO_PROGRESS in tick.conditions for tick in bench.log.ticks)
 
 
 async def blind(bench: Bench, for_s: float) -> list[str]:

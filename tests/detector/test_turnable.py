@@ -1,11 +1,11 @@
-"""A rover that cannot turn on the spot says so, and gives up."""
+"""A rover that cannot turn on the spot says so, and gives up; one that turns the other way is stopped."""
 
 from __future__ import annotations
 
 import pytest
 
 from wayfarer.detector.settings import DetectorSettings
-from wayfarer.detector.turnable import TurnabilityMonitor
+from wayfarer.detector.turnable import OPPOSES_DEG, SHOWS_LATE_S, TurnabilityMonitor
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.tick_interval import TickInterval
@@ -13,6 +13,7 @@ from wayfarer.safety.tick_interval import TickInterval
 TICK_S = 0.05
 SETTINGS = DetectorSettings()
 FULL = WheelCommand(1.0, -1.0)
+REVERSED = (Condition.DRIVE_REVERSED,)
 
 
 class Turns:
@@ -22,12 +23,14 @@ class Turns:
         self.watch = TurnabilityMonitor(SETTINGS, duty_max)
         self.t_s = self.gained_deg = 0.0
         self.found: tuple[Condition, ...] = ()
+        self.free = True
 
     def go(self, seconds: float, wheels: WheelCommand, rate_deg_s: float = 0.0) -> tuple[Condition, ...]:
         for _ in range(round(seconds / TICK_S)):
             self.t_s += TICK_S
             self.gained_deg += rate_deg_s * TICK_S
-            self.found = self.watch.update(TickInterval(self.t_s, wheels, TICK_S, TICK_S, 0.0), self.gained_deg)
+            interval = TickInterval(self.t_s, wheels, TICK_S, TICK_S, 0.0)
+            self.found = self.watch.update(interval, self.gained_deg, free=self.free)
             if Condition.ENTRAPPED in self.found:
                 break
         return self.found
@@ -99,3 +102,42 @@ def test_full_is_what_gate_and_battery_let_through_also_if_the_rover_moves_a_lit
     duty_max: float, wheels: tuple[float, float]
 ) -> None:
     assert Turns(duty_max).tries(3, WheelCommand(*wheels)) == (Condition.CANNOT_TURN,)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("duty", [0.2, 1.0])
+@pytest.mark.parametrize("rate_deg_s", [60.0, 180.0])
+def test_turn_that_goes_the_other_way_is_found_until_somebody_arms_again(
+    side: float, duty: float, rate_deg_s: float
+) -> None:
+    turns = Turns()
+    wheels = WheelCommand(side * duty, -side * duty)
+    assert turns.go(SHOWS_LATE_S + OPPOSES_DEG / rate_deg_s + 0.1, wheels, -side * rate_deg_s) == REVERSED
+    assert turns.go(1.0, STOP) == REVERSED
+    turns.watch.reset()
+    assert turns.go(1.0, wheels, side * rate_deg_s) == ()
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.25, 0.5])
+@pytest.mark.parametrize("rate_deg_s", [45.0, 180.0])
+@pytest.mark.parametrize("turn_s", [0.4, 1.0, 3.0])
+def test_turns_to_and_fro_that_a_compass_shows_late_go_the_commanded_way(
+    late_s: float, rate_deg_s: float, turn_s: float
+) -> None:
+    turns, headings_deg = Turns(), [0.0] * (1 + round(late_s / TICK_S))
+    turned_deg = 0.0
+    for n in range(round(8 * turn_s / TICK_S)):
+        way = 1.0 if n * TICK_S // turn_s % 2.0 == 0.0 else -1.0
+        turned_deg += way * rate_deg_s * TICK_S
+        headings_deg.append(turned_deg)
+        turns.gained_deg = headings_deg.pop(0)
+        assert turns.go(TICK_S, WheelCommand(way, -way)) != REVERSED
+
+
+def test_what_a_body_does_in_curves_on_a_slope_or_while_its_heading_is_in_doubt_is_no_turn_the_other_way() -> None:
+    turns = Turns()
+    assert turns.go(10.0, WheelCommand(1.0, 0.2), -90.0) == ()
+    turns.free = False
+    assert turns.go(10.0, WheelCommand(0.3, -0.3), -90.0) == ()
+    turns.free = True
+    assert turns.go(0.4, WheelCommand(0.3, -0.3), -90.0) == ()

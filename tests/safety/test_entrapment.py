@@ -174,10 +174,10 @@ async def test_arming_again_forgets_the_place() -> None:
 async def test_rover_without_progress_climbs_the_ladder_rests_warns_and_climbs_it_again() -> None:
     bench = await Bench().armed()
     await nose_up(bench, 170.0)
-    whys = [tick.decision.why for tick in bench.log.ticks if tick.decision.why.startswith(("ladder.", "self_test"))]
-    assert list(dict.fromkeys(whys)) == [rung.name for rung in RUNGS]
+    whys = [tick.decision.why for tick in bench.log.ticks if tick.decision.why.startswith("ladder.")]
+    assert list(dict.fromkeys(whys)) == list(dict.fromkeys(rung.name for rung in RUNGS))
     found = [each["cause"] for each in bench.log.named("health")]
-    causes = [cause for cause, _ in groupby(each for each in found if each not in ("cannot_turn", "drive_suspected"))]
+    causes = [cause for cause, _ in groupby(each for each in found if each != "cannot_turn")]
     assert causes[:4] == ["no_progress", "resting", "resume_warning", "no_progress"]
     rested = [tick for tick in bench.log.ticks if Condition.RESTING in tick.conditions]
     first_rest = [tick for tick in rested if tick.t_s < rested[0].t_s + 1.5 * REST_S]

@@ -51,7 +51,7 @@ def test_rover_among_people_holds_for_a_sense_that_another_goes_on_without() -> 
     lost = [each for each in Condition if among_people.levels[each] > alone.levels[each]]
     assert set(lost) == {
         Condition.MOTION_STALE, Condition.MOTION_LOST, Condition.MOTION_GONE,
-        Condition.CONTACT_STALE, Condition.DRIVE_WEAK, Condition.POWER_UNSTABLE,
+        Condition.CONTACT_STALE, Condition.POWER_UNSTABLE,
         Condition.MOTORS_FAILED, Condition.BOARD_FAULT,
     }  # fmt: skip
     for each in lost:

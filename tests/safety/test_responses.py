@@ -31,7 +31,7 @@ def test_only_a_person_ends_a_latched_fault_and_only_that() -> None:
 
 
 def test_rover_that_a_person_drives_is_not_said_to_begin_a_manoeuvre() -> None:
-    manoeuvres = {Condition.MOTION_GONE, Condition.DRIVE_SUSPECTED, Condition.CANNOT_TURN, Condition.COMPASS_LOST}
+    manoeuvres = {Condition.MOTION_GONE, Condition.DRIVE_REVERSED, Condition.CANNOT_TURN, Condition.COMPASS_LOST}
     for condition in manoeuvres:
         assert said_of(condition, MANUAL_LEVELS[condition], by_hand=True).does == "drives as the person wants"
     for condition in (Condition.TICK_LATE, Condition.UNDERVOLTAGE, Condition.BATTERY_CRITICAL):

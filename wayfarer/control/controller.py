@@ -97,7 +97,7 @@ class Controller:
         self.levels = self._gate.levels
         self._resume_warning = ResumeWarning(config.safety.resume_warning_s, self.levels)
         self._odometer = Odometer(config.detector.quality_min)
-        self._recovery = Recovery(config.progress, config.detector.quality_min, detector.sides)
+        self._recovery = Recovery(config.progress, config.detector.quality_min)
         self.manual = ManualControl(config.manual)
         self._speed_m_s = config.manual.speed_m_s or config.escape.cruise_m_s
         self._turn_rad_s = radians(config.manual.turn_deg_s or config.escape.turn_deg_s)
@@ -285,9 +285,8 @@ class Controller:
         if decision is not None:
             self._away_s += tick.dt_s
             return decision
-        decision, gains = self._handler.decide(observation), self._detector.sides.gains
-        wheels = decision.wheels if gains is None else gains.compensate(decision.wheels, observation.anomalies)
-        wheels = self._detector.grade.compensate(wheels)
+        decision = self._handler.decide(observation)
+        wheels = self._detector.grade.compensate(decision.wheels)
         return decision if wheels is decision.wheels else decision._replace(wheels=wheels)
 
     def _add_conditions(self, tick: TickRecord) -> None:

@@ -11,7 +11,6 @@ from wayfarer.detector.ground_slope import GroundSlope
 from wayfarer.detector.heading import HeadingEstimator
 from wayfarer.detector.motion import MotionMonitor
 from wayfarer.detector.settings import DetectorSettings
-from wayfarer.detector.sides import SideMonitor
 from wayfarer.detector.tilt import TILTS, TiltMonitor
 from wayfarer.detector.turnable import TurnabilityMonitor
 from wayfarer.escape.api import Anomaly, Vehicle
@@ -47,8 +46,7 @@ class Detector:
     anomaly; then silence is a condition as well. ``may_reckon`` says whether a mission goes on without a compass
     (``detector.heading``).
 
-    ``sides`` is what is known of both sides of the wheels; the controller runs their self-tests. ``grade`` compensates
-    the ground's slope in the duties.
+    ``grade`` compensates the ground's slope in the duties.
 
     ``compass`` and ``contact`` are the newest plausible readings, None before the first; ``motion`` is what may be
     believed of this tick's reading, None where there is none. Decisions use no others.
@@ -75,7 +73,6 @@ class Detector:
         self._ground = GroundSlope(settings.quality_min)
         self._tilt = TiltMonitor(settings, self._ground)
         self.grade = GradeCompensation(vehicle, settings.quality_min)
-        self.sides = SideMonitor(vehicle)
         self._turns = TurnabilityMonitor(settings, duty_max)
         self._started = False
         self.compass: CompassReading | None = None
@@ -89,7 +86,7 @@ class Detector:
             self._start(t_s)
         left, right = tick.commanded
         turning_s = tick.driven_s if abs(left - right) >= self._turning_duty else 0.0
-        before_deg, before_m, turned_deg = self._heading.gained_deg, self._motion.ahead_m, self._compass.gained_deg
+        before_deg, turned_deg = self._heading.gained_deg, self._compass.gained_deg
         conditions = self._compass.update(t_s, turning_s, tick.compass, moves=self._motion.moves)
         turned_deg = self._compass.gained_deg - turned_deg
         self._heading.update(tick, self._compass.reading, turned_deg, conditions, armed=armed)
@@ -111,20 +108,13 @@ class Detector:
         if contact is not None or self._needs_contact:
             self._contact.update(t_s, contact, anomalies, conditions)
             self.contact = self._contact.reading
-        turning = self._turns.update(tick, gained_deg)
-        if turning or self._motion.is_slow:
-            self.sides.suspect(t_s)
-        turned_deg, ahead_m = gained_deg - before_deg, self._motion.ahead_m - before_m
-        self.sides.update(tick, turned_deg, ahead_m, trusted=not (anomalies or doubtful), doubtful=doubtful)
-        conditions += self.sides.conditions + turning
+        conditions += self._turns.update(tick, gained_deg, free=self._ground.level and not doubtful)
         if anomalies or conditions:
             tick.anomalies, tick.conditions = tuple(anomalies), tuple(conditions)
 
     def begin_arming(self) -> None:
-        """Forget failed turns, sides and pace from before the rover was armed: a person has looked at it since."""
-        self.sides.reset()
+        """Forget turns that failed before the rover was armed: a person has looked at it since."""
         self._turns.reset()
-        self._motion.forget_pace()
 
     def begin_mission(self, tick: DetectorTick) -> None:
         """Take the ground to be as the body stands on it now, where a person has put it: that is no anomaly."""

@@ -23,22 +23,15 @@ MOST_SHARE: Final = 1.1
 SHORT_SHARE: Final = 0.3
 
 
-# A body that moves by less than this share of its commands is slow: with one dead side it is half as fast. Judged over
-# about so many metres commanded. From no source; a self-test decides.
-SLOW_SHARE: Final = 0.55
-SLOW_OVER_M: Final = 5.0
-
-
 class MotionMonitor:
     """Passes plausible readings to ``stall`` and ``runaway``, and measures how long there was none.
 
-    ``watched`` says whether silence is a condition; ``moves`` is whether the newest reading shows that the rover moves.
-    ``ahead_m`` is how far it was seen to move ahead since the start, minus how far it moved back. ``reading`` is what
-    may be believed of this tick's reading: its quality is 0 where its zeros are doubted (``detector.sight``), and while
-    the sensor is silent, because motion that nobody saw is unknown, not zero. A sensor that sees no direction counts as
-    seeing that of the wheels, here and for all who take ``reading``. ``stride_over`` says that a rover that
-    sees nothing has driven ahead for ``blind_stride_m``, and may have been stuck for all of it, or that something holds
-    it, because its heading does not answer steering.
+    ``watched`` says whether silence is a condition; ``moves`` is whether the newest reading shows that the rover
+    moves. ``reading`` is what may be believed of this tick's reading: its quality is 0 where its zeros are doubted
+    (``detector.sight``), and while the sensor is silent, because motion that nobody saw is unknown, not zero. A
+    sensor that sees no direction counts as seeing that of the wheels, here and for all who take ``reading``.
+    ``stride_over`` says that a rover that sees nothing has driven ahead for ``blind_stride_m``, and may have been
+    stuck for all of it, or that something holds it, because its heading does not answer steering.
     """
 
     def __init__(self, settings: DetectorSettings, vehicle: Vehicle, *, watched: bool) -> None:
@@ -58,22 +51,11 @@ class MotionMonitor:
         self._blind_m = 0.0
         self.moves = self.stride_over = self._lies = False
         self.reading: MotionReading | None = None
-        self.ahead_m = 0.0
-        self.forget_pace()
         self._commanded_m = self._before_m = self._undriven_s = 0.0
         # Since the last reading: the mean distance commanded of the sides, ahead and back both positive; how much
         # further the left side was commanded than the mean of both; how far the body turned.
         self._pushed_m = self._led_m = self._turned_deg = 0.0
         self._driven_t_s = self._spoke_t_s = self._moved_t_s = 0.0
-
-    @property
-    def is_slow(self) -> bool:
-        """Whether the body has moved far less than commanded for some metres."""
-        return self._mean_share < SLOW_SHARE
-
-    def forget_pace(self) -> None:
-        """Take the body to move as commanded, until it is driven: one that stands would stay slow for ever."""
-        self._mean_share = 1.0  # of the commanded distance that it was seen to move
 
     def start(self, t_s: float) -> None:
         """Begin all ages now."""
@@ -165,9 +147,6 @@ class MotionMonitor:
             self.runaway.clear()
             return
         self._moved_t_s = read_t_s
-        self._mean_share += (min(abs(forward_m), distance_m) - self._mean_share * distance_m) / SLOW_OVER_M
-        if signed:
-            self.ahead_m += forward_m
         self.moves = abs(forward_m) >= self._seen_from_m_s * dt_s
         stood_s = read_t_s - self._driven_t_s
         if stood_s > 0.0 or self.runaway.found:

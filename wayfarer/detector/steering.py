@@ -10,8 +10,8 @@ from __future__ import annotations
 from math import degrees
 from typing import Final
 
-from wayfarer.detector.self_test import BODY_LAG_S
 from wayfarer.escape.api import Vehicle
+from wayfarer.escape.turn_control import LAG_S
 from wayfarer.safety.tick_interval import TickInterval
 
 # The numbers are from no source; they were chosen by measurement in MuJoCo. What was steered, and how far the body
@@ -50,7 +50,7 @@ class SteeringMonitor:
         if interval.forward_m <= 0.0 or left + right < AHEAD_SHARE * abs(left - right):
             self.begin()
             return
-        self._lagged_duty += ((left - right) / 2.0 - self._lagged_duty) * dt_s / (dt_s + BODY_LAG_S)
+        self._lagged_duty += ((left - right) / 2.0 - self._lagged_duty) * dt_s / (dt_s + LAG_S)
         keep = MEMORY_S / (MEMORY_S + dt_s)
         self._steered_s = (self._steered_s + self._lagged_duty * interval.driven_s) * keep
         self._turned_s = (self._turned_s + turned_deg / self._ideal_deg_s) * keep

@@ -133,38 +133,6 @@ class Vehicle:
         return WheelCommand(left_m_s / full_m_s, right_m_s / full_m_s)
 
 
-class SideGains(NamedTuple):
-    """What each side of the wheels contributes, as a share of the better one: 0 (dead) to 1."""
-
-    left: float
-    right: float
-
-    def compensate(self, wheels: WheelCommand, anomalies: tuple[Anomaly, ...] = ()) -> WheelCommand:
-        """Return the duties that move the body as ``wheels`` would move one with two healthy sides, or slower.
-
-        A dead side is not driven. The other one then drags it along, with twice its own duty: straight on where the
-        ground takes up the turn, else in an arc. So it turns the body towards the dead side ahead, and away from it
-        backwards. The heading loop of the manoeuvres finds the duty at which the body goes straight.
-
-        Where ``anomalies`` say that this would push the body further up what it has climbed, until it tips, a single
-        side drives the other way: it cannot turn the body on the spot. A side that is only weak is not compensated
-        then. It may be healthy, and held. The algorithm itself ends a drive ahead with the nose up.
-        """
-        left, right = wheels
-        drags = self.left <= 0.0 or self.right <= 0.0
-        if drags:
-            left, right = (0.0, 2.0 * right) if self.left <= 0.0 else (2.0 * left, 0.0)
-        else:
-            left, right = left / self.left, right / self.right
-        turns, ahead = wheels.left * wheels.right < 0.0, left + right > 0.0
-        if (Anomaly.NOSE_UP in anomalies and turns and ahead) or (Anomaly.NOSE_DOWN in anomalies and not ahead):
-            if not drags:
-                return wheels
-            left, right = -left, -right
-        most = max(abs(left), abs(right), 1.0)
-        return WheelCommand(left / most, right / most)
-
-
 @dataclass(frozen=True, slots=True)
 class EscapeSettings:
     """The numbers of the manoeuvres.

@@ -1,10 +1,10 @@
 """The ladder: what a rover tries that makes no progress with its algorithm, instead of giving up.
 
-Each *rung* is a short series of wheel commands that the algorithms do not have: a self-test of both sides, the other
-side, full duty, rocking, a long way back, a random turn (recovery behaviours: Nav2's default tree, Ardumower Sunray), a
-shuffle to the side. After each rung the algorithm has its turn again. After the last one the rover rests, so that
-motors and board cool, and then begins again; each rest is longer than the one before. A rover that makes progress
-begins with the first rung the next time.
+Each *rung* is a short series of wheel commands that the algorithms do not have: the other side, full duty, rocking, a
+long way back, a random turn (recovery behaviours: Nav2's default tree, Ardumower Sunray), a shuffle to the side. After
+each rung the algorithm has its turn again. After the last one the rover rests, so that motors and board cool, and then
+begins again; each rest is longer than the one before. A rover that makes progress begins with the first rung the next
+time.
 
 Pure: time comes in as ``t_s``, chance from a separate generator with a fixed seed, so that a log replays.
 """
@@ -27,58 +27,32 @@ class Step(NamedTuple):
 
 
 class Rung(NamedTuple):
-    """A named series of steps; one that is ``random`` draws its side, and how much of its turns it does."""
+    """A named series of steps; one that is ``random`` draws how much of its turns it does, and its side."""
 
     name: str
     steps: tuple[Step, ...]
     random: bool = False
 
 
-# The self-test: each side alone, ahead and then back, so that the body ends where it began; ``detector.sides`` judges
-# it. In the pauses the body comes to rest. The quick one must be short: reversed wheels must stop within 4 s. One that
-# decides nothing is followed by a thorough one. At full duty it moves what half of the duty does not; and a compass
-# that lags by up to 0.6 s has shown each turn before the next pulse. From no source.
-PULSE_S: Final = 0.25
-
-
-def self_test(duty: float, pause_s: float, around_s: float) -> Rung:
-    """Return a self-test.
-
-    Args:
-        duty: of the side that is driven, above 0 to 1.
-        pause_s: between two pulses.
-        around_s: before the first pulse, and after the last one.
-    """
-    half = duty / 2.0
-    pulses = ((half, half), (half, -half), (-half, -half), (-half, half))  # left and right ahead, left and right back
-    steps = [Step(around_s, 0.0, 0.0)]
-    for ahead, turn in pulses:
-        steps += [Step(PULSE_S, ahead, turn), Step(pause_s, 0.0, 0.0)]
-    steps[-1] = Step(around_s, 0.0, 0.0)
-    return Rung("self_test", tuple(steps))
-
-
-SELF_TEST: Final = self_test(0.5, pause_s=0.45, around_s=0.15)
-THOROUGH_SELF_TEST: Final = self_test(1.0, pause_s=0.65, around_s=0.65)
-
+# A body that is wedged across between two trunks has some centimetres to drive and some degrees to turn. Ahead on one
+# heading and back on another one moves it sideways, as a car is parked: to where the gap is wide enough to turn. Turned
+# to its limit it has nothing left to drive, and nobody knows the limit, so the turns are random. The way is long: all
+# shuffles between two rests go to one side, and those after the rest to the other one.
+SHUFFLE: Final = Rung(
+    "ladder.shuffle",
+    (Step(0.3, 0.0, 0.8), Step(0.25, 0.8, 0.0), Step(0.3, 0.0, -0.8), Step(0.25, -0.8, 0.0)) * 6,
+    random=True,
+)
 # No step is longer than 3 s, for which motors may be held (fault catalogue, faults 29 and 58). The duties are shares of
-# what the gate allows. The times are from no source: at 1 m/s and 180 degrees a second they are some body lengths, and
-# turns of a quarter to three quarters.
+# what the gate allows. The times are chosen by us: at 1 m/s and 180 degrees a second they are some body lengths,
+# and turns of a quarter to three quarters.
 RUNGS: Final = (
-    SELF_TEST,
     Rung("ladder.other_side", (Step(0.6, -0.6, 0.0), Step(1.0, 0.0, 0.8), Step(0.8, 0.6, 0.0))),
     Rung("ladder.full_duty", (Step(1.5, -1.0, 0.0), Step(1.5, 0.0, 1.0), Step(1.0, 1.0, 0.0))),
     Rung("ladder.rock", (*(Step(0.5, 1.0, 0.0), Step(0.5, -1.0, 0.0)) * 4, Step(1.0, 0.0, 1.0))),
     Rung("ladder.long_back", (Step(3.0, -1.0, 0.0), Step(1.0, 0.0, 1.0))),
     Rung("ladder.random_turn", (Step(1.0, -0.8, 0.0), Step(2.5, 0.0, 1.0), Step(1.5, 0.8, 0.0)), random=True),
-    # A body that is wedged across between two trunks has some centimetres to drive and some degrees to turn. Ahead on
-    # one heading and back on another one moves it sideways, as a car is parked: to where the gap is wide enough to
-    # turn. Turned to its limit it has nothing left to drive, and nobody knows the limit, so the turns are random.
-    Rung(
-        "ladder.shuffle",
-        (Step(0.3, 0.0, 0.8), Step(0.25, 0.8, 0.0), Step(0.3, 0.0, -0.8), Step(0.25, -0.8, 0.0)) * 6,
-        random=True,
-    ),
+    *(SHUFFLE,) * 3,
 )
 # A step of a random walk, for a rover that was driven long without sight. It is no step on the ladder: there may be
 # nothing in the way. Times and duties as above.
@@ -105,7 +79,7 @@ class Ladder:
     def reset(self) -> None:
         """Forget everything: a new mission begins."""
         self._rng = Random(SEED)
-        self._last_turn = 1.0
+        self._last_turn = self._shuffle_side = 1.0
         self._rest_until_s = 0.0
         self.progress()
 
@@ -120,30 +94,29 @@ class Ladder:
         """Return whether the rover rests now."""
         return t_s < self._rest_until_s
 
-    def climb(self, t_s: float) -> Rung | None:
-        """Begin the next rung, and return it; after the last one, rest from now on, and then begin the first."""
+    def climb(self, t_s: float) -> None:
+        """Begin the next rung; after the last one, rest from now on, and then begin the first."""
         if self._next == len(RUNGS):
             self._rest_now(t_s)
-            return None
+            return
         self.begun = True
-        rung = RUNGS[self._next]
         self._next += 1
-        self.begin(rung)
-        return rung
+        self.begin(RUNGS[self._next - 1])
 
     def begin(self, rung: Rung) -> None:
         """Begin a rung now; it is no step on the ladder."""
         self.rung = rung
         self._step, self._ends_t_s = -1, 0.0
         self._side, self._share = -self._last_turn, 1.0
-        if rung.name == SELF_TEST.name:
-            self._side = 1.0
         if rung.random:
             self._side, self._share = self._rng.choice((-1.0, 1.0)), self._rng.uniform(LEAST_TURN, 1.0)
+        if rung is SHUFFLE:
+            self._side = self._shuffle_side
 
     def _rest_now(self, t_s: float) -> None:
         self.begun = True
         self._next = 0
+        self._shuffle_side = -self._shuffle_side
         self._rest_until_s = t_s + self._rest_s
         self._rest_s = min(2.0 * self._rest_s, REST_MAX_S)
 

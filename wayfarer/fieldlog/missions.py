@@ -85,7 +85,7 @@ class EpisodeBegan(RunEvent):
 
 
 # Decisions of the recovery, which takes the wheels from the algorithm: its drives are in no episode.
-RECOVERY = ("self_test", "ladder.")
+RECOVERY = "ladder."
 
 
 class EpisodeTracker:

@@ -50,7 +50,6 @@ _EVENT_TEXTS: Mapping[str, str] = {
 }
 
 LADDER_TEXTS: Mapping[str, str] = {
-    "self_test": "no progress, so it tests each side of its wheels",
     "ladder.other_side": "no progress, so it tries the other side",
     "ladder.full_duty": "no progress, so it tries full duty",
     "ladder.rock": "no progress, so it rocks ahead and back",

@@ -40,8 +40,6 @@ class Condition(Enum):
     CONTACT_STALE = "contact_stale"
     OVERTURNED = "overturned"
     RUNAWAY = "runaway"
-    DRIVE_SUSPECTED = "drive_suspected"
-    DRIVE_WEAK = "drive_weak"
     DRIVE_REVERSED = "drive_reversed"
     CANNOT_TURN = "cannot_turn"
     ENTRAPPED = "entrapped"

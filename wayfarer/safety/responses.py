@@ -119,20 +119,13 @@ RESPONSES: Final[Mapping[Condition, Response]] = {
     Condition.RUNAWAY: Response(
         Level.FAULT, Kind.DANGER, "the rover moves although its wheels are commanded to stop",
         f"{_DISARMS}; it sends a stop at each tick while it moves", _ARMED_AGAIN),
-    Condition.DRIVE_SUSPECTED: Response(
-        Level.DEGRADE, Kind.IGNORANCE, "the rover does not move as its wheels are commanded: a side may not drive",
-        "tests each side alone, ahead and back, at once or when its heading is sure again", "the self-test is over"),
-    Condition.DRIVE_WEAK: Response(
-        Level.DEGRADE, Kind.WEAKNESS, "one side of the wheels is dead or weak",
-        "drives with the other side, in arcs; it tests both again after 20 s, then after longer, up to 8 minutes",
-        "a self-test finds that both sides drive", Level.FAULT),
     Condition.DRIVE_REVERSED: Response(
-        Level.FAULT, Kind.DANGER, "wheels do the opposite of what they are commanded", _DISARMS, _ARMED_AGAIN),
+        Level.FAULT, Kind.DANGER, "the rover turns the other way than its wheels are commanded", _DISARMS, _ARMED_AGAIN,
+        manual=Level.DEGRADE),
     Condition.CANNOT_TURN: Response(
         Level.NOTE, Kind.FOREST,
         "the rover does not turn on the spot at full duty: the ground or an obstacle holds it",
-        "tests each side, once in a while, and goes on with its algorithm; after twelve failed turns it tries other "
-        "manoeuvres",
+        "goes on with its algorithm; after twelve failed turns it tries other manoeuvres",
         "it turns on the spot"),
     Condition.ENTRAPPED: Response(
         Level.FAULT, Kind.FOREST, "the rover makes no progress any more",
