@@ -30,7 +30,7 @@ from wayfarer.commissioning.checks import HostEnvironment
 from wayfarer.config.rover_file import LogSettings, RoverConfig, laid_over, load_rover
 from wayfarer.control.controller import Mode
 from wayfarer.control.run_log import Tee
-from wayfarer.daemon.arming_inspection import RunningInspection
+from wayfarer.daemon.arming_check import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotArmed

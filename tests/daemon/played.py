@@ -15,7 +15,7 @@ from tests.kit.workshop import EventLog
 from tests.virtual import asked, virtual
 from wayfarer.commissioning.checks import ARMING
 from wayfarer.control.supervisor import Supervisor
-from wayfarer.daemon.arming_inspection import RunningInspection
+from wayfarer.daemon.arming_check import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP, WheelCommand

@@ -13,7 +13,7 @@ from tests.kit.rover import Rig
 from tests.virtual import asked, virtual
 from wayfarer.commissioning.checks import CheckVerdict, run_checks
 from wayfarer.commissioning.checks.parts import contact
-from wayfarer.daemon.arming_inspection import FRESH_S
+from wayfarer.daemon.arming_check import FRESH_S
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotResponding
 from wayfarer.escape.catalogue import CATALOGUE

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tests.simhal.clearing import steady_world
 from tests.virtual import run_virtually
-from wayfarer.daemon.dry_run import DryMotors
+from wayfarer.daemon.daemon import DryMotors
 from wayfarer.hal import STOP, DriveMotors, WheelCommand, error_counts_of
 from wayfarer.simhal.parts import SimMotors
 from wayfarer.testing import check_motors

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from wayfarer.commissioning.checks.system import THROTTLED
-from wayfarer.daemon import host_health
-from wayfarer.daemon.host_health import CPU_TEMPERATURE, health, monitor_host_health
+from wayfarer.daemon import storage
+from wayfarer.daemon.storage import CPU_TEMPERATURE, health, monitor_host_health
 
 
 def write(root: Path, path: str, text: str) -> None:
@@ -33,8 +33,8 @@ def test_what_is_not_told_is_none(tmp_path: Path, text: str) -> None:
 
 
 def test_watch_tells_at_once_and_ends_when_it_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(host_health, "EVERY_S", 0.01)
-    monkeypatch.setattr(host_health, "POWER_EVERY_S", 0.01)
+    monkeypatch.setattr(storage, "EVERY_S", 0.01)
+    monkeypatch.setattr(storage, "POWER_EVERY_S", 0.01)
     write(tmp_path, THROTTLED, "50005\n")
     told: list[float | str | None] = []
     enough = threading.Semaphore(0)
@@ -55,7 +55,7 @@ def test_watch_tells_at_once_and_ends_when_it_is_left(tmp_path: Path, monkeypatc
 
 
 def test_card_that_hangs_does_not_hold_up_the_power_flags(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(host_health, "POWER_EVERY_S", 0.01)
+    monkeypatch.setattr(storage, "POWER_EVERY_S", 0.01)
     write(tmp_path, THROTTLED, "1\n")
     answers, polled = threading.Event(), threading.Semaphore(0)
 

@@ -41,7 +41,7 @@ from wayfarer.commissioning.checks import ARMING, CALIBRATED, HostEnvironment
 from wayfarer.config.rover_file import laid_over, load_rover
 from wayfarer.control.controller import Mode
 from wayfarer.control.supervisor import first_cause
-from wayfarer.daemon.arming_inspection import RunningInspection
+from wayfarer.daemon.arming_check import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import STARTING, Refused
 from wayfarer.errors import NotArmed

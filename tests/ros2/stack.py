@@ -16,7 +16,7 @@ from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSensorModel, Hea
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
-from wayfarer.views.enu import enu_rotation
+from wayfarer.views.export.mcap_scene import enu_rotation
 
 PERIOD_S = 0.05
 VEHICLE = load_rover("sim").vehicle

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from wayfarer.views.enu import enu_rotation
+from wayfarer.views.export.mcap_scene import enu_rotation
 
 Vector = tuple[float, float, float]
 AHEAD, LEFT = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)

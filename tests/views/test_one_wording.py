@@ -13,7 +13,7 @@ from wayfarer.fieldlog.schema import Record
 from wayfarer.views.export.tables import csv_rows, further_columns
 from wayfarer.views.live.page_model import PageModel
 from wayfarer.views.run_report.data import read_run
-from wayfarer.views.run_report.quantities import panels_of
+from wayfarer.views.run_report.panels import panels_of
 from wayfarer.views.text.console import Console
 from wayfarer.views.text.log_lines import log_lines
 from wayfarer.views.text.run_narrator import Verbosity

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.views import palette
-from wayfarer.views.live.document import document
+from wayfarer.views.live.server import document
 from wayfarer.views.page.frame import write_page
 from wayfarer.views.page.plots import Plots
 

@@ -5,14 +5,55 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
+from typing import Any
 
 from wayfarer.commissioning.checks import BY_HAND, Check, CheckVerdict, Finding, Inspection, run_checks
-from wayfarer.commissioning.checks.api import fail
+from wayfarer.commissioning.checks.api import HostEnvironment, fail
+from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.run_log import RunLog
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.errors import NotResponding
+from wayfarer.fieldlog.vocabulary import in_words
+from wayfarer.hal import MotorHealth, Rover
 from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.responses import MANUAL_LEVELS
+
+# -- the rover's parts -----------------------------------------------------------------------------------------------
+# The checks before arming, on parts that the daemon has open: they read the sensor tasks' latest values.
+
+FRESH_S = 1.0
+
+
+class RunningInspection(Inspection):
+    """An ``Inspection`` of a running rover; it opens nothing and reads nothing by itself."""
+
+    def __init__(self, config: RoverConfig, rover: Rover, host: HostEnvironment, supervisor: Supervisor) -> None:
+        used = {row.name for row in supervisor.tasks}
+        read = rover if "contact" in used else replace(rover, contact=None)  # an unused bumper is not read
+        super().__init__(config, read, host)
+        self._supervisor = supervisor
+
+    async def open(self, name: str) -> None:
+        """Do nothing for a part that the run has opened; the motors are opened again, which verifies their deadman."""
+        if name == "motors":
+            await self.rover.motors.open()
+
+    async def motor_health(self) -> MotorHealth:
+        """Ask the motor board."""
+        return await self.rover.motors.health()
+
+    async def _read(self, sense: str) -> Any:
+        """Return the latest reading of a sensor's task."""
+        last = self._supervisor.controller.last
+        if last is None:
+            raise NotResponding("the rover's parts are still being opened: try again in some seconds")
+        reading = self._supervisor.buffers.motion.latest if sense == "motion" else getattr(last, sense)
+        if reading is None or asyncio.get_running_loop().time() - reading.t_s > FRESH_S:
+            raise NotResponding(f"the {in_words(sense)} has said nothing for {FRESH_S:g} s; see the log for why")
+        return reading
+
 
 # Faults that re-arming cannot clear while they last. It clears the others; those that still exist are detected again.
 Remedies = Mapping[Condition, tuple[str, str]]

@@ -26,10 +26,8 @@ from wayfarer.control.controller import Mode
 from wayfarer.control.run_log import RunLog, Tee
 from wayfarer.control.shutdown import STOP_DEADLINE_S
 from wayfarer.control.supervisor import Supervisor, check_parts, first_cause
-from wayfarer.daemon.arming_inspection import RunningInspection
+from wayfarer.daemon.arming_check import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
-from wayfarer.daemon.dry_run import DryMotors
-from wayfarer.daemon.host_health import Health, monitor_host_health
 from wayfarer.daemon.last_mission import LastMission, MissionKeeper, read_last_mission
 from wayfarer.daemon.motors_lock import motors_device, motors_lock
 from wayfarer.daemon.signals import handle_signals
@@ -38,7 +36,7 @@ from wayfarer.daemon.socket.paths import single_daemon
 from wayfarer.daemon.socket.protocol import Commands
 from wayfarer.daemon.socket.server import ControlServer
 from wayfarer.daemon.stderr_writer import StderrWriter
-from wayfarer.daemon.storage import Storage
+from wayfarer.daemon.storage import Health, Storage, monitor_host_health
 from wayfarer.daemon.watchdog import StallGuard, SystemdNotifier, WatchdogFeed, feed_watchdog, watchdog_period_s
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.escape.catalogue import Algorithm
@@ -48,8 +46,54 @@ from wayfarer.fieldlog.retention import held_open
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.fieldlog.writer_thread import WriterThread
-from wayfarer.hal import Rover
+from wayfarer.hal import STOP, DriveMotors, MotorHealth, Rover, WheelCommand, error_counts_of
 from wayfarer.safety.mission_limits import RunEnd
+
+# -- dry run ---------------------------------------------------------------------------------------------------------
+# Dry run: everything on the real rover except motion.
+
+
+class DryMotors:
+    """Motors that are opened, asked and stopped, but never commanded to turn; implements ``hal.DriveMotors``."""
+
+    def __init__(self, motors: DriveMotors) -> None:
+        self._motors = motors
+        self.name = f"{motors.name} (dry run)"
+        self.deadman_s = motors.deadman_s
+
+    @property
+    def error_counts(self) -> Mapping[str, int]:
+        """The error counts of the motors."""
+        return error_counts_of(self._motors)
+
+    async def open(self) -> None:
+        """Open the motors: their deadman is verified as in any run."""
+        await self._motors.open()
+
+    async def close(self) -> None:
+        """Close the motors."""
+        await self._motors.close()
+
+    async def drive(self, command: WheelCommand) -> WheelCommand:  # noqa: ARG002
+        """Command zero, independent of the wanted duties."""
+        return await self._motors.drive(STOP)
+
+    async def stop(self) -> None:
+        """Stop the motors."""
+        await self._motors.stop()
+
+    def halt(self) -> None:
+        """Stop the motors, from any thread."""
+        self._motors.halt()
+
+    async def read_back(self) -> WheelCommand | None:
+        """Ask the motors."""
+        return await self._motors.read_back()
+
+    async def health(self) -> MotorHealth:
+        """Ask the motors."""
+        return await self._motors.health()
+
 
 # The kernel's identifier of this boot: if two runs have the same, their times since boot are comparable.
 BOOT_ID = "/proc/sys/kernel/random/boot_id"

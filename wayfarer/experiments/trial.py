@@ -16,8 +16,7 @@ from wayfarer.experiments.trial_setup import MakeLog, TrialSetup, TrialSpec
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.safety.permission import Asked
-from wayfarer.simhal.clock.run_virtually import run_virtually
-from wayfarer.simhal.clock.virtual_loop import VirtualLoop
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop, run_virtually
 
 if TYPE_CHECKING:
     from wayfarer.hal import Rover

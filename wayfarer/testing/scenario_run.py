@@ -13,7 +13,7 @@ from wayfarer.commissioning.checks import HostEnvironment
 from wayfarer.control.run_log import RunLog, Tee
 from wayfarer.control.supervisor import first_cause
 from wayfarer.control.tick_record import TickRecord
-from wayfarer.daemon.arming_inspection import RunningInspection
+from wayfarer.daemon.arming_check import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotArmed
@@ -22,7 +22,7 @@ from wayfarer.hal import MotorHealth, PositionFix, Rover, Snapshot, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.safety.permission import Asked
-from wayfarer.simhal.clock.run_virtually import run_virtually
+from wayfarer.simhal.clock.virtual_loop import run_virtually
 from wayfarer.simhal.faults.injector import NoteFault
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.world.forest import CLEARING

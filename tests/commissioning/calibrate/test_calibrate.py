@@ -17,8 +17,7 @@ from hypothesis import strategies as st
 
 from tests.kit.rover import ChipRig, Rig, Script, push_by_hand
 from wayfarer.commissioning import checks
-from wayfarer.commissioning.calibrate import STEPS, calibrate
-from wayfarer.commissioning.calibrate.compass import residual_deg
+from wayfarer.commissioning.calibrate import STEPS, calibrate, residual_deg
 from wayfarer.config.calibration_file import Calibration, FlowEntry, stamp
 from wayfarer.drivers.camera_motion import CameraMotion, CameraMotionSettings
 from wayfarer.drivers.cmps14 import LEARN, OFF

@@ -15,7 +15,7 @@ from wayfarer.commissioning.checks import CALIBRATED, CheckVerdict, Finding, che
 from wayfarer.commissioning.checks.deadman import board_settings, keep_proof, proved
 from wayfarer.config.calibration_file import Calibration, save
 from wayfarer.config.rover_file import load_rover, part_settings
-from wayfarer.daemon.dry_run import DryMotors
+from wayfarer.daemon.daemon import DryMotors
 
 FOREST_ROVER = load_rover("forestrover")
 

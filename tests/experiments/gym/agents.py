@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wayfarer.escape.api import Observation
-from wayfarer.experiments.gym.agent_bridge import Ending
-from wayfarer.experiments.gym.env import Array, ForestEnv
+from wayfarer.experiments.gym.env import Array, Ending, ForestEnv
 from wayfarer.hal import WheelCommand
 
 Agent = Callable[[Observation], WheelCommand]

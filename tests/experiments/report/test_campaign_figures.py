@@ -14,11 +14,8 @@ from tests.experiments.report.reading_plots import columns, names_of_rows
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.paired_statistics import compare
 from wayfarer.experiments.paired_table import GAIN_COLUMNS
-from wayfarer.experiments.report.algorithm_rows import grouped, lay_out
-from wayfarer.experiments.report.campaign import path_in, trial_map
-from wayfarer.experiments.report.comparison import GAINS, gain_figure
-from wayfarer.experiments.report.escape_figure import escape_figure
-from wayfarer.experiments.report.paths_figure import paths_figure
+from wayfarer.experiments.report.campaign import GAINS, gain_figure, path_in, trial_map
+from wayfarer.experiments.report.paths_figure import escape_figure, grouped, lay_out, paths_figure
 from wayfarer.experiments.report.worst_trials import Trajectory, TrajectoryPoint
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import summarise

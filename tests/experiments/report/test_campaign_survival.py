@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tests.experiments.report.campaigns import row
 from tests.experiments.report.reading_plots import columns, legend
 from wayfarer.experiments.outcome import OUTCOMES, SUCCESSES
-from wayfarer.experiments.report.escape_figure import escape_curve, escape_figure
+from wayfarer.experiments.report.paths_figure import escape_curve, escape_figure
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import summarise
 

@@ -18,8 +18,7 @@ from tests.experiments.report.reading_plots import columns
 from tests.views.page.outline import Outline
 from wayfarer import cli
 from wayfarer.errors import BadInput
-from wayfarer.experiments.report.sweep import write_sweep_report
-from wayfarer.experiments.report.sweep_figures import curves_figures, maps_figures
+from wayfarer.experiments.report.sweep import curves_figures, maps_figures, write_sweep_report
 from wayfarer.experiments.report.sweep_results import SweepResults, SweepSettings, read_sweep
 from wayfarer.experiments.results_folder import TRIALS, in_table_order, tasks_of
 from wayfarer.experiments.rows import TrialRow

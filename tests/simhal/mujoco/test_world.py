@@ -17,7 +17,7 @@ from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.hal import Side
 from wayfarer.simhal.faults.kinds import KINDS
 from wayfarer.simhal.faults.world import Drive, Slip, Slope, WorldFault
-from wayfarer.simhal.mujoco import nearby
+from wayfarer.simhal.mujoco import ground
 from wayfarer.simhal.mujoco.ground import MUD_FRICTION
 from wayfarer.simhal.mujoco.model import Unstable
 from wayfarer.simhal.mujoco.world import OBSERVE_EVERY_STEPS, MujocoWorld
@@ -73,7 +73,7 @@ def test_what_the_engine_is_spared_changes_no_bit(roughness_m: float, monkeypatc
     states = []
     for spares in (True, False):
         if not spares:
-            monkeypatch.setattr(nearby, "BEYOND_BODY_M", 100.0)  # everything is near
+            monkeypatch.setattr(ground, "BEYOND_BODY_M", 100.0)  # everything is near
         world = rover_on(0.4, forest=forest, roughness_m=roughness_m)
         assert bool(world.model.geom_contype[1:5].any()) is not spares
         if not spares:

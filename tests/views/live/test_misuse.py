@@ -10,7 +10,7 @@ import aiohttp
 import pytest
 
 from tests.views.live.test_server import TOKEN, first, pieces, serving
-from wayfarer.views.live.address import RECEIVED_BYTES, address_to_open, bind
+from wayfarer.views.live.access import RECEIVED_BYTES, address_to_open, bind
 from wayfarer.views.live.broadcaster import LIMITS
 
 ENDS = {aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSING, aiohttp.WSMsgType.CLOSED}

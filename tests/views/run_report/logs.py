@@ -13,7 +13,7 @@ from tests.views.text import records
 from tests.views.text.records import event, numbered, outcome, record, write
 from wayfarer.fieldlog.schema import Record
 from wayfarer.views.run_report.data import RunData, read_run
-from wayfarer.views.run_report.quantities import PANELS
+from wayfarer.views.run_report.panels import PANELS
 from wayfarer.views.run_report.run import write_run_report
 from wayfarer.views.run_report.series import Line
 

@@ -31,7 +31,7 @@ from wayfarer.fieldlog.schema import Record
 from wayfarer.views.run_report.data import read_run
 from wayfarer.views.run_report.events import event_marks, is_trouble
 from wayfarer.views.run_report.map import map_plot
-from wayfarer.views.run_report.quantities import panels_of
+from wayfarer.views.run_report.panels import panels_of
 from wayfarer.views.run_report.run import GAPS, NO_TICKS, NO_WAY, track_caption
 from wayfarer.views.run_report.tables import run_facts
 from wayfarer.views.run_report.track import track_of

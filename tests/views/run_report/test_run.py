@@ -36,12 +36,14 @@ from wayfarer.views.page.plots import Plots
 from wayfarer.views.run_report.data import RunData, read_run
 from wayfarer.views.run_report.panels import draw_panels
 from wayfarer.views.run_report.run import NO_FOREST, write_run_report
-from wayfarer.views.run_report.settings import NO_SETTINGS, default_settings, own_settings_table
 from wayfarer.views.run_report.tables import (
+    NO_SETTINGS,
     anomalies_table,
     conditions_table,
+    default_settings,
     episodes_table,
     events_list,
+    own_settings_table,
     sensors_table,
 )
 from wayfarer.views.text.summary import summarise

@@ -2,29 +2,198 @@
 
 from __future__ import annotations
 
+import asyncio
 import weakref
+from collections.abc import Callable, Mapping
+from contextvars import ContextVar
 from dataclasses import replace
 from math import cos, degrees, radians, sin
-from typing import TYPE_CHECKING, Any
+from queue import SimpleQueue
+from threading import Thread
+from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
 from gymnasium.error import InvalidAction, ResetNeeded
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
+from PIL import Image, ImageDraw
 
 from wayfarer.config.rover_file import load_rover
+from wayfarer.control.supervisor import first_cause
 from wayfarer.errors import BadInput, WayfarerError
-from wayfarer.escape.api import Anomaly, Observation
+from wayfarer.escape.api import Anomaly, Decision, Observation, Phase
+from wayfarer.escape.catalogue import Algorithm
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.commands import check_body
-from wayfarer.experiments.gym.agent_bridge import AGENT_NAME, AgentBridge, Ending
-from wayfarer.hal import WheelCommand
+from wayfarer.experiments.outcome import Outcome
+from wayfarer.experiments.trial import TrialCounters, outcome_of
+from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
+from wayfarer.hal import STOP, WheelCommand
+from wayfarer.safety.permission import Asked
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.mujoco.terrain import Terrains
+from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
-if TYPE_CHECKING:
-    from wayfarer.experiments.gym.forest_map import ForestMap
+# -- two threads that take turns -------------------------------------------------------------------------------------
+# Bridge that hands each decision of a trial to a Gymnasium agent in another thread.
+#
+# An environment is called from outside, a trial runs by itself: supervisor, sensor tasks and controller on a separate
+# loop. So that both stay what they are, the trial has a thread, and the two take turns: while the agent thinks, virtual
+# time is paused; while the trial runs, the agent waits. The two never run at the same time, so an episode is as
+# deterministic as a trial, and each decision is taken where an algorithm would take it: between the detector and the
+# safety gate.
+
+
+class Ending(NamedTuple):
+    """How an episode ended; ``outcome`` and ``path_m`` are those of a trial, ``in_time`` is False at a limit."""
+
+    outcome: Outcome
+    in_time: bool
+    path_m: float
+    time_s: float
+    ticks: int
+
+
+class AgentBridge:
+    """One episode; implements ``EscapeHandler`` towards the trial.
+
+    ``world`` is ground truth, for rewards, and may be looked at while the agent has its turn.
+    """
+
+    world: SimulatedWorld
+
+    def __init__(self, spec: TrialSpec) -> None:
+        self._spec = spec
+        self._turns: SimpleQueue[Observation | Ending | BaseException] = SimpleQueue()
+        self._answers: SimpleQueue[WheelCommand | None] = SimpleQueue()
+        self._finish: Callable[[str, str], None]
+        self._thread = Thread(target=self._run, name="wayfarer trial", daemon=True)
+        self._thread.start()
+
+    # -- the agent's side ----------------------------------------------------------------------------------------
+
+    def wait(self) -> Observation | Ending:
+        """Let the trial run until the agent is asked, or it ends.
+
+        Raises:
+            WayfarerError: the trial could not be run, such as ``MissingPart``.
+        """
+        turn = self._turns.get()
+        if isinstance(turn, BaseException):
+            self._turns.put(turn)  # there is nobody left to answer the next call
+            raise first_cause(turn)
+        return turn
+
+    def answer(self, wheels: WheelCommand) -> None:
+        """Say what the wheels are to do in the tick that waits for it."""
+        self._answers.put(wheels)
+
+    def leave(self) -> None:
+        """End the trial at any point, by its own shutdown; may be repeated."""
+        self._answers.put(None)
+        self._thread.join()
+
+    # -- the trial's side ----------------------------------------------------------------------------------------
+
+    def decide(self, observation: Observation) -> Decision:
+        """Hand the turn to the agent and return what it wants."""
+        self._turns.put(observation)
+        wheels = self._answers.get()
+        if wheels is None:
+            self._finish("left", "the agent left")
+            wheels = STOP
+        return Decision(wheels, Phase.FOLLOW, Phase.FOLLOW.value)
+
+    def reset(self) -> None:
+        """Forget nothing: what there is to know, the agent knows."""
+
+    def memory(self) -> Mapping[str, float | str]:
+        """Return what a log asks of every handler."""
+        return {"counter_deg": 0.0, "episodes": 0}
+
+    def _run(self) -> None:
+        """Run the trial; the agent is notified of every end, because it waits."""
+        _BRIDGE.set(self)
+        try:
+            with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+                self._turns.put(runner.run(self._trial()))
+        except BaseException as error:
+            self._turns.put(error)
+
+    async def _trial(self) -> Ending:
+        log = TrialCounters()
+        setup = TrialSetup(self._spec, lambda _world, _rover: log)
+        self.world = setup.world
+        self._finish = log.finish = setup.supervisor.finish
+        await setup.supervisor.arm(Asked(asyncio.get_running_loop().time()), self._spec.forest.heading_deg)
+        end = await setup.supervisor.run()
+        monitor = setup.outcome_monitor
+        outcome = outcome_of(monitor, log, end)
+        in_time = log.why_disarmed is not None or outcome != "entrapped"
+        return Ending(outcome, in_time, monitor.path_m(setup.world), setup.world.t_s, log.ticks)
+
+
+_BRIDGE: ContextVar[AgentBridge] = ContextVar("bridge")
+
+AGENT = Algorithm("agent", "agent", "the agent that steps the environment", lambda *_: _BRIDGE.get(), origin=__name__)
+AGENT_NAME = f"{__name__}:AGENT"
+
+
+# -- the map ---------------------------------------------------------------------------------------------------------
+# A picture of a forest from above with the way of a rover; drawn with pillow.
+
+WHITE, WOOD, LEAF, WAY = (245, 245, 238), (188, 160, 120), (120, 150, 92), (255, 138, 36)
+GROUND = (32, 36, 28)
+PICTURE_PX = 480
+FINER = 3  # drawn so many times larger, for smooth lines
+DOT_PX, NOSE_PX = 3.2, 9.0
+
+
+class ForestMap:
+    """The trunks, trees and goal line of a forest, and the way so far; north is up."""
+
+    def __init__(self, forest: Forest) -> None:
+        self._scale = FINER * PICTURE_PX / WORLD_SIZE_M
+        self._image = self._draw_forest(forest)
+        self._here: tuple[float, float] | None = None
+
+    def go(self, x_m: float, y_m: float) -> None:
+        """Lengthen the way to a place, metres east and north."""
+        here = self._place(x_m, y_m)
+        if self._here is not None:
+            ImageDraw.Draw(self._image).line((self._here, here), WAY, 2 * FINER)
+        self._here = here
+
+    def draw(self, heading_deg: float) -> Image.Image:
+        """Return the map with the rover as a dot and a line ahead."""
+        shown = self._image.copy()
+        if self._here is not None:
+            draw, dot, (x, y) = ImageDraw.Draw(shown), DOT_PX * FINER, self._here
+            ahead, nose = radians(heading_deg), NOSE_PX * FINER
+            draw.line((x, y, x + nose * sin(ahead), y - nose * cos(ahead)), WHITE, 2 * FINER)
+            draw.ellipse((x - dot, y - dot, x + dot, y + dot), WHITE, "black", 2)
+        return shown.resize((PICTURE_PX, PICTURE_PX), Image.Resampling.BOX)
+
+    def _draw_forest(self, forest: Forest) -> Image.Image:
+        size = FINER * PICTURE_PX
+        image = Image.new("RGB", (size, size))
+        draw = ImageDraw.Draw(image)
+        draw.rounded_rectangle((0, 0, size - 1, size - 1), 6 * FINER, GROUND)
+        for trunk, diameter_m in forest.thick_trunks:
+            ends = (self._place(trunk.x0_m, trunk.y0_m), self._place(trunk.x1_m, trunk.y1_m))
+            draw.line(ends, WOOD, max(round(diameter_m * self._scale), FINER))
+        for x_m, y_m in forest.trees_m:
+            (x, y), radius = self._place(x_m, y_m), 1.4 * FINER
+            draw.ellipse((x - radius, y - radius, x + radius, y + radius), LEAF)
+        _, goal = self._place(0.0, forest.goal_y_m)
+        draw.line((2 * FINER, goal, size - 2 * FINER, goal), WHITE, FINER)
+        return image
+
+    def _place(self, x_m: float, y_m: float) -> tuple[float, float]:
+        return x_m * self._scale, (WORLD_SIZE_M - y_m) * self._scale
+
 
 Array = NDArray[np.float32]
 
@@ -44,7 +213,7 @@ class ForestEnv(gymnasium.Env[Array, Array]):
     """A rover that is to cross a 50 m forest to its north edge with what it feels.
 
     Each episode is a trial of ``wayfarer sim``: the same supervisor, detector, safety gate, sensor tasks and outcome
-    monitor, in virtual time, with the agent in the handler's place (``wayfarer.experiments.gym.agent_bridge``). One
+    monitor, in virtual time, with the agent in the handler's place (``wayfarer.experiments.gym.env``). One
     step is one control tick, 0.05 s on the rover ``sim``. While the safety gate holds the wheels nobody is asked: a
     step lasts until the hold is over.
 
@@ -126,7 +295,7 @@ class ForestEnv(gymnasium.Env[Array, Array]):
         self._anomaly_at_m = seen.travelled_m
         self._y_m, self._t_s = bridge.world.y_m, bridge.world.t_s
         if self.render_mode is not None:
-            from wayfarer.experiments.gym.forest_map import ForestMap
+            from wayfarer.experiments.gym.env import ForestMap
 
             self._map = ForestMap(forest)
             self._look(bridge.world)

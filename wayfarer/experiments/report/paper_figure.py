@@ -16,8 +16,8 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from wayfarer.errors import BadInput
-from wayfarer.experiments.report.algorithm_rows import grouped, short
 from wayfarer.experiments.report.load_results import CampaignResults
+from wayfarer.experiments.report.paths_figure import grouped, short
 from wayfarer.files import write_atomically
 from wayfarer.views import palette
 

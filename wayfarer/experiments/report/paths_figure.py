@@ -3,19 +3,225 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-from bokeh.models.annotations import Span
+from bokeh.models import CustomJSTicker, FixedTicker, NumeralTickFormatter
+from bokeh.models.annotations import Label, Legend, LegendItem, Span
+from bokeh.plotting import ColumnDataSource
 
+from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.outcome import SUCCESSES
-from wayfarer.experiments.report.algorithm_rows import Rows, grouped, lay_out, plain_numbers, rows_plot, span_of
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import AlgorithmSummary
 from wayfarer.experiments.tables import PaperFigures, mean_and_sd
 from wayfarer.views import palette
-from wayfarer.views.page.plots import Figure, hover, source
+from wayfarer.views.page.plots import Figure, hover, plot, source
+
+# -- escapes ---------------------------------------------------------------------------------------------------------
+# Figure: cumulative escapes over distance, a curve for each algorithm.
+
+CURVES_PX, LEGEND_ROW_PX = 320, 18  # the legend stands below zero, where no curve runs
+AXIS_PX = 70
+DASHES: tuple[tuple[int, ...], ...] = ((), (7, 2), (2, 2), (8, 2, 2, 2))  # not as many as colours: 20 looks
+
+
+LEGEND: Mapping[str, Any] = {
+    "location": "bottom_right",
+    "click_policy": "hide",
+    "background_fill_color": None,
+    "border_line_color": None,
+    "label_text_font_size": "11px",
+    "glyph_width": 32,
+    "spacing": -4,
+    "padding": 0,
+    # Bokeh reads --bk-label-text-color before the legend has a place in the page, and finds none.
+    "stylesheets": [".bk-label { color: var(--ink) !important; }"],
+}
+
+
+class Curve(NamedTuple):
+    """The paths of an algorithm's trials, metres, ascending: of those that escaped, and of those that failed."""
+
+    escaped_m: list[float]
+    failed_m: list[float]
+    trials: int
+
+    @property
+    def escaped_percent(self) -> float:
+        """The share of all trials that escaped."""
+        return 100.0 * len(self.escaped_m) / self.trials
+
+    def steps(self, first_m: float) -> tuple[list[float], list[float]]:
+        """Return where the curve grows and to how many percent, from a path on up to the end of the longest trial."""
+        percent = [100.0 * number / self.trials for number in range(len(self.escaped_m) + 1)]
+        last_m = max([first_m, *self.escaped_m, *self.failed_m])
+        return [first_m, *self.escaped_m, last_m], [*percent, percent[-1]]
+
+
+def escape_curve(rows: Sequence[TrialRow]) -> Curve:
+    """Return the cumulative incidence of escape: which share of all trials has escaped by a path of that length.
+
+    A failure is an end like an escape, not a trial that was lost from sight: it counts as not escaped at any length.
+    (Kaplan-Meier would let those under way make up for it, and ends above the share of successes: J. P. Fine, R. J.
+    Gray, JASA 94, 1999, on competing risks.) So the curve ends at the success of the results' table.
+    """
+    escaped_m, failed_m = (
+        sorted(row.path_m for row in rows if (row.outcome in SUCCESSES) is out and row.path_m is not None)
+        for out in (True, False)
+    )
+    return Curve(escaped_m, failed_m, len(rows))
+
+
+def escape_figure(by_algorithm: Mapping[str, Sequence[TrialRow]]) -> Figure:
+    """Return the figure: escapes by path length."""
+    names = [name for group in grouped(by_algorithm) for name in group.algorithms]
+    curves = {name: escape_curve(by_algorithm[name]) for name in names}
+    escaped_m = [path_m for curve in curves.values() for path_m in curve.escaped_m]
+    span_m = span_of(escaped_m or [path_m for curve in curves.values() for path_m in curve.failed_m])
+    legend_px = LEGEND_ROW_PX * (1 + len(curves))
+    made = plot(
+        "escape", CURVES_PX + legend_px + AXIS_PX, "both", x_axis_type="log", output_backend=SVG, x_range=span_m,
+        y_range=(-102.0 * legend_px / CURVES_PX, 102.0),
+    )  # fmt: skip
+    made.yaxis.bounds = made.ygrid.bounds = (0.0, 100.0)
+    plain_numbers(made)
+    made.xaxis.axis_label, made.yaxis.axis_label = "path driven, m (logarithmic)", "escaped, % of all trials"
+    items = [_curve(made, place, name, curve, span_m[0]) for place, (name, curve) in enumerate(curves.items())]
+    made.add_layout(Legend(items=items, **LEGEND))
+    return made
+
+
+def _stairs(curve: Curve, first_m: float) -> ColumnDataSource:
+    """Return a curve as corners: a share holds until the next escape."""
+    path_m, percent = curve.steps(first_m)
+    return source(x=np.repeat(path_m, 2)[1:], y=np.repeat(percent, 2)[:-1])
+
+
+def colour_of(place: int) -> str:
+    """Return the colour of an algorithm, by its place in the campaign."""
+    return palette.SERIES[place % len(palette.SERIES)]
+
+
+def curve_look(place: int) -> dict[str, Any]:
+    """Return the look of an algorithm's curve."""
+    return {"line_color": colour_of(place), "line_width": 2, "line_dash": list(DASHES[place % len(DASHES)])}
+
+
+def _curve(made: Figure, place: int, name: str, curve: Curve, first_m: float) -> LegendItem:
+    """Draw a curve, with a mark where its longest failure ended, and return its line of the legend."""
+    line: Any = made.line("x", "y", source=_stairs(curve, first_m), name=name, **curve_look(place))
+    last_m = curve.failed_m[-1:]
+    ended: Any = {"marker": "dash", "angle": np.pi / 2, "size": 11, "line_width": 2, "color": colour_of(place)}
+    mark: Any = made.scatter(last_m, [curve.escaped_percent] * len(last_m), **ended)
+    made.add_tools(hover([line], ("algorithm", "$name"), ("by", "@x{0.0} m"), ("escaped", "@y{0.0} %")))
+    return LegendItem(label=f"{short(name)}, {curve.escaped_percent:.1f} %", renderers=[line, mark])
+
+
+# -- rows of a figure ------------------------------------------------------------------------------------------------
+# Figures with one row per algorithm over a logarithmic axis or over percent, sorted by groups.
+#
+# The groups are the paper's three, and a fourth for all others.
+
+TITLES = {"pledge": "Pledge-inspired", "stochastic": "Stochastic", "reactive": "Reactive"}  # as in the paper's figure
+OTHERS = "Others"
+LONGEST_NAME = 18  # letters; a longer name would take the place of the data
+
+HEADING = 0.55  # rows that a group's name takes
+MARGINS_PX = 90  # the axis below, and the buttons above: beside few rows there is no place for all of them
+EDGE = 1.08  # room beside the first and the last value on a logarithmic axis
+SVG = "svg"  # what the save button writes: for papers
+
+BOLD: Mapping[str, Any] = {"text_font_style": "bold", "text_font_size": "11px", "text_baseline": "middle"}
+# 1, 2, 5, 10, ... in view, or where it is zoomed too close for two of these, round steps.
+ROUND_TICKS = """
+const { start, end } = cb_data, powers = [-3, -2, -1, 0, 1, 2, 3, 4, 5];
+const steps = powers.flatMap((power) => [1, 2, 5].map((factor) => factor * 10 ** power));
+const within = (ticks) => ticks.filter((tick) => start <= tick && tick <= end);
+if (end > 5 * start) return within(steps);
+const step = steps.find((each) => (end - start) / each <= 7);
+return within([...Array(9).keys()].map((at) => (Math.floor(start / step) + at) * step));
+"""
+
+
+class Group(NamedTuple):
+    """Algorithms of one kind."""
+
+    title: str
+    algorithms: list[str]
+
+
+def grouped(algorithms: Iterable[str]) -> list[Group]:
+    """Return the groups that occur, in the paper's order."""
+    members: dict[str, list[str]] = {title: [] for title in (*TITLES.values(), OTHERS)}
+    for name in algorithms:
+        members[TITLES[CATALOGUE[name].family] if name in CATALOGUE else OTHERS].append(name)
+    return [Group(title, names) for title, names in members.items() if names]
+
+
+def short(name: str) -> str:
+    """Return a name that fits beside an axis: of ``package.module:attribute`` the end says the most."""
+    return name if len(name) <= LONGEST_NAME else "…" + name[1 - LONGEST_NAME :]
+
+
+@dataclass
+class Rows:
+    """Where each algorithm and each heading is, in rows from the top."""
+
+    at: dict[str, float] = field(default_factory=dict)
+    headings: list[tuple[float, str]] = field(default_factory=list)
+    rows: float = 0.0
+
+
+def lay_out(groups: Iterable[Group]) -> Rows:
+    """Return the rows for these groups; an algorithm is in the middle of its row."""
+    layout = Rows()
+    for group in groups:
+        layout.headings.append((layout.rows + HEADING / 2, group.title))
+        layout.rows += HEADING
+        for name in group.algorithms:
+            layout.at[name] = layout.rows + 0.5
+            layout.rows += 1.0
+    return layout
+
+
+def rows_plot(name: str, layout: Rows, row_px: int, label: str, low: float, high: float, **settings: Any) -> Figure:
+    """Return an empty figure with the algorithms' names at the left, and ``label`` under x from ``low`` to ``high``."""
+    made = plot(
+        name,
+        round(layout.rows * row_px) + MARGINS_PX,
+        "width",
+        x_range=(low, high),
+        y_range=(layout.rows, 0.0),
+        output_backend=SVG,
+        toolbar_location="above",
+        **settings,
+    )
+    made.yaxis.ticker = FixedTicker(ticks=list(layout.at.values()))
+    made.yaxis.major_label_overrides = {y: short(name) for name, y in layout.at.items()}
+    made.yaxis.axis_line_width = made.yaxis.major_tick_in = made.yaxis.major_tick_out = 0
+    made.ygrid.visible = False
+    made.xaxis.axis_label = label
+    for y, title in layout.headings:
+        made.add_layout(Label(x=4, y=y, x_units="screen", text=title, **BOLD))
+    for y, _ in layout.headings[1:]:
+        made.add_layout(Span(location=y - HEADING / 2, dimension="width", line_color=palette.GREY, line_width=0.5))
+    return made
+
+
+def span_of(values: Iterable[float]) -> tuple[float, float]:
+    """Return the ends of a logarithmic axis with room for these values; those above 0 have a place on it."""
+    shown = [value for value in values if value > 0.0] or [10.0, 100.0]
+    return min(shown) / EDGE, max(shown) * EDGE
+
+
+def plain_numbers(made: Figure) -> None:
+    """Label a logarithmic x with 10, 20, 50, ... instead of powers."""
+    made.xaxis.ticker = made.xgrid.ticker = CustomJSTicker(major_code=ROUND_TICKS)
+    made.xaxis.formatter = NumeralTickFormatter(format="0.[00]")
+
 
 ROW_PX = 52
 BINS = 48  # of all paths, of equal width on the logarithmic axis

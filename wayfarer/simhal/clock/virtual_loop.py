@@ -22,8 +22,8 @@ import asyncio
 import sys
 from asyncio import events
 from asyncio.log import logger
-from collections.abc import AsyncGenerator, Awaitable, Callable, Generator
-from concurrent.futures import Executor
+from collections.abc import AsyncGenerator, Awaitable, Callable, Coroutine, Generator
+from concurrent.futures import Executor, ThreadPoolExecutor
 from contextvars import Context, copy_context
 from functools import partial
 from math import isnan
@@ -228,3 +228,26 @@ class VirtualLoop(asyncio.AbstractEventLoop):
     def _describe_tasks(self) -> str:
         names = sorted(task.get_name() for task in asyncio.all_tasks(self))
         return "waiting: " + ", ".join(names) if names else "no task left"
+
+
+# -- running a coroutine ---------------------------------------------------------------------------------------------
+# Runs a coroutine in virtual time, from wherever it is called.
+
+
+def run_virtually(
+    main: Callable[[], Coroutine[Any, Any, T]], loop_factory: Callable[[], VirtualLoop] = VirtualLoop
+) -> T:
+    """Run ``main`` on a loop of virtual time to its end, and return its result.
+
+    A notebook runs its cells on an event loop, and a thread has one running loop at most: there it is another
+    thread that runs ``main``, while this one waits.
+    """
+    if asyncio._get_running_loop() is None:
+        return _run(main, loop_factory)
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(_run, main, loop_factory).result()
+
+
+def _run(main: Callable[[], Coroutine[Any, Any, T]], loop_factory: Callable[[], VirtualLoop]) -> T:
+    with asyncio.Runner(loop_factory=loop_factory) as runner:
+        return runner.run(main())

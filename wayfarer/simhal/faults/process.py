@@ -15,7 +15,7 @@ from typing import Annotated, ClassVar
 
 from annotated_types import Interval
 
-from wayfarer.daemon.host_health import POWER_EVERY_S
+from wayfarer.daemon.storage import POWER_EVERY_S
 from wayfarer.safety.power import UNDER_VOLTAGE_NOW, UNDER_VOLTAGE_SINCE_BOOT
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults.fault_kind import PARTS, FaultKind

@@ -14,11 +14,9 @@ from math import cos, inf, radians, sin
 import mujoco
 import numpy as np
 
-from wayfarer.simhal.mujoco.ground import Mud, WheelFriction, rough_ground
-from wayfarer.simhal.mujoco.kinematics import Displacement, gravity_m_s2, pose_of, shove_n
+from wayfarer.simhal.mujoco.ground import Mud, Nearby, WheelFriction, rough_ground
 from wayfarer.simhal.mujoco.model import ROVER, STEP_S, Contacts, build_spec, raise_unstable
-from wayfarer.simhal.mujoco.nearby import Nearby
-from wayfarer.simhal.mujoco.placement import Placement
+from wayfarer.simhal.mujoco.placement import Displacement, Placement, gravity_m_s2, pose_of, shove_n
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.collision import low_trunks_of, obstacles_of

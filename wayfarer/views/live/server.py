@@ -7,22 +7,71 @@ once for all, and all that clients can use up is bounded (``broadcaster.ViewerLi
 from __future__ import annotations
 
 import asyncio
+import json
 import logging
+from base64 import b64encode
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
-from typing import Any
+from hashlib import sha256
+from importlib.resources import files
+from typing import Any, NamedTuple
 
 from aiohttp import web
 
 from wayfarer.daemon.socket.protocol import Commands, Refused
 from wayfarer.fieldlog.schema import Record
-from wayfarer.views.live.access import Access, check_page
-from wayfarer.views.live.address import address_to_open, bind
+from wayfarer.fieldlog.vocabulary import PHASE_TEXTS
+from wayfarer.views import palette
+from wayfarer.views.live.access import Access, address_to_open, bind, check_page
 from wayfarer.views.live.broadcaster import LIMITS, Broadcaster, PageViewer, ViewerLimits
 from wayfarer.views.live.client_session import ClientSession
 from wayfarer.views.live.demo_controls import DemoControls
-from wayfarer.views.live.document import document
 from wayfarer.views.live.page_model import PageModel
+
+# -- the page --------------------------------------------------------------------------------------------------------
+# The HTML document of the live page, made of the files in ``page/``, and its security headers.
+
+# In this order they make one script; each is about one thing.
+SCRIPTS = (
+    "words.js", "map.js", "zoom.js", "dial.js", "curves.js", "panel.js", "legend.js", "demo.js",
+    "rover_clock.js", "hands.js", "manual.js", "connection.js", "main.js",
+)  # fmt: skip
+
+
+class Document(NamedTuple):
+    """The page and its headers."""
+
+    html: bytes
+    headers: dict[str, str]
+
+
+def document() -> Document:
+    """Put the page together. Its own style and script are all that a browser may run, this server all it may ask."""
+    folder = files("wayfarer.views.live") / "page"
+    style = palette.css() + (folder / "page.css").read_text(encoding="utf-8")
+    scripts = ((folder / name).read_text(encoding="utf-8") for name in SCRIPTS)
+    script = "\n".join([f"const PHASES = {json.dumps(PHASE_TEXTS)};", *scripts])
+    html = (folder / "page.html").read_text(encoding="utf-8").replace("/* style */", style)
+    policy = (
+        f"default-src 'none'; style-src {_hash(style)}; script-src {_hash(script)}; connect-src 'self'; img-src data:;"
+        " base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    )
+    return Document(
+        html.replace("/* script */", script).encode(),
+        {
+            "Content-Security-Policy": policy,
+            "Content-Type": "text/html; charset=utf-8",
+            "Cache-Control": "no-store",
+            "Cross-Origin-Resource-Policy": "same-origin",
+            "Referrer-Policy": "no-referrer",  # the address may hold the token
+            "X-Content-Type-Options": "nosniff",
+        },
+    )
+
+
+def _hash(text: str) -> str:
+    return f"'sha256-{b64encode(sha256(text.encode()).digest()).decode()}'"
+
 
 STATE_S = 0.1
 REST_S = 0.02  # between two floods of events

@@ -20,13 +20,13 @@ from wayfarer.views.run_report.data import RunData, read_run
 from wayfarer.views.run_report.events import LAYERS
 from wayfarer.views.run_report.map import map_plot
 from wayfarer.views.run_report.panels import draw_panels
-from wayfarer.views.run_report.settings import own_settings_table
 from wayfarer.views.run_report.tables import (
     anomalies_table,
     conditions_table,
     episodes_table,
     events_list,
     lead,
+    own_settings_table,
     run_facts,
     sensors_table,
 )
