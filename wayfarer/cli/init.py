@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from wayfarer.commissioning.first_rover import Inventory
 
 TONES = {"found": "good", "other": "warning", "skipped": "warning", "nothing": "quiet"}
-EXAMPLES = examples("wayfarer init", "wayfarer init otter --like minirover", "wayfarer init /etc/wayfarer/rover.toml")
+EXAMPLES = examples("wayfarer init", "wayfarer init minirover", "wayfarer init /etc/wayfarer/rover.toml")
 
 
 def init(
@@ -30,36 +30,27 @@ def init(
             "not exist yet.",
         ),
     ] = "my-rover",
-    *,
-    like: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ROVER",
-            help="Begin from this built-in rover, forestrover or minirover. (default: NAME if it is one of them, else "
-            "the one most of whose parts answer)",
-        ),
-    ] = None,
 ) -> None:
-    """Write a first rover file: look at what is connected, and copy the built-in rover that is nearest to it."""
+    """Write a first rover file: look at what is connected, and copy the built-in rover that is nearest to it.
+
+    The nearest is NAME, if it is forestrover or minirover, else the one most of whose parts answer.
+    """
     from wayfarer.commissioning.first_rover import MODELS, first_rover_file, nearest
-    from wayfarer.errors import UnknownName
 
     file = Path(name if name.endswith(".toml") else f"{name.rstrip('/')}.toml")
-    model = next((each for each in MODELS if each == (like or name)), None)
-    if like and model is None:
-        raise UnknownName("rover", like, MODELS)
     _refuse_existing(file)
     found = _look()
+    model = next((each for each in MODELS if each == name), nearest(found))
     for verdict, text in found.seen:
         print(f"{painted(f'{verdict:<8}', TONES[verdict])}{text}")
-    text = first_rover_file(file.stem, model or nearest(found), found)
+    text = first_rover_file(file.stem, model, found)
     try:
         write_new(file, text)
     except FileExistsError:
         _refuse_existing(file)
     except OSError as error:
         raise BadInput(f"{file}: cannot be written: {error.strerror}") from None
-    print(f"wrote {file}, from {model or nearest(found)}.toml: fill in what FILL IN marks in it")
+    print(f"wrote {file}, from {model}.toml: fill in what FILL IN marks in it")
     say_next("wayfarer", "check", "--rover", file if file.is_absolute() else f"./{file}")
 
 
