@@ -316,26 +316,6 @@ async def test_all_messages_fit_half_of_a_radio(monkeypatch: pytest.MonkeyPatch)
     assert floor <= 1.06 * 500.0
 
 
-@virtual
-async def test_rover_sends_less_while_the_radio_is_full_and_heartbeats_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def sent_in_10_s(txbuf: int) -> tuple[int, int]:
-        for _ in range(10):
-            await link.says(common.MAVLink_radio_status_message(90, 90, txbuf, 20, 20, 0, 0))
-            link.log.tick(tick(100.0))
-            await asyncio.sleep(0.99)
-        count = sum(map(len, link.port.sent))
-        return count, kinds(link.heard())["HEARTBEAT"]
-
-    async with linked(monkeypatch, MavlinkSettings(attitude_hz=20.0, bytes_per_s=2880)) as link:
-        usual, _ = await sent_in_10_s(60)
-        await sent_in_10_s(5)
-        less, beats = await sent_in_10_s(5)
-        assert less < 0.4 * usual
-        assert beats >= 9
-        await sent_in_10_s(95)
-        assert (await sent_in_10_s(95))[0] > 0.9 * usual
-
-
 # -- links that are lost, and enemies --------------------------------------------------------------------------------
 
 

@@ -71,26 +71,19 @@ def stop_asked_for(command: int, first: float, second: float) -> Stop | None:
 
 # -- how much goes out -------------------------------------------------------------------------------------------------
 
-# What a radio says of its buffer, in per cent that are free (RADIO_STATUS.txbuf), and what share of the budget follows;
-# the bounds are those of ArduPilot (GCS_Common.cpp, handle_radio_status), the factors chosen by us.
-FULL, FULLISH, EMPTY = 20, 50, 90
-LEAST_SHARE = 0.1
-
 
 class Budget:
-    """A bucket of the bytes of a second, which fills at ``bytes_per_s`` or a share of it while a radio is full."""
+    """A bucket of the bytes of a second, which fills at ``bytes_per_s``."""
 
     def __init__(self, bytes_per_s: float) -> None:
         self._bytes_per_s = self._left = bytes_per_s
-        self._share = 1.0
         self._at_s: float | None = None
 
     def fill(self, now_s: float) -> None:
         """Let time pass."""
         passed_s = 0.0 if self._at_s is None else now_s - self._at_s
         self._at_s = now_s
-        a_second = self._bytes_per_s * self._share
-        self._left = min(a_second, self._left + passed_s * a_second)
+        self._left = min(self._bytes_per_s, self._left + passed_s * self._bytes_per_s)
 
     @property
     def is_left(self) -> bool:
@@ -100,13 +93,6 @@ class Budget:
     def spend(self, count: int) -> None:
         """Count bytes that went out; what always goes makes a debt of a second at most."""
         self._left = max(-self._bytes_per_s, self._left - count)
-
-    def radio_says(self, free_percent: int) -> None:
-        """Take how much of the radio's buffer is free; it says so about once a second."""
-        factor = (
-            0.5 if free_percent < FULL else 0.8 if free_percent < FULLISH else 1.25 if free_percent > EMPTY else 1.0
-        )
-        self._share = min(1.0, max(LEAST_SHARE, self._share * factor))
 
 
 class Stream:
@@ -232,8 +218,6 @@ class GroundStation:
         """Take a message; ``is_near``: of a program on this computer, or of a serial line."""
         is_for_us = getattr(message, "target_system", None) in (self._settings.system_id, 0)  # 0: for everybody
         match message:
-            case common.MAVLink_radio_status_message(txbuf=txbuf):
-                self._budget.radio_says(txbuf)
             case common.MAVLink_set_mode_message() if is_for_us:
                 self._command(message, common.MAV_CMD_DO_SET_MODE, (message.base_mode, message.custom_mode), is_near)
             case common.MAVLink_command_long_message() | common.MAVLink_command_int_message() if is_for_us:
