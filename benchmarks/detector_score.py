@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.tick_record import TickRecord
-from wayfarer.detector.tilt import TILTS
+from wayfarer.detector.ground import TILTS
 from wayfarer.escape.api import Anomaly
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 from wayfarer.testing.safety_rules import after_each_step

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.detector.rover import BACK, FULL, MAX_SPEED_M_S, PIVOT, VEHICLE
-from wayfarer.detector.grade import GradeCompensation
+from wayfarer.detector.ground import GradeCompensation
 from wayfarer.hal import STOP, MotionReading, WheelCommand
 from wayfarer.safety.tick_interval import TickInterval
 

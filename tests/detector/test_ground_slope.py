@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 
 from tests.detector.rover import BACK, FULL, PIVOT, SETTINGS, STEP_M, TICK_S, Detection, Rover
 from wayfarer.detector.detector import DetectorTick
-from wayfarer.detector.ground_slope import LEARN_M, LEVEL_DEG, SLOPE_MAX_DEG, GroundSlope
+from wayfarer.detector.ground import LEARN_M, LEVEL_DEG, SLOPE_MAX_DEG, TILTS, GroundSlope
 from wayfarer.detector.settings import DetectorSettings
-from wayfarer.detector.tilt import TILTS
 from wayfarer.escape.api import Anomaly
 from wayfarer.hal import STOP, CompassReading, MotionReading, WheelCommand
 from wayfarer.safety.conditions import Condition

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from tests.detector.rover import BACK, FULL, PIVOT, TICK_S, VEHICLE, Detection, Rover
-from wayfarer.detector.heading import BELIEVE_AFTER_S, RECKON_AFTER_S
+from wayfarer.detector.compass import BELIEVE_AFTER_S, RECKON_AFTER_S
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import Condition
 

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wayfarer.detector.motion import MOST_SHARE
-from wayfarer.detector.odometer import Odometer
+from wayfarer.detector.motion import MOST_SHARE, Odometer
 from wayfarer.hal import MotionReading, WheelCommand
 from wayfarer.safety.tick_interval import TickInterval
 

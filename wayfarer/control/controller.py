@@ -26,7 +26,7 @@ from wayfarer.control.run_log import RunLog
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.control.wheels import WheelMotors, Wheels
 from wayfarer.detector import Detector
-from wayfarer.detector.odometer import Odometer
+from wayfarer.detector.motion import Odometer
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase
 from wayfarer.hal import STOP, PositionFix, WheelCommand
 from wayfarer.safety.arming import ArmingSequence

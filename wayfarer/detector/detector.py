@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from math import radians
+from math import inf, radians
 
-from wayfarer.detector.compass import CompassMonitor
-from wayfarer.detector.contact import ContactMonitor
-from wayfarer.detector.grade import GradeCompensation
-from wayfarer.detector.ground_slope import GroundSlope
-from wayfarer.detector.heading import HeadingEstimator
+from wayfarer.detector.compass import CompassMonitor, HeadingEstimator
+from wayfarer.detector.ground import TILTS, GradeCompensation, GroundSlope, TiltMonitor
 from wayfarer.detector.motion import MotionMonitor
 from wayfarer.detector.settings import DetectorSettings
-from wayfarer.detector.tilt import TILTS, TiltMonitor
-from wayfarer.detector.turnable import TurnabilityMonitor
+from wayfarer.detector.turning import TurnabilityMonitor
 from wayfarer.escape.api import Anomaly, Vehicle
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, Snapshot
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.tick_interval import TickInterval
+from wayfarer.safety.tick_interval import Debounce, TickInterval
 
 
 class DetectorTick(TickInterval):
@@ -44,7 +40,7 @@ class Detector:
     arming demands of the compass, ``duty_max`` the highest duty that the gate allows. ``watches_motion`` and
     ``needs_contact`` say whether silence of that sensor is a condition. ``watches_contact`` says whether a touch is an
     anomaly; then silence is a condition as well. ``may_reckon`` says whether a mission goes on without a compass
-    (``detector.heading``).
+    (``HeadingEstimator``).
 
     ``grade`` compensates the ground's slope in the duties.
 
@@ -128,3 +124,47 @@ class Detector:
         self._compass.start(t_s)
         self._motion.start(t_s)
         self._contact.start(t_s)
+
+
+class ContactMonitor:
+    """Keeps the newest plausible reading in ``reading``, None before the first.
+
+    ``touch_counts`` says whether a touch is an anomaly, ``needed`` whether silence is a condition.
+    """
+
+    def __init__(self, settings: DetectorSettings, *, touch_counts: bool, needed: bool) -> None:
+        self._stale_s = settings.contact_stale_s
+        self._touch_counts = touch_counts
+        self._needed = needed
+        self._touched = Debounce(settings.touch_s)
+        self.reading: ContactReading | None = None
+        self._seen: ContactReading | None = None
+        self._read_t_s = -inf
+        self._spoke_t_s = 0.0
+
+    def start(self, t_s: float) -> None:
+        """Begin the age now."""
+        self._spoke_t_s = t_s
+
+    def update(
+        self, t_s: float, reading: ContactReading | None, anomalies: list[Anomaly], conditions: list[Condition]
+    ) -> None:
+        """Take in a tick, and add what is found."""
+        if reading is not self._seen and reading is not None:
+            self._take(t_s, reading)
+        if self._needed:
+            self._check(t_s, anomalies, conditions)
+
+    def _take(self, t_s: float, reading: ContactReading) -> None:
+        self._seen = reading
+        read_t_s, _, bearing_deg = reading
+        if self._read_t_s <= read_t_s <= t_s and (bearing_deg is None or 0.0 <= bearing_deg < 180.0):
+            self.reading = reading
+            self._read_t_s = self._spoke_t_s = read_t_s
+
+    def _check(self, t_s: float, anomalies: list[Anomaly], conditions: list[Condition]) -> None:
+        if t_s - self._spoke_t_s > self._stale_s:
+            self._touched.update(t_s, False)
+            conditions.append(Condition.CONTACT_STALE)
+        elif self._touched.update(t_s, self._touch_counts and self.reading is not None and bool(self.reading.sides)):
+            anomalies.append(Anomaly.TOUCHED)

@@ -6,7 +6,7 @@ from collections import deque
 from math import copysign, radians, sin
 from typing import Final
 
-from wayfarer.detector.grade import LOAD_MAX
+from wayfarer.detector.ground import LOAD_MAX
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.safety.tick_interval import ROUNDING_S
 

@@ -1,4 +1,6 @@
-"""Identifies how far a compass lags behind the body, and predicts the turn that it has not shown yet.
+"""Lags: of the body behind its wheels, and of the compass behind the body.
+
+A body follows its wheels as a filter of the first order. What has lasted is forgotten in the same way.
 
 A tilt-compensated or fused compass under vibration shows the heading of up to half a second ago, with a new time. A
 loop over such a heading oscillates. So the turns that the compass shows are correlated with the turns that the wheels
@@ -9,6 +11,10 @@ turn of that delay is the heading of now (a Smith predictor).
 from __future__ import annotations
 
 from typing import Final
+
+# A body follows its wheels with about this lag (``simhal.world.physics.Physics``: 0.1 s; ForestRover's mass and motors:
+# 0.12 s).
+BODY_LAG_S: Final = 0.1
 
 # Delays that are compared, in control ticks; at 20 ticks a second they are 0.1 s apart, up to 0.6 s.
 STEP: Final = 2
@@ -23,6 +29,16 @@ LEAST: Final = 2
 MEMORY_DEG2: Final = 400.0
 LEAST_SHARE: Final = 0.2
 EXACT_DEG: Final = 1.0 / 64.0
+
+
+def lagged(value: float, target: float, dt_s: float, lag_s: float) -> float:
+    """Return what follows a target with a lag, after ``dt_s``: in small steps it comes nearer by 63 % in ``lag_s``."""
+    return value + (target - value) * dt_s / (dt_s + lag_s)
+
+
+def faded(value: float, dt_s: float, fade_s: float) -> float:
+    """Return what is left of a value after ``dt_s``: the same as ``lagged`` towards 0."""
+    return value * fade_s / (fade_s + dt_s)
 
 
 class CompassLag:

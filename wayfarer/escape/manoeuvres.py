@@ -10,8 +10,9 @@ from typing import ClassVar, Final
 from wayfarer.angles import wrap180
 from wayfarer.clamp import clamp
 from wayfarer.escape.api import Anomaly, EscapeSettings, Observation, Phase
+from wayfarer.escape.lag import BODY_LAG_S, faded
 from wayfarer.escape.phases import PhaseEvent
-from wayfarer.escape.turn_control import LAG_S, HeadingHold, TurnController
+from wayfarer.escape.turn_control import HeadingHold, TurnController
 from wayfarer.hal import Side, WheelCommand
 
 # A manoeuvre may take this much longer, in time and in distance, than its plan before it counts as failed: lag, mud
@@ -176,10 +177,10 @@ class BackOff(Manoeuvre):
         dt_s, self._t_s = observation.t_s - self._t_s, observation.t_s
         commanded_m = observation.travelled_m - self._commanded_from_m
         step_m, self._commanded_m = commanded_m - self._commanded_m, commanded_m
-        self._roll_m = (self._roll_m + step_m) * LAG_S / (LAG_S + dt_s)
+        self._roll_m = faded(self._roll_m + step_m, dt_s, BODY_LAG_S)
         covered_m, driven_m = observation.covered_m - self._from_m, commanded_m - self._roll_m
         roll_m = self._roll_m * covered_m / driven_m if 0.0 <= covered_m < driven_m else self._roll_m
-        tick_m = min(step_m, self._settings.reverse_m_s * LAG_S / 2.0)
+        tick_m = min(step_m, self._settings.reverse_m_s * BODY_LAG_S / 2.0)
         return min(covered_m + roll_m, commanded_m) + tick_m / 2.0
 
     def wheels(self, _observation: Observation) -> WheelCommand:

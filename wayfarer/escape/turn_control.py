@@ -14,12 +14,9 @@ from typing import Final
 
 from wayfarer.angles import wrap180
 from wayfarer.escape.api import EscapeSettings, Vehicle
-from wayfarer.escape.lag import LONGEST_TICKS, CompassLag
+from wayfarer.escape.lag import BODY_LAG_S, LONGEST_TICKS, CompassLag, faded, lagged
 from wayfarer.hal import WheelCommand
 
-# A body follows its wheels with about this lag (``simhal.world.physics.Physics``: 0.1 s; ForestRover's mass and motors:
-# 0.12 s).
-LAG_S: Final = 0.1
 # Rates and duties are averaged alike before they are compared, so that the noise of a compass (1 degree, 20 readings a
 # second) counts for 4 degrees a second.
 AVERAGE_S: Final = 0.2
@@ -130,13 +127,12 @@ class TurnController:
         gained_deg += self._predict(gained_deg, self._given_deg(duty, dt_s))
         rate_deg_s = gained_deg / dt_s
         self._latest_deg_s = (self._latest_deg_s + rate_deg_s) / 2.0
-        expected_deg_s = self._expected_deg_s
-        expected_deg_s += (self._commanded_deg_s - expected_deg_s) * dt_s / (dt_s + LAG_S)
+        expected_deg_s = lagged(self._expected_deg_s, self._commanded_deg_s, dt_s, BODY_LAG_S)
         self._expected_deg_s = expected_deg_s
         self._past.appendleft((duty, expected_deg_s))
         # The angle is limited to what full duty can correct: anti-windup.
         most_deg = self._most_behind_deg
-        behind_deg = (self._behind_deg + expected_deg_s * dt_s - gained_deg) * FORGET_S / (FORGET_S + dt_s)
+        behind_deg = faded(self._behind_deg + expected_deg_s * dt_s - gained_deg, dt_s, FORGET_S)
         self._behind_deg = most_deg if behind_deg > most_deg else -most_deg if behind_deg < -most_deg else behind_deg
         self._learn(shown_deg_s, dt_s)
         if self._pushes:
@@ -159,7 +155,7 @@ class TurnController:
 
     def _given_deg(self, duty: float, dt_s: float) -> float:
         """Return how far this turn duty is expected to turn the body in a tick."""
-        self._lagged_duty += (duty - self._lagged_duty) * dt_s / (dt_s + LAG_S)
+        self._lagged_duty = lagged(self._lagged_duty, duty, dt_s, BODY_LAG_S)
         beyond = abs(self._lagged_duty) - self.dead_zone
         if beyond <= 0.0:
             return 0.0

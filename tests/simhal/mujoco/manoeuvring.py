@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from tests.simhal.mujoco.fields import on_free_ground
 from wayfarer.config.rover_file import RoverConfig, load_rover
-from wayfarer.detector.odometer import Odometer
+from wayfarer.detector.motion import Odometer
 from wayfarer.escape.api import Anomaly, Observation, Phase
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP, MotionReading, WheelCommand

@@ -1,0 +1,318 @@
+"""The slope of the ground, the tilt that is counted from it, and the duty that it takes up. Pure.
+
+A body on a hillside is tilted as one on a trunk is. The difference is how far the tilt reaches: a hillside changes over
+metres, a nose is on a trunk within the length of a body. So the slope is learnt per metre that the motion sensor sees,
+not per second. A body that stands, that pushes with spinning wheels, or that sees nothing learns nothing.
+
+These rovers have no speed loop: a slope takes up a share of the duty. Uphill at 0.3 of full duty a rover crawls, or
+rolls back; downhill it is too fast. The share is ``load * sin(pitch)``: ``load`` is the rover's weight over the push of
+its motors at full duty. It is learnt while the body is seen to move. The pitch is that of the *ground*, so a body that
+a trunk holds or lifts gets no more duty for it, and a stall stays one. On ground that counts as level nothing is added.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from math import cos, hypot, radians, sin
+from typing import Final
+
+from wayfarer.clamp import clamp
+from wayfarer.detector.settings import DetectorSettings
+from wayfarer.escape.api import Anomaly, Vehicle
+from wayfarer.hal import STOP, CompassReading, MotionReading, WheelCommand
+from wayfarer.safety.conditions import Condition
+from wayfarer.safety.tick_interval import Debounce, TickInterval
+
+# After so much driving, the estimate has taken over 63 % of a change. Many times the 0.2 m that a nose needs to rise
+# (docs/explanation/scenarios.md, "Before it tips": 0.3 s at 1 m/s), and less than a hillside is long. Chosen by us.
+LEARN_M: Final = 2.0
+# A difference counts as at most this much, so that the estimate changes by at most 5 degrees per metre: 1 degree while
+# a nose rises at a trunk. Chosen by us.
+DIFFERENCE_MAX_DEG: Final = 10.0
+# Wheels climb at most 27 degrees of moist loam (its friction, Noon 1994, less rolling resistance); other ground less.
+SLOPE_MAX_DEG: Final = 25.0
+# A flatter ground counts as level: then noise and trunks on level ground change no limit.
+LEVEL_DEG: Final = 5.0
+# Driven so far without sight, the rover may be on another slope. Chosen by us; a body on the spot drives less.
+UNSEEN_M: Final = 1.0
+
+
+class GroundSlope:
+    """Estimates how many degrees the ground rises to the north and to the east: a vector that no turn changes.
+
+    For angles up to ``SLOPE_MAX_DEG`` angles are added like a vector's parts; the error is below a degree.
+
+    Args:
+        quality_min: the lowest quality of a motion reading that is used, 0 to 1.
+    """
+
+    def __init__(self, quality_min: float) -> None:
+        self._quality_min = quality_min
+        self._north_deg = self._east_deg = 0.0
+        self._driven_m = self._unseen_m = 0.0
+        self._size_deg = 0.0
+        self._heading_known = True
+
+    @property
+    def level(self) -> bool:
+        """Whether the ground counts as level."""
+        return self._size_deg < LEVEL_DEG
+
+    def begin(self, believed: CompassReading) -> None:
+        """Take the attitude of a body that stands where a person has put it down, up to ``SLOPE_MAX_DEG``."""
+        self._driven_m = self._unseen_m = 0.0
+        self._set(*_turned(believed.pitch_deg, believed.roll_deg, believed.heading_deg))
+
+    def update(
+        self,
+        believed: CompassReading,
+        motion: MotionReading | None,
+        driven_m: float,
+        *,
+        moves: bool,
+        heading_known: bool,
+    ) -> None:
+        """Take in a tick.
+
+        Args:
+            believed: heading and attitude that decisions use.
+            motion: what may be believed of the motion sensor's new reading, None where there is none.
+            driven_m: metres commanded ahead since the last tick, negative in reverse.
+            moves: whether the motion sensor sees the body move.
+            heading_known: whether the heading is the compass's, without a doubt.
+        """
+        self._heading_known = heading_known
+        self._driven_m += abs(driven_m)
+        if motion is None:
+            return
+        driven_m, self._driven_m = self._driven_m, 0.0
+        if not heading_known or motion.quality < self._quality_min:
+            self._unseen_m += driven_m
+        elif moves and driven_m:
+            self._learn(believed, driven_m)
+
+    def towards_deg(self, heading_deg: float) -> tuple[float, float, float, float]:
+        """Return how far the ground tilts a body with this heading: nose up, nose down, right down, left down.
+
+        Where heading or place is not known, the ground may tilt it by the whole slope to any side.
+        """
+        if self.level:
+            return 0.0, 0.0, 0.0, 0.0
+        if not self._known:
+            return self._size_deg, self._size_deg, self._size_deg, self._size_deg
+        pitch_deg, roll_deg = _turned(self._north_deg, self._east_deg, heading_deg)
+        return pitch_deg, -pitch_deg, roll_deg, -roll_deg
+
+    def pitch_deg(self, heading_deg: float) -> float:
+        """Return how far the ground rises ahead with this heading; 0 where it counts as level or is not known."""
+        if self.level or not self._known:
+            return 0.0
+        return _turned(self._north_deg, self._east_deg, heading_deg)[0]
+
+    @property
+    def _known(self) -> bool:
+        return self._heading_known and self._unseen_m + self._driven_m <= UNSEEN_M
+
+    def _learn(self, believed: CompassReading, driven_m: float) -> None:
+        """Come nearer to the attitude, by a share for this distance."""
+        share = driven_m / (LEARN_M + driven_m)
+        self._unseen_m -= share * self._unseen_m
+        north_deg, east_deg = _turned(believed.pitch_deg, believed.roll_deg, believed.heading_deg)
+        north_deg -= self._north_deg
+        east_deg -= self._east_deg
+        difference_deg = hypot(north_deg, east_deg)
+        if difference_deg > DIFFERENCE_MAX_DEG:
+            share *= DIFFERENCE_MAX_DEG / difference_deg
+        self._set(self._north_deg + share * north_deg, self._east_deg + share * east_deg)
+
+    def _set(self, north_deg: float, east_deg: float) -> None:
+        size_deg = hypot(north_deg, east_deg)
+        bound = SLOPE_MAX_DEG / size_deg if size_deg > SLOPE_MAX_DEG else 1.0
+        self._north_deg, self._east_deg, self._size_deg = bound * north_deg, bound * east_deg, bound * size_deg
+
+
+def _turned(first_deg: float, second_deg: float, heading_deg: float) -> tuple[float, float]:
+    """Return the rise to north and east of a pitch and a roll, or the pitch and the roll of a rise to north and east.
+
+    It is the same formula both ways, because roll is positive where the ground falls to the right.
+    """
+    sin_h, cos_h = sin(radians(heading_deg)), cos(radians(heading_deg))
+    return first_deg * cos_h + second_deg * sin_h, first_deg * sin_h - second_deg * cos_h
+
+
+# -- tilt --------------------------------------------------------------------------------------------------------------
+
+TILTS: Final = (Anomaly.NOSE_UP, Anomaly.NOSE_DOWN, Anomaly.RIGHT_DOWN, Anomaly.LEFT_DOWN)
+
+
+class TiltMonitor:
+    """Judges pitch and roll.
+
+    A tilt to one of the four sides counts once it has lasted, separately for each side. It is counted from the ground.
+    Counted from the horizontal, a tilt counts on any ground once a bump of half of the limit would bring the body to
+    ``tipping_deg``.
+
+    A body that is tipping over to a side counts as tilted at once: its tilt grows so fast that it would soon be too
+    much. The rate is that of the slower of the last two steps between readings, so that one wrong reading or one bump
+    does not count as tipping; nor does a tilt below half of the limit. Tipping and overturned are counted from the
+    horizontal.
+    """
+
+    def __init__(self, settings: DetectorSettings, ground: GroundSlope) -> None:
+        self._ground = ground
+        self._limit_deg = settings.tilt_deg
+        self._floor_deg = settings.tilt_deg / 2.0
+        self._most_deg = max(settings.tilt_deg, settings.tipping_deg - self._floor_deg)
+        self._tipping_deg, self._tipping_s = settings.tipping_deg, settings.tipping_s
+        self._readings: deque[CompassReading] = deque(maxlen=3)
+        self._overturned_deg = settings.overturned_deg
+        self._tilts = {tilt: Debounce(settings.tilt_s) for tilt in TILTS}
+        self._overturned = Debounce(settings.overturned_s)
+        self._tilted = False
+
+    def update(
+        self, t_s: float, believed: CompassReading, anomalies: list[Anomaly], conditions: list[Condition]
+    ) -> None:
+        """Judge a tick, and add what is found to ``anomalies`` and ``conditions``."""
+        read_t_s, heading_deg, pitch_deg, roll_deg, _ = believed
+        readings = self._readings
+        if not readings or readings[-1].t_s < read_t_s:
+            readings.append(believed)
+        ground, limit_deg, floor_deg = self._ground, self._limit_deg, self._floor_deg
+        if ground.level and abs(pitch_deg) < floor_deg and abs(roll_deg) < floor_deg and not self._tilted:
+            return  # nearly every tick ends here
+        self._tilted = False
+        slopes_deg = ground.towards_deg(heading_deg)
+        for tilt, angle_deg, slope_deg in zip(TILTS, _towards_deg(believed), slopes_deg, strict=True):
+            beyond = angle_deg - slope_deg >= limit_deg or angle_deg >= self._most_deg
+            self._tilted |= beyond
+            lasts = self._tilts[tilt].update(t_s, beyond)
+            if lasts or (angle_deg >= floor_deg and self._tips(tilt)):
+                anomalies.append(tilt)
+        if self._overturned.update(t_s, max(abs(pitch_deg), abs(roll_deg)) >= self._overturned_deg):
+            conditions.append(Condition.OVERTURNED)
+
+    def _tips(self, tilt: Anomaly) -> bool:
+        """Return whether the body will be tilted too far towards that side in a moment."""
+        if len(self._readings) < 3:
+            return False
+        side = TILTS.index(tilt)
+        old_deg, mid_deg, new_deg = (_towards_deg(reading)[side] for reading in self._readings)
+        old_t_s, mid_t_s, new_t_s = (reading.t_s for reading in self._readings)
+        rate_deg_s = min((mid_deg - old_deg) / (mid_t_s - old_t_s), (new_deg - mid_deg) / (new_t_s - mid_t_s))
+        ahead_s = new_t_s - mid_t_s + self._tipping_s  # from the middle reading: the newest one alone may be wrong
+        return rate_deg_s > 0.0 and mid_deg + rate_deg_s * ahead_s >= self._tipping_deg
+
+
+def _towards_deg(reading: CompassReading) -> tuple[float, float, float, float]:
+    """Return the tilt towards each of the four sides."""
+    return reading.pitch_deg, -reading.pitch_deg, reading.roll_deg, -reading.roll_deg
+
+
+# -- duty --------------------------------------------------------------------------------------------------------------
+
+# ForestRover's is 0.86 if the torque in the paper is that of stall, and 0.29 if it is the rated one, as of a third of
+# stall. The first guess is between them. The most is chosen by us: it is that of a body that slides in a turn.
+LOAD: Final = 0.6
+LOAD_MAX: Final = 2.0
+# Driven so far, the estimate has taken over 63 % of a change; a start is left out, because a body follows its wheels
+# with a lag. Chosen by us.
+LOAD_LEARN_M: Final = 0.5
+STEADY_S: Final = 0.3
+# A body on a flatter leg shows too little of the load.
+LEARN_FROM_DEG: Final = 4.0
+# Downhill at least this share of the commanded duty is kept: a load that is learnt too high must not stop the rover.
+DOWNHILL_SHARE: Final = 0.5
+
+
+class Load:
+    """A learnt load: ``value`` is the duty that gravity takes up, for a sine of the slope of 1."""
+
+    def __init__(self) -> None:
+        self.value = LOAD
+
+    def learn(self, missed: float, rise: float, moved_m: float) -> None:
+        """Take in a reading.
+
+        Args:
+            missed: by how much the body was slower ahead than expected, as a share of the speed at full duty.
+            rise: the sine of the slope ahead.
+            moved_m: how far the body moved.
+        """
+        self.value = clamp(self.value + missed / rise * moved_m / (LOAD_LEARN_M + moved_m), 0.0, LOAD_MAX)
+
+
+class GradeCompensation:
+    """Adds the duty that the slope takes up.
+
+    Call ``update`` once a tick, ``compensate`` for a decision of the algorithm, then ``level`` for what was applied.
+    Turns on the spot have a separate load: wheels that slip sideways push less against the slope.
+
+    Args:
+        vehicle: gives the ground speed at full duty.
+        quality_min: the lowest quality of a motion reading that is used, 0 to 1.
+    """
+
+    def __init__(self, vehicle: Vehicle, quality_min: float) -> None:
+        self._max_speed_m_s = vehicle.max_speed_m_s
+        self._quality_min = quality_min
+        self._drives, self._pivots = Load(), Load()
+        self._rise = 0.0
+        self._added = 0.0  # duty that this decision got against the slope
+        self._uncompensated = 0.0  # what it lacks for all of the slope: positive downhill, where the slope drives
+        self._way = 0  # 1 ahead, -1 back, 0 a turn on the spot
+        self._forward_m = self._steady_s = self._read_s = 0.0
+
+    def update(self, interval: TickInterval, motion: MotionReading | None, pitch_deg: float, *, free: bool) -> None:
+        """Take in a tick.
+
+        Args:
+            interval: the wheel commands before it, as ``level`` gave them.
+            motion: what may be believed of the motion sensor's new reading, None where there is none.
+            pitch_deg: the ground's slope ahead, positive uphill; 0 where it is level or not known.
+            free: whether the body moves, and nothing seems to hold it.
+        """
+        uncompensated, self._added, self._uncompensated = self._uncompensated, 0.0, 0.0
+        self._rise = sin(radians(pitch_deg)) if pitch_deg else 0.0
+        left, right = interval.commanded
+        way = 0 if left * right < 0.0 else 1 if left + right > 0.0 else -1
+        self._steady_s = self._steady_s + interval.driven_s if way == self._way and free else 0.0
+        self._way = way
+        self._forward_m += interval.forward_m + uncompensated * self._max_speed_m_s * interval.driven_s
+        self._read_s += interval.driven_s
+        if motion is None:
+            return
+        missed_m, driven_s = self._forward_m - motion.forward_m, self._read_s
+        self._forward_m = self._read_s = 0.0
+        if self._steady_s >= STEADY_S and abs(pitch_deg) >= LEARN_FROM_DEG and motion.quality >= self._quality_min:
+            moved_m = abs(motion.forward_m)
+            missed = missed_m / (driven_s * self._max_speed_m_s)
+            self._load(left, right).learn(missed, self._rise, moved_m)
+
+    def compensate(self, wheels: WheelCommand) -> WheelCommand:
+        """Return the duties that drive the body on this slope as ``wheels`` would on level ground; turning comes first.
+
+        A pivot is held in its place. A stop stays a stop.
+        """
+        if not self._rise or wheels == STOP:
+            return wheels
+        left, right = wheels
+        ahead, turn, slope = (left + right) / 2.0, (left - right) / 2.0, self._load(left, right).value * self._rise
+        added = slope
+        if ahead * slope < 0.0:
+            most = (1.0 - DOWNHILL_SHARE) * abs(ahead)
+            added = clamp(slope, -most, most)
+        room = max(1.0 - abs(turn), abs(ahead))
+        driven = clamp(ahead + added, -room, room)
+        self._added = driven - ahead
+        self._uncompensated = self._added - slope
+        return WheelCommand(driven + turn, driven - turn)
+
+    def _load(self, left: float, right: float) -> Load:
+        return self._pivots if left * right < 0.0 else self._drives
+
+    def level(self, applied: WheelCommand) -> WheelCommand:
+        """Return the duties that would drive the body on level ground as ``applied`` does on this slope."""
+        if not self._added or applied == STOP:
+            return applied
+        return WheelCommand(applied.left - self._added, applied.right - self._added)
