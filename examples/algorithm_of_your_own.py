@@ -5,10 +5,10 @@ Or, in this folder: PYTHONPATH=. wayfarer sim --algorithm algorithm_of_your_own:
 """
 
 import wayfarer
-from wayfarer.escape.catalogue import Algorithm
+from wayfarer.escape.api import COUNTER_CLOCKWISE
+from wayfarer.escape.catalogue import Algorithm, fixed_angle
 from wayfarer.escape.handler import AlgorithmSpec, PhasedHandler
 from wayfarer.escape.phases import PLEDGE
-from wayfarer.escape.policies import COUNTER_CLOCKWISE, fixed_angle
 from wayfarer.testing import check_algorithm
 
 spec = AlgorithmSpec(PLEDGE, side=lambda *_: COUNTER_CLOCKWISE, angle=fixed_angle, resets=True, keeps_side=True)

@@ -36,7 +36,8 @@ PICTURE = """
     config
     drivers
     detector
-    safety      escape
+    escape
+    safety
     hal         files   extras
     setting_ranges  waiting_thread  angles  clamp  errors  version
 """

@@ -19,11 +19,11 @@ from tests.simhal.clearing import steady_world
 from tests.virtual import run_virtually
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import NotResponding
-from wayfarer.escape import policies
-from wayfarer.escape.api import Decision, EscapeHandler, EscapeSettings, Observation, Phase, Vehicle
-from wayfarer.escape.catalogue import BUILT_IN, CATALOGUE, Algorithm
+from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase
+from wayfarer.escape.catalogue import BUILT_IN, CATALOGUE, Algorithm, clockwise, fixed_angle
 from wayfarer.escape.handler import AlgorithmSpec, PhasedHandler
 from wayfarer.escape.phases import PLEDGE
+from wayfarer.escape.settings import EscapeSettings, Vehicle
 from wayfarer.hal import (
     STOP,
     Colour,
@@ -64,7 +64,7 @@ class Unforgetting(PhasedHandler):
 
 
 def test_handler_that_does_not_forget_is_found() -> None:
-    spec = AlgorithmSpec(PLEDGE, policies.clockwise, policies.fixed_angle, resets=True, keeps_side=True)
+    spec = AlgorithmSpec(PLEDGE, clockwise, fixed_angle, resets=True, keeps_side=True)
     unforgetting = replace(CATALOGUE["forest-pledge"], make=lambda *parts: Unforgetting(spec, *parts))
     with pytest.raises(AssertionError, match=r"after reset\(\)"):
         check_algorithm(unforgetting)

@@ -22,8 +22,9 @@ if TYPE_CHECKING:  # for type checkers and editors; ``_MODULES`` says the same t
     from wayfarer.api.trials import Trial, run_trial
     from wayfarer.config.rover_file import load_rover
     from wayfarer.errors import WayfarerError
-    from wayfarer.escape.api import Anomaly, EscapeSettings, Observation, Vehicle
+    from wayfarer.escape.api import Anomaly, Observation
     from wayfarer.escape.failsafe import FailSafe
+    from wayfarer.escape.settings import EscapeSettings, Vehicle
 
 __all__ = [  # first what does something, then the types that it takes and gives
     "Anomaly",
@@ -54,8 +55,9 @@ _MODULES = {
     "wayfarer.api.trials": ["Trial", "run_trial"],
     "wayfarer.config.rover_file": ["load_rover"],
     "wayfarer.errors": ["WayfarerError"],
-    "wayfarer.escape.api": ["Anomaly", "EscapeSettings", "Observation", "Vehicle"],
+    "wayfarer.escape.api": ["Anomaly", "Observation"],
     "wayfarer.escape.failsafe": ["FailSafe"],
+    "wayfarer.escape.settings": ["EscapeSettings", "Vehicle"],
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 

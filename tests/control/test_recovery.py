@@ -8,7 +8,7 @@ from tests.control.bench import TICK_S, Bench
 from wayfarer.config.rover_file import load_rover
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.tick_record import TickRecord
-from wayfarer.escape.ladder import BLIND_DETOUR
+from wayfarer.escape.recovery import BLIND_DETOUR
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.trial import run_watched
 from wayfarer.hal import MotionReading, WheelCommand

@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 
 from wayfarer.detector import Detector, DetectorSettings
 from wayfarer.detector.detector import DetectorTick
-from wayfarer.escape.api import Anomaly, Vehicle
+from wayfarer.escape.api import Anomaly
+from wayfarer.escape.settings import Vehicle
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, Snapshot, WheelCommand
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.settings import SafetySettings

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from wayfarer.config.rover_file import load_rover
 from wayfarer.escape.api import Anomaly, Decision, Observation
-from wayfarer.escape.ladder import REST_MAX_S, REST_S, RUNGS, Ladder
+from wayfarer.escape.recovery import REST_MAX_S, REST_S, RUNGS, Ladder
 from wayfarer.experiments.outcome import SUCCESSES
 from wayfarer.experiments.trial import run_trial
 from wayfarer.experiments.trial_setup import TrialSpec

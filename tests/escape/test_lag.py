@@ -8,10 +8,11 @@ from random import Random
 import pytest
 
 from wayfarer.angles import wrap180
-from wayfarer.escape.api import EscapeSettings, Observation, Phase, Vehicle
+from wayfarer.escape.api import Observation, Phase
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.escape.handler import PhasedHandler
 from wayfarer.escape.lag import STEP, CompassLag
+from wayfarer.escape.settings import EscapeSettings, Vehicle
 from wayfarer.escape.turn_control import TurnController
 from wayfarer.hal import WheelCommand
 

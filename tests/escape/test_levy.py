@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.escape.walk import observation
-from wayfarer.escape.api import EscapeSettings
-from wayfarer.escape.policies import levy, levy_angle, levy_stride, uniform_angle
+from wayfarer.escape.catalogue import levy, levy_angle, levy_stride, uniform_angle
+from wayfarer.escape.settings import EscapeSettings
 
 
 def quantile(share: float, scale: float) -> float:

@@ -8,8 +8,9 @@ from random import Random
 from typing import Any
 
 from wayfarer.angles import wrap360
-from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, EscapeSettings, Observation, Phase, Vehicle
+from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, Observation, Phase
 from wayfarer.escape.catalogue import BUILT_IN
+from wayfarer.escape.settings import EscapeSettings, Vehicle
 from wayfarer.hal import STOP, ContactReading, Side
 
 SETTINGS = EscapeSettings()

@@ -19,8 +19,9 @@ from wayfarer.angles import wrap180
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.tick_record import TickRecord
-from wayfarer.escape.api import Decision, EscapeSettings, Observation, Phase, Vehicle
+from wayfarer.escape.api import Decision, Observation, Phase
 from wayfarer.escape.catalogue import Algorithm
+from wayfarer.escape.settings import EscapeSettings, Vehicle
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.hal import WheelCommand
 from wayfarer.simhal.faults.kinds import Fault

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from wayfarer.escape.api import Anomaly, Phase
-from wayfarer.escape.ladder import BLIND_DETOUR, RUNGS
 from wayfarer.escape.phases import WHY
+from wayfarer.escape.recovery import BLIND_DETOUR, RUNGS
 from wayfarer.fieldlog.vocabulary import (
     ANOMALY_TEXTS,
     CONDITION_TEXTS,

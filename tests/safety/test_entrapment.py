@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tests.control.bench import Bench
 from wayfarer.control.controller import Mode
-from wayfarer.escape.ladder import REST_S, RUNGS
+from wayfarer.escape.recovery import REST_S, RUNGS
 from wayfarer.hal import STOP, CompassReading, MotionReading, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.entrapment import SEEN_M, UNSEEN_S, BlindRunMonitor, EntrapmentMonitor

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.escape.api import Vehicle
+from wayfarer.escape.settings import Vehicle
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import CLEARING, Forest
 from wayfarer.simhal.world.physics import Physics

@@ -40,7 +40,7 @@ from tests.system.hil_buses import from_hex
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.daemon.daemon import DaemonLoop
 from wayfarer.errors import NotResponding
-from wayfarer.escape.api import Vehicle
+from wayfarer.escape.settings import Vehicle
 from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.chip_wiring import ChipWiring
 from wayfarer.simhal.faults.kinds import KINDS

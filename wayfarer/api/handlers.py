@@ -5,7 +5,8 @@ from __future__ import annotations
 from random import Random
 
 from wayfarer.config.registry import find_algorithm
-from wayfarer.escape.api import EscapeHandler, EscapeSettings, Vehicle
+from wayfarer.escape.api import EscapeHandler
+from wayfarer.escape.settings import EscapeSettings, Vehicle
 
 
 def make_handler(

@@ -24,7 +24,7 @@ from wayfarer.config.rover_path import ROVER_FILE_BYTES, SHIPPED, is_rover_file,
 from wayfarer.config.wiring import wiring_conflict
 from wayfarer.detector import DetectorSettings
 from wayfarer.errors import BadConfig, BadInput, UnknownName, one_line
-from wayfarer.escape.api import EscapeSettings, Vehicle
+from wayfarer.escape.settings import EscapeSettings, Vehicle
 from wayfarer.files import read_regular
 from wayfarer.safety.gate import STALL_LIMIT_S
 from wayfarer.safety.settings import BoardSettings, EntrapmentSettings, ManualSettings, SafetySettings

@@ -21,13 +21,13 @@ from typing import Final
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.latest import SensorBuffers
 from wayfarer.control.power_reports import PowerReports
-from wayfarer.control.recovery import Recovery
 from wayfarer.control.run_log import RunLog
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.control.wheels import WheelMotors, Wheels
 from wayfarer.detector import Detector
 from wayfarer.detector.motion import Odometer
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase
+from wayfarer.escape.recovery import Recovery
 from wayfarer.hal import STOP, PositionFix, WheelCommand
 from wayfarer.safety.arming import ArmingSequence
 from wayfarer.safety.conditions import BLIND, Condition, Level
@@ -294,8 +294,13 @@ class Controller:
         armed, late = self.mode is _ARMED, tick.dt_s > self._late_s
         may_drive = armed or self.mode is _MANUAL
         mission = self.mission
-        if mission is not None and armed and self._recovery.judge(tick, self._detector.motion, mission):
-            self._handler.reset()
+        if mission is not None and armed:
+            tick.conditions = self._recovery.judge(
+                tick, tick.conditions, self._detector.motion, mission.north_m, mission.east_m,
+                anomalous=bool(tick.anomalies),
+            )  # fmt: skip
+            if self._recovery.restarts:
+                self._handler.reset()
         may_move = not may_drive or tick.t_s < self.wheels.unheard_until_s
         if tick.conditions and may_move and self._gate.cause is not _RUNAWAY:
             # A person may push a rover that is not armed; a rover that ran away is still stopped at each tick.

@@ -13,7 +13,7 @@ from typing import Final
 
 from wayfarer.angles import wrap180
 from wayfarer.detector.settings import DetectorSettings
-from wayfarer.escape.api import Vehicle
+from wayfarer.escape.settings import Vehicle
 from wayfarer.hal import CompassReading
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.tick_interval import Debounce, TickInterval

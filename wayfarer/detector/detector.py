@@ -9,7 +9,8 @@ from wayfarer.detector.ground import TILTS, GradeCompensation, GroundSlope, Tilt
 from wayfarer.detector.motion import MotionMonitor
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.detector.turning import TurnabilityMonitor
-from wayfarer.escape.api import Anomaly, Vehicle
+from wayfarer.escape.api import Anomaly
+from wayfarer.escape.settings import Vehicle
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, Snapshot
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.tick_interval import Debounce, TickInterval

@@ -18,7 +18,8 @@ from typing import Final
 
 from wayfarer.clamp import clamp
 from wayfarer.detector.settings import DetectorSettings
-from wayfarer.escape.api import Anomaly, Vehicle
+from wayfarer.escape.api import Anomaly
+from wayfarer.escape.settings import Vehicle
 from wayfarer.hal import STOP, CompassReading, MotionReading, WheelCommand
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.tick_interval import Debounce, TickInterval

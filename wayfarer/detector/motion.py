@@ -9,7 +9,7 @@ from wayfarer.detector.runaway import RunawayMonitor
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.detector.stall import StallMonitor
 from wayfarer.detector.turning import SteeringMonitor
-from wayfarer.escape.api import Vehicle
+from wayfarer.escape.settings import Vehicle
 from wayfarer.hal import MotionReading
 from wayfarer.safety.conditions import BLIND, Condition
 from wayfarer.safety.tick_interval import TickInterval

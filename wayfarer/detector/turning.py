@@ -17,8 +17,8 @@ from math import degrees
 from typing import Final
 
 from wayfarer.detector.settings import DetectorSettings
-from wayfarer.escape.api import Vehicle
 from wayfarer.escape.lag import BODY_LAG_S, faded, lagged
+from wayfarer.escape.settings import Vehicle
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.tick_interval import ROUNDING_S, TickInterval
 

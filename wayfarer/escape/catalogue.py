@@ -1,8 +1,9 @@
 """The table of algorithms: the ten of the paper, and one more that uses the same sensors.
 
 The paper's differ in four choices and in nothing else: the side of the turn, its angle, what follows the turn, and
-whether a heading back at the goal ends the episode. Retry-Pledge is in ``retry``;
-``docs/explanation/better-escape.md`` has its evidence.
+whether a heading back at the goal ends the episode. The choices are plain functions of the observation and a
+``random.Random``; a row names them. Retry-Pledge is in ``retry``; ``docs/explanation/better-escape.md`` has its
+evidence.
 """
 
 from __future__ import annotations
@@ -11,12 +12,122 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from random import Random
+from statistics import NormalDist
+from typing import Final
 
-from wayfarer.escape import policies
-from wayfarer.escape.api import EscapeHandler, EscapeSettings, Vehicle
-from wayfarer.escape.handler import AlgorithmSpec, PhasedHandler
+from wayfarer.angles import axis_offset_deg, wrap180
+from wayfarer.clamp import clamp
+from wayfarer.escape.api import CLOCKWISE, COUNTER_CLOCKWISE, EscapeHandler, Observation
+from wayfarer.escape.handler import AlgorithmSpec, PhasedHandler, TurnAngle, TurnSide
 from wayfarer.escape.phases import PLEDGE, STRIDES
 from wayfarer.escape.retry import RetryHandler
+from wayfarer.escape.settings import EscapeSettings, Vehicle
+from wayfarer.hal import Side
+
+# The released simulator draws Lévy(0, 1) in its pixels of 0.05 m.
+LEVY_STRIDE_SCALE_M: Final = 0.05
+# Lévy-Pledge draws its angle from Lévy(0, 1) in degrees (paper, table I).
+LEVY_TURN_SCALE_DEG: Final = 1.0
+_NORMAL: Final = NormalDist()
+
+
+def clockwise(_observation: Observation, _settings: EscapeSettings, _rng: Random) -> int:
+    """Return clockwise always: a fixed hand follows a wall to its end."""
+    return CLOCKWISE
+
+
+def either(_observation: Observation, _settings: EscapeSettings, rng: Random) -> int:
+    """Return either side with equal chance."""
+    return CLOCKWISE if rng.random() < 0.5 else COUNTER_CLOCKWISE
+
+
+def contact_side(observation: Observation) -> int:
+    """Return the turn away from the touched side, or 0 where the contact favours neither."""
+    sides = observation.contact.sides if observation.contact is not None else ()
+    return (Side.LEFT in sides) - (Side.RIGHT in sides)
+
+
+def away_else_clockwise(observation: Observation, _settings: EscapeSettings, _rng: Random) -> int:
+    """Return the turn away from the contact; clockwise where there is none, as in a slip, or it is head-on."""
+    return contact_side(observation) or CLOCKWISE
+
+
+def away_else_either(observation: Observation, settings: EscapeSettings, rng: Random) -> int:
+    """Return the turn away from the contact; either side where there is none or it is head-on."""
+    return contact_side(observation) or either(observation, settings, rng)
+
+
+def compatible_axis_deg(observation: Observation, settings: EscapeSettings) -> float | None:
+    """Return the obstacle's axis relative to the goal heading, in [-90, 90), if it is compatible with it.
+
+    Compatible means within 20 degrees (paper, section III-A, OO-Pledge); None otherwise or where it is not known.
+    """
+    if observation.contact is None or observation.contact.obstacle_bearing_deg is None:
+        return None
+    offset_deg = axis_offset_deg(observation.contact.obstacle_bearing_deg, observation.goal_heading_deg)
+    return offset_deg if abs(offset_deg) <= settings.compatible_within_deg else None
+
+
+def along_else_clockwise(observation: Observation, settings: EscapeSettings, _rng: Random) -> int:
+    """Return the side to which a compatible obstacle leans from the goal heading, else clockwise."""
+    offset_deg = compatible_axis_deg(observation, settings)
+    return COUNTER_CLOCKWISE if offset_deg is not None and offset_deg < 0 else CLOCKWISE
+
+
+def along_else_away(observation: Observation, settings: EscapeSettings, rng: Random) -> int:
+    """Return the turn onto a compatible obstacle's axis, else the turn away from the contact."""
+    turn_deg = _turn_onto_axis_deg(observation, settings)
+    if turn_deg is None:
+        return away_else_either(observation, settings, rng)
+    return COUNTER_CLOCKWISE if turn_deg < 0 else CLOCKWISE
+
+
+def fixed_angle(_observation: Observation, settings: EscapeSettings, _rng: Random) -> float:
+    """Return the configured turn angle, 30 degrees in the paper."""
+    return settings.turn_angle_deg
+
+
+def levy_angle(_observation: Observation, settings: EscapeSettings, rng: Random) -> float:
+    """Return a Lévy-distributed turn angle, clipped to 10..50 degrees (paper, table I)."""
+    return clipped_levy(rng, LEVY_TURN_SCALE_DEG, settings.levy_turn_min_deg, settings.levy_turn_max_deg)
+
+
+def uniform_angle(_observation: Observation, _settings: EscapeSettings, rng: Random) -> float:
+    """Return any angle up to a half turn; with a side drawn as well the new heading is uniform."""
+    return rng.uniform(0.0, 180.0)
+
+
+def along_angle(observation: Observation, settings: EscapeSettings, _rng: Random) -> float:
+    """Return the angle onto a compatible obstacle's axis, else the configured turn angle."""
+    turn_deg = _turn_onto_axis_deg(observation, settings)
+    return settings.turn_angle_deg if turn_deg is None else abs(turn_deg)
+
+
+def levy_stride(settings: EscapeSettings, rng: Random) -> float:
+    """Return a Lévy-distributed stride, in metres."""
+    return clipped_levy(rng, LEVY_STRIDE_SCALE_M, settings.levy_stride_min_m, settings.levy_stride_max_m)
+
+
+def levy(rng: Random, scale: float) -> float:
+    """Draw from Lévy(0, scale): positive, no mean, half of the draws above 2.2 times the scale.
+
+    A Lévy variable is ``scale / z**2`` for a standard normal z; the quantile form needs one uniform draw.
+    """
+    z = _NORMAL.inv_cdf((1.0 - rng.random()) / 2.0)  # never 0, which has no quantile
+    return scale / (z * z) if z else float("inf")
+
+
+def clipped_levy(rng: Random, scale: float, low: float, high: float) -> float:
+    """Draw from Lévy(0, scale), clipped to [low, high]."""
+    return clamp(levy(rng, scale), low, high)
+
+
+def _turn_onto_axis_deg(observation: Observation, settings: EscapeSettings) -> float | None:
+    offset_deg = compatible_axis_deg(observation, settings)
+    if offset_deg is None:
+        return None
+    return wrap180(observation.goal_heading_deg + offset_deg - observation.heading_deg)
+
 
 NOTHING: frozenset[str] = frozenset()
 CONTACT = frozenset({"contact"})
@@ -40,76 +151,83 @@ class Algorithm:
     origin: str = "wayfarer"
 
 
-def _row(name: str, family: str, summary: str, spec: AlgorithmSpec, requires: frozenset[str] = NOTHING) -> Algorithm:
-    return Algorithm(name, family, summary, partial(PhasedHandler, spec), requires)
+def _row(
+    name: str,
+    family: str,
+    summary: str,
+    spec: AlgorithmSpec,
+    requires: frozenset[str] = NOTHING,
+    handler: type[PhasedHandler] = PhasedHandler,
+) -> Algorithm:
+    return Algorithm(name, family, summary, partial(handler, spec), requires)
 
 
 def _pledge(
     name: str,
     summary: str,
     *,
-    side: policies.TurnSide = policies.clockwise,
-    angle: policies.TurnAngle = policies.fixed_angle,
+    side: TurnSide = clockwise,
+    angle: TurnAngle = fixed_angle,
     resets: bool = True,
     requires: frozenset[str] = NOTHING,
+    handler: type[PhasedHandler] = PhasedHandler,
 ) -> Algorithm:
     spec = AlgorithmSpec(PLEDGE, side, angle, resets=resets, keeps_side=True)
-    return _row(name, "pledge", summary, spec, requires)
+    return _row(name, "pledge", summary, spec, requires, handler)
 
 
 _ROWS = (
     _pledge("pledge", "the paper's baseline: unwind every turn before following the goal again", resets=False),
     _pledge("forest-pledge", "Pledge that also ends an episode when the heading is back at the goal"),
-    _pledge("rand-pledge", "Forest-Pledge with a random side for each episode", side=policies.either),
+    _pledge("rand-pledge", "Forest-Pledge with a random side for each episode", side=either),
     _pledge(
         "cv-pledge",
         "Forest-Pledge that first turns away from the touched side",
-        side=policies.away_else_clockwise,
+        side=away_else_clockwise,
         requires=CONTACT,
     ),
     _pledge(
         "oo-pledge",
         "Forest-Pledge that first turns along an obstacle that leads towards the goal",
-        side=policies.along_else_clockwise,
+        side=along_else_clockwise,
         requires=CONTACT,
     ),
-    _pledge("levy-pledge", "Forest-Pledge with a Lévy-distributed turn angle", angle=policies.levy_angle),
+    _pledge("levy-pledge", "Forest-Pledge with a Lévy-distributed turn angle", angle=levy_angle),
     _row(
         "levy-walk",
         "stochastic",
         "a uniform new heading and a Lévy-distributed stride",
-        AlgorithmSpec(STRIDES, policies.either, policies.uniform_angle, stride=policies.levy_stride),
+        AlgorithmSpec(STRIDES, either, uniform_angle, stride=levy_stride),
     ),
     _row(
         "cv-levy",
         "stochastic",
         "a Lévy walk whose headings point away from the touched side",
-        AlgorithmSpec(STRIDES, policies.away_else_either, policies.uniform_angle, stride=policies.levy_stride),
+        AlgorithmSpec(STRIDES, away_else_either, uniform_angle, stride=levy_stride),
         CONTACT,
     ),
     _row(
         "cv-react",
         "reactive",
         "steer away from the touched side, then follow the goal again",
-        AlgorithmSpec(STRIDES, policies.away_else_either, policies.fixed_angle),
+        AlgorithmSpec(STRIDES, away_else_either, fixed_angle),
         CONTACT,
     ),
     _row(
         "oo-react",
         "reactive",
         "follow an obstacle that leads towards the goal, else steer away from it",
-        AlgorithmSpec(STRIDES, policies.along_else_away, policies.along_angle),
+        AlgorithmSpec(STRIDES, along_else_away, along_angle),
         CONTACT,
     ),
 )
 
 _ROWS_BEYOND = (
-    Algorithm(
+    _pledge(
         "retry-pledge",
-        "pledge",
         "Forest-Pledge that tries a second time if a stall may be a slip; no gain is shown in MuJoCo, and the rise of "
         "the nose that it looks for was never measured on a rover",
-        RetryHandler,
+        handler=RetryHandler,
     ),
 )
 

@@ -10,7 +10,8 @@ from __future__ import annotations
 from math import inf, isfinite
 from typing import Final
 
-from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, Observation, Phase, Vehicle
+from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, Observation, Phase
+from wayfarer.escape.settings import Vehicle
 from wayfarer.hal import STOP
 from wayfarer.setting_ranges import Metres, Seconds
 

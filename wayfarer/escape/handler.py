@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from random import Random
 from typing import Final
 
 from mypy_extensions import mypyc_attr
 
-from wayfarer.escape import policies
-from wayfarer.escape.api import Decision, EscapeSettings, Observation, Phase, Vehicle
+from wayfarer.escape.api import CLOCKWISE, Decision, Observation, Phase
 from wayfarer.escape.manoeuvres import MANOEUVRES, EscapePlan
 from wayfarer.escape.phases import WHY, PhaseEvent, Transitions
+from wayfarer.escape.settings import EscapeSettings, Vehicle
 from wayfarer.escape.turn_control import TurnController
 
 # After this many blocked turns in a row, turns alternate between the sides, beginning with the other side: a body that
@@ -27,6 +27,17 @@ FREE_RUN_M: Final = 1.0
 COUNTER_MAX_DEG: Final = 1080.0
 
 
+# The choices in which algorithms differ (``catalogue``); a side is the sign of the turn.
+TurnSide = Callable[[Observation, EscapeSettings, Random], int]
+TurnAngle = Callable[[Observation, EscapeSettings, Random], float]
+StrideLength = Callable[[EscapeSettings, Random], float]
+
+
+def short_stride(settings: EscapeSettings, _rng: Random) -> float:
+    """Return the fixed stride of the reactive algorithms, in metres."""
+    return settings.react_stride_m
+
+
 @dataclass(frozen=True, slots=True)
 class AlgorithmSpec:
     """What makes one algorithm out of the common handler.
@@ -35,9 +46,9 @@ class AlgorithmSpec:
     """
 
     transitions: Transitions
-    side: policies.TurnSide
-    angle: policies.TurnAngle
-    stride: policies.StrideLength = policies.short_stride
+    side: TurnSide
+    angle: TurnAngle
+    stride: StrideLength = short_stride
     resets: bool = False
     keeps_side: bool = False
 
@@ -60,7 +71,7 @@ class PhasedHandler:
         self._manoeuvre = self._manoeuvres[Phase.FOLLOW]
         self._phase_name = Phase.FOLLOW.value
         self._begun = False
-        self._side = self._escape_plan.side = policies.CLOCKWISE
+        self._side = self._escape_plan.side = CLOCKWISE
         self._escape_plan.counter_deg = self._escape_plan.turn_deg = 0.0
         self._followed_from_m = 0.0
         self._episodes = 0

@@ -9,9 +9,10 @@ from typing import ClassVar, Final
 
 from wayfarer.angles import wrap180
 from wayfarer.clamp import clamp
-from wayfarer.escape.api import Anomaly, EscapeSettings, Observation, Phase
+from wayfarer.escape.api import Anomaly, Observation, Phase
 from wayfarer.escape.lag import BODY_LAG_S, faded
 from wayfarer.escape.phases import PhaseEvent
+from wayfarer.escape.settings import EscapeSettings
 from wayfarer.escape.turn_control import HeadingHold, TurnController
 from wayfarer.hal import Side, WheelCommand
 

@@ -6,23 +6,44 @@ A blind rover holds its goal heading (``FOLLOW``) until there is an anomaly: it 
 That starts an *episode*. The rover backs off a little and turns away on the spot. What follows depends on the family of
 the algorithm.
 
-The *Pledge* family (paper, section III-A) counts how far it has turned since the episode began: the counter C, in
-degrees, clockwise positive. C is taken from the compass, so a turn that was blocked half-way counts half. After the
-turn it drives a curve back against the turn (``PROBE``), to find the end of the obstacle. At each new anomaly it backs
-off, turns away and so increases C; the curve decreases C. When C is back at zero, the rover has taken back all its
-turns, and the curve towards the goal was free: it follows the goal again. Counting turns, instead of looking at the
-heading only, lets it leave spirals and pockets. *Forest-Pledge* also ends the episode when the heading comes within 5
-degrees of the goal heading, whatever the number of whole turns. This is shorter among many obstacles, but loses
-Pledge's guarantee.
+The *Pledge* family counts how far it has turned since the episode began: the counter C, in degrees, clockwise
+positive. This is Algorithm 2 of the paper in our words, and where each line is here::
+
+    1  given: a side tau and an angle theta       EscapePlan.side, .turn_deg; chosen by PhasedHandler._plan
+    2  C = 0                                      PhasedHandler._plan, if the episode is new
+    3  reverse from the obstacle                  BACK_OFF
+    4  turn to tau by theta, on the spot          TURN_AWAY
+    5  C = C + theta                              EscapePlan.counter_deg, in PhasedHandler.decide, by the compass
+    6  while C is not 0:                          Probe.event: UNWOUND if C is back at 0, then FOLLOW
+    7      if there is no anomaly:                Probe.event: ANOMALY if there is a new one
+    8          drive a curve against tau          PROBE
+    9          C = C - what the heading changed   as line 5
+    11-13  else: as lines 3 to 5                  BACK_OFF, TURN_AWAY, and so on
+
+Counting turns, instead of looking at the heading only, lets it leave spirals and pockets. *Forest-Pledge* also ends the
+episode when the heading comes within 5 degrees of the goal heading, whatever the number of whole turns (``REALIGNED``).
+This is shorter among many obstacles, but loses Pledge's guarantee. The variants choose tau or theta in another way
+(``catalogue``).
+
+Every phase has bounds, which Algorithm 2 has not (below). Six more things differ; the last is the paper's released
+simulator's, the others are chosen by us:
+
+1. An episode also begins without an anomaly: ``FOLLOW`` is exhausted if the rover cannot turn to the goal.
+2. After two blocked turns in a row tau alternates, beginning with the other side
+   (``handler.BLOCKED_TURNS_BEFORE_ALTERNATING``). It is tau again as soon as the turn is over.
+3. How far line 3 backs off goes with the number of blocked turns: all of it, a half, a quarter, and again
+   (``handler.BACK_OFF_SHARES``).
+4. If the way back is blocked, or takes too long, the turn follows at once: the rover does not push.
+5. C is the heading gained by the compass, in all phases, not theta: a turn that was blocked half-way counts half.
+   Beyond three turns (``handler.COUNTER_MAX_DEG``) it is forgotten, and the rover follows the goal (``OVERWOUND``):
+   otherwise a compass that drifts could make it take back turns for ever.
+6. A probe begins with a straight piece (``probe_straight_m``), before the arc of line 8.
 
 The *stochastic* and *reactive* families drive straight ahead in the new direction instead (``STRIDE``) and then follow
 the goal again. They have no memory and can therefore stay in pockets.
 
 Every phase is bounded in time and in commanded distance. Reaching a bound is an event like any other (``EXHAUSTED``),
 so a rover whose way back is blocked, or whose wheels spin, continues with the next manoeuvre.
-
-A counter beyond three turns is set to zero (``OVERWOUND``), in every phase. Otherwise a compass that drifts could make
-the rover take back turns for ever.
 
 All transitions are in ``PLEDGE`` and ``STRIDES`` below. The phase that ended and the event that ended it are the
 ``why`` of the decision and of the log: ``probe.unwound``, ``turn_away.exhausted``.

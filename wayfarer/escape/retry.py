@@ -20,10 +20,9 @@ from math import inf
 from random import Random
 from typing import Final
 
-from wayfarer.escape import policies
-from wayfarer.escape.api import Anomaly, Decision, EscapeSettings, Observation, Vehicle
+from wayfarer.escape.api import Anomaly, Decision, Observation
 from wayfarer.escape.handler import AlgorithmSpec, PhasedHandler
-from wayfarer.escape.phases import PLEDGE
+from wayfarer.escape.settings import EscapeSettings, Vehicle
 
 # The nose has risen if its mean over the latest RISEN_S is so much above its mean before the stall; a single reading of
 # pitch is too noisy. Measured in physics-light with ForestRover, MiniRover and the abstract rover: this finds 90 to
@@ -46,16 +45,15 @@ MOST_IN_VAIN: Final = 8
 ROUNDING_M: Final = 0.001
 
 _STALL: Final = (Anomaly.IMMOBILISED,)
-_FOREST_PLEDGE: Final = AlgorithmSpec(PLEDGE, policies.clockwise, policies.fixed_angle, resets=True, keeps_side=True)
 
 
 class RetryHandler(PhasedHandler):
     """Decides one tick at a time; implements ``EscapeHandler``."""
 
-    def __init__(self, settings: EscapeSettings, vehicle: Vehicle, rng: Random) -> None:
+    def __init__(self, spec: AlgorithmSpec, settings: EscapeSettings, vehicle: Vehicle, rng: Random) -> None:
         # Time, pitch, and how much further the wheels were commanded than the body went.
         self._past: deque[tuple[float, float, float]] = deque()
-        super().__init__(_FOREST_PLEDGE, settings, vehicle, rng)
+        super().__init__(spec, settings, vehicle, rng)
 
     def reset(self) -> None:
         """Forget everything; see ``EscapeHandler``."""

@@ -13,8 +13,8 @@ from math import copysign, cos, degrees, radians
 from typing import Final
 
 from wayfarer.angles import wrap180
-from wayfarer.escape.api import EscapeSettings, Vehicle
 from wayfarer.escape.lag import BODY_LAG_S, LONGEST_TICKS, CompassLag, faded, lagged
+from wayfarer.escape.settings import EscapeSettings, Vehicle
 from wayfarer.hal import WheelCommand
 
 # Rates and duties are averaged alike before they are compared, so that the noise of a compass (1 degree, 20 readings a

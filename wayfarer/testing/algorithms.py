@@ -9,8 +9,9 @@ from math import degrees, isfinite
 from random import Random
 from typing import Any
 
-from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, EscapeSettings, Observation, Phase, Vehicle
+from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, Observation, Phase
 from wayfarer.escape.catalogue import Algorithm
+from wayfarer.escape.settings import EscapeSettings, Vehicle
 from wayfarer.fieldlog.lines import KEYS
 from wayfarer.fieldlog.schema import STAMP
 from wayfarer.hal import STOP, ContactReading, Rover, Side, WheelCommand

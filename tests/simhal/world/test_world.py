@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from tests.simhal.clearing import STEADY, VEHICLE
 from tests.simhal.world.test_collision import body_points, gap_m
-from wayfarer.escape.api import Vehicle
+from wayfarer.escape.settings import Vehicle
 from wayfarer.experiments.outcome import OutcomeMonitor
 from wayfarer.hal import Side
 from wayfarer.simhal.random_streams import RandomStreams

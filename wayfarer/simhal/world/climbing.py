@@ -11,7 +11,7 @@ from typing import Final
 
 from wayfarer.clamp import clamp
 from wayfarer.config.chassis import CLIMBING_KEYS, STANDARD_GRAVITY_M_S2, Chassis
-from wayfarer.escape.api import Vehicle
+from wayfarer.escape.settings import Vehicle
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.collision import BodyOutline, Obstacle, ObstacleGrid, low_trunks_of
 from wayfarer.simhal.world.forest import Forest

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 from wayfarer.config.chassis import WHEEL_KEYS, Chassis
 from wayfarer.errors import BadConfig
-from wayfarer.escape.api import Vehicle
+from wayfarer.escape.settings import Vehicle
 
 # From no source, chosen to be plain; none of them decides where a closed form of the tests lies.
 TYRE_WIDTH_PER_RADIUS: Final = 0.9

@@ -14,7 +14,7 @@ from typing import Final
 from mypy_extensions import mypyc_attr
 
 from wayfarer.config.chassis import Chassis
-from wayfarer.escape.api import Vehicle
+from wayfarer.escape.settings import Vehicle
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.climbing import Climbing, GroundPitch
 from wayfarer.simhal.world.collision import CELL_M, BodyOutline, Obstacle, ObstacleGrid, obstacles_of

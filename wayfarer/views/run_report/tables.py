@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from wayfarer import __version__
 from wayfarer.config.rover_file import RoverConfig, flat
-from wayfarer.escape.api import Vehicle
+from wayfarer.escape.settings import Vehicle
 from wayfarer.fieldlog.clock import duration_text
 from wayfarer.fieldlog.fields import table
 from wayfarer.fieldlog.missions import Episode

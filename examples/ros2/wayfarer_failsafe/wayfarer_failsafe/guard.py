@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 from wayfarer.config.registry import find_algorithm
 from wayfarer.detector.detector import Detector, DetectorTick
 from wayfarer.detector.settings import DetectorSettings
-from wayfarer.escape.api import EscapeSettings, Vehicle
 from wayfarer.escape.failsafe import FailSafe
+from wayfarer.escape.settings import EscapeSettings, Vehicle
 from wayfarer.hal import CompassReading
 from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.responses import RESPONSES

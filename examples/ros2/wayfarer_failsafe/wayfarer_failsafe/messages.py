@@ -11,7 +11,7 @@ from math import asin, atan2, degrees, isfinite
 from typing import Any, NamedTuple
 
 from wayfarer.clamp import clamp
-from wayfarer.escape.api import Vehicle
+from wayfarer.escape.settings import Vehicle
 from wayfarer.hal import CompassReading, MotionReading, WheelCommand
 
 UNKNOWN_VARIANCE = 1e3  # (m/s)^2: filters mark a speed that nothing measures with such a variance, or a larger one

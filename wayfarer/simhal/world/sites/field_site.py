@@ -10,7 +10,7 @@ from math import atan2, cos, degrees, hypot, radians, sin
 from wayfarer.angles import axis_offset_deg
 from wayfarer.clamp import clamp
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.escape.api import Vehicle
+from wayfarer.escape.settings import Vehicle
 from wayfarer.simhal.world.collision import Box
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest, Trunk, lean_of
 from wayfarer.simhal.world.generate import TREE_RADIUS_M, TRUNK_DIAMETER_M, Draw, draw_from

@@ -1,4 +1,4 @@
-"""The ladder: what a rover tries that makes no progress with its algorithm, instead of giving up.
+"""What an armed rover does that makes no progress with its algorithm, instead of giving up: the ladder, rests, detours.
 
 Each *rung* is a short series of wheel commands that the algorithms do not have: the other side, full duty, rocking, a
 long way back, a random turn (recovery behaviours: Nav2's default tree, Ardumower Sunray), a shuffle to the side. After
@@ -15,7 +15,11 @@ from random import Random
 from typing import Final, NamedTuple
 
 from wayfarer.escape.api import Anomaly, Decision, Observation, Phase
-from wayfarer.hal import WheelCommand
+from wayfarer.hal import MotionReading, WheelCommand
+from wayfarer.safety.conditions import BLIND, Condition
+from wayfarer.safety.entrapment import BlindRunMonitor, EntrapmentMonitor, PlaceMonitor
+from wayfarer.safety.settings import EntrapmentSettings
+from wayfarer.safety.tick_interval import TickInterval
 
 
 class Step(NamedTuple):
@@ -156,3 +160,95 @@ class Ladder:
         """Remember the side of the algorithm's last turn on the spot."""
         if applied is not None and applied.left * applied.right < 0.0:
             self._last_turn = 1.0 if applied.left > applied.right else -1.0
+
+
+class Recovery:
+    """Takes the wheels from the algorithm if that makes no progress.
+
+    Call ``judge`` once a tick while the rover is armed, then ``decide``.
+
+    Args:
+        settings: when a rover makes no progress, and whether it gives up then.
+        quality_min: the lowest quality of a motion reading that is used, 0 to 1.
+    """
+
+    def __init__(self, settings: EntrapmentSettings, quality_min: float) -> None:
+        self._gives_up = settings.give_up
+        self._entrapment = EntrapmentMonitor(settings, quality_min)
+        self._place = PlaceMonitor()
+        self._blind_run = BlindRunMonitor(quality_min)
+        self._ladder = Ladder()
+        self.restarts = False
+
+    def reset(self) -> None:
+        """Begin a mission."""
+        self._entrapment.reset()
+        self._place.reset()
+        self._blind_run.reset()
+        self._ladder.reset()
+
+    def judge(
+        self,
+        tick: TickInterval,
+        conditions: tuple[Condition, ...],
+        motion: MotionReading | None,
+        north_m: float,
+        east_m: float,
+        *,
+        anomalous: bool,
+    ) -> tuple[Condition, ...]:
+        """Judge a tick of a mission, and return its conditions with what was found.
+
+        ``restarts`` is then whether the algorithm must begin again: it does not see what a rung does, and its counter
+        would miss whole turns.
+
+        Args:
+            tick: the wheel commands since the last tick.
+            conditions: of the detector.
+            motion: what the motion sensor saw since the last tick, None if it has not spoken.
+            north_m: where the rover is by dead reckoning, from where the mission began.
+            east_m: the same to the east.
+            anomalous: whether an anomaly is there now.
+        """
+        ladder, t_s = self._ladder, tick.t_s
+        self._place.update(tick, north_m, east_m)
+        # A compass shows the tilt as well. Without both senses a detour would push the rover up a trunk until it tips.
+        blind = not BLIND.isdisjoint(conditions) and Condition.HEADING_RECKONED not in conditions
+        self._blind_run.update(tick, motion, blind=blind)
+        # The detector's word for full duty that never turns the body:
+        entrapped = Condition.ENTRAPPED in conditions
+        if entrapped:
+            conditions = tuple(each for each in conditions if each is not Condition.ENTRAPPED)
+        stuck = self._makes_no_progress(tick, motion, entrapped=entrapped, anomalous=anomalous)
+        self.restarts = stuck and not self._gives_up
+        if stuck and self._gives_up:
+            conditions += (Condition.ENTRAPPED,)
+        elif stuck:
+            ladder.climb(t_s)
+        elif self._blind_run.long and ladder.rung is None and not ladder.rests(t_s):
+            self._blind_run.reset()
+            ladder.begin(BLIND_DETOUR)
+            self.restarts = True
+        if ladder.begun:
+            conditions += (Condition.RESTING if ladder.rests(t_s) else Condition.NO_PROGRESS,)
+        return conditions
+
+    def decide(self, t_s: float, observation: Observation) -> Decision | None:
+        """Return the decision for this tick, None if the algorithm drives; ``t_s`` is the time without holds."""
+        return self._ladder.decide(t_s, observation)
+
+    def _makes_no_progress(
+        self, tick: TickInterval, motion: MotionReading | None, *, entrapped: bool, anomalous: bool
+    ) -> bool:
+        """Return whether the algorithm has had its chance, and the next rung is due."""
+        ladder, monitor, place, t_s = self._ladder, self._entrapment, self._place, tick.t_s
+        if ladder.rung is BLIND_DETOUR and not ladder.begun:
+            return False  # it is neither a free run nor a try, and takes no time from the algorithm
+        if ladder.rung is not None or ladder.rests(t_s):
+            monitor.try_again()
+            place.try_again()
+        elif monitor.ends(tick, anomalous, motion) or entrapped or place.stays:
+            return True
+        elif monitor.progressed and place.left and ladder.begun:
+            ladder.progress()
+        return False
