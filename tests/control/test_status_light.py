@@ -15,8 +15,7 @@ from wayfarer.control.controller import Controller, Mode
 from wayfarer.control.status_light import LIGHT_HZ, OFF, LastEnd, colour
 from wayfarer.escape.api import Phase
 from wayfarer.hal import Colour
-from wayfarer.safety.conditions import Condition, Level
-from wayfarer.safety.responses import LEVELS
+from wayfarer.safety.conditions import LEVELS, Condition, Level
 
 COLOURS = {
     name: getattr(status_light, name.upper()) for name in ("blue", "yellow", "green", "white", "magenta", "cyan", "red")

@@ -46,9 +46,8 @@ from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import STARTING, Refused
 from wayfarer.errors import NotArmed
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
-from wayfarer.safety.conditions import Condition, Level
+from wayfarer.safety.conditions import LEVELS, MANUAL_LEVELS, Condition, Level
 from wayfarer.safety.permission import Asked
-from wayfarer.safety.responses import LEVELS, MANUAL_LEVELS
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults.kinds import Fault

@@ -19,9 +19,8 @@ from wayfarer.drivers.sabertooth import Sabertooth
 from wayfarer.escape.api import Decision, Observation
 from wayfarer.escape.handler import PhasedHandler
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.safety.conditions import Condition, Level
+from wayfarer.safety.conditions import LEVELS, Condition, Level
 from wayfarer.safety.gate import Gate
-from wayfarer.safety.responses import LEVELS
 from wayfarer.safety.resume_warning import ResumeWarning
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.chips.sabertooth import SabertoothChip

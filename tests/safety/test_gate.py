@@ -10,9 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.safety.conditions import Condition, Level
+from wayfarer.safety.conditions import LEVELS, Condition, Level, worst
 from wayfarer.safety.gate import Gate
-from wayfarer.safety.responses import LEVELS, worst
 from wayfarer.safety.settings import SafetySettings
 
 HZ = 20.0

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from wayfarer.safety.conditions import Condition
-    from wayfarer.safety.responses import Response
     from wayfarer.simhal.faults.fault_kind import FaultKind
 
 
@@ -93,12 +92,13 @@ def _print_conditions(*, as_json: bool) -> None:
     """Print the table of conditions, the dangers first."""
     from rich.console import Console
 
-    from wayfarer.safety.responses import RESPONSES, Kind
+    from wayfarer.fieldlog.vocabulary import KIND_TEXTS
+    from wayfarer.safety.conditions import TABLE, Condition
     from wayfarer.views.text.scripting import print_json
     from wayfarer.views.text.terminal_table import Column, table
 
     if as_json:
-        print_json({"conditions": [_condition_in_words(*item) for item in RESPONSES.items()]})
+        print_json({"conditions": [*map(_condition_in_words, Condition)]})
         return
     columns: list[Column[Mapping[str, Any]]] = [
         Column("condition", lambda row: row["condition"], left=True),
@@ -108,23 +108,27 @@ def _print_conditions(*, as_json: bool) -> None:
         Column("what is wrong, what the rover does, and until when", _sentences, left=True, wraps=True),
     ]
     console = Console()
-    for kind in Kind:
-        rows = (_condition_in_words(*item) for item in RESPONSES.items() if item[1].kind is kind)
-        console.print(f"{kind.value}: {kind.meaning}", highlight=False)
+    for kind, meaning in KIND_TEXTS.items():
+        rows = (_condition_in_words(each) for each in Condition if TABLE[each].kind is kind)
+        console.print(f"{kind.value}: {meaning}", highlight=False)
         console.print(table(columns, rows))
         console.print()
 
 
-def _condition_in_words(condition: Condition, row: Response) -> dict[str, str]:
+def _condition_in_words(condition: Condition) -> dict[str, str]:
+    from wayfarer.fieldlog.vocabulary import WORDS
+    from wayfarer.safety.conditions import HOLDING_LEVELS, LEVELS, MANUAL_LEVELS, TABLE
+
+    words = WORDS[condition]
     return {
         "condition": condition.value,
-        "level": row.level.name.lower(),
-        "among_people": row.level_among_people.name.lower(),
-        "by_hand": (row.level if row.manual is None else row.manual).name.lower(),
-        "kind": row.kind.value,
-        "what": row.what,
-        "does": row.does,
-        "ends_when": row.ends_when,
+        "level": LEVELS[condition].name.lower(),
+        "among_people": HOLDING_LEVELS[condition].name.lower(),
+        "by_hand": MANUAL_LEVELS[condition].name.lower(),
+        "kind": TABLE[condition].kind.value,
+        "what": words.what,
+        "does": words.does,
+        "ends_when": words.ends_when,
     }
 
 

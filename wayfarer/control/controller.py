@@ -30,13 +30,12 @@ from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase
 from wayfarer.escape.recovery import Recovery
 from wayfarer.hal import STOP, PositionFix, WheelCommand
 from wayfarer.safety.arming import ArmingSequence
-from wayfarer.safety.conditions import BLIND, Condition, Level
+from wayfarer.safety.conditions import BLIND, BOARD_FAILED, MANUAL_LEVELS, UNCOMMANDED, Condition, Level
 from wayfarer.safety.gate import Gate
 from wayfarer.safety.manual import LEASE_S, ManualControl
 from wayfarer.safety.mission_limits import Mission, RunEnd
 from wayfarer.safety.permission import PERMISSION_S
-from wayfarer.safety.responses import MANUAL_LEVELS
-from wayfarer.safety.resume_warning import BOARD_FAILED, ResumeWarning
+from wayfarer.safety.resume_warning import ResumeWarning
 from wayfarer.safety.tick_interval import IntervalTimer
 
 
@@ -54,7 +53,6 @@ _ARMED: Final = Mode.ARMED
 _MANUAL: Final = Mode.MANUAL
 _FAULT: Final = Level.FAULT
 _RUNAWAY: Final = Condition.RUNAWAY
-_UNCOMMANDED_MOTION: Final = frozenset({Condition.BOARD_DISAGREES, Condition.RUNAWAY})
 _BOARD_FAULT: Final = Condition.BOARD_FAULT
 # Of what is driven without sight, this share counts for the distance from the start: the body drove, or pushed at a
 # trunk, and nobody knows which.
@@ -228,7 +226,7 @@ class Controller:
         ahead_m, right_m = self._odometer.update(tick, self._detector.motion)
         self._add_conditions(tick)
         conditions = self.conditions = tick.conditions
-        if conditions and not _UNCOMMANDED_MOTION.isdisjoint(conditions):
+        if conditions and not UNCOMMANDED.isdisjoint(conditions):
             self.wheels.halt()  # at each tick: a board that does not obey may obey one of many stops
         if self._arming is not None:
             self._continue_arming(tick, self._arming)

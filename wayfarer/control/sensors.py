@@ -1,7 +1,7 @@
 """Sensor tasks: each samples one sensor at its own rate, and retries after failures.
 
 A sensor that fails is read again within one control period, then closed and opened again with growing pauses, while
-the others continue. What its silence does to the wheels is in ``safety.responses``: without a compass they are held
+the others continue. What its silence does to the wheels is in ``safety.conditions``: without a compass they are held
 until the heading is reckoned, without motion sensor or bumper the rover drives on with limits. Any error that is not a
 ``DriverError`` is a bug, and ends the run.
 """

@@ -2,7 +2,7 @@
 
 The sensor tasks are a table (``Supervisor.tasks``): a row for each sensor that the run needs, with the sensor's own
 rate. The control tick runs beside them. A sensor that fails is closed and opened again, with growing pauses, while the
-others continue; what the rover does without it is in ``safety.responses``. So is a motor board that fails during a
+others continue; what the rover does without it is in ``safety.conditions``. So is a motor board that fails during a
 mission (``board_watch``). Any other error ends the run.
 When a run ends, for any reason (a limit, a request, an error, a cancellation), the wheels are stopped by code that
 cancellation cannot interrupt.
@@ -29,20 +29,11 @@ from wayfarer.errors import DriverError, MissingPart, NotArmed
 from wayfarer.escape.api import EscapeHandler
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.hal import Driver, Rover, StatusLight
-from wayfarer.safety.conditions import Condition, Level
+from wayfarer.safety.conditions import SILENCE, Level
 from wayfarer.safety.mission_limits import RunEnd
 from wayfarer.safety.permission import PERMISSION_S, Asked
 
 FRESH_S = 1.0  # if the last control tick is older, systemd's watchdog is not fed
-STALE = frozenset(
-    {
-        Condition.COMPASS_STALE,
-        Condition.COMPASS_LOST,
-        Condition.MOTION_STALE,
-        Condition.MOTION_GONE,
-        Condition.CONTACT_STALE,
-    }
-)
 
 
 class Supervisor:
@@ -207,8 +198,8 @@ class Supervisor:
         last = self.controller.last
         if last is None or asyncio.get_running_loop().time() - last.t_s > FRESH_S:
             return False
-        goes_on = self.mode in {Mode.ARMED, Mode.MANUAL} and (last.level < Level.HOLD or last.cause not in STALE)
-        return goes_on or self._by_hand or STALE.isdisjoint(self.controller.conditions)
+        goes_on = self.mode in {Mode.ARMED, Mode.MANUAL} and (last.level < Level.HOLD or last.cause not in SILENCE)
+        return goes_on or self._by_hand or SILENCE.isdisjoint(self.controller.conditions)
 
     async def run(self) -> RunEnd:
         """Open the parts and run until a limit or ``finish``; the wheels are stopped in any case.

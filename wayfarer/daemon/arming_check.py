@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any
@@ -15,10 +15,9 @@ from wayfarer.control.run_log import RunLog
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.daemon.socket.protocol import Refused
 from wayfarer.errors import NotResponding
-from wayfarer.fieldlog.vocabulary import in_words
+from wayfarer.fieldlog.vocabulary import WORDS, in_words
 from wayfarer.hal import MotorHealth, Rover
-from wayfarer.safety.conditions import Condition, Level
-from wayfarer.safety.responses import MANUAL_LEVELS
+from wayfarer.safety.conditions import NOT_ARMED, NOT_DRIVEN, Condition
 
 # -- the rover's parts -----------------------------------------------------------------------------------------------
 # The checks before arming, on parts that the daemon has open: they read the sensor tasks' latest values.
@@ -55,22 +54,6 @@ class RunningInspection(Inspection):
         return reading
 
 
-# Faults that re-arming cannot clear while they last. It clears the others; those that still exist are detected again.
-Remedies = Mapping[Condition, tuple[str, str]]
-REMEDIES: Remedies = {
-    Condition.OVERTURNED: ("it lies on its side or roof, or its compass is mounted askew", "stand it on its wheels"),
-    Condition.COMPASS_LOST: ("a loose wire, or no power", "check the compass's wires and power; wayfarer check"),
-    Condition.MOTION_GONE: ("a loose wire, or no power", "check the motion sensor's wires and power; wayfarer check"),
-    Condition.BOARD_FAULT: ("a low battery, a short circuit or a hot board", "wayfarer check says which"),
-    Condition.BOARD_DISAGREES: (
-        "the motor board applies another duty than commanded",
-        "disconnect the motors' battery, check the board's wires and that no other program commands it",
-    ),
-    Condition.BATTERY_CRITICAL: ("the battery is almost empty", "charge it or replace it"),
-    Condition.POWER_UNSTABLE: ("the computer's supply dips again and again", "give it a separate 5 V supply"),
-}
-REMEDIES_BY_HAND = {each: REMEDIES[each] for each in REMEDIES if MANUAL_LEVELS[each] >= Level.HOLD}
-
 LOGGING = ("disk", "log")  # the checks that ``arm --without-log`` only warns of
 OPENING_S = 3.0  # just after the start, arming waits this long for the parts to open; the client waits for 5 s
 
@@ -105,13 +88,13 @@ class ArmingCheck:
         Raises:
             Refused: a check fails, or one of the conditions would stop the rover again.
         """
-        await self._check(self._checks, REMEDIES, without_log=without_log)
+        await self._check(self._checks, NOT_ARMED, without_log=without_log)
 
     async def before_driving_by_hand(self) -> None:
         """Refuse a rover that a person must not drive; raises as ``before_arming``."""
-        await self._check([check for check in self._checks if check in BY_HAND], REMEDIES_BY_HAND, without_log=False)
+        await self._check([check for check in self._checks if check in BY_HAND], NOT_DRIVEN, without_log=False)
 
-    async def _check(self, checks: Sequence[Check], remedies: Remedies, *, without_log: bool) -> None:
+    async def _check(self, checks: Sequence[Check], refused: Collection[Condition], *, without_log: bool) -> None:
         with suppress(TimeoutError):  # then the checks say which part is missing
             async with asyncio.timeout(OPENING_S):
                 await self._supervisor.ticked.wait()
@@ -120,7 +103,7 @@ class ArmingCheck:
         not_logging = [finding for finding in failed if finding.name in LOGGING]
         if without_log:
             failed = [finding for finding in failed if finding not in not_logging]
-        failed += self._standing(remedies)
+        failed += self._standing(refused)
         if failed:
             self._log.event(
                 "arming_refused", asyncio.get_running_loop().time(), failed=[finding.name for finding in failed]
@@ -130,12 +113,12 @@ class ArmingCheck:
         warned = [finding for finding in findings if finding.verdict is CheckVerdict.WARN] + not_logging
         self.warnings = list(map(_finding_text, warned))
 
-    def _standing(self, remedies: Remedies) -> list[Finding]:
+    def _standing(self, refused: Collection[Condition]) -> list[Finding]:
         """Return the conditions that would let the arming fail later (fault catalogue, fault 51)."""
         return [
-            fail(condition.value.replace("_", " "), "at this moment", *remedies[condition])
-            for condition in self._supervisor.controller.conditions
-            if condition in remedies
+            fail(each.value.replace("_", " "), "at this moment", WORDS[each].cause, WORDS[each].remedy)
+            for each in self._supervisor.controller.conditions
+            if each in refused
         ]
 
 

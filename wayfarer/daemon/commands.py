@@ -18,11 +18,11 @@ from wayfarer.daemon.arming_check import ArmingCheck
 from wayfarer.daemon.socket.protocol import WHOLE_MAX, Details, Refused
 from wayfarer.errors import DriverError
 from wayfarer.escape.api import Phase
+from wayfarer.fieldlog.vocabulary import WORDS, said_of
 from wayfarer.hal import DriveMotors
 from wayfarer.safety.conditions import Level
 from wayfarer.safety.manual import ManualControl, ManualSample
 from wayfarer.safety.permission import Asked
-from wayfarer.safety.responses import RESPONSES, said_of
 
 # -- status ----------------------------------------------------------------------------------------------------------
 # What ``status`` says of a rover: its mode, what is wrong and what it does about that, its mission. Pure.
@@ -180,7 +180,7 @@ class RoverCommands:
         last = self._controller.last
         if last is None or last.decision.phase is not Phase.MANUAL:
             return {"wheels": [0.0, 0.0], "why_not": "it begins"}
-        held = RESPONSES[last.cause].what if last.cause is not None and last.level >= Level.HOLD else None
+        held = WORDS[last.cause].what if last.cause is not None and last.level >= Level.HOLD else None
         return {"wheels": list(last.applied), "why_not": held or manual.why}
 
     async def manual_end(self, lease: int) -> Details:

@@ -15,7 +15,7 @@ from wayfarer.angles import wrap180
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.escape.settings import Vehicle
 from wayfarer.hal import CompassReading
-from wayfarer.safety.conditions import Condition
+from wayfarer.safety.conditions import HEADING_DOUBTED, SILENT_COMPASS, Condition
 from wayfarer.safety.tick_interval import Debounce, TickInterval
 
 # Headings that differ by no more count as equal: two steps of a CMPS14's 0.1 degrees.
@@ -160,16 +160,6 @@ SHARE_LEAST: Final = 0.25
 SHARE_MOST: Final = 1.5
 LEARN_RATE: Final = 0.3  # of the newest turn: the ground changes, and a compass has some degrees of noise
 
-DOUBTS: Final = frozenset(
-    {
-        Condition.COMPASS_STALE,
-        Condition.COMPASS_LOST,
-        Condition.COMPASS_IMPLAUSIBLE,
-        Condition.COMPASS_FROZEN,
-    }
-)
-_SILENT: Final = frozenset({Condition.COMPASS_STALE, Condition.COMPASS_LOST})
-
 
 class HeadingEstimator:
     """Chooses between compass and commands.
@@ -213,13 +203,13 @@ class HeadingEstimator:
             return
         t_s, (left, right) = interval.t_s, interval.commanded
         commanded_deg = (left - right) * self._deg_s_per_duty * interval.driven_s
-        doubted = bool(conditions) and not DOUBTS.isdisjoint(conditions)
+        doubted = bool(conditions) and not HEADING_DOUBTED.isdisjoint(conditions)
         if doubted or self._doubt_since_s is not None:
             self._choose(t_s, doubted=doubted, armed=armed)
         self._unseen_deg += commanded_deg
         if self.reckons:
-            self._reckon(t_s, compass, silent=not _SILENT.isdisjoint(conditions))
-            conditions[:] = [each for each in conditions if each not in DOUBTS]
+            self._reckon(t_s, compass, silent=not SILENT_COMPASS.isdisjoint(conditions))
+            conditions[:] = [each for each in conditions if each not in HEADING_DOUBTED]
             conditions.append(Condition.HEADING_RECKONED)
             return
         if not doubted:

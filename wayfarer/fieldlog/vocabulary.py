@@ -1,17 +1,17 @@
 """The words for each phase, anomaly, level, condition, reason and outcome in a log: one for each name. Pure.
 
-The one place for these words, with ``safety.responses``, which has those of the conditions: terminal, journal, live
-page, Foxglove and reports take them from here.
+The one place for these words: terminal, journal, live page, Foxglove, reports and ``wayfarer list --conditions`` take
+them from here.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
+from typing import NamedTuple
 
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.escape.phases import PhaseEvent
-from wayfarer.safety.conditions import Condition, Level
-from wayfarer.safety.responses import RESPONSES, Said, said_of
+from wayfarer.safety.conditions import MANUAL_LEVELS, TABLE, Condition, Kind, Level
 
 
 def _clause(text: str) -> str:
@@ -59,8 +59,6 @@ LADDER_TEXTS: Mapping[str, str] = {
     "ladder.blind_detour": "driven long without sight, so it drives back, turns at random and drives on",
 }
 
-CONDITION_TEXTS: Mapping[str, str] = {condition.value: row.what for condition, row in RESPONSES.items()}
-
 PART_TEXTS: Mapping[str, str] = {  # those whose name in a rover file is no word for a thing
     "motion": "motion sensor",
     "contact": "bumper",
@@ -90,7 +88,193 @@ _REASONS: Mapping[str, str] = {
     for event, text in _EVENT_TEXTS.items()
 }
 
-_WORDS: Mapping[str, str] = {
+# -- conditions ------------------------------------------------------------------------------------------------------
+
+KIND_TEXTS: Mapping[Kind, str] = {
+    Kind.DANGER: "wheels may turn unasked, may not stop, or may turn when nobody expects it",
+    Kind.IGNORANCE: "a sense is silent, or cannot be believed",
+    Kind.WEAKNESS: "supply or drive cannot give what is asked for",
+    Kind.FOREST: "the ground or an obstacle holds the rover",
+    Kind.OPERATOR: "a person asked for it",
+}
+
+
+class Words(NamedTuple):
+    """The words for a condition: clauses without a full stop. Times and distances are those of the shipped settings.
+
+    ``what`` is wrong, ``does`` is what the rover does about it ("it ..."), and ``ends_when`` says what must happen for
+    that to end. ``cause`` and ``remedy`` are for a person whose rover is not armed because of it.
+    """
+
+    what: str
+    does: str
+    ends_when: str
+    cause: str = ""
+    remedy: str = ""
+
+
+_STANDS_FOR_COMPASS = (
+    "stands while the compass is opened again; after 3 s it reckons the heading, unless it drives among people"
+)
+_COMPASS_IS_BACK = "the compass is believed again, or the heading is reckoned"
+_BLIND = "drives a stride ahead (3 m, MiniRover 1 m), less if steering turns nothing, then turns away as if stuck"
+_BLIND_AND_SILENT = f"{_BLIND}; the sensor is opened again every 2 s"
+_SEES = "the motion sensor sees the ground again"
+_DISARMS = "stops and disarms"
+_ARMED_AGAIN = "somebody arms the rover again"
+_OPENS_BOARD = "stands, and opens the board again after 1, 2, 4 s and so on, up to 60 s"
+_BOARD_IS_BACK = "the board answers, its deadman is on, it reports no fault, and the light has blinked"
+
+WORDS: Mapping[Condition, Words] = {
+    Condition.COMPASS_STALE: Words("the compass is silent", _STANDS_FOR_COMPASS, _COMPASS_IS_BACK),
+    Condition.COMPASS_LOST: Words(
+        "the compass has been silent for seconds",
+        f"{_DISARMS}; a rover on a mission reckons its heading before that, unless it drives among people",
+        f"the compass answers and {_ARMED_AGAIN}",
+        cause="a loose wire, or no power",
+        remedy="check the compass's wires and power; wayfarer check",
+    ),
+    Condition.COMPASS_IMPLAUSIBLE: Words("compass readings are implausible", _STANDS_FOR_COMPASS, _COMPASS_IS_BACK),
+    Condition.COMPASS_FROZEN: Words(
+        "the heading does not change while the rover turns", _STANDS_FOR_COMPASS, _COMPASS_IS_BACK
+    ),
+    Condition.COMPASS_UNCALIBRATED: Words(
+        "the compass has lost its calibration",
+        "drives on, and does not believe the compass for a second after each jump of the heading",
+        "the compass reports its calibration again",
+    ),
+    Condition.HEADING_RECKONED: Words(
+        "the compass cannot be believed: the heading is reckoned from the wheels",
+        "drives on by its wheel commands and the turn response that it has learnt",
+        "the compass has been believed for 1 s",
+    ),
+    Condition.MOTION_STALE: Words("the motion sensor is silent", _BLIND_AND_SILENT, _SEES),
+    Condition.MOTION_UNKNOWN: Words("the motion sensor's picture is too poor", _BLIND, _SEES),
+    Condition.MOTION_LOST: Words("the motion sensor's picture has been too poor for seconds", _BLIND, _SEES),
+    Condition.MOTION_GONE: Words(
+        "the motion sensor has been silent for seconds",
+        _BLIND_AND_SILENT,
+        _SEES,
+        cause="a loose wire, or no power",
+        remedy="check the motion sensor's wires and power; wayfarer check",
+    ),
+    Condition.MOTION_IMPLAUSIBLE: Words(
+        "motion readings are implausible", "drives on, and does not use such a reading", "the next reading is plausible"
+    ),
+    Condition.CONTACT_STALE: Words(
+        "the bumper is silent", "drives on without it; the bumper is opened again every 2 s", "the bumper answers"
+    ),
+    Condition.OVERTURNED: Words(
+        "the rover lies on its side or roof",
+        _DISARMS,
+        f"it stands on its wheels and {_ARMED_AGAIN}",
+        cause="it lies on its side or roof, or its compass is mounted askew",
+        remedy="stand it on its wheels",
+    ),
+    Condition.RUNAWAY: Words(
+        "the rover moves although its wheels are commanded to stop",
+        f"{_DISARMS}; it sends a stop at each tick while it moves",
+        _ARMED_AGAIN,
+    ),
+    Condition.DRIVE_REVERSED: Words(
+        "the rover turns the other way than its wheels are commanded", _DISARMS, _ARMED_AGAIN
+    ),
+    Condition.CANNOT_TURN: Words(
+        "the rover does not turn on the spot at full duty: the ground or an obstacle holds it",
+        "goes on with its algorithm; after twelve failed turns it tries other manoeuvres",
+        "it turns on the spot",
+    ),
+    Condition.ENTRAPPED: Words(
+        "the rover makes no progress any more", f"{_DISARMS}, because its rover file has give_up = true", _ARMED_AGAIN
+    ),
+    Condition.NO_PROGRESS: Words(
+        "the rover makes no progress: it tries other manoeuvres",
+        "tries other manoeuvres, one after the other, each followed by 10 s of its algorithm",
+        "it gets 0.2 m ahead without an anomaly",
+    ),
+    Condition.RESTING: Words(
+        "the rover makes no progress: it rests, so that its motors cool, and tries again",
+        "stands for 30 s; each rest without progress is twice as long as the last one, up to 10 minutes",
+        "the rest is over",
+    ),
+    Condition.MOTORS_FAILED: Words("the motor board did not answer, or it had a fault", _OPENS_BOARD, _BOARD_IS_BACK),
+    Condition.BOARD_FAULT: Words(
+        "the motor board reports a fault",
+        _OPENS_BOARD,
+        _BOARD_IS_BACK,
+        cause="a low battery, a short circuit or a hot board",
+        remedy="wayfarer check says which",
+    ),
+    Condition.BOARD_DISAGREES: Words(
+        "the motor board applies other duties than commanded",
+        f"{_DISARMS}; it sends a stop at each tick while the board disagrees",
+        _ARMED_AGAIN,
+        cause="the motor board applies another duty than commanded",
+        remedy="disconnect the motors' battery, check the board's wires and that no other program commands it",
+    ),
+    Condition.BOARD_SILENT: Words(
+        "the motor board does not report its status",
+        "drives on, and knows neither battery nor faults",
+        "the board reports again",
+    ),
+    Condition.BATTERY_LOW: Words(
+        "the battery is low", "drives on, and says so", "the battery's voltage is above the limit"
+    ),
+    Condition.BATTERY_CRITICAL: Words(
+        "the battery is almost empty",
+        _DISARMS,
+        f"the battery is charged or replaced and {_ARMED_AGAIN}",
+        cause="the battery is almost empty",
+        remedy="charge it or replace it",
+    ),
+    Condition.UNDERVOLTAGE: Words(
+        "the computer's voltage is too low: duty is limited",
+        "drives on with at most 0.7 of the allowed duty",
+        "the voltage is high enough",
+    ),
+    Condition.POWER_UNSTABLE: Words(
+        "the computer's voltage dips repeatedly",
+        "drives on with at most half of the allowed duty",
+        "there were fewer than three dips in the last minute",
+        cause="the computer's supply dips again and again",
+        remedy="give it a separate 5 V supply",
+    ),
+    Condition.OPERATOR_HOLD: Words("an operator asked to hold", "stands", "somebody resumes it"),
+    Condition.RESUME_WARNING: Words(
+        "the rover drives on in a moment: step away",
+        "stands for a second more while its light blinks",
+        "the second is over",
+    ),
+    Condition.TICK_LATE: Words(
+        "the control tick came late", "stands, because an old decision must not act", "a tick comes in time"
+    ),
+    Condition.DECISION_INVALID: Words("the algorithm gave an invalid command", _DISARMS, _ARMED_AGAIN),
+}
+
+CONDITION_TEXTS: Mapping[str, str] = {condition.value: words.what for condition, words in WORDS.items()}
+
+
+class Said(NamedTuple):
+    """What a rover does because of a condition, and what must happen for that to end; clauses as in ``Words``."""
+
+    does: str
+    ends_when: str
+
+
+def said_of(condition: Condition, level: Level, *, by_hand: bool = False) -> Said:
+    """Return the words for a condition of a rover for which it has this level; ``by_hand``: a person drives it."""
+    row, words = TABLE[condition], WORDS[condition]
+    obeys = by_hand and level < Level.HOLD and row.kind in {Kind.IGNORANCE, Kind.FOREST}  # no manoeuvre is begun
+    if obeys or (level is MANUAL_LEVELS[condition] and level is not row.level):
+        return Said("drives as the person wants", words.ends_when)
+    if level is row.level:
+        return Said(words.does, words.ends_when)
+    return Said(_DISARMS, _ARMED_AGAIN) if level is Level.FAULT else Said("stands", words.ends_when)
+
+
+# -- every name -------------------------------------------------------------------------------------------------------
+
+_ALL: Mapping[str, str] = {
     **PHASE_TEXTS, **ANOMALY_TEXTS, **CONDITION_TEXTS, **PART_TEXTS, **LADDER_TEXTS, **_REASONS,
 }  # fmt: skip
 
@@ -100,7 +284,7 @@ def in_words(name: str) -> str:
 
     A name that is unknown is returned as it is: a third party's algorithm or a newer wayfarer may give any.
     """
-    return _WORDS.get(name, name)
+    return _ALL.get(name, name)
 
 
 def outcome_in_words(name: str) -> str:

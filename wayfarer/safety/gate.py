@@ -11,15 +11,12 @@ from math import isfinite
 from typing import Final
 
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.safety.conditions import Condition, Level
-from wayfarer.safety.responses import levels_for, worst
+from wayfarer.safety.conditions import DUTY_SHARES, Condition, Level, levels_for, worst
 from wayfarer.safety.settings import SafetySettings
 
 # ArduPilot's rover disarms after this time without its main loop. Here, because the stall guard
 # (``daemon.watchdog``) keeps it, and a rover file's control rate is checked against it.
 STALL_LIMIT_S: Final = 0.2
-LOW_VOLTAGE_SHARE: Final = 0.7  # of ``duty_max`` while the computer's supply sags: fault catalogue, fault 32
-UNSTABLE_SHARE: Final = 0.5  # and while it sags again and again: about 0.7 of what already was too much; no source
 
 
 class Gate:
@@ -85,7 +82,7 @@ class Gate:
         """Find the worst condition; a fault stays."""
         self.cause = self._fault or worst(conditions, self.levels)
         self.level = self.levels[self.cause] if self.cause is not None else Level.WELL
-        self._most = self._duty_max * _supply_share(conditions)
+        self._most = self._duty_max * min(map(DUTY_SHARES.__getitem__, conditions), default=1.0)
         self.holds = self.level >= Level.HOLD
         if self.level is Level.FAULT:
             self._fault = self.cause
@@ -96,10 +93,3 @@ class Gate:
         if wanted > 0.0:
             return min(wanted, (last if last > 0.0 else 0.0) + step, most)
         return max(wanted, (last if last < 0.0 else 0.0) - step, -most)
-
-
-def _supply_share(conditions: Sequence[Condition]) -> float:
-    """Return the share of the highest duty that the computer's supply can bear."""
-    if Condition.POWER_UNSTABLE in conditions:
-        return UNSTABLE_SHARE
-    return LOW_VOLTAGE_SHARE if Condition.UNDERVOLTAGE in conditions else 1.0

@@ -12,12 +12,10 @@ from collections.abc import Mapping, Sequence
 from math import inf
 from typing import Final
 
-from wayfarer.safety.conditions import Condition, Level
-from wayfarer.safety.responses import LEVELS
+from wayfarer.safety.conditions import BOARD_FAILED, LEVELS, Condition, Level
 from wayfarer.safety.tick_interval import TickInterval
 
 LONG_HOLD_S: Final = 1.0  # nobody walks up to a rover that stops for less
-BOARD_FAILED: Final = frozenset({Condition.MOTORS_FAILED, Condition.BOARD_FAULT})
 FREE_S: Final = 0.5  # if the wheels turn for less than this between two holds, the rover still counts as standing
 
 

@@ -22,8 +22,7 @@ from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 from wayfarer.hal import Snapshot
-from wayfarer.safety.conditions import Condition
-from wayfarer.safety.responses import LEVELS
+from wayfarer.safety.conditions import LEVELS, Condition
 from wayfarer.simhal.faults.bus import Nack
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.process import LoopStall

@@ -31,9 +31,8 @@ from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Anomaly, Observation, Phase
 from wayfarer.experiments.trial_setup import TrialSetup
 from wayfarer.hal import STOP, CompassReading, Side, WheelCommand
-from wayfarer.safety.conditions import Condition, Level
+from wayfarer.safety.conditions import MANUAL_LEVELS, Condition, Level, levels_for
 from wayfarer.safety.power import SAME_DUTY
-from wayfarer.safety.responses import MANUAL_LEVELS, levels_for
 from wayfarer.simhal.chip_wiring import MotorBoard
 from wayfarer.simhal.faults.bus import BusFault
 from wayfarer.simhal.faults.kinds import Fault

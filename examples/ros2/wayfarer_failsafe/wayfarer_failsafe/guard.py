@@ -18,9 +18,9 @@ from wayfarer.detector.detector import Detector, DetectorTick
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.escape.failsafe import FailSafe
 from wayfarer.escape.settings import EscapeSettings, Vehicle
+from wayfarer.fieldlog.vocabulary import in_words
 from wayfarer.hal import CompassReading
-from wayfarer.safety.conditions import Condition, Level
-from wayfarer.safety.responses import RESPONSES
+from wayfarer.safety.conditions import HOLDING_LEVELS, Condition, Level, worst
 from wayfarer.safety.tick_interval import IntervalTimer
 from wayfarer_failsafe.messages import (
     STANDSTILL,
@@ -177,11 +177,11 @@ class Guard:
         """Say which sense is missing or wrong, or that the rover lies on its side; empty if nothing is."""
         if self._detector.compass is None or not self._odometry.heard:
             return "no orientation from the IMU yet" if self._detector.compass is None else "no odometry yet"
-        found = [RESPONSES[each] for each in tick.conditions if each is not Condition.RUNAWAY]  # nothing to stop there
-        worst = max(found, key=lambda each: each.level_among_people, default=None)
-        if worst is None or worst.level_among_people < Level.HOLD:
+        found = [each for each in tick.conditions if each is not Condition.RUNAWAY]  # nothing to stop there
+        cause = worst(found, HOLDING_LEVELS)
+        if cause is None or HOLDING_LEVELS[cause] < Level.HOLD:
             return ""
-        return worst.what.replace("compass", "IMU").replace("motion sensor", "odometry")
+        return in_words(cause.value).replace("compass", "IMU").replace("motion sensor", "odometry")
 
     def _note_goal(self, tick: DetectorTick, heading_deg: float) -> None:
         """Without a given goal, take the heading in which the planner drives straight on and the rover moves.
