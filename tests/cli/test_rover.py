@@ -187,10 +187,11 @@ def test_status_tells_of_the_mission_before_until_the_rover_is_armed() -> None:
 
 
 def test_status_of_a_limited_rover_says_since_when_what_it_does_and_until_when() -> None:
-    limited = {"conditions": ["motion_lost"], "cause_for_s": 75.0, "does": "drives 3 m", "ends_when": "it sees again"}
+    said = {"does": "drives 3 m", "ends_when": "it sees again"}
+    limited = {"conditions": ["motion_unknown"], "cause_for_s": 75.0, **said}
     lines = status_text({**STATUS, **limited}).splitlines()
     assert lines[1:4] == [
-        "health    the motion sensor's picture has been too poor for seconds (for 0:01:15)",
+        "health    the motion sensor's picture is too poor (for 0:01:15)",
         "so it     drives 3 m",
         "until     it sees again",
     ]

@@ -206,7 +206,7 @@ async def test_reason_for_being_disarmed_is_kept_for_who_asks() -> None:
 
 
 @pytest.mark.parametrize(
-    ("battery_v", "faults", "why"), [(10.9, (), "battery_low"), (12.0, ("motor A: drive fault",), "board_fault")]
+    ("battery_v", "faults", "why"), [(10.9, (), "battery_low"), (12.0, ("motor A: drive fault",), "motors_failed")]
 )
 async def test_arming_is_refused_while_the_board_says_that_something_is_wrong(
     battery_v: float, faults: tuple[str, ...], why: str
@@ -225,7 +225,7 @@ async def test_board_fault_latches_and_disarms_a_rover_among_people() -> None:
     await bench.board_says(12.0, "motor A: drive fault", for_s=2 * TICK_S)
     assert (bench.wheels, bench.controller.mode) == (STOP, Mode.DISARMED)
     await bench.board_says(12.0)
-    assert (bench.wheels, bench.health) == (STOP, (Level.FAULT, Condition.BOARD_FAULT)), "latched though it has gone"
-    assert bench.log.named("disarmed") == [{"reason": "fault: board_fault"}]
+    assert (bench.wheels, bench.health) == (STOP, (Level.FAULT, Condition.MOTORS_FAILED)), "latched though it has gone"
+    assert bench.log.named("disarmed") == [{"reason": "fault: motors_failed"}]
     await bench.armed()
     assert bench.health == (Level.WELL, None)

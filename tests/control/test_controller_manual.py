@@ -131,7 +131,7 @@ async def test_motor_board_that_fails_is_waited_for_and_the_person_must_let_go()
 async def test_board_fault_and_wheels_that_turn_unasked_stop_a_person_too() -> None:
     driver = await driven()
     await driver.bench.board_says(12.0, "motor A: drive fault", for_s=0.2)
-    assert driver.bench.health == (Level.HOLD, Condition.BOARD_FAULT)
+    assert driver.bench.health == (Level.HOLD, Condition.MOTORS_FAILED)
     driver = await driven()
     for _ in range(2):
         driver.bench.controller.power_reports.board_said(

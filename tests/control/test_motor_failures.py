@@ -113,7 +113,7 @@ async def test_board_that_fails_during_the_start_delay_disarms() -> None:
 async def test_board_whose_fault_has_gone_turns_no_wheel_before_it_was_opened() -> None:
     bench = await Bench().armed()
     await bench.board_says(12.0, "motor A: drive fault", for_s=4 * TICK_S)
-    assert (bench.wheels, bench.health) == (STOP, (Level.HOLD, Condition.BOARD_FAULT))
+    assert (bench.wheels, bench.health) == (STOP, (Level.HOLD, Condition.MOTORS_FAILED))
     await bench.board_says(12.0, for_s=10.0)
     assert (bench.wheels, bench.health) == (STOP, FAILED)
     bench.controller.motors_opened(bench.t_s)
@@ -128,7 +128,7 @@ async def test_fault_that_the_board_still_reports_holds_though_it_was_opened() -
     await bench.board_says(12.0, "motor A: drive fault", for_s=4 * TICK_S)
     bench.controller.motors_opened(bench.t_s)
     await bench.board_says(12.0, "motor A: drive fault", for_s=5.0)
-    assert (bench.wheels, bench.health) == (STOP, (Level.HOLD, Condition.BOARD_FAULT))
+    assert (bench.wheels, bench.health) == (STOP, (Level.HOLD, Condition.MOTORS_FAILED))
     assert bench.controller.waits_for_motors
 
 

@@ -37,7 +37,7 @@ from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 def test_board_fault_stops_the_wheels_within_half_a_second(shop: Workshop) -> None:
     drive(shop, {1.01: lambda _: setattr(shop, "faults", ("motor A: drive fault",))}, for_s=3.0)
-    assert {"level": "hold", "cause": "board_fault"} in shop.named("health")
+    assert {"level": "hold", "cause": "motors_failed"} in shop.named("health")
     assert 1.01 < max(shop.times("handler.decide")) <= 1.51
 
 

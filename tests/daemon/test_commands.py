@@ -174,7 +174,7 @@ async def test_status_says_what_is_wrong(run: Run) -> None:
     await asyncio.sleep(2.5)  # sim.toml asks the board once a second, and a fault counts that is said twice
     told = await run.status()
     assert told["mode"] == "armed"
-    assert (told["level"], told["cause"]) == ("hold", "board_fault")
+    assert (told["level"], told["cause"]) == ("hold", "motors_failed")
     assert 0.0 <= told["cause_for_s"] <= 2.5
     assert told["does"].startswith("stands, and opens the board again")
     assert "its deadman is on" in told["ends_when"]

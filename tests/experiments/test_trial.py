@@ -102,7 +102,9 @@ def test_rover_that_cannot_sense_motion_escapes_unless_it_is_to_hold(monkeypatch
     assert run_without("motion", spec, monkeypatch).outcome == "escaped"
     safety = replace(spec.rover.safety, on_lost_sense="hold")
     among_people = replace(spec, rover=spec.rover.model_copy(update={"safety": safety}))
-    assert run_without("motion", among_people, monkeypatch).outcome == "fault"
+    stands = run_without("motion", among_people, monkeypatch)
+    assert stands.outcome == "entrapped", "until its time is over"
+    assert stands.path_m == 0.0
 
 
 @cache

@@ -70,8 +70,8 @@ def test_response_says_what_the_rover_does_and_until_when() -> None:
 
 
 def test_response_of_a_rover_among_people_is_another_one() -> None:
-    assert response_text("degrade", "motion_gone").startswith("it drives a stride ahead")
-    assert response_text("fault", "motion_gone") == "it stops and disarms, until somebody arms the rover again"
+    assert response_text("degrade", "motion_stale").startswith("it drives a stride ahead")
+    assert response_text("fault", "motors_failed") == "it stops and disarms, until somebody arms the rover again"
     assert response_text("hold", "motion_stale") == "it stands, until the motion sensor sees the ground again"
 
 
@@ -82,7 +82,7 @@ def test_names_of_another_version_have_no_response(level: object, cause: object)
 
 def test_reason_to_disarm_names_conditions_in_words() -> None:
     assert disarmed_text("fault: compass_lost") == f"fault: {CONDITION_TEXTS['compass_lost']}"
-    assert disarmed_text("not armed: overturned, motion_gone") == (
-        f"not armed: {CONDITION_TEXTS['overturned']}, {CONDITION_TEXTS['motion_gone']}"
+    assert disarmed_text("not armed: overturned, motion_stale") == (
+        f"not armed: {CONDITION_TEXTS['overturned']}, {CONDITION_TEXTS['motion_stale']}"
     )
     assert disarmed_text("requested by a person") == "requested by a person"

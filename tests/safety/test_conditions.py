@@ -49,7 +49,6 @@ def test_what_a_person_sees_stops_nobody_who_drives_by_hand() -> None:
         assert MANUAL_LEVELS[condition] == min(row.level, most), condition
     assert {
         Condition.OVERTURNED,
-        Condition.BOARD_FAULT,
         Condition.BOARD_DISAGREES,
         Condition.BATTERY_CRITICAL,
     } == NOT_DRIVEN
@@ -63,7 +62,7 @@ def test_among_people_nothing_is_less_severe_and_what_blinds_holds() -> None:
 
 
 def test_rover_that_a_person_drives_is_not_said_to_begin_a_manoeuvre() -> None:
-    manoeuvres = {Condition.MOTION_GONE, Condition.DRIVE_REVERSED, Condition.CANNOT_TURN, Condition.COMPASS_LOST}
+    manoeuvres = {Condition.MOTION_STALE, Condition.DRIVE_REVERSED, Condition.CANNOT_TURN, Condition.COMPASS_LOST}
     for condition in manoeuvres:
         assert said_of(condition, MANUAL_LEVELS[condition], by_hand=True).does == "drives as the person wants"
     for condition in (Condition.TICK_LATE, Condition.UNDERVOLTAGE, Condition.BATTERY_CRITICAL):

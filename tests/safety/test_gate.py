@@ -49,15 +49,14 @@ def test_rover_among_people_holds_for_a_sense_that_another_goes_on_without() -> 
     among_people, alone = gate(on_lost_sense="hold"), gate()
     lost = [each for each in Condition if among_people.levels[each] > alone.levels[each]]
     assert set(lost) == {
-        Condition.MOTION_STALE, Condition.MOTION_LOST, Condition.MOTION_GONE,
-        Condition.CONTACT_STALE, Condition.POWER_UNSTABLE,
-        Condition.MOTORS_FAILED, Condition.BOARD_FAULT,
+        Condition.MOTION_UNKNOWN, Condition.MOTION_STALE, Condition.CONTACT_STALE,
+        Condition.POWER_UNSTABLE, Condition.MOTORS_FAILED,
     }  # fmt: skip
     for each in lost:
         for gate_ in (among_people, alone):
             update(gate_, AHEAD, (each,), armed=True)
         assert among_people.holds
-        assert alone.holds is (each in {Condition.MOTORS_FAILED, Condition.BOARD_FAULT})
+        assert alone.holds is (each is Condition.MOTORS_FAILED)
     assert not [each for each in Condition if among_people.levels[each] < alone.levels[each]]
 
 

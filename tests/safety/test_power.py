@@ -64,7 +64,7 @@ def test_fault_counts_when_the_board_says_it_twice_in_a_row(faulty: list[bool]) 
     """A flag that is up at power-up takes a moment to clear."""
     found = said(SETTINGS, *(MotorHealth(12.0, ("motor A: drive fault",) if fault else ()) for fault in faulty))
     expected = [now and before for before, now in zip([False, *faulty], faulty, strict=False)]
-    assert [Condition.BOARD_FAULT in conditions for conditions in found] == expected
+    assert [Condition.MOTORS_FAILED in conditions for conditions in found] == expected
 
 
 def test_board_that_falls_silent_says_nothing_any_more() -> None:
@@ -72,7 +72,7 @@ def test_board_that_falls_silent_says_nothing_any_more() -> None:
     assert (watch.health, watch.conditions) == (None, ()), "nothing is known before the first answer"
     for count in range(50):
         watch.update(count * STEP_S, MotorHealth(9.0, ("motor A: drive fault",)))
-    assert Condition.BOARD_FAULT in watch.conditions
+    assert Condition.MOTORS_FAILED in watch.conditions
     watch.silent()
     assert (watch.health, watch.conditions) == (None, (Condition.BOARD_SILENT,))
     watch.update(50 * STEP_S, FULL)

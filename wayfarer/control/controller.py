@@ -30,7 +30,7 @@ from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase
 from wayfarer.escape.recovery import Recovery
 from wayfarer.hal import STOP, PositionFix, WheelCommand
 from wayfarer.safety.arming import ArmingSequence
-from wayfarer.safety.conditions import BLIND, BOARD_FAILED, MANUAL_LEVELS, UNCOMMANDED, Condition, Level
+from wayfarer.safety.conditions import BLIND, MANUAL_LEVELS, UNCOMMANDED, Condition, Level
 from wayfarer.safety.gate import Gate
 from wayfarer.safety.manual import LEASE_S, ManualControl
 from wayfarer.safety.mission_limits import Mission, RunEnd
@@ -53,7 +53,7 @@ _ARMED: Final = Mode.ARMED
 _MANUAL: Final = Mode.MANUAL
 _FAULT: Final = Level.FAULT
 _RUNAWAY: Final = Condition.RUNAWAY
-_BOARD_FAULT: Final = Condition.BOARD_FAULT
+_MOTORS_FAILED: Final = Condition.MOTORS_FAILED
 # Of what is driven without sight, this share counts for the distance from the start: the body drove, or pushed at a
 # trunk, and nobody knows which.
 UNSEEN_SHARE: Final = 0.5
@@ -307,10 +307,10 @@ class Controller:
             tick.conditions += (Condition.TICK_LATE,)
         if self.power_reports.judge(self._applied):
             tick.conditions += self.power_reports.conditions(tick.t_s)
-            if may_drive and _BOARD_FAULT in tick.conditions:
+            if may_drive and _MOTORS_FAILED in tick.conditions:
                 self.wheels.failed = True  # once the fault has gone, the board is opened again like a silent one
-        if self.wheels.failed:
-            tick.conditions += (Condition.MOTORS_FAILED,)
+        if self.wheels.failed and _MOTORS_FAILED not in tick.conditions:
+            tick.conditions += (_MOTORS_FAILED,)
         if self.held:
             tick.conditions += (Condition.OPERATOR_HOLD,)
         if armed and self._resume_warning.update(tick, tick.conditions):
@@ -345,8 +345,8 @@ class Controller:
         if goal_heading_deg is not None and not stops:
             self._detector.begin_mission(tick)
             self._begin_mission(t_s, goal_heading_deg)
-        elif failed := next((each.value for each in tick.conditions if each in BOARD_FAILED), None):
-            self.disarm(t_s, f"fault: {failed}")  # arming has opened the board, so that it must not fail now
+        elif _MOTORS_FAILED in tick.conditions:  # arming has just opened the board, so that it must not fail now
+            self.disarm(t_s, f"fault: {_MOTORS_FAILED.value}")
         elif arming.too_late(t_s):
             self.disarm(t_s, f"not armed: {', '.join(stops) or 'the heading did not settle'}")
 

@@ -159,10 +159,7 @@ class MotionMonitor:
             self.stall.clear()
             self.runaway.clear()
             self.reading = MotionReading(t_s, 0.0, 0.0, 0.0)
-            gone = silent_s > settings.motion_lost_s
-            found = Condition.MOTION_GONE if gone else Condition.MOTION_STALE
-        elif unknown_s > settings.motion_lost_s:
-            found = Condition.MOTION_LOST
+            found = Condition.MOTION_STALE
         elif unknown_s > settings.motion_unknown_s:
             found = Condition.MOTION_UNKNOWN
         else:

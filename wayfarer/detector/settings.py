@@ -68,8 +68,6 @@ class DetectorSettings:
     """Without a reading for so long the motion sensor is silent."""
     motion_unknown_s: Seconds = 0.9
     """If it answers but sees nothing for so long, the motion of the rover is unknown."""
-    motion_lost_s: Seconds = 10.0
-    """If it is silent or sees nothing for so long, the motion sensor is lost."""
     contact_stale_s: Seconds = 0.5
     """Without a reading for so long the contact sensor is silent."""
     touch_s: SecondsOrZero = 0.0

@@ -118,12 +118,9 @@ _STANDS_FOR_COMPASS = (
 )
 _COMPASS_IS_BACK = "the compass is believed again, or the heading is reckoned"
 _BLIND = "drives a stride ahead (3 m, MiniRover 1 m), less if steering turns nothing, then turns away as if stuck"
-_BLIND_AND_SILENT = f"{_BLIND}; the sensor is opened again every 2 s"
 _SEES = "the motion sensor sees the ground again"
 _DISARMS = "stops and disarms"
 _ARMED_AGAIN = "somebody arms the rover again"
-_OPENS_BOARD = "stands, and opens the board again after 1, 2, 4 s and so on, up to 60 s"
-_BOARD_IS_BACK = "the board answers, its deadman is on, it reports no fault, and the light has blinked"
 
 WORDS: Mapping[Condition, Words] = {
     Condition.COMPASS_STALE: Words("the compass is silent", _STANDS_FOR_COMPASS, _COMPASS_IS_BACK),
@@ -148,12 +145,10 @@ WORDS: Mapping[Condition, Words] = {
         "drives on by its wheel commands and the turn response that it has learnt",
         "the compass has been believed for 1 s",
     ),
-    Condition.MOTION_STALE: Words("the motion sensor is silent", _BLIND_AND_SILENT, _SEES),
     Condition.MOTION_UNKNOWN: Words("the motion sensor's picture is too poor", _BLIND, _SEES),
-    Condition.MOTION_LOST: Words("the motion sensor's picture has been too poor for seconds", _BLIND, _SEES),
-    Condition.MOTION_GONE: Words(
-        "the motion sensor has been silent for seconds",
-        _BLIND_AND_SILENT,
+    Condition.MOTION_STALE: Words(
+        "the motion sensor is silent",
+        f"{_BLIND}; the sensor is opened again every 2 s",
         _SEES,
         cause="a loose wire, or no power",
         remedy="check the motion sensor's wires and power; wayfarer check",
@@ -197,13 +192,10 @@ WORDS: Mapping[Condition, Words] = {
         "stands for 30 s; each rest without progress is twice as long as the last one, up to 10 minutes",
         "the rest is over",
     ),
-    Condition.MOTORS_FAILED: Words("the motor board did not answer, or it had a fault", _OPENS_BOARD, _BOARD_IS_BACK),
-    Condition.BOARD_FAULT: Words(
-        "the motor board reports a fault",
-        _OPENS_BOARD,
-        _BOARD_IS_BACK,
-        cause="a low battery, a short circuit or a hot board",
-        remedy="wayfarer check says which",
+    Condition.MOTORS_FAILED: Words(
+        "the motor board did not answer, or it had a fault",
+        "stands, and opens the board again after 1, 2, 4 s and so on, up to 60 s",
+        "the board answers, its deadman is on, it reports no fault, and the light has blinked",
     ),
     Condition.BOARD_DISAGREES: Words(
         "the motor board applies other duties than commanded",

@@ -44,9 +44,8 @@ class Means(Flag):
     HEADING_DOUBTED = 2  # the compass cannot be believed: on a mission the heading is reckoned in its place
     SILENCE = 4  # a sensor that the run needs does not answer: systemd may start the daemon again
     UNCOMMANDED = 8  # the wheels do what nobody has commanded: a stop is sent at each tick
-    BOARD_FAILED = 16  # the motor board is opened again; arming has just done that, so that it ends arming
-    NOT_ARMED = 32  # arming again does not clear it, so that ``arm`` refuses
-    HELD_AMONG_PEOPLE = 64  # one level more severe for a rover with ``on_lost_sense = "hold"``
+    NOT_ARMED = 16  # arming again does not clear it, so that ``arm`` refuses
+    HELD_AMONG_PEOPLE = 32  # one level more severe for a rover with ``on_lost_sense = "hold"``
 
 
 class Condition(Enum):
@@ -58,10 +57,8 @@ class Condition(Enum):
     COMPASS_FROZEN = "compass_frozen"
     COMPASS_UNCALIBRATED = "compass_uncalibrated"
     HEADING_RECKONED = "heading_reckoned"
-    MOTION_STALE = "motion_stale"
     MOTION_UNKNOWN = "motion_unknown"
-    MOTION_LOST = "motion_lost"
-    MOTION_GONE = "motion_gone"
+    MOTION_STALE = "motion_stale"
     MOTION_IMPLAUSIBLE = "motion_implausible"
     CONTACT_STALE = "contact_stale"
     OVERTURNED = "overturned"
@@ -72,7 +69,6 @@ class Condition(Enum):
     NO_PROGRESS = "no_progress"
     RESTING = "resting"
     MOTORS_FAILED = "motors_failed"
-    BOARD_FAULT = "board_fault"
     BOARD_DISAGREES = "board_disagrees"
     BOARD_SILENT = "board_silent"
     BATTERY_LOW = "battery_low"
@@ -103,11 +99,8 @@ TABLE: Final[Mapping[Condition, Row]] = {
     Condition.COMPASS_FROZEN: Row(Level.HOLD, Kind.IGNORANCE, Means.HEADING_DOUBTED),
     Condition.COMPASS_UNCALIBRATED: Row(Level.DEGRADE, Kind.IGNORANCE),
     Condition.HEADING_RECKONED: Row(Level.DEGRADE, Kind.IGNORANCE),
+    Condition.MOTION_UNKNOWN: Row(Level.DEGRADE, Kind.IGNORANCE, Means.BLIND | Means.HELD_AMONG_PEOPLE),
     Condition.MOTION_STALE: Row(
-        Level.DEGRADE, Kind.IGNORANCE, Means.BLIND | Means.SILENCE | Means.HELD_AMONG_PEOPLE),
-    Condition.MOTION_UNKNOWN: Row(Level.DEGRADE, Kind.IGNORANCE, Means.BLIND),
-    Condition.MOTION_LOST: Row(Level.DEGRADE, Kind.IGNORANCE, Means.BLIND | Means.HELD_AMONG_PEOPLE),
-    Condition.MOTION_GONE: Row(
         Level.DEGRADE, Kind.IGNORANCE, Means.BLIND | Means.SILENCE | Means.NOT_ARMED | Means.HELD_AMONG_PEOPLE),
     Condition.MOTION_IMPLAUSIBLE: Row(Level.NOTE, Kind.IGNORANCE),
     Condition.CONTACT_STALE: Row(Level.DEGRADE, Kind.IGNORANCE, Means.SILENCE | Means.HELD_AMONG_PEOPLE),
@@ -119,9 +112,7 @@ TABLE: Final[Mapping[Condition, Row]] = {
     Condition.ENTRAPPED: Row(Level.FAULT, Kind.FOREST),
     Condition.NO_PROGRESS: Row(Level.DEGRADE, Kind.FOREST),
     Condition.RESTING: Row(Level.HOLD, Kind.FOREST),
-    Condition.MOTORS_FAILED: Row(Level.HOLD, Kind.DANGER, Means.BOARD_FAILED | Means.HELD_AMONG_PEOPLE),
-    Condition.BOARD_FAULT: Row(
-        Level.HOLD, Kind.WEAKNESS, Means.BOARD_FAILED | Means.NOT_ARMED | Means.HELD_AMONG_PEOPLE),
+    Condition.MOTORS_FAILED: Row(Level.HOLD, Kind.DANGER, Means.HELD_AMONG_PEOPLE),
     Condition.BOARD_DISAGREES: Row(Level.FAULT, Kind.DANGER, Means.UNCOMMANDED | Means.NOT_ARMED),
     Condition.BOARD_SILENT: Row(Level.DEGRADE, Kind.IGNORANCE),
     Condition.BATTERY_LOW: Row(Level.DEGRADE, Kind.WEAKNESS),
@@ -168,7 +159,6 @@ HEADING_DOUBTED: Final = _that(Means.HEADING_DOUBTED)
 SILENCE: Final = _that(Means.SILENCE)
 SILENT_COMPASS: Final = HEADING_DOUBTED & SILENCE
 UNCOMMANDED: Final = _that(Means.UNCOMMANDED)
-BOARD_FAILED: Final = _that(Means.BOARD_FAILED)
 NOT_ARMED: Final = _that(Means.NOT_ARMED)
 NOT_DRIVEN: Final = frozenset(each for each in NOT_ARMED if MANUAL_LEVELS[each] >= Level.HOLD)  # not even by hand
 

@@ -61,7 +61,7 @@ class MotorBoardMonitor:
             applied: the commands before, during and after the request: requests and commands interleave.
         """
         self.health = health
-        conditions = [Condition.BOARD_FAULT] if health.faults and self._faulty else []
+        conditions = [Condition.MOTORS_FAILED] if health.faults and self._faulty else []
         self._faulty = bool(health.faults)
         disagrees = duties is not None and not _were_commanded(duties, applied)
         if disagrees and self.doubtful:

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from math import inf
 from typing import Final
 
-from wayfarer.safety.conditions import BOARD_FAILED, LEVELS, Condition, Level
+from wayfarer.safety.conditions import LEVELS, Condition, Level
 from wayfarer.safety.tick_interval import TickInterval
 
 LONG_HOLD_S: Final = 1.0  # nobody walks up to a rover that stops for less
@@ -61,7 +61,7 @@ class ResumeWarning:
         if self._stands_since_s is None:
             self._stands_since_s = interval.t_s - interval.dt_s
         self._free_since_s = None
-        if interval.t_s - self._stands_since_s > LONG_HOLD_S or not BOARD_FAILED.isdisjoint(conditions):
+        if interval.t_s - self._stands_since_s > LONG_HOLD_S or Condition.MOTORS_FAILED in conditions:
             self._due = True
 
     def _holds(self, conditions: Sequence[Condition]) -> bool:

@@ -145,7 +145,7 @@ def test_page_says_since_when_what_the_rover_does_and_until_when(model: PageMode
     log = shown(model)
     log.event("armed", 100.0, goal_heading_deg=0.0)
     for t_s in (100.0, 101.0, 105.0, 112.0):
-        level, cause = (Level.DEGRADE, Condition.MOTION_LOST) if t_s > 100.0 else (Level.WELL, None)
+        level, cause = (Level.DEGRADE, Condition.MOTION_UNKNOWN) if t_s > 100.0 else (Level.WELL, None)
         log.tick(tick(t_s, level=level, cause=cause))
     state = model.state()
     assert state["cause_for_s"] == 11.0
