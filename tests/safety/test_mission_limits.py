@@ -130,6 +130,43 @@ def test_first_fix_is_the_start_wherever_that_is() -> None:
     assert reason(under_test, STARTS_S + 20.0) is None
 
 
+@pytest.mark.parametrize("first_error_m", [40.0, None])
+def test_start_is_where_the_best_fix_puts_it_not_the_first(first_error_m: float | None) -> None:
+    """A receiver that starts is off by tens of metres: the mission ended 60 m too early, or went 60 m too far."""
+    for off_m in (60.0, -60.0):
+        under_test = mission()
+        under_test.position(fix(off_m)._replace(error_m=first_error_m))
+        for seconds in range(1, 200):  # a metre a second to the north
+            under_test.advance(1.0, 1.0, 0.0)
+            t_s = STARTS_S + seconds
+            under_test.position(fix(float(seconds), t_s))
+            ends = seconds >= 100.0 + FIXES_BEYOND - 1
+            assert (reason(under_test, t_s) == "mission_radius") is ends
+
+
+def test_late_fix_that_is_as_good_does_not_move_the_start() -> None:
+    """Dead reckoning is off by a share of the way, here by all of it: the wheels spin."""
+    under_test = mission()
+    under_test.position(fix(0.0))
+    for seconds in range(1, 150):
+        under_test.advance(1.0, 1.0, 0.0)
+        under_test.position(fix(0.0, STARTS_S + seconds))
+    assert reason(under_test, STARTS_S + 150.0) is None
+
+
+@pytest.mark.parametrize("error_m", [3.0, None, nan, -1.0])
+@pytest.mark.parametrize(("further_m", "ends"), [(5.0, False), (15.0, True)])
+def test_start_of_a_mission_whose_first_fix_comes_late_is_reckoned_back(
+    error_m: float | None, further_m: float, ends: bool
+) -> None:
+    under_test = mission()
+    under_test.advance(90.0, 90.0, 0.0)
+    under_test.position(fix(0.0)._replace(error_m=error_m))
+    for seconds in range(1, FIXES_BEYOND + 1):
+        under_test.position(fix(further_m, STARTS_S + seconds)._replace(error_m=error_m))
+    assert (reason(under_test, STARTS_S + FIXES_BEYOND) == "mission_radius") is ends
+
+
 def test_fresh_fix_at_home_counts_more_than_dead_reckoning_and_an_old_one_less() -> None:
     under_test = mission()
     under_test.advance(150.0, 150.0, 30.0)

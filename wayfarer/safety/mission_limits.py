@@ -17,6 +17,8 @@ from wayfarer.safety.settings import SafetySettings
 
 FIX_FRESH_S: Final = 3.0  # an older fix does not count (fault catalogue, fault 56)
 FIXES_BEYOND: Final = 5  # fixes in a row must be beyond the radius, so that a single jump does not end the mission
+# Dead reckoning may be off by this share of the way. Chosen by us.
+RECKONING_ERROR: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +41,8 @@ class Mission:
         self.travelled_m = 0.0
         self.north_m = self.east_m = 0.0
         self._home: PositionFix | None = None
+        self._home_north_m = self._home_east_m = 0.0  # of that fix, from the start, by dead reckoning
+        self._home_error_m = inf
         self._fix_t_s = -inf
         self._fixes_beyond = 0
 
@@ -54,7 +58,11 @@ class Mission:
         self._ends_s += for_s
 
     def position(self, fix: PositionFix) -> None:
-        """Take a fix; the first one is the start. Impossible fixes are ignored (fault catalogue, fault 8).
+        """Take a fix. Impossible fixes are ignored (fault catalogue, fault 8).
+
+        The start is worked out backwards from the fix that tells it best: a receiver that has just been switched on is
+        off by tens of metres, and says so. A fix tells the start as well as its own error and the dead reckoning since
+        the start allow; the first counts until there is a better one.
 
         A fix that is read several times, because the receiver is slower than the reading, counts once.
         """
@@ -62,10 +70,16 @@ class Mission:
             return
         if fix.t_s == self._fix_t_s:
             return
-        if self._home is None:
-            self._home = fix
+        error_m = fix.error_m if fix.error_m is not None and fix.error_m >= 0.0 else inf
+        error_m += RECKONING_ERROR * self.travelled_m
+        home = self._home
+        if home is None or error_m < self._home_error_m:
+            home = self._home = fix
+            self._home_north_m, self._home_east_m, self._home_error_m = self.north_m, self.east_m, error_m
         self._fix_t_s = fix.t_s
-        self._fixes_beyond = self._fixes_beyond + 1 if hypot(*offset_m(self._home, fix)) >= self._radius_m else 0
+        north_m, east_m = offset_m(home, fix)
+        away_m = hypot(self._home_north_m + north_m, self._home_east_m + east_m)
+        self._fixes_beyond = self._fixes_beyond + 1 if away_m >= self._radius_m else 0
 
     def end(self, t_s: float) -> RunEnd | None:
         """Return the limit that is reached, or None."""
