@@ -52,6 +52,21 @@ def test_changes_of_phase_and_anomalies_are_told_with_their_place() -> None:
     assert (fold.state.anomalies, fold.state.recoveries) == ({"immobilised": 1, "nose_up": 1}, 1)
 
 
+@pytest.mark.parametrize(("quality_min", "doubtful"), [(0.3, 0), (0.5, 1)])
+def test_reading_counts_if_its_quality_is_what_the_rover_file_asks_for(quality_min: float, doubtful: int) -> None:
+    """There was a copy of the default: a rover with another ``quality_min`` had another path in its report."""
+    config = HEADER["config"] | {"detector": {"quality_min": quality_min}}
+    fold = RunFold()
+    for each in [
+        HEADER | {"config": config},
+        tick(0.0),
+        tick(0.05, motion={"t_s": 100.05, "forward_m": 0.0, "right_m": 0.0, "quality": 0.4}),
+    ]:
+        list(fold.take(each))
+    assert fold.state.sensors["motion"].doubtful == doubtful
+    assert fold.state.path_m == pytest.approx(0.025 * doubtful), "the wheels count, or the sensor that sees no motion"
+
+
 def test_missing_records_are_told_once_and_break_what_they_are_between() -> None:
     whole = numbered([*drive(0.0, 2.0)])
     told, fold = folded(*whole[:5], *whole[9:12])

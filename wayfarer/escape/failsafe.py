@@ -13,11 +13,11 @@ from typing import Final
 from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, Observation, Phase
 from wayfarer.escape.settings import Vehicle
 from wayfarer.hal import STOP
+from wayfarer.safety.settings import SafetySettings
 from wayfarer.setting_ranges import Metres, Seconds
 
-# A longer time between two calls counts as this, because what the wheels did in it is unknown; as
-# ``SafetySettings.tick_late_s``.
-GAP_MAX_S: Final = 0.2
+# A longer time between two calls counts as this, because what the wheels did in it is unknown.
+GAP_MAX_S: Final = SafetySettings().tick_late_s
 NO_HEADING: Final = Decision(STOP, Phase.HALT, "no_heading")
 
 _STUCK: Final = (Anomaly.IMMOBILISED,)
