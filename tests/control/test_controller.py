@@ -244,7 +244,7 @@ async def test_motors_that_do_not_answer_latch_a_fault_and_disarm_a_rover_among_
     bench.motors.error = NotResponding("bench motors: no answer")
     await bench.tick()
     assert bench.log.ticks[-1].applied == STOP
-    assert bench.log.named("motors_failed") == [{"error": "bench motors: no answer"}]
+    assert bench.log.named("motors_failed") == [{"error": "bench motors: no answer", "lost": None}]
     assert bench.motors.halts == 1, "a command that hangs in the wire may still get through: a stop is right behind it"
     await bench.tick(40)
     assert len(bench.log.named("motors_failed")) == len(bench.log.named("disarmed")) == 1, "told once"

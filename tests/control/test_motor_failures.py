@@ -10,6 +10,7 @@ from wayfarer.control.controller import Mode
 from wayfarer.errors import NotResponding, PowerLost
 from wayfarer.hal import STOP, MotionReading
 from wayfarer.safety.conditions import Condition, Level
+from wayfarer.safety.power import DIPS
 
 WARNING_TICKS = 20  # 1 s, and the light blinks
 FAILED = (Level.HOLD, Condition.MOTORS_FAILED)
@@ -26,7 +27,7 @@ async def failed(bench: Bench, ticks: int = 1) -> Bench:
 
 async def test_board_that_answers_again_turns_no_wheel_before_it_was_opened() -> None:
     bench = await failed(await Bench().armed())
-    assert bench.log.named("motors_failed") == [{"error": "bench motors: no answer"}]
+    assert bench.log.named("motors_failed") == [{"error": "bench motors: no answer", "lost": None}]
     assert bench.motors.halts == 1, "a command that hangs in the wire may still get through: a stop is right behind it"
     await bench.tick(200)
     assert set(bench.motors.commands[-200:]) == {STOP}
@@ -47,6 +48,26 @@ async def test_board_that_was_opened_again_drives_after_the_warning(error: NotRe
     assert (set(bench.motors.commands[-WARNING_TICKS:]), bench.health) == ({STOP}, WARNS)
     await bench.tick(2)
     assert (bench.wheels, bench.health) == (AHEAD, (Level.WELL, None))
+
+
+@pytest.mark.parametrize("losses", [DIPS - 1, DIPS])
+@pytest.mark.parametrize("error", [NotResponding("bench motors: no answer"), PowerLost("bench motors")])
+async def test_board_that_loses_its_power_again_and_again_is_a_supply_that_dips(
+    error: NotResponding | PowerLost, losses: int
+) -> None:
+    """It hangs on the battery of the computer, whose own supply may have shown nothing."""
+    bench = await Bench().armed()
+    for _ in range(losses):
+        bench.motors.error = error
+        await bench.tick(5)
+        bench.motors.error = None
+        bench.controller.motors_opened(bench.t_s)
+        await bench.tick(WARNING_TICKS + 5)
+    dips = isinstance(error, PowerLost) and losses >= DIPS
+    assert (Condition.POWER_UNSTABLE in bench.controller.conditions) is dips
+    assert abs(bench.wheels.left) <= (0.5 if dips else 1.0)
+    lost = "power" if isinstance(error, PowerLost) else None
+    assert [told["lost"] for told in bench.log.named("motors_failed")] == [lost] * losses
 
 
 async def test_warning_follows_also_where_the_board_was_opened_at_once() -> None:

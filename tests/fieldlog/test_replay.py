@@ -23,7 +23,7 @@ from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.control.controller import Controller, Mode
 from wayfarer.control.run_log import Tee
 from wayfarer.control.supervisor import Supervisor
-from wayfarer.errors import BadInput, NotResponding
+from wayfarer.errors import BadInput, NotResponding, PowerLost
 from wayfarer.escape.catalogue import BUILT_IN, CATALOGUE
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.live_rover import live_rover_setup
@@ -36,7 +36,7 @@ from wayfarer.fieldlog.replay import Replay, replay
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import MotorHealth, Rover, WheelCommand
 from wayfarer.safety.manual import LEASE_S, ManualSample
-from wayfarer.safety.power import DIPS_S
+from wayfarer.safety.power import DIPS, DIPS_S
 from wayfarer.safety.settings import BoardSettings
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.views.text.summary import summarise
@@ -268,7 +268,7 @@ class Trouble:
 
         async def wrapped(*args: Any) -> Any:
             if name in self.failing:
-                raise NotResponding(f"{name}: no answer")
+                raise PowerLost(name) if "power" in self.failing else NotResponding(f"{name}: no answer")
             if name == "motors":
                 await asyncio.sleep(0.02)  # a bus takes its time, and people come meanwhile
             if name == "board" and self.health is not None:
@@ -353,6 +353,12 @@ async def eventful_run(folder: Path, config: RoverConfig) -> None:
     await asyncio.sleep(config.safety.start_delay_s + 4.0)
     await fails("motors", 0.2)
     await asyncio.sleep(5.0)  # it is opened again, warns, and drives on
+    trouble.failing.add("power")
+    for _ in range(DIPS):
+        await fails("motors", 0.2)
+        await asyncio.sleep(8.0)
+    trouble.failing.discard("power")
+    await asyncio.sleep(DIPS_S)
     assert not controller.waits_for_motors
     trouble.health = MotorHealth(12.0, ("motor A: drive fault",))
     await asyncio.sleep(4.0)
@@ -395,7 +401,7 @@ def test_run_with_holds_failures_and_people_agrees(eventful: Path) -> None:
     assert (named.count("manual"), named.count("manual_ended")) == (3, 2)
     by_hand = [tick for tick in ticks(eventful) if tick["phase"] == "manual"]
     assert {tick["applied_right"] < 0.0 for tick in by_hand} == {True, False}
-    assert (named.count("motors_failed"), named.count("motors_opened")) == (1, 2)
+    assert (named.count("motors_failed"), named.count("motors_opened")) == (1 + DIPS, 2 + DIPS)
 
 
 def test_drive_that_went_unheard_is_part_of_what_is_replayed(eventful: Path, tmp_path: Path) -> None:
@@ -405,6 +411,14 @@ def test_drive_that_went_unheard_is_part_of_what_is_replayed(eventful: Path, tmp
     found = replay(run).difference
     assert found is not None
     assert (found.key, found.logged, found.today) == ("level", "hold", "well")
+
+
+def test_power_that_the_board_lost_is_part_of_what_is_replayed(eventful: Path, tmp_path: Path) -> None:
+    run = Path(copytree(eventful, tmp_path / "run"))
+    rewrite(run, lambda record: record | {"lost": None} if record.get("lost") else record)
+    found = replay(run).difference
+    assert found is not None
+    assert (found.key, found.logged, found.today) == ("level", "degrade", "well")
 
 
 def test_what_a_person_wanted_is_part_of_what_is_replayed(eventful: Path, tmp_path: Path) -> None:

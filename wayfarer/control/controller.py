@@ -82,7 +82,9 @@ class Controller:
         *,
         goes_on: bool = False,
     ) -> None:
-        self.wheels = Wheels(motors, config.safety.tick_late_s, clock, log)
+        self.power_reports = PowerReports(config.board, log)
+        self.board = self.power_reports.board
+        self.wheels = Wheels(motors, config.safety.tick_late_s, clock, log, self.power_reports.supply)
         self._buffers = buffers
         self._safety = config.safety
         self._late_s = config.safety.tick_late_s
@@ -100,8 +102,6 @@ class Controller:
         self._speed_m_s = config.manual.speed_m_s or config.escape.cruise_m_s
         self._turn_rad_s = radians(config.manual.turn_deg_s or config.escape.turn_deg_s)
         self._vehicle = config.vehicle
-        self.power_reports = PowerReports(config.board, log)
-        self.board = self.power_reports.board
         self.mode = Mode.DISARMED
         self.end: RunEnd | None = None
         self.last: TickRecord | None = None

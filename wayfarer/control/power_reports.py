@@ -21,7 +21,7 @@ class PowerReports:
 
     def __init__(self, settings: BoardSettings, log: RunLog) -> None:
         self.board = MotorBoardMonitor(settings)
-        self._power = SupplyMonitor()
+        self.supply = SupplyMonitor()
         self._log = log
         self._pending: list[Callable[[], None]] = []
         # The commands of the last three ticks: the board may have been asked during any of them.
@@ -50,11 +50,11 @@ class PowerReports:
             reports, self._pending = self._pending, []
             for report in reports:
                 report()
-        return bool(self.board.conditions) or self._power.noticed
+        return bool(self.board.conditions) or self.supply.noticed
 
     def conditions(self, t_s: float) -> tuple[Condition, ...]:
         """Return the conditions at ``t_s``."""
-        return self.board.conditions + self._power.conditions(t_s)
+        return self.board.conditions + self.supply.conditions(t_s)
 
     def _judge_board(self, t_s: float, health: MotorHealth, duties: WheelCommand | None) -> None:
         self.board.update(t_s, health, duties, self._applied)
@@ -66,7 +66,7 @@ class PowerReports:
         self.board.silent()
 
     def _judge_power(self, t_s: float, flags: int | None) -> None:
-        before, now = self._power.flags or 0, flags or 0
-        self._power.update(t_s, flags)
+        before, now = self.supply.flags or 0, flags or 0
+        self.supply.update(t_s, flags)
         if now != before:
             self._log.event("power", t_s, flags=f"{now:#x}", text=meaning(now))

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from typing import Final, Protocol
 
 from wayfarer.control.run_log import RunLog
-from wayfarer.errors import BadReading, DriverError
+from wayfarer.errors import BadReading, DriverError, PowerLost
 from wayfarer.hal import STOP, WheelCommand
+from wayfarer.safety.power import SupplyMonitor
 
 # A stop that the board did not acknowledge may not have reached it. Its deadman stops the wheels after 0.3 s at most
 # (as shipped); 0.5 s later motion has been seen to be over (fault catalogue, fault 30), by a camera 0.2 s after that.
@@ -35,10 +36,14 @@ class Wheels:
         late_s: the age of a tick beyond which its command is a stop.
         clock: the time of now, on the clock of the ticks.
         log: takes the first failure.
+        supply: counts how often the motor board lost its power.
     """
 
-    def __init__(self, motors: WheelMotors, late_s: float, clock: Callable[[], float], log: RunLog) -> None:
+    def __init__(
+        self, motors: WheelMotors, late_s: float, clock: Callable[[], float], log: RunLog, supply: SupplyMonitor
+    ) -> None:
         self._motors = motors
+        self._supply = supply
         self._late_s = late_s
         self._clock = clock
         self._log = log
@@ -62,20 +67,22 @@ class Wheels:
         try:
             return _checked(await self._motors.drive(command))
         except DriverError as error:
-            self._lose(t_s, error)
+            self.lose(t_s, str(error), "power" if isinstance(error, PowerLost) else None)
             return STOP
 
-    def _lose(self, t_s: float, error: DriverError) -> None:
+    def lose(self, t_s: float, error: str, lost: str | None = None) -> None:
         """Hold the wheels until the board was opened again: without an acknowledgement their state is unknown.
 
         The board's deadman stops them. A command that waits on the bus may still reach the board, so a stop is sent
-        directly after it.
+        directly after it. ``lost`` is ``power`` if the board lost its power.
         """
         self._motors.halt()
         self.failures += 1
         if not self.failed:
             self.unheard_until_s = t_s + UNHEARD_S
-            self._log.event("motors_failed", t_s, error=str(error))
+            self._log.event("motors_failed", t_s, error=error, lost=lost)
+            if lost == "power":
+                self._supply.dip(t_s)
         self.failed = True
 
 

@@ -24,7 +24,7 @@ from wayfarer.control.controller import Controller, Mode
 from wayfarer.control.latest import SensorBuffers
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.supervisor import make_detector, needs_of
-from wayfarer.errors import BadInput, DriverError
+from wayfarer.errors import BadInput, DriverError, PowerLost
 from wayfarer.fieldlog.clock import seconds_since
 from wayfarer.fieldlog.log import tick_fields
 from wayfarer.fieldlog.reader import RunReader
@@ -182,7 +182,7 @@ class Rerun:
         elif name == "power":
             controller.power(t_s, int(record["flags"], 16))
         elif name == "motors_failed":
-            self._motors.fails = True
+            self._motors.failure = PowerLost("as logged") if record.get("lost") == "power" else DriverError("as logged")
         elif name == "motors_opened":
             controller.motors_opened(t_s)
 
@@ -199,13 +199,13 @@ class LoggedMotors:
 
     def __init__(self) -> None:
         self.applied = STOP
-        self.fails = False
+        self.failure: DriverError | None = None
 
     async def drive(self, _command: WheelCommand) -> WheelCommand:
         """Return what was applied at this tick, or fail as it failed then."""
-        if self.fails:
-            self.fails = False
-            raise DriverError("as logged")
+        if self.failure is not None:
+            failure, self.failure = self.failure, None
+            raise failure
         return self.applied
 
     def halt(self) -> None:

@@ -144,6 +144,7 @@ class Noted(RunEvent):
     deleted_mb: Annotated[float, schema.Values(schema.NUMBER, 0.0, 1e12)] = 0.0
     left_mb: Annotated[float, schema.Values(schema.NUMBER, 0.0, 1e12)] = 0.0
     driver: schema.Text = None
+    lost: schema.Text = None
 
     number: int = 0
 

@@ -7,7 +7,8 @@ A board that reports twice in a row other duties than it was commanded does not 
 30). Twice, because a stop may have been sent between command and report.
 
 A supply of the computer whose voltage drops when the motors start can reset it. So the rover continues with less duty
-while the voltage is too low, and holds for a while if it drops repeatedly.
+while the voltage is too low, and for a minute if it drops repeatedly. A motor board that loses its power for a moment
+hangs on the same battery: that is a drop as well.
 """
 
 from __future__ import annotations
@@ -86,9 +87,10 @@ def _were_commanded(duties: WheelCommand, applied: Sequence[WheelCommand]) -> bo
 
 
 class SupplyMonitor:
-    """Turns the firmware's flags into conditions; ``flags`` are the latest, None where the computer does not report it.
+    """Turns the firmware's flags, and losses of the motor board's power, into conditions.
 
-    ``noticed`` says whether the voltage has dropped so far: before that there is no condition.
+    ``flags`` are the latest, None if the computer does not report any. ``noticed`` says whether the voltage has dropped
+    so far: before that there is no condition.
     """
 
     def __init__(self) -> None:
@@ -100,11 +102,15 @@ class SupplyMonitor:
         """Take the flags as they are at ``t_s``."""
         was_low, self.flags = self._is_low, flags
         if self._is_low and not was_low:
-            self._dips_s.append(t_s)
-            self.noticed = True
+            self.dip(t_s)
+
+    def dip(self, t_s: float) -> None:
+        """Count a drop of the voltage at ``t_s``; the motor board's own counts here as well."""
+        self._dips_s.append(t_s)
+        self.noticed = True
 
     def conditions(self, t_s: float) -> tuple[Condition, ...]:
-        """Return the conditions at ``t_s``: less duty while the voltage is low, a hold while it drops too often."""
+        """Return the conditions at ``t_s``: less duty while it is low, and if it drops too often."""
         low = (Condition.UNDERVOLTAGE,) if self._is_low else ()
         return (*low, Condition.POWER_UNSTABLE) if t_s - self._dips_s[0] < DIPS_S else low
 
