@@ -104,7 +104,7 @@ def test_rover_that_cannot_sense_motion_escapes_unless_it_is_to_hold(monkeypatch
     among_people = replace(spec, rover=spec.rover.model_copy(update={"safety": safety}))
     stands = run_without("motion", among_people, monkeypatch)
     assert stands.outcome == "entrapped", "until its time is over"
-    assert stands.path_m == 0.0
+    assert stands.path_m < 0.5, "what it drives until the silence is one"
 
 
 @cache
