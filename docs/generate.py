@@ -1,10 +1,9 @@
 """Write the pages that the code knows best: ``python -m docs.generate``.
 
 Python from the public names, the command line from its help, rover files from the JSON Schema of their settings, the
-table of conditions from that of the code. What a key of a rover file means stands in the docstring below its field. The
-schema is in the package, beside the shipped rovers: editors read it there. All are committed, because people read them
-in the checkout too;
-``tests/docs/test_generated.py`` fails if one is old.
+table of conditions and the safety case from that of the code. What a key of a rover file means stands in the docstring
+below its field. The schema is in the package, beside the shipped rovers: editors read it there. All are committed,
+because people read them in the checkout too; ``tests/docs/test_generated.py`` fails if one is old.
 """
 
 from __future__ import annotations
@@ -26,16 +25,18 @@ import typer
 from pydantic import TypeAdapter
 
 import wayfarer
+from docs import safety_case
 from wayfarer import cli
 from wayfarer.config.registry import driver_names, find_driver
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.config.rover_path import SCHEMA
 from wayfarer.fieldlog.vocabulary import WORDS
 from wayfarer.fieldlog.wording import sentence
-from wayfarer.safety.conditions import HOLDING_LEVELS, MANUAL_LEVELS, TABLE, Condition
+from wayfarer.safety.conditions import TABLE, Condition
 
 FOLDER = Path(__file__).parent / "reference"
 STOPS = Path(__file__).parent / "explanation" / "what-stops-the-wheels.md"
+CASE = STOPS.with_name("safety-case.md")
 BOUNDS = {"minimum": "from", "exclusiveMinimum": "above", "maximum": "to", "exclusiveMaximum": "below"}
 WRITTEN_BY = "<!-- Written by `python -m docs.generate`: change the code instead. -->\n"
 
@@ -76,6 +77,7 @@ def pages() -> dict[Path, str]:
         FOLDER / "command-line.md": "\n".join([WRITTEN_BY, COMMAND_LINE, *map(_command_section, commands())]),
         FOLDER / "rover-file.md": "\n".join([WRITTEN_BY, ROVER_FILE, *_rover_sections(schema)]),
         SCHEMA: json.dumps(schema, indent=1, ensure_ascii=False) + "\n",
+        CASE: WRITTEN_BY + safety_case.page(),
         STOPS: _with_part(STOPS.read_text(encoding="utf-8"), "conditions", _condition_table()),
     }
 
@@ -97,15 +99,8 @@ def _condition_table() -> str:
 
 
 def _condition_cells(condition: Condition) -> Iterator[str]:
-    row, words = TABLE[condition], WORDS[condition]
-    people, by_hand = HOLDING_LEVELS[condition], MANUAL_LEVELS[condition]
-    yield f"`{condition.value}`"
-    yield (
-        f"S{row.level.value}"
-        + (f"; among people S{people.value}" if people is not row.level else "")
-        + (f"; by hand S{by_hand.value}" if by_hand is not row.level else "")
-    )
-    yield row.kind.value
+    words = WORDS[condition]
+    yield from (f"`{condition.value}`", safety_case.levels(condition), TABLE[condition].kind.value)
     yield from map(sentence, (words.what, words.does, words.ends_when))
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from docs.generate import FOLDER, STOPS, pages
+from docs.generate import CASE, FOLDER, STOPS, pages
 from wayfarer.config.rover_path import SCHEMA
 
 # What a number may be measured in: as the end of its key, or as words of its description.
@@ -25,11 +25,11 @@ def generated() -> dict[Path, str]:
     return pages()
 
 
-@pytest.mark.parametrize("name", ["python.md", "command-line.md", "rover-file.md", SCHEMA, STOPS])
+@pytest.mark.parametrize("name", ["python.md", "command-line.md", "rover-file.md", SCHEMA, STOPS, CASE])
 def test_page_is_as_the_code_says_now(generated: dict[Path, str], name: str | Path) -> None:
     path = FOLDER / name  # an absolute path stays what it is
     assert path.read_text(encoding="utf-8") == generated[path], "stale: python -m docs.generate"
-    assert len(generated) == 5
+    assert len(generated) == 6
 
 
 def settings(schema: dict[str, Any]) -> Iterator[tuple[str, str, dict[str, Any]]]:
