@@ -12,7 +12,7 @@ from wayfarer.escape.settings import Vehicle
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, Snapshot, WheelCommand
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.settings import SafetySettings
-from wayfarer.safety.tick_interval import IntervalTimer
+from wayfarer.safety.tick_interval import IntervalTimer, Moved
 
 MAX_SPEED_M_S = 1.0
 VEHICLE = Vehicle(length_m=0.4, width_m=0.4, track_m=0.5, max_speed_m_s=MAX_SPEED_M_S)
@@ -94,6 +94,15 @@ class Rover:
         """The heading that is believed."""
         assert self.detector.compass is not None
         return self.detector.compass.heading_deg
+
+
+def moved(commanded_m: float, forward_m: float | None, driven_s: float = TICK_S) -> Moved:
+    """Return what one reading shows of a straight way; ``forward_m`` None: nothing is known."""
+    each = Moved()
+    each.commanded_m, each.way_m, each.driven_s = commanded_m, abs(commanded_m), driven_s
+    if forward_m is not None:
+        each.see(forward_m, 0.0, signed=True)
+    return each
 
 
 def started(settings: DetectorSettings = SETTINGS, **watches: Any) -> Rover:

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.detector.rover import BACK, FULL, MAX_SPEED_M_S, PIVOT, VEHICLE
+from tests.detector.rover import BACK, FULL, MAX_SPEED_M_S, PIVOT, VEHICLE, moved
 from wayfarer.detector.ground import GradeCompensation
-from wayfarer.hal import STOP, MotionReading, WheelCommand
+from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.tick_interval import TickInterval
 
 PERIOD_S = 0.05
@@ -22,7 +22,7 @@ class Hill:
     """A rover on ground that rises ahead by ``pitch_deg``; gravity takes ``load * sin(pitch)`` of its duty."""
 
     def __init__(self, pitch_deg: float, load: float) -> None:
-        self.grade = GradeCompensation(VEHICLE, quality_min=0.3)
+        self.grade = GradeCompensation(VEHICLE)
         self.pitch_deg, self.takes = pitch_deg, load * sin(radians(pitch_deg))
         self.t_s = 0.0
         self._level = STOP
@@ -37,8 +37,7 @@ class Hill:
             self.t_s += PERIOD_S
             ahead_m = (self._level.left + self._level.right) / 2.0 * MAX_SPEED_M_S * PERIOD_S
             interval = TickInterval(self.t_s, self._level, PERIOD_S, PERIOD_S, ahead_m)
-            motion = MotionReading(self.t_s, speed_m_s * PERIOD_S, 0.0, 1.0, True)
-            self.grade.update(interval, motion, self.pitch_deg, free=free)
+            self.grade.update(interval, moved(ahead_m, speed_m_s * PERIOD_S, PERIOD_S), self.pitch_deg, free=free)
         return speed_m_s
 
 

@@ -11,12 +11,12 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from tests.detector.rover import BACK, FULL, PIVOT, SETTINGS, STEP_M, TICK_S, Detection, Rover
+from tests.detector.rover import BACK, FULL, PIVOT, SETTINGS, STEP_M, TICK_S, Detection, Rover, moved
 from wayfarer.detector.detector import DetectorTick
 from wayfarer.detector.ground import LEARN_M, LEVEL_DEG, SLOPE_MAX_DEG, TILTS, GroundSlope
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.escape.api import Anomaly
-from wayfarer.hal import STOP, CompassReading, MotionReading, WheelCommand
+from wayfarer.hal import STOP, CompassReading, WheelCommand
 from wayfarer.safety.conditions import Condition
 
 ARC = WheelCommand(1.0, 0.0)
@@ -242,12 +242,11 @@ def test_after_a_metre_without_sight_a_hillside_may_rise_to_any_side_until_groun
 
 
 def test_noise_on_level_ground_leaves_it_level() -> None:
-    ground, noise = GroundSlope(0.2), Random(1)
+    ground, noise = GroundSlope(), Random(1)
     for n in range(5000):
         t_s = n * 0.05
         reading = CompassReading(t_s, n % 360, noise.gauss(0.0, 3.0), noise.gauss(0.0, 3.0), None)
-        motion = MotionReading(t_s, 0.02, 0.0, 0.8)
-        ground.update(reading, motion, 0.02, moves=True, heading_known=True)
+        ground.update(reading, moved(0.02, 0.02), 0.02, moves=True, heading_known=True)
         assert ground.level
         assert ground.towards_deg(reading.heading_deg) == (0.0, 0.0, 0.0, 0.0)
 
@@ -256,12 +255,12 @@ def test_noise_on_level_ground_leaves_it_level() -> None:
 def test_estimate_is_bounded_and_changes_by_five_degrees_a_metre_at_most(
     attitudes: list[tuple[float, float, float]],
 ) -> None:
-    ground = GroundSlope(0.2)
+    ground = GroundSlope()
     ground.begin(CompassReading(0.0, 0.0, LEVEL_DEG, 0.0, None))
     for heading_deg, pitch_deg, roll_deg in attitudes:
         before_deg = ground.towards_deg(0.0)
         reading = CompassReading(0.0, heading_deg, pitch_deg, roll_deg, None)
-        ground.update(reading, MotionReading(0.0, 0.1, 0.0, 0.8), 0.1, moves=True, heading_known=True)
+        ground.update(reading, moved(0.1, 0.1), 0.1, moves=True, heading_known=True)
         after_deg = ground.towards_deg(0.0)
         assert max(after_deg) <= SLOPE_MAX_DEG + 1e-9
         if ground.level or not any(before_deg):

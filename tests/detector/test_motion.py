@@ -30,6 +30,15 @@ def test_silent_motion_sensor_is_stale_and_no_stall_is_claimed() -> None:
     assert rover.tick().conditions == ()
 
 
+@pytest.mark.parametrize("silent_ticks", [9, 16, 200])
+def test_sensor_that_begins_again_after_a_silence_does_not_call_a_rover_stuck_that_drives(silent_ticks: int) -> None:
+    """Its first reading has the way since it was opened again, not all that was commanded in the silence."""
+    rover = started()
+    rover.drive(8, moved_m=STEP_M)
+    rover.drive(silent_ticks, moved_m=None)
+    assert rover.drive(8, moved_m=STEP_M) == [False] * 8
+
+
 @pytest.mark.parametrize("gap_s", [0.3, 1.5, 3.0, 20.0, 60.0])
 @pytest.mark.parametrize("stood_after_s", [0.2, 0.25, 0.3])
 def test_rover_that_the_deadman_stopped_in_a_gap_without_ticks_is_not_immobilised(
@@ -88,8 +97,8 @@ def test_impossible_speed_is_implausible(speed_m_s: float, implausible: bool) ->
 def test_nobody_is_given_an_impossible_reading_to_believe(forward_m: float, quality: float) -> None:
     rover = started()
     rover.tick(FULL, forward_m, quality=quality)
-    assert rover.detector.motion is not None
-    assert rover.detector.motion[1:4] == (0.0, 0.0, 0.0)
+    assert (moved := rover.detector.moved) is not None
+    assert (moved.known, moved.forward_m, moved.right_m) == (False, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("late_s", [1.0, -0.5, nan])
@@ -99,7 +108,7 @@ def test_reading_of_an_impossible_time_is_given_to_nobody(late_s: float) -> None
     rover.tick(FULL, STEP_M)
     t_s = rover.t_s + TICK_S
     rover.sees(Snapshot(t_s, rover.compass, MotionReading(t_s + late_s, 300.0, 0.0, 0.8), None), FULL)
-    assert rover.detector.motion is None
+    assert rover.detector.moved is None
 
 
 def test_impossible_speed_is_no_evidence_of_motion() -> None:
@@ -162,7 +171,7 @@ def test_sensor_that_sees_no_direction_says_the_same_as_one_that_does(
             found = {
                 signed: (
                     rover.tick(wheels, ahead_m if signed else abs(ahead_m), signed=signed, pitch_deg=pitch_deg),
-                    rover.detector.motion and rover.detector.motion.forward_m,
+                    rover.detector.moved and rover.detector.moved.forward_m,
                     rover.detector.grade.compensate(CREEP),
                 )
                 for signed, rover in rovers.items()
@@ -229,8 +238,8 @@ def test_body_that_stops_twice_at_something_is_believed() -> None:
         rover.drive(20, moved_m=STEP_M)
         rover.drive(3)
     rover.drive(3, moved_m=STEP_M)
-    assert rover.detector.motion is not None
-    assert rover.detector.motion.quality == 1.0
+    assert rover.detector.moved is not None
+    assert rover.detector.moved.known
 
 
 def test_wheels_that_stand_begin_no_doubt_of_equal_readings() -> None:
@@ -269,8 +278,8 @@ def test_zeros_are_doubted_once_a_rover_that_they_call_stuck_both_ways_has_turne
     turned(rover, 30.0)
     assert rover.drive(20, heading_deg=30.0) == [False] * 20
     assert Condition.MOTION_UNKNOWN in rover.tick(FULL, heading_deg=30.0).conditions
-    assert rover.detector.motion is not None
-    assert rover.detector.motion.quality == 0.0
+    assert rover.detector.moved is not None
+    assert not rover.detector.moved.known
 
 
 def test_zeros_of_a_rover_that_cannot_turn_are_believed() -> None:

@@ -25,7 +25,6 @@ from wayfarer.control.run_log import RunLog
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.control.wheels import WheelMotors, Wheels
 from wayfarer.detector import Detector
-from wayfarer.detector.motion import Odometer
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase
 from wayfarer.escape.recovery import Recovery
 from wayfarer.hal import STOP, PositionFix, WheelCommand
@@ -96,8 +95,7 @@ class Controller:
         self._gate = Gate(config.safety, config.control_hz)
         self.levels = self._gate.levels
         self._resume_warning = ResumeWarning(config.safety.resume_warning_s, self.levels)
-        self._odometer = Odometer(config.detector.quality_min)
-        self._recovery = Recovery(config.progress, config.detector.quality_min)
+        self._recovery = Recovery(config.progress)
         self.manual = ManualControl(config.manual)
         self._speed_m_s = config.manual.speed_m_s or config.escape.cruise_m_s
         self._turn_rad_s = radians(config.manual.turn_deg_s or config.escape.turn_deg_s)
@@ -223,7 +221,7 @@ class Controller:
         self._buffers.read(tick)
         self._travelled_m += abs(tick.forward_m)
         self._detector.update(tick, armed=mission is not None)
-        ahead_m, right_m = self._odometer.update(tick, self._detector.motion)
+        odometer = self._detector.odometer
         self._add_conditions(tick)
         conditions = self.conditions = tick.conditions
         if conditions and not UNCOMMANDED.isdisjoint(conditions):
@@ -232,9 +230,8 @@ class Controller:
             self._continue_arming(tick, self._arming)
         manual = self.mode is _MANUAL
         if mission is not None and (compass := self._detector.compass) is not None:
-            if not BLIND.isdisjoint(conditions):
-                ahead_m *= UNSEEN_SHARE
-            mission.advance(0.0 if manual else tick.forward_m, ahead_m, compass.heading_deg, right_m)
+            ahead_m = odometer.ahead_m * (1.0 if BLIND.isdisjoint(conditions) else UNSEEN_SHARE)
+            mission.advance(0.0 if manual else tick.forward_m, ahead_m, compass.heading_deg, odometer.right_m)
         observation = tick.observation = self._observe(tick)
         may_drive = manual or self.mode is _ARMED
         wanted = self._wanted_by_hand if manual else self._wanted_wheels
@@ -294,7 +291,7 @@ class Controller:
         mission = self.mission
         if mission is not None and armed:
             tick.conditions = self._recovery.judge(
-                tick, tick.conditions, self._detector.motion, mission.north_m, mission.east_m,
+                tick, tick.conditions, self._detector.moved, mission.north_m, mission.east_m,
                 anomalous=bool(tick.anomalies),
             )  # fmt: skip
             if self._recovery.restarts:
@@ -331,7 +328,7 @@ class Controller:
             self._detector.contact,
             self.goal_heading_deg,
             self._travelled_m,
-            self._odometer.covered_m,
+            self._detector.odometer.covered_m,
             tick.commanded,
         )
 

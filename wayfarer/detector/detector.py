@@ -13,7 +13,7 @@ from wayfarer.escape.api import Anomaly
 from wayfarer.escape.settings import Vehicle
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, Snapshot
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.tick_interval import Debounce, TickInterval
+from wayfarer.safety.tick_interval import Debounce, Moved, TickInterval
 
 
 class DetectorTick(TickInterval):
@@ -43,10 +43,10 @@ class Detector:
     anomaly; then silence is a condition as well. ``may_reckon`` says whether a mission goes on without a compass
     (``HeadingEstimator``).
 
-    ``grade`` compensates the ground's slope in the duties.
+    ``grade`` compensates the ground's slope in the duties, ``odometer`` measures the way.
 
-    ``compass`` and ``contact`` are the newest plausible readings, None before the first; ``motion`` is what may be
-    believed of this tick's reading, None where there is none. Decisions use no others.
+    ``compass`` and ``contact`` are the newest plausible readings, None before the first; ``moved`` is what this tick's
+    motion reading shows, None if there is none. Decisions use no others.
     """
 
     def __init__(
@@ -67,13 +67,14 @@ class Detector:
         self._motion = MotionMonitor(settings, vehicle, watched=watches_motion)
         self._needs_contact = needs_contact or watches_contact
         self._contact = ContactMonitor(settings, touch_counts=watches_contact, needed=self._needs_contact)
-        self._ground = GroundSlope(settings.quality_min)
+        self._ground = GroundSlope()
         self._tilt = TiltMonitor(settings, self._ground)
-        self.grade = GradeCompensation(vehicle, settings.quality_min)
+        self.grade = GradeCompensation(vehicle)
         self._turns = TurnabilityMonitor(settings, duty_max)
         self._started = False
         self.compass: CompassReading | None = None
-        self.motion: MotionReading | None = None
+        self.moved: Moved | None = None
+        self.odometer = self._motion.odometer
         self.contact: ContactReading | None = None
 
     def update(self, tick: DetectorTick, *, armed: bool = False) -> None:
@@ -93,15 +94,15 @@ class Detector:
             rises_deg, falls_deg, _, _ = self._ground.towards_deg(believed.heading_deg)
             self._motion.runaway.stands_at(0.0 if doubtful else believed.pitch_deg, falls_deg, rises_deg)
         self._motion.update(tick, gained_deg - before_deg, tick.motion, conditions)
-        self.motion = self._motion.reading
+        self.moved = moved = self._motion.moved
         anomalies = [Anomaly.IMMOBILISED] if self._motion.stall.found or self._motion.stride_over else []
         self.compass = believed = self._heading.reading
         if believed is not None:
             self._tilt.update(t_s, believed, anomalies, conditions)
             moves = self._motion.moves
-            self._ground.update(believed, self.motion, tick.forward_m, moves=moves, heading_known=not doubtful)
+            self._ground.update(believed, moved, tick.forward_m, moves=moves, heading_known=not doubtful)
             pitch_deg = self._ground.pitch_deg(believed.heading_deg)
-            self.grade.update(tick, self.motion, pitch_deg, free=moves and not anomalies)
+            self.grade.update(tick, moved, pitch_deg, free=moves and not anomalies)
         if contact is not None or self._needs_contact:
             self._contact.update(t_s, contact, anomalies, conditions)
             self.contact = self._contact.reading

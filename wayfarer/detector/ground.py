@@ -20,9 +20,9 @@ from wayfarer.clamp import clamp
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.escape.api import Anomaly
 from wayfarer.escape.settings import Vehicle
-from wayfarer.hal import STOP, CompassReading, MotionReading, WheelCommand
+from wayfarer.hal import STOP, CompassReading, WheelCommand
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.tick_interval import Debounce, TickInterval
+from wayfarer.safety.tick_interval import Debounce, Moved, TickInterval
 
 # After so much driving, the estimate has taken over 63 % of a change. Many times the 0.2 m that a nose needs to rise
 # (docs/explanation/scenarios.md, "Before it tips": 0.3 s at 1 m/s), and less than a hillside is long. Chosen by us.
@@ -42,15 +42,11 @@ class GroundSlope:
     """Estimates how many degrees the ground rises to the north and to the east: a vector that no turn changes.
 
     For angles up to ``SLOPE_MAX_DEG`` angles are added like a vector's parts; the error is below a degree.
-
-    Args:
-        quality_min: the lowest quality of a motion reading that is used, 0 to 1.
     """
 
-    def __init__(self, quality_min: float) -> None:
-        self._quality_min = quality_min
+    def __init__(self) -> None:
         self._north_deg = self._east_deg = 0.0
-        self._driven_m = self._unseen_m = 0.0
+        self._unseen_m = 0.0  # driven since the slope was sure
         self._size_deg = 0.0
         self._heading_known = True
 
@@ -61,13 +57,13 @@ class GroundSlope:
 
     def begin(self, believed: CompassReading) -> None:
         """Take the attitude of a body that stands where a person has put it down, up to ``SLOPE_MAX_DEG``."""
-        self._driven_m = self._unseen_m = 0.0
+        self._unseen_m = 0.0
         self._set(*_turned(believed.pitch_deg, believed.roll_deg, believed.heading_deg))
 
     def update(
         self,
         believed: CompassReading,
-        motion: MotionReading | None,
+        moved: Moved | None,
         driven_m: float,
         *,
         moves: bool,
@@ -77,25 +73,23 @@ class GroundSlope:
 
         Args:
             believed: heading and attitude that decisions use.
-            motion: what may be believed of the motion sensor's new reading, None where there is none.
+            moved: what the motion sensor's new reading shows, None if there is none.
             driven_m: metres commanded ahead since the last tick, negative in reverse.
             moves: whether the motion sensor sees the body move.
             heading_known: whether the heading is the compass's, without a doubt.
         """
         self._heading_known = heading_known
-        self._driven_m += abs(driven_m)
-        if motion is None:
+        self._unseen_m += abs(driven_m)
+        if moved is None or not moved.known or not heading_known:
             return
-        driven_m, self._driven_m = self._driven_m, 0.0
-        if not heading_known or motion.quality < self._quality_min:
-            self._unseen_m += driven_m
-        elif moves and driven_m:
-            self._learn(believed, driven_m)
+        self._unseen_m = max(0.0, self._unseen_m - moved.way_m)
+        if moves and moved.way_m:
+            self._learn(believed, moved.way_m)
 
     def towards_deg(self, heading_deg: float) -> tuple[float, float, float, float]:
         """Return how far the ground tilts a body with this heading: nose up, nose down, right down, left down.
 
-        Where heading or place is not known, the ground may tilt it by the whole slope to any side.
+        If heading or place is not known, the ground may tilt it by the whole slope to any side.
         """
         if self.level:
             return 0.0, 0.0, 0.0, 0.0
@@ -112,7 +106,7 @@ class GroundSlope:
 
     @property
     def _known(self) -> bool:
-        return self._heading_known and self._unseen_m + self._driven_m <= UNSEEN_M
+        return self._heading_known and self._unseen_m <= UNSEEN_M
 
     def _learn(self, believed: CompassReading, driven_m: float) -> None:
         """Come nearer to the attitude, by a share for this distance."""
@@ -251,26 +245,25 @@ class GradeCompensation:
 
     Args:
         vehicle: gives the ground speed at full duty.
-        quality_min: the lowest quality of a motion reading that is used, 0 to 1.
     """
 
-    def __init__(self, vehicle: Vehicle, quality_min: float) -> None:
+    def __init__(self, vehicle: Vehicle) -> None:
         self._max_speed_m_s = vehicle.max_speed_m_s
-        self._quality_min = quality_min
         self._drives, self._pivots = Load(), Load()
         self._rise = 0.0
         self._added = 0.0  # duty that this decision got against the slope
         self._uncompensated = 0.0  # what it lacks for all of the slope: positive downhill, where the slope drives
         self._way = 0  # 1 ahead, -1 back, 0 a turn on the spot
-        self._forward_m = self._steady_s = self._read_s = 0.0
+        self._steady_s = 0.0
+        self._uncompensated_m = 0.0  # how far the slope that is not compensated drives the body, since the last reading
 
-    def update(self, interval: TickInterval, motion: MotionReading | None, pitch_deg: float, *, free: bool) -> None:
+    def update(self, interval: TickInterval, moved: Moved | None, pitch_deg: float, *, free: bool) -> None:
         """Take in a tick.
 
         Args:
             interval: the wheel commands before it, as ``level`` gave them.
-            motion: what may be believed of the motion sensor's new reading, None where there is none.
-            pitch_deg: the ground's slope ahead, positive uphill; 0 where it is level or not known.
+            moved: what the motion sensor's new reading shows, None if there is none.
+            pitch_deg: the ground's slope ahead, positive uphill; 0 if it is level or not known.
             free: whether the body moves, and nothing seems to hold it.
         """
         uncompensated, self._added, self._uncompensated = self._uncompensated, 0.0, 0.0
@@ -279,16 +272,14 @@ class GradeCompensation:
         way = 0 if left * right < 0.0 else 1 if left + right > 0.0 else -1
         self._steady_s = self._steady_s + interval.driven_s if way == self._way and free else 0.0
         self._way = way
-        self._forward_m += interval.forward_m + uncompensated * self._max_speed_m_s * interval.driven_s
-        self._read_s += interval.driven_s
-        if motion is None:
+        self._uncompensated_m += uncompensated * self._max_speed_m_s * interval.driven_s
+        if moved is None:
             return
-        missed_m, driven_s = self._forward_m - motion.forward_m, self._read_s
-        self._forward_m = self._read_s = 0.0
-        if self._steady_s >= STEADY_S and abs(pitch_deg) >= LEARN_FROM_DEG and motion.quality >= self._quality_min:
-            moved_m = abs(motion.forward_m)
-            missed = missed_m / (driven_s * self._max_speed_m_s)
-            self._load(left, right).learn(missed, self._rise, moved_m)
+        missed_m = moved.commanded_m + self._uncompensated_m - moved.forward_m
+        self._uncompensated_m = 0.0
+        if self._steady_s >= STEADY_S and abs(pitch_deg) >= LEARN_FROM_DEG and moved.known and moved.driven_s > 0.0:
+            missed = missed_m / (moved.driven_s * self._max_speed_m_s)
+            self._load(left, right).learn(missed, self._rise, abs(moved.forward_m))
 
     def compensate(self, wheels: WheelCommand) -> WheelCommand:
         """Return the duties that drive the body on this slope as ``wheels`` would on level ground; turning comes first.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import hypot, inf, radians
+from math import inf, radians
 from typing import Final
 
 from wayfarer.detector.runaway import RunawayMonitor
@@ -12,30 +12,27 @@ from wayfarer.detector.turning import SteeringMonitor
 from wayfarer.escape.settings import Vehicle
 from wayfarer.hal import MotionReading
 from wayfarer.safety.conditions import BLIND, Condition
-from wayfarer.safety.tick_interval import TickInterval
+from wayfarer.safety.tick_interval import Moved, TickInterval
 
-# A reading counts for at most this share of the commanded distance of this or the previous reading (a rover may roll
-# on). A tenth is for noise.
-MOST_SHARE: Final = 1.1
 # Of ``blind_stride_m``, for a rover that knows neither motion nor tilt, and for one whose motion sensor lies: at least
 # two body lengths, so that it gets around a trunk. Chosen by us.
 SHORT_SHARE: Final = 0.3
 
 
 class MotionMonitor:
-    """Passes plausible readings to ``stall`` and ``runaway``, and measures how long there was none.
+    """Judges each reading once: ``moved`` is what this tick's reading shows, None if there is none.
+
+    A reading is not ``known`` if its quality is low, if it cannot be, or if it is doubted (``ZeroDoubt``,
+    ``ReadingDoubt``). Nor is anything while the sensor is silent: motion that nobody saw is unknown, not zero.
 
     ``watched`` says whether silence is a condition; ``moves`` is whether the newest reading shows that the rover
-    moves. ``reading`` is what may be believed of this tick's reading: its quality is 0 where its zeros are doubted
-    (see below), and while the sensor is silent, because motion that nobody saw is unknown, not zero. A
-    sensor that sees no direction counts as seeing that of the wheels, here and for all who take ``reading``.
-    ``stride_over`` says that a rover that sees nothing has driven ahead for ``blind_stride_m``, and may have been
-    stuck for all of it, or that something holds it, because its heading does not answer steering.
+    moves. ``stride_over`` says that a rover that sees nothing has driven ahead for ``blind_stride_m``, and may have
+    been stuck for all of it, or that something holds it, because its heading does not answer steering.
     """
 
     def __init__(self, settings: DetectorSettings, vehicle: Vehicle, *, watched: bool) -> None:
         self._settings = settings
-        self._half_speed_m_s = vehicle.max_speed_m_s / 2
+        self._max_speed_m_s = vehicle.max_speed_m_s
         self._m_per_deg = radians(vehicle.track_m / 2)
         self._watched = watched
         self._stale_s = settings.motion_stale_s
@@ -44,21 +41,20 @@ class MotionMonitor:
         self._speed_max_m_s = settings.motion_speed_max_m_s
         self.stall = StallMonitor(settings)
         self.runaway = RunawayMonitor(settings, vehicle.max_speed_m_s)
+        self.odometer = Odometer()
         self._steering = SteeringMonitor(vehicle)
         self._zeros, self._readings = ZeroDoubt(), ReadingDoubt()
         self._stride_m = settings.blind_stride_m
         self._blind_m = 0.0
         self.moves = self.stride_over = self._lies = False
-        self.reading: MotionReading | None = None
-        self._commanded_m = self._before_m = self._undriven_s = 0.0
-        # Since the last reading: the mean distance commanded of the sides, ahead and back both positive; how much
-        # further the left side was commanded than the mean of both; how far the body turned.
-        self._pushed_m = self._led_m = self._turned_deg = 0.0
-        self._driven_t_s = self._spoke_t_s = self._moved_t_s = 0.0
+        self.moved: Moved | None = None
+        self._next = Moved()  # begun at ``_begun_t_s``: after a silence later than the last reading
+        self._begun_t_s = self._spoke_t_s = 0.0
+        self._driven_t_s = self._moved_t_s = 0.0
 
     def start(self, t_s: float) -> None:
         """Begin all ages now."""
-        self._driven_t_s = self._spoke_t_s = self._moved_t_s = t_s
+        self._driven_t_s = self._spoke_t_s = self._moved_t_s = self._begun_t_s = t_s
 
     def update(
         self, interval: TickInterval, turned_deg: float, reading: MotionReading | None, conditions: list[Condition]
@@ -71,27 +67,19 @@ class MotionMonitor:
             reading: what the sensor says, if anything.
             conditions: takes what is found.
         """
-        t_s, driven_s, (left, right) = interval.t_s, interval.driven_s, interval.commanded
-        self._commanded_m += interval.forward_m
-        self._pushed_m += (abs(left) + abs(right)) * self._half_speed_m_s * driven_s
-        self._led_m += (left - right) * self._half_speed_m_s * driven_s
-        self._turned_deg += turned_deg
-        self._undriven_s += interval.dt_s - driven_s
+        t_s, (left, right) = interval.t_s, interval.commanded
+        self._next.drive(interval, turned_deg, self._max_speed_m_s)
         if left or right:
             self._driven_t_s = t_s
         self._zeros.update(interval, turned_deg, reading)
-        if reading is not None:
-            if not reading.signed and self._commanded_m < 0.0:
-                reading = reading._replace(forward_m=-reading.forward_m)
-            if reading.quality >= self._quality_min:
-                self._lies = self._readings.doubts(reading, self._commanded_m)
-            if self._lies or self._zeros.doubts:
-                reading = reading._replace(quality=0.0)
-        self.reading = reading
-        if reading is not None:
-            self._take(t_s, reading, conditions)
-        if t_s - self._moved_t_s > self._stale_s:
-            self._check_ages(t_s, conditions)
+        moved: Moved | None = None
+        # A reading of an impossible time, or not later than the last one or the start of the run, is none.
+        if reading is not None and self._spoke_t_s < reading.t_s <= t_s:
+            moved = self._take(reading, conditions)
+        if t_s - self._moved_t_s > self._stale_s and self._is_silent(t_s, conditions) and moved is None:
+            moved = self._close(t_s)
+        self.moved = moved
+        self.odometer.update(interval.forward_m, moved, self._next.way_m)
         self._steering.update(interval, turned_deg, moves=self.moves)
         self._stride(interval.forward_m, conditions)
         if self.runaway.found:
@@ -111,61 +99,63 @@ class MotionMonitor:
                 self._steering.begin()
                 self.stride_over = True
 
-    def _take(self, t_s: float, reading: MotionReading, conditions: list[Condition]) -> None:
+    def _take(self, reading: MotionReading, conditions: list[Condition]) -> Moved:
         read_t_s, forward_m, right_m, quality, signed = reading
-        if not self._spoke_t_s < read_t_s <= t_s:
-            self.reading = None
-            return  # an impossible time, or not later than the last reading or the start of the run
+        moved = self._close(read_t_s)
         dt_s, self._spoke_t_s = read_t_s - self._spoke_t_s, read_t_s
-        commanded_m, self._commanded_m = self._commanded_m, 0.0
-        distance_m, before_m = abs(commanded_m), self._before_m
-        self._before_m = distance_m
-        # A reading may be older than the gap that the tick saw: then nothing is known to have been driven.
-        driven_s = dt_s - self._undriven_s if self._undriven_s < dt_s else 0.0
-        self._undriven_s = 0.0
-        turned_deg = self._turned_deg
-        straight = distance_m / hypot(self._pushed_m, turned_deg * self._m_per_deg) if commanded_m else 1.0
-        if abs(self._led_m - turned_deg * self._m_per_deg) > abs(commanded_m - forward_m):
-            straight = 0.0  # one side's wheels slip ahead, the other's back: their friction cancels out
-        self._pushed_m = self._led_m = self._turned_deg = 0.0
+        if quality >= self._quality_min:
+            self._lies = self._readings.doubts(reading, moved.commanded_m)
         limit_m = self._speed_max_m_s * dt_s
-        can_be = abs(forward_m) <= limit_m and abs(right_m) <= limit_m and 0.0 <= quality <= 1.0
-        known = can_be and quality >= self._quality_min
-        # No reading counts for much more than what was driven, so that single wild readings cannot hide a stall.
-        counted_m = forward_m if known else None
-        if known and commanded_m:
-            most_m = MOST_SHARE * (distance_m if distance_m > before_m else before_m)
-            counted_m = most_m if forward_m > most_m else -most_m if forward_m < -most_m else forward_m
-        slid_m = right_m if known and abs(right_m) >= self._seen_from_m_s * dt_s else 0.0
-        self.stall.add(driven_s, commanded_m, counted_m, turned_deg=turned_deg, straight=straight, slid_m=slid_m)
-        if not can_be:
-            self.reading = reading._replace(forward_m=0.0, right_m=0.0, quality=0.0)
+        if not (abs(forward_m) <= limit_m and abs(right_m) <= limit_m and 0.0 <= quality <= 1.0):
             conditions.append(Condition.MOTION_IMPLAUSIBLE)
-        if not known:
-            self.moves = False
+        elif quality >= self._quality_min and not self._lies and not self._zeros.doubts:
+            moved.see(forward_m, right_m, signed=signed)
+        forward_m, most_m, seen_m = moved.forward_m, moved.most_m, self._seen_from_m_s * dt_s
+        counted_m: float | None = None
+        if moved.known:
+            counted_m = forward_m
+            if moved.commanded_m:
+                counted_m = most_m if forward_m > most_m else -most_m if forward_m < -most_m else forward_m
+        self.stall.add(
+            moved.driven_s, moved.commanded_m, counted_m, turned_deg=moved.turned_deg,
+            straight=moved.straight(self._m_per_deg), slid_m=moved.right_m if abs(moved.right_m) >= seen_m else 0.0,
+        )  # fmt: skip
+        self.moves = moved.known and abs(forward_m) >= seen_m
+        if not moved.known:
             self.runaway.clear()
-            return
+            return moved
         self._moved_t_s = read_t_s
-        self.moves = abs(forward_m) >= self._seen_from_m_s * dt_s
         stood_s = read_t_s - self._driven_t_s
         if stood_s > 0.0 or self.runaway.found:
             self.runaway.add(dt_s, stood_s, forward_m, signed=signed)
+        return moved
 
-    def _check_ages(self, t_s: float, conditions: list[Condition]) -> None:
+    def _close(self, t_s: float) -> Moved:
+        """End an interval, and begin the next."""
+        moved = self._next
+        self._next = Moved(moved.way_m)
+        lasted_s, self._begun_t_s = t_s - self._begun_t_s, t_s
+        # A reading may be older than the gap that the tick saw: then nothing is known to have been driven.
+        moved.driven_s = lasted_s - moved.undriven_s if moved.undriven_s < lasted_s else 0.0
+        return moved
+
+    def _is_silent(self, t_s: float, conditions: list[Condition]) -> bool:
+        """Add the condition of a sensor that says or sees nothing; return whether it says nothing."""
         settings = self._settings
         silent_s, unknown_s = t_s - self._spoke_t_s, t_s - self._moved_t_s
-        if silent_s > settings.motion_stale_s:
+        silent = silent_s > settings.motion_stale_s
+        if silent:
             self.moves = False
             self.stall.clear()
             self.runaway.clear()
-            self.reading = MotionReading(t_s, 0.0, 0.0, 0.0)
             found = Condition.MOTION_STALE
         elif unknown_s > settings.motion_unknown_s:
             found = Condition.MOTION_UNKNOWN
         else:
-            return
+            return silent
         if self._watched:
             conditions.append(found)
+        return silent
 
 
 # -- what was covered --------------------------------------------------------------------------------------------------
@@ -177,61 +167,51 @@ READING_MAX_M: Final = 1.0
 class Odometer:
     """Adds up the distance covered, ``covered_m``; driving forwards and backwards both increase it.
 
-    Only what was commanded counts as covered: that is what an algorithm asks. The *displacement* that ``update``
-    returns is for dead reckoning, and has all that was seen: a body on a slope slides while it turns, or while its
-    wheels push it uphill.
+    Only what was commanded counts as covered: that is what an algorithm asks. The *displacement* since the last tick,
+    ``ahead_m`` and ``right_m``, is for dead reckoning, and has all that was seen: a body on a slope slides while it
+    turns, or while its wheels push it uphill.
 
     Readings come less often than ticks. Between two readings the rover is assumed to cover the same share of the
     commanded distance as at the latest reading. Without a sensor that share is 1. What was assumed too far, as of a
     body that stalls, is subtracted from the next readings, until the direction changes.
-
-    Args:
-        quality_min: the lowest quality of a reading that is used, 0 to 1.
     """
 
-    def __init__(self, quality_min: float) -> None:
-        self._quality_min = quality_min
-        self.covered_m = 0.0
-        self._read_m = self._commanded_m = self._commanded_before_m = 0.0
+    def __init__(self) -> None:
+        self.covered_m = self.ahead_m = self.right_m = 0.0
+        self._read_m = 0.0  # covered up to the latest reading
         self._share = 1.0
         self._ahead = True
-        self._assumed_m = 0.0  # displacement ahead since the last reading
+        self._assumed_m = 0.0  # displacement ahead since the latest reading
 
-    def update(self, interval: TickInterval, motion: MotionReading | None) -> tuple[float, float]:
-        """Add a tick: the commands since the last one, and what the sensor saw since its last reading.
+    def update(self, forward_m: float, moved: Moved | None, since_m: float) -> None:
+        """Add a tick.
 
-        Returns the displacement since the last tick, metres ahead and to the right. Between two readings it is assumed
-        as well; the next reading corrects that.
+        Args:
+            forward_m: metres that were commanded since the last one, negative in reverse.
+            moved: what the motion sensor's new reading shows, None if there is none.
+            since_m: metres commanded since the latest reading, both ways added.
         """
-        if interval.forward_m and (interval.forward_m > 0.0) is not self._ahead:
+        if forward_m and (forward_m > 0.0) is not self._ahead:
             self._ahead = not self._ahead
             # Before a body was seen to stand it was assumed to go on. That must not be subtracted from the way back.
-            self._read_m = self.covered_m - self._share * self._commanded_m
-        self._commanded_m += abs(interval.forward_m)
-        if motion is not None:
-            self._take(motion)
+            before_m = (since_m if moved is None else moved.way_m) - abs(forward_m)
+            self._read_m = self.covered_m - self._share * before_m
+        if moved is not None:
+            covered_m = moved.way_m
+            if moved.known:
+                covered_m = min(abs(moved.forward_m), moved.most_m)
+            self._read_m += covered_m
+            self._share = covered_m / moved.way_m if covered_m < moved.way_m else 1.0
         before_m = self.covered_m
-        self.covered_m = max(self._read_m + self._share * self._commanded_m, before_m)
-        ahead_m = self.covered_m - before_m if interval.forward_m >= 0.0 else before_m - self.covered_m
-        if motion is None:
-            self._assumed_m += ahead_m
-            return ahead_m, 0.0
-        assumed_m, self._assumed_m = self._assumed_m, 0.0
-        known = motion.signed and self._quality_min <= motion.quality
-        if known and max(abs(motion.forward_m), abs(motion.right_m)) <= READING_MAX_M:
-            return motion.forward_m - assumed_m, motion.right_m
-        return ahead_m, 0.0
-
-    def _take(self, motion: MotionReading) -> None:
-        commanded_m, before_m = self._commanded_m, self._commanded_before_m
-        self._commanded_m, self._commanded_before_m = 0.0, commanded_m
-        moved_m = commanded_m
-        if self._quality_min <= motion.quality <= 1.0:  # written so that NaN counts as driven
-            most_m = MOST_SHARE * (commanded_m if commanded_m > before_m else before_m)
-            seen_m = abs(motion.forward_m)
-            moved_m = seen_m if seen_m < most_m else most_m
-        self._read_m += moved_m
-        self._share = moved_m / commanded_m if moved_m < commanded_m else 1.0
+        self.covered_m = max(self._read_m + self._share * since_m, before_m)
+        self.ahead_m = self.covered_m - before_m if forward_m >= 0.0 else before_m - self.covered_m
+        self.right_m = 0.0
+        if moved is None:
+            self._assumed_m += self.ahead_m
+            return
+        if moved.known and moved.signed and max(abs(moved.forward_m), abs(moved.right_m)) <= READING_MAX_M:
+            self.ahead_m, self.right_m = moved.forward_m - self._assumed_m, moved.right_m
+        self._assumed_m = 0.0
 
 
 # -- readings that lie -------------------------------------------------------------------------------------------------

@@ -15,11 +15,11 @@ from random import Random
 from typing import Final, NamedTuple
 
 from wayfarer.escape.api import Anomaly, Decision, Observation, Phase
-from wayfarer.hal import MotionReading, WheelCommand
+from wayfarer.hal import WheelCommand
 from wayfarer.safety.conditions import BLIND, Condition
 from wayfarer.safety.entrapment import BlindRunMonitor, EntrapmentMonitor, PlaceMonitor
 from wayfarer.safety.settings import EntrapmentSettings
-from wayfarer.safety.tick_interval import TickInterval
+from wayfarer.safety.tick_interval import Moved, TickInterval
 
 
 class Step(NamedTuple):
@@ -169,14 +169,13 @@ class Recovery:
 
     Args:
         settings: when a rover makes no progress, and whether it gives up then.
-        quality_min: the lowest quality of a motion reading that is used, 0 to 1.
     """
 
-    def __init__(self, settings: EntrapmentSettings, quality_min: float) -> None:
+    def __init__(self, settings: EntrapmentSettings) -> None:
         self._gives_up = settings.give_up
-        self._entrapment = EntrapmentMonitor(settings, quality_min)
+        self._entrapment = EntrapmentMonitor(settings)
         self._place = PlaceMonitor()
-        self._blind_run = BlindRunMonitor(quality_min)
+        self._blind_run = BlindRunMonitor()
         self._ladder = Ladder()
         self.restarts = False
 
@@ -191,7 +190,7 @@ class Recovery:
         self,
         tick: TickInterval,
         conditions: tuple[Condition, ...],
-        motion: MotionReading | None,
+        moved: Moved | None,
         north_m: float,
         east_m: float,
         *,
@@ -205,7 +204,7 @@ class Recovery:
         Args:
             tick: the wheel commands since the last tick.
             conditions: of the detector.
-            motion: what the motion sensor saw since the last tick, None if it has not spoken.
+            moved: what the motion sensor's new reading shows, None if there is none.
             north_m: where the rover is by dead reckoning, from where the mission began.
             east_m: the same to the east.
             anomalous: whether an anomaly is there now.
@@ -214,12 +213,12 @@ class Recovery:
         self._place.update(tick, north_m, east_m)
         # A compass shows the tilt as well. Without both senses a detour would push the rover up a trunk until it tips.
         blind = not BLIND.isdisjoint(conditions) and Condition.HEADING_RECKONED not in conditions
-        self._blind_run.update(tick, motion, blind=blind)
+        self._blind_run.update(tick, moved, blind=blind)
         # The detector's word for full duty that never turns the body:
         entrapped = Condition.ENTRAPPED in conditions
         if entrapped:
             conditions = tuple(each for each in conditions if each is not Condition.ENTRAPPED)
-        stuck = self._makes_no_progress(tick, motion, entrapped=entrapped, anomalous=anomalous)
+        stuck = self._makes_no_progress(tick, moved, entrapped=entrapped, anomalous=anomalous)
         self.restarts = stuck and not self._gives_up
         if stuck and self._gives_up:
             conditions += (Condition.ENTRAPPED,)
@@ -237,9 +236,7 @@ class Recovery:
         """Return the decision for this tick, None if the algorithm drives; ``t_s`` is the time without holds."""
         return self._ladder.decide(t_s, observation)
 
-    def _makes_no_progress(
-        self, tick: TickInterval, motion: MotionReading | None, *, entrapped: bool, anomalous: bool
-    ) -> bool:
+    def _makes_no_progress(self, tick: TickInterval, moved: Moved | None, *, entrapped: bool, anomalous: bool) -> bool:
         """Return whether the algorithm has had its chance, and the next rung is due."""
         ladder, monitor, place, t_s = self._ladder, self._entrapment, self._place, tick.t_s
         if ladder.rung is BLIND_DETOUR and not ladder.begun:
@@ -247,7 +244,7 @@ class Recovery:
         if ladder.rung is not None or ladder.rests(t_s):
             monitor.try_again()
             place.try_again()
-        elif monitor.ends(tick, anomalous, motion) or entrapped or place.stays:
+        elif monitor.ends(tick, anomalous, moved) or entrapped or place.stays:
             return True
         elif monitor.progressed and place.left and ladder.begun:
             ladder.progress()

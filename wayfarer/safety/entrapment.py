@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from typing import Final
 
-from wayfarer.hal import MotionReading
+from wayfarer.clamp import clamp
 from wayfarer.safety.settings import EntrapmentSettings
-from wayfarer.safety.tick_interval import ROUNDING_S, TickInterval
+from wayfarer.safety.tick_interval import ROUNDING_S, Moved, TickInterval
 
 # A reading counts for at most half of the commanded distance. The largest fifth of the readings, rounded up, is
 # ignored, because it may be noise or coasting: wild readings twice a second are a fifth of those of a sensor at 10 Hz.
-MOST_SHARE: Final = 0.5
+HALF: Final = 0.5
 ONE_OF: Final = 5
 # A rover may also go round in a circle, with a free run in each round: on a hillside one climbed to a trunk and slid
 # back for 700 s. So it must leave a place as well, by dead reckoning. From no source: three lengths of the largest
@@ -80,8 +80,7 @@ class BlindRunMonitor:
     trunk holds it, or that it goes round in a loop.
     """
 
-    def __init__(self, quality_min: float) -> None:
-        self._quality_min = quality_min
+    def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
@@ -93,20 +92,20 @@ class BlindRunMonitor:
         """Whether the rover was driven without sight for too long."""
         return self._unseen_s >= UNSEEN_S
 
-    def update(self, interval: TickInterval, motion: MotionReading | None, *, blind: bool) -> None:
+    def update(self, interval: TickInterval, moved: Moved | None, *, blind: bool) -> None:
         """Take in a tick.
 
         Args:
             interval: the wheel commands since the last tick.
-            motion: what the motion sensor saw since then, None where it has not spoken.
+            moved: what the motion sensor's new reading shows, None if there is none.
             blind: whether the motion sensor has seen nothing for a while.
         """
         if blind:
             self._seen_m = 0.0
             if interval.forward_m > 0.0:
                 self._unseen_s += interval.driven_s
-        elif motion is not None and motion.quality >= self._quality_min:
-            self._seen_m = max(0.0, self._seen_m + motion.forward_m)
+        elif moved is not None and moved.known:
+            self._seen_m = max(0.0, self._seen_m + moved.forward_m)
             if self._seen_m >= SEEN_M:
                 self.reset()
 
@@ -117,10 +116,9 @@ class EntrapmentMonitor:
     ``progressed`` is whether the latest tick completed a free run.
     """
 
-    def __init__(self, settings: EntrapmentSettings, quality_min: float) -> None:
+    def __init__(self, settings: EntrapmentSettings) -> None:
         self._settings = settings
-        self._quality_min = quality_min
-        self._run_m = self._unseen_m = 0.0
+        self._run_m = 0.0
         self._seen_m: list[float] = []
         self.reset()
 
@@ -134,22 +132,21 @@ class EntrapmentMonitor:
         self._begin_place()
         self._tried_s = max(0.0, self._settings.give_up_s - RUNG_S)
 
-    def ends(self, interval: TickInterval, anomalous: bool, motion: MotionReading | None) -> bool:
+    def ends(self, interval: TickInterval, anomalous: bool, moved: Moved | None) -> bool:
         """Judge one tick and return whether the rover has made no progress for too long.
 
         Args:
             interval: the wheel commands since the last tick.
             anomalous: whether an anomaly is there now.
-            motion: what the motion sensor saw since the last tick, None where it has not spoken.
+            moved: what the motion sensor's new reading shows, None if there is none.
         """
         settings, forward_m = self._settings, interval.forward_m
         left, right = interval.commanded
         if left or right:
             self._tried_s += interval.driven_s
         self.progressed = False
-        self._unseen_m = self._unseen_m + forward_m if forward_m > 0.0 else 0.0
-        if motion is not None:
-            self._take_ground(motion)
+        if moved is not None:
+            self._take_ground(moved)
         if anomalous:
             self._count_anomaly()
         elif forward_m > 0.0:
@@ -166,7 +163,7 @@ class EntrapmentMonitor:
         self._begin_run()
 
     def _begin_run(self) -> None:
-        self._run_m = self._unseen_m = 0.0
+        self._run_m = 0.0
         self._seen_m.clear()
 
     def _count_anomaly(self) -> None:
@@ -176,13 +173,12 @@ class EntrapmentMonitor:
         self._next_anomaly_s = self._tried_s + self._settings.anomaly_every_s - ROUNDING_S
         self._anomalies += 1
 
-    def _take_ground(self, motion: MotionReading) -> None:
-        """Note what was seen. Of low quality it is half of the commanded distance, because unknown is never still."""
+    def _take_ground(self, moved: Moved) -> None:
+        """Note what was seen. If nothing is known it is half of the commanded distance: unknown is never still."""
         self._sees_ground = True
-        most_m, self._unseen_m = MOST_SHARE * self._unseen_m, 0.0
+        most_m = HALF * moved.commanded_m
         if most_m > 0.0:
-            known = motion.quality >= self._quality_min
-            self._seen_m.append(max(-most_m, min(most_m, motion.forward_m)) if known else most_m)
+            self._seen_m.append(clamp(moved.forward_m, -most_m, most_m) if moved.known else most_m)
 
     def _covers_ground(self) -> bool:
         """Return whether the rover moved over the ground in this run, as far as the sensor can see."""

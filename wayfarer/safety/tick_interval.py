@@ -1,17 +1,21 @@
-"""The interval between two control ticks, its length and the wheel commands in it, and what must last for ticks. Pure.
+"""The interval between two control ticks, that between two motion readings, and what must last for ticks. Pure.
 
-It is calculated once a tick. Detector, entrapment and mission all use it, so that none of them counts time in which the
-wheels were not driven.
+Each is made once. Detector, entrapment and mission all use it, so that none of them counts time in which the wheels
+were not driven, or believes a reading that another one does not.
 """
 
 from __future__ import annotations
 
+from math import hypot
 from typing import Final
 
 from wayfarer.hal import STOP, WheelCommand
 
 # A duration has passed once so little is missing: sums of control periods fall a rounding error short of it.
 ROUNDING_S: Final = 1e-6
+# A motion reading counts for at most this share of the distance commanded for it or for the one before (a body rolls
+# on), so that single wild readings cannot hide a stall. A tenth is for noise.
+MOST_SHARE: Final = 1.1
 
 
 class TickInterval:
@@ -62,6 +66,58 @@ class IntervalTimer:
         driven_s = tick.driven_s = dt_s if dt_s < self._late_s else self._late_s
         left, right = tick.commanded
         tick.forward_m = (left + right) * self._half_speed_m_s * driven_s
+
+
+class Moved:
+    """From one reading of the motion sensor to the next: what the wheels were commanded to do, and what was seen of it.
+
+    There is one per reading. While the sensor is silent there is one per tick, of which nothing is known. Metres are
+    positive ahead and to the right, degrees clockwise.
+
+    * Commanded: ``commanded_m`` ahead, less what was commanded back; ``way_m`` both added; ``pushed_m`` the mean way of
+      the sides, whatever their direction; ``led_m`` how much further the left side went than that of the body's middle.
+    * ``driven_s``: how long the wheels obeyed, of the time between the two readings.
+    * Seen: ``turned_deg`` by the heading; ``forward_m`` and ``right_m`` by the sensor if it is ``known``, else 0. A
+      sensor that sees no direction is not ``signed``: ``forward_m`` then has the sign of the wheels.
+    """
+
+    def __init__(self, before_m: float = 0.0) -> None:
+        self.commanded_m = self.way_m = self.pushed_m = self.led_m = self.turned_deg = 0.0
+        self.undriven_s = self.driven_s = 0.0
+        self.known, self.signed = False, True
+        self.forward_m = self.right_m = 0.0
+        self._before_m = before_m  # ``way_m`` of the one before
+
+    def drive(self, tick: TickInterval, turned_deg: float, max_speed_m_s: float) -> None:
+        """Add a tick, and how far the body turned in it."""
+        left, right = tick.commanded
+        half_m = max_speed_m_s / 2 * tick.driven_s
+        self.commanded_m += tick.forward_m
+        self.way_m += abs(tick.forward_m)
+        self.pushed_m += (abs(left) + abs(right)) * half_m
+        self.led_m += (left - right) * half_m
+        self.turned_deg += turned_deg
+        self.undriven_s += tick.dt_s - tick.driven_s
+
+    def see(self, forward_m: float, right_m: float, *, signed: bool) -> None:
+        """Take what the sensor saw, which may be believed."""
+        self.known, self.signed, self.right_m = True, signed, right_m
+        self.forward_m = -forward_m if not signed and self.commanded_m < 0.0 else forward_m
+
+    @property
+    def most_m(self) -> float:
+        """The most that a reading counts for."""
+        return MOST_SHARE * (self.way_m if self.way_m > self._before_m else self._before_m)
+
+    def straight(self, track_m_per_deg: float) -> float:
+        """Return the share of the wheels' push that was ahead or back, 0 to 1; the rest of the grip was for turning.
+
+        ``track_m_per_deg`` is how far a side goes for each degree of a turn on the spot.
+        """
+        turned_m = self.turned_deg * track_m_per_deg
+        if abs(self.led_m - turned_m) > abs(self.commanded_m - self.forward_m):
+            return 0.0  # one side's wheels slip ahead, the other's back: their friction cancels out
+        return abs(self.commanded_m) / hypot(self.pushed_m, turned_m) if self.commanded_m else 1.0
 
 
 class Debounce:

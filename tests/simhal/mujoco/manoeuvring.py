@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from tests.simhal.mujoco.fields import on_free_ground
 from wayfarer.config.rover_file import RoverConfig, load_rover
-from wayfarer.detector.motion import Odometer
+from wayfarer.detector.motion import MotionMonitor
 from wayfarer.escape.api import Anomaly, Observation, Phase
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP, MotionReading, WheelCommand
@@ -84,7 +84,8 @@ def _drive(config: RoverConfig, friction: float, torque_scale: float, episodes: 
     places: list[Place] = []
     world = on_free_ground(config, friction, torque_scale)
     handler = CATALOGUE["pledge"].make(config.escape, config.vehicle, Random(1))
-    gate, odometer, noise = Gate(config.safety, config.control_hz), Odometer(0.0), Random(1)
+    motion = MotionMonitor(config.detector, config.vehicle, watched=True)
+    gate, odometer, noise = Gate(config.safety, config.control_hz), motion.odometer, Random(1)
     timer = IntervalTimer(config.safety.tick_late_s, config.vehicle.max_speed_m_s)
     wheels, travelled_m, seen_m, phase, meets_s = STOP, 0.0, 0.0, Phase.FOLLOW, 2.0
     for tick in range(1, round((2.0 + episodes * MEETS_EVERY_S) * config.control_hz)):
@@ -95,7 +96,7 @@ def _drive(config: RoverConfig, friction: float, torque_scale: float, episodes: 
         travelled_m += abs(interval.forward_m)
         gone_m = world.forward_m - world.reverse_m
         speaks = tick % 2 == 0
-        odometer.update(interval, MotionReading(t_s, gone_m - seen_m, 0.0, 1.0) if speaks else None)
+        motion.update(interval, 0.0, MotionReading(t_s, gone_m - seen_m, 0.0, 1.0) if speaks else None, [])
         seen_m = gone_m if speaks else seen_m
         meets = t_s >= meets_s and phase is Phase.FOLLOW
         meets_s += MEETS_EVERY_S * meets
