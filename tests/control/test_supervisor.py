@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from tests.kit.workshop import (
+    AHEAD,
     PARTS,
     Contact,
     Light,
@@ -29,9 +30,9 @@ from wayfarer.control.controller import Mode
 from wayfarer.control.latest import SensorBuffers
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.sensors import RETRY_PAUSE_MAX_S, RETRY_PAUSE_S, SensorTask, keep_sampling
-from wayfarer.control.supervisor import Supervisor
+from wayfarer.control.supervisor import Supervisor, first_cause
 from wayfarer.errors import MissingPart, NotArmed, NotResponding, WayfarerError
-from wayfarer.hal import STOP
+from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.mission_limits import RunEnd
 
 # -- a run as it should be ---------------------------------------------------------------------------------------
@@ -264,6 +265,40 @@ def test_motor_board_that_does_not_open_refuses_to_arm_and_nothing_has_changed(s
     assert modes == [(Mode.DISARMED, "asked")]
     assert len(shop.named("arming")) == 1, "only that at the start of the run"
     assert max(shop.times("handler.decide")) < 0.4
+
+
+@pytest.mark.parametrize("where", ["handler.decide", "motors.drive", "log.tick"])
+def test_tick_without_memory_holds_the_wheels_and_the_mission_goes_on(shop: Workshop, where: str) -> None:
+    """It ended the run, and the rover stood in the forest, disarmed; another program may have given its memory back."""
+    wheels: list[WheelCommand] = []
+    script: Script = {
+        0.51: breaking(shop, where, MemoryError()),
+        0.91: mending(shop),
+        0.95: lambda _: wheels.append(shop.wheels),
+        1.4: lambda _: wheels.append(shop.wheels),
+        4.0: lambda _: wheels.append(shop.wheels),
+    }
+    assert drive(shop, script, for_s=5.0).reason == "requested"
+    assert wheels == [STOP, STOP, AHEAD]
+    (told,) = shop.named("motors_failed")
+    assert told == {"error": "no memory was left for a control tick", "lost": "tick"}
+    assert len(shop.named("motors_opened")) == 1, "nobody knows what the board had been told"
+
+
+@pytest.mark.parametrize("disarmed", [False, True])
+def test_memory_that_stays_away_or_a_disarmed_rover_ends_the_run_with_its_wheels_stopped(
+    shop: Workshop, disarmed: bool
+) -> None:
+    script: Script = {0.5: breaking(shop, "handler.decide" if not disarmed else "log.tick", MemoryError())}
+    if disarmed:
+        script = {0.4: lambda it: it.disarm("enough"), **script}
+    with pytest.raises(ExceptionGroup) as raised:
+        drive(shop, script, for_s=60.0)
+    assert isinstance(first_cause(raised.value), MemoryError)
+    assert_wheels_stopped_first(shop)
+    assert (len(shop.named("motors_failed")) == 0) is disarmed
+    assert shop.trace[-1][0] < (0.6 if disarmed else 15.0)
+    assert shop.outcome[0][1].startswith("MemoryError")
 
 
 def test_motors_that_failed_are_opened_again_by_arming_and_drive_again(shop: Workshop) -> None:

@@ -413,6 +413,15 @@ def test_drive_that_went_unheard_is_part_of_what_is_replayed(eventful: Path, tmp
     assert (found.key, found.logged, found.today) == ("level", "hold", "well")
 
 
+def test_replay_goes_as_far_as_a_tick_that_did_not_end(eventful: Path, tmp_path: Path) -> None:
+    run = Path(copytree(eventful, tmp_path / "run"))
+    rewrite(run, lambda record: record | {"lost": "tick"} if record.get("name") == "motors_failed" else record)
+    first = next(record for record in records(run) if record.get("lost") == "tick")
+    ended = replay(run)
+    assert ended.difference is None
+    assert ended.cut_elapsed_s == pytest.approx(first["t_s"] - records(run)[0]["t_s"])
+
+
 def test_power_that_the_board_lost_is_part_of_what_is_replayed(eventful: Path, tmp_path: Path) -> None:
     run = Path(copytree(eventful, tmp_path / "run"))
     rewrite(run, lambda record: record | {"lost": None} if record.get("lost") else record)

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from enum import Enum
 from functools import partial
-from math import radians
+from math import inf, radians
 from typing import Final
 
 from wayfarer.config.rover_file import RoverConfig
@@ -56,6 +56,10 @@ _MOTORS_FAILED: Final = Condition.MOTORS_FAILED
 # Of what is driven without sight, this share counts for the distance from the start: the body drove, or pushed at a
 # trunk, and nobody knows which.
 UNSEEN_SHARE: Final = 0.5
+# For so long ticks may find no memory; two that are further apart than the second have nothing to do with each other.
+# Chosen by us.
+LOST_TICKS_S: Final = 5.0
+LOST_APART_S: Final = 60.0
 BY_HAND: Final = Decision(STOP, Phase.MANUAL, Phase.MANUAL.value)
 
 
@@ -112,6 +116,7 @@ class Controller:
         self._travelled_m = 0.0
         self._held_s = self._away_s = 0.0  # in which the gate held the wheels, and the algorithm did not have them
         self._carried = False
+        self._lost_tick_s = self._lost_since_s = -inf
         self._applied = STOP
         self._driven = STOP  # what was applied, less what the slope takes up
         self._last_cause: Condition | None = None
@@ -207,6 +212,23 @@ class Controller:
         """End the run; the first reason counts."""
         if self.end is None:
             self.end = RunEnd(reason, text)
+
+    def lose_tick(self, t_s: float, error: MemoryError) -> None:
+        """Stop the wheels after a tick for which no memory was left; a mission waits until the board was opened again.
+
+        Its algorithm begins again then, because nobody knows how far the tick came.
+
+        Raises:
+            MemoryError: nobody waits for the wheels, or such ticks come for too long; the run must end.
+        """
+        self.wheels.halt()
+        if t_s - self._lost_tick_s > LOST_APART_S:
+            self._lost_since_s = t_s
+        self._lost_tick_s = t_s
+        if t_s - self._lost_since_s > LOST_TICKS_S or (self.mode is not _ARMED and self.mode is not _MANUAL):
+            raise error
+        self.wheels.lose(t_s, "no memory was left for a control tick", "tick")
+        self._carried = True
 
     # -- the tick ------------------------------------------------------------------------------------------------
 

@@ -291,7 +291,10 @@ class Supervisor:
         controller, rate = self.controller, Rate(self._control_hz)
         time = asyncio.get_running_loop().time
         while controller.end is None:
-            await controller.tick(time())
+            try:
+                await controller.tick(time())
+            except MemoryError as error:
+                controller.lose_tick(time(), error)
             self.ticked.set()
             if controller.end is None:
                 await rate.wait()

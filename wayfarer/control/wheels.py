@@ -74,7 +74,7 @@ class Wheels:
         """Hold the wheels until the board was opened again: without an acknowledgement their state is unknown.
 
         The board's deadman stops them. A command that waits on the bus may still reach the board, so a stop is sent
-        directly after it. ``lost`` is ``power`` if the board lost its power.
+        directly after it. ``lost`` is ``power`` if the board lost its power, ``tick`` if the tick did not end.
         """
         self._motors.halt()
         self.failures += 1

@@ -50,8 +50,8 @@ class DecisionDifference(NamedTuple):
 class Replay(NamedTuple):
     """What became of a replay.
 
-    ``ticks`` decisions were compared. ``cut_elapsed_s`` is where records are missing in the log or garbled: what
-    follows cannot be replayed, because what the rover remembered there is not known.
+    ``ticks`` decisions were compared. ``cut_elapsed_s`` is where records are missing in the log or garbled, or where a
+    tick did not end: what follows cannot be replayed, because what the rover remembered there is not known.
     """
 
     ticks: int
@@ -128,6 +128,8 @@ class Rerun:
                 left, right = record.get("says_left"), record.get("says_right")  # an old log has none
                 duties = None if left is None or right is None else WheelCommand(left, right)
                 self._controller.power_reports.board_said(record["t_s"], health, duties)
+            elif record.get("lost") == "tick":
+                return False  # nobody knows how far that tick came
             elif record["record"] == "event":
                 self._heard.append(record)
         except (LookupError, TypeError, ValueError, AttributeError):
