@@ -54,7 +54,14 @@ CASES: Mapping[Condition, Case] = {
         ("control/test_controller.py::test_lost_compass_is_a_fault_that_disarms_a_rover_among_people",),
     ),
     Condition.COMPASS_IMPLAUSIBLE: Case(ASTRAY, "A compass that is wrong and smooth, as near iron, is believed"),
-    Condition.COMPASS_FROZEN: Case(ASTRAY, "It is found while the rover turns, not while it drives straight on"),
+    Condition.COMPASS_FROZEN: Case(
+        ASTRAY,
+        "It is found after a second of turns or 5 s of driving; if pitch or roll still changes, only by the turns",
+        (
+            "detector/test_compass.py::"
+            "test_compass_that_repeats_all_values_for_seconds_of_driving_is_frozen_though_no_turn_is_commanded",
+        ),
+    ),
     Condition.COMPASS_UNCALIBRATED: Case(ASTRAY, "The heading may be off by tens of degrees without a jump"),
     Condition.HEADING_RECKONED: Case(
         ASTRAY, "The heading drifts with each turn, and a trunk that keeps the rover from turning is not noticed"

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from tests.detector.rover import ALL_WELL, PIVOT, SETTINGS, TICK_S, VEHICLE, Rover, started
 from wayfarer.angles import wrap180
+from wayfarer.detector.compass import REPEATS_S
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import Condition
 
@@ -100,6 +101,7 @@ def test_reading_that_no_compass_can_give_is_never_believed(wrong: dict[str, Any
 # -- frozen ------------------------------------------------------------------------------------------------------
 
 SLOW_TURN = WheelCommand(0.05, -0.05)  # 11 degrees a second
+STRAIGHT = WheelCommand(0.5, 0.5)
 
 
 def test_heading_that_stays_to_the_last_digit_through_a_second_of_commanded_turn_is_frozen() -> None:
@@ -130,8 +132,8 @@ def test_commanded_turns_add_up_until_a_compass_is_frozen() -> None:
 
 @pytest.mark.parametrize(
     ("wheels", "jitters"),
-    [(wheels, None) for wheels in (STOP, SLOW_TURN, WheelCommand(0.5, 0.5))]
-    + [(PIVOT, axis) for axis in ("heading_deg", "pitch_deg", "roll_deg")],
+    [(wheels, None) for wheels in (STOP, SLOW_TURN)]
+    + [(wheels, axis) for wheels in (PIVOT, STRAIGHT) for axis in ("heading_deg", "pitch_deg", "roll_deg")],
 )
 def test_heading_that_need_not_change_or_of_which_the_part_shows_life_is_not_frozen(
     wheels: WheelCommand, jitters: str | None
@@ -141,6 +143,26 @@ def test_heading_that_need_not_change_or_of_which_the_part_shows_life_is_not_fro
     for n in range(100):
         shaken: dict[str, Any] = {jitters: n % 2 / 10} if jitters else {}
         assert rover.tick(wheels, max(wheels.right, 0.0) * TICK_S, **shaken).conditions == ()
+
+
+@pytest.mark.parametrize("wheels", [STRAIGHT, WheelCommand(0.55, 0.5), WheelCommand(-0.5, -0.5)])
+def test_compass_that_repeats_all_values_for_seconds_of_driving_is_frozen_though_no_turn_is_commanded(
+    wheels: WheelCommand,
+) -> None:
+    """It was found only once the heading that did not change had led the rover round: after 20 s, and a circle."""
+    rover, moved_m = started(), (wheels.left + wheels.right) / 2.0 * TICK_S
+    for n in range(1, 400):
+        found = rover.tick(wheels, moved_m, heading_deg=7.7, pitch_deg=1.0).conditions
+        assert (Condition.COMPASS_FROZEN in found) is (n * TICK_S > REPEATS_S + TICK_S / 2.0)
+    assert rover.tick(wheels, moved_m, heading_deg=7.7, pitch_deg=1.1).conditions == ()
+
+
+@pytest.mark.parametrize("moved_m", [0.0, None])
+def test_compass_that_repeats_all_values_of_a_body_that_is_not_seen_to_move_is_not_frozen(
+    moved_m: float | None,
+) -> None:
+    rover = started()
+    assert not any(Condition.COMPASS_FROZEN in rover.tick(STRAIGHT, moved_m).conditions for _ in range(400))
 
 
 @pytest.mark.parametrize(("max_speed_m_s", "frozen"), [(0.5, False), (2.0, True)])

@@ -156,6 +156,7 @@ def test_body_that_rolls_without_a_command_learns_nothing() -> None:
 
 def test_slope_that_a_rover_drives_over_becomes_ground() -> None:
     rover = Hillside(12.0)
+    rover.noise_deg = 0.01
     rover.step()
     rover.go(5.0 * LEARN_M)
     rover.nose_deg = 14.0

@@ -94,7 +94,8 @@ class Part:
 
 class Compass(Part):
     async def read(self) -> CompassReading:
-        return CompassReading(await self.now_s(), 0.0, 0.0, 0.0, None)
+        t_s = await self.now_s()
+        return CompassReading(t_s, 0.0, 0.0, t_s % 0.1, None)  # one that repeats all values is frozen
 
 
 class Motion(Part):

@@ -20,6 +20,9 @@ from wayfarer.safety.tick_interval import Debounce, TickInterval
 
 # Headings that differ by no more count as equal: two steps of a CMPS14's 0.1 degrees.
 DITHER_DEG: Final = 0.2
+# No compass repeats heading, pitch and roll to the last digit for so long on a body that is seen to drive: its wheels
+# shake it. Chosen by us: a hundred readings, and 5 m at 1 m/s.
+REPEATS_S: Final = 5.0
 
 
 class CompassMonitor:
@@ -42,6 +45,7 @@ class CompassMonitor:
         self._heading_deg = self._pitch_deg = self._roll_deg = -1.0  # of the latest reading, also if it was rejected
         self._values_deg = (-inf, -inf)  # the last two headings that were new
         self._equal_s = self._all_equal_s = 0.0  # turning while the rover moves; turning at all
+        self._repeated_s = 0.0  # moving, all values equal
         self._frozen = False
         self._low_since_s: float | None = None
         self._rejections = 0  # a bit for each of the last readings, the newest lowest: 1 was rejected
@@ -54,14 +58,19 @@ class CompassMonitor:
         """Begin the age now: the age of a compass that has not answered yet is that of the run."""
         self._believed_t_s = t_s
 
-    def update(self, t_s: float, turning_s: float, reading: CompassReading | None, *, moves: bool) -> list[Condition]:
-        """Judge a tick, before which the wheels were commanded to turn the rover for ``turning_s``.
+    def update(
+        self, t_s: float, driven_s: float, reading: CompassReading | None, *, turns: bool, moves: bool
+    ) -> list[Condition]:
+        """Judge a tick, before which the wheels were driven for ``driven_s``, and commanded to turn if ``turns``.
 
         ``moves`` says whether the rover is known to move: one that stands may be held, and then its heading stays.
         """
-        self._all_equal_s += turning_s
+        if turns:
+            self._all_equal_s += driven_s
         if moves:
-            self._equal_s += turning_s
+            self._repeated_s += driven_s
+            if turns:
+                self._equal_s += driven_s
         if reading is not self._seen and reading is not None:
             self._take(t_s, reading)
         stale = t_s - self._believed_t_s > self._stale_s or self.reading is None
@@ -83,12 +92,13 @@ class CompassMonitor:
             return
         since_s, self._read_t_s = read_t_s - self._read_t_s, read_t_s
         if self._is_new(heading_deg):
-            self._equal_s = self._all_equal_s = 0.0
+            self._equal_s = self._all_equal_s = self._repeated_s = 0.0
             self._frozen = False
         else:
             if heading_deg != self._heading_deg or pitch_deg != self._pitch_deg or roll_deg != self._roll_deg:
-                self._all_equal_s = 0.0
-            self._frozen = max(self._equal_s, self._all_equal_s) >= self._settings.frozen_s
+                self._all_equal_s = self._repeated_s = 0.0
+            turning_s = max(self._equal_s, self._all_equal_s)
+            self._frozen = turning_s >= self._settings.frozen_s or self._repeated_s >= REPEATS_S
         self._heading_deg, self._pitch_deg, self._roll_deg = heading_deg, pitch_deg, roll_deg
         if calibration is None or calibration >= self._calibration_min:
             self._low_since_s = None

@@ -83,9 +83,10 @@ class Detector:
         if not self._started:
             self._start(t_s)
         left, right = tick.commanded
-        turning_s = tick.driven_s if abs(left - right) >= self._turning_duty else 0.0
+        turns = abs(left - right) >= self._turning_duty
         before_deg, turned_deg = self._heading.gained_deg, self._compass.gained_deg
-        conditions = self._compass.update(t_s, turning_s, tick.compass, moves=self._motion.moves)
+        driven_s = tick.driven_s if left or right else 0.0
+        conditions = self._compass.update(t_s, driven_s, tick.compass, turns=turns, moves=self._motion.moves)
         turned_deg = self._compass.gained_deg - turned_deg
         self._heading.update(tick, self._compass.reading, turned_deg, conditions, armed=armed)
         gained_deg = self._heading.gained_deg

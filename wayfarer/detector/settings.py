@@ -99,7 +99,8 @@ class DetectorSettings:
     first."""
     frozen_s: Seconds = 1.0
     """A heading that stays the same during this time of commanded turns is frozen (fault 4). It counts while the rover
-    is seen to move; a rover that stands may be held, so then pitch and roll must stay as well."""
+    is seen to move; a rover that stands may be held, so then pitch and roll must stay as well. A compass that repeats
+    all three for 5 s in which the rover is seen to drive is frozen without a turn."""
     frozen_turn_deg_s: DegreesPerSecond = 20.0
     """Commanded turns that are faster than this count for ``frozen_s``."""
     uncalibrated_s: Seconds = 0.9

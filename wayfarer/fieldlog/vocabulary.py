@@ -133,7 +133,9 @@ WORDS: Mapping[Condition, Words] = {
     ),
     Condition.COMPASS_IMPLAUSIBLE: Words("compass readings are implausible", _STANDS_FOR_COMPASS, _COMPASS_IS_BACK),
     Condition.COMPASS_FROZEN: Words(
-        "the heading does not change while the rover turns", _STANDS_FOR_COMPASS, _COMPASS_IS_BACK
+        "the heading does not change while the rover turns, or no angle while it drives",
+        _STANDS_FOR_COMPASS,
+        _COMPASS_IS_BACK,
     ),
     Condition.COMPASS_UNCALIBRATED: Words(
         "the compass has lost its calibration",
