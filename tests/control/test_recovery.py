@@ -13,7 +13,7 @@ from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.trial import run_watched
 from wayfarer.hal import MotionReading, WheelCommand
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.entrapment import UNSEEN_S
+from wayfarer.safety.progress import UNSEEN_S
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.world import Drive
 from wayfarer.simhal.world.physics import GroundName

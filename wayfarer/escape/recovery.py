@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 from wayfarer.escape.api import Anomaly, Decision, Observation, Phase
 from wayfarer.hal import WheelCommand
 from wayfarer.safety.conditions import BLIND, Condition
-from wayfarer.safety.entrapment import BlindRunMonitor, EntrapmentMonitor, PlaceMonitor
+from wayfarer.safety.progress import ProgressMonitor
 from wayfarer.safety.settings import EntrapmentSettings
 from wayfarer.safety.tick_interval import Moved, TickInterval
 
@@ -173,17 +173,13 @@ class Recovery:
 
     def __init__(self, settings: EntrapmentSettings) -> None:
         self._gives_up = settings.give_up
-        self._entrapment = EntrapmentMonitor(settings)
-        self._place = PlaceMonitor()
-        self._blind_run = BlindRunMonitor()
+        self._progress = ProgressMonitor(settings)
         self._ladder = Ladder()
         self.restarts = False
 
     def reset(self) -> None:
         """Begin a mission."""
-        self._entrapment.reset()
-        self._place.reset()
-        self._blind_run.reset()
+        self._progress.reset()
         self._ladder.reset()
 
     def judge(
@@ -209,25 +205,31 @@ class Recovery:
             east_m: the same to the east.
             anomalous: whether an anomaly is there now.
         """
-        ladder, t_s = self._ladder, tick.t_s
-        self._place.update(tick, north_m, east_m)
+        ladder, progress, t_s = self._ladder, self._progress, tick.t_s
         # A compass shows the tilt as well. Without both senses a detour would push the rover up a trunk until it tips.
         blind = not BLIND.isdisjoint(conditions) and Condition.HEADING_RECKONED not in conditions
-        self._blind_run.update(tick, moved, blind=blind)
+        drives = ladder.rung is None and not ladder.rests(t_s)
+        progress.update(tick, moved, north_m, east_m, anomalous=anomalous, blind=blind, drives=drives)
         # The detector's word for full duty that never turns the body:
         entrapped = Condition.ENTRAPPED in conditions
         if entrapped:
             conditions = tuple(each for each in conditions if each is not Condition.ENTRAPPED)
-        stuck = self._makes_no_progress(tick, moved, entrapped=entrapped, anomalous=anomalous)
-        self.restarts = stuck and not self._gives_up
-        if stuck and self._gives_up:
+        self.restarts = False
+        if not drives:
+            if ladder.rung is not BLIND_DETOUR or ladder.begun:
+                progress.try_again()  # but a detour alone takes no time from the algorithm
+        elif (progress.stuck or entrapped) and self._gives_up:
             conditions += (Condition.ENTRAPPED,)
-        elif stuck:
+        elif progress.stuck or entrapped:
             ladder.climb(t_s)
-        elif self._blind_run.long and ladder.rung is None and not ladder.rests(t_s):
-            self._blind_run.reset()
-            ladder.begin(BLIND_DETOUR)
             self.restarts = True
+        else:
+            if progress.progressed and ladder.begun:
+                ladder.progress()
+            if progress.blind:
+                progress.begin_blind_run()
+                ladder.begin(BLIND_DETOUR)
+                self.restarts = True
         if ladder.begun:
             conditions += (Condition.RESTING if ladder.rests(t_s) else Condition.NO_PROGRESS,)
         return conditions
@@ -235,17 +237,3 @@ class Recovery:
     def decide(self, t_s: float, observation: Observation) -> Decision | None:
         """Return the decision for this tick, None if the algorithm drives; ``t_s`` is the time without holds."""
         return self._ladder.decide(t_s, observation)
-
-    def _makes_no_progress(self, tick: TickInterval, moved: Moved | None, *, entrapped: bool, anomalous: bool) -> bool:
-        """Return whether the algorithm has had its chance, and the next rung is due."""
-        ladder, monitor, place, t_s = self._ladder, self._entrapment, self._place, tick.t_s
-        if ladder.rung is BLIND_DETOUR and not ladder.begun:
-            return False  # it is neither a free run nor a try, and takes no time from the algorithm
-        if ladder.rung is not None or ladder.rests(t_s):
-            monitor.try_again()
-            place.try_again()
-        elif monitor.ends(tick, anomalous, moved) or entrapped or place.stays:
-            return True
-        elif monitor.progressed and place.left and ladder.begun:
-            ladder.progress()
-        return False

@@ -2,5 +2,5 @@
 
 ``conditions.py`` is the table of everything that can be wrong with the rover itself, ``gate.py`` the last step before
 the wheels. The other modules judge one thing each: arming, the limits
-of a mission, entrapment, motor board, supply.
+of a mission, progress, motor board, supply.
 """

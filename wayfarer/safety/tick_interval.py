@@ -1,6 +1,6 @@
 """The interval between two control ticks, that between two motion readings, and what must last for ticks. Pure.
 
-Each is made once. Detector, entrapment and mission all use it, so that none of them counts time in which the wheels
+Each is made once. Detector, progress and mission all use it, so that none of them counts time in which the wheels
 were not driven, or believes a reading that another one does not.
 """
 

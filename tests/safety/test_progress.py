@@ -15,9 +15,9 @@ from wayfarer.control.controller import Mode
 from wayfarer.escape.recovery import REST_S, RUNGS
 from wayfarer.hal import STOP, CompassReading, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
-from wayfarer.safety.entrapment import SEEN_M, UNSEEN_S, BlindRunMonitor, EntrapmentMonitor
+from wayfarer.safety.progress import PLACE_M, PLACE_S, SEEN_M, UNSEEN_S, ProgressMonitor
 from wayfarer.safety.settings import EntrapmentSettings
-from wayfarer.safety.tick_interval import TickInterval
+from wayfarer.safety.tick_interval import Moved, TickInterval
 
 TICK_S = 0.05
 SETTINGS = EntrapmentSettings()
@@ -25,6 +25,13 @@ AHEAD = WheelCommand(0.7, 0.7)
 TURN = WheelCommand(0.5, -0.5)
 BACK = WheelCommand(-0.4, -0.4)
 SPEEDS_M_S = {AHEAD: 1.0, TURN: 0.0, BACK: -0.6, STOP: 0.0}
+
+
+def judge(progress: ProgressMonitor, interval: TickInterval, seen: Moved | None, anomalous: bool) -> bool:
+    """Judge a tick of a rover that is at another place in each; return whether it is stuck."""
+    north_m = 2.0 * PLACE_M * (interval.t_s // TICK_S)
+    progress.update(interval, seen, north_m, 0.0, anomalous=anomalous, blind=False, drives=True)
+    return progress.stuck
 
 
 class Drive:
@@ -37,7 +44,7 @@ class Drive:
     def __init__(
         self, grip: float | None = 1.0, *, known: bool = True, speed: float = 1.0, ticks_a_reading: int = 1
     ) -> None:
-        self.progress = EntrapmentMonitor(SETTINGS)
+        self.progress = ProgressMonitor(SETTINGS)
         self.grip, self.known, self.speed, self.ticks_a_reading = grip, known, speed, ticks_a_reading
         self.garbage_m: float | None = None
         self.garbage_every = 0
@@ -56,7 +63,7 @@ class Drive:
             reading = moved(self.unread_m, self.unread_m * self.grip if self.known else None)
         if reading is not None:
             self.unread_m = 0.0
-        return self.progress.ends(TickInterval(self.t_s, wheels, TICK_S, TICK_S, forward_m), anomalous, reading)
+        return judge(self.progress, TickInterval(self.t_s, wheels, TICK_S, TICK_S, forward_m), reading, anomalous)
 
     def go(self, wheels: WheelCommand, for_s: float, *, anomalous: bool = False) -> bool:
         """Drive so until it is over, or for so long; return whether the rover gave up."""
@@ -136,12 +143,12 @@ def test_free_run_forgets_the_place() -> None:
     st.lists(st.tuples(st.sampled_from([AHEAD, TURN, BACK, STOP]), st.booleans(), st.floats(-1e3, 1e3)), max_size=300)
 )
 def test_it_never_gives_up_before_enough_was_tried(ticks: list[tuple[WheelCommand, bool, float]]) -> None:
-    progress = EntrapmentMonitor(replace(SETTINGS, anomalies_max=4, give_up_s=5.0))
+    progress = ProgressMonitor(replace(SETTINGS, anomalies_max=4, give_up_s=5.0))
     tried_s = 0.0
     for wheels, anomalous, seen_m in ticks:
         tried_s += TICK_S * (wheels != STOP)
         interval = TickInterval(tried_s, wheels, TICK_S, TICK_S, SPEEDS_M_S[wheels] * TICK_S)
-        if progress.ends(interval, anomalous, moved(interval.forward_m, seen_m)):
+        if judge(progress, interval, moved(interval.forward_m, seen_m), anomalous):
             assert tried_s >= 3 * SETTINGS.anomaly_every_s - 1e-6
 
 
@@ -221,6 +228,29 @@ async def test_hold_stops_the_wheels_on_the_ladder_too() -> None:
     assert bench.wheels == STOP
 
 
+# -- one place --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("away_m", "stuck"), [(0.9 * PLACE_M, True), (1.1 * PLACE_M, False)])
+def test_rover_that_goes_round_with_free_runs_must_leave_its_place(away_m: float, stuck: bool) -> None:
+    progress, found = ProgressMonitor(SETTINGS), False
+    for tick in range(round(1.1 * PLACE_S / TICK_S)):
+        north_m = away_m * (tick // 200 % 2)
+        each = TickInterval(tick * TICK_S, AHEAD, TICK_S, TICK_S, 0.05)
+        progress.update(each, moved(0.05, 0.05), north_m, 0.0, anomalous=False, blind=False, drives=True)
+        found |= progress.stuck
+    assert found is stuck
+
+
+def test_what_the_ladder_does_is_neither_a_free_run_nor_a_try_but_it_may_leave_the_place() -> None:
+    progress = ProgressMonitor(SETTINGS)
+    for tick in range(round(2.0 * PLACE_S / TICK_S)):
+        each = TickInterval(tick * TICK_S, AHEAD, TICK_S, TICK_S, 0.05)
+        north_m = 0.05 * tick
+        progress.update(each, moved(0.05, 0.05), north_m, 0.0, anomalous=True, blind=False, drives=False)
+        assert (progress.stuck, progress.progressed) == (False, False)
+
+
 # -- without sight ----------------------------------------------------------------------------------------------------
 
 STEP_M = 0.05
@@ -231,34 +261,39 @@ def interval(forward_m: float) -> TickInterval:
     return TickInterval(0.0, AHEAD if forward_m > 0.0 else BACK, TICK_S, TICK_S, forward_m)
 
 
-def blind_run(for_s: float, forward_m: float = STEP_M) -> BlindRunMonitor:
-    monitor = BlindRunMonitor()
+def look(progress: ProgressMonitor, interval: TickInterval, seen: Moved | None, *, blind: bool) -> None:
+    """Judge a tick of a rover that stays where it is."""
+    progress.update(interval, seen, 0.0, 0.0, anomalous=False, blind=blind, drives=True)
+
+
+def blind_run(for_s: float, forward_m: float = STEP_M) -> ProgressMonitor:
+    progress = ProgressMonitor(SETTINGS)
     for _ in range(round(for_s / TICK_S)):
-        monitor.update(interval(forward_m), None, blind=True)
-    return monitor
+        look(progress, interval(forward_m), None, blind=True)
+    return progress
 
 
 def test_run_without_sight_is_long_after_its_time() -> None:
-    assert not blind_run(UNSEEN_S - 1.0).long
-    assert blind_run(UNSEEN_S + 1.0).long
+    assert not blind_run(UNSEEN_S - 1.0).blind
+    assert blind_run(UNSEEN_S + 1.0).blind
 
 
 def test_reversing_without_sight_is_no_run() -> None:
-    assert not blind_run(2.0 * UNSEEN_S, -STEP_M).long
+    assert not blind_run(2.0 * UNSEEN_S, -STEP_M).blind
 
 
 def test_metre_that_is_seen_ends_a_run_without_sight() -> None:
-    monitor = blind_run(UNSEEN_S + 1.0)
+    progress = blind_run(UNSEEN_S + 1.0)
     for _ in range(round(SEEN_M / STEP_M) + 1):
-        monitor.update(interval(STEP_M), moved(STEP_M, STEP_M), blind=False)
-    assert not monitor.long
+        look(progress, interval(STEP_M), moved(STEP_M, STEP_M), blind=False)
+    assert not progress.blind
 
 
 @pytest.mark.parametrize("back_is_seen", [False, True])
 def test_backing_off_and_coming_back_in_sight_does_not_end_a_run_without_sight(back_is_seen: bool) -> None:
-    monitor = blind_run(UNSEEN_S + 1.0)
+    progress = blind_run(UNSEEN_S + 1.0)
     for _ in range(100):
         for step_m in (-STEP_M, -STEP_M, -STEP_M, STEP_M, STEP_M, STEP_M):
             blind = step_m < 0.0 and not back_is_seen
-            monitor.update(interval(step_m), moved(step_m, step_m), blind=blind)
-    assert monitor.long
+            look(progress, interval(step_m), moved(step_m, step_m), blind=blind)
+    assert progress.blind
