@@ -20,8 +20,7 @@ from wayfarer.escape.api import Decision, Observation
 from wayfarer.escape.handler import PhasedHandler
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import LEVELS, Condition, Level
-from wayfarer.safety.gate import Gate
-from wayfarer.safety.resume_warning import ResumeWarning
+from wayfarer.safety.gate import Gate, ResumeWarning
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.chips.sabertooth import SabertoothChip
 from wayfarer.simhal.faults.kinds import Fault

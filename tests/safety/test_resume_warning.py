@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.resume_warning import FREE_S, LONG_HOLD_S, ResumeWarning
+from wayfarer.safety.gate import FREE_S, LONG_HOLD_S, ResumeWarning
 from wayfarer.safety.tick_interval import IntervalTimer, TickInterval
 
 TICK_S = 0.0625  # binary, so that times are exact

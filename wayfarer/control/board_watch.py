@@ -2,7 +2,7 @@
 
 A rover whose motor board was silent for a moment, or lost its power, is not lost: the board may answer again. So the
 board is opened again after a pause, as at each arming, which proves that it answers and that its deadman is on. Only
-then the mission goes on, and the gate lets the wheels turn after the warning of ``safety.resume_warning``. Opening
+then the mission goes on, and the gate lets the wheels turn after the warning of ``gate.ResumeWarning``. Opening
 commands no wheel to turn. If somebody disarms the rover meanwhile, what was opened has no effect (``Controller``).
 """
 

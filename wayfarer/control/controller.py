@@ -30,11 +30,10 @@ from wayfarer.escape.recovery import Recovery
 from wayfarer.hal import STOP, PositionFix, WheelCommand
 from wayfarer.safety.arming import ArmingSequence
 from wayfarer.safety.conditions import BLIND, MANUAL_LEVELS, UNCOMMANDED, Condition, Level
-from wayfarer.safety.gate import Gate
+from wayfarer.safety.gate import Gate, ResumeWarning
 from wayfarer.safety.manual import LEASE_S, ManualControl
 from wayfarer.safety.mission_limits import Mission, RunEnd
 from wayfarer.safety.permission import PERMISSION_S
-from wayfarer.safety.resume_warning import ResumeWarning
 from wayfarer.safety.tick_interval import IntervalTimer
 
 

@@ -1,4 +1,4 @@
-"""The safety gate, the last stage before the wheels. Pure: the controller calls it once a tick and obeys.
+"""The safety gate, the last stage before the wheels, and its warning. Pure: the controller asks both once a tick.
 
 For every decision, the wheels get zero unless the rover is armed and no condition demands a hold; a fault stays until
 the rover is re-armed. A command that passes is limited in duty and in the growth of duty. Stopping is never limited.
@@ -6,13 +6,14 @@ the rover is re-armed. A command that passes is limited in duty and in the growt
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from math import isfinite
+from collections.abc import Callable, Mapping, Sequence
+from math import inf, isfinite
 from typing import Final
 
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.safety.conditions import DUTY_SHARES, Condition, Level, levels_for, worst
+from wayfarer.safety.conditions import DUTY_SHARES, LEVELS, Condition, Level, levels_for, worst
 from wayfarer.safety.settings import SafetySettings
+from wayfarer.safety.tick_interval import TickInterval
 
 # ArduPilot's rover disarms after this time without its main loop. Here, because the stall guard
 # (``daemon.watchdog``) keeps it, and a rover file's control rate is checked against it.
@@ -93,3 +94,63 @@ class Gate:
         if wanted > 0.0:
             return min(wanted, (last if last > 0.0 else 0.0) + step, most)
         return max(wanted, (last if last < 0.0 else 0.0) - step, -most)
+
+
+# -- the warning before a rover that was held continues by itself ----------------------------------------------------
+# A person may have walked up to a rover that has stopped. A hold that the rover began by itself (a silent sensor, a
+# late tick) can end at any moment. So after a long one the wheels stand for a second more, while the status light
+# blinks as before the start. A hold that a person requested is ended by a person, who looks first, so it needs no
+# warning. A hold for a motor board that failed is always followed by the warning, however short it was.
+
+LONG_HOLD_S: Final = 1.0  # nobody walks up to a rover that stops for less
+FREE_S: Final = 0.5  # if the wheels turn for less than this between two holds, the rover still counts as standing
+
+
+class ResumeWarning:
+    """Says whether the wheels must still wait. Call it at each tick of an armed rover.
+
+    ``warning_s`` is the length of the warning, 0 for none; ``levels`` are the severities of this rover's conditions.
+    """
+
+    def __init__(self, warning_s: float, levels: Mapping[Condition, Level] = LEVELS) -> None:
+        self._warning_s = warning_s
+        self._levels = levels
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget: a mission begins, and its start delay has warned already."""
+        self._stands_since_s: float | None = None
+        self._free_since_s: float | None = None
+        self._due = False
+        self._until_s = -inf
+
+    def update(self, interval: TickInterval, conditions: Sequence[Condition]) -> bool:
+        """Judge a tick with its conditions; return whether the rover warns now."""
+        if self._stands_since_s is None and not conditions:
+            return False  # nearly every tick ends here
+        t_s = interval.t_s
+        if self._holds(conditions):
+            self._stand(interval, conditions)
+            return False
+        if self._stands_since_s is None or Condition.OPERATOR_HOLD in conditions:
+            return False  # a warning that is due waits for the person
+        if self._due:
+            self._due, self._until_s = False, t_s + self._warning_s
+        if t_s < self._until_s:
+            return True
+        self._free_since_s = t_s if self._free_since_s is None else self._free_since_s
+        if t_s - self._free_since_s >= FREE_S:
+            self._stands_since_s = None
+        return False
+
+    def _stand(self, interval: TickInterval, conditions: Sequence[Condition]) -> None:
+        """Note that the rover holds its wheels; in an interval that was late the board's deadman had stopped them."""
+        if self._stands_since_s is None:
+            self._stands_since_s = interval.t_s - interval.dt_s
+        self._free_since_s = None
+        if interval.t_s - self._stands_since_s > LONG_HOLD_S or Condition.MOTORS_FAILED in conditions:
+            self._due = True
+
+    def _holds(self, conditions: Sequence[Condition]) -> bool:
+        """Return whether the rover itself holds its wheels."""
+        return any(self._levels[each] >= Level.HOLD and each is not Condition.OPERATOR_HOLD for each in conditions)
