@@ -37,7 +37,7 @@ class Side(Enum):
 class CompassReading(NamedTuple):
     """Heading and tilt of the body at ``t_s``.
 
-    ``calibration`` is 0 (not calibrated) to 3 (fully), or None where the part does not report it.
+    ``calibration`` is 0 (not calibrated) to 3 (fully), or None if the part does not report it.
     """
 
     t_s: float
@@ -66,7 +66,7 @@ class ContactReading(NamedTuple):
     """What touches the body at ``t_s``.
 
     ``sides`` is empty when nothing does. ``obstacle_bearing_deg`` is the compass bearing of the long axis of the
-    obstacle, in [0, 180), or None where that is not known (a tree, a rover that cannot sense it).
+    obstacle, in [0, 180), or None if that is not known (a tree, a rover that cannot sense it).
     """
 
     t_s: float
@@ -111,8 +111,8 @@ class Colour(NamedTuple):
 class PositionFix(NamedTuple):
     """A position for the log and for mission limits; escape decisions never see one.
 
-    Degrees north and east (WGS 84) and the horizontal error in metres (None where the receiver does not report it).
-    ``utc_s`` is what the receiver's own clock said, UTC in seconds since 1970; None where it did not, and not judged.
+    Degrees north and east (WGS 84) and the horizontal error in metres (None if the receiver does not report it).
+    ``utc_s`` is what the receiver's own clock said, UTC in seconds since 1970; None if it did not, and not judged.
     """
 
     t_s: float
@@ -182,7 +182,7 @@ class ContactSensor(Driver, Protocol):
 class DriveMotors(Driver, Protocol):
     """The left and right wheels of a skid-steered rover.
 
-    ``deadman_s`` is how long after the last command the board itself stops the wheels; None where it cannot. ``open``
+    ``deadman_s`` is how long after the last command the board itself stops the wheels; None if it cannot. ``open``
     arms that deadman and verifies it if the board can report it, and turns no wheel. The motors are opened again at
     each arming, and after each failure during a mission, because a board that lost its power for a moment has forgotten
     its deadman.
@@ -208,7 +208,7 @@ class DriveMotors(Driver, Protocol):
         """
 
     async def read_back(self) -> WheelCommand | None:
-        """Return the duties that the board reports as applied now, or None where the board cannot report them.
+        """Return the duties that the board reports as applied now, or None if the board cannot report them.
 
         Raises:
             NotResponding: the board did not answer.

@@ -64,7 +64,7 @@ class Results:
 def compare(results: Results, against: str | None = None) -> list[dict[str, Any]]:
     """Compare the algorithms of a campaign in pairs: each met the same forests with the same noise.
 
-    All are compared with ``against``: without it with Forest-Pledge, or the first one where that is not among them.
+    All are compared with ``against``: without it with Forest-Pledge, or the first one if that is not among them.
     Gives a row for each algorithm, the one that the others are compared with first; its own gains are None.
     ``path_gain_m`` is the mean difference of the paths over the pairs in which both got out, metres, negative where
     this algorithm's path is shorter; ``success_gain`` is that of the success over all pairs, percentage points;

@@ -20,7 +20,7 @@ class Run:
     """A run's field log.
 
     ``folder`` is where it is, ``summary`` what ``wayfarer logs summary`` tells of it, and ``damage`` what of it could
-    not be read, false where that is nothing. ``ticks`` and ``events`` read the log again, row by row, each time that
+    not be read, false if that is nothing. ``ticks`` and ``events`` read the log again, row by row, each time that
     they are asked for.
 
     >>> run = open_run(1, log_dir="field_logs")
@@ -102,7 +102,7 @@ def replay(
     """Run the recorded readings through the installed code, and compare each decision with the log.
 
     The result has ``ticks``, how many decisions were as logged, and ``difference``, the first one that was not, None
-    where there is none: its ``elapsed_s``, the ``key``, what was ``logged``, and what it is ``today``.
+    if there is none: its ``elapsed_s``, the ``key``, what was ``logged``, and what it is ``today``.
 
     Args:
         run: as of ``open_run``.

@@ -59,7 +59,7 @@ def _health(status: Mapping[str, Any]) -> str:
 
 
 def _battery(status: Mapping[str, Any]) -> str:
-    """Return the battery's voltage, empty where it is not known."""
+    """Return the battery's voltage, empty if it is not known."""
     return "" if status.get("battery_v") is None else f"{status['battery_v']:.1f} V"
 
 

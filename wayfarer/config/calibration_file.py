@@ -115,7 +115,7 @@ def calibration_file(environment: Mapping[str, str], home: Path, system: Path = 
 
 
 def load(path: Path) -> Calibration:
-    """Return what is in the file; an empty calibration where there is none.
+    """Return what is in the file; an empty calibration if there is none.
 
     Raises:
         BadInput: the file cannot be read or is not right; the text names it and the reason.

@@ -21,7 +21,7 @@ STANDARD_GRAVITY_M_S2 = 9.80665
 
 @dataclass(frozen=True, slots=True)
 class Chassis:
-    """Weight, motors and belly of a rover, for the simulator; None where its file does not say."""
+    """Weight, motors and belly of a rover, for the simulator; None if its file does not say."""
 
     ground_clearance_m: Metres | None = None
     """Height of the belly: a branch that is no thicker passes under it. For ``--site``."""

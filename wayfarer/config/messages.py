@@ -23,7 +23,7 @@ T = TypeVar("T")
 _UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
 _OUT_OF_RANGE = {"greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number"}
 _NAMED = re.compile(r"(?:unknown )?key '([^']+)'")
-_VALUE_LINES_MAX = 100  # of one value, from no source: each line costs a reading of all before it
+_VALUE_LINES_MAX = 100  # of one value, chosen by us: each line costs a reading of all before it
 _SHOWN = 80  # characters of a value, or a key, that is quoted
 _LONG_KEY = re.compile(rf"'([^']{{{_SHOWN + 1},}})'")
 
@@ -108,7 +108,7 @@ def located(where: str, text: str, said: str, section: str = "", prefix: str = "
 
 
 def line_of(text: str, dotted: str) -> int | None:
-    """Return the number of the line of valid TOML on which a key or a table begins, None where it is not there.
+    """Return the number of the line of valid TOML on which a key or a table begins, None if it is not there.
 
     A table begins where one within it does: ``[parts.motors]`` begins ``parts``.
     Of an array of tables each has its number, from 0: ``scenario.1.fault.0.kind``.
@@ -174,7 +174,7 @@ def _allowed(model: Any, key: str) -> str:
 
 
 def _intervals(hint: Any) -> Iterator[Any]:
-    """Give the two-sided ranges within a type, also where it may be None."""
+    """Give the two-sided ranges within a type, also if it may be None."""
     for each in getattr(hint, "__metadata__", ()):
         if isinstance(each, Interval):
             yield each

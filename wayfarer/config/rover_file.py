@@ -44,7 +44,7 @@ class LogSettings:
 
     part_mb: Annotated[float, Interval(ge=1, le=2000)] = 50.0
     """Size of one file of a log: an hour, small enough for an editor and for a phone's connection, and far below the
-    4 GB that a file may have on FAT. A rover is armed only where one fits beside ``free_mb``."""
+    4 GB that a file may have on FAT. A rover is armed only if one fits beside ``free_mb``."""
     run_mb: Annotated[float, Interval(ge=10, le=1_000_000)] = 1000.0
     """A longer run, which is most of a day and should be several parts, loses parts, but never the first, which says
     how it began: a daemon that stands disarmed for weeks must not fill the card. Those in which no wheel turned go
@@ -234,7 +234,7 @@ def rover_text(name_or_path: str) -> str:
 
 
 def line_in(name_or_path: str, key: str) -> int | None:
-    """Return on which line of a rover file, shipped or not, a dotted key is; None where it has its default."""
+    """Return on which line of a rover file, shipped or not, a dotted key is; None if it has its default."""
     return line_of(_text_of(name_or_path), key)
 
 

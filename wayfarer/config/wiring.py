@@ -54,7 +54,7 @@ class RecordingBuses:
 
 
 class _PartAddress(NamedTuple):
-    """Where a part sits; ``address`` is None where the bus has none."""
+    """Where a part sits; ``address`` is None if the bus has none."""
 
     part: str
     chip: str
@@ -64,7 +64,7 @@ class _PartAddress(NamedTuple):
 
 
 def wiring_conflict(parts: Iterable[tuple[str, Any, Any]]) -> str | None:
-    """Say which two parts cannot share a wire, by the key to correct; None where all can.
+    """Say which two parts cannot share a wire, by the key to correct; None if all can.
 
     Args:
         parts: name, driver class and settings of each part.
@@ -105,7 +105,7 @@ def _key(part: str, settings: Any, wire: BusRequest) -> str:
 
 
 def _conflict(place: _PartAddress, other: _PartAddress) -> str | None:
-    """Say why two parts cannot be where they are, None where they can."""
+    """Say why two parts cannot be where they are, None if they can."""
     (kind, name), there = place.wire, f"parts.{other.part} ({other.chip})"
     if normpath(name) != normpath(other.wire.name):
         return None

@@ -19,7 +19,7 @@ from wayfarer.hal import DriveMotors, MotorHealth
 
 DOUBT_S = 0.1  # two ticks: one of them has judged the report. So two reports and a stop fit into 0.5 s (fault 30)
 # Ardumower Sunray resets a motor driver that has failed after 1 s. That each further pause is twice as long, the
-# longest one, and when the pauses begin again with the shortest: from no source.
+# longest one, and when the pauses begin again with the shortest: chosen by us.
 REOPEN_AFTER_S = 1.0
 REOPEN_AFTER_MAX_S = 60.0
 STEADY_S = 60.0  # a board that has worked for so long since it was opened

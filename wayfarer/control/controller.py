@@ -69,7 +69,7 @@ class Controller:
     reports of the motor board and of the computer's supply; ``board`` is the monitor of the board's own reports.
     ``levels`` are the severities of this rover's conditions. ``cause_since_s`` is when the gate's present cause began,
     or the last one ended. ``manual`` is who drives by hand, if the mode says that somebody does. ``clock`` gives the
-    time of now, on the clock of ``tick``. A mission's limit ends the run, or disarms the rover where it ``goes_on``.
+    time of now, on the clock of ``tick``. A mission's limit ends the run, or disarms the rover if it ``goes_on``.
     """
 
     def __init__(
@@ -138,7 +138,7 @@ class Controller:
         self._log.event("arming", t_s, start_delay_s=delay_s, goal_heading_deg=goal_heading_deg)
 
     def disarm(self, t_s: float, reason: str) -> None:
-        """Stop the wheels from the next tick on, until re-armed; also where a person drives."""
+        """Stop the wheels from the next tick on, until re-armed; also if a person drives."""
         self._gate.levels = self.levels
         self.mode = Mode.DISARMED
         self.why_disarmed = reason
@@ -193,7 +193,7 @@ class Controller:
             self.mission.position(fix)
 
     def power(self, t_s: float, flags: int | None) -> None:
-        """Take the power flags of the computer's firmware, None where there are none; see ``power.SupplyMonitor``."""
+        """Take the power flags of the computer's firmware, None if there are none; see ``power.SupplyMonitor``."""
         self.power_reports.power(t_s, flags)
 
     @property

@@ -53,7 +53,7 @@ class MotionBuffer:
         self._pending = reading
 
     def take(self) -> MotionReading | None:
-        """Return the displacement since the last take, or None where nothing was read since."""
+        """Return the displacement since the last take, or None if nothing was read since."""
         pending = self._pending
         self._pending = None
         return pending

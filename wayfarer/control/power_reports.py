@@ -38,7 +38,7 @@ class PowerReports:
         self._pending.append(partial(self._judge_silence, t_s, error))
 
     def power(self, t_s: float, flags: int | None) -> None:
-        """Take the power flags of the computer's firmware, None where there are none; see ``SupplyMonitor``."""
+        """Take the power flags of the computer's firmware, None if there are none; see ``SupplyMonitor``."""
         self._pending.append(partial(self._judge_power, t_s, flags))
 
     # -- at each tick --------------------------------------------------------------------------------------------

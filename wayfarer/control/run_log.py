@@ -12,7 +12,7 @@ from typing import Protocol
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.hal import Driver, HasErrorCounts, MotorHealth, PositionFix, WheelCommand
 
-NOTE_HZ = 1.0  # of the retry counters; from no source
+NOTE_HZ = 1.0  # of the retry counters; chosen by us
 
 
 class RunLog(Protocol):

@@ -239,7 +239,7 @@ class Supervisor:
     async def _open(self, part: Driver) -> None:
         """Open a part; a run also begins if the light or the receiver does not open.
 
-        Where a person may drive, it begins without any part but the motors: they bring the rover back.
+        If a person may drive, it begins without any part but the motors: they bring the rover back.
         """
         try:
             await part.open()

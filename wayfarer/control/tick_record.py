@@ -18,7 +18,7 @@ class TickRecord(DetectorTick):
     """One control tick, filled in stage by stage: what was seen, decided and applied, and the gate's level and cause.
 
     ``observation`` is what the handler saw of the readings (None before the first plausible heading). ``manual`` is the
-    newest sample of a person who drives, None where nobody does, or has asked for anything yet. ``memory`` gives
+    newest sample of a person who drives, None if nobody does, or has asked for anything yet. ``memory`` gives
     the handler's inner state and is valid only until the next tick, so a log that keeps it calls it at once.
     """
 

@@ -36,7 +36,7 @@ class MotorsTaken(AlreadyRunning):
 
 
 def motors_device(config: RoverConfig) -> str | None:
-    """Return the device file that a rover's motors are on, None where there is none."""
+    """Return the device file that a rover's motors are on, None if there is none."""
     from wayfarer.config.rover_file import part_settings
 
     table = config.parts.get("motors")

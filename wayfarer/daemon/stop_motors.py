@@ -2,7 +2,7 @@
 
 Which motors a daemon drives is in its record (``daemon/socket/driven.py``), and nowhere else: the rover file may have
 changed since it began. The motors of the rover file are stopped as well. They may be other ones by now, which nobody
-has recorded; a stop is harmless for both. The rover file is used as it is, and one that is broken is refused. Where no
+has recorded; a stop is harmless for both. The rover file is used as it is, and one that is broken is refused. If no
 board was stopped, the daemons are asked.
 
 Both can name code to import. Root runs it with the rights of the user who wrote it, and only if nobody else can have
@@ -29,7 +29,7 @@ from wayfarer.errors import BadConfig, BadInput, WayfarerError, kind_and_text, o
 from wayfarer.files import open_regular
 
 HELPER_TIMEOUT_S = 15.0  # for a process with another user's rights: TimeoutStopSec in the unit
-MAX_OUTPUT = 500  # characters of what such a process writes that are shown; from no source
+MAX_OUTPUT = 500  # characters of what such a process writes that are shown; chosen by us
 
 
 class BoardToStop(NamedTuple):
@@ -57,7 +57,7 @@ def stop_motors(name_or_path: str) -> str:
     """Stop the wheels that a daemon drives or drove, and those of the rover file; report how certain each stop is.
 
     Args:
-        name_or_path: a shipped rover, or a rover file. Where it cannot be used and a daemon has recorded what it
+        name_or_path: a shipped rover, or a rover file. If it cannot be used and a daemon has recorded what it
             drives, the record suffices.
 
     Raises:

@@ -46,8 +46,8 @@ def monitor_host_health(
     Args:
         logs: the folder whose disk is of interest; it need not be there.
         take: takes the health and that of the logs' disk, in a thread of the monitor.
-        take_power: takes the firmware's power flags, None where it does not tell; in another thread of the monitor.
-        delete_old_runs: deletes them, in another thread of the monitor; None where nothing is to be deleted.
+        take_power: takes the firmware's power flags, None if it does not tell; in another thread of the monitor.
+        delete_old_runs: deletes them, in another thread of the monitor; None if nothing is to be deleted.
         root: where the file system begins; another one in a test.
     """
     ended = threading.Event()

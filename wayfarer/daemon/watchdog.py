@@ -60,7 +60,7 @@ class SystemdNotifier:
 def watchdog_period_s(environment: Mapping[str, str]) -> float | None:
     """Return the period for feeding systemd's watchdog: a quarter of its limit, so one delay does not cause a restart.
 
-    The limit is ``WATCHDOG_USEC``. None where no watchdog watches this process (sd_watchdog_enabled(3)).
+    The limit is ``WATCHDOG_USEC``. None if no watchdog watches this process (sd_watchdog_enabled(3)).
     """
     limit_us, watched = environment.get("WATCHDOG_USEC", ""), environment.get("WATCHDOG_PID", "")
     if watched not in {"", str(os.getpid())} or not limit_us.isdecimal() or not 0.0 < float(limit_us) < NEVER_US:

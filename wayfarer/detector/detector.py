@@ -19,7 +19,7 @@ from wayfarer.safety.tick_interval import Debounce, Moved, TickInterval
 class DetectorTick(TickInterval):
     """The readings of the sensors at a tick, and what the detector found in them.
 
-    A reading is None where the sensor has not answered yet (motion: since the last tick).
+    A reading is None if the sensor has not answered yet (motion: since the last tick).
     """
 
     compass: CompassReading | None = None

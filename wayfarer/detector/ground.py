@@ -99,7 +99,7 @@ class GroundSlope:
         return pitch_deg, -pitch_deg, roll_deg, -roll_deg
 
     def pitch_deg(self, heading_deg: float) -> float:
-        """Return how far the ground rises ahead with this heading; 0 where it counts as level or is not known."""
+        """Return how far the ground rises ahead with this heading; 0 if it counts as level or is not known."""
         if self.level or not self._known:
             return 0.0
         return _turned(self._north_deg, self._east_deg, heading_deg)[0]

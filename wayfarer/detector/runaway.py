@@ -60,7 +60,7 @@ class RunawayMonitor:
         """Take how the body stands.
 
         Args:
-            pitch_deg: the body's pitch, nose up; 0 where it is not known.
+            pitch_deg: the body's pitch, nose up; 0 if it is not known.
             falls_ahead_deg: how far the ground falls ahead of it, as far as that is known; the most that it may.
             falls_back_deg: the same behind it.
         """
@@ -69,7 +69,7 @@ class RunawayMonitor:
     def add(self, dt_s: float, stood_s: float, moved_m: float, *, signed: bool = True) -> None:
         """Add a reading: the body moved ``moved_m`` in the last ``dt_s``; zero has been commanded for ``stood_s``.
 
-        It counts if most of ``dt_s`` is after the time for coasting. Where the sensor sees no direction, the motion may
+        It counts if most of ``dt_s`` is after the time for coasting. If the sensor sees no direction, the motion may
         be downhill.
         """
         if self._coasting and stood_s <= self._coasting[-1][0]:

@@ -27,11 +27,11 @@ class DetectorSettings:
 
     immobilised_s: Seconds = 0.3
     """The rover is immobilised if over this time it moved by less than ``immobilised_below`` of what was possible from
-    its speed before. From no source."""
+    its speed before. Chosen by us."""
     immobilised_below: Fraction = 0.3
-    """Share of the possible distance below which it is immobilised. From no source."""
+    """Share of the possible distance below which it is immobilised. Chosen by us."""
     immobilised_from_m_s: MetresPerSecond = 0.1
-    """Commanded speed below which nothing is claimed. From no source."""
+    """Commanded speed below which nothing is claimed. Chosen by us."""
     nowhere_s: Seconds = 2.0
     """It gets nowhere if the same as in ``immobilised_s`` holds over this time, at least ``immobilised_s`` (ArduPilot's
     crash check takes 2 s)."""

@@ -26,8 +26,8 @@ from wayfarer.safety.tick_interval import ROUNDING_S
 # The possible distance must be well above what a sensor shows while the body stands: 4 to 5 standard deviations of a
 # PMW3901's counts over 0.3 s, at three times its noise.
 SEEN_FROM_M: Final = 0.01
-# Where a sensor is unsure now and then, the short window grows until it has so many readings that were seen, but not
-# beyond this. From no source: three zeros in a row of sure readings are no chance, and 3 s is how long a motor may be
+# If a sensor is unsure now and then, the short window grows until it has so many readings that were seen, but not
+# beyond this. Chosen by us: three zeros in a row of sure readings are no chance, and 3 s is how long a motor may be
 # held (fault catalogue, faults 29 and 58).
 LEAST_SEEN: Final = 3
 LONGEST_S: Final = 3.0
@@ -39,7 +39,7 @@ TURNS_FROM_DEG_S: Final = 70.0
 class DrivingInterval:
     """An interval of driving; distances and speeds are positive in the direction that is commanded.
 
-    ``moved_m`` is None where nothing was sure; ``slid_m`` is to the right; ``gained_m_s`` is the speed that grip can
+    ``moved_m`` is None if nothing was sure; ``slid_m`` is to the right; ``gained_m_s`` is the speed that grip can
     add in this time; ``possible_m`` is the distance possible in it, calculated from the start of driving this way;
     ``before_m_s`` is the speed of the body before it.
     """
@@ -98,11 +98,11 @@ class StallMonitor:
         Args:
             driven_s: how long the wheels obeyed.
             commanded_m: how far they were commanded to go, negative in reverse.
-            moved_m: how far the body moved ahead, negative in reverse; None where that was not seen.
+            moved_m: how far the body moved ahead, negative in reverse; None if that was not seen.
             turned_deg: how far the body turned.
             straight: the share of the wheels' push that is ahead or back, 0 to 1; the rest of the ground's grip is used
                 for turning.
-            slid_m: how far the body slid to the right, 0 where that is not clearly seen.
+            slid_m: how far the body slid to the right, 0 if that is not clearly seen.
         """
         before_m_s = (self._last_m_s + self._before_last_m_s) / 2  # the mean of two has less noise
         last_m_s = self._last_m_s

@@ -18,7 +18,7 @@ from wayfarer.hal import ContactReading, Side
 
 @dataclass(frozen=True, slots=True)
 class BumperSettings:
-    """The pin of each side's switch; None where there is none."""
+    """The pin of each side's switch; None if there is none."""
 
     front: Pin | None = None
     """GPIO number of the switch in front."""

@@ -62,10 +62,10 @@ class CameraMotionSettings:
     m_per_pixel: Annotated[float, Interval(gt=0, le=0.1)] | None = None
     """For displacement, the ground that one pixel shows, in m: drive a metre and divide."""
     dark_below: GreyLevels = 15.0
-    """A picture with a lower mean grey level, 0 to 255, is no evidence. From no source: a covered lens must be below
+    """A picture with a lower mean grey level, 0 to 255, is no evidence. Chosen by us: a covered lens must be below
     it, the darkest ground to be driven must not."""
     flat_below: GreyLevels = 5.0
-    """A picture whose standard deviation in grey levels is lower is no evidence; from no source, as ``dark_below``."""
+    """A picture whose standard deviation in grey levels is lower is no evidence; chosen by us, as ``dark_below``."""
     difference_still: GreyLevels | None = None
     """For difference, the mean change of a pixel in grey levels from one picture to the next while standing; ``wayfarer
     calibrate flow`` measures it on your ground."""

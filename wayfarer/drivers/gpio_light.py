@@ -15,7 +15,7 @@ from wayfarer.hal import Colour
 
 @dataclass(frozen=True, slots=True)
 class GpioLightSettings:
-    """The pin of each colour; None where there is none. A buzzer is a light with one colour."""
+    """The pin of each colour; None if there is none. A buzzer is a light with one colour."""
 
     red: Pin | None = None
     """GPIO number of the red light."""

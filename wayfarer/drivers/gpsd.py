@@ -79,7 +79,7 @@ class Fixes:
 
 
 def parse(line: bytes) -> dict[str, Any]:
-    """Return the JSON object on a line, all numbers as float; empty where there is none."""
+    """Return the JSON object on a line, all numbers as float; empty if there is none."""
     try:
         report = json.loads(line, parse_int=float)
     except (ValueError, RecursionError):  # also no UTF-8; brackets without end
@@ -88,7 +88,7 @@ def parse(line: bytes) -> dict[str, Any]:
 
 
 def fix_of(report: dict[str, Any], t_s: float) -> PositionFix | None:
-    """Return the position in a TPV report, and its time, or None where it has none. The error is ``eph``, in metres."""
+    """Return the position in a TPV report, and its time, or None if it has none. The error is ``eph``, in metres."""
     mode, latitude_deg, longitude_deg, error_m = (number(report, key) for key in ("mode", "lat", "lon", "eph"))
     if mode is None or mode < FIX_2D or latitude_deg is None or longitude_deg is None:
         return None
@@ -99,7 +99,7 @@ def fix_of(report: dict[str, Any], t_s: float) -> PositionFix | None:
 
 
 def _utc_s(time: object) -> float | None:
-    """Return the time of a report (ISO 8601, UTC) in seconds since 1970, None where it is none."""
+    """Return the time of a report (ISO 8601, UTC) in seconds since 1970, None if it is none."""
     try:
         moment = datetime.fromisoformat(str(time))
     except ValueError:  # also the second 60 of a leap second
@@ -108,7 +108,7 @@ def _utc_s(time: object) -> float | None:
 
 
 def number(report: dict[str, Any], key: str) -> float | None:
-    """Return a finite number, or None where it is missing, NaN or infinite: that must not become 0."""
+    """Return a finite number, or None if it is missing, NaN or infinite: that must not become 0."""
     value = report.get(key)
     return value if isinstance(value, float) and isfinite(value) else None
 

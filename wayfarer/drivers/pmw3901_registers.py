@@ -2,7 +2,7 @@
 
 The start-up values are published by the manufacturer without explanation. Each block is a run of writes,
 ``register=value`` in hex, in the order of the data sheet (docs/reference/hardware.md); ``7F`` selects a bank. The
-reads, choices and waits between the blocks are in ``pmw3901.py``. Where the published drivers differ, the value is
+reads, choices and waits between the blocks are in ``pmw3901.py``. If the published drivers differ, the value is
 that of the data sheet, as in Bitcraze and libdriver: ``74=1F``, where Pimoroni and PX4 write 21.
 """
 

@@ -51,9 +51,9 @@ class Observation(NamedTuple):
     ``t_s`` is seconds on any clock that does not go back. Headings are degrees clockwise, 0 to 360, all from the same
     north. ``pitch_deg`` is positive with the nose up, ``roll_deg`` with the right side down.
     ``travelled_m`` is the distance commanded so far; driving forwards and backwards both increase it. ``measured_m`` is
-    the distance that the motion sensor saw, or the commanded one where the sensor is not usable; None where nothing
+    the distance that the motion sensor saw, or the commanded one if the sensor is not usable; None if nothing
     measures it. ``contact`` is None on a rover without a contact sensor. ``applied`` is the wheel command that was
-    applied since the last tick, after the gate's limits; None where that is not known.
+    applied since the last tick, after the gate's limits; None if that is not known.
 
     >>> seen = Observation(
     ...     t_s=0.05, heading_deg=12.0, pitch_deg=0.0, roll_deg=0.0, anomalies=(Anomaly.IMMOBILISED,), contact=None,

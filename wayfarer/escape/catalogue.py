@@ -42,25 +42,25 @@ def either(_observation: Observation, _settings: EscapeSettings, rng: Random) ->
 
 
 def contact_side(observation: Observation) -> int:
-    """Return the turn away from the touched side, or 0 where the contact favours neither."""
+    """Return the turn away from the touched side, or 0 if the contact favours neither."""
     sides = observation.contact.sides if observation.contact is not None else ()
     return (Side.LEFT in sides) - (Side.RIGHT in sides)
 
 
 def away_else_clockwise(observation: Observation, _settings: EscapeSettings, _rng: Random) -> int:
-    """Return the turn away from the contact; clockwise where there is none, as in a slip, or it is head-on."""
+    """Return the turn away from the contact; clockwise if there is none, as in a slip, or it is head-on."""
     return contact_side(observation) or CLOCKWISE
 
 
 def away_else_either(observation: Observation, settings: EscapeSettings, rng: Random) -> int:
-    """Return the turn away from the contact; either side where there is none or it is head-on."""
+    """Return the turn away from the contact; either side if there is none or it is head-on."""
     return contact_side(observation) or either(observation, settings, rng)
 
 
 def compatible_axis_deg(observation: Observation, settings: EscapeSettings) -> float | None:
     """Return the obstacle's axis relative to the goal heading, in [-90, 90), if it is compatible with it.
 
-    Compatible means within 20 degrees (paper, section III-A, OO-Pledge); None otherwise or where it is not known.
+    Compatible means within 20 degrees (paper, section III-A, OO-Pledge); None otherwise or if it is not known.
     """
     if observation.contact is None or observation.contact.obstacle_bearing_deg is None:
         return None

@@ -52,7 +52,7 @@ class CompassLag:
 
     @property
     def ticks(self) -> int:
-        """The lag in control ticks, 0 where none is known."""
+        """The lag in control ticks, 0 if none is known."""
         return self._ticks
 
     def forget(self) -> None:
@@ -81,7 +81,7 @@ class CompassLag:
         keep = MEMORY_DEG2 / (MEMORY_DEG2 + energy)
         products, expected = self._products, self._expected_deg
         best, most = 0, 0.0
-        for n in range(DELAYS):  # in each tick: max() with a key costs 5,000 instructions where this is compiled
+        for n in range(DELAYS):  # in each tick: max() with a key costs 5,000 instructions if this is compiled
             product = products[n] = (products[n] + shown_deg * expected[n * STEP]) * keep
             if n == 0 or product > most:
                 best, most = n, product

@@ -74,7 +74,7 @@ _HARMLESS: Final = (Anomaly.IMMOBILISED, Anomaly.TOUCHED)  # to push against som
 class Ladder:
     """Climbs one rung after the other; ``begun`` is whether a rung was climbed since the last progress.
 
-    ``rung`` is the one that is being climbed, None where the algorithm drives.
+    ``rung`` is the one that is being climbed, None if the algorithm drives.
     """
 
     def __init__(self) -> None:
@@ -125,7 +125,7 @@ class Ladder:
         self._rest_s = min(2.0 * self._rest_s, REST_MAX_S)
 
     def decide(self, t_s: float, observation: Observation) -> Decision | None:
-        """Return the decision for this tick, None where no rung is being climbed.
+        """Return the decision for this tick, None if no rung is being climbed.
 
         ``t_s`` is the time without holds. The clock of ``observation`` also stands while a rung is being climbed.
         """

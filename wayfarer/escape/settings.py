@@ -35,7 +35,7 @@ class Vehicle:
     def mix(self, speed_m_s: float, turn_rad_s: float) -> WheelCommand:
         """Return the wheel duties for a forward speed and a clockwise turn rate.
 
-        Where that asks for more than full duty, both sides are scaled down together: the curve keeps its shape.
+        If that asks for more than full duty, both sides are scaled down together: the curve keeps its shape.
         """
         lead_m_s = turn_rad_s * self.track_m / 2
         left_m_s, right_m_s = speed_m_s + lead_m_s, speed_m_s - lead_m_s

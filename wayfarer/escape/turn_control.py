@@ -1,6 +1,6 @@
 """Control of turn rate and heading of a skid-steered body, with feedback from the compass.
 
-Tyres resist sideways. A body therefore turns only where the *turn duty* (half the difference of both sides' duties,
+Tyres resist sideways. A body therefore turns only if the *turn duty* (half the difference of both sides' duties,
 clockwise positive) is more than the ground's friction takes up; that share is the *dead zone*. It depends on ground,
 tyres, weight and motors: 0 on ideal ground, a tenth on mud, and half or more on dry soil (Kozlowski and Pazderski 2004,
 Mandow 2007). It is learnt only while the body turns, because a body that a tree holds shows nothing about the ground.
@@ -26,7 +26,7 @@ CATCH_UP_PER_S: Final = 4.0
 # A compass that lags shows late what was missing: feedback over a known lag is slower, this share of it in each lag.
 CATCH_UP_IN_LAG: Final = 0.25
 # While the body stands, nothing oscillates: once it has stood for longer than the lag, feedback is this quick until it
-# is seen to turn. It must reach the duty at which the ground lets go before ``GIVE_UP_AFTER_S``. From no source.
+# is seen to turn. It must reach the duty at which the ground lets go before ``GIVE_UP_AFTER_S``. Chosen by us.
 CATCH_UP_STANDING_PER_S: Final = 2.0
 # The time constant with which the angle by which the heading lags is forgotten: a body that did not follow was held.
 FORGET_S: Final = 1.5

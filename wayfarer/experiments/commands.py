@@ -66,7 +66,7 @@ def terrains(asked: Mapping[str, float | str | None], physics: str, ground: str)
 
 
 def slopes(asked: Mapping[str, float | str | None]) -> Slopes | None:
-    """Return the slopes that options ask for, by the names of their fields; None where none asks for any.
+    """Return the slopes that options ask for, by the names of their fields; None if none asks for any.
 
     Raises:
         BadInput: an option is no number or range, or out of bounds; or a direction without a slope.

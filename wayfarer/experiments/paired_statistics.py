@@ -107,7 +107,7 @@ def _compared(name: str, own: dict[PairKey, TrialRow], base: dict[PairKey, Trial
 
 
 def _gain(pairs: Iterable[tuple[TrialRow, TrialRow]], value: Callable[[TrialRow], float | None]) -> Difference | None:
-    """Return the mean difference of a value over the pairs that have it on both sides; None where none has."""
+    """Return the mean difference of a value over the pairs that have it on both sides; None if none has."""
     gains: dict[int, list[float]] = {}
     for own, other in pairs:
         here, there = value(own), value(other)

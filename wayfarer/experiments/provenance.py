@@ -77,7 +77,7 @@ def record_run(folder: Path, command: Sequence[str] | None) -> None:
 
     Args:
         folder: of the results.
-        command: the program's name and its arguments; None where no command line asked for the run.
+        command: the program's name and its arguments; None if no command line asked for the run.
 
     Raises:
         BadInput: the file that is there is damaged.

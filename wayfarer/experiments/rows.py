@@ -27,7 +27,7 @@ BELOW = 2**63  # what no number reaches: a whole one fits a column of a table, a
 
 
 class TrialRow(NamedTuple):
-    """What is kept of one trial; None where a value is not known, as in a trial that ended in a fault.
+    """What is kept of one trial; None if a value is not known, as in a trial that ended in a fault.
 
     ``interventions`` are counted in scenarios only: of a rover that has ``overturned``, and of one that is
     ``off_wheels``. ``friction``, ``roughness_m`` and ``torque_scale`` were drawn for a trial in MuJoCo, a slope for one
@@ -64,7 +64,7 @@ class TrialRow(NamedTuple):
 
     @property
     def counted_spl(self) -> float | None:
-        """SPL as it counts in a mean: 0 for a failure; None where the shortest path is not known."""
+        """SPL as it counts in a mean: 0 for a failure; None if the shortest path is not known."""
         return None if self.shortest_path_m is None else self.spl or 0.0
 
     @property

@@ -38,7 +38,7 @@ class ComputeCost(NamedTuple):
 
     @property
     def cpu_us_per_tick(self) -> float | None:
-        """CPU per control tick in microseconds, set-up and overhead included; None where nothing was run."""
+        """CPU per control tick in microseconds, set-up and overhead included; None if nothing was run."""
         return 1e6 * self.cpu_s / self.ticks if self.cpu_s is not None and self.ticks else None
 
 

@@ -179,6 +179,6 @@ MEASURES = (
 
 
 def spl_difference(rows: Sequence[TrialRow], others: Sequence[TrialRow]) -> Estimate | None:
-    """Return by how much the SPL exceeds that of the same trials at another point; None where it is unknown."""
+    """Return by how much the SPL exceeds that of the same trials at another point; None if it is unknown."""
     pairs = ((row.counted_spl, other.counted_spl) for row, other in zip(rows, others, strict=True))
     return estimated_mean([here - there for here, there in pairs if here is not None and there is not None])

@@ -65,7 +65,7 @@ class Sweep:
     def settings(self) -> dict[str, Any]:
         """Return the settings as JSON can hold them: what makes two sweeps the same one.
 
-        ``now`` is what the campaign has for each key where it is not swept.
+        ``now`` is what the campaign has for each key if it is not swept.
         """
         now = current(self.base)
         axes = [{"key": a.key, "values": list(a.values), "now": now.get(a.key)} for a in self.axes]
@@ -184,7 +184,7 @@ IN_BOTH: Final = frozenset(
 
 
 def current(campaign: Campaign) -> dict[str, Any]:
-    """Return each key that can be swept with its value now: None where it has none; keys of parts only if set."""
+    """Return each key that can be swept with its value now: None if it has none; keys of parts only if set."""
     rover = flat(campaign.rover.model_dump(mode="json"))
     length_m, width_m = (rover[each] for each in BODY)
     return {

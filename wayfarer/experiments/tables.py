@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class PaperFigures(NamedTuple):
-    """What the paper reports of an algorithm over its 1,000 trials; None where it does not."""
+    """What the paper reports of an algorithm over its 1,000 trials; None if it does not."""
 
     path_mean_m: float
     path_sd_m: float
@@ -49,7 +49,7 @@ class Layout(NamedTuple):
 
 
 def number_text(value: float | None, decimals: int = 1) -> str:
-    """Return a number with so many decimals, nothing where it is not known."""
+    """Return a number with so many decimals, nothing if it is not known."""
     return "" if value is None else f"{value:.{decimals}f}"
 
 

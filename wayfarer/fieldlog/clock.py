@@ -22,7 +22,7 @@ def wall_clock(_t_s: float) -> float:
 
 
 def duration_text(seconds: float | None, decimals: int = 0) -> str:
-    """Return a time since the beginning, or a duration, as ``1:23:45``; empty where it is not known."""
+    """Return a time since the beginning, or a duration, as ``1:23:45``; empty if it is not known."""
     if seconds is None or not abs(seconds) < MAX_PLAUSIBLE:
         return ""
     tick = 10**decimals
@@ -43,7 +43,7 @@ def seconds_since(first: Mapping[str, Any], record: Mapping[str, Any]) -> float:
 
 
 def clock_zero_s(last: Mapping[str, Any]) -> float | None:
-    """Return the wall time, seconds since 1970, at which a log's ``t_s`` was zero; None where nothing tells.
+    """Return the wall time, seconds since 1970, at which a log's ``t_s`` was zero; None if nothing tells.
 
     The last record says it best, because a rover's computer may find the right time only after a while.
     """
@@ -52,14 +52,14 @@ def clock_zero_s(last: Mapping[str, Any]) -> float | None:
 
 
 def began_wall_s(first: Mapping[str, Any], last: Mapping[str, Any]) -> float | None:
-    """Return the wall time at which a run began, seconds since 1970; None where the clock was never set."""
+    """Return the wall time at which a run began, seconds since 1970; None if the clock was never set."""
     zero_s, first_t_s = clock_zero_s(last), number(first, "t_s")
     began_s = None if zero_s is None or first_t_s is None else zero_s + first_t_s
     return began_s if began_s is not None and began_s >= CLOCK_SET_S else None
 
 
 def local_time(wall_s: float, form: str, *, utc: bool = False) -> str:
-    """Return a wall time where the reader is, or in UTC; empty where no calendar reaches."""
+    """Return a wall time where the reader is, or in UTC; empty if no calendar reaches."""
     try:
         return time.strftime(form, time.gmtime(wall_s) if utc else time.localtime(wall_s))
     except (OverflowError, ValueError, OSError):

@@ -62,7 +62,7 @@ class DiskTrouble:
 
     @property
     def now(self) -> str | None:
-        """What the trouble is at present, None where there is none; from any thread."""
+        """What the trouble is at present, None if there is none; from any thread."""
         texts = list(self._present.values())
         return texts[0].removesuffix(DRIVES_ON) if texts else None
 

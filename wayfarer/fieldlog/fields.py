@@ -40,7 +40,7 @@ def safe_text(record: Mapping[str, Any], key: str) -> str | None:
 
 
 def table(record: Mapping[str, Any], key: str) -> dict[str, Any]:
-    """Return an object; an empty one where there is none."""
+    """Return an object; an empty one if there is none."""
     value = record.get(key)
     return value if isinstance(value, dict) else {}
 

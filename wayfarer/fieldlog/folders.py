@@ -72,7 +72,7 @@ def _name_after(last: int) -> str:
 
 
 def run_folders(logs: Path) -> list[Path]:
-    """Return the folders of all runs, none where there is no such folder.
+    """Return the folders of all runs, none if there is no such folder.
 
     Those without a number come first, by name; the newest is the last.
 
@@ -83,7 +83,7 @@ def run_folders(logs: Path) -> list[Path]:
 
 
 def newest_run(logs: Path) -> Path | None:
-    """Return the folder of the newest run, None where there is none; quickly, however many there are.
+    """Return the folder of the newest run, None if there is none; quickly, however many there are.
 
     Raises:
         BadInput: the logs' folder cannot be read.
@@ -174,7 +174,7 @@ def older_segments(run: Path) -> list[Path]:
 
 
 def run_number(run: Path) -> int | None:
-    """Return the number in the name of a run's folder, None where it has another name."""
+    """Return the number in the name of a run's folder, None if it has another name."""
     return _number(run.name, RUN_NAME)
 
 

@@ -139,7 +139,7 @@ def needs_checksums(record: Record) -> bool:
 
 
 def wrong_key(record: Record) -> str | None:
-    """Return the first key of a record whose value cannot be, None where all can."""
+    """Return the first key of a record whose value cannot be, None if all can."""
     kind = record["record"]
     if kind == "run" and record.get("schema") is None:
         return "schema"

@@ -145,7 +145,7 @@ class FieldLog:
 def tick_fields(record: TickRecord) -> dict[str, Any]:
     """Return what the log keeps of a control tick; ``typed.Tick`` describes its keys.
 
-    The readings are as the sensors gave them, because a replay starts from them. Where an algorithm remembers one of
+    The readings are as the sensors gave them, because a replay starts from them. If an algorithm remembers one of
     these keys, the log's counts.
     """
     compass, motion, contact = record.compass, record.motion, record.contact

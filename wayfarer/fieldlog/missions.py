@@ -65,8 +65,8 @@ class MissionTracker:
 class Episode:
     """From the first manoeuvre until the goal is followed again. A hold interrupts it; re-arming ends it.
 
-    ``side`` is that of the first turn, empty where it is not known; ``metres`` by dead reckoning. ``ended_by`` is the
-    ``why`` of the tick that ended it, or the event; None where it goes on or was cut off.
+    ``side`` is that of the first turn, empty if it is not known; ``metres`` by dead reckoning. ``ended_by`` is the
+    ``why`` of the tick that ended it, or the event; None if it goes on or was cut off.
     """
 
     start_s: float

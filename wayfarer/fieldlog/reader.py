@@ -196,7 +196,7 @@ def first_record(run: Path) -> Record:
 
 
 def read_header(run: Path) -> Record:
-    """Return the first record of a run: what ran. Where it is damaged, a later segment of the log repeats it.
+    """Return the first record of a run: what ran. If it is damaged, a later segment of the log repeats it.
 
     Raises:
         BadInput: there is no log, or no segment of it begins with such a record.

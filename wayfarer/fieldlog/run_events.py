@@ -98,7 +98,7 @@ class PowerChanged(RunEvent):
 
 @dataclass(slots=True)
 class FaultInjected(RunEvent):
-    """A scenario's fault begins or ends; ``for_s`` is None where it lasts to the end of the run."""
+    """A scenario's fault begins or ends; ``for_s`` is None if it lasts to the end of the run."""
 
     target: schema.Text = None
     kind: schema.Text = None

@@ -52,7 +52,7 @@ class Segment:
         sync_folder(path.parent)
 
     def append(self, lines: Iterable[bytes]) -> None:
-        """Append lines, each without its end. Where this fails, those that went in whole stay."""
+        """Append lines, each without its end. If this fails, those that went in whole stay."""
         lines = list(lines)
         data, done = b"".join(line + b"\n" for line in lines), 0
         self.drove = self.drove or any(line.startswith(TICK) and STANDS not in line for line in lines)
@@ -96,7 +96,7 @@ class SegmentRotation:
     """Makes the segments of a log; ``newest`` is the one to be written, None if the last attempt to make one failed.
 
     Args:
-        folder: the run's folder; made where it is not there.
+        folder: the run's folder; made if it is not there.
         settings: limits in size.
         header: gives the first record of a segment, by its number from 1.
     """

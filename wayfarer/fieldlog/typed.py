@@ -54,7 +54,7 @@ class RunEvent:
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """What ran; None where the log does not say. ``world`` is the forest of a simulated run, if it can be drawn."""
+    """What ran; None if the log does not say. ``world`` is the forest of a simulated run, if it can be drawn."""
 
     record: Record
     schema: Annotated[int | None, Values((int,), 1, 2**53)] = None
@@ -92,11 +92,11 @@ class Header:
 
     @property
     def world(self) -> Record | None:
-        """Return what is drawn of a simulated forest, None where that is not all there."""
+        """Return what is drawn of a simulated forest, None if that is not all there."""
         return _world(table(self.record, "world"))
 
     def setting(self, section: str, key: str) -> float | None:
-        """Return a number of the rover file, such as ``max_speed_m_s`` of ``vehicle``; None where it is not there."""
+        """Return a number of the rover file, such as ``max_speed_m_s`` of ``vehicle``; None if it is not there."""
         return number(table(table(self.record, "config"), section), key)
 
 
@@ -104,10 +104,10 @@ class Header:
 class Tick(RunEvent):
     """One control tick, under the names of its keys.
 
-    ``motion`` is NaN where the motion sensor could not tell. The fold adds the last seven fields: ``period_s`` since
-    the tick before, NaN where records are missing between the two; ``place``, where dead reckoning has the rover, None
-    without a heading; ``before``, that of the tick before or None, where records are missing between the two;
-    ``path_m``, how far it went; ``measured_m_s``, the speed that the motion sensor measured last, NaN where it could
+    ``motion`` is NaN if the motion sensor could not tell. The fold adds the last seven fields: ``period_s`` since
+    the tick before, NaN if records are missing between the two; ``place``, where dead reckoning has the rover, None
+    without a heading; ``before``, that of the tick before or None, if records are missing between the two;
+    ``path_m``, how far it went; ``measured_m_s``, the speed that the motion sensor measured last, NaN if it could
     not for a while; ``fresh``, the sensors that have spoken since the tick before; and ``driven_m``, the true way of a
     simulated rover when it was last written, None for any other. A fold that does not reckon gives no places.
     """
@@ -175,7 +175,7 @@ class Tick(RunEvent):
 
     @property
     def duty(self) -> float | None:
-        """Return the larger duty of the two sides, None where neither is known."""
+        """Return the larger duty of the two sides, None if neither is known."""
         return max((abs(duty) for duty in (self.applied_left, self.applied_right) if duty is not None), default=None)
 
 
@@ -192,7 +192,7 @@ class Board(RunEvent):
 
 @dataclass(slots=True)
 class Fix(RunEvent):
-    """A position from the receiver; ``error_m`` is horizontal, and ``utc_s`` its clock; None where they are unknown.
+    """A position from the receiver; ``error_m`` is horizontal, and ``utc_s`` its clock; None if they are unknown.
 
     The fold adds ``period_s``, the seconds since the position before; None for the first one.
     """
@@ -219,7 +219,7 @@ class Computer(RunEvent):
 
     @property
     def power_bits(self) -> str:
-        """Return the power and heat bits that are set, hexadecimal; empty where none is."""
+        """Return the power and heat bits that are set, hexadecimal; empty if none is."""
         return (self.throttled or "").removeprefix("0x").lstrip("0")
 
 

@@ -306,7 +306,7 @@ def response_text(level: object, cause: object, *, by_hand: bool = False) -> str
 
 
 def ends_text(level: object, cause: object) -> str:
-    """Return what must happen for a condition to end, as a clause; empty where the names are unknown."""
+    """Return what must happen for a condition to end, as a clause; empty if the names are unknown."""
     said = _said(level, cause)
     return "" if said is None else said.ends_when
 

@@ -160,7 +160,7 @@ def _degrees(value: object) -> str:
 
 # -- sentences for events --------------------------------------------------------------------------------------------
 
-# Details of an event are in braces. A piece in brackets is told only where its details are known, and not zero.
+# Details of an event are in braces. A piece in brackets is told only if its details are known, and not zero.
 _OF_MISSION = "{mission_s:.0f} s][, {mission_m:.0f} m][, anomalies: {mission_anomalies}]"
 SENTENCES: Mapping[str, str] = {
     "opened": "The parts are open: {parts}",

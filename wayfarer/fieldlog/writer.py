@@ -29,7 +29,7 @@ class RunFiles:
     some of it should turn up later. ``dropped`` counts those lines, and ``trouble`` says why. Only ``open`` raises.
 
     Args:
-        folder: the run's folder; made where it is not there.
+        folder: the run's folder; made if it is not there.
         settings: limits in size.
         tell: takes a line for the person when the log has trouble, and when it is over.
         clock: gives seconds, to measure by ``slowest_sync_s`` how long the disk takes.

@@ -47,7 +47,7 @@ class WriterThread(WaitingThread):
 
     @property
     def trouble(self) -> str | None:
-        """Why records are lost at present, None where they are not."""
+        """Why records are lost at present, None if they are not."""
         return self._files.trouble.now
 
     def take_slowest_sync_s(self) -> float:

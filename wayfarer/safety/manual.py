@@ -37,7 +37,7 @@ class ManualControl:
     """Holds the lease of the client that drives, and its newest sample.
 
     ``settings`` are those of the rover file. ``driver`` says in a word what drives ("page"); ``sample`` is the newest
-    sample, None before the first; ``why`` says why nothing is asked for, empty where something is.
+    sample, None before the first; ``why`` says why nothing is asked for, empty if something is.
     """
 
     def __init__(self, settings: ManualSettings) -> None:
@@ -83,7 +83,7 @@ class ManualControl:
         return t_s - heard_s > LEASE_S
 
     def wanted(self, t_s: float) -> tuple[float, float]:
-        """Return forward and turn of a tick, both 0 where nothing is asked for; see ``ManualSample``."""
+        """Return forward and turn of a tick, both 0 if nothing is asked for; see ``ManualSample``."""
         sample = self.sample
         if sample is None or not t_s - sample.sent_s <= self._deadman_s:
             self.why = "nothing is pressed"

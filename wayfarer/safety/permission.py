@@ -34,7 +34,7 @@ class Asked(NamedTuple):
     is_there: Callable[[], bool] = _is_there
 
     def why_void(self, now_s: float, over_s: float) -> str:
-        """Return why the wheels must not be started now, empty where they may.
+        """Return why the wheels must not be started now, empty if they may.
 
         A permission is good for one start, and a stop ends all that were given before it: void is what was asked before
         ``over_s``, when the wheels were last stopped by a person, or just after the last permission that was used.

@@ -58,7 +58,7 @@ class MotorBoardMonitor:
         Args:
             t_s: when it arrived.
             health: battery and faults.
-            duties: the duties that the board reports, None where it cannot report them.
+            duties: the duties that the board reports, None if it cannot report them.
             applied: the commands before, during and after the request: requests and commands interleave.
         """
         self.health = health

@@ -44,9 +44,9 @@ class SafetySettings:
     continues with limits, or holds its wheels; and whether one whose motor board failed opens it again or waits for a
     person. "hold" is for a rover that drives among people."""
     settle_s: Seconds = 1.0
-    """Arming waits until the heading has stayed within ``settle_spread_deg`` for this time. From no source."""
+    """Arming waits until the heading has stayed within ``settle_spread_deg`` for this time. Chosen by us."""
     settle_spread_deg: Annotated[float, Interval(gt=0, le=180)] = 3.0
-    """See ``settle_s``. From no source."""
+    """See ``settle_s``. Chosen by us."""
     calibration_min: Annotated[int, Interval(ge=0, le=3)] = 2
     """Lowest calibration level of the compass, 0 to 3, at which the rover is armed."""
     allow_no_deadman: bool = False
@@ -116,4 +116,4 @@ class EntrapmentSettings:
     """What the motion sensor must see of a free run. Its largest readings are not counted, so that single wild readings
     are no progress."""
     give_up: bool = False
-    """End the mission with a fault where there is no progress, instead of climbing the ladder."""
+    """End the mission with a fault if there is no progress, instead of climbing the ladder."""

@@ -94,7 +94,7 @@ def bus_depth(
 def missing_package(config: RoverConfig, depth: Depth) -> str | None:
     """Say which package a rover's real drivers import that is not installed, and how to get it.
 
-    A driver's ``packages`` are such modules, each with how to get it. None where all are there, and at device depth,
+    A driver's ``packages`` are such modules, each with how to get it. None if all are there, and at device depth,
     which has no drivers.
     """
     for part, table in _on_a_bus(config).items() if depth is Depth.BUS else ():

@@ -103,7 +103,7 @@ def driver_name(table: Mapping[str, Any]) -> str:
 
 
 def chip_of(part: str, table: Mapping[str, Any]) -> tuple[SimulatedChip | None, Any]:
-    """Return how a part of a rover file is simulated, None where its driver has no chip, and its settings.
+    """Return how a part of a rover file is simulated, None if its driver has no chip, and its settings.
 
     Raises:
         BadInput: a third party's chip cannot be imported, or is no ``SimulatedChip``.

@@ -18,7 +18,7 @@ from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, SQUAL_FULL, FlowSens
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 DEADMAN_S: Final = 0.3  # as forestrover.toml sets its Sabertooth's
-FIX_ERROR_M: Final = 3.0  # standard deviation of each axis under trees; from no source
+FIX_ERROR_M: Final = 3.0  # standard deviation of each axis under trees; chosen by us
 ORIGIN: Final = PositionFix(0.0, 51.0, 0.0, FIX_ERROR_M)  # the forest's corner; nothing depends on where it is
 
 

@@ -128,7 +128,7 @@ class BlindGround:
 
 
 def blind_ground(world: SimulatedWorld, streams: RandomStreams) -> BlindGround | None:
-    """Return where the sensor sees nothing, None where it sees all of the ground."""
+    """Return where the sensor sees nothing, None if it sees all of the ground."""
     return BlindGround(world, streams) if world.physics.blind_share else None
 
 

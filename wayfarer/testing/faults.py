@@ -53,8 +53,8 @@ class Result(NamedTuple):
 
     ``reached`` is the severest level of what counts as an answer, and ``cause`` what told it. ``detected_s`` and
     ``stopped_s`` are seconds from the beginning of the first fault to that answer and to the first stop command, 0 if
-    the wheels were stopped already; None where there is none. ``changed`` says what the field code read, or was told,
-    that it would not have without the faults. ``problems`` is empty where all was as expected.
+    the wheels were stopped already; None if there is none. ``changed`` says what the field code read, or was told,
+    that it would not have without the faults. ``problems`` is empty if all was as expected.
     """
 
     reached: ResponseLevel = ResponseLevel.NONE
@@ -158,7 +158,7 @@ class _Response:
             yield Answer(ResponseLevel.NOTE, name, t_s)
 
     def _counts(self, answer: Answer) -> bool:
-        """Return whether an answer is one to the fault: an event, or what a person did, only where it is expected."""
+        """Return whether an answer is one to the fault: an event, or what a person did, only if it is expected."""
         by_itself = answer.level > ResponseLevel.NOTE and answer.cause != Condition.OPERATOR_HOLD.value
         return answer.cause in self._expect.causes or (not self._expect.causes and by_itself)
 
@@ -250,7 +250,7 @@ class FaultEffect(NamedTuple):
 
 
 def first_difference(recorder: RunRecorder, well: RunRecorder) -> FaultEffect | None:
-    """Return the first difference between a run with a fault and the same run without, None where there is none."""
+    """Return the first difference between a run with a fault and the same run without, None if there is none."""
     return min(_differences(recorder, well), key=lambda difference: difference.t_s, default=None)
 
 
@@ -272,7 +272,7 @@ def _differences(recorder: RunRecorder, well: RunRecorder) -> Iterator[FaultEffe
 
 
 def _first(run: Sequence[tuple[float, T]], well: Sequence[tuple[float, T]], ended_s: float) -> Iterator[_Pair[T]]:
-    """Give the first items of two runs that are not the same, with the time; None where one run has no more."""
+    """Give the first items of two runs that are not the same, with the time; None if one run has no more."""
     for item, well_item in zip_longest(run, well):
         if item is None:
             yield min(well_item[0], ended_s), None, well_item[1]

@@ -81,7 +81,7 @@ class Expectation:
     (none: any). It must be there ``within_s`` after the first fault begins, and at S2 and above the wheels must have
     been commanded to stop by then. ``event`` must be in the log. The run must end by one of the reasons in ``ends``.
     ``answer`` names events of the escape logic (``follow.anomaly``) of which one must come ``within_s``, ``never`` what
-    must not come: events, conditions, answers. No two ticks may be further apart than ``ticks_within_s``. Where the
+    must not come: events, conditions, answers. No two ticks may be further apart than ``ticks_within_s``. If the
     motor board stops the wheels sooner than the rover notices anything, ``stands_within_s`` is the bound for that.
     """
 

@@ -161,7 +161,7 @@ async def _run(scenario: Scenario, log_dir: Path | None) -> RunResult:
     def make_log(world: SimulatedWorld, rover: Rover) -> RunLog:
         if log_dir is None:
             return Tee(recorder, rules)
-        from wayfarer.experiments.trial_log import field_log  # only where there is a log
+        from wayfarer.experiments.trial_log import field_log  # only if there is a log
 
         log, ground_truth_log = field_log(spec, log_dir, world, rover)
         notes.append(ground_truth_log.note)

@@ -86,7 +86,7 @@ def paired(fixes: Sequence[MapFix]) -> tuple[list[MapFix], Places]:
 
 
 def fit(fixes: Sequence[MapFix], origin: Coordinates) -> Fit | None:
-    """Return the similarity that lays the path by dead reckoning onto the fixes; None where nothing can be compared.
+    """Return the similarity that lays the path by dead reckoning onto the fixes; None if nothing can be compared.
 
     Weighted least squares over all fixes, with Cauchy's weights, so that single wild fixes do not count, and with
     ``FREEDOM`` as the standard deviation of what the path may be turned and stretched by before any fix.

@@ -163,7 +163,7 @@ ON_BLOCKS = (
 
 
 async def calibrate_motors(inspection: StandaloneInspection, operator: Operator) -> MotorsEntry | None:
-    """Measure the shift of the heading at half and at full duty; None where the person declines.
+    """Measure the shift of the heading at half and at full duty; None if the person declines.
 
     Compass and motors are open. Full is ``safety.duty_max`` of the rover file: a mission never uses more.
 
@@ -290,7 +290,7 @@ __all__ = ["STEPS", "Operator", "Step", "calibrate"]
 Step = Literal["compass", "flow", "motors"]
 STEPS: tuple[Step, ...] = ("compass", "flow", "motors")
 
-# The parts that each step opens, and what measures it with them and returns its entry: None where the person declines.
+# The parts that each step opens, and what measures it with them and returns its entry: None if the person declines.
 _STEPS: Mapping[Step, tuple[tuple[str, ...], Callable[[StandaloneInspection, Operator], Awaitable[Any]]]] = {
     "compass": (("compass",), calibrate_compass),
     "flow": (("motion",), calibrate_flow),
@@ -329,7 +329,7 @@ async def calibrate(
 
 
 async def _measure(step: Step, inspection: StandaloneInspection, operator: Operator) -> Any:
-    """Return the entry that a step found; None where the person declined, or the rover has no such part."""
+    """Return the entry that a step found; None if the person declined, or the rover has no such part."""
     parts, measure = _STEPS[step]
     if any(part not in inspection.rover.parts for part in parts):
         return None

@@ -84,7 +84,7 @@ async def check(config: RoverConfig, rover: Rover, host: HostEnvironment, ask: A
         config: the rover file.
         rover: its parts, not open; they are closed afterwards.
         host: files, clock and device files.
-        ask: asks a person, who must agree before a wheel turns; None where there is nobody.
+        ask: asks a person, who must agree before a wheel turns; None if there is nobody.
     """
     devices = [partial(system.device, name) for name in host.devices]
     at_rest = [check for check in (*ARMING, *AT_REST) if check is not deadman.proved]

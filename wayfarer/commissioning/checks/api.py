@@ -33,7 +33,7 @@ class CheckVerdict(StrEnum):
 
 
 class Finding(NamedTuple):
-    """What a check found, one line each; ``cause`` and ``remedy`` are empty where nothing is wrong."""
+    """What a check found, one line each; ``cause`` and ``remedy`` are empty if nothing is wrong."""
 
     name: str
     verdict: CheckVerdict
@@ -106,7 +106,7 @@ class Inspection(ABC):
         return None if self.rover.motion is None else await self._read("motion")
 
     async def contact(self) -> ContactReading | None:
-        """Return a fresh reading, as ``compass``; None where the bumper is not in use."""
+        """Return a fresh reading, as ``compass``; None if the bumper is not in use."""
         return None if self.rover.contact is None else await self._read("contact")
 
     @abstractmethod

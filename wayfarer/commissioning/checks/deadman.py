@@ -43,7 +43,7 @@ NO_DEADMAN = (
 
 
 async def deadman_silence_s(motors: DriveMotors) -> float:
-    """Return how long the deadman is given, 0 where there is none; longer for an eye that has to see it."""
+    """Return how long the deadman is given, 0 if there is none; longer for an eye that has to see it."""
     if motors.deadman_s is None:
         return 0.0
     watch_s = 0.0 if await has_readback(motors) else WATCH_S
@@ -160,6 +160,6 @@ def _unproved(inspection: Inspection, found: str) -> Finding:
 
 
 def _changes(before: dict[str, Any], now: dict[str, Any]) -> str:
-    """Return what differs between two boards' settings, nothing where nothing does."""
+    """Return what differs between two boards' settings, nothing if nothing does."""
     keys = sorted(key for key in before.keys() | now.keys() if before.get(key) != now.get(key))
     return ", ".join(f"{key} = {before.get(key)} (now {now.get(key)})" for key in keys)

@@ -59,7 +59,7 @@ async def _on_blocks(ask: Ask, inspection: Inspection) -> list[Finding]:
 
 
 async def _why_not(ask: Ask, inspection: Inspection) -> str:
-    """Return why the wheels may not turn, nothing where they may."""
+    """Return why the wheels may not turn, nothing if they may."""
     try:
         await inspection.open("motors")
         silence_s = await deadman_silence_s(inspection.rover.motors)

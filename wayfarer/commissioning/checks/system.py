@@ -71,7 +71,7 @@ OTHER_DEVICE = DeviceKind(("",), "root", "no such device", "correct its name in 
 
 
 def diagnose(host: HostEnvironment, device: str) -> DeviceProblem | None:
-    """Return why a device file cannot be used, None where it can."""
+    """Return why a device file cannot be used, None if it can."""
     kind = next((kind for kind in DEVICE_KINDS if device.startswith(kind.prefixes)), OTHER_DEVICE)
     path = host.path(device)
     if not path.exists():
@@ -144,7 +144,7 @@ def _user() -> str:
 
 
 def system_text(path: str, root: Path = Path("/")) -> str | None:
-    """Return what a system file says, None where it cannot be read: not every computer has it."""
+    """Return what a system file says, None if it cannot be read: not every computer has it."""
     try:
         return (root / path.lstrip("/")).read_text(encoding="utf-8").strip()
     except (OSError, ValueError):
@@ -152,7 +152,7 @@ def system_text(path: str, root: Path = Path("/")) -> str | None:
 
 
 def power_flags(root: Path = Path("/")) -> int | None:
-    """Return the flags of ``wayfarer.safety.power``, None where the computer does not report it."""
+    """Return the flags of ``wayfarer.safety.power``, None if the computer does not report it."""
     try:
         return int(system_text(THROTTLED, root) or "", 16)
     except ValueError:
@@ -211,7 +211,7 @@ async def log(trouble: Callable[[], str | None], inspection: Inspection) -> Find
     """Check that the log of this run is being written: a mission that nobody can look at is not begun (fault 40).
 
     Args:
-        trouble: tells why records are lost at present, None where they are not.
+        trouble: tells why records are lost at present, None if they are not.
         inspection: not looked at.
     """
     text = trouble()

@@ -41,7 +41,7 @@ def ask(request: Mapping[str, object], path: Path | None = None, timeout_s: floa
         WayfarerError: the socket belongs to another user, or no healthy daemon answers there. Nothing was sent to a
             process that cannot be the daemon.
     """
-    line = _line_of(request)  # a wrong request is refused also where no daemon runs
+    line = _line_of(request)  # a wrong request is refused also if no daemon runs
     with socket.socket(socket.AF_UNIX) as connection:
         _limit_waiting(connection, timeout_s)
         place = _connect(connection, [path] if path else known_sockets())

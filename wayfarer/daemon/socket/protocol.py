@@ -61,7 +61,7 @@ class Commands(Protocol):
     async def arm(self, asked: Asked, heading_deg: float | None = None, *, without_log: bool = False) -> Details:
         """Begin to arm, towards a heading or, if None, the rover's own at the end of the start delay.
 
-        ``without_log``: also where the log cannot be written.
+        ``without_log``: also if the log cannot be written.
         """
 
     async def disarm(self) -> Details:
@@ -93,7 +93,7 @@ class Commands(Protocol):
             turn: share of full turn rate, -1 to 1, clockwise positive.
             sent_s: when it was taken, on the daemon's loop clock; on the same computer that is ``CLOCK_BOOTTIME``.
 
-        Returns ``wheels`` as applied last, and ``why_not``: why they are not asked to turn, empty where they are.
+        Returns ``wheels`` as applied last, and ``why_not``: why they are not asked to turn, empty if they are.
         """
 
     async def manual_end(self, lease: int) -> Details:

@@ -40,7 +40,7 @@ from wayfarer.errors import BadInput, WayfarerError
 
 CLIENTS = 16  # at once, chosen by us. The more there are, the longer a stop waits for its turn
 WAIT_S = 60.0  # for a whole line, and for a client to read its reply; chosen by us
-_QUEUE = 128  # clients that wait in the kernel to be accepted; from no source
+_QUEUE = 128  # clients that wait in the kernel to be accepted; chosen by us
 _NO_FILES_S = 0.1  # until accepting is tried again, where the process has no file descriptor left for it
 
 
@@ -53,7 +53,7 @@ class ControlServer:
     Args:
         path: where the socket is made; a Unix socket's path has 107 bytes at most.
         commands: what the daemon can do.
-        declination_deg: of magnetic from true north, east positive; None where it is not configured.
+        declination_deg: of magnetic from true north, east positive; None if it is not configured.
         on_error: is called with every error that is not meant for the client, a bug. It must not raise.
         clients: how many may be connected at once.
         wait_s: how long a client may take to send a line, and to read its reply.
@@ -117,7 +117,7 @@ class ControlServer:
             await asyncio.sleep(0)
 
     def _admit(self, reader: _Client, writer: StreamWriter) -> None:
-        """Begin to serve a new client, in place of the first one where there is none left."""
+        """Begin to serve a new client, in place of the first one if there is none left."""
         new = asyncio.create_task(self._serve(reader, writer), name="control client")
         self._clients[new] = writer
         new.add_done_callback(lambda client: self._clients.pop(client, None))

@@ -202,7 +202,7 @@ HELD_BACK = 1000  # never drawn: the trials that ``wayfarer sim`` measures algor
 FREE_MAX_M = 10.0  # what is further back is long ago: the longest stride of the Lévy walk
 
 # Rewards. A metre towards the goal line counts 1, and a second costs what makes standing still never pay: a trial of
-# Forest-Pledge, 37.5 m in about 107 s, earns 37.5 - 10.7 + 10. From no source.
+# Forest-Pledge, 37.5 m in about 107 s, earns 37.5 - 10.7 + 10. Chosen by us.
 TIME_COST_PER_S = 0.1
 BONUS = {"escaped": 10.0, "tipped": -10.0, "fault": -10.0, "entrapped": -10.0}
 

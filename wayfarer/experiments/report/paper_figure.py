@@ -93,7 +93,7 @@ def paper_figure(results: CampaignResults) -> Figure:
 
 
 def _shortest(results: CampaignResults) -> tuple[float, str] | None:
-    """Return the shortest distance to the destination line, metres, and what it is; None where nothing says it."""
+    """Return the shortest distance to the destination line, metres, and what it is; None if nothing says it."""
     if results.shortest_paths_m:
         return fmean(results.shortest_paths_m), "mean shortest path"
     try:

@@ -28,7 +28,7 @@ Drawable = Annotated[Value, AfterValidator(_drawable)]
 
 
 class SweptAxis(BaseModel):
-    """A key, its values, and the value that the campaign had where it was not swept."""
+    """A key, its values, and the value that the campaign had if it was not swept."""
 
     model_config = ConfigDict(strict=True)
 
@@ -96,7 +96,7 @@ class SweepResults:
 
     @cached_property
     def now(self) -> int | None:
-        """The point that is the campaign as it is without a sweep, None where no point is."""
+        """The point that is the campaign as it is without a sweep, None if no point is."""
         values = tuple(axis.now for axis in self.axes)
         return next((number for number, point in enumerate(self.points) if point == values), None)
 

@@ -109,7 +109,7 @@ def _rerun(campaign: Campaign, row: TrialRow) -> tuple[TrialRow, Done, Trajector
 
 
 def _compare(row: TrialRow, done: Done, trajectory: Trajectory | None) -> RerunTrial:
-    """Return the path only where the trial gave the result of the table, in every column."""
+    """Return the path only if the trial gave the result of the table, in every column."""
     if done.fault is not None:
         return RerunTrial(row, None, f"cannot be run again: {done.fault.text}")
     return RerunTrial(row, trajectory) if done.row == row else RerunTrial(row, None, _difference(row, done.row))

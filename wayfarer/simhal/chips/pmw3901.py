@@ -86,7 +86,7 @@ class PMW3901Chip:
         sense: the displacement of the body, in counts.
         clock: seconds.
         mounting: the chip's x and y counts from those forward and right.
-        factory: what registers hold after a reset, by (bank, register), where it is not what ``FACTORY`` says.
+        factory: what registers hold after a reset, by (bank, register), if it is not what ``FACTORY`` says.
         probes_needed: how many writes of 43=10 it takes until register 47 says 08.
 
     Attributes:

@@ -1,6 +1,6 @@
 """Simulated ThunderBorg motor board on I2C; it drives the simulated world's wheels.
 
-Commands, lengths and replies as in PiBorg's ThunderBorg.py. Where that is silent the chip takes the harder case: the
+Commands, lengths and replies as in PiBorg's ThunderBorg.py. If that is silent the chip takes the harder case: the
 LEDs show the battery at power-up, the drive fault flags are up until both motors have been driven, requests do not keep
 the failsafe from tripping, and the filler of a reply is not zero.
 """

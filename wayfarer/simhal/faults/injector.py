@@ -54,7 +54,7 @@ class Injector:
 
     @property
     def board(self) -> Any:
-        """The chip of the motor board; None at device depth, where there is none."""
+        """The chip of the motor board; None at device depth, if there is none."""
         if "motors" not in self._config.parts:
             return None
         with suppress(NotResponding):

@@ -119,7 +119,7 @@ def measured(part: str) -> tuple[str, ...]:
 
 
 def misfit(fault: Fault, config: RoverConfig, depth: Depth) -> str | None:
-    """Return why a fault cannot happen to a simulated rover at a depth, None where it can."""
+    """Return why a fault cannot happen to a simulated rover at a depth, None if it can."""
     if isinstance(fault.params, BusFault) and depth is not Depth.BUS:
         return f"kind '{fault.kind}' happens on a bus: it needs depth \"bus\""
     if depth is Depth.BUS and (missing := [part for part in NEEDED if part not in config.parts]):
@@ -131,7 +131,7 @@ def misfit(fault: Fault, config: RoverConfig, depth: Depth) -> str | None:
 
 
 def misplaced(fault: Fault, config: RoverConfig) -> str | None:
-    """Return why a fault of a bus does not apply to a rover, None where it can."""
+    """Return why a fault of a bus does not apply to a rover, None if it can."""
     if fault.target not in config.parts:
         return f"rover '{config.name}' has no [parts.{fault.target}]"
     if is_on(fault.target, fault.params.fits, config):

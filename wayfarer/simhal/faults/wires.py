@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 # What a chip answers, and what it was asked with: what the driver gets instead.
 AnswerChange = Callable[[bytes, bytes], bytes]
-# What was written: what the chip gets instead, None where it hears nothing.
+# What was written: what the chip gets instead, None if it hears nothing.
 WriteChange = Callable[[bytes], bytes | None]
 
 

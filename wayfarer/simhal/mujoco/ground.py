@@ -18,7 +18,7 @@ from wayfarer.simhal.world.wheeled_body import WheeledBody
 # Hides from the engine what the body cannot reach: it tests every wheel against every obstacle in every step.
 
 # Obstacles are seen so far beyond the body, and looked for again once it has gone half as far: one as fast as 10 m/s is
-# still seen in time, 20 ms later. From no source: with less they are looked for more often, with more fewer are hidden.
+# still seen in time, 20 ms later. Chosen by us: with less they are looked for more often, with more fewer are hidden.
 BEYOND_BODY_M = 0.4
 
 
@@ -50,9 +50,9 @@ class Nearby:
 # The height field covers the world and this much around it, so that a rover leaves the world first.
 MARGIN_M = 2.0
 CELL_M = 0.1  # about a wheel's diameter; each halving makes a step of the engine dearer by half
-BUMP_M = 0.25  # heights so far apart are hardly alike (correlation 1/e); from no source: about half a rover
+BUMP_M = 0.25  # heights so far apart are hardly alike (correlation 1/e); chosen by us: about half a rover
 
-# Mud comes in round patches. From no source, chosen to be plain: about the length of a rover each, and so slippery that
+# Mud comes in round patches. Chosen by us, to be plain: about the length of a rover each, and so slippery that
 # wheels spin at half of full duty.
 MUD_RADIUS_M = 0.5
 MUD_FRICTION = 0.1

@@ -40,7 +40,7 @@ IMPRATIO = 100.0
 GROUND_BIT, ROVER_BIT = 2, 1  # the rover meets the ground and what stands on it, and nothing of the rest
 
 ROVER = "rover"
-WHEELS_TO_DRIVE = 3  # with fewer on anything, a rover whose belly is on something does not get away; from no source
+WHEELS_TO_DRIVE = 3  # with fewer on anything, a rover whose belly is on something does not get away; chosen by us
 
 # Without a hearer the engine writes its warnings to MUJOCO_LOG.TXT in the folder it runs in. Nothing is lost: each
 # world's data count its own, and ``refuse`` says them.

@@ -96,7 +96,7 @@ def shove_n(weight_kg: float, wanted_m_s: float, speed_m_s: float) -> float:
 
 PUT_DOWN_FROM_M = 0.005
 STEP_M = 0.01  # between two places that are tried
-WITHIN_LENGTHS = 3.0  # of the body, around where it is; from no source: as far as a person carries it and says "here"
+WITHIN_LENGTHS = 3.0  # of the body, around where it is; chosen by us: as far as a person carries it and says "here"
 DIRECTIONS = tuple(pi + turned * pi / 4.0 for turned in (0, 1, -1, 2, -2, 3, -3, 4))  # from straight behind to ahead
 
 Place = tuple[float, float]

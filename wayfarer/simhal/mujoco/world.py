@@ -39,7 +39,7 @@ OBSERVE_EVERY_STEPS = 5  # steps: 20 ms, well within a control tick
 SETTLES_S = 0.5  # for which a rover that is put down comes to rest on its tyres before anything counts
 # Wheels slip when the ground passes less than half as fast as their rims, and not by a rounding error.
 SLIPS_BELOW_SHARE, SLIPS_ABOVE_M_S = 0.5, 0.1
-HIGH_CENTRED_AFTER_S = 5.0  # on its belly, with too few wheels to drive off; from no source
+HIGH_CENTRED_AFTER_S = 5.0  # on its belly, with too few wheels to drive off; chosen by us
 
 
 class MujocoWorld:

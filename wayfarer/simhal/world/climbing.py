@@ -25,7 +25,7 @@ class Climbing:
 
     ``strength`` is the torque of the motors over the moment of the weight about one axle, which they must overcome to
     lift the other: 0.35 for ForestRover, 0.24 for MiniRover. ``Physics.climb_deg_s`` is how fast a strength of 1 lifts
-    it at full duty and average grip. From no source, chosen to be plain: the grip of bark is exponentially distributed,
+    it at full duty and average grip. Chosen by us, to be plain: the grip of bark is exponentially distributed,
     one draw a contact (most of it is slippery, sometimes a stub holds), and all the energy of the speed at contact goes
     into lifting the nose.
     """

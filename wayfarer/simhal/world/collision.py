@@ -108,7 +108,7 @@ class BodyOutline:
         return self._distance_sq(f0, r0, f1, r1) < radius_m * radius_m
 
     def _distance_sq(self, f0: float, r0: float, f1: float, r1: float) -> float:
-        """Return the squared distance from the body's rectangle to a segment in its own frame, 0 where they cross.
+        """Return the squared distance from the body's rectangle to a segment in its own frame, 0 if they cross.
 
         The nearest pair has an end of the segment or a corner of the rectangle in it, unless they cross.
         """

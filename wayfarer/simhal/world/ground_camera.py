@@ -1,7 +1,7 @@
 """A camera that looks straight down: generates the picture of the ground for the simulated camera.
 
 A texture with detail of all sizes, as leaves, twigs and earth have, that repeats after ``TILE_PX`` pixels: 0.8 m where
-a pixel shows 1.5 mm. From no source, chosen to be plain: grey of a shaded forest floor, and the noise of a small
+a pixel shows 1.5 mm. Chosen by us, to be plain: grey of a shaded forest floor, and the noise of a small
 sensor.
 """
 

@@ -29,7 +29,7 @@ from wayfarer.setting_ranges import (
 class Senses:
     """How compass and flow sensor err.
 
-    ``compass_noise_deg`` is the noise on each reading (paper, as ``Physics``). From no source, chosen to be plain: tilt
+    ``compass_noise_deg`` is the noise on each reading (paper, as ``Physics``). Chosen by us, to be plain: tilt
     reads off by ``tilt_noise_deg``, as on rough ground; flow by a few counts and a share of the distance.
     ``compass_bias_deg``, clockwise, is how far the compass reads off through a whole trial.
 
@@ -75,18 +75,18 @@ class Senses:
 FIELD: Final[Mapping[str, float]] = MappingProxyType(
     {
         # An offset of 10 % of the horizontal field bends by asin(0.1) = 5.7 degrees, a scale that is off by 10 % by
-        # 2.7 (arithmetic); the values themselves are proposed, from no source.
+        # 2.7 (arithmetic); the values themselves are proposed by us.
         "hard_iron_deg": 8.0,
         "soft_iron_deg": 3.0,
         # ArduPilot's compassmot calls up to 30 % of the field fine; 5 % of it, all horizontal, are 7 degrees.
         "motor_field_deg": 8.0,
-        "compass_lag_s": 0.5,  # proposed, from no source: no data sheet of a compass with fusion gives it
+        "compass_lag_s": 0.5,  # proposed by us: no data sheet of a compass with fusion gives it
         "compass_freezes_below_deg_s": 3.0,  # a BNO055 without a magnetometer (BNO055_SensorAPI issue 12)
         "tilt_vibration_deg": 1.5,  # data sheet of the BNO080, page 48: the error of gravity in motion
         # PX4 took 385 counts a radian for a PMW3901 and later 500, so up to 15 % either way until it is calibrated.
         "flow_scale_sd": 0.15,
-        "blind_share": 0.2,  # in shade or wet; proposed, from no source
-        "blind_cell_m": 2.0,  # from no source
+        "blind_share": 0.2,  # in shade or wet; proposed by us
+        "blind_cell_m": 2.0,  # chosen by us
         # A SQUAL of 38: in the dark up to 60 was seen beside long zeros (PX4 issue 12894).
         "blind_quality": 0.4,
     }
@@ -102,7 +102,7 @@ class Physics(Senses):
     ``heading_noise_deg`` in each 0.05 m, and it slips 0.5 m plus an exponentially distributed distance
     (``slip_mean_m``) after the last slip.
 
-    From no source, chosen to be plain: first-order motor lag (on ideal ground; others follow from the body); gain of
+    Chosen by us, to be plain: first-order motor lag (on ideal ground; others follow from the body); gain of
     each side and effective track off by a few per cent from one rover to the next; a rover that pushes onto a trunk
     rears up at ``climb_deg_s`` for full duty, falls back with ``settle_s``, and tips over beyond ``tip_deg`` from the
     ground.

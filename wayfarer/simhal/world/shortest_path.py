@@ -51,7 +51,7 @@ def has_path(forest: Forest, rover_width_m: float = ROVER_WIDTH_M) -> bool:
     """Return whether ``shortest_path_m`` is a length, in a twentieth of the time."""
     from scipy import ndimage
 
-    regions, _ = ndimage.label(~_blocked(forest, rover_width_m / 2.0))  # 0 where it is blocked
+    regions, _ = ndimage.label(~_blocked(forest, rover_width_m / 2.0))  # 0 if it is blocked
     (x_m, y_m), reach_m = forest.start_m, SOURCE_RADIUS_M + CELL_M
     around = _near(y_m, y_m, reach_m), _near(x_m, x_m, reach_m)  # to measure all of the world would take longer
     started = regions[around][_from_start_m(forest, *around) <= SOURCE_RADIUS_M]

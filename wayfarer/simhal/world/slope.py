@@ -65,7 +65,7 @@ class Hillside:
 
 
 def hillside_of(physics: Physics, forest: Forest) -> Hillside | None:
-    """Return the slope of a world, None where the ground is level; its direction counts from the forest's heading."""
+    """Return the slope of a world, None if the ground is level; its direction counts from the forest's heading."""
     if not physics.slope_deg:
         return None
     return Hillside(physics.slope_deg, forest.heading_deg + physics.slope_direction_deg)

@@ -9,7 +9,7 @@ from wayfarer.config.chassis import WHEEL_KEYS, Chassis
 from wayfarer.errors import BadConfig
 from wayfarer.escape.settings import Vehicle
 
-# From no source, chosen to be plain; none of them decides where a closed form of the tests lies.
+# Chosen by us, to be plain; none of them decides where a closed form of the tests lies.
 TYRE_WIDTH_PER_RADIUS: Final = 0.9
 WHEEL_SHARE_OF_WEIGHT: Final = 0.03  # each; the rest is spread evenly over the body
 # What each motor's rotor adds to the inertia, as if this share of the weight were at the rim of its wheel: 0.6 kg for

@@ -285,7 +285,7 @@ class World:
         return within_reach
 
     def _hit(self, near: list[Obstacle], dx: float, dy: float, turn_rad: float) -> Obstacle | None:
-        """Return the first obstacle that the body would overlap after a move, None where it would not."""
+        """Return the first obstacle that the body would overlap after a move, None if it would not."""
         x_m, y_m, heading_rad = self.x_m + dx, self.y_m + dy, self.heading_rad + turn_rad
         sin_h, cos_h = sin(heading_rad), cos(heading_rad)
         for obstacle in near:

@@ -22,7 +22,7 @@ class ExportFormat(StrEnum):
     ``meaning`` is for people. ``is_text`` says what it is written to: an open text file, which may be a terminal, or an
     open binary file that can seek. ``needs`` names what it needs installed (``wayfarer.extras``), None for nothing.
     ``writer`` is a function beside this module: it takes the run's folder and the open file, writes the run, and
-    returns what of the log could not be read. It raises BadInput where there is nothing to write.
+    returns what of the log could not be read. It raises BadInput if there is nothing to write.
     """
 
     meaning: str

@@ -1,7 +1,7 @@
 """A run as GPX 1.1: a track of the receiver's fixes, one of the path, and waypoints where something happened.
 
 Dead reckoning has no latitude. So the path is fitted to all fixes, which finds the declination too, or begins where a
-person says that it began; then nothing corrects it. What happened has its place on that path. Where nothing could be
+person says that it began; then nothing corrects it. What happened has its place on that path. If nothing could be
 reckoned, it is at the fix nearest in time. A track's ``type`` is ``fixes``, ``fitted`` or ``reckoned``.
 
 ``elapsed_s`` and the receiver's ``error_m`` stand in extensions, because GPX has no element for them.
@@ -252,7 +252,7 @@ class OnGlobe(NamedTuple):
 
 
 def onto_fixes(fixes: Sequence[MapFix]) -> OnGlobe | None:
-    """Return what lays the path onto the fixes that can be believed; None where dead reckoning knows of none."""
+    """Return what lays the path onto the fixes that can be believed; None if dead reckoning knows of none."""
     believed = believable(fixes)
     found = fit(believed, believed[0]) if believed else None
     return OnGlobe(found, believed[0], "dead reckoning fitted to the fixes") if found else None

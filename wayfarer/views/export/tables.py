@@ -160,7 +160,7 @@ def _title(prefix: str, key: str) -> str:
 
 
 def cell(value: object) -> str:
-    """Return a value as text; empty where there is none."""
+    """Return a value as text; empty if there is none."""
     if value is None:
         return ""
     if isinstance(value, float):

@@ -76,7 +76,7 @@ def address_to_open(bound: socket.socket, token: str) -> str:
 
 
 def _own_address() -> str:
-    """Return this computer's address on the network that most traffic would take, or its name where there is none."""
+    """Return this computer's address on the network that most traffic would take, or its name if there is none."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(_SOMEWHERE)
@@ -148,7 +148,7 @@ def _bytes(token: str) -> bytes:
 
 
 def host_name(host: str) -> str | None:
-    """Return the name in a ``Host`` header, without the port; None where there is none."""
+    """Return the name in a ``Host`` header, without the port; None if there is none."""
     try:
         return urlsplit(f"//{host}").hostname
     except ValueError:

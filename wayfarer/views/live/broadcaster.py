@@ -70,7 +70,7 @@ class Broadcaster:
             viewer.wake()
 
     def since(self, pieces: int | None) -> list[str]:
-        """Return the news after the first ``pieces`` of it, or a snapshot where that is not possible."""
+        """Return the news after the first ``pieces`` of it, or a snapshot if that is not possible."""
         if pieces is not None and self.pieces - pieces <= len(self._news):
             return list(self._news)[len(self._news) - (self.pieces - pieces) :]
         return [_encoded(snapshot=self._snapshot())]

@@ -77,7 +77,7 @@ class PageModel:
         }
 
     def news(self) -> dict[str, Any]:
-        """Return what is new since the last call, empty where nothing is; each viewer must get all of it, in order."""
+        """Return what is new since the last call, empty if nothing is; each viewer must get all of it, in order."""
         if self._trail.thin():
             self._news["whole_track"] = list(self._trail.points)
             self._news.pop("track", None)
@@ -187,7 +187,7 @@ def _outcome(ended: Ended | None) -> dict[str, str | None] | None:
 
 
 def _sensor(sensor: SensorStatus, t_s: float) -> dict[str, Any]:
-    """Return how a sensor does; ``age_s`` is None where it has never spoken."""
+    """Return how a sensor does; ``age_s`` is None if it has never spoken."""
     age_s, rate_hz = sensor.age_s(t_s), sensor.rate_now_hz
     return {
         "age_s": None if age_s is None else round(age_s, 2),

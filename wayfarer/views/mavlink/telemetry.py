@@ -104,7 +104,7 @@ class Telemetry:
             yield common.MAVLink_local_position_ned_message(self._ms(), north_m, east_m, 0.0, 0.0, 0.0, 0.0)
 
     def speed(self) -> Messages:
-        """Tell the measured speed, 0 where it is not known; the heading; and the larger duty as throttle."""
+        """Tell the measured speed, 0 if it is not known; the heading; and the larger duty as throttle."""
         tick = self.state.tick
         if tick.heading_deg is not None:
             speed = tick.measured_m_s if isfinite(tick.measured_m_s) else 0.0

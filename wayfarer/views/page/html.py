@@ -22,7 +22,7 @@ _ENVIRONMENT = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True
 class PlotLayer(NamedTuple):
     """What can be shown and hidden in all plots of a page: every model that is tagged ``layer:`` and its name.
 
-    ``colour`` is empty where its models do not have one colour.
+    ``colour`` is empty if its models do not have one colour.
     """
 
     name: str

@@ -63,7 +63,7 @@ class RunData:
     """Everything of one run that its report shows.
 
     ``ticks`` has a column for each name in ``TICK``: ``phase`` counts in ``PHASES``, ``level`` is
-    ``conditions.Level``, and ``period_s`` is NaN where records are missing since the tick before. ``further`` has the
+    ``conditions.Level``, and ``period_s`` is NaN if records are missing since the tick before. ``further`` has the
     numbers that ticks have under keys that no view names. ``truth`` is where a simulated rover really was, in the
     metres of its forest. ``batteries`` are the voltages and the seconds since the motor board spoke before. These
     tables have a column ``stretch``: the log breaks off between two rows that differ in it.
@@ -103,7 +103,7 @@ class RunData:
         return list(zip(*(self.ticks[name][known][:1].tolist() for name in ("t_s", "goal_heading_deg")), strict=True))
 
     def setting(self, section: str, key: str) -> float:
-        """Return a number of the rover file, NaN where the header does not have it."""
+        """Return a number of the rover file, NaN if the header does not have it."""
         return or_nan(Header.of(self.header).setting(section, key))
 
 

@@ -22,7 +22,7 @@ Point = tuple[float, float]  # metres east and north
 
 
 class TimedPath(NamedTuple):
-    """A path over time, metres east and north; all but the time is NaN where records are missing."""
+    """A path over time, metres east and north; all but the time is NaN if records are missing."""
 
     t_s: Floats
     east_m: Floats
@@ -30,7 +30,7 @@ class TimedPath(NamedTuple):
     phase: Floats
 
     def at(self, t_s: float) -> Point:
-        """Return the place at a time; NaN where nothing is known."""
+        """Return the place at a time; NaN if nothing is known."""
         if not self.t_s.size:
             return nan, nan
         return float(np.interp(t_s, self.t_s, self.east_m)), float(np.interp(t_s, self.t_s, self.north_m))
@@ -77,7 +77,7 @@ class Track:
 
     @property
     def drift_m(self) -> float:
-        """Return how far dead reckoning is from the true path at the end; NaN where one of them is not known."""
+        """Return how far dead reckoning is from the true path at the end; NaN if one of them is not known."""
         if self.reckoned is None or not (self.reckoned.t_s.size and self.path.t_s.size):
             return nan
         return hypot(self.reckoned.east_m[-1] - self.path.east_m[-1], self.reckoned.north_m[-1] - self.path.north_m[-1])
@@ -127,7 +127,7 @@ def _path(columns: Columns, east: str, north: str) -> TimedPath:
 
 
 def _forest_of(data: RunData) -> Forest | None:
-    """Return the forest that a simulated run was in; None where the header has none that can be read."""
+    """Return the forest that a simulated run was in; None if the header has none that can be read."""
     try:
         return from_row(data.header["world"])
     except (BadForest, LookupError, TypeError):

@@ -58,7 +58,7 @@ def _began(row: RunRow) -> str:
 
 
 def _whole_metres(distance_m: float | None) -> str:
-    """Return a distance in a few characters; empty where it is not known."""
+    """Return a distance in a few characters; empty if it is not known."""
     return "" if distance_m is None else f"{distance_m:.0f}"
 
 

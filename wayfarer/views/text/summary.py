@@ -186,7 +186,7 @@ class RunSummariser:
         )
 
     def _spread(self) -> PeriodPercentiles | None:
-        """Return how the control periods spread; None where there is none."""
+        """Return how the control periods spread; None if there is none."""
         ordered, last = sorted(self._periods_s), len(self._periods_s) - 1
         return PeriodPercentiles(*(ordered[round(part * last)] for part in (0.5, 0.99, 1.0))) if ordered else None
 

@@ -1,6 +1,6 @@
 """Emulated sites of the paper's field trials (section IV-C): ``wayfarer sim --site``.
 
-The paper shows them in photographs and gives no measures: all lengths here are from no source, chosen by the look of
+The paper shows them in photographs and gives no measures: all lengths here are chosen by us, by the look of
 such places. ``docs/explanation/scenarios.md`` says what follows from that.
 """
 
