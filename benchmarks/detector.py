@@ -124,7 +124,7 @@ async def _run(spec: TrialSpec) -> Scores:
     setup = TrialSetup(spec, lambda *_: truth)
     truth.follow(setup.world)
     assert setup.injector is not None
-    setup.injector.start(setup.world, setup.supervisor.controller.power)
+    setup.injector.start(setup.world, setup.supervisor.inbox.put_power)
     await setup.supervisor.arm(Asked(asyncio.get_running_loop().time()), spec.forest.heading_deg)
     await setup.supervisor.run()
     setup.injector.end()

@@ -28,7 +28,7 @@ from benchmarks.figures import print_table
 from tests.faults.catalogue import catalogue
 from wayfarer.commissioning.checks import HostEnvironment
 from wayfarer.config.rover_file import LogSettings, RoverConfig, laid_over, load_rover
-from wayfarer.control.controller import Mode
+from wayfarer.control.modes import Mode
 from wayfarer.control.run_log import Tee
 from wayfarer.daemon.arming_check import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
@@ -151,7 +151,7 @@ async def _soak(for_s: float, seed: int, folder: Path, beside: Beside | None) ->
     setup.world.after_step = partial(carry_back, forest)  # in place of the outcome monitor, who would end the run
     rules.follow(setup)
     assert setup.injector is not None
-    setup.injector.start(setup.world, setup.supervisor.controller.power, [rules.note])
+    setup.injector.start(setup.world, setup.supervisor.inbox.put_power, [rules.note])
     rng = Random(seed)
     others = [_faults(setup, faults, rng, counts), _person(setup, rules, rng)]
     tasks = [asyncio.ensure_future(each) for each in (*others, *([beside(setup)] if beside else []))]

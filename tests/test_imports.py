@@ -43,8 +43,8 @@ PICTURE = """
 """
 LAYERS = [line.split() for line in PICTURE.split("\n") if line.strip()]
 PURE = [
-    "angles", "clamp", "setting_ranges", "hal", "escape", "detector", "safety", "control.latest",
-    "control.power_reports", "control.status_light",
+    "angles", "clamp", "setting_ranges", "hal", "escape", "detector", "safety", "control.modes",
+    "control.status_light",
 ]  # fmt: skip
 IMPURE = {"asyncio", "time", "datetime", "io", "os", "pathlib", "logging", "structlog", "socket", "threading", "numpy"}
 BUS_LIBRARIES = {"cv2", "smbus2", "spidev", "serial", "gpiozero", "picamera2"}

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from tests.control.bench import Bench
-from wayfarer.control.controller import Mode
+from wayfarer.control.modes import Mode
 from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
 from wayfarer.drivers.threaded import ThreadedSerial
 

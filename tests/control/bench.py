@@ -9,9 +9,10 @@ from tests.kit.motors import Motors
 from tests.kit.workshop import AHEAD, VEHICLE, EventLog
 from wayfarer.angles import METRES_PER_DEG
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.control.controller import Controller, Mode
-from wayfarer.control.latest import SensorBuffers
-from wayfarer.control.wheels import WheelMotors
+from wayfarer.control.controller import Controller
+from wayfarer.control.inputs import BoardReport, Inbox
+from wayfarer.control.loop import ControlLoop, WheelMotors
+from wayfarer.control.modes import Mode
 from wayfarer.detector import Detector
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase
 from wayfarer.hal import CompassReading, MotorHealth, PositionFix, WheelCommand
@@ -60,15 +61,16 @@ class Bench:
         self.config = RoverConfig(
             name="bench", vehicle=VEHICLE, safety=limits, board=BOARD, progress=progress, manual=BY_HAND
         )
-        self.motors, self.buffers, self.log = Motors(), SensorBuffers(), EventLog()
+        self.motors, self.inbox, self.log = Motors(), Inbox(), EventLog()
         self.handler = Wanting()
         may_reckon = limits.on_lost_sense == "continue"
         detector = Detector(self.config.detector, VEHICLE, watches_motion=watches_motion, may_reckon=may_reckon)
         self.t_s = 100.0
         self.suspended_s = 0.0  # of the process, after each tick has begun
-        self.controller = Controller(
-            wheels or self.motors, self.buffers, self.config, detector, handler or self.handler, self.log,
-            clock=lambda: self.t_s + self.suspended_s, goes_on=goes_on,
+        self.controller = Controller(self.config, detector, handler or self.handler, self.log, goes_on=goes_on)
+        self.loop = ControlLoop(
+            wheels or self.motors, self.inbox, self.controller, self.log,
+            clock=lambda: self.t_s + self.suspended_s, late_s=limits.tick_late_s,
         )  # fmt: skip
 
     async def tick(
@@ -83,8 +85,8 @@ class Bench:
         for _ in range(ticks):
             self.t_s += dt_s
             if compass:
-                self.buffers.compass.write(CompassReading(self.t_s, heading_deg, pitch_deg, 0.0, None))
-            await self.controller.tick(self.t_s)
+                self.inbox.put_compass(CompassReading(self.t_s, heading_deg, pitch_deg, 0.0, None))
+            await self.loop.tick(self.t_s)
 
     async def armed(self, goal_heading_deg: float | None = 0.0) -> Bench:
         """This bench, driving."""
@@ -98,14 +100,14 @@ class Bench:
     async def board_says(self, battery_v: float | None, *faults: str, for_s: float = 1.0) -> None:
         """Let the board answer the same at each tick for a while."""
         for _ in range(round(for_s / TICK_S)):
-            self.controller.board.update(self.t_s + TICK_S, MotorHealth(battery_v, faults))
+            self.inbox.put_board(BoardReport(self.t_s + TICK_S, MotorHealth(battery_v, faults)))
             await self.tick()
 
     async def fixes(self, *norths_m: float, every_s: float = 0.5) -> None:
         """Let a receiver give fixes, so many metres north of home, while the rover goes on."""
         for north_m in norths_m:
             fix = HOME._replace(t_s=self.t_s, latitude_deg=HOME.latitude_deg + north_m / METRES_PER_DEG)
-            self.controller.position(fix)
+            self.inbox.put_fix(fix)
             await self.tick(round(every_s / TICK_S))
 
     @property

@@ -156,7 +156,7 @@ def test_disarming_meanwhile_wins(shop: Workshop) -> None:
 
 
 def test_hold_meanwhile_wins(shop: Workshop) -> None:
-    slowly(shop, {OPENING_AT_S: lambda it: it.controller.hold(OPENING_AT_S, held=True)})
+    slowly(shop, {OPENING_AT_S: lambda it: it.controller.hold(OPENING_AT_S)})
     assert len(shop.named("motors_opened")) == 1
     assert not decided_between(shop, 1.1, 10.0)
 

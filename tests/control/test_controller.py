@@ -9,7 +9,7 @@ import pytest
 
 from tests.control.bench import TICK_S, Bench
 from tests.kit.workshop import AHEAD
-from wayfarer.control.controller import Mode
+from wayfarer.control.modes import Mode
 from wayfarer.control.status_light import YELLOW, colour
 from wayfarer.errors import NotResponding
 from wayfarer.hal import STOP, MotionReading, WheelCommand
@@ -90,7 +90,7 @@ async def test_wheels_that_spin_take_the_rover_no_nearer_to_its_radius() -> None
     for _ in range(400):
         if bench.end is not None:
             break
-        bench.buffers.motion.write(MotionReading(bench.t_s, 0.001, 0.0, 0.9))
+        bench.inbox.put_motion(MotionReading(bench.t_s, 0.001, 0.0, 0.9))
         await bench.tick()
     assert bench.end == "mission_distance"
     assert 0.0 < bench.handler.seen[-1].covered_m < 1.0
@@ -110,7 +110,8 @@ async def test_position_is_logged_and_no_decision_sees_it() -> None:
     assert mission is not None
     before_m = mission.north_m
     await bench.fixes(0.0, 50.0)
-    bench.controller.position(None)
+    bench.inbox.put_fix(None)
+    await bench.tick()
     assert [None if fix is None else fix.latitude_deg for fix in bench.log.fixes] == [
         52.0, pytest.approx(52.00045, abs=1e-5), None,
     ]  # fmt: skip

@@ -8,7 +8,7 @@ import pytest
 
 from tests.control.bench import TICK_S, Bench
 from tests.kit.workshop import AHEAD, VEHICLE
-from wayfarer.control.controller import Mode
+from wayfarer.control.modes import Mode
 from wayfarer.escape.api import Anomaly, EscapeHandler
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP
@@ -124,12 +124,12 @@ async def test_arming_again_begins_afresh() -> None:
 async def test_hold_stops_the_wheels_at_the_next_tick_until_resumed_and_the_mission_goes_on() -> None:
     bench = await Bench().armed()
     mission = bench.controller.mission
-    bench.controller.hold(bench.t_s, held=True)
+    bench.controller.hold(bench.t_s)
     await bench.tick(200)
     assert set(bench.motors.commands[-200:]) == {STOP}
     assert bench.health == (Level.HOLD, Condition.OPERATOR_HOLD)
     assert bench.controller.mode is Mode.ARMED
-    bench.controller.hold(bench.t_s, held=False)
+    bench.controller.resume(bench.t_s)
     await bench.tick()
     assert bench.wheels == AHEAD
     assert bench.controller.mission is mission
@@ -143,9 +143,9 @@ async def test_handler_is_not_asked_during_a_hold_and_its_time_stands_still() ->
     await bench.tick(3)
     before, asked = bench.handler.seen[-1], len(bench.handler.seen)
     for held_ticks in (1, 200):
-        bench.controller.hold(bench.t_s, held=True)
+        bench.controller.hold(bench.t_s)
         await bench.tick(held_ticks)
-        bench.controller.hold(bench.t_s, held=False)
+        bench.controller.resume(bench.t_s)
     assert len(bench.handler.seen) == asked
     await bench.tick(2)
     after = bench.handler.seen[asked:]
@@ -155,14 +155,14 @@ async def test_handler_is_not_asked_during_a_hold_and_its_time_stands_still() ->
 
 async def test_mission_time_goes_on_during_a_hold() -> None:
     bench = await Bench(mission_time_s=3.0).armed()
-    bench.controller.hold(bench.t_s, held=True)
+    bench.controller.hold(bench.t_s)
     await bench.tick(61)
     assert bench.end == "mission_time"
 
 
 async def test_hold_does_not_outlive_arming_again() -> None:
     bench = await Bench().armed()
-    bench.controller.hold(bench.t_s, held=True)
+    bench.controller.hold(bench.t_s)
     bench.controller.disarm(bench.t_s, "asked")
     await bench.tick()
     await bench.armed()
@@ -173,10 +173,10 @@ async def test_rover_that_is_held_while_it_arms_waits_for_the_resume() -> None:
     bench = Bench()
     await bench.tick()
     bench.controller.arm(bench.t_s, 0.0)
-    bench.controller.hold(bench.t_s, held=True)
+    bench.controller.hold(bench.t_s)
     await bench.tick(20)
     assert (bench.controller.mode, set(bench.motors.commands)) == (Mode.ARMING, {STOP})
-    bench.controller.hold(bench.t_s, held=False)
+    bench.controller.resume(bench.t_s)
     await bench.tick()
     assert (bench.controller.mode, bench.wheels) == (Mode.ARMED, AHEAD)
 

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.control.bench import BY_HAND, TICK_S, Bench
-from wayfarer.control.controller import Mode
+from wayfarer.control.inputs import BoardReport
+from wayfarer.control.modes import Mode
 from wayfarer.errors import NotResponding
 from wayfarer.hal import STOP, CompassReading, MotorHealth, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
@@ -91,8 +92,8 @@ async def test_lost_compass_keeps_nobody_from_driving_but_a_rover_on_its_roof_do
         driver.send(1.0)
         bench = driver.bench
         bench.t_s += TICK_S
-        bench.buffers.compass.write(CompassReading(bench.t_s, 0.0, 0.0, 175.0, None))
-        await bench.controller.tick(bench.t_s)
+        bench.inbox.put_compass(CompassReading(bench.t_s, 0.0, 0.0, 175.0, None))
+        await bench.loop.tick(bench.t_s)
     assert (bench.controller.mode, bench.wheels) == (Mode.DISARMED, STOP)
     assert bench.controller.why_disarmed == "fault: overturned"
     await bench.tick(200)
@@ -134,9 +135,8 @@ async def test_board_fault_and_wheels_that_turn_unasked_stop_a_person_too() -> N
     assert driver.bench.health == (Level.HOLD, Condition.MOTORS_FAILED)
     driver = await driven()
     for _ in range(2):
-        driver.bench.controller.power_reports.board_said(
-            driver.bench.t_s, MotorHealth(12.0, ()), WheelCommand(0.1, -0.9)
-        )
+        report = BoardReport(driver.bench.t_s, MotorHealth(12.0, ()), WheelCommand(0.1, -0.9))
+        driver.bench.inbox.put_board(report)
         await driver.drive(1.0)
     assert driver.bench.controller.why_disarmed == "fault: board_disagrees"
     assert driver.bench.motors.halts
@@ -158,7 +158,7 @@ async def test_mission_waits_with_its_clocks_and_is_held_afterwards(by: str) -> 
         await bench.tick()
     assert (controller.mode, bench.wheels, bench.health[1]) == (Mode.ARMED, STOP, Condition.OPERATOR_HOLD)
     assert bench.end is None
-    controller.hold(bench.t_s, held=False)
+    controller.resume(bench.t_s)
     await bench.tick(3)
     assert controller.mission is mission
     assert bench.wheels != STOP
@@ -181,7 +181,7 @@ async def test_mission_without_a_compass_goes_on_after_a_person_has_driven(lost:
     bench.controller.end_manual(bench.t_s, "the test says so")
     await bench.tick(40, compass=False)
     assert bench.health == (Level.HOLD, Condition.OPERATOR_HOLD)
-    bench.controller.hold(bench.t_s, held=False)
+    bench.controller.resume(bench.t_s)
     await bench.tick(200, compass=False)
     assert bench.controller.mode is Mode.ARMED
     assert (bench.wheels != STOP, bench.health[1]) == (True, Condition.HEADING_RECKONED)

@@ -7,7 +7,7 @@ from math import inf, nan
 import pytest
 
 from tests.control.bench import TICK_S, Bench
-from wayfarer.control.controller import Mode
+from wayfarer.control.modes import Mode
 from wayfarer.hal import STOP, ContactReading, MotionReading, Side, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
 
@@ -18,7 +18,7 @@ class Rolling(Bench):
     async def roll(self, ticks: int, speed_m_s: float = 0.5) -> None:
         for n in range(ticks):
             noise_m = n % 3 * 1e-4 if speed_m_s else 0.0  # no sensor repeats a reading to the last digit
-            self.buffers.motion.write(MotionReading(self.t_s + TICK_S, speed_m_s * TICK_S, noise_m, 1.0))
+            self.inbox.put_motion(MotionReading(self.t_s + TICK_S, speed_m_s * TICK_S, noise_m, 1.0))
             await self.tick()
 
 
@@ -26,7 +26,7 @@ async def test_rover_that_goes_on_while_held_is_a_fault_within_half_a_second_and
     bench = Rolling()
     await bench.armed()
     await bench.roll(10)
-    bench.controller.hold(bench.t_s, held=True)
+    bench.controller.hold(bench.t_s)
     await bench.roll(11)  # the first of them sends the stop
     assert bench.health == (Level.FAULT, Condition.RUNAWAY)
     assert bench.log.named("disarmed") == [{"reason": "fault: runaway"}]
@@ -41,7 +41,7 @@ async def test_rover_that_goes_on_while_held_is_a_fault_within_half_a_second_and
 async def test_rover_that_ran_away_is_not_armed_while_it_still_rolls() -> None:
     bench = Rolling()
     await bench.armed()
-    bench.controller.hold(bench.t_s, held=True)
+    bench.controller.hold(bench.t_s)
     await bench.roll(20)
     modes = [bench.controller.mode]
     bench.controller.arm(bench.t_s, 0.0)
@@ -62,14 +62,14 @@ async def test_person_may_push_a_rover_that_is_not_armed() -> None:
 async def test_contact_that_cannot_be_reaches_no_decision() -> None:
     bench = await Bench().armed()
     good = ContactReading(bench.t_s, (Side.LEFT,), 30.0)
-    bench.buffers.contact.write(good)
+    bench.inbox.put_contact(good)
     await bench.tick()
     assert bench.handler.seen[-1].contact == good
     for bearing_deg in (nan, inf, -1.0, 180.0):
-        bench.buffers.contact.write(ContactReading(bench.t_s, (Side.RIGHT,), bearing_deg))
+        bench.inbox.put_contact(ContactReading(bench.t_s, (Side.RIGHT,), bearing_deg))
         await bench.tick()
         assert bench.handler.seen[-1].contact == good
-    bench.buffers.contact.write(ContactReading(bench.t_s + 60.0, (Side.RIGHT,), None))
+    bench.inbox.put_contact(ContactReading(bench.t_s + 60.0, (Side.RIGHT,), None))
     await bench.tick()
     assert bench.handler.seen[-1].contact == good
 
@@ -90,6 +90,7 @@ async def test_motors_that_say_what_cannot_be_are_lost_and_no_limit_is_lifted(
     assert bench.health == (Level.HOLD, Condition.MOTORS_FAILED)
     assert bench.log.ticks[-1].applied == STOP
     assert "duties" in bench.log.named("motors_failed")[0]["error"]
+    bench.controller.disarm(bench.t_s, "somebody looks at it")
     await bench.armed()
     await bench.tick(5)
     assert bench.handler.seen[-1].travelled_m < 1.0

@@ -6,7 +6,7 @@ import pytest
 
 from tests.control.bench import TICK_S, Bench
 from tests.kit.workshop import AHEAD
-from wayfarer.control.controller import Mode
+from wayfarer.control.modes import Mode
 from wayfarer.errors import NotResponding, PowerLost
 from wayfarer.hal import STOP, MotionReading
 from wayfarer.safety.conditions import Condition, Level
@@ -95,13 +95,13 @@ async def test_failure_during_the_warning_holds_again() -> None:
 
 async def test_operator_who_holds_meanwhile_decides_when_it_goes_on() -> None:
     bench = await failed(await Bench().armed())
-    bench.controller.hold(bench.t_s, held=True)
+    bench.controller.hold(bench.t_s)
     await bench.tick(5)
     assert bench.health == FAILED, "the more important one of two"
     bench.controller.motors_opened(bench.t_s)
     await bench.tick(100)
     assert (bench.wheels, bench.health) == (STOP, (Level.HOLD, Condition.OPERATOR_HOLD))
-    bench.controller.hold(bench.t_s, held=False)
+    bench.controller.resume(bench.t_s)
     await bench.tick(WARNING_TICKS)
     assert (bench.wheels, bench.health) == (STOP, WARNS)
     await bench.tick(2)
@@ -165,7 +165,7 @@ async def seen_at(bench: Bench, speed_m_s: float, ticks: int) -> None:
     """Let the motion sensor see the rover move ahead."""
     for n in range(ticks):
         noise_m = n % 3 * 1e-4 if speed_m_s else 0.0  # no sensor repeats a reading to the last digit
-        bench.buffers.motion.write(MotionReading(bench.t_s + TICK_S, speed_m_s * TICK_S, noise_m, 1.0))
+        bench.inbox.put_motion(MotionReading(bench.t_s + TICK_S, speed_m_s * TICK_S, noise_m, 1.0))
         await bench.tick()
 
 

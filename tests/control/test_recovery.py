@@ -54,7 +54,7 @@ async def to_and_fro(bench: Bench, for_s: float) -> None:
         sign = 1.0 if n // 20 % 2 == 0 else -1.0
         bench.handler.wheels = WheelCommand(0.5 * sign, 0.5 * sign)
         moved_m = (bench.controller.last.applied.left if bench.controller.last else 0.0) * TICK_S
-        bench.buffers.motion.write(MotionReading(bench.t_s + TICK_S, moved_m, 1e-4 * (n % 3), 1.0))
+        bench.inbox.put_motion(MotionReading(bench.t_s + TICK_S, moved_m, 1e-4 * (n % 3), 1.0))
         await bench.tick()
 
 
@@ -71,7 +71,7 @@ async def blind(bench: Bench, for_s: float) -> list[str]:
     whys = []
     for _ in range(round(for_s / TICK_S)):
         bench.handler.wheels = WheelCommand(0.5, 0.5)
-        bench.buffers.motion.write(MotionReading(bench.t_s + TICK_S, 0.0, 0.0, 0.0))
+        bench.inbox.put_motion(MotionReading(bench.t_s + TICK_S, 0.0, 0.0, 0.0))
         await bench.tick()
         assert bench.controller.last is not None
         whys.append(bench.controller.last.decision.why)

@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wayfarer.control import status_light
-from wayfarer.control.controller import Controller, Mode
+from wayfarer.control.controller import Controller
+from wayfarer.control.modes import Mode
 from wayfarer.control.status_light import LIGHT_HZ, OFF, LastEnd, colour
 from wayfarer.escape.api import Phase
 from wayfarer.hal import Colour

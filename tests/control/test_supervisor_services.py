@@ -23,7 +23,7 @@ from tests.kit.workshop import (
     mending,
     supervisor,
 )
-from wayfarer.control.controller import Mode
+from wayfarer.control.modes import Mode
 from wayfarer.control.status_light import GREEN, OFF, RED, YELLOW
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import NotResponding
@@ -51,7 +51,7 @@ def test_board_that_turns_the_wheels_by_itself_is_a_fault_within_half_a_second(s
     seen: list[object] = []
     script: Script = {
         0.4: lambda it: setattr(shop, "answer", AHEAD),
-        at_s: lambda it: it.controller.hold(at_s, held=True),
+        at_s: lambda it: it.controller.hold(at_s),
         at_s + 0.5: lambda it: seen.append((it.mode, it.controller.why_disarmed)),
     }
     drive(shop, script, for_s=3.0)
@@ -80,7 +80,7 @@ def test_stop_that_comes_between_a_command_and_the_board_is_no_fault(shop: Works
 
     def halt(it: Supervisor) -> None:
         shop.answer = STOP
-        it.controller.hold(1.249, held=True)
+        it.controller.hold(1.249)
 
     drive(
         shop,
@@ -218,8 +218,8 @@ def test_armed_rover_that_goes_on_without_a_sensor_is_fresh_and_a_disarmed_one_i
     "stands",
     [
         lambda it: it.controller._recovery._ladder._rest_now(2.0),
-        lambda it: it.controller.hold(2.0, held=True),
-        lambda it: setattr(it.controller.wheels, "failed", True),
+        lambda it: it.controller.hold(2.0),
+        lambda it: setattr(it.controller, "motors_failed", True),
     ],
     ids=["rests", "is held", "waits for its motors"],
 )

@@ -39,7 +39,7 @@ from tests.faults.fault_strategies import (
 from tests.kit.rover import T_WALL
 from wayfarer.commissioning.checks import ARMING, CALIBRATED, HostEnvironment
 from wayfarer.config.rover_file import laid_over, load_rover
-from wayfarer.control.controller import Mode
+from wayfarer.control.modes import Mode
 from wayfarer.control.supervisor import first_cause
 from wayfarer.daemon.arming_check import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
@@ -94,7 +94,7 @@ class Daemon:
         self.rules.follow(setup)
         assert setup.injector is not None
         self.injector = setup.injector
-        self.injector.start(setup.world, setup.supervisor.controller.power, [self.rules.note])
+        self.injector.start(setup.world, setup.supervisor.inbox.put_power, [self.rules.note])
         self.controller = setup.supervisor.controller
         place = HostEnvironment(FOLDER / "logs", FOLDER / "calibration.json", (), T_WALL, FOLDER)
         inspection = RunningInspection(spec.rover, setup.rover, place, setup.supervisor)
@@ -166,7 +166,7 @@ class Daemon:
         return dict(self._runner.run(self.commands.status()))
 
     def power(self, flags: int | None) -> None:
-        self.controller.power(self._runner.get_loop().time(), flags)
+        self.setup.supervisor.inbox.put_power(self._runner.get_loop().time(), flags)
 
     def close(self) -> None:
         """End the run, watch the wheels until they must stand, and end every fault."""

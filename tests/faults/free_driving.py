@@ -175,7 +175,7 @@ async def _drive(spec: TrialSpec, for_s: float) -> list[tuple[float, str]]:
 
     setup.world.after_step = end
     if setup.injector is not None:
-        setup.injector.start(setup.world, setup.supervisor.controller.power)
+        setup.injector.start(setup.world, setup.supervisor.inbox.put_power)
     await setup.supervisor.arm(asked(), CLEARING.heading_deg)
     await setup.supervisor.run()
     if setup.injector is not None:

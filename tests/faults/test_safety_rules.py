@@ -10,7 +10,9 @@ from typing import Any
 import pytest
 
 from tests.faults.broken_product import breaks_the_product
-from wayfarer.control.controller import Controller, Mode
+from wayfarer.control.controller import Controller
+from wayfarer.control.inputs import Inputs
+from wayfarer.control.modes import Entered, Mode, Outcome
 from wayfarer.control.shutdown import Shutdown
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.detector import Detector
@@ -104,6 +106,7 @@ def gate_drives(monkeypatch: Patch, when: Callable[[Gate], bool] = lambda _: Tru
         return AHEAD if when(self) else applied
 
     monkeypatch.setattr(Gate, "update", update)
+    monkeypatch.setattr(Controller, "may_turn", True)  # else the shell halts after each command
 
 
 def gate_drives_in_a_hold(monkeypatch: Patch) -> None:
@@ -116,24 +119,26 @@ def condition_is_taken_for_another(monkeypatch: Patch) -> None:
 
 
 def disarming_is_forgotten(monkeypatch: Patch) -> None:
-    disarm = Controller.disarm
+    disarm = Controller._disarm
 
-    def forgetful(self: Controller, t_s: float, reason: str) -> None:
-        disarm(self, t_s, reason)
+    def forgetful(self: Controller, reason: str) -> Outcome:
+        disarm(self, reason)
         self.mode = Mode.ARMED
+        return Entered(self.mode)
 
-    monkeypatch.setattr(Controller, "disarm", forgetful)
+    monkeypatch.setattr(Controller, "_disarm", forgetful)
 
 
 def rover_arms_itself(monkeypatch: Patch) -> None:
-    tick = Controller.tick
+    step = Controller.step
 
-    async def restless(self: Controller, t_s: float) -> None:
-        if t_s > 2.0 and self.mode is Mode.DISARMED:
-            self._begin_mission(t_s, 0.0)
-        await tick(self, t_s)
+    def restless(self: Controller, inputs: Inputs) -> TickRecord:
+        if inputs.t_s > 2.0 and self.mode is Mode.DISARMED:
+            self._begin_mission(inputs.t_s, 0.0)
+            self.mode = Mode.ARMED
+        return step(self, inputs)
 
-    monkeypatch.setattr(Controller, "tick", restless)
+    monkeypatch.setattr(Controller, "step", restless)
 
 
 def driver_sends_no_stop(monkeypatch: Patch) -> None:
@@ -195,7 +200,7 @@ def fault_clears_by_itself(monkeypatch: Patch) -> None:
 
 
 def fault_leaves_the_rover_armed(monkeypatch: Patch) -> None:
-    monkeypatch.setattr(Controller, "disarm", lambda *_: None)
+    monkeypatch.setattr(Controller, "_disarm", lambda *_: None)
 
 
 def handler_sees(**wrong: float) -> Break:
@@ -242,7 +247,7 @@ def board_is_not_opened_again(monkeypatch: Patch) -> None:
     add_conditions = Controller._add_conditions
 
     def forgetful(self: Controller, tick: TickRecord) -> None:
-        self.wheels.failed = False
+        self.motors_failed = False
         add_conditions(self, tick)
 
     monkeypatch.setattr(Controller, "_add_conditions", forgetful)

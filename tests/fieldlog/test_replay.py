@@ -20,7 +20,8 @@ from tests.virtual import asked, virtual
 from wayfarer import cli
 from wayfarer.cli.replay import replay_text
 from wayfarer.config.rover_file import RoverConfig, load_rover
-from wayfarer.control.controller import Controller, Mode
+from wayfarer.control.controller import Controller
+from wayfarer.control.modes import Mode
 from wayfarer.control.run_log import Tee
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import BadInput, NotResponding, PowerLost
@@ -296,7 +297,7 @@ async def drive_by_hand(controller: Controller, for_s: float) -> None:
 async def eventful_run(folder: Path, config: RoverConfig) -> None:
     """Everything that comes from outside, once: each step is told how long it lasts."""
     await asyncio.sleep(12345.678)
-    rover_setup = live_rover_setup(config, Depth.DEVICE, 4, lambda reason, text: supervisor.finish(reason, text))
+    rover_setup = live_rover_setup(config, Depth.DEVICE, 5, lambda reason, text: supervisor.finish(reason, text))
     assert rover_setup.ground_truth_log is not None
     now = asyncio.get_running_loop().time
     about = {
@@ -323,14 +324,14 @@ async def eventful_run(folder: Path, config: RoverConfig) -> None:
     await asyncio.sleep(1.0)
     await supervisor.arm(asked())
     await asyncio.sleep(config.safety.start_delay_s + 6.0)
-    controller.hold(now(), held=True)
+    controller.hold(now())
     await asyncio.sleep(2.03)
-    controller.hold(now(), held=False)
+    controller.resume(now())
     await asyncio.sleep(3.0)
     await drive_by_hand(controller, 3.0)
     controller.end_manual(now(), "requested")
     await asyncio.sleep(1.0)
-    controller.hold(now(), held=False)
+    controller.resume(now())
     await asyncio.sleep(3.0)
     controller.set_goal(now(), 20.0)
     await fails("compass", 1.0)
@@ -338,7 +339,7 @@ async def eventful_run(folder: Path, config: RoverConfig) -> None:
     await fails("motion", 1.5)
     await fails("board", 1.0)
     for flags in (0x50005, 0x50000) * 3:
-        controller.power(now(), flags)
+        supervisor.inbox.put_power(now(), flags)
         await asyncio.sleep(1.01)
     await asyncio.sleep(DIPS_S)
     supervisor.disarm("asked for")

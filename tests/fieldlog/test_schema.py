@@ -120,7 +120,7 @@ def told_events() -> Keys:
     """The events that the code tells, with the keys of each: of calls of ``event``, now or as a callback."""
     found: Keys = {}
     texts = (path.read_text(encoding="utf-8") for path in CODE.rglob("*.py"))
-    for text in (each for each in texts if ".event" in each):
+    for text in (each for each in texts if ".event" in each or ".conclude(" in each):
         for call in ast.walk(ast.parse(text)):
             if isinstance(call, ast.Call):
                 keys = {keyword.arg for keyword in call.keywords if keyword.arg}
@@ -129,9 +129,9 @@ def told_events() -> Keys:
 
 
 def after_event(call: ast.Call) -> Iterator[ast.AST]:
-    """What follows a method ``event`` in a call: its first argument."""
+    """What follows a method ``event``, or ``conclude`` of a tick, in a call: its first argument."""
     for before, part in pairwise([call.func, *call.args]):
-        if isinstance(before, ast.Attribute) and before.attr == "event":
+        if isinstance(before, ast.Attribute) and before.attr in {"event", "conclude"}:
             yield part
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tests.control.bench import Bench
 from tests.detector.rover import moved
-from wayfarer.control.controller import Mode
+from wayfarer.control.modes import Mode
 from wayfarer.escape.recovery import REST_S, RUNGS
 from wayfarer.hal import STOP, CompassReading, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
@@ -156,8 +156,8 @@ async def nose_up(bench: Bench, seconds: float) -> None:
     """Stand with the nose up, held fast; the roll has noise, as that of a compass that is not frozen."""
     for n in range(round(seconds / TICK_S)):
         bench.t_s += TICK_S
-        bench.buffers.compass.write(CompassReading(bench.t_s, 0.0, 30.0, 0.1 * (n % 2), None))
-        await bench.controller.tick(bench.t_s)
+        bench.inbox.put_compass(CompassReading(bench.t_s, 0.0, 30.0, 0.1 * (n % 2), None))
+        await bench.loop.tick(bench.t_s)
 
 
 async def nose_up_until_it_gives_up() -> Bench:
@@ -219,11 +219,11 @@ async def test_hold_stops_the_wheels_on_the_ladder_too() -> None:
     bench = await Bench().armed()
     while bench.log.ticks[-1].decision.why != RUNGS[0].name:
         await nose_up(bench, TICK_S)
-    bench.controller.hold(bench.t_s, held=True)
+    bench.controller.hold(bench.t_s)
     await nose_up(bench, 0.05)
     assert bench.wheels == STOP
     bench.controller.disarm(bench.t_s, "enough")
-    bench.controller.hold(bench.t_s, held=False)
+    bench.controller.resume(bench.t_s)
     await nose_up(bench, 5.0)
     assert bench.wheels == STOP
 

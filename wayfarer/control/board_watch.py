@@ -12,6 +12,7 @@ import asyncio
 from math import inf
 
 from wayfarer.control.controller import Controller
+from wayfarer.control.inputs import BoardReport, Inbox
 from wayfarer.control.rate import Rate
 from wayfarer.control.run_log import RunLog
 from wayfarer.errors import DriverError
@@ -30,13 +31,17 @@ class BoardWatch:
 
     Args:
         motors: the board.
-        controller: takes the reports, and says whether a mission waits for the board.
+        inbox: takes the reports.
+        controller: says whether a mission waits for the board.
         log: takes each failed try.
         health_hz: how often the board is asked.
     """
 
-    def __init__(self, motors: DriveMotors, controller: Controller, log: RunLog, health_hz: float) -> None:
+    def __init__(
+        self, motors: DriveMotors, inbox: Inbox, controller: Controller, log: RunLog, health_hz: float
+    ) -> None:
         self._motors = motors
+        self._inbox = inbox
         self._controller = controller
         self._log = log
         self._health_hz = health_hz
@@ -59,13 +64,13 @@ class BoardWatch:
 
     async def _ask(self) -> MotorHealth | None:
         """Ask the board and pass the answer on; None if there is none."""
-        motors, reports, time = self._motors, self._controller.power_reports, asyncio.get_running_loop().time
+        motors, time = self._motors, asyncio.get_running_loop().time
         try:
             health, duties = await motors.health(), await motors.read_back()
         except DriverError as error:
-            reports.board_silent(time(), str(error))
+            self._inbox.put_board(BoardReport(time(), None, error=str(error)))
             return None
-        reports.board_said(time(), health, duties)
+        self._inbox.put_board(BoardReport(time(), health, duties))
         return health
 
     def _is_due(self) -> bool:
@@ -87,13 +92,13 @@ class BoardWatch:
         A command of a tick may fail while the board is being opened: then what has been proved may be out of date.
         """
         controller, time, self._due_s = self._controller, asyncio.get_running_loop().time, None
-        failures = controller.wheels.failures
+        failures = controller.failures
         try:
             await self._motors.open()
         except DriverError as error:
             self._log.event("motors_not_opened", time(), error=str(error), retry_in_s=self._pause_s)
             return
         health = await self._ask()
-        if health is not None and not health.faults and controller.wheels.failures == failures:
+        if health is not None and not health.faults and controller.failures == failures:
             self._opened_s = time()
             controller.motors_opened(self._opened_s)

@@ -1,10 +1,12 @@
-"""The controller: arming, the control tick and the mission limits. Only it commands the wheels during a run.
+"""The controller: modes, the control tick and the mission limits. Only it decides what the wheels get during a run.
 
-A tick always has the same order::
+Pure: one record in, one record out, and nothing is waited for. A tick always has the same order::
 
-    readings -> detector -> gate.update, which asks the escape handler -> motors -> log
+    inputs -> detector -> gate.update, which asks the escape handler -> wheels that the motors are to get
 
-Each stage fills in its part of one ``TickRecord``.
+Each stage fills in its part of one ``TickRecord``. What people ask for comes between two ticks, by the methods of the
+first part: they change the mode at once, as ``modes.MODES`` allows, and tell the caller whether they did. So a log that
+has inputs and requests replays exactly. ``loop.ControlLoop`` is what waits: for the motors.
 
 While the gate holds the wheels, the handler is not called and its clock is paused: when the hold ends, a manoeuvre with
 a time limit continues where it was.
@@ -12,39 +14,28 @@ a time limit continues where it was.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from enum import Enum
+from collections import deque
 from functools import partial
 from math import inf, radians
 from typing import Final
 
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.control.latest import SensorBuffers
-from wayfarer.control.power_reports import PowerReports
+from wayfarer.control.inputs import Inputs
+from wayfarer.control.modes import MAY_TURN, MODES, Entered, Event, Mode, Outcome, Refused, refusal
 from wayfarer.control.run_log import RunLog
 from wayfarer.control.tick_record import TickRecord
-from wayfarer.control.wheels import WheelMotors, Wheels
 from wayfarer.detector import Detector
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase
 from wayfarer.escape.recovery import Recovery
-from wayfarer.hal import STOP, PositionFix, WheelCommand
+from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.arming import ArmingSequence
 from wayfarer.safety.conditions import BLIND, MANUAL_LEVELS, UNCOMMANDED, Condition, Level
 from wayfarer.safety.gate import Gate, ResumeWarning
 from wayfarer.safety.manual import LEASE_S, ManualControl
 from wayfarer.safety.mission_limits import Mission, RunEnd
 from wayfarer.safety.permission import PERMISSION_S
+from wayfarer.safety.power import MotorBoardMonitor, SupplyMonitor, meaning
 from wayfarer.safety.tick_interval import IntervalTimer
-
-
-class Mode(Enum):
-    """Arming state of the rover; the wheels may turn only while it is ``ARMED``, or while a person drives."""
-
-    DISARMED = "disarmed"
-    ARMING = "arming"
-    ARMED = "armed"
-    MANUAL = "manual"
-
 
 # Looking up a member of an Enum through its class is slow, and the tick does it 20 times a second.
 _ARMED: Final = Mode.ARMED
@@ -60,34 +51,25 @@ UNSEEN_SHARE: Final = 0.5
 LOST_TICKS_S: Final = 5.0
 LOST_APART_S: Final = 60.0
 BY_HAND: Final = Decision(STOP, Phase.MANUAL, Phase.MANUAL.value)
+# A command that the board did not acknowledge may not have reached it. Its deadman stops the wheels after 0.3 s at most
+# (as shipped); 0.5 s later motion has been seen to be over (fault catalogue, fault 30), by a camera 0.2 s after that.
+UNHEARD_S: Final = 1.0
 
 
 class Controller:
-    """Runs the control tick and holds the mode.
+    """Decides each control tick and holds the mode.
 
-    ``end`` is None until something ends the run; ``last`` is the record of the latest tick. ``power_reports`` takes the
-    reports of the motor board and of the computer's supply; ``board`` is the monitor of the board's own reports.
-    ``levels`` are the severities of this rover's conditions. ``cause_since_s`` is when the gate's present cause began,
-    or the last one ended. ``manual`` is who drives by hand, if the mode says that somebody does. ``clock`` gives the
-    time of now, on the clock of ``tick``. A mission's limit ends the run, or disarms the rover if it ``goes_on``.
+    ``end`` is None until something ends the run; ``last`` is the record of the latest tick whose command was sent.
+    ``board`` is the monitor of the motor board's reports. ``levels`` are the severities of this rover's conditions.
+    ``cause_since_s`` is when the gate's present cause began, or the last one ended. ``manual`` is who drives by hand,
+    if the mode says that somebody does. ``motors_failed`` is whether the motor board must be opened again before a
+    wheel may turn, ``failures`` counts the commands that it did not acknowledge. A mission's limit ends the run, or
+    disarms the rover if it ``goes_on``.
     """
 
     def __init__(
-        self,
-        motors: WheelMotors,
-        buffers: SensorBuffers,
-        config: RoverConfig,
-        detector: Detector,
-        handler: EscapeHandler,
-        log: RunLog,
-        clock: Callable[[], float],
-        *,
-        goes_on: bool = False,
+        self, config: RoverConfig, detector: Detector, handler: EscapeHandler, log: RunLog, *, goes_on: bool = False
     ) -> None:
-        self.power_reports = PowerReports(config.board, log)
-        self.board = self.power_reports.board
-        self.wheels = Wheels(motors, config.safety.tick_late_s, clock, log, self.power_reports.supply)
-        self._buffers = buffers
         self._safety = config.safety
         self._late_s = config.safety.tick_late_s
         self._timer = IntervalTimer(config.safety.tick_late_s, config.vehicle.max_speed_m_s)
@@ -103,6 +85,13 @@ class Controller:
         self._speed_m_s = config.manual.speed_m_s or config.escape.cruise_m_s
         self._turn_rad_s = radians(config.manual.turn_deg_s or config.escape.turn_deg_s)
         self._vehicle = config.vehicle
+        self.board = MotorBoardMonitor(config.board)
+        self._supply = SupplyMonitor()
+        # The commands of the last three ticks: the board may have been asked during any of them.
+        self._latest_applied = deque([STOP] * 3, maxlen=3)
+        self.motors_failed = False
+        self.failures = 0
+        self._unheard_until_s = 0.0  # until then nobody knows what the wheels do
         self.mode = Mode.DISARMED
         self.end: RunEnd | None = None
         self.last: TickRecord | None = None
@@ -116,96 +105,137 @@ class Controller:
         self._held_s = self._away_s = 0.0  # in which the gate held the wheels, and the algorithm did not have them
         self._carried = False
         self._lost_tick_s = self._lost_since_s = -inf
-        self._applied = STOP
-        self._driven = STOP  # what was applied, less what the slope takes up
         self._last_cause: Condition | None = None
         self.cause_since_s = 0.0
 
-    # -- commands ------------------------------------------------------------------------------------------------
+    # -- requests, between two ticks -----------------------------------------------------------------------------
 
-    def arm(self, t_s: float, goal_heading_deg: float | None) -> None:
+    def why_not(self, event: Event) -> str:
+        """Return why an event would be refused now, or an empty text."""
+        return refusal(self.mode, event)
+
+    def arm(self, t_s: float, goal_heading_deg: float | None) -> Outcome:
         """Begin to arm: after the start delay the wheels may turn. See ``ArmingSequence`` for the goal heading.
 
         The motors must have been opened just before, which proves that they answer and that their deadman is on.
         """
-        self.wheels.failed = self.held = False
+        if isinstance(outcome := self._enter(Event.ARM), Refused):
+            return outcome
+        self.motors_failed = self.held = False
         self._recovery.reset()
         self._detector.begin_arming()
         self.mission = None
         self._arming = ArmingSequence(self._safety, t_s, goal_heading_deg)
-        self.mode = Mode.ARMING
         delay_s = self._safety.start_delay_s
         self._log.event("arming", t_s, start_delay_s=delay_s, goal_heading_deg=goal_heading_deg)
+        return outcome
 
-    def disarm(self, t_s: float, reason: str) -> None:
-        """Stop the wheels from the next tick on, until re-armed; also if a person drives."""
-        self._gate.levels = self.levels
-        self.mode = Mode.DISARMED
-        self.why_disarmed = reason
-        self._arming = None
-        self.mission = None
-        self._log.event("disarmed", t_s, reason=reason)
+    def disarm(self, t_s: float, reason: str) -> Outcome:
+        """Stop the wheels from the next tick on, until re-armed; also if a person drives. Never refused."""
+        if self.mode is not Mode.DISARMED:
+            self._log.event("disarmed", t_s, reason=reason)
+        return self._disarm(reason)
 
-    def begin_manual(self, t_s: float, lease: int, driver: str) -> None:
+    def _disarm(self, reason: str) -> Outcome:
+        if self.mode is not Mode.DISARMED:
+            self._gate.levels = self.levels
+            self.why_disarmed = reason
+            self._arming = None
+            self.mission = None
+        return self._enter(Event.DISARM)
+
+    def begin_manual(self, t_s: float, lease: int, driver: str) -> Outcome:
         """Let a client drive, see ``ManualControl.begin``; a mission waits, with the clock of its algorithm.
 
         The motors of a rover that was not armed must have been opened just before, as for ``arm``.
         """
-        self.wheels.failed = self.held = False
+        if isinstance(outcome := self._enter(Event.MANUAL), Refused):
+            return outcome
+        self.motors_failed = self.held = False
         self._carried = True
         self._gate.levels = MANUAL_LEVELS
         self._gate.clear_fault()
         self.manual.begin(t_s, lease, driver)
-        self.mode = _MANUAL
         self._log.event("manual", t_s, driver=driver)
+        return outcome
 
-    def end_manual(self, t_s: float, reason: str) -> None:
+    def end_manual(self, t_s: float, reason: str) -> Outcome:
         """Stop the wheels: the rover is disarmed as before, or its mission is held until ``resume``."""
-        self.mode = Mode.DISARMED if self.mission is None else _ARMED
+        if isinstance(outcome := self._enter(Event.END_MANUAL), Refused):
+            return outcome
         self.held = self.mission is not None
         self._carried = True
         self._gate.levels = self.levels
         self._log.event("manual_ended", t_s, reason=reason, mode=self.mode.value)
+        return outcome
 
-    def _forget_place(self) -> None:
-        """Begin the algorithm again: a person has carried it to another place."""
-        self._carried = False
-        self._handler.reset()
-        self._recovery.reset()
-        self._resume_warning.reset()
-        self._detector.begin_arming()
+    def hold(self, t_s: float) -> Outcome:
+        """Hold the wheels until ``resume``; the mission is not changed. Nobody drives by hand any more."""
+        if self.mode is _MANUAL:
+            return self.end_manual(t_s, "asked to hold")
+        outcome = self._enter(Event.HOLD)
+        if isinstance(outcome, Entered) and not self.held:  # a repeated request is not logged
+            self.held = True
+            self._log.event("hold", t_s)
+        return outcome
 
-    def hold(self, t_s: float, *, held: bool) -> None:
-        """Hold the wheels, or let them continue; the mission is not changed."""
-        if held is not self.held:  # a repeated request changes nothing and is not logged
-            self.held = held
-            self._log.event("hold" if held else "resume", t_s)
+    def resume(self, t_s: float) -> Outcome:
+        """Let the wheels continue."""
+        outcome = self._enter(Event.RESUME)
+        if isinstance(outcome, Entered) and self.held:
+            self.held = False
+            self._log.event("resume", t_s)
+        return outcome
 
-    def set_goal(self, t_s: float, goal_heading_deg: float) -> None:
+    def set_goal(self, t_s: float, goal_heading_deg: float) -> Outcome:
         """Change the goal of the mission, in degrees clockwise from magnetic north."""
-        self.goal_heading_deg = goal_heading_deg
-        self._log.event("goal", t_s, goal_heading_deg=goal_heading_deg)
+        if isinstance(outcome := self._enter(Event.GOAL), Entered):
+            self.goal_heading_deg = goal_heading_deg
+            self._log.event("goal", t_s, goal_heading_deg=goal_heading_deg)
+        return outcome
 
-    def position(self, fix: PositionFix | None) -> None:
-        """Take a fix for the log and the mission's radius; no decision sees it."""
-        self._log.position(fix)
-        if fix is not None and self.mission is not None:
-            self.mission.position(fix)
+    def _enter(self, event: Event) -> Outcome:
+        """Take the step of the table for this event, or refuse it."""
+        row = MODES.get((self.mode, event))
+        if row is None:
+            return Refused(refusal(self.mode, event))
+        if row.to is not None:
+            self.mode = row.to
+        else:  # what was before a person drove
+            self.mode = Mode.DISARMED if self.mission is None else _ARMED
+        return Entered(self.mode)
 
-    def power(self, t_s: float, flags: int | None) -> None:
-        """Take the power flags of the computer's firmware, None if there are none; see ``power.SupplyMonitor``."""
-        self.power_reports.power(t_s, flags)
+    @property
+    def may_turn(self) -> bool:
+        """Whether the mode lets the wheels turn, and nobody holds them."""
+        return self.mode in MAY_TURN and not self.held
 
     @property
     def waits_for_motors(self) -> bool:
         """Whether a mission, or a person, waits until the motor board has been opened again."""
-        return self.wheels.failed and (self.mode is _ARMED or self.mode is _MANUAL)
+        return self.motors_failed and self.mode in MAY_TURN
 
-    def motors_opened(self, t_s: float) -> None:
+    def motors_opened(self, t_s: float) -> Outcome:
         """Go on with a mission that waits: the motor board was opened again, and reports no fault."""
-        if self.waits_for_motors:
-            self.wheels.failed = False
+        outcome = self._enter(Event.BOARD_OPENED)
+        if isinstance(outcome, Entered) and self.motors_failed:
+            self.motors_failed = False
             self._log.event("motors_opened", t_s)
+        return outcome
+
+    def motors_lost(self, t_s: float, error: str, lost: str | None = None) -> None:
+        """Hold the wheels until the board was opened again: it did not acknowledge the command of the tick at ``t_s``.
+
+        Without an acknowledgement the state of the wheels is unknown. The board's deadman stops them. ``lost`` is
+        ``power`` if the board lost its power, ``tick`` if the tick did not end.
+        """
+        self.failures += 1
+        if not self.motors_failed:
+            self._unheard_until_s = t_s + UNHEARD_S
+            self._log.event("motors_failed", t_s, error=error, lost=lost)
+            if lost == "power":
+                self._supply.dip(t_s)
+        self.motors_failed = True
 
     def finish(self, reason: str, text: str) -> None:
         """End the run; the first reason counts."""
@@ -213,40 +243,41 @@ class Controller:
             self.end = RunEnd(reason, text)
 
     def lose_tick(self, t_s: float, error: MemoryError) -> None:
-        """Stop the wheels after a tick for which no memory was left; a mission waits until the board was opened again.
+        """Take a tick for which no memory was left; a mission waits until the board was opened again.
 
         Its algorithm begins again then, because nobody knows how far the tick came.
 
         Raises:
             MemoryError: nobody waits for the wheels, or such ticks come for too long; the run must end.
         """
-        self.wheels.halt()
         if t_s - self._lost_tick_s > LOST_APART_S:
             self._lost_since_s = t_s
         self._lost_tick_s = t_s
         if t_s - self._lost_since_s > LOST_TICKS_S or (self.mode is not _ARMED and self.mode is not _MANUAL):
             raise error
-        self.wheels.lose(t_s, "no memory was left for a control tick", "tick")
+        self.motors_lost(t_s, "no memory was left for a control tick", "tick")
         self._carried = True
 
     # -- the tick ------------------------------------------------------------------------------------------------
 
-    async def tick(self, t_s: float) -> None:
-        """Do one control tick at time ``t_s``."""
+    def step(self, inputs: Inputs) -> TickRecord:
+        """Decide one control tick; the caller sends ``wheels`` of the record to the motors, whatever they are."""
+        t_s = inputs.t_s
         if self.mode is _MANUAL and self.manual.is_silent(t_s):
             self.end_manual(t_s, f"nothing was heard of {self.manual.driver} for {LEASE_S:g} s")
         if self._carried:
             self._forget_place()
-        tick, gate, mission = TickRecord(t_s, self._driven), self._gate, self.mission
+        # What the wheels were given, less what the slope takes up, is what moves the body.
+        tick, gate, mission = TickRecord(t_s, self._detector.grade.level(inputs.applied)), self._gate, self.mission
+        tick.compass, tick.motion, tick.contact = inputs.compass, inputs.motion, inputs.contact
         self._timer.measure(tick)
-        self._buffers.read(tick)
         self._travelled_m += abs(tick.forward_m)
         self._detector.update(tick, armed=mission is not None)
         odometer = self._detector.odometer
+        self._hear(inputs)
         self._add_conditions(tick)
         conditions = self.conditions = tick.conditions
-        if conditions and not UNCOMMANDED.isdisjoint(conditions):
-            self.wheels.halt()  # at each tick: a board that does not obey may obey one of many stops
+        tick.halts = bool(conditions) and not UNCOMMANDED.isdisjoint(conditions)
         if self._arming is not None:
             self._continue_arming(tick, self._arming)
         manual = self.mode is _MANUAL
@@ -256,24 +287,28 @@ class Controller:
         observation = tick.observation = self._observe(tick)
         may_drive = manual or self.mode is _ARMED
         wanted = self._wanted_by_hand if manual else self._wanted_wheels
-        wheels = gate.update(conditions, partial(wanted, tick), armed=may_drive)
+        tick.wheels = gate.update(conditions, partial(wanted, tick), armed=may_drive)
         if manual:
             self._note_manual(tick)
         if gate.holds or manual:
             self._held_s += tick.dt_s
         tick.level, tick.cause, tick.memory = gate.level, gate.cause, self._handler.memory
-        applied = await self.wheels.drive(t_s, wheels)  # meanwhile somebody may hold, disarm, or begin to drive
-        self._applied = tick.applied = applied
-        self._driven = self._detector.grade.level(applied)
-        self.last = tick
-        self._log.tick(tick)
         if tick.cause is not self._last_cause or (may_drive and tick.level is _FAULT):
-            self._note_health(t_s, tick.level, tick.cause)
+            self._note_health(tick)
         if mission is not None and observation is not None:
             if manual:
                 mission.wait(tick.dt_s)
             elif self.end is None and (limit := mission.end(t_s)) is not None:
-                self._end_mission(t_s, limit)
+                self._end_mission(tick, limit)
+        return tick
+
+    def _forget_place(self) -> None:
+        """Begin the algorithm again: a person has carried the rover to another place."""
+        self._carried = False
+        self._handler.reset()
+        self._recovery.reset()
+        self._resume_warning.reset()
+        self._detector.begin_arming()
 
     def _wanted_wheels(self, tick: TickRecord) -> WheelCommand:
         """Decide, once there has been a heading, and return the duties that are wanted."""
@@ -305,6 +340,27 @@ class Controller:
         wheels = self._detector.grade.compensate(decision.wheels)
         return decision if wheels is decision.wheels else decision._replace(wheels=wheels)
 
+    def _hear(self, inputs: Inputs) -> None:
+        """Take what receiver, motor board and the computer's supply have said since the tick before."""
+        self._latest_applied.append(inputs.applied)
+        for fix in inputs.fixes or ():
+            self._log.position(fix)
+            if fix is not None and self.mission is not None:
+                self.mission.position(fix)
+        for report in inputs.board or ():
+            if report.health is not None:
+                self.board.update(report.t_s, report.health, report.duties, self._latest_applied)
+                self._log.board(report.t_s, report.health, report.duties)
+                continue
+            if Condition.BOARD_SILENT not in self.board.conditions:
+                self._log.event("board_silent", report.t_s, error=report.error)
+            self.board.silent()
+        for t_s, flags in inputs.power or ():
+            before, now = self._supply.flags or 0, flags or 0
+            self._supply.update(t_s, flags)
+            if now != before:
+                self._log.event("power", t_s, flags=f"{now:#x}", text=meaning(now))
+
     def _add_conditions(self, tick: TickRecord) -> None:
         """Add the controller's own conditions to those of the detector."""
         armed, late = self.mode is _ARMED, tick.dt_s > self._late_s
@@ -317,17 +373,17 @@ class Controller:
             )  # fmt: skip
             if self._recovery.restarts:
                 self._handler.reset()
-        may_move = not may_drive or tick.t_s < self.wheels.unheard_until_s
+        may_move = not may_drive or tick.t_s < self._unheard_until_s
         if tick.conditions and may_move and self._gate.cause is not _RUNAWAY:
             # A person may push a rover that is not armed; a rover that ran away is still stopped at each tick.
             tick.conditions = tuple(condition for condition in tick.conditions if condition is not _RUNAWAY)
         if late:
             tick.conditions += (Condition.TICK_LATE,)
-        if self.power_reports.judge(self._applied):
-            tick.conditions += self.power_reports.conditions(tick.t_s)
+        if self.board.conditions or self._supply.noticed:
+            tick.conditions += self.board.conditions + self._supply.conditions(tick.t_s)
             if may_drive and _MOTORS_FAILED in tick.conditions:
-                self.wheels.failed = True  # once the fault has gone, the board is opened again like a silent one
-        if self.wheels.failed and _MOTORS_FAILED not in tick.conditions:
+                self.motors_failed = True  # once the fault has gone, the board is opened again like a silent one
+        if self.motors_failed and _MOTORS_FAILED not in tick.conditions:
             tick.conditions += (_MOTORS_FAILED,)
         if self.held:
             tick.conditions += (Condition.OPERATOR_HOLD,)
@@ -360,7 +416,7 @@ class Controller:
             return
         goal_heading_deg = arming.update(compass) if compass is not None else None
         stops = [condition.value for condition in tick.conditions if self.levels[condition] >= Level.DEGRADE]
-        if goal_heading_deg is not None and not stops:
+        if goal_heading_deg is not None and not stops and isinstance(self._enter(Event.SETTLED), Entered):
             self._detector.begin_mission(tick)
             self._begin_mission(t_s, goal_heading_deg)
         elif _MOTORS_FAILED in tick.conditions:  # arming has just opened the board, so that it must not fail now
@@ -375,18 +431,23 @@ class Controller:
         self._resume_warning.reset()
         self.goal_heading_deg = goal_heading_deg
         self.mission = Mission(self._safety, t_s)
-        self.mode = Mode.ARMED
         self._log.event("armed", t_s, goal_heading_deg=goal_heading_deg)
 
-    def _end_mission(self, t_s: float, limit: RunEnd) -> None:
+    def _end_mission(self, tick: TickRecord, limit: RunEnd) -> None:
         if not self._goes_on:
             self.end = limit
         elif self.mission is not None:  # else a fault has just disarmed it
-            self.disarm(t_s, limit.reason)
+            self._conclude_disarmed(tick, limit.reason)
 
-    def _note_health(self, t_s: float, level: Level, cause: Condition | None) -> None:
+    def _note_health(self, tick: TickRecord) -> None:
+        level, cause = tick.level, tick.cause
         if cause is not self._last_cause:
-            self._last_cause, self.cause_since_s = cause, t_s
-        self._log.event("health", t_s, level=level.name.lower(), cause=cause.value if cause is not None else None)
+            self._last_cause, self.cause_since_s = cause, tick.t_s
+        tick.conclude("health", level=level.name.lower(), cause=cause.value if cause is not None else None)
         if level is Level.FAULT and self.mode is not Mode.DISARMED:
-            self.disarm(t_s, f"fault: {cause.value if cause is not None else 'unknown'}")
+            self._conclude_disarmed(tick, f"fault: {cause.value if cause is not None else 'unknown'}")
+
+    def _conclude_disarmed(self, tick: TickRecord, reason: str) -> None:
+        """Disarm because of what this tick has seen: the log has it after the tick's own record."""
+        self._disarm(reason)
+        tick.conclude("disarmed", reason=reason)

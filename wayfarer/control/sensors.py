@@ -14,11 +14,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from wayfarer.config.rover_file import Rates
-from wayfarer.control.latest import SensorBuffers
+from wayfarer.control.inputs import Inbox
 from wayfarer.control.rate import Rate
 from wayfarer.control.run_log import RunLog
 from wayfarer.errors import DriverError
-from wayfarer.hal import Driver, MotionReading, PositionFix, Rover
+from wayfarer.hal import Driver, MotionReading, Rover
 
 RETRY_PAUSE_S = 0.05  # after one missed answer, read again within a control period (fault catalogue, fault 1)
 RETRY_PAUSE_MAX_S = 2.0
@@ -37,25 +37,19 @@ class SensorTask:
     spoke: asyncio.Event = field(default_factory=asyncio.Event)
 
 
-def sensor_tasks(
-    rover: Rover,
-    buffers: SensorBuffers,
-    rates: Rates,
-    needs: frozenset[str],
-    position: Callable[[PositionFix | None], None],
-) -> tuple[SensorTask, ...]:
-    """Return a row for each sensor of a run that uses the optional parts ``needs``; ``position`` takes fixes."""
-    rows = [SensorTask("compass", rover.compass, rates.compass_hz, rover.compass.read, buffers.compass.write)]
+def sensor_tasks(rover: Rover, inbox: Inbox, rates: Rates, needs: frozenset[str]) -> tuple[SensorTask, ...]:
+    """Return a row for each sensor of a run that uses the optional parts ``needs``."""
+    rows = [SensorTask("compass", rover.compass, rates.compass_hz, rover.compass.read, inbox.put_compass)]
     if rover.motion is not None:
-        rows.append(SensorTask("motion", rover.motion, rates.motion_hz, rover.motion.read, buffers.motion.write))
+        rows.append(SensorTask("motion", rover.motion, rates.motion_hz, rover.motion.read, inbox.put_motion))
     if rover.contact is not None and "contact" in needs:
-        rows.append(SensorTask("contact", rover.contact, rates.contact_hz, rover.contact.read, buffers.contact.write))
+        rows.append(SensorTask("contact", rover.contact, rates.contact_hz, rover.contact.read, inbox.put_contact))
     if rover.position is not None:
-        rows.append(SensorTask("position", rover.position, rates.position_hz, rover.position.read, position))
+        rows.append(SensorTask("position", rover.position, rates.position_hz, rover.position.read, inbox.put_fix))
     return tuple(rows)
 
 
-async def keep_sampling(row: SensorTask, buffers: SensorBuffers, log: RunLog, *, opened: bool = True) -> None:
+async def keep_sampling(row: SensorTask, inbox: Inbox, log: RunLog, *, opened: bool = True) -> None:
     """Sample for ever; after an error read again soon, and reopen the part if that did not help.
 
     ``opened``: whether the part is open; else it is opened before it is read, because it may be a wrong one.
@@ -77,7 +71,7 @@ async def keep_sampling(row: SensorTask, buffers: SensorBuffers, log: RunLog, *,
             failures += 1
             t_s = asyncio.get_running_loop().time()
             if row.name == "motion" and failures == 1:  # the motion that was missed is unknown, not zero
-                buffers.motion.write(MotionReading(t_s, 0.0, 0.0, 0.0))
+                inbox.put_motion(MotionReading(t_s, 0.0, 0.0, 0.0))
             log.event("sensor_failed", t_s, sensor=row.name, error=str(error), retry_in_s=pause_s)
             await asyncio.sleep(pause_s)
             pause_s = min(2.0 * pause_s, RETRY_PAUSE_MAX_S)

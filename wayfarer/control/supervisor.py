@@ -17,8 +17,10 @@ from math import inf, nextafter
 
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.board_watch import BoardWatch
-from wayfarer.control.controller import Controller, Mode
-from wayfarer.control.latest import SensorBuffers
+from wayfarer.control.controller import Controller
+from wayfarer.control.inputs import Inbox
+from wayfarer.control.loop import ControlLoop
+from wayfarer.control.modes import Mode, Outcome, Refused
 from wayfarer.control.rate import Rate
 from wayfarer.control.run_log import NOTE_HZ, DriverCounters, RunLog
 from wayfarer.control.sensors import keep_sampling, sensor_tasks
@@ -63,18 +65,17 @@ class Supervisor:
         self._log = log
         self._last_end = last_end
         self._by_hand = config.manual.allowed
-        self.buffers = SensorBuffers()
+        self.inbox = Inbox()
         needs = check_parts(rover, algorithm, config)
         detector = make_detector(config, needs, watches_motion=rover.motion is not None)
-        self.controller = Controller(
-            rover.motors, self.buffers, config, detector, handler, log, _loop_time, goes_on=goes_on
-        )
-        self._board = BoardWatch(rover.motors, self.controller, log, config.board.health_hz)
+        self.controller = Controller(config, detector, handler, log, goes_on=goes_on)
+        self._loop = ControlLoop(rover.motors, self.inbox, self.controller, log, _loop_time, config.safety.tick_late_s)
+        self._board = BoardWatch(rover.motors, self.inbox, self.controller, log, config.board.health_hz)
         self._patience_s = config.detector.compass_stale_s  # after this a silent compass is a condition
         self._over_s = -inf  # permissions that were given before are void
         self.being_checked = False
         self.ticked = asyncio.Event()  # set by the first control tick; the parts are open then
-        self.tasks = sensor_tasks(rover, self.buffers, config.rates, needs, self.controller.position)
+        self.tasks = sensor_tasks(rover, self.inbox, config.rates, needs)
         lights = () if rover.light is None else (rover.light,)
         self._parts: tuple[Driver, ...] = (rover.motors, *lights, *(row.part for row in self.tasks))
         self._stopping = Shutdown(rover.motors, self._parts, log)
@@ -109,7 +110,7 @@ class Supervisor:
             NotArmed: the permission is void, or somebody disarmed the rover or ended the run while this was under way.
         """
         await self._open_motors(asked, check)
-        self.controller.arm(self._use(asked), goal_heading_deg)
+        _started(self.controller.arm(self._use(asked), goal_heading_deg))
 
     async def begin_manual(
         self, asked: Asked, lease: int, driver: str, check: Callable[[], Awaitable[None]] | None = None
@@ -118,13 +119,16 @@ class Supervisor:
 
         The motors of a mission are open already, and turn: they are left as they are.
         """
-        if self.mode is not Mode.ARMED:
+        was_armed = self.mode is Mode.ARMED
+        if not was_armed:
             await self._open_motors(asked, check)
-        self.controller.begin_manual(self._use(asked), lease, driver)
+        _started(self.controller.begin_manual(self._use(asked), lease, driver))
+        if was_armed:  # nothing was awaited, and what the mission has commanded last must not go on
+            self._rover.motors.halt()
 
     def resume(self, asked: Asked) -> None:
         """Let the wheels turn again after ``hold``; raises ``NotArmed`` as ``arm``."""
-        self.controller.hold(self._use(asked), held=False)
+        _started(self.controller.resume(self._use(asked)))
 
     async def _open_motors(self, asked: Asked, check: Callable[[], Awaitable[None]] | None) -> None:
         """Check, and open the motors again, for no longer than the permission lasts."""
@@ -159,28 +163,30 @@ class Supervisor:
         self._over_s = nextafter(asked.at_s, inf)
         return _loop_time()
 
-    def _end_permissions(self) -> float:
-        """Let nothing start that was asked for before; return the time of now."""
+    def _stop(self) -> float:
+        """Stop the wheels now, and let nothing start that was asked for before; return the time of now.
+
+        Every stop that somebody asks for goes through here. It does not wait for the next tick.
+        """
+        self._rover.motors.halt()
         now_s = _loop_time()
         self._over_s = max(self._over_s, now_s)
         return now_s
 
-    def hold(self) -> None:
-        """Stop the wheels until ``resume``; the mission continues after that. Nobody drives by hand any more."""
-        if self.mode is Mode.MANUAL:
-            self.end_manual("asked to hold")
-        else:
-            self.controller.hold(self._end_permissions(), held=True)
+    def hold(self) -> Outcome:
+        """Stop the wheels until ``resume``; the mission continues after that. Nobody drives by hand any more.
 
-    def end_manual(self, reason: str) -> None:
-        """Stop the wheels, and go back to what was before a person drove."""
-        self.controller.end_manual(self._end_permissions(), reason)
+        Returns Refused if the rover is disarmed: it stands, and there is no mission to go on with.
+        """
+        return self.controller.hold(self._stop())
+
+    def end_manual(self, reason: str) -> Outcome:
+        """Stop the wheels, and go back to what was before a person drove; Refused if nobody does."""
+        return self.controller.end_manual(self._stop(), reason)
 
     def disarm(self, reason: str) -> None:
-        """Stop the wheels until re-armed, also while arming is under way; the run continues."""
-        now_s = self._end_permissions()
-        if self.mode is not Mode.DISARMED:
-            self.controller.disarm(now_s, reason)
+        """Stop the wheels until re-armed, also while arming is under way; the run continues. Never refused."""
+        self.controller.disarm(self._stop(), reason)
 
     def finish(self, reason: str, text: str) -> None:
         """End the run: at the next tick, or at once if its parts are still being opened."""
@@ -254,7 +260,7 @@ class Supervisor:
         async with asyncio.TaskGroup() as group:
             beside = [
                 group.create_task(
-                    keep_sampling(row, self.buffers, self._log, opened=row.part not in self._unopened),
+                    keep_sampling(row, self.inbox, self._log, opened=row.part not in self._unopened),
                     name=f"sensor:{row.name}",
                 )
                 for row in self.tasks
@@ -291,10 +297,7 @@ class Supervisor:
         controller, rate = self.controller, Rate(self._control_hz)
         time = asyncio.get_running_loop().time
         while controller.end is None:
-            try:
-                await controller.tick(time())
-            except MemoryError as error:
-                controller.lose_tick(time(), error)
+            await self._loop.tick(time())
             self.ticked.set()
             if controller.end is None:
                 await rate.wait()
@@ -320,6 +323,12 @@ class Supervisor:
                     self._log.event("light_failed", time(), error=str(error))
                 failed = True
             await rate.wait()
+
+
+def _started(outcome: Outcome) -> None:
+    """Raise ``NotArmed`` if the table of modes has refused what was to start."""
+    if isinstance(outcome, Refused):
+        raise NotArmed(f"not started: {outcome.why}")
 
 
 def _loop_time() -> float:

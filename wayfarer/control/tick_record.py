@@ -20,6 +20,8 @@ class TickRecord(DetectorTick):
     ``observation`` is what the handler saw of the readings (None before the first plausible heading). ``manual`` is the
     newest sample of a person who drives, None if nobody does, or has asked for anything yet. ``memory`` gives
     the handler's inner state and is valid only until the next tick, so a log that keeps it calls it at once.
+    ``wheels`` are the duties that the motors are to get. ``halts`` asks for a stop beside them, at each tick: a board
+    that does not obey may obey one of many stops. ``concluded`` are the events that follow from the tick.
     """
 
     observation: Observation | None = None
@@ -29,3 +31,10 @@ class TickRecord(DetectorTick):
     cause: Condition | None = None
     manual: ManualSample | None = None
     memory: Callable[[], Mapping[str, float | str]] = dict
+    wheels: WheelCommand = STOP
+    halts: bool = False
+    concluded: tuple[tuple[str, Mapping[str, object]], ...] = ()
+
+    def conclude(self, name: str, **details: object) -> None:
+        """Add an event that follows from the tick; the log has it after the tick's record."""
+        self.concluded += ((name, details),)

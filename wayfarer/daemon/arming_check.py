@@ -48,7 +48,7 @@ class RunningInspection(Inspection):
         last = self._supervisor.controller.last
         if last is None:
             raise NotResponding("the rover's parts are still being opened: try again in some seconds")
-        reading = self._supervisor.buffers.motion.latest if sense == "motion" else getattr(last, sense)
+        reading = self._supervisor.inbox.motion if sense == "motion" else getattr(last, sense)
         if reading is None or asyncio.get_running_loop().time() - reading.t_s > FRESH_S:
             raise NotResponding(f"the {in_words(sense)} has said nothing for {FRESH_S:g} s; see the log for why")
         return reading

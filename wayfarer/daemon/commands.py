@@ -9,7 +9,9 @@ from secrets import randbelow
 from typing import Any
 
 from wayfarer.commissioning.checks import Check, Inspection
-from wayfarer.control.controller import Controller, Mode
+from wayfarer.control.controller import Controller
+from wayfarer.control.modes import Event, Mode, Outcome
+from wayfarer.control.modes import Refused as RefusedByMode
 from wayfarer.control.rate import ASKED_AT_ONCE, ASKED_HZ, RateLimiter
 from wayfarer.control.run_log import RunLog
 from wayfarer.control.supervisor import Supervisor
@@ -137,8 +139,10 @@ class RoverCommands:
 
     async def arm(self, asked: Asked, heading_deg: float | None = None, *, without_log: bool = False) -> Details:
         """Check everything, then begin to arm."""
-        if self._controller.mode is not Mode.DISARMED or self.being_checked:
-            raise Refused(f"the rover is {self._mode_text()} already: disarm it first (wayfarer disarm)")
+        if self.being_checked:
+            raise Refused("the rover is being checked already: wait, or disarm it first (wayfarer disarm)")
+        if why := self._controller.why_not(Event.ARM):
+            raise Refused(why)
         check = partial(self._check.before_arming, without_log=without_log)
         await _started(self._supervisor.arm(asked, heading_deg, check))
         return {
@@ -146,10 +150,6 @@ class RoverCommands:
             "start_delay_s": self._about["start_delay_s"],
             "warnings": self._check.warnings,
         }
-
-    def _mode_text(self) -> str:
-        mode = self._controller.mode
-        return "being checked" if self.being_checked else "driven by a person" if mode is Mode.MANUAL else mode.value
 
     async def manual_begin(self, asked: Asked, driver: str) -> Details:
         """Check the motors, and let a client drive by hand."""
@@ -159,17 +159,16 @@ class RoverCommands:
                 "driving by hand is not allowed: set allowed = true in [manual] of the rover file, or start the daemon"
                 " with wayfarer run --manual"
             )
-        if self.being_checked or self._controller.mode not in {Mode.DISARMED, Mode.ARMED}:
-            raise Refused(f"the rover is {self._mode_text()} already: wait, or disarm it first (wayfarer disarm)")
+        if self.being_checked:
+            raise Refused("the rover is being checked already: wait, or disarm it first (wayfarer disarm)")
+        if why := self._controller.why_not(Event.MANUAL):
+            raise Refused(why)
         if self._controller.waits_for_motors:
             raise Refused("the motor board has failed and is being opened again: try again in some seconds")
         if not self._begun.take(_now_s()):
             raise Refused(f"begun too often: at most {ASKED_HZ:g} times a second for long; wait a second")
         lease = randbelow(WHOLE_MAX)
-        was_armed = self._controller.mode is Mode.ARMED
         await _started(self._supervisor.begin_manual(asked, lease, driver, self._check.before_driving_by_hand))
-        if was_armed:  # nothing was awaited, and what the mission has commanded last must not go on
-            self._motors.halt()
         return {"mode": self._controller.mode.value, "lease": lease, "deadman_s": settings.deadman_s}
 
     async def manual_drive(self, lease: int, seq: int, forward: float, turn: float, sent_s: float) -> Details:
@@ -186,8 +185,7 @@ class RoverCommands:
     async def manual_end(self, lease: int) -> Details:
         """Stop the wheels, and go back to what was before."""
         self._driving(lease)
-        self._motors.halt()
-        self._supervisor.end_manual("requested by the person who drove")
+        _done(self._supervisor.end_manual("requested by the person who drove"))
         return {"mode": self._controller.mode.value}
 
     def _driving(self, lease: int) -> ManualControl:
@@ -206,17 +204,12 @@ class RoverCommands:
 
     async def disarm(self) -> Details:
         """Stop the wheels until re-armed; never refused."""
-        self._motors.halt()
         self._supervisor.disarm("requested by a person")
         return {"mode": self._controller.mode.value}
 
     async def hold(self) -> Details:
         """Stop the wheels until ``resume``."""
-        self._motors.halt()
-        if self._controller.mode is Mode.DISARMED:
-            self._supervisor.disarm("asked to hold")  # arming may be under way
-            raise Refused("the rover is disarmed: its wheels do not turn")
-        self._supervisor.hold()
+        _done(self._supervisor.hold())
         return {"held": self._controller.held}
 
     async def resume(self, asked: Asked) -> Details:
@@ -228,11 +221,7 @@ class RoverCommands:
 
     async def goal(self, heading_deg: float) -> Details:
         """Set a new goal heading."""
-        if self._controller.mode is not Mode.ARMED:
-            raise Refused(
-                f"the rover is {self._controller.mode.value}: give the heading when arming (wayfarer arm DEG)"
-            )
-        self._controller.set_goal(_now_s(), heading_deg)
+        _done(self._controller.set_goal(_now_s(), heading_deg))
         return {"goal_heading_deg": heading_deg}
 
     async def mark(self, text: str, *, keep: bool = True) -> Details:
@@ -257,6 +246,12 @@ class RoverCommands:
         self._motors.halt()
         self._supervisor.finish("requested", "requested by a person")
         return {"log": self._about.get("log")}
+
+
+def _done(outcome: Outcome) -> None:
+    """Raise ``Refused`` if the table of modes has refused a request."""
+    if isinstance(outcome, RefusedByMode):
+        raise Refused(outcome.why)
 
 
 async def _started(starting: Awaitable[None]) -> None:

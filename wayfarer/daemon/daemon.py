@@ -22,7 +22,7 @@ from wayfarer.commissioning.checks import ARMING, Check, HostEnvironment, system
 from wayfarer.commissioning.checks.card import CardHealth
 from wayfarer.config.calibration_file import Calibration
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.control.controller import Mode
+from wayfarer.control.modes import Mode
 from wayfarer.control.run_log import RunLog, Tee
 from wayfarer.control.shutdown import STOP_DEADLINE_S
 from wayfarer.control.supervisor import Supervisor, check_parts, first_cause
@@ -321,7 +321,7 @@ class Daemon:
 
     def _note_power(self, flags: int | None) -> None:
         """Pass the computer's power flags to the controller; called in another thread."""
-        self._loop.call_soon_threadsafe(lambda: self._supervisor.controller.power(self._loop.time(), flags))
+        self._loop.call_soon_threadsafe(lambda: self._supervisor.inbox.put_power(self._loop.time(), flags))
 
     def _tell_of_last(self, before: LastMission) -> None:
         """Log how the last mission ended, also if it was cut off (fault catalogue, fault 33)."""

@@ -140,7 +140,7 @@ async def _run(
     counters.finish = setup.supervisor.finish
     await setup.supervisor.arm(Asked(asyncio.get_running_loop().time()), spec.forest.heading_deg)
     if setup.injector is not None:
-        setup.injector.start(setup.world, setup.supervisor.controller.power, notes)
+        setup.injector.start(setup.world, setup.supervisor.inbox.put_power, notes)
     begin(setup.supervisor)
     try:
         end = await setup.supervisor.run()

@@ -20,16 +20,16 @@ from pydantic import ValidationError
 from wayfarer.config.messages import explain
 from wayfarer.config.registry import find_algorithm, refuse_code
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.control.controller import Controller, Mode
-from wayfarer.control.latest import SensorBuffers
+from wayfarer.control.controller import Controller
+from wayfarer.control.inputs import BoardReport, Inbox
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.supervisor import make_detector, needs_of
-from wayfarer.errors import BadInput, DriverError, PowerLost
+from wayfarer.errors import BadInput
 from wayfarer.fieldlog.clock import seconds_since
 from wayfarer.fieldlog.log import tick_fields
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.schema import OLDEST, Record
-from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, MotorHealth, Side, WheelCommand
+from wayfarer.hal import CompassReading, ContactReading, MotionReading, MotorHealth, Side, WheelCommand
 from wayfarer.safety.manual import ManualSample
 
 # What a tick concluded, the root first: a heading that is believed or not explains an anomaly, that a phase.
@@ -111,10 +111,10 @@ class Rerun:
         algorithm = find_algorithm(header["algorithm"])
         handler = algorithm.make(config.escape, config.vehicle, Random(header["algorithm_seed"]))
         detector = make_detector(config, needs_of(algorithm, config), watches_motion="motion" in header["parts"])
-        self._motors = LoggedMotors()
         self._heard: list[Record] = []
-        self._buffers = SensorBuffers()
-        self._controller = Controller(self._motors, self._buffers, config, detector, handler, PartialLog(), _never_late)
+        self._inbox = Inbox()
+        self._controller = Controller(config, detector, handler, PartialLog())
+        self._lost: Record | None = None  # the event of the motors that do not acknowledge the tick that is taken
         self._compass: tuple[Mapping[str, Any] | None, CompassReading | None] = (None, None)
 
     def take(self, record: Record) -> bool:
@@ -127,7 +127,7 @@ class Rerun:
                 health = MotorHealth(record["battery_v"], tuple(record["faults"]))
                 left, right = record.get("says_left"), record.get("says_right")  # an old log has none
                 duties = None if left is None or right is None else WheelCommand(left, right)
-                self._controller.power_reports.board_said(record["t_s"], health, duties)
+                self._inbox.put_board(BoardReport(record["t_s"], health, duties))
             elif record.get("lost") == "tick":
                 return False  # nobody knows how far that tick came
             elif record["record"] == "event":
@@ -138,20 +138,23 @@ class Rerun:
 
     def tick(self, t_s: float) -> dict[str, Any]:
         """Do the control tick again whose record was taken, and return what it concludes, as the log would have it."""
-        _run(self._controller.tick(t_s))
-        assert self._controller.last is not None
-        again: dict[str, Any] = orjson.loads(orjson.dumps(tick_fields(self._controller.last)))
+        tick = self._controller.step(self._inbox.take(t_s))
+        tick.applied = self._inbox.applied = self._applied
+        if self._lost is not None:
+            self._controller.motors_lost(t_s, str(self._lost["error"]), self._lost.get("lost"))
+            self._lost = None
+        again: dict[str, Any] = orjson.loads(orjson.dumps(tick_fields(tick)))
         return again
 
     def _sense(self, record: Record) -> None:
-        self._buffers.compass.reading = self._compass_of(record["compass"])
-        self._buffers.contact.reading = _contact_of(record["contact"])
+        self._inbox.compass = self._compass_of(record["compass"])
+        self._inbox.contact = _contact_of(record["contact"])
         if record["motion"] is not None:
-            self._buffers.motion.write(MotionReading(**_with_nan(record["motion"])))
+            self._inbox.put_motion(MotionReading(**_with_nan(record["motion"])))
         if record.get("manual_seq") is not None:
             sample = (record[f"manual_{key}"] for key in ManualSample._fields)
             self._controller.manual.sample = ManualSample._make(sample)
-        self._motors.applied = WheelCommand(float(record["applied_left"]), float(record["applied_right"]))
+        self._applied = WheelCommand(float(record["applied_left"]), float(record["applied_right"]))
 
     def _hear_until(self, t_s: float) -> None:
         """Do what people asked for before the tick at ``t_s``.
@@ -169,22 +172,24 @@ class Rerun:
         controller, t_s = self._controller, record["t_s"]
         if name == "arming":
             controller.arm(t_s, record.get("goal_heading_deg"))
-        elif name == "disarmed" and controller.mode is not Mode.DISARMED:
+        elif name == "disarmed":
             controller.disarm(t_s, record["reason"])
-        elif name in {"hold", "resume"}:
-            controller.hold(t_s, held=name == "hold")
+        elif name == "hold":
+            controller.hold(t_s)
+        elif name == "resume":
+            controller.resume(t_s)
         elif name == "manual":
             controller.begin_manual(t_s, 0, str(record["driver"]))
-        elif name == "manual_ended" and controller.mode is Mode.MANUAL:
+        elif name == "manual_ended":
             controller.end_manual(t_s, record["reason"])
         elif name == "goal":
             controller.set_goal(t_s, float(record["goal_heading_deg"]))
         elif name == "board_silent":
-            controller.power_reports.board_silent(t_s, record["error"])
+            self._inbox.put_board(BoardReport(t_s, None, error=str(record["error"])))
         elif name == "power":
-            controller.power(t_s, int(record["flags"], 16))
+            self._inbox.put_power(t_s, int(record["flags"], 16))
         elif name == "motors_failed":
-            self._motors.failure = PowerLost("as logged") if record.get("lost") == "power" else DriverError("as logged")
+            self._lost = record
         elif name == "motors_opened":
             controller.motors_opened(t_s)
 
@@ -194,24 +199,6 @@ class Rerun:
         if fields != self._compass[0]:
             self._compass = fields, None if fields is None else CompassReading(**_with_nan(fields))
         return self._compass[1]
-
-
-class LoggedMotors:
-    """Motors that return what the log says they applied; implements ``control.wheels.WheelMotors``."""
-
-    def __init__(self) -> None:
-        self.applied = STOP
-        self.failure: DriverError | None = None
-
-    async def drive(self, _command: WheelCommand) -> WheelCommand:
-        """Return what was applied at this tick, or fail as it failed then."""
-        if self.failure is not None:
-            failure, self.failure = self.failure, None
-            raise failure
-        return self.applied
-
-    def halt(self) -> None:
-        """Nothing turns here."""
 
 
 def compare(logged: Record, today: Mapping[str, Any], elapsed_s: float) -> DecisionDifference | None:
@@ -241,17 +228,3 @@ def _contact_of(fields: Mapping[str, Any] | None) -> ContactReading | None:
 def _with_nan(fields: Mapping[str, Any]) -> dict[str, Any]:
     """Return the fields of a reading; JSON has no NaN, so that a number which was none is null in the log."""
     return {key: nan if value is None and key != "calibration" else value for key, value in fields.items()}
-
-
-def _never_late() -> float:
-    """Return the time at which a command is sent: here none is late, ``LoggedMotors`` knows what was applied."""
-    return 0.0
-
-
-def _run(step: Any) -> None:
-    """Run a coroutine that waits for nothing."""
-    try:
-        step.send(None)
-    except StopIteration:
-        return
-    raise RuntimeError("a control tick waited for something: it cannot be replayed")

@@ -25,7 +25,7 @@ from collections.abc import Callable
 from math import inf, isfinite
 from typing import NamedTuple
 
-from wayfarer.control.controller import Mode
+from wayfarer.control.modes import MAY_TURN, Mode
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.tick_record import TickRecord
 from wayfarer.escape.api import Anomaly, Observation, Phase
@@ -39,7 +39,6 @@ from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 PERIODS = 2
-MAY_DRIVE = frozenset({Mode.ARMED, Mode.MANUAL})
 KEPT = 20  # broken rules of one run; one is enough to know
 ROUNDING_S = 1e-6
 
@@ -150,7 +149,8 @@ class SafetyRules(PartialLog):
         level = max(worst, record.level)
         not_armed_s = self._not_armed_since_s
         was_armed = not_armed_s is None or not_armed_s > t_s  # the board took its time, and somebody disarmed meanwhile
-        if moves and not (was_armed and (not_armed_s is not None or controller.mode in MAY_DRIVE)):
+        may_turn = controller.mode in MAY_TURN or any(name == "disarmed" for name, _ in record.concluded)
+        if moves and not (was_armed and (not_armed_s is not None or may_turn)):
             self._break(t_s, f"rule 1: motion commanded while {controller.mode.value}")
         if moves and by_hand and not self._is_wanted(record):
             self._break(t_s, f"rule 1: motion commanded by hand, and the newest sample is {record.manual}")
@@ -212,9 +212,9 @@ class SafetyRules(PartialLog):
     def _check_fault(self, record: TickRecord, mode: Mode) -> None:
         if self._fault and record.level is not Level.FAULT:
             self._break(record.t_s, "rule 3: a fault cleared by itself")
-        if self._fault and mode in MAY_DRIVE:  # the controller disarms once the tick of a fault is written
-            self._break(record.t_s, "rule 3: a fault left the rover armed")
         self._fault |= record.level is Level.FAULT
+        if self._fault and mode in MAY_TURN:
+            self._break(record.t_s, "rule 3: a fault left the rover armed")
 
     def _check_seen(self, record: TickRecord) -> None:
         readings, reading, seen, t_s = self._readings, record.compass, record.observation, record.t_s

@@ -171,7 +171,7 @@ async def _run(scenario: Scenario, log_dir: Path | None) -> RunResult:
     recorder.follow(setup)
     rules.follow(setup)
     if setup.injector is not None:
-        setup.injector.start(setup.world, setup.supervisor.controller.power, notes)
+        setup.injector.start(setup.world, setup.supervisor.inbox.put_power, notes)
     error, end, loop = None, None, asyncio.get_running_loop()
     stray: list[str] = []  # errors that nobody awaits: of the injection, or of a task that was forgotten
     loop.set_exception_handler(lambda _, context: stray.append(f"{context['message']}: {context.get('exception')!r}"))

@@ -91,7 +91,7 @@ async def run(
     )
     monitor.follow(setup)
     if setup.injector is not None:
-        setup.injector.start(setup.world, setup.supervisor.controller.power, [monitor.note])
+        setup.injector.start(setup.world, setup.supervisor.inbox.put_power, [monitor.note])
     running = asyncio.ensure_future(setup.supervisor.run())
     await asyncio.sleep(1.0)
     await setup.supervisor.arm(asked(), 0.0)
@@ -161,7 +161,7 @@ async def test_part_that_says_it_is_another_does_not_open(target: str) -> None:
         lambda *_: RunRecorder(),
     )
     assert setup.injector is not None
-    setup.injector.start(setup.world, setup.supervisor.controller.power)
+    setup.injector.start(setup.world, setup.supervisor.inbox.put_power)
     for at_s in (1.0, BEGINS_S + 0.1, BEGINS_S + LASTS_S + 0.1):
         await asyncio.sleep(at_s - asyncio.get_running_loop().time())
         try:
@@ -186,7 +186,7 @@ async def test_fault_that_lasts_is_ended_with_the_run(fault: Fault) -> None:
     injector, look = setup.injector, tampering(fault, config)
     assert injector is not None
     before = look(setup)
-    injector.start(setup.world, setup.supervisor.controller.power, [lambda _, fault, *, begins: noted.append(begins)])
+    injector.start(setup.world, setup.supervisor.inbox.put_power, [lambda _, fault, *, begins: noted.append(begins)])
     await asyncio.sleep(BEGINS_S + 0.5)
     injector.end()
     await asyncio.sleep(LASTS_S)

@@ -1,0 +1,132 @@
+"""What a control tick is told. The tasks of the parts write at their own rates, the tick takes all at once."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import NamedTuple
+
+from wayfarer.hal import (
+    STOP,
+    CompassReading,
+    ContactReading,
+    MotionReading,
+    MotorHealth,
+    PositionFix,
+    WheelCommand,
+)
+
+
+class BoardReport(NamedTuple):
+    """What the motor board said at ``t_s``.
+
+    ``health`` is None if it did not answer, and ``error`` says why. ``duties`` are those that it reports as applied,
+    None if it cannot.
+    """
+
+    t_s: float
+    health: MotorHealth | None
+    duties: WheelCommand | None = None
+    error: str = ""
+
+
+class PowerFlags(NamedTuple):
+    """The power flags of the computer's firmware at ``t_s``, None if there are none; see ``power.SupplyMonitor``."""
+
+    t_s: float
+    flags: int | None
+
+
+class Inputs:
+    """All that came from outside until the tick at ``t_s``.
+
+    ``compass`` and ``contact`` are the newest readings, None before the first. ``motion`` is the displacement since the
+    tick before, None if nothing was read since. ``applied`` is what the motors applied at the tick before. ``fixes``,
+    ``board`` and ``power`` came since then, oldest first; a fix is None if the receiver has none.
+    """
+
+    # No dataclass: the compiled core would run its ``__init__`` in the interpreter.
+    def __init__(
+        self,
+        t_s: float,
+        compass: CompassReading | None = None,
+        motion: MotionReading | None = None,
+        contact: ContactReading | None = None,
+        applied: WheelCommand = STOP,
+        fixes: list[PositionFix | None] | None = None,
+        board: list[BoardReport] | None = None,
+        power: list[PowerFlags] | None = None,
+    ) -> None:
+        self.t_s = t_s
+        self.compass = compass
+        self.motion = motion
+        self.contact = contact
+        self.applied = applied
+        self.fixes = fixes
+        self.board = board
+        self.power = power
+
+
+class Inbox:
+    """Where the tasks of the parts put what they read, until the next tick takes it.
+
+    ``compass``, ``contact`` and ``motion`` are the newest readings; ``applied`` is what the motors applied last.
+    """
+
+    def __init__(self) -> None:
+        self.compass: CompassReading | None = None
+        self.contact: ContactReading | None = None
+        self.motion: MotionReading | None = None
+        self.applied = STOP
+        self._moved: MotionReading | None = None
+        self._fixes: list[PositionFix | None] | None = None
+        self._board: list[BoardReport] | None = None
+        self._power: list[PowerFlags] | None = None
+
+    def put_compass(self, reading: CompassReading) -> None:
+        """Take a heading; an older one that no tick has seen is forgotten."""
+        self.compass = reading
+
+    def put_contact(self, reading: ContactReading) -> None:
+        """Take what the bumper feels; an older reading that no tick has seen is forgotten."""
+        self.contact = reading
+
+    def put_motion(self, reading: MotionReading) -> None:
+        """Add up displacements until a tick takes them, so that none is lost at any sensor rate.
+
+        The quality of the sum is that of its worst part, because the sum of only some displacements is wrong. If time
+        or quality of a part is NaN or infinite, the quality of the sum is 0 (fault catalogue, fault 8).
+        """
+        self.motion = reading
+        moved = self._moved
+        if moved is not None:
+            known = isfinite(moved.t_s + moved.quality + reading.t_s + reading.quality)
+            reading = MotionReading(
+                reading.t_s,
+                moved.forward_m + reading.forward_m,
+                moved.right_m + reading.right_m,
+                min(moved.quality, reading.quality) if known else 0.0,
+                reading.signed,
+            )
+        self._moved = reading
+
+    def put_fix(self, fix: PositionFix | None) -> None:
+        """Take a position; no decision sees it, only the log and the mission's radius."""
+        self._fixes = [*(self._fixes or ()), fix]
+
+    def put_board(self, report: BoardReport) -> None:
+        """Take what the motor board said, or that it did not answer."""
+        self._board = [*(self._board or ()), report]
+
+    def put_power(self, t_s: float, flags: int | None) -> None:
+        """Take the power flags of the computer's firmware."""
+        self._power = [*(self._power or ()), PowerFlags(t_s, flags)]
+
+    def take(self, t_s: float) -> Inputs:
+        """Return what the tick at ``t_s`` is told."""
+        inputs = Inputs(
+            t_s, self.compass, self._moved, self.contact, self.applied, self._fixes, self._board, self._power
+        )
+        self._moved = None
+        if self._fixes is not None or self._board is not None or self._power is not None:
+            self._fixes = self._board = self._power = None
+        return inputs
