@@ -32,7 +32,7 @@ class Hill:
         speed_m_s = 0.0
         for _ in range(round(for_s / PERIOD_S)):
             applied = self.grade.compensate(wheels)
-            self._level = self.grade.level(applied)
+            self._level = self.grade.on_flat_ground(applied)
             speed_m_s = ((applied.left + applied.right) / 2.0 - self.takes) * MAX_SPEED_M_S if free else 0.0
             self.t_s += PERIOD_S
             ahead_m = (self._level.left + self._level.right) / 2.0 * MAX_SPEED_M_S * PERIOD_S
@@ -83,4 +83,4 @@ def test_slope_neither_starts_nor_reverses_nor_overdrives_the_wheels(
     ahead, driven = wheels.left + wheels.right, applied.left + applied.right
     if wheels.left * wheels.right >= 0.0:
         assert driven * ahead >= 0.0
-    assert hill.grade.level(applied) == pytest.approx(wheels)
+    assert hill.grade.on_flat_ground(applied) == pytest.approx(wheels)

@@ -248,7 +248,7 @@ def test_noise_on_level_ground_leaves_it_level() -> None:
         t_s = n * 0.05
         reading = CompassReading(t_s, n % 360, noise.gauss(0.0, 3.0), noise.gauss(0.0, 3.0), None)
         ground.update(reading, moved(0.02, 0.02), 0.02, moves=True, heading_known=True)
-        assert ground.level
+        assert ground.flat
         assert ground.towards_deg(reading.heading_deg) == (0.0, 0.0, 0.0, 0.0)
 
 
@@ -264,6 +264,6 @@ def test_estimate_is_bounded_and_changes_by_five_degrees_a_metre_at_most(
         ground.update(reading, moved(0.1, 0.1), 0.1, moves=True, heading_known=True)
         after_deg = ground.towards_deg(0.0)
         assert max(after_deg) <= SLOPE_MAX_DEG + 1e-9
-        if ground.level or not any(before_deg):
+        if ground.flat or not any(before_deg):
             continue  # what counts as level jumps by LEVEL_DEG
         assert max(abs(a - b) for a, b in zip(after_deg, before_deg, strict=True)) <= 0.5 + 1e-9

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.escape.walk import SETTINGS, VEHICLE
-from wayfarer.escape.turn_control import HeadingHold, TurnController
+from wayfarer.escape.turn_control import HeadingControl, TurnController
 from wayfarer.hal import WheelCommand
 
 
@@ -33,19 +33,19 @@ def test_full_speed_ahead_is_full_duty() -> None:
 
 @pytest.mark.parametrize("error_deg", [5.0, 40.0, 59.0, 61.0, 179.0])
 def test_wheels_turn_towards_the_goal(error_deg: float) -> None:
-    left, right = HeadingHold(SETTINGS, TurnController(VEHICLE)).wheels(0.0, error_deg)
+    left, right = HeadingControl(SETTINGS, TurnController(VEHICLE)).wheels(0.0, error_deg)
     assert left > right, "a goal that lies clockwise needs the left wheels to be faster"
-    assert HeadingHold(SETTINGS, TurnController(VEHICLE)).wheels(0.0, -error_deg) == (right, left)
+    assert HeadingControl(SETTINGS, TurnController(VEHICLE)).wheels(0.0, -error_deg) == (right, left)
 
 
 @pytest.mark.parametrize(("error_deg", "pivots"), [(59.5, False), (60.0, True), (120.0, True), (-180.0, True)])
 def test_beyond_60_degrees_it_turns_on_the_spot(error_deg: float, pivots: bool) -> None:
-    left, right = HeadingHold(SETTINGS, TurnController(VEHICLE)).wheels(0.0, error_deg)
+    left, right = HeadingControl(SETTINGS, TurnController(VEHICLE)).wheels(0.0, error_deg)
     assert (left == -right) is pivots
 
 
 def test_speed_falls_with_the_cosine_of_the_error() -> None:
-    left, right = HeadingHold(SETTINGS, TurnController(VEHICLE)).wheels(0.0, 20.0)
+    left, right = HeadingControl(SETTINGS, TurnController(VEHICLE)).wheels(0.0, 20.0)
     assert (left + right) / 2 * VEHICLE.max_speed_m_s == pytest.approx(SETTINGS.cruise_m_s * cos(radians(20.0)))
 
 
@@ -54,7 +54,7 @@ def turn(wheels: tuple[float, float]) -> float:
 
 
 def test_steady_error_is_learnt_and_forgotten_by_a_reset() -> None:
-    hold = HeadingHold(SETTINGS, TurnController(VEHICLE))
+    hold = HeadingControl(SETTINGS, TurnController(VEHICLE))
     first = turn(hold.wheels(0.0, 5.0))
     for tick in range(1, 41):
         learnt = turn(hold.wheels(tick * 0.05, 5.0))
@@ -65,7 +65,7 @@ def test_steady_error_is_learnt_and_forgotten_by_a_reset() -> None:
 
 
 def test_pivot_is_not_learnt() -> None:
-    hold = HeadingHold(SETTINGS, TurnController(VEHICLE))
+    hold = HeadingControl(SETTINGS, TurnController(VEHICLE))
     for tick in range(40):
         hold.wheels(tick * 0.05, 90.0)
     assert turn(hold.wheels(2.0, 0.0)) == 0.0
@@ -73,7 +73,7 @@ def test_pivot_is_not_learnt() -> None:
 
 def test_turn_rate_is_limited() -> None:
     slow = replace(SETTINGS, turn_deg_s=45.0)
-    left, right = HeadingHold(slow, TurnController(VEHICLE)).wheels(0.0, 179.0)
+    left, right = HeadingControl(slow, TurnController(VEHICLE)).wheels(0.0, 179.0)
     assert (left - right) * VEHICLE.max_speed_m_s / VEHICLE.track_m == pytest.approx(pi / 4)
 
 
@@ -89,7 +89,7 @@ def turn_deg_s(wheels: WheelCommand) -> float:
 def test_derivative_acts_on_the_rate_of_the_error(after_s: float, error_deg: float, rate_deg_s: float) -> None:
     turns_deg_s = []
     for gain in (0.5, 0.0):
-        hold = HeadingHold(replace(SETTINGS, heading_i=0.0, heading_d=gain), TurnController(VEHICLE))
+        hold = HeadingControl(replace(SETTINGS, heading_i=0.0, heading_d=gain), TurnController(VEHICLE))
         hold.wheels(0.0, 20.0)
         turns_deg_s.append(turn_deg_s(hold.wheels(after_s, error_deg)))
     assert turns_deg_s[0] - turns_deg_s[1] == pytest.approx(0.5 * rate_deg_s, abs=1e-6)
@@ -97,7 +97,7 @@ def test_derivative_acts_on_the_rate_of_the_error(after_s: float, error_deg: flo
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_rover_that_was_held_off_its_heading_turns_on_by_17_degrees_a_second_at_most(side: int) -> None:
-    hold = HeadingHold(SETTINGS, TurnController(VEHICLE))
+    hold = HeadingControl(SETTINGS, TurnController(VEHICLE))
     for tick in range(1200):
         hold.wheels(tick * 0.05, side * 50.0)
     assert side * turn_deg_s(hold.wheels(60.0, 0.0)) == pytest.approx(17.0, abs=0.5)

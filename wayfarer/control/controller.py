@@ -268,7 +268,8 @@ class Controller:
         if self._carried:
             self._forget_place()
         # What the wheels were given, less what the slope takes up, is what moves the body.
-        tick, gate, mission = TickRecord(t_s, self._detector.grade.level(inputs.applied)), self._gate, self.mission
+        driven, gate, mission = self._detector.grade.on_flat_ground(inputs.applied), self._gate, self.mission
+        tick = TickRecord(t_s, driven)
         tick.compass, tick.motion, tick.contact = inputs.compass, inputs.motion, inputs.contact
         self._timer.measure(tick)
         self._travelled_m += abs(tick.forward_m)

@@ -7,7 +7,7 @@ not per second. A body that stands, that pushes with spinning wheels, or that se
 These rovers have no speed loop: a slope takes up a share of the duty. Uphill at 0.3 of full duty a rover crawls, or
 rolls back; downhill it is too fast. The share is ``load * sin(pitch)``: ``load`` is the rover's weight over the push of
 its motors at full duty. It is learnt while the body is seen to move. The pitch is that of the *ground*, so a body that
-a trunk holds or lifts gets no more duty for it, and a stall stays one. On ground that counts as level nothing is added.
+a trunk holds or lifts gets no more duty for it, and a stall stays one. On ground that counts as flat nothing is added.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ LEARN_M: Final = 2.0
 DIFFERENCE_MAX_DEG: Final = 10.0
 # Wheels climb at most 27 degrees of moist loam (its friction, Noon 1994, less rolling resistance); other ground less.
 SLOPE_MAX_DEG: Final = 25.0
-# A flatter ground counts as level: then noise and trunks on level ground change no limit.
+# A flatter ground counts as flat: then noise and trunks on flat ground change no limit.
 LEVEL_DEG: Final = 5.0
 # Driven so far without sight, the rover may be on another slope. Chosen by us; a body on the spot drives less.
 UNSEEN_M: Final = 1.0
@@ -51,8 +51,8 @@ class GroundSlope:
         self._heading_known = True
 
     @property
-    def level(self) -> bool:
-        """Whether the ground counts as level."""
+    def flat(self) -> bool:
+        """Whether the ground counts as flat."""
         return self._size_deg < LEVEL_DEG
 
     def begin(self, believed: CompassReading) -> None:
@@ -91,7 +91,7 @@ class GroundSlope:
 
         If heading or place is not known, the ground may tilt it by the whole slope to any side.
         """
-        if self.level:
+        if self.flat:
             return 0.0, 0.0, 0.0, 0.0
         if not self._known:
             return self._size_deg, self._size_deg, self._size_deg, self._size_deg
@@ -99,8 +99,8 @@ class GroundSlope:
         return pitch_deg, -pitch_deg, roll_deg, -roll_deg
 
     def pitch_deg(self, heading_deg: float) -> float:
-        """Return how far the ground rises ahead with this heading; 0 if it counts as level or is not known."""
-        if self.level or not self._known:
+        """Return how far the ground rises ahead with this heading; 0 if it counts as flat or is not known."""
+        if self.flat or not self._known:
             return 0.0
         return _turned(self._north_deg, self._east_deg, heading_deg)[0]
 
@@ -174,7 +174,7 @@ class TiltMonitor:
         if not readings or readings[-1].t_s < read_t_s:
             readings.append(believed)
         ground, limit_deg, floor_deg = self._ground, self._limit_deg, self._floor_deg
-        if ground.level and abs(pitch_deg) < floor_deg and abs(roll_deg) < floor_deg and not self._tilted:
+        if ground.flat and abs(pitch_deg) < floor_deg and abs(roll_deg) < floor_deg and not self._tilted:
             return  # nearly every tick ends here
         self._tilted = False
         slopes_deg = ground.towards_deg(heading_deg)
@@ -240,7 +240,8 @@ class Load:
 class GradeCompensation:
     """Adds the duty that the slope takes up.
 
-    Call ``update`` once a tick, ``compensate`` for a decision of the algorithm, then ``level`` for what was applied.
+    Call ``update`` once a tick, ``compensate`` for a decision of the algorithm, then ``on_flat_ground`` for what was
+    applied.
     Turns on the spot have a separate load: wheels that slip sideways push less against the slope.
 
     Args:
@@ -261,9 +262,9 @@ class GradeCompensation:
         """Take in a tick.
 
         Args:
-            interval: the wheel commands before it, as ``level`` gave them.
+            interval: the wheel commands before it, as ``on_flat_ground`` gave them.
             moved: what the motion sensor's new reading shows, None if there is none.
-            pitch_deg: the ground's slope ahead, positive uphill; 0 if it is level or not known.
+            pitch_deg: the ground's slope ahead, positive uphill; 0 if it is flat or not known.
             free: whether the body moves, and nothing seems to hold it.
         """
         uncompensated, self._added, self._uncompensated = self._uncompensated, 0.0, 0.0
@@ -282,7 +283,7 @@ class GradeCompensation:
             self._load(left, right).learn(missed, self._rise, abs(moved.forward_m))
 
     def compensate(self, wheels: WheelCommand) -> WheelCommand:
-        """Return the duties that drive the body on this slope as ``wheels`` would on level ground; turning comes first.
+        """Return the duties that drive the body on this slope as ``wheels`` would on flat ground; turning comes first.
 
         A pivot is held in its place. A stop stays a stop.
         """
@@ -303,8 +304,8 @@ class GradeCompensation:
     def _load(self, left: float, right: float) -> Load:
         return self._pivots if left * right < 0.0 else self._drives
 
-    def level(self, applied: WheelCommand) -> WheelCommand:
-        """Return the duties that would drive the body on level ground as ``applied`` does on this slope."""
+    def on_flat_ground(self, applied: WheelCommand) -> WheelCommand:
+        """Return the duties that would drive the body on flat ground as ``applied`` does on this slope."""
         if not self._added or applied == STOP:
             return applied
         return WheelCommand(applied.left - self._added, applied.right - self._added)

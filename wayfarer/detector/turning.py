@@ -2,7 +2,7 @@
 
 * **It cannot turn.** A tree, or a branch under the belly, holds a body for a while. Ground with more grip than the
   motors can overcome holds it everywhere. The rover cannot distinguish them, and in both cases more tries do not help.
-* **It turns the other way.** On level ground nothing turns a body far against its own wheels. One that does has its
+* **It turns the other way.** On flat ground nothing turns a body far against its own wheels. One that does has its
   motors exchanged, or both wired the wrong way, or a compass that turns the wrong way: then each turn makes its heading
   worse. On a slope of mud a body swings downhill, whatever its wheels do.
 * **Its heading does not answer steering**, which shows without sight that something holds a body that is driven ahead.
@@ -65,7 +65,7 @@ class TurnabilityMonitor:
         Args:
             interval: the wheel commands before it.
             gained_deg: the heading gained since the start of the run, clockwise positive.
-            free: whether the ground is level, and the heading neither in doubt nor reckoned from the commands.
+            free: whether the ground is flat, and the heading neither in doubt nor reckoned from the commands.
         """
         left, right = interval.commanded
         if self._reversed:

@@ -13,7 +13,7 @@ from wayfarer.escape.api import Anomaly, Observation, Phase
 from wayfarer.escape.lag import BODY_LAG_S, faded
 from wayfarer.escape.phases import PhaseEvent
 from wayfarer.escape.settings import EscapeSettings
-from wayfarer.escape.turn_control import HeadingHold, TurnController
+from wayfarer.escape.turn_control import HeadingControl, TurnController
 from wayfarer.hal import Side, WheelCommand
 
 # A manoeuvre may take this much longer, in time and in distance, than its plan before it counts as failed: lag, mud
@@ -116,11 +116,11 @@ class Follow(Manoeuvre):
 
     def __init__(self, settings: EscapeSettings, turns: TurnController, escape_plan: EscapePlan) -> None:
         super().__init__(settings, turns, escape_plan)
-        self._hold = HeadingHold(settings, turns)
+        self._heading = HeadingControl(settings, turns)
         self._pivot_s = 180.0 / settings.turn_deg_s
 
     def begin(self, observation: Observation) -> None:
-        self._hold.reset()
+        self._heading.reset()
         self._drive_ahead(observation)
         self._bound(observation, self._pivot_s)
 
@@ -135,7 +135,7 @@ class Follow(Manoeuvre):
 
     def wheels(self, observation: Observation) -> WheelCommand:
         error_deg = wrap180(observation.goal_heading_deg - observation.heading_deg)
-        return self._hold.wheels(observation.t_s, error_deg)
+        return self._heading.wheels(observation.t_s, error_deg)
 
     def _check_alignment(self, observation: Observation) -> PhaseEvent | None:
         error_deg = wrap180(observation.goal_heading_deg - observation.heading_deg)
@@ -285,11 +285,11 @@ class Stride(Manoeuvre):
 
     def __init__(self, settings: EscapeSettings, turns: TurnController, escape_plan: EscapePlan) -> None:
         super().__init__(settings, turns, escape_plan)
-        self._hold = HeadingHold(settings, turns)
+        self._heading = HeadingControl(settings, turns)
 
     def begin(self, observation: Observation) -> None:
         stride_m = self._escape_plan.stride_m
-        self._hold.reset()
+        self._heading.reset()
         self._drive_ahead(observation)
         self._heading_deg = observation.heading_deg
         self._until_m = observation.covered_m + stride_m
@@ -303,7 +303,7 @@ class Stride(Manoeuvre):
         return PhaseEvent.EXHAUSTED if self._turns.stands or self._exhausted(observation) else None
 
     def wheels(self, observation: Observation) -> WheelCommand:
-        return self._hold.wheels(observation.t_s, wrap180(self._heading_deg - observation.heading_deg))
+        return self._heading.wheels(observation.t_s, wrap180(self._heading_deg - observation.heading_deg))
 
 
 MANOEUVRES: Final[tuple[type[Manoeuvre], ...]] = (Follow, BackOff, TurnAway, Probe, Stride)

@@ -217,7 +217,7 @@ class TurnController:
                 self._behind_deg /= 2.0
 
 
-class HeadingHold:
+class HeadingControl:
     """Drives along a heading, by a PID controller from heading error to turn rate (paper, section III-A).
 
     Beyond ``pivot_beyond_deg`` of error it turns on the spot instead.

@@ -227,7 +227,7 @@ WORDS: Mapping[Condition, Words] = {
         "the voltage is high enough",
     ),
     Condition.POWER_UNSTABLE: Words(
-        "the computer's voltage dips repeatedly",
+        "the voltage dips repeatedly, at the computer or the motor board",
         "drives on with at most half of the allowed duty",
         "there were fewer than three dips in the last minute",
         cause="the computer's supply dips again and again",
