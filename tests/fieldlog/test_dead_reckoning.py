@@ -6,6 +6,8 @@ from math import isnan, nan
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from wayfarer.fieldlog.dead_reckoning import GAP_S, DeadReckoning
 from wayfarer.hal import MotionReading
@@ -22,7 +24,8 @@ def drive(*ticks: dict[str, Any], duty: float = 0.0, heading_deg: float | None =
     """Feed ticks, a twentieth of a second apart unless they say when."""
     track = DeadReckoning(SPEED_M_S)
     for number, tick in enumerate(ticks):
-        track.take(tick.get("t_s", number * DT_S), heading_deg, 2.0 * duty, tick.get("motion"))
+        t_s, seen = tick.get("t_s", number * DT_S), tick.get("motion")
+        track.take(t_s, heading_deg, 2.0 * duty, seen and seen._replace(t_s=t_s))
     return track
 
 
@@ -93,11 +96,32 @@ def test_measured_speed_holds_for_a_second_in_which_the_sensor_cannot_tell() -> 
     assert isnan(track.measured_m_s)
 
 
+@given(st.lists(st.floats(0.0, 0.2), min_size=1, max_size=100), st.sampled_from([0.05, 0.1, 0.25]), st.floats(0.1, 2.0))
+def test_speed_of_a_steady_rover_is_steady_however_the_ticks_jitter(
+    late_s: list[float], every_s: float, speed_m_s: float
+) -> None:
+    """A tick that came late, and the next in time, had a rover of 1.4 m/s at 80 m/s."""
+    track = DeadReckoning(SPEED_M_S)
+    for number, tick_late_s in enumerate(late_s):
+        read_t_s, before_s = number * every_s, max([0.0, *late_s[:number]])
+        t_s = read_t_s + max(tick_late_s, before_s - every_s)
+        track.take(t_s, 0.0, 1.0, motion(speed_m_s * every_s)._replace(t_s=read_t_s))
+        assert isnan(track.measured_m_s) or track.measured_m_s == pytest.approx(speed_m_s)
+    assert isnan(track.measured_m_s) is (len(late_s) == 1)
+
+
+@pytest.mark.parametrize("t_s", [nan, 0.0, -1.0])
+def test_reading_of_a_time_that_cannot_be_gives_no_speed(t_s: float) -> None:
+    track = drive({"motion": motion(0.1)})
+    track.take(DT_S, 0.0, 0.0, motion(0.1)._replace(t_s=t_s))
+    assert isnan(track.measured_m_s)
+
+
 def test_speed_is_measured_from_reading_to_reading_and_not_across_missing_records() -> None:
     track = drive({"motion": motion(0.1)}, {}, {"motion": motion(0.1)})
     assert track.measured_m_s == pytest.approx(0.1 / (2 * DT_S))
     track.interrupted()
     assert isnan(track.measured_m_s)
     for t_s, known in ((4 * DT_S, False), (5 * DT_S, True)):
-        track.take(t_s, 0.0, 0.0, motion(0.1))
+        track.take(t_s, 0.0, 0.0, motion(0.1)._replace(t_s=t_s))
         assert isnan(track.measured_m_s) is not known

@@ -67,7 +67,7 @@ class ControlLoop:
         if tick.halts:
             self._motors.halt()
         tick.applied = self._inbox.applied = await self._drive(t_s, tick.wheels)
-        if tick.wheels != STOP and not self._controller.may_turn:
+        if not self._controller.may_turn and tick.wheels != STOP:
             self._motors.halt()  # somebody stopped the rover meanwhile, and the command may have come after that stop
         self._controller.last = tick
         self._log.tick(tick)

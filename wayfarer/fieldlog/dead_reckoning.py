@@ -11,9 +11,9 @@ from math import inf, nan
 from typing import NamedTuple
 
 from wayfarer.angles import displacement_m
+from wayfarer.detector.settings import DetectorSettings
 from wayfarer.hal import MotionReading
 
-QUALITY_MIN = 0.2  # as ``DetectorSettings.quality_min``: below it the sensor cannot tell
 GAP_S = 1.0  # no tick is that late: records are missing, and nobody knows what the wheels did meanwhile
 SILENT_S = 0.5  # a motion sensor that has said nothing for so long says nothing of the distance either
 READING_MAX_M = 1.0  # no rover goes so far from one reading to the next: the sensor is wrong
@@ -33,16 +33,19 @@ class DeadReckoning:
     """Follows the ticks of one log; ``place`` is the latest position, None before the first heading.
 
     ``path_m`` is how far the rover went, forwards and backwards both counted up. ``measured_m_s`` is the speed by the
-    last reading of the motion sensor that could tell, NaN where that is more than ``GAP_S`` ago.
+    last reading of the motion sensor that could tell, NaN if that is more than ``GAP_S`` ago. It is divided by the time
+    between two readings, not by that between the ticks which saw them: ticks jitter.
 
-    ``max_speed_m_s`` is the speed at full duty; at 0, where it is not known, commands count for nothing.
+    ``max_speed_m_s`` is the speed at full duty; at 0, if it is not known, commands count for nothing. Below
+    ``quality_min`` the motion sensor cannot tell.
     """
 
     def __init__(self, max_speed_m_s: float = 0.0) -> None:
         self.max_speed_m_s = max_speed_m_s
+        self.quality_min = DetectorSettings().quality_min
         self._north_m = self._east_m = 0.0
         self._t_s: float | None = None
-        self._spoke_t_s = self._measured_t_s = -inf
+        self._spoke_t_s = self._read_t_s = self._measured_t_s = -inf
         self._commanded_m = 0.0
         self._duties = 0.0
         self._follows = False
@@ -83,13 +86,15 @@ class DeadReckoning:
         silent_s, self._spoke_t_s = t_s - self._spoke_t_s, t_s
         follows, self._follows = self._follows, True
         commanded_m, most_m = self._taken(), self._most_m(silent_s)
-        _, forward_m, right_m, quality, signed = motion
-        if not (quality >= QUALITY_MIN and abs(forward_m) <= most_m and abs(right_m) <= most_m):  # nor where it is NaN
+        read_t_s, forward_m, right_m, quality, signed = motion
+        since_s, self._read_t_s = read_t_s - self._read_t_s, read_t_s
+        told = quality >= self.quality_min and abs(forward_m) <= most_m and abs(right_m) <= most_m  # False for NaN
+        if not told:
             return commanded_m, 0.0
         if not signed and commanded_m < 0.0:
             forward_m = -forward_m  # the sense cannot tell which way; believe the wheels
-        if follows and 0.0 < silent_s < GAP_S:
-            self.measured_m_s, self._measured_t_s = forward_m / silent_s, t_s
+        if follows and 0.0 < since_s < GAP_S:
+            self.measured_m_s, self._measured_t_s = forward_m / since_s, t_s
         return forward_m, right_m
 
     def _most_m(self, silent_s: float) -> float:

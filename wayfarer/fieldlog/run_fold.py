@@ -12,7 +12,7 @@ from math import isnan
 from wayfarer.escape.api import Phase
 from wayfarer.escape.phases import PhaseEvent
 from wayfarer.fieldlog.clock import seconds_since
-from wayfarer.fieldlog.dead_reckoning import GAP_S, QUALITY_MIN, DeadReckoning
+from wayfarer.fieldlog.dead_reckoning import GAP_S, DeadReckoning
 from wayfarer.fieldlog.fields import table
 from wayfarer.fieldlog.missions import EpisodeTracker, MissionTracker
 from wayfarer.fieldlog.run_events import (
@@ -100,6 +100,8 @@ class RunFold:
             return []  # a further part of the log says again what ran
         state.header = header
         self._reckoning.max_speed_m_s = header.setting("vehicle", "max_speed_m_s") or 0.0
+        if (quality_min := header.setting("detector", "quality_min")) is not None:
+            self._reckoning.quality_min = quality_min
         for sensor in SENSORS:
             if sensor in table(record, "parts"):
                 self._sensor(sensor)
@@ -152,7 +154,7 @@ class RunFold:
         motion = tick.motion
         tick.place = reckoning.take(tick.t_s, tick.heading_deg, duties, motion)
         tick.measured_m_s = reckoning.measured_m_s
-        if motion is not None and (isnan(motion.forward_m) or not motion.quality >= QUALITY_MIN):
+        if motion is not None and (isnan(motion.forward_m) or not motion.quality >= reckoning.quality_min):
             self._sensor("motion").doubtful += 1
         tick.path_m = state.path_m = reckoning.path_m
         state.place = reckoning.place
