@@ -115,7 +115,7 @@ class CompileHook(BuildHookInterface[Any]):
 
 
 def why_no_compiler() -> str | None:
-    """Return why C cannot be compiled here, None where it seems that it can."""
+    """Return why C cannot be compiled here, None if it seems that it can."""
     compiler = shlex.split(os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc")[0]
     if shutil.which(compiler) is None:
         return f"there is no C compiler ({compiler})"
@@ -125,7 +125,7 @@ def why_no_compiler() -> str | None:
 
 
 def why_too_little_memory(meminfo: Path) -> str | None:
-    """Return why compiling could exhaust the memory of a computer with this ``/proc/meminfo``, None where it fits."""
+    """Return why compiling could exhaust the memory of a computer with this ``/proc/meminfo``, None if it fits."""
     found = re.search(r"^MemTotal: +(\d+) kB$", meminfo.read_text(encoding="ascii"), re.MULTILINE)
     memory_gb = int(found[1]) * 1024 / 1e9 if found else LEAST_MEMORY_GB
     if memory_gb < LEAST_MEMORY_GB:

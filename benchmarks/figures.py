@@ -12,7 +12,7 @@ P = ParamSpec("P")
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """What was measured, in ``unit``; ``limit`` is the most that the median may be, None where there is none."""
+    """What was measured, in ``unit``; ``limit`` is the most that the median may be, None if there is none."""
 
     name: str
     unit: str

@@ -69,7 +69,7 @@ class Measured:
 
     @property
     def told(self) -> Mapping[str, Any] | None:
-        """What the command printed; None where it is not finished."""
+        """What the command printed; None if it is not finished."""
         return json.loads(self.end.read_text(encoding="utf-8")) if self.end.exists() else None
 
     @property

@@ -80,15 +80,19 @@ MODES: Final[Mapping[tuple[Mode, Event], Row]] = {
 MAY_TURN: Final = frozenset({Mode.ARMED, Mode.MANUAL})
 
 
+_WHY_NOT: Final[Mapping[Event, str]] = {
+    Event.GOAL: "the rover is {mode}: give the heading when arming (wayfarer arm DEG)",
+    Event.HOLD: "the rover is disarmed: its wheels do not turn",
+    Event.RESUME: "the rover is not held: there is nothing to resume",
+    Event.END_MANUAL: "nobody drives the rover by hand",
+    Event.BOARD_OPENED: "the rover is {mode}: nothing waits for the motor board",
+}
+
+
 def refusal(mode: Mode, event: Event) -> str:
     """Return why an event is refused in this mode, or an empty text."""
     if (mode, event) in MODES:
         return ""
-    if event is Event.GOAL:
-        return f"the rover is {mode.value}: give the heading when arming (wayfarer arm DEG)"
-    if event is Event.HOLD:
-        return "the rover is disarmed: its wheels do not turn"
-    if event is Event.RESUME:
-        return "the rover is not held: there is nothing to resume"
     doing = "driven by a person" if mode is Mode.MANUAL else mode.value
-    return f"the rover is {doing} already: disarm it first (wayfarer disarm)"
+    why = _WHY_NOT.get(event, "the rover is {mode} already: disarm it first (wayfarer disarm)")
+    return why.format(mode=doing)

@@ -33,7 +33,7 @@ from wayfarer_failsafe.messages import (
 )
 
 LATE_S = 0.2  # after a longer time between ticks, the base's own timeout has stopped the wheels
-FORGIVEN_S = 60.0  # that the planner must drive before the time of earlier rescues is forgotten; from no source
+FORGIVEN_S = 60.0  # that the planner must drive before the time of earlier rescues is forgotten; chosen by us
 STRAIGHT_RAD_S = 0.2  # a planner that turns more slowly than this goes where it wants to
 
 

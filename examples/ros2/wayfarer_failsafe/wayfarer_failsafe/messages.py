@@ -28,7 +28,7 @@ STANDSTILL = Speeds(0.0, 0.0)
 
 
 def compass_reading(imu: Any, t_s: float) -> CompassReading | None:
-    """Return the attitude in a ``sensor_msgs/Imu``; None where it has none (its covariance begins with -1)."""
+    """Return the attitude in a ``sensor_msgs/Imu``; None if it has none (its covariance begins with -1)."""
     q = imu.orientation
     size = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w
     if imu.orientation_covariance[0] == -1.0 or not 0.5 < size < 2.0:  # a unit quaternion, or nothing
@@ -82,7 +82,7 @@ class OdometrySum:
 
 
 def speeds_of(twist: Any) -> Speeds | None:
-    """Return what a ``geometry_msgs/Twist`` or ``TwistStamped`` asks for; None where that is not a number."""
+    """Return what a ``geometry_msgs/Twist`` or ``TwistStamped`` asks for; None if that is not a number."""
     twist = getattr(twist, "twist", twist)
     speeds = Speeds(twist.linear.x, twist.angular.z)
     return speeds if isfinite(sum(speeds)) else None
