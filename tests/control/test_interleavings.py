@@ -43,6 +43,8 @@ async def ask(run: Supervisor, what: str, shop: Workshop) -> None:
         await run.arm(asked(), 0.0)
     elif what == "resume":
         run.resume(asked())
+    elif what == "take over":
+        await run.begin_manual(asked(), 7, "page")
 
 
 async def interleaved(seed: int) -> bool:
@@ -57,9 +59,10 @@ async def interleaved(seed: int) -> bool:
         nonlocal stopped
         with suppress(NotArmed, NotResponding):
             await ask(run, what, shop)
-            stopped = False  # nothing was awaited since the mode has changed
+            # Nothing was awaited since the mode has changed. Who takes over presses nothing here.
+            stopped = what == "take over"
 
-    acts = ["disarm", "hold", "breaks", "mends", "mends", "arm", "arm", "resume", "resume"]
+    acts = ["disarm", "hold", "breaks", "mends", "mends", "arm", "arm", "resume", "resume", "take over"]
     while time() < RUN_S:
         await asyncio.sleep(rng.choice((0.0, 0.0, rng.uniform(0.0, 0.03), rng.uniform(0.0, 0.3))))
         assert not stopped or shop.wheels == STOP, f"seed {seed}: at {time():.3f} s the wheels turn after a stop"

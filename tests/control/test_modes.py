@@ -82,29 +82,31 @@ def test_table_is_in_the_documentation() -> None:
 
 
 class Walk(RuleBasedStateMachine):
-    """Any requests, ticks and failures in any order: the wheels turn only if somebody has asked for it since a stop."""
+    """Any requests, ticks and failures in any order.
+
+    The wheels turn only if somebody has asked for it since a stop, and if the board was opened since it failed.
+    """
 
     def __init__(self) -> None:
         super().__init__()
         self.bench = Bench()
         self.controller, self.inbox = self.bench.controller, Inbox()
         self.may_turn = False  # whether somebody has asked for it since the latest stop
+        self.opened = False  # whether the board was opened since it failed; ``Supervisor`` opens that of a rover at rest
         self.seq = 0
         self.heading_deg = 0.0
         self.applied = STOP
 
     @rule(event=st.sampled_from(list(ASKS)))
     def asks(self, event: Event) -> None:
+        rests = self.controller.mode is Mode.DISARMED
         outcome = ASKS[event](self.bench)
+        if isinstance(outcome, Entered) and (rests or event is Event.BOARD_OPENED):
+            self.opened = True
         if event in {Event.ARM, Event.MANUAL, Event.RESUME} and isinstance(outcome, Entered):
             self.may_turn = True
         if event in {Event.DISARM, Event.HOLD, Event.END_MANUAL} and isinstance(outcome, Entered):
             self.may_turn = False
-
-    @rule(forward=st.sampled_from((0.0, 0.5, -1.0)))
-    def drives(self, forward: float) -> None:
-        self.seq += 1
-        self.controller.manual.take(self.bench.t_s, ManualSample(self.seq, forward, 0.0, self.bench.t_s))
 
     @rule(health=st.sampled_from((MotorHealth(12.0, ()), MotorHealth(12.0, ("motor A: drive fault",)), None)))
     def board_says(self, health: MotorHealth | None) -> None:
@@ -115,20 +117,28 @@ class Walk(RuleBasedStateMachine):
         self.inbox.put_power(self.bench.t_s, flags)
         self.inbox.put_fix(HOME if fix else None)
 
-    @rule(count=st.integers(1, 8), compass=st.booleans(), fails=st.booleans())
-    def ticks(self, count: int, compass: bool, fails: bool) -> None:
-        for _ in range(count):
+    @rule(
+        count=st.integers(1, 8), compass=st.booleans(), fails=st.booleans(), by_hand=st.sampled_from((None, 0.5, -1.0))
+    )
+    def ticks(self, count: int, compass: bool, fails: bool, by_hand: float | None) -> None:
+        """Tick; a person who drives lets go of the stick first."""
+        for n in range(count):
             self.bench.t_s += TICK_S
+            if by_hand is not None:
+                self.seq += 1
+                sample = ManualSample(self.seq, by_hand if n else 0.0, 0.0, self.bench.t_s)
+                self.controller.manual.take(self.bench.t_s, sample)
             if compass:
                 self.inbox.put_compass(CompassReading(self.bench.t_s, self.heading_deg, 0.0, 0.0, None))
             tick = self.controller.step(self.inbox.take(self.bench.t_s))
             if tick.wheels != STOP:
                 assert self.may_turn, "the wheels turn, and nobody has asked for it since a stop"
-                assert not self.controller.motors_failed
+                assert self.opened, "the wheels turn, and the board was not opened since it failed"
             self.inbox.applied = WheelCommand(*tick.wheels)
-            if fails:
+            if fails and not n:
                 self.inbox.applied = STOP
                 self.controller.motors_lost(self.bench.t_s, "no acknowledgement")
+                self.opened = False
             self.may_turn &= self.controller.mode is not Mode.DISARMED
 
     @invariant()

@@ -147,11 +147,14 @@ class Controller:
     def begin_manual(self, t_s: float, lease: int, driver: str) -> Outcome:
         """Let a client drive, see ``ManualControl.begin``; a mission waits, with the clock of its algorithm.
 
-        The motors of a rover that was not armed must have been opened just before, as for ``arm``.
+        The motors of a rover that was disarmed must have been opened just before, as for ``arm``. Those of a mission
+        that waits for its board have not been: the person waits for it as well.
         """
+        opened = self.mode is Mode.DISARMED
         if isinstance(outcome := self._enter(Event.MANUAL), Refused):
             return outcome
-        self.motors_failed = self.held = False
+        self.motors_failed &= not opened
+        self.held = False
         self._carried = True
         self._gate.levels = MANUAL_LEVELS
         self._gate.clear_fault()

@@ -63,13 +63,14 @@ class ControlLoop:
             self._controller.lose_tick(t_s, error)
 
     async def _tick(self, t_s: float) -> None:
-        tick = self._controller.step(self._inbox.take(t_s))
+        controller = self._controller
+        tick, mode = controller.step(self._inbox.take(t_s)), controller.mode
         if tick.halts:
             self._motors.halt()
         tick.applied = self._inbox.applied = await self._drive(t_s, tick.wheels)
-        if not self._controller.may_turn and tick.wheels != STOP:
-            self._motors.halt()  # somebody stopped the rover meanwhile, and the command may have come after that stop
-        self._controller.last = tick
+        if tick.wheels != STOP and (controller.mode is not mode or not controller.may_turn):
+            self._motors.halt()  # somebody stopped the rover, or took it over, and the command may have come after that
+        controller.last = tick
         self._log.tick(tick)
         for name, details in tick.concluded:
             self._log.event(name, t_s, **details)
