@@ -1,8 +1,8 @@
 """The safety case: for each way in which the rover can do harm, what keeps it from that, and what shows that it does.
 
-Mechanisms come from the table of conditions (``safety.conditions``) and its words, tests from the fault catalogue; what
-neither can know stands here. ``docs.generate`` writes the page. A row without a test is an error
-(``tests/docs/test_safety_case.py``), and so is a test that there is not.
+Mechanisms come from the table of conditions (``safety.conditions``) and its words, and from that of modes
+(``control.modes``); tests come from the fault catalogue; what these cannot know stands here. ``docs.generate`` writes
+the page. A row without a test is an error (``tests/docs/test_safety_case.py``), and so is a test that there is not.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from tests.faults.catalogue import catalogue
+from wayfarer.control.modes import MODES, Event, Mode
 from wayfarer.fieldlog.vocabulary import WORDS
 from wayfarer.fieldlog.wording import sentence
 from wayfarer.safety.conditions import HOLDING_LEVELS, LEVELS, MANUAL_LEVELS, TABLE, Condition, Means
@@ -18,9 +19,9 @@ from wayfarer.safety.conditions import HOLDING_LEVELS, LEVELS, MANUAL_LEVELS, TA
 PAGE = """# Safety case
 
 Each hazard with its causes, what keeps the rover from it, the tests that show so, and what remains. A cause is a
-condition of the rover ([levels and words](what-stops-the-wheels.md)), or something that no condition can see. A test
-is a scenario of the [fault catalogue](../reference/faults.md#the-fault-catalogue), or a file of `tests/` with the name
-of a test in it.
+condition of the rover ([levels and words](what-stops-the-wheels.md)), an event that changes
+[its mode](what-stops-the-wheels.md#modes), or something that neither can see. A test is a scenario of
+the [fault catalogue](../reference/faults.md#the-fault-catalogue), or a file of `tests/` with the name of a test in it.
 """
 HEAD = ("cause", "mechanism", "test", "what remains")
 
@@ -35,7 +36,7 @@ HAZARDS = (UNASKED, UNSTOPPABLE, UNEXPECTED, ASTRAY, PUSHES, BREAKS, STRANDED)  
 
 
 class Case(NamedTuple):
-    """What is known of a condition beside its row: sentences without a full stop.
+    """What is known of a condition, or of an event, beside its row: sentences without a full stop.
 
     ``tests`` are ``"file::name"``, below ``tests/``; the fault catalogue's scenarios that name the condition are added.
     """
@@ -139,6 +140,70 @@ CASES: Mapping[Condition, Case] = {
 }
 
 
+_ARMING = "control/test_controller_arming.py::"
+_BY_HAND = "control/test_controller_manual.py::"
+_BOARD = "control/test_motor_failures.py::"
+_STALE = "daemon/test_permission.py::test_nothing_starts"
+_AFTER_A_STOP = "control/test_interleavings.py::test_after_a_stop_no_wheel_turns_until_a_later_request"
+EVENTS: Mapping[Event, Case] = {
+    Event.ARM: Case(
+        UNEXPECTED,
+        "The start delay warns whoever stands there; it does not look",
+        (_ARMING + "test_start_delay_passes_before_the_wheels_turn", _STALE),
+    ),
+    Event.SETTLED: Case(
+        UNEXPECTED,
+        "A heading that is wrong and rests is taken",
+        (
+            _ARMING + "test_arming_is_refused_when_the_heading_does_not_settle",
+            _BOARD + "test_board_that_fails_during_the_start_delay_disarms",
+        ),
+    ),
+    Event.DISARM: Case(
+        UNSTOPPABLE,
+        "A stop by radio needs the radio",
+        (_AFTER_A_STOP, _ARMING + "test_disarm_stops_at_the_next_tick_until_armed_again"),
+    ),
+    Event.MANUAL: Case(
+        UNEXPECTED,
+        "Who drives by hand may not see the rover",
+        (_BY_HAND + "test_stick_that_is_held_from_the_beginning_drives_only_once_it_was_let_go", _AFTER_A_STOP, _STALE),
+    ),
+    Event.END_MANUAL: Case(
+        UNSTOPPABLE,
+        "Of a client that is gone it is known only after 2 s; the wheels stand long before",
+        (
+            _BY_HAND + "test_client_that_has_gone_leaves_the_rover_as_it_was",
+            _BY_HAND + "test_mission_waits_with_its_clocks_and_is_held_afterwards",
+        ),
+    ),
+    Event.HOLD: Case(
+        UNSTOPPABLE,
+        "A held rover drives on once anybody resumes it",
+        (_AFTER_A_STOP, _ARMING + "test_rover_that_is_held_while_it_arms_waits_for_the_resume"),
+    ),
+    Event.RESUME: Case(
+        UNEXPECTED,
+        "There is no start delay: whoever resumes must look first",
+        (_ARMING + "test_hold_stops_the_wheels_at_the_next_tick_until_resumed_and_the_mission_goes_on", _STALE),
+    ),
+    Event.GOAL: Case(
+        ASTRAY,
+        "A heading that is wrong is followed",
+        (_ARMING + "test_goal_is_changed_for_the_decisions_and_nothing_else",),
+    ),
+    Event.BOARD_OPENED: Case(
+        UNEXPECTED,
+        "Nobody asks for it: the light warns for a second",
+        (
+            _BOARD + "test_board_that_was_opened_again_drives_after_the_warning",
+            _BOARD + "test_operator_who_holds_meanwhile_decides_when_it_goes_on",
+            "control/test_modes.py::Walk",
+        ),
+    ),
+}
+
+
 class Beyond(NamedTuple):
     """A row that no condition stands for."""
 
@@ -202,7 +267,9 @@ def page() -> str:
 
 def _section(hazard: str) -> str:
     conditions = (_row(condition) for condition, case in CASES.items() if case.hazard is hazard)
-    rows = [HEAD, ("---",) * len(HEAD), *conditions, *(_beyond(each) for each in BEYOND if each.hazard is hazard)]
+    events = (_event(event) for event, case in EVENTS.items() if case.hazard is hazard)
+    beyond = (_beyond(each) for each in BEYOND if each.hazard is hazard)
+    rows = [HEAD, ("---",) * len(HEAD), *conditions, *events, *beyond]
     return f"\n## {hazard}\n\n" + "".join(f"| {' | '.join(cells)} |\n" for cells in rows)
 
 
@@ -223,9 +290,19 @@ def _row(condition: Condition) -> tuple[str, ...]:
     case, row, words = CASES[condition], TABLE[condition], WORDS[condition]
     refused = " `arm` refuses it." if Means.NOT_ARMED in row.means else ""
     mechanism = f"`{condition.value}` ({levels(condition)}): {words.does}.{refused}"
-    tests = [f"`{name}`" for name in (*scenarios(condition), *case.tests)]
-    return sentence(words.what), mechanism, ", ".join(tests), case.remains
+    return sentence(words.what), mechanism, _named(*scenarios(condition), *case.tests), case.remains
+
+
+def _event(event: Event) -> tuple[str, ...]:
+    case, does = EVENTS[event], {mode: row.does for (mode, each), row in MODES.items() if each is event}
+    mechanism = "".join(f"{sentence(mode.value)}: {what}. " for mode, what in does.items())
+    refused = "Else it is refused." if len(does) < len(Mode) else ""
+    return f"Event: {event.value}", (mechanism + refused).rstrip(), _named(*case.tests), case.remains
 
 
 def _beyond(row: Beyond) -> tuple[str, ...]:
-    return row.cause, row.mechanism, ", ".join(f"`{name}`" for name in row.tests), row.remains
+    return row.cause, row.mechanism, _named(*row.tests), row.remains
+
+
+def _named(*names: str) -> str:
+    return ", ".join(f"`{name}`" for name in names)

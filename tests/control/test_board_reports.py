@@ -53,7 +53,7 @@ class Hearing:
     def tick(self, applied: WheelCommand) -> tuple[Condition, ...]:
         """What is wrong at the next tick; the tick before it has applied this."""
         self._t_s += 0.05
-        self.inbox.applied = applied
+        self.inbox.next.applied = applied
         found = self._controller.step(self.inbox.take(self._t_s)).conditions
         return tuple(each for each in found if each in OF_THE_BOARD)
 

@@ -92,7 +92,8 @@ class Walk(RuleBasedStateMachine):
         self.bench = Bench()
         self.controller, self.inbox = self.bench.controller, Inbox()
         self.may_turn = False  # whether somebody has asked for it since the latest stop
-        self.opened = False  # whether the board was opened since it failed; ``Supervisor`` opens that of a rover at rest
+        # Whether the board was opened since it failed; ``Supervisor`` opens that of a rover at rest.
+        self.opened = False
         self.seq = 0
         self.heading_deg = 0.0
         self.applied = STOP
@@ -134,9 +135,9 @@ class Walk(RuleBasedStateMachine):
             if tick.wheels != STOP:
                 assert self.may_turn, "the wheels turn, and nobody has asked for it since a stop"
                 assert self.opened, "the wheels turn, and the board was not opened since it failed"
-            self.inbox.applied = WheelCommand(*tick.wheels)
+            self.inbox.next.applied = WheelCommand(*tick.wheels)
             if fails and not n:
-                self.inbox.applied = STOP
+                self.inbox.next.applied = STOP
                 self.controller.motors_lost(self.bench.t_s, "no acknowledgement")
                 self.opened = False
             self.may_turn &= self.controller.mode is not Mode.DISARMED

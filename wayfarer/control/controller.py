@@ -347,11 +347,11 @@ class Controller:
     def _hear(self, inputs: Inputs) -> None:
         """Take what receiver, motor board and the computer's supply have said since the tick before."""
         self._latest_applied.append(inputs.applied)
-        for fix in inputs.fixes or ():
+        for fix in inputs.fixes:
             self._log.position(fix)
             if fix is not None and self.mission is not None:
                 self.mission.position(fix)
-        for report in inputs.board or ():
+        for report in inputs.board:
             if report.health is not None:
                 self.board.update(report.t_s, report.health, report.duties, self._latest_applied)
                 self._log.board(report.t_s, report.health, report.duties)
@@ -359,7 +359,7 @@ class Controller:
             if Condition.BOARD_SILENT not in self.board.conditions:
                 self._log.event("board_silent", report.t_s, error=report.error)
             self.board.silent()
-        for t_s, flags in inputs.power or ():
+        for t_s, flags in inputs.power:
             before, now = self._supply.flags or 0, flags or 0
             self._supply.update(t_s, flags)
             if now != before:

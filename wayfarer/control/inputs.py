@@ -45,50 +45,34 @@ class Inputs:
     """
 
     # No dataclass: the compiled core would run its ``__init__`` in the interpreter.
-    def __init__(
-        self,
-        t_s: float,
-        compass: CompassReading | None = None,
-        motion: MotionReading | None = None,
-        contact: ContactReading | None = None,
-        applied: WheelCommand = STOP,
-        fixes: list[PositionFix | None] | None = None,
-        board: list[BoardReport] | None = None,
-        power: list[PowerFlags] | None = None,
-    ) -> None:
-        self.t_s = t_s
+    def __init__(self, compass: CompassReading | None, contact: ContactReading | None, applied: WheelCommand) -> None:
+        self.t_s = 0.0
         self.compass = compass
-        self.motion = motion
+        self.motion: MotionReading | None = None
         self.contact = contact
         self.applied = applied
-        self.fixes = fixes
-        self.board = board
-        self.power = power
+        self.fixes: tuple[PositionFix | None, ...] = ()
+        self.board: tuple[BoardReport, ...] = ()
+        self.power: tuple[PowerFlags, ...] = ()
 
 
 class Inbox:
-    """Where the tasks of the parts put what they read, until the next tick takes it.
+    """Where the tasks of the parts put what they read; ``next`` is what the next tick is told.
 
-    ``compass``, ``contact`` and ``motion`` are the newest readings; ``applied`` is what the motors applied last.
+    ``motion`` is the newest reading of the motion sensor, None before the first.
     """
 
     def __init__(self) -> None:
-        self.compass: CompassReading | None = None
-        self.contact: ContactReading | None = None
         self.motion: MotionReading | None = None
-        self.applied = STOP
-        self._moved: MotionReading | None = None
-        self._fixes: list[PositionFix | None] | None = None
-        self._board: list[BoardReport] | None = None
-        self._power: list[PowerFlags] | None = None
+        self.next = Inputs(None, None, STOP)
 
     def put_compass(self, reading: CompassReading) -> None:
         """Take a heading; an older one that no tick has seen is forgotten."""
-        self.compass = reading
+        self.next.compass = reading
 
     def put_contact(self, reading: ContactReading) -> None:
         """Take what the bumper feels; an older reading that no tick has seen is forgotten."""
-        self.contact = reading
+        self.next.contact = reading
 
     def put_motion(self, reading: MotionReading) -> None:
         """Add up displacements until a tick takes them, so that none is lost at any sensor rate.
@@ -97,7 +81,7 @@ class Inbox:
         or quality of a part is NaN or infinite, the quality of the sum is 0 (fault catalogue, fault 8).
         """
         self.motion = reading
-        moved = self._moved
+        moved = self.next.motion
         if moved is not None:
             known = isfinite(moved.t_s + moved.quality + reading.t_s + reading.quality)
             reading = MotionReading(
@@ -107,26 +91,23 @@ class Inbox:
                 min(moved.quality, reading.quality) if known else 0.0,
                 reading.signed,
             )
-        self._moved = reading
+        self.next.motion = reading
 
     def put_fix(self, fix: PositionFix | None) -> None:
         """Take a position; no decision sees it, only the log and the mission's radius."""
-        self._fixes = [*(self._fixes or ()), fix]
+        self.next.fixes += (fix,)
 
     def put_board(self, report: BoardReport) -> None:
         """Take what the motor board said, or that it did not answer."""
-        self._board = [*(self._board or ()), report]
+        self.next.board += (report,)
 
     def put_power(self, t_s: float, flags: int | None) -> None:
         """Take the power flags of the computer's firmware."""
-        self._power = [*(self._power or ()), PowerFlags(t_s, flags)]
+        self.next.power += (PowerFlags(t_s, flags),)
 
     def take(self, t_s: float) -> Inputs:
         """Return what the tick at ``t_s`` is told."""
-        inputs = Inputs(
-            t_s, self.compass, self._moved, self.contact, self.applied, self._fixes, self._board, self._power
-        )
-        self._moved = None
-        if self._fixes is not None or self._board is not None or self._power is not None:
-            self._fixes = self._board = self._power = None
+        inputs = self.next
+        inputs.t_s = t_s
+        self.next = Inputs(inputs.compass, inputs.contact, inputs.applied)
         return inputs

@@ -67,7 +67,7 @@ class ControlLoop:
         tick, mode = controller.step(self._inbox.take(t_s)), controller.mode
         if tick.halts:
             self._motors.halt()
-        tick.applied = self._inbox.applied = await self._drive(t_s, tick.wheels)
+        tick.applied = self._inbox.next.applied = await self._drive(t_s, tick.wheels)
         if tick.wheels != STOP and (controller.mode is not mode or not controller.may_turn):
             self._motors.halt()  # somebody stopped the rover, or took it over, and the command may have come after that
         controller.last = tick

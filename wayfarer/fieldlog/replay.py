@@ -139,7 +139,7 @@ class Rerun:
     def tick(self, t_s: float) -> dict[str, Any]:
         """Do the control tick again whose record was taken, and return what it concludes, as the log would have it."""
         tick = self._controller.step(self._inbox.take(t_s))
-        tick.applied = self._inbox.applied = self._applied
+        tick.applied = self._inbox.next.applied = self._applied
         if self._lost is not None:
             self._controller.motors_lost(t_s, str(self._lost["error"]), self._lost.get("lost"))
             self._lost = None
@@ -147,8 +147,8 @@ class Rerun:
         return again
 
     def _sense(self, record: Record) -> None:
-        self._inbox.compass = self._compass_of(record["compass"])
-        self._inbox.contact = _contact_of(record["contact"])
+        self._inbox.next.compass = self._compass_of(record["compass"])
+        self._inbox.next.contact = _contact_of(record["contact"])
         if record["motion"] is not None:
             self._inbox.put_motion(MotionReading(**_with_nan(record["motion"])))
         if record.get("manual_seq") is not None:
