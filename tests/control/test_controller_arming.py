@@ -160,13 +160,28 @@ async def test_mission_time_goes_on_during_a_hold() -> None:
     assert bench.end == "mission_time"
 
 
-async def test_hold_does_not_outlive_arming_again() -> None:
-    bench = await Bench().armed()
-    bench.controller.hold(bench.t_s)
-    bench.controller.disarm(bench.t_s, "asked")
+@pytest.mark.parametrize(
+    ("arming", "ended_by"),
+    [(True, "request"), (False, "request"), (True, "too late"), (False, "limit"), (False, "fault")],
+)
+async def test_hold_ends_with_what_it_has_held(arming: bool, ended_by: str) -> None:
+    bench = Bench(goes_on=True, mission_time_s=20.0)
     await bench.tick()
-    await bench.armed()
-    assert not bench.controller.held
+    bench.controller.arm(bench.t_s, 0.0)
+    await bench.tick(0 if arming else 1)
+    bench.controller.hold(bench.t_s)
+    await bench.tick()
+    assert bench.health == (Level.HOLD, Condition.OPERATOR_HOLD)
+    if ended_by == "request":
+        bench.controller.disarm(bench.t_s, "asked")
+    elif ended_by == "fault":
+        await bench.tick(10, pitch_deg=89.0)
+    else:
+        await bench.tick(450)
+    await bench.tick()
+    assert bench.controller.mode is Mode.DISARMED
+    assert not bench.controller.held, "it seems to wait for a resume, which is refused"
+    assert Condition.OPERATOR_HOLD not in bench.controller.conditions
 
 
 async def test_rover_that_is_held_while_it_arms_waits_for_the_resume() -> None:

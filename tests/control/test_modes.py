@@ -149,6 +149,11 @@ class Walk(RuleBasedStateMachine):
         if self.controller.mode in {Mode.DISARMED, Mode.ARMING}:
             assert self.controller.mission is None
 
+    @invariant()
+    def whoever_is_held_may_resume(self) -> None:
+        if self.controller.held:
+            assert not self.controller.why_not(Event.RESUME)
+
 
 Walk.TestCase.settings = settings(max_examples=40, stateful_step_count=30, deadline=None)
 TestWalk = Walk.TestCase

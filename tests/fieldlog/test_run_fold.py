@@ -126,12 +126,12 @@ def test_episode_goes_from_the_first_manoeuvre_until_the_goal_is_followed_again(
     assert (episode.side, episode.turns, episode.ended_by) == ("left", 2, "follow")
 
 
-def test_mode_follows_the_events_and_arming_takes_a_hold_back() -> None:
+def test_mode_follows_the_events_and_a_hold_ends_with_what_it_has_held() -> None:
     fold, modes = RunFold(), []
     for name in ("arming", "armed", "hold", "disarmed", "arming"):
         fold.take(event(name, 1.0, reason="enough", goal_heading_deg=20.0))
         modes.append((fold.state.mode, fold.state.operator_hold))
-    assert modes == [("arming", False), ("armed", False), ("armed", True), ("disarmed", True), ("arming", False)]
+    assert modes == [("arming", False), ("armed", False), ("armed", True), ("disarmed", False), ("arming", False)]
     assert (fold.state.why_disarmed, fold.state.goal_heading_deg) == ("enough", 20.0)
     fold.take(outcome(2.0))
     assert fold.state.mode == "ended"

@@ -121,10 +121,9 @@ class Controller:
         """
         if isinstance(outcome := self._enter(Event.ARM), Refused):
             return outcome
-        self.motors_failed = self.held = False
+        self.motors_failed = False
         self._recovery.reset()
         self._detector.begin_arming()
-        self.mission = None
         self._arming = ArmingSequence(self._safety, t_s, goal_heading_deg)
         delay_s = self._safety.start_delay_s
         self._log.event("arming", t_s, start_delay_s=delay_s, goal_heading_deg=goal_heading_deg)
@@ -142,6 +141,7 @@ class Controller:
             self.why_disarmed = reason
             self._arming = None
             self.mission = None
+            self.held = False  # nothing waits any more that a resume could let go on
         return self._enter(Event.DISARM)
 
     def begin_manual(self, t_s: float, lease: int, driver: str) -> Outcome:

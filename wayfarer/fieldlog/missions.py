@@ -48,7 +48,7 @@ class MissionTracker:
                 if state.from_start is None:
                     state.from_start, state.start = True, state.place
             case Noted(name="disarmed"):
-                state.mode, state.why_disarmed = event.name, event.reason or ""
+                state.mode, state.operator_hold, state.why_disarmed = event.name, False, event.reason or ""
                 self._began_t_s = None
             case Noted(name="hold" | "resume"):
                 state.operator_hold = event.name == "hold"
