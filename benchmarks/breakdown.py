@@ -31,7 +31,7 @@ PARTS = {
     "/wayfarer/experiments/outcome.py": "world",
     "/wayfarer/simhal/parts.py": "sensors and motors",
     "/wayfarer/control/supervisor.py": "sensors and motors",
-    "/wayfarer/control/inputs.py": "sensors and motors",
+    "/wayfarer/control/tick.py": "sensors and motors",
     "/wayfarer/detector/": "detector",
     "/wayfarer/escape/": "escape handler",
     "/wayfarer/safety/gate.py": "safety gate",

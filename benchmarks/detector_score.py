@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.run_log import PartialLog
-from wayfarer.control.tick_record import TickRecord
+from wayfarer.control.tick import TickRecord
 from wayfarer.detector.ground import TILTS
 from wayfarer.escape.api import Anomaly
 from wayfarer.simhal.world.simulated_world import SimulatedWorld

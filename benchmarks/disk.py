@@ -13,7 +13,7 @@ from pathlib import Path
 from statistics import quantiles
 
 from benchmarks.figures import Figure, timed
-from wayfarer.control.tick_record import TickRecord
+from wayfarer.control.tick import TickRecord
 from wayfarer.escape.api import Decision, Observation, Phase
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.reader import RunReader

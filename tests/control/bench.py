@@ -10,9 +10,9 @@ from tests.kit.workshop import AHEAD, VEHICLE, EventLog
 from wayfarer.angles import METRES_PER_DEG
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.controller import Controller
-from wayfarer.control.inputs import BoardReport, Inbox
 from wayfarer.control.loop import ControlLoop, WheelMotors
 from wayfarer.control.modes import Mode
+from wayfarer.control.tick import BoardReport, Inbox
 from wayfarer.detector import Detector
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase
 from wayfarer.hal import CompassReading, MotorHealth, PositionFix, WheelCommand

@@ -14,8 +14,8 @@ from tests.control.bench import Wanting
 from tests.kit.workshop import VEHICLE
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.controller import Controller
-from wayfarer.control.inputs import BoardReport, Inbox
 from wayfarer.control.run_log import PartialLog
+from wayfarer.control.tick import BoardReport, Inbox
 from wayfarer.detector import Detector
 from wayfarer.hal import STOP, MotorHealth, WheelCommand
 from wayfarer.safety.conditions import Condition

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.control.bench import BY_HAND, TICK_S, Bench
-from wayfarer.control.inputs import BoardReport
 from wayfarer.control.modes import Mode
+from wayfarer.control.tick import BoardReport
 from wayfarer.errors import NotResponding
 from wayfarer.hal import STOP, CompassReading, MotorHealth, WheelCommand
 from wayfarer.safety.conditions import Condition, Level

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from tests.control.bench import HOME, TICK_S, Bench
-from wayfarer.control.inputs import BoardReport, Inbox
 from wayfarer.control.modes import MAY_TURN, MODES, Entered, Event, Mode, Outcome, Refused, refusal
+from wayfarer.control.tick import BoardReport, Inbox
 from wayfarer.hal import STOP, CompassReading, MotorHealth, WheelCommand
 from wayfarer.safety.manual import ManualSample
 

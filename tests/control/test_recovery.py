@@ -7,7 +7,7 @@ from math import inf
 from tests.control.bench import TICK_S, Bench
 from wayfarer.config.rover_file import load_rover
 from wayfarer.control.run_log import PartialLog
-from wayfarer.control.tick_record import TickRecord
+from wayfarer.control.tick import TickRecord
 from wayfarer.escape.recovery import BLIND_DETOUR
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.trial import run_watched

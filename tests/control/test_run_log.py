@@ -5,7 +5,7 @@ from __future__ import annotations
 from unittest.mock import Mock, call
 
 from wayfarer.control.run_log import RunLog, Tee
-from wayfarer.control.tick_record import TickRecord
+from wayfarer.control.tick import TickRecord
 from wayfarer.hal import PositionFix
 
 RECORD = TickRecord(1.0)

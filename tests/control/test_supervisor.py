@@ -26,11 +26,11 @@ from tests.kit.workshop import (
     supervisor,
 )
 from tests.virtual import asked, virtual
-from wayfarer.control.inputs import Inbox
 from wayfarer.control.modes import Mode
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.sensors import RETRY_PAUSE_MAX_S, RETRY_PAUSE_S, SensorTask, keep_sampling
 from wayfarer.control.supervisor import Supervisor, first_cause
+from wayfarer.control.tick import Inbox
 from wayfarer.errors import MissingPart, NotArmed, NotResponding, WayfarerError
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.mission_limits import RunEnd

@@ -14,7 +14,7 @@ from tests.fieldlog.disks import power_cut_at
 from tests.fieldlog.lines import standing
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.status_light import LastEnd
-from wayfarer.control.tick_record import TickRecord
+from wayfarer.control.tick import TickRecord
 from wayfarer.daemon.last_mission import FILE_NAME, LastMission, MissionKeeper, read_last_mission
 from wayfarer.errors import BadInput
 from wayfarer.escape.api import Anomaly, Decision, Observation, Phase

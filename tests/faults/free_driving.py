@@ -18,7 +18,7 @@ from tests.virtual import asked, run_virtually
 from wayfarer.angles import wrap180
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.run_log import PartialLog
-from wayfarer.control.tick_record import TickRecord
+from wayfarer.control.tick import TickRecord
 from wayfarer.escape.api import Decision, Observation, Phase
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.escape.settings import EscapeSettings, Vehicle

@@ -11,10 +11,9 @@ import pytest
 
 from tests.faults.broken_product import breaks_the_product
 from wayfarer.control.controller import Controller
-from wayfarer.control.inputs import Inputs
 from wayfarer.control.modes import Entered, Mode, Outcome
 from wayfarer.control.shutdown import Shutdown
-from wayfarer.control.tick_record import TickRecord
+from wayfarer.control.tick import Inputs, TickRecord
 from wayfarer.detector import Detector
 from wayfarer.detector.detector import DetectorTick
 from wayfarer.drivers.sabertooth import Sabertooth

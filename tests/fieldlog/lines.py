@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from wayfarer.config.rover_file import LogSettings
-from wayfarer.control.tick_record import TickRecord
+from wayfarer.control.tick import TickRecord
 from wayfarer.fieldlog.lines import sealed
 from wayfarer.fieldlog.reader import RunReader, log_segments
 from wayfarer.fieldlog.schema import SCHEMA, Record

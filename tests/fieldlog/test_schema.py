@@ -18,7 +18,7 @@ import wayfarer
 from tests.fieldlog import lines
 from tests.views.text.outing import outing
 from wayfarer.config.rover_file import load_rover
-from wayfarer.control.tick_record import TickRecord
+from wayfarer.control.tick import TickRecord
 from wayfarer.experiments.trial import run_trial
 from wayfarer.experiments.trial_log import GroundTruthLog, field_log
 from wayfarer.experiments.trial_setup import TrialSpec

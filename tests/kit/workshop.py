@@ -11,7 +11,7 @@ from tests.virtual import run_virtually
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.supervisor import Supervisor
-from wayfarer.control.tick_record import TickRecord
+from wayfarer.control.tick import TickRecord
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.escape.settings import Vehicle

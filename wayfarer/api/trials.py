@@ -14,7 +14,7 @@ from wayfarer.experiments.rows import TrialRow, row_of
 from wayfarer.extras import require
 
 if TYPE_CHECKING:
-    from wayfarer.control.tick_record import TickRecord
+    from wayfarer.control.tick import TickRecord
     from wayfarer.experiments.make_campaign import CampaignOptions
     from wayfarer.hal import Rover
     from wayfarer.simhal.faults.injector import NoteFault

@@ -12,9 +12,9 @@ import asyncio
 from math import inf
 
 from wayfarer.control.controller import Controller
-from wayfarer.control.inputs import BoardReport, Inbox
 from wayfarer.control.rate import Rate
 from wayfarer.control.run_log import RunLog
+from wayfarer.control.tick import BoardReport, Inbox
 from wayfarer.errors import DriverError
 from wayfarer.hal import DriveMotors, MotorHealth
 

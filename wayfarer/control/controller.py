@@ -20,10 +20,9 @@ from math import inf, radians
 from typing import Final
 
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.control.inputs import Inputs
 from wayfarer.control.modes import MAY_TURN, MODES, Entered, Event, Mode, Outcome, Refused, refusal
 from wayfarer.control.run_log import RunLog
-from wayfarer.control.tick_record import TickRecord
+from wayfarer.control.tick import Inputs, TickRecord
 from wayfarer.detector import Detector
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase
 from wayfarer.escape.recovery import Recovery

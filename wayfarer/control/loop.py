@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import Protocol
 
 from wayfarer.control.controller import Controller
-from wayfarer.control.inputs import Inbox
 from wayfarer.control.run_log import RunLog
+from wayfarer.control.tick import Inbox
 from wayfarer.errors import BadReading, DriverError, PowerLost
 from wayfarer.hal import STOP, WheelCommand
 

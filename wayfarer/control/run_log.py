@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Protocol
 
-from wayfarer.control.tick_record import TickRecord
+from wayfarer.control.tick import TickRecord
 from wayfarer.hal import Driver, HasErrorCounts, MotorHealth, PositionFix, WheelCommand
 
 NOTE_HZ = 1.0  # of the retry counters; chosen by us

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from wayfarer.config.rover_file import Rates
-from wayfarer.control.inputs import Inbox
 from wayfarer.control.rate import Rate
 from wayfarer.control.run_log import RunLog
+from wayfarer.control.tick import Inbox
 from wayfarer.errors import DriverError
 from wayfarer.hal import Driver, MotionReading, Rover
 

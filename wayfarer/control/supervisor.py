@@ -18,7 +18,6 @@ from math import inf, nextafter
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.board_watch import BoardWatch
 from wayfarer.control.controller import Controller
-from wayfarer.control.inputs import Inbox
 from wayfarer.control.loop import ControlLoop
 from wayfarer.control.modes import Mode, Outcome, Refused
 from wayfarer.control.rate import Rate
@@ -26,6 +25,7 @@ from wayfarer.control.run_log import NOTE_HZ, DriverCounters, RunLog
 from wayfarer.control.sensors import keep_sampling, sensor_tasks
 from wayfarer.control.shutdown import Shutdown, run_uncancellable
 from wayfarer.control.status_light import LAST_END_S, LIGHT_HZ, LastEnd, colour
+from wayfarer.control.tick import Inbox
 from wayfarer.detector import Detector
 from wayfarer.errors import DriverError, MissingPart, NotArmed
 from wayfarer.escape.api import EscapeHandler

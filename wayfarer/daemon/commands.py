@@ -15,7 +15,7 @@ from wayfarer.control.modes import Refused as RefusedByMode
 from wayfarer.control.rate import ASKED_AT_ONCE, ASKED_HZ, RateLimiter
 from wayfarer.control.run_log import RunLog
 from wayfarer.control.supervisor import Supervisor
-from wayfarer.control.tick_record import TickRecord
+from wayfarer.control.tick import TickRecord
 from wayfarer.daemon.arming_check import ArmingCheck
 from wayfarer.daemon.socket.protocol import WHOLE_MAX, Details, Refused
 from wayfarer.errors import DriverError

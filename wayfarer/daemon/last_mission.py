@@ -18,7 +18,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from wayfarer.control.run_log import PartialLog, RunLog
 from wayfarer.control.status_light import LastEnd
-from wayfarer.control.tick_record import TickRecord
+from wayfarer.control.tick import TickRecord
 from wayfarer.errors import BadInput
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.fieldlog.clock import WallClock, wall_clock

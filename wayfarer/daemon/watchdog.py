@@ -21,7 +21,7 @@ from pathlib import Path
 from traceback import walk_stack
 
 from wayfarer.control.run_log import PartialLog
-from wayfarer.control.tick_record import TickRecord
+from wayfarer.control.tick import TickRecord
 from wayfarer.errors import one_line
 from wayfarer.fieldlog.wording import event_text
 from wayfarer.safety.gate import STALL_LIMIT_S

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from wayfarer.control.run_log import PartialLog, Tee
 from wayfarer.control.supervisor import Supervisor
-from wayfarer.control.tick_record import TickRecord
+from wayfarer.control.tick import TickRecord
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.outcome import SUCCESSES, Outcome, OutcomeMonitor
 from wayfarer.experiments.trial_setup import MakeLog, TrialSetup, TrialSpec

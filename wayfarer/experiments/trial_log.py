@@ -8,7 +8,7 @@ from math import degrees, inf
 from pathlib import Path
 
 from wayfarer.control.run_log import PartialLog
-from wayfarer.control.tick_record import TickRecord
+from wayfarer.control.tick import TickRecord
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.schema import Record

@@ -16,7 +16,7 @@ import structlog
 from structlog.typing import EventDict, WrappedLogger
 
 from wayfarer import __version__
-from wayfarer.control.tick_record import TickRecord
+from wayfarer.control.tick import TickRecord
 from wayfarer.escape.api import Observation
 from wayfarer.fieldlog.clock import WallClock, wall_clock
 from wayfarer.fieldlog.lines import sealed

@@ -21,9 +21,9 @@ from wayfarer.config.messages import explain
 from wayfarer.config.registry import find_algorithm, refuse_code
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.controller import Controller
-from wayfarer.control.inputs import BoardReport, Inbox
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.supervisor import make_detector, needs_of
+from wayfarer.control.tick import BoardReport, Inbox
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.clock import seconds_since
 from wayfarer.fieldlog.log import tick_fields

@@ -27,7 +27,7 @@ from typing import NamedTuple
 
 from wayfarer.control.modes import MAY_TURN, Mode
 from wayfarer.control.run_log import PartialLog
-from wayfarer.control.tick_record import TickRecord
+from wayfarer.control.tick import TickRecord
 from wayfarer.escape.api import Anomaly, Observation, Phase
 from wayfarer.experiments.trial_setup import TrialSetup
 from wayfarer.hal import STOP, CompassReading, Side, WheelCommand

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from wayfarer.commissioning.checks import HostEnvironment
 from wayfarer.control.run_log import RunLog, Tee
 from wayfarer.control.supervisor import first_cause
-from wayfarer.control.tick_record import TickRecord
+from wayfarer.control.tick import TickRecord
 from wayfarer.daemon.arming_check import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import Refused

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from wayfarer.config.rover_file import load_rover
-from wayfarer.control.tick_record import TickRecord
+from wayfarer.control.tick import TickRecord
 from wayfarer.escape.api import Anomaly, Decision, Observation, Phase
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.writer import RunFiles

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.control.run_log import PartialLog
-from wayfarer.control.tick_record import TickRecord
+from wayfarer.control.tick import TickRecord
 from wayfarer.errors import WayfarerError
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.campaign import Campaign, Task

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from wayfarer.control.inputs import Inbox
+from wayfarer.control.tick import Inbox
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, Snapshot
 
 
