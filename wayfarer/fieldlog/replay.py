@@ -195,7 +195,7 @@ class Rerun:
 
     def _compass_of(self, fields: Mapping[str, Any] | None) -> CompassReading | None:
         """Return the reading; the same one as before where the sensor had not spoken again, as in its cell."""
-        # ``SensorStatus`` goes by the time of a reading. A part may give none, and the controller saw it.
+        # The detector takes each reading once, and knows it by its identity.
         if fields != self._compass[0]:
             self._compass = fields, None if fields is None else CompassReading(**_with_nan(fields))
         return self._compass[1]
