@@ -144,6 +144,24 @@ def test_start_is_where_the_best_fix_puts_it_not_the_first(first_error_m: float 
             assert (reason(under_test, t_s) == "mission_radius") is ends
 
 
+def test_fix_after_a_person_has_driven_does_not_move_the_start_however_good_it_is() -> None:
+    """Who drives by hand may carry the rover as well, and dead reckoning knows nothing of that."""
+    under_test = mission()
+    under_test.position(fix(0.0)._replace(error_m=5.0))
+    under_test.wait(1.0)
+    for seconds in range(1, FIXES_BEYOND + 1):
+        under_test.position(fix(150.0, STARTS_S + seconds)._replace(error_m=0.5))
+    assert reason(under_test, STARTS_S + FIXES_BEYOND) == "mission_radius"
+
+
+def test_first_fix_after_a_person_has_driven_is_better_than_none() -> None:
+    under_test = mission()
+    under_test.wait(1.0)
+    for seconds in range(1, FIXES_BEYOND + 1):
+        under_test.position(fix(0.0, STARTS_S + seconds))
+    assert reason(under_test, STARTS_S + FIXES_BEYOND) is None
+
+
 def test_late_fix_that_is_as_good_does_not_move_the_start() -> None:
     """Dead reckoning is off by a share of the way, here by all of it: the wheels spin."""
     under_test = mission()

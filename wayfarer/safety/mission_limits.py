@@ -43,6 +43,7 @@ class Mission:
         self._home: PositionFix | None = None
         self._home_north_m = self._home_east_m = 0.0  # of that fix, from the start, by dead reckoning
         self._home_error_m = inf
+        self._carried_m = 0.0  # a bound on how far a person may have carried the body, which no dead reckoning sees
         self._fix_t_s = -inf
         self._fixes_beyond = 0
 
@@ -54,15 +55,16 @@ class Mission:
         self.east_m += east_m
 
     def wait(self, for_s: float) -> None:
-        """Let the time limit wait, as long as a person drives."""
+        """Let the time limit wait, as long as a person drives; that person may also carry the rover."""
         self._ends_s += for_s
+        self._carried_m = inf
 
     def position(self, fix: PositionFix) -> None:
         """Take a fix. Impossible fixes are ignored (fault catalogue, fault 8).
 
         The start is worked out backwards from the fix that tells it best: a receiver that has just been switched on is
         off by tens of metres, and says so. A fix tells the start as well as its own error and the dead reckoning since
-        the start allow; the first counts until there is a better one.
+        the start allow; the first counts until there is a better one. After a person has driven, none is better.
 
         A fix that is read several times, because the receiver is slower than the reading, counts once.
         """
@@ -71,7 +73,7 @@ class Mission:
         if fix.t_s == self._fix_t_s:
             return
         error_m = fix.error_m if fix.error_m is not None and fix.error_m >= 0.0 else inf
-        error_m += RECKONING_ERROR * self.travelled_m
+        error_m += RECKONING_ERROR * self.travelled_m + self._carried_m
         home = self._home
         if home is None or error_m < self._home_error_m:
             home = self._home = fix
