@@ -15,6 +15,7 @@ from tests.kit.workshop import (
     PARTS,
     Contact,
     Light,
+    Motors,
     Part,
     Position,
     Script,
@@ -31,7 +32,7 @@ from wayfarer.control.run_log import PartialLog
 from wayfarer.control.sensors import RETRY_PAUSE_MAX_S, RETRY_PAUSE_S, SensorTask, keep_sampling
 from wayfarer.control.supervisor import Supervisor, first_cause
 from wayfarer.control.tick import Inbox
-from wayfarer.errors import MissingPart, NotArmed, NotResponding, WayfarerError
+from wayfarer.errors import MissingPart, NotArmed, NotResponding, PowerLost, WayfarerError
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.mission_limits import RunEnd
 
@@ -344,3 +345,33 @@ def test_rover_that_is_disarmed_while_it_is_checked_is_not_armed_afterwards(
     assert [type(refusal) for refusal in arm.refusals] == [NotArmed]
     assert max(shop.times("handler.decide")) < 0.36
     assert len(shop.named("arming")) == 1, "only that at the start of the run"
+
+
+@pytest.mark.parametrize("takes_over", [False, True])
+def test_board_that_fails_while_it_is_opened_starts_no_wheel(shop: Workshop, takes_over: bool) -> None:
+    """What opening has proved may be out of date: it may have lost its power, and its deadman, just afterwards."""
+
+    class SlowMotors(Motors):
+        async def open(self) -> None:
+            await super().open()
+            if asyncio.get_running_loop().time() > 0.4:
+                await asyncio.sleep(0.2)
+
+    refusals: list[str] = []
+
+    async def start(run: Supervisor) -> None:
+        try:
+            await (run.begin_manual(asked(), 7, "page") if takes_over else run.arm(asked(), 0.0))
+        except NotArmed as error:
+            refusals.append(str(error))
+
+    tasks: list[asyncio.Task[None]] = []
+    script: Script = {
+        0.31: lambda it: it.disarm("asked"),
+        0.5: lambda it: tasks.append(asyncio.ensure_future(start(it))),
+        0.56: breaking(shop, "motors.drive", PowerLost("motors")),
+        0.64: mending(shop),
+    }
+    drive(shop, script, for_s=3.0, motors=SlowMotors(shop, "motors"))
+    assert refusals == ["not started: the motor board failed while it was being opened: check its wires, ask again"]
+    assert max(shop.times("handler.decide")) < 0.4

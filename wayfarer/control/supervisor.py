@@ -138,6 +138,7 @@ class Supervisor:
             async with asyncio.timeout_at(asked.at_s + PERMISSION_S):
                 if check is not None:
                     await check()
+                failures = self.controller.failures
                 await self._rover.motors.open()
         except TimeoutError:
             raise NotArmed(
@@ -146,6 +147,8 @@ class Supervisor:
             ) from None
         finally:
             self.being_checked = False
+        if self.controller.failures != failures:  # then what opening has proved may be out of date, see ``BoardWatch``
+            raise NotArmed("not started: the motor board failed while it was being opened: check its wires, ask again")
 
     def _refuse_void(self, asked: Asked) -> None:
         """Raise ``NotArmed`` if a permission does not count any more."""
