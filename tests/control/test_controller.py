@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from tests.control.bench import TICK_S, Bench
+from tests.kit.motors import Motors
 from tests.kit.workshop import AHEAD
 from wayfarer.control.modes import Mode
 from wayfarer.control.status_light import YELLOW, colour
@@ -45,6 +46,29 @@ async def test_run_that_goes_on_is_disarmed_by_each_limit_and_can_be_armed_again
         assert bench.controller.why_disarmed == limit.rpartition("_")[0]
         assert bench.motors.commands[-1] == STOP
     assert bench.end is None
+
+
+class Obedient(Motors):
+    """Motors that must not be told to turn by a rover that may not."""
+
+    bench: Bench
+
+    async def drive(self, command: WheelCommand) -> WheelCommand:
+        assert command == STOP or self.bench.controller.may_turn
+        return await super().drive(command)
+
+
+@pytest.mark.parametrize("limit", ["mission_time_s", "mission_distance_m", "mission_radius_m"])
+async def test_tick_that_disarms_at_a_limit_commands_no_wheel_to_turn(limit: str) -> None:
+    """It is judged after the decision, and the mode says already that the rover is disarmed."""
+    safety: dict[str, Any] = {limit: 1.0}
+    motors = Obedient()
+    bench = motors.bench = Bench(wheels=motors, goes_on=True, **safety)
+    await bench.tick()
+    bench.controller.arm(bench.t_s, 0.0)
+    await bench.tick(80)
+    assert bench.controller.mode is Mode.DISARMED
+    assert set(motors.commands) == {STOP, AHEAD}
 
 
 async def test_limits_count_from_arming_and_not_while_disarmed() -> None:

@@ -453,4 +453,5 @@ class Controller:
     def _conclude_disarmed(self, tick: TickRecord, reason: str) -> None:
         """Disarm because of what this tick has seen: the log has it after the tick's own record."""
         self._disarm(reason)
+        tick.wheels = STOP  # a limit is judged after the decision
         tick.conclude("disarmed", reason=reason)
