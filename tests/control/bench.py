@@ -50,6 +50,7 @@ class Bench:
         self,
         handler: EscapeHandler | None = None,
         wheels: WheelMotors | None = None,
+        log: EventLog | None = None,
         *,
         give_up: bool = False,
         watches_motion: bool = False,
@@ -61,7 +62,7 @@ class Bench:
         self.config = RoverConfig(
             name="bench", vehicle=VEHICLE, safety=limits, board=BOARD, progress=progress, manual=BY_HAND
         )
-        self.motors, self.inbox, self.log = Motors(), Inbox(), EventLog()
+        self.motors, self.inbox, self.log = Motors(), Inbox(), log or EventLog()
         self.handler = Wanting()
         may_reckon = limits.on_lost_sense == "continue"
         detector = Detector(self.config.detector, VEHICLE, watches_motion=watches_motion, may_reckon=may_reckon)

@@ -50,6 +50,8 @@ UNSEEN_SHARE: Final = 0.5
 LOST_TICKS_S: Final = 5.0
 LOST_APART_S: Final = 60.0
 BY_HAND: Final = Decision(STOP, Phase.MANUAL, Phase.MANUAL.value)
+# Made once: after a change of mode nothing may fail because there is no memory.
+_ENTERED: Final = {mode: Entered(mode) for mode in Mode}
 # A command that the board did not acknowledge may not have reached it. Its deadman stops the wheels after 0.3 s at most
 # (as shipped); 0.5 s later motion has been seen to be over (fault catalogue, fault 30), by a camera 0.2 s after that.
 UNHEARD_S: Final = 1.0
@@ -130,9 +132,11 @@ class Controller:
 
     def disarm(self, t_s: float, reason: str) -> Outcome:
         """Stop the wheels from the next tick on, until re-armed; also if a person drives. Never refused."""
-        if self.mode is not Mode.DISARMED:
+        armed = self.mode is not Mode.DISARMED
+        outcome = self._disarm(reason)
+        if armed:  # told afterwards: a log that fails keeps nothing from stopping
             self._log.event("disarmed", t_s, reason=reason)
-        return self._disarm(reason)
+        return outcome
 
     def _disarm(self, reason: str) -> Outcome:
         if self.mode is not Mode.DISARMED:
@@ -205,7 +209,7 @@ class Controller:
             self.mode = row.to
         else:  # what was before a person drove
             self.mode = Mode.DISARMED if self.mission is None else _ARMED
-        return Entered(self.mode)
+        return _ENTERED[self.mode]
 
     @property
     def may_turn(self) -> bool:
@@ -250,12 +254,13 @@ class Controller:
         Its algorithm begins again then, because nobody knows how far the tick came.
 
         Raises:
-            MemoryError: nobody waits for the wheels, or such ticks come for too long; the run must end.
+            MemoryError: nobody waits for the wheels, the mission has not begun, or such ticks come for too long; the
+                run must end.
         """
         if t_s - self._lost_tick_s > LOST_APART_S:
             self._lost_since_s = t_s
         self._lost_tick_s = t_s
-        if t_s - self._lost_since_s > LOST_TICKS_S or (self.mode is not _ARMED and self.mode is not _MANUAL):
+        if t_s - self._lost_since_s > LOST_TICKS_S or (self.mission is None and self.mode is not _MANUAL):
             raise error
         self.motors_lost(t_s, "no memory was left for a control tick", "tick")
         self._carried = True
@@ -433,7 +438,7 @@ class Controller:
         self._handler.reset()
         self._resume_warning.reset()
         self.goal_heading_deg = goal_heading_deg
-        self.mission = Mission(self._safety, t_s)
+        self.mission = Mission(self._safety, t_s)  # the last of it, see ``lose_tick``
         self._log.event("armed", t_s, goal_heading_deg=goal_heading_deg)
 
     def _end_mission(self, tick: TickRecord, limit: RunEnd) -> None:

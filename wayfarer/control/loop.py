@@ -60,6 +60,7 @@ class ControlLoop:
             await self._tick(t_s)
         except MemoryError as error:
             self._motors.halt()
+            self._inbox.next.applied = STOP
             self._controller.lose_tick(t_s, error)
 
     async def _tick(self, t_s: float) -> None:
