@@ -96,12 +96,15 @@ class Rover:
         return self.detector.compass.heading_deg
 
 
-def moved(commanded_m: float, forward_m: float | None, driven_s: float = TICK_S) -> Moved:
-    """Return what one reading shows of a straight way; ``forward_m`` None: nothing is known."""
+def moved(
+    commanded_m: float, forward_m: float | None, driven_s: float = TICK_S, *, straight: float = 1.0, slid_m: float = 0.0
+) -> Moved:
+    """Return what one reading shows; ``forward_m`` None: nothing is known. ``straight`` is the share of the push."""
     each = Moved()
-    each.commanded_m, each.way_m, each.driven_s = commanded_m, abs(commanded_m), driven_s
+    each.commanded_m, each.way_m, each.pushed_m = commanded_m, abs(commanded_m), abs(commanded_m) / straight
+    each.driven_s = each.read_s = driven_s
     if forward_m is not None:
-        each.see(forward_m, 0.0, signed=True)
+        each.see(forward_m, slid_m, signed=True)
     return each
 
 

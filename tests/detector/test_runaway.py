@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tests.detector.rover import BACK, FULL, MAX_SPEED_M_S, SETTINGS, TICK_S, Rover, started
 from wayfarer.detector.detector import DetectorTick
 from wayfarer.detector.ground import LOAD_MAX
-from wayfarer.detector.runaway import SLIDES_S
+from wayfarer.detector.motion import SLIDES_S
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import Condition
 from wayfarer.simhal.world.wheeled_body import ROLLING_RESISTANCE

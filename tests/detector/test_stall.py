@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.detector.rover import ALL_WELL, BACK, FULL, PIVOT, SETTINGS, STEP_M, TICK_S, Rover, started
+from tests.detector.rover import ALL_WELL, BACK, FULL, PIVOT, SETTINGS, STEP_M, TICK_S, VEHICLE, Rover, moved, started
 from wayfarer.config.rover_file import load_rover
 from wayfarer.detector import StallMonitor
 from wayfarer.escape.api import Anomaly
@@ -105,9 +105,9 @@ def test_body_that_spins_with_its_wheels_against_each_other_is_not_judged_by_its
 @pytest.mark.parametrize(("straight", "stalled"), [(1.0, True), (0.4, False)])
 def test_body_that_could_hardly_have_moved_yet_does_not_stand(straight: float, stalled: bool) -> None:
     """From a stand it gains 0.5 m/s2 with all of its grip: 16 mm in the window. While it turns it has less: 6 mm."""
-    stall = StallMonitor(SETTINGS)
+    stall = StallMonitor(SETTINGS, VEHICLE)
     for _ in range(5):
-        stall.add(0.05, 0.05, 0.0, straight=straight)
+        stall.add(moved(0.05, 0.0, 0.05, straight=straight))
     assert stall.found is stalled
 
 
@@ -264,8 +264,8 @@ def test_body_that_skates_sideways_does_not_stand() -> None:
     """Its speed ahead is gone, but the ground goes by; one under which it does not go by stands."""
     found = []
     for slid_m in (0.03, 0.0):
-        stall = StallMonitor(SETTINGS)
+        stall = StallMonitor(SETTINGS, VEHICLE)
         for moved_m in (0.03, 0.03, 0.0, 0.0, 0.0, 0.0):
-            stall.add(0.1, 0.05, moved_m, slid_m=slid_m)
+            stall.add(moved(0.05, moved_m, 0.1, slid_m=slid_m))
         found.append(stall.found)
     assert found == [False, True]

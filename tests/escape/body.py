@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import degrees
 from random import Random
 
+from tests.detector.rover import moved
 from tests.escape.walk import observation
 from wayfarer.angles import wrap360
 from wayfarer.config.rover_file import load_rover
@@ -30,7 +31,7 @@ class Body:
         self.decision = Decision(STOP, Phase.HALT, "halt")
         self._vehicle = config.vehicle
         self._dead_band = dead_band
-        self._stall = StallMonitor(config.detector)
+        self._stall = StallMonitor(config.detector, config.vehicle)
         self.seen = observation(heading_deg=heading_deg)
 
     def tick(self, *anomalies: Anomaly) -> Decision:
@@ -38,7 +39,7 @@ class Body:
         full_m_s, seen = self._vehicle.max_speed_m_s, self.seen
         commanded_m = (left + right) / 2 * full_m_s * self.tick_s
         works = max(abs(left), abs(right)) >= self._dead_band
-        self._stall.add(self.tick_s, commanded_m, commanded_m if self.moves and works else 0.0)
+        self._stall.add(moved(commanded_m, commanded_m if self.moves and works else 0.0, self.tick_s))
         turn_rad = (left - right) * full_m_s / self._vehicle.track_m * self.tick_s
         self.seen = seen._replace(
             t_s=seen.t_s + self.tick_s,

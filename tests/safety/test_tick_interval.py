@@ -93,6 +93,20 @@ def test_reading_counts_for_little_more_than_the_way_of_its_interval_or_the_one_
 
 
 @pytest.mark.parametrize(
+    ("wheels", "forward_m", "counted_m"),
+    [(AHEAD, 0.1, 0.1), (AHEAD, 9.0, MOST_SHARE * 0.1875), (BACK, 9.0, MOST_SHARE * 0.125), (PIVOT, 9.0, 9.0)],
+)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_reading_counts_up_to_a_bound_if_anything_was_commanded(
+    wheels: WheelCommand, forward_m: float, counted_m: float, sign: float
+) -> None:
+    moved = driven(wheels)
+    moved.see(sign * forward_m, 0.0, signed=True)
+    assert moved.forward_m == sign * forward_m
+    assert moved.counted_m == pytest.approx(sign * counted_m)
+
+
+@pytest.mark.parametrize(
     ("wheels", "turned_deg", "forward_m", "straight"),
     [
         (WheelCommand(0.5, 0.5), 0.0, 0.125, 1.0),

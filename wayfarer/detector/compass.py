@@ -8,7 +8,7 @@ from each turn that the compass shows. Reckoning drifts: with a share that is 15
 
 from __future__ import annotations
 
-from math import degrees, inf
+from math import inf
 from typing import Final
 
 from wayfarer.angles import wrap180
@@ -41,7 +41,7 @@ class CompassMonitor:
         self.gained_deg = 0.0
         self._seen: CompassReading | None = None
         self._read_t_s = -inf
-        self._believed_t_s = 0.0
+        self.believed_t_s = 0.0
         self._heading_deg = self._pitch_deg = self._roll_deg = -1.0  # of the latest reading, also if it was rejected
         self._values_deg = (-inf, -inf)  # the last two headings that were new
         self._equal_s = self._all_equal_s = 0.0  # turning while the rover moves; turning at all
@@ -53,10 +53,6 @@ class CompassMonitor:
         self._jump_persistence = Debounce(settings.implausible_s)
         self._jump_persists = False
         self._doubted_until_s = -inf
-
-    def start(self, t_s: float) -> None:
-        """Begin the age now: the age of a compass that has not answered yet is that of the run."""
-        self._believed_t_s = t_s
 
     def update(
         self, t_s: float, driven_s: float, reading: CompassReading | None, *, turns: bool, moves: bool
@@ -73,7 +69,7 @@ class CompassMonitor:
                 self._equal_s += driven_s
         if reading is not self._seen and reading is not None:
             self._take(t_s, reading)
-        stale = t_s - self._believed_t_s > self._stale_s or self.reading is None
+        stale = t_s - self.believed_t_s > self._stale_s or self.reading is None
         if stale or self._rejections or self._frozen or self._low_since_s is not None:
             return self._judge(t_s, stale=stale)
         return []
@@ -131,8 +127,8 @@ class CompassMonitor:
         if self._rejections:
             self._jump_persistence.update(read_t_s, False)
         self.reading = reading
-        start_t_s = self._believed_t_s
-        self._believed_t_s = read_t_s if read_t_s > start_t_s else start_t_s  # no age is longer than the run
+        start_t_s = self.believed_t_s
+        self.believed_t_s = read_t_s if read_t_s > start_t_s else start_t_s  # no age is longer than the run
 
     def _reject(self, t_s: float) -> None:
         self._rejections = (self._rejections << 1 | 1) & self._of_readings
@@ -154,7 +150,7 @@ class CompassMonitor:
         if self._uncalibrated(t_s):
             conditions.append(Condition.COMPASS_UNCALIBRATED)
         if stale:
-            lost = t_s - self._believed_t_s > settings.compass_lost_s
+            lost = t_s - self.believed_t_s > settings.compass_lost_s
             conditions.append(Condition.COMPASS_LOST if lost else Condition.COMPASS_STALE)
         return conditions
 
@@ -184,7 +180,7 @@ class HeadingEstimator:
     """
 
     def __init__(self, vehicle: Vehicle, *, may_reckon: bool) -> None:
-        self._deg_s_per_duty = degrees(vehicle.max_speed_m_s / vehicle.track_m)
+        self._full_turn_deg_s = vehicle.full_turn_deg_s
         self._may_reckon = may_reckon
         self.reading: CompassReading | None = None
         self.reckons = False
@@ -212,7 +208,7 @@ class HeadingEstimator:
         if compass is None:
             return
         t_s, (left, right) = interval.t_s, interval.commanded
-        commanded_deg = (left - right) * self._deg_s_per_duty * interval.driven_s
+        commanded_deg = (left - right) / 2.0 * self._full_turn_deg_s * interval.driven_s
         doubted = bool(conditions) and not HEADING_DOUBTED.isdisjoint(conditions)
         if doubted or self._doubt_since_s is not None:
             self._choose(t_s, doubted=doubted, armed=armed)

@@ -80,8 +80,10 @@ class Detector:
     def update(self, tick: DetectorTick, *, armed: bool = False) -> None:
         """Judge one tick, of a mission if ``armed``: fill in its anomalies and conditions."""
         t_s, contact = tick.t_s, tick.contact
-        if not self._started:
-            self._start(t_s)
+        if not self._started:  # the age of a sensor that has not answered yet is that of the run
+            self._started = True
+            self._compass.believed_t_s = self._contact.spoke_t_s = t_s
+            self._motion.start(t_s)
         left, right = tick.commanded
         turns = abs(left - right) >= self._turning_duty
         before_deg, turned_deg = self._heading.gained_deg, self._compass.gained_deg
@@ -93,7 +95,8 @@ class Detector:
         doubtful = bool(conditions)
         if not (left or right) and (believed := self._heading.reading) is not None:
             rises_deg, falls_deg, _, _ = self._ground.towards_deg(believed.heading_deg)
-            self._motion.runaway.stands_at(0.0 if doubtful else believed.pitch_deg, falls_deg, rises_deg)
+            pitch_deg, runaway = 0.0 if doubtful else believed.pitch_deg, self._motion.runaway
+            runaway.falls_ahead_deg, runaway.falls_back_deg = max(-pitch_deg, falls_deg), max(pitch_deg, rises_deg)
         self._motion.update(tick, gained_deg - before_deg, tick.motion, conditions)
         self.moved = moved = self._motion.moved
         anomalies = [Anomaly.IMMOBILISED] if self._motion.stall.found or self._motion.stride_over else []
@@ -121,13 +124,6 @@ class Detector:
             self._ground.begin(self.compass)
         tick.anomalies = tuple(each for each in tick.anomalies if each not in TILTS)
 
-    def _start(self, t_s: float) -> None:
-        """Begin all ages now: the age of a sensor that has not answered yet is that of the run."""
-        self._started = True
-        self._compass.start(t_s)
-        self._motion.start(t_s)
-        self._contact.start(t_s)
-
 
 class ContactMonitor:
     """Keeps the newest plausible reading in ``reading``, None before the first.
@@ -143,31 +139,23 @@ class ContactMonitor:
         self.reading: ContactReading | None = None
         self._seen: ContactReading | None = None
         self._read_t_s = -inf
-        self._spoke_t_s = 0.0
-
-    def start(self, t_s: float) -> None:
-        """Begin the age now."""
-        self._spoke_t_s = t_s
+        self.spoke_t_s = 0.0
 
     def update(
         self, t_s: float, reading: ContactReading | None, anomalies: list[Anomaly], conditions: list[Condition]
     ) -> None:
         """Take in a tick, and add what is found."""
-        if reading is not self._seen and reading is not None:
-            self._take(t_s, reading)
-        if self._needed:
-            self._check(t_s, anomalies, conditions)
-
-    def _take(self, t_s: float, reading: ContactReading) -> None:
-        self._seen = reading
-        read_t_s, _, bearing_deg = reading
-        if self._read_t_s <= read_t_s <= t_s and (bearing_deg is None or 0.0 <= bearing_deg < 180.0):
-            self.reading = reading
-            self._read_t_s = self._spoke_t_s = read_t_s
-
-    def _check(self, t_s: float, anomalies: list[Anomaly], conditions: list[Condition]) -> None:
-        if t_s - self._spoke_t_s > self._stale_s:
-            self._touched.update(t_s, False)
-            conditions.append(Condition.CONTACT_STALE)
-        elif self._touched.update(t_s, self._touch_counts and self.reading is not None and bool(self.reading.sides)):
+        if reading is not None and reading is not self._seen:
+            self._seen = reading
+            read_t_s, _, bearing_deg = reading
+            if self._read_t_s <= read_t_s <= t_s and (bearing_deg is None or 0.0 <= bearing_deg < 180.0):
+                self.reading = reading
+                self._read_t_s = self.spoke_t_s = read_t_s
+        if not self._needed:
+            return
+        stale = t_s - self.spoke_t_s > self._stale_s
+        touches = self._touch_counts and self.reading is not None and bool(self.reading.sides)
+        if self._touched.update(t_s, touches and not stale):
             anomalies.append(Anomaly.TOUCHED)
+        if stale:
+            conditions.append(Condition.CONTACT_STALE)

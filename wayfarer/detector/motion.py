@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from math import inf, radians
+from collections import deque
+from math import copysign, inf, radians, sin
 from typing import Final
 
-from wayfarer.detector.runaway import RunawayMonitor
+from wayfarer.detector.ground import LOAD_MAX
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.detector.stall import StallMonitor
 from wayfarer.detector.turning import SteeringMonitor
 from wayfarer.escape.settings import Vehicle
 from wayfarer.hal import MotionReading
 from wayfarer.safety.conditions import BLIND, Condition
-from wayfarer.safety.tick_interval import Moved, TickInterval
+from wayfarer.safety.tick_interval import ROUNDING_S, Moved, TickInterval
 
 # Of ``blind_stride_m``, for a rover that knows neither motion nor tilt, and for one whose motion sensor lies: at least
 # two body lengths, so that it gets around a trunk. Chosen by us.
@@ -33,28 +34,24 @@ class MotionMonitor:
     def __init__(self, settings: DetectorSettings, vehicle: Vehicle, *, watched: bool) -> None:
         self._settings = settings
         self._max_speed_m_s = vehicle.max_speed_m_s
-        self._m_per_deg = radians(vehicle.track_m / 2)
         self._watched = watched
-        self._stale_s = settings.motion_stale_s
-        self._quality_min = settings.quality_min
-        self._seen_from_m_s = settings.immobilised_from_m_s
-        self._speed_max_m_s = settings.motion_speed_max_m_s
-        self.stall = StallMonitor(settings)
+        self._stale_s, self._quality_min = settings.motion_stale_s, settings.quality_min
+        self._moves_from_m_s = settings.immobilised_from_m_s
+        self.stall = StallMonitor(settings, vehicle)
         self.runaway = RunawayMonitor(settings, vehicle.max_speed_m_s)
         self.odometer = Odometer()
         self._steering = SteeringMonitor(vehicle)
         self._zeros, self._readings = ZeroDoubt(), ReadingDoubt()
-        self._stride_m = settings.blind_stride_m
-        self._blind_m = 0.0
+        self._blind_m = 0.0  # commanded ahead since motion was seen
         self.moves = self.stride_over = self._lies = False
         self.moved: Moved | None = None
         self._next = Moved()  # begun at ``_begun_t_s``: after a silence later than the last reading
         self._begun_t_s = self._spoke_t_s = 0.0
-        self._driven_t_s = self._moved_t_s = 0.0
+        self._driven_t_s = self._known_t_s = 0.0
 
     def start(self, t_s: float) -> None:
         """Begin all ages now."""
-        self._driven_t_s = self._spoke_t_s = self._moved_t_s = self._begun_t_s = t_s
+        self._driven_t_s = self._spoke_t_s = self._known_t_s = self._begun_t_s = t_s
 
     def update(
         self, interval: TickInterval, turned_deg: float, reading: MotionReading | None, conditions: list[Condition]
@@ -76,8 +73,17 @@ class MotionMonitor:
         # A reading of an impossible time, or not later than the last one or the start of the run, is none.
         if reading is not None and self._spoke_t_s < reading.t_s <= t_s:
             moved = self._take(reading, conditions)
-        if t_s - self._moved_t_s > self._stale_s and self._is_silent(t_s, conditions) and moved is None:
-            moved = self._close(t_s)
+        if t_s - self._known_t_s > self._stale_s:
+            silent = t_s - self._spoke_t_s > self._stale_s
+            if silent:
+                self.moves = False
+                self.stall.clear()
+                self.runaway.clear()
+                moved = self._close(t_s) if moved is None else moved
+            if self._watched and silent:
+                conditions.append(Condition.MOTION_STALE)
+            elif self._watched and t_s - self._known_t_s > self._settings.motion_unknown_s:
+                conditions.append(Condition.MOTION_UNKNOWN)
         self.moved = moved
         self.odometer.update(interval.forward_m, moved, self._next.way_m)
         self._steering.update(interval, turned_deg, moves=self.moves)
@@ -94,7 +100,7 @@ class MotionMonitor:
             self._blind_m += forward_m
             share = SHORT_SHARE if self._lies or Condition.HEADING_RECKONED in conditions else 1.0
             held = self._steering.unanswered and not BLIND.isdisjoint(conditions)
-            if held or self._blind_m >= share * self._stride_m:
+            if held or self._blind_m >= share * self._settings.blind_stride_m:
                 self._blind_m = 0.0
                 self._steering.begin()
                 self.stride_over = True
@@ -102,32 +108,25 @@ class MotionMonitor:
     def _take(self, reading: MotionReading, conditions: list[Condition]) -> Moved:
         read_t_s, forward_m, right_m, quality, signed = reading
         moved = self._close(read_t_s)
-        dt_s, self._spoke_t_s = read_t_s - self._spoke_t_s, read_t_s
-        if quality >= self._quality_min:
+        read_s = moved.read_s = read_t_s - self._spoke_t_s
+        self._spoke_t_s = read_t_s
+        sure = quality >= self._quality_min
+        if sure:
             self._lies = self._readings.doubts(reading, moved.commanded_m)
-        limit_m = self._speed_max_m_s * dt_s
+        limit_m = self._settings.motion_speed_max_m_s * read_s
         if not (abs(forward_m) <= limit_m and abs(right_m) <= limit_m and 0.0 <= quality <= 1.0):
             conditions.append(Condition.MOTION_IMPLAUSIBLE)
-        elif quality >= self._quality_min and not self._lies and not self._zeros.doubts:
+        elif sure and not self._lies and not self._zeros.doubts:
             moved.see(forward_m, right_m, signed=signed)
-        forward_m, most_m, seen_m = moved.forward_m, moved.most_m, self._seen_from_m_s * dt_s
-        counted_m: float | None = None
-        if moved.known:
-            counted_m = forward_m
-            if moved.commanded_m:
-                counted_m = most_m if forward_m > most_m else -most_m if forward_m < -most_m else forward_m
-        self.stall.add(
-            moved.driven_s, moved.commanded_m, counted_m, turned_deg=moved.turned_deg,
-            straight=moved.straight(self._m_per_deg), slid_m=moved.right_m if abs(moved.right_m) >= seen_m else 0.0,
-        )  # fmt: skip
-        self.moves = moved.known and abs(forward_m) >= seen_m
+        self.stall.add(moved)
+        self.moves = moved.known and abs(forward_m) >= self._moves_from_m_s * read_s
         if not moved.known:
             self.runaway.clear()
             return moved
-        self._moved_t_s = read_t_s
+        self._known_t_s = read_t_s
         stood_s = read_t_s - self._driven_t_s
         if stood_s > 0.0 or self.runaway.found:
-            self.runaway.add(dt_s, stood_s, forward_m, signed=signed)
+            self.runaway.add(moved, stood_s)
         return moved
 
     def _close(self, t_s: float) -> Moved:
@@ -138,24 +137,6 @@ class MotionMonitor:
         # A reading may be older than the gap that the tick saw: then nothing is known to have been driven.
         moved.driven_s = lasted_s - moved.undriven_s if moved.undriven_s < lasted_s else 0.0
         return moved
-
-    def _is_silent(self, t_s: float, conditions: list[Condition]) -> bool:
-        """Add the condition of a sensor that says or sees nothing; return whether it says nothing."""
-        settings = self._settings
-        silent_s, unknown_s = t_s - self._spoke_t_s, t_s - self._moved_t_s
-        silent = silent_s > settings.motion_stale_s
-        if silent:
-            self.moves = False
-            self.stall.clear()
-            self.runaway.clear()
-            found = Condition.MOTION_STALE
-        elif unknown_s > settings.motion_unknown_s:
-            found = Condition.MOTION_UNKNOWN
-        else:
-            return silent
-        if self._watched:
-            conditions.append(found)
-        return silent
 
 
 # -- what was covered --------------------------------------------------------------------------------------------------
@@ -259,17 +240,13 @@ class ZeroDoubt:
             return
         left, right = interval.commanded
         if left * right < 0.0:
-            self._turn(turned_deg)
+            if self._ahead_m >= DRIVEN_M and self._back_m >= DRIVEN_M:
+                self._turned_deg += abs(turned_deg)  # a turn that is taken back is still a turn
+                self.doubts = self._turned_deg >= TURNED_DEG
         elif interval.forward_m > 0.0:
             self._ahead_m += interval.forward_m
         else:
             self._back_m -= interval.forward_m
-
-    def _turn(self, turned_deg: float) -> None:
-        """Add up turns that follow driving both ways; a turn that is taken back is still a turn."""
-        if self._ahead_m >= DRIVEN_M and self._back_m >= DRIVEN_M:
-            self._turned_deg += abs(turned_deg)
-            self.doubts = self._turned_deg >= TURNED_DEG
 
 
 class ReadingDoubt:
@@ -308,3 +285,97 @@ class ReadingDoubt:
             if t_s - self._stopped_s > STOPS_EACH_S:
                 self._stops_since_s = t_s
             self._stopped_s = t_s
+
+
+# -- motion without a command ------------------------------------------------------------------------------------------
+
+G_M_S2: Final = 9.81
+# Motors that are told 0 brake, but do not hold: from 3 degrees on, a body rolls (the rolling resistance of
+# ``simhal.world.wheeled_body``), and on mud its braked wheels slide from 6 degrees on (a friction of 0.1). A compass
+# has some degrees of noise.
+SLIDES_FROM_DEG: Final = 4.0
+# Chosen by us: after so long the body has come to rest, or rolls, or is at the foot of the slope. When it was told to
+# stop it was at most so many times as fast as at full duty: one that was driven down a slope of mud was 1.9 times.
+SLIDES_S: Final = 10.0
+FASTEST: Final = 2.0
+# A flow sensor at another height than configured sees more than the wheels do: by half, measured with ``FIELD``.
+FLOW_SCALE_MAX: Final = 1.5
+
+
+class RunawayMonitor:
+    """Finds motion without a command, in one direction; ``found`` says whether it has lasted long enough.
+
+    A body that coasts loses speed, at least ``gain_m_s2`` on the most slippery ground. While it does, it is
+    not running away. This monitor does not know whether the rover is armed; a person may push one that is not, so
+    the controller ignores the finding then.
+
+    Nor is a body that gravity moves downhill. It rolls, no faster than the speed at which its braked motors take up its
+    weight; or it slides, but only for ``SLIDES_S`` after the stop, and no faster than ``FASTEST`` and what free fall
+    along the slope has added since. What is faster is driven.
+
+    ``falls_ahead_deg`` and ``falls_back_deg`` are how far ground or body fall to either end, as far as that is known;
+    the most that they may.
+
+    Args:
+        settings: how fast, for how long, and how long after the stop it must move.
+        max_speed_m_s: ground speed at full duty.
+    """
+
+    def __init__(self, settings: DetectorSettings, max_speed_m_s: float) -> None:
+        self._after_s = settings.runaway_after_s - ROUNDING_S
+        self._for_s = settings.runaway_for_s - ROUNDING_S
+        self._from_m_s = settings.runaway_from_m_s
+        self._loss_m_s2 = settings.gain_m_s2
+        self._max_speed_m_s = max_speed_m_s
+        self._coasting: deque[tuple[float, float]] = deque()  # how long zero had been commanded, and the speed
+        self.falls_ahead_deg = self.falls_back_deg = 0.0
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget: nothing is known of the time before now."""
+        self._coasting.clear()
+        self._moving_s = self._way = 0.0
+        self.found = False
+
+    def add(self, moved: Moved, stood_s: float) -> None:
+        """Judge with a reading; zero has been commanded for ``stood_s``.
+
+        It counts if most of its time is after the time for coasting. If the sensor sees no direction, the motion may
+        be downhill.
+        """
+        if self._coasting and stood_s <= self._coasting[-1][0]:
+            self.clear()
+        read_s, way = moved.read_s, copysign(1.0, moved.forward_m)
+        speed_m_s = abs(moved.forward_m) / read_s
+        coasts = self._slows_down(stood_s, speed_m_s)
+        if (
+            stood_s - read_s / 2 < self._after_s
+            or speed_m_s < self._from_m_s
+            or coasts
+            or self._is_pulled(stood_s, speed_m_s, way)
+            or (not moved.signed and self._is_pulled(stood_s, speed_m_s, -way))
+        ):
+            self._moving_s = self._way = 0.0
+        else:
+            self._moving_s = self._moving_s + read_s if way == self._way else read_s
+            self._way = way
+        self.found = self._moving_s >= self._for_s
+
+    def _is_pulled(self, stood_s: float, speed_m_s: float, way: float) -> bool:
+        """Return whether gravity can move a braked body so fast this way."""
+        falls_deg = self.falls_ahead_deg if way > 0.0 else self.falls_back_deg
+        fall = sin(radians(falls_deg))
+        if speed_m_s <= FLOW_SCALE_MAX * LOAD_MAX * fall * self._max_speed_m_s:
+            return True
+        slides_m_s = FASTEST * self._max_speed_m_s + G_M_S2 * fall * stood_s
+        return falls_deg >= SLIDES_FROM_DEG and stood_s <= SLIDES_S and speed_m_s <= slides_m_s
+
+    def _slows_down(self, stood_s: float, speed_m_s: float) -> bool:
+        """Return whether the speed has fallen by at least ``gain_m_s2``, measured over ``runaway_for_s``."""
+        speeds = self._coasting
+        speeds.append((stood_s, speed_m_s))
+        while len(speeds) > 1 and stood_s - speeds[1][0] >= self._for_s:
+            speeds.popleft()
+        then_s, then_m_s = speeds[0]
+        over_s = stood_s - then_s
+        return over_s >= self._for_s and then_m_s - speed_m_s >= self._loss_m_s2 * over_s

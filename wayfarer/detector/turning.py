@@ -13,7 +13,6 @@
 
 from __future__ import annotations
 
-from math import degrees
 from typing import Final
 
 from wayfarer.detector.settings import DetectorSettings
@@ -89,15 +88,11 @@ class TurnabilityMonitor:
             before_s, self._tried_s = self._tried_s, self._tried_s + interval.driven_s
             if before_s < self._try_s <= self._tried_s:
                 self._tries += 1
-                return self._judge()
-        return self._found
-
-    def _judge(self) -> tuple[Condition, ...]:
-        if self._tries >= self._settings.cannot_turn_max:
-            self._found, self._tries = (), 0
-            return (Condition.CANNOT_TURN, Condition.ENTRAPPED)
-        if self._tries >= self._settings.cannot_turn_tries:
-            self._found = (Condition.CANNOT_TURN,)
+                if self._tries >= self._settings.cannot_turn_max:
+                    self._found, self._tries = (), 0
+                    return (Condition.CANNOT_TURN, Condition.ENTRAPPED)
+                if self._tries >= self._settings.cannot_turn_tries:
+                    self._found = (Condition.CANNOT_TURN,)
         return self._found
 
 
@@ -124,7 +119,7 @@ class SteeringMonitor:
     """
 
     def __init__(self, vehicle: Vehicle) -> None:
-        self._ideal_deg_s = degrees(2.0 * vehicle.max_speed_m_s / vehicle.track_m)  # at turn duty 1 on ideal ground
+        self._ideal_deg_s = vehicle.full_turn_deg_s
         self._free_duty = 0.0  # without an answer on free ground
         self.begin()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import degrees
 from typing import Annotated
 
 from annotated_types import Interval
@@ -31,6 +32,11 @@ class Vehicle:
     turn_from_duty: Annotated[float, Interval(ge=0, lt=1)] = 0.0
     """Half the difference of the two sides' duties from which the body begins to turn on the spot, as a share of full
     duty. 0 = not measured; it is learnt while driving, from this value on."""
+
+    @property
+    def full_turn_deg_s(self) -> float:
+        """How fast the body turns on the spot at full duty, on ground that takes up none of it."""
+        return degrees(2.0 * self.max_speed_m_s / self.track_m)
 
     def mix(self, speed_m_s: float, turn_rad_s: float) -> WheelCommand:
         """Return the wheel duties for a forward speed and a clockwise turn rate.

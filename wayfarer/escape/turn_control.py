@@ -71,7 +71,7 @@ class TurnController:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._max_speed_m_s = vehicle.max_speed_m_s
-        self._ideal_deg_s = degrees(2.0 * vehicle.max_speed_m_s / vehicle.track_m)  # at turn duty 1 on ideal ground
+        self._ideal_deg_s = vehicle.full_turn_deg_s
         self._most_behind_deg = self._ideal_deg_s / CATCH_UP_PER_S
         self._first_dead_zone = vehicle.turn_from_duty
         self.lag = CompassLag()

@@ -78,14 +78,19 @@ class Moved:
       the sides, whatever their direction; ``led_m`` how much further the left side went than that of the body's middle.
     * ``driven_s``: how long the wheels obeyed, of the time between the two readings.
     * Seen: ``turned_deg`` by the heading; ``forward_m`` and ``right_m`` by the sensor if it is ``known``, else 0. A
-      sensor that sees no direction is not ``signed``: ``forward_m`` then has the sign of the wheels.
+      sensor that sees no direction is not ``signed``: ``forward_m`` then has the sign of the wheels. ``counted_m`` is
+      ``forward_m``, up to ``most_m`` if anything was commanded; ``read_s`` is the time between the readings.
+    * Possible, as ``StallMonitor`` fills it in, positive in the direction that is commanded: ``before_m_s`` the speed
+      before, ``gained_m_s`` what the ground's grip adds to it, ``possible_m`` how far a body comes that has been free
+      since the wheels were commanded this way.
     """
 
     def __init__(self, before_m: float = 0.0) -> None:
         self.commanded_m = self.way_m = self.pushed_m = self.led_m = self.turned_deg = 0.0
-        self.undriven_s = self.driven_s = 0.0
+        self.undriven_s = self.driven_s = self.read_s = 0.0
         self.known, self.signed = False, True
-        self.forward_m = self.right_m = 0.0
+        self.forward_m = self.right_m = self.counted_m = 0.0
+        self.before_m_s = self.gained_m_s = self.possible_m = 0.0
         self._before_m = before_m  # ``way_m`` of the one before
 
     def drive(self, tick: TickInterval, turned_deg: float, max_speed_m_s: float) -> None:
@@ -102,19 +107,24 @@ class Moved:
     def see(self, forward_m: float, right_m: float, *, signed: bool) -> None:
         """Take what the sensor saw, which may be believed."""
         self.known, self.signed, self.right_m = True, signed, right_m
-        self.forward_m = -forward_m if not signed and self.commanded_m < 0.0 else forward_m
+        if not signed and self.commanded_m < 0.0:
+            forward_m = -forward_m
+        self.forward_m = self.counted_m = forward_m
+        if self.commanded_m:
+            most_m = self.most_m
+            self.counted_m = most_m if forward_m > most_m else -most_m if forward_m < -most_m else forward_m
 
     @property
     def most_m(self) -> float:
         """The most that a reading counts for."""
         return MOST_SHARE * (self.way_m if self.way_m > self._before_m else self._before_m)
 
-    def straight(self, track_m_per_deg: float) -> float:
+    def straight(self, m_per_deg: float) -> float:
         """Return the share of the wheels' push that was ahead or back, 0 to 1; the rest of the grip was for turning.
 
-        ``track_m_per_deg`` is how far a side goes for each degree of a turn on the spot.
+        ``m_per_deg`` is how far a side goes for each degree of a turn on the spot.
         """
-        turned_m = self.turned_deg * track_m_per_deg
+        turned_m = self.turned_deg * m_per_deg
         if abs(self.led_m - turned_m) > abs(self.commanded_m - self.forward_m):
             return 0.0  # one side's wheels slip ahead, the other's back: their friction cancels out
         return abs(self.commanded_m) / hypot(self.pushed_m, turned_m) if self.commanded_m else 1.0

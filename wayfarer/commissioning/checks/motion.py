@@ -21,6 +21,7 @@ from wayfarer.control.rate import Rate
 from wayfarer.detector import StallMonitor
 from wayfarer.errors import DriverError
 from wayfarer.hal import DriveMotors, WheelCommand
+from wayfarer.safety.tick_interval import Moved
 
 ON_BLOCKS = (
     "The wheels are going to turn, slowly, several times, for up to {longest_s:.1f} s. "
@@ -137,7 +138,7 @@ async def notices_being_stuck(_ask: Ask, inspection: Inspection) -> Finding:
 async def _watch_stall(inspection: Inspection) -> tuple[bool, float]:
     """Return whether a stall was found, and the share of readings that said nothing."""
     config, motors = inspection.config, inspection.rover.motors
-    stall, unknown, found = StallMonitor(config.detector), 0, False
+    stall, unknown, found = StallMonitor(config.detector, config.vehicle), 0, False
     duty = min(STALL_DUTY, config.safety.duty_max)
     commanded_m = duty * config.vehicle.max_speed_m_s / RATE_HZ
     ticks, rate = round(STALL_S * RATE_HZ), Rate(RATE_HZ)
@@ -148,7 +149,11 @@ async def _watch_stall(inspection: Inspection) -> tuple[bool, float]:
             await rate.wait()
             reading = await require_reading(inspection.motion())
             unknown += reading.quality < config.detector.quality_min
-            stall.add(1.0 / RATE_HZ, commanded_m, reading.forward_m)
+            moved = Moved()
+            moved.commanded_m = moved.way_m = moved.pushed_m = commanded_m
+            moved.driven_s = 1.0 / RATE_HZ
+            moved.see(reading.forward_m, 0.0, signed=reading.signed)
+            stall.add(moved)
             found = found or stall.found
     return found, unknown / ticks
 
