@@ -11,9 +11,8 @@ from wayfarer.angles import wrap180
 from wayfarer.escape.api import Observation, Phase
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.escape.handler import PhasedHandler
-from wayfarer.escape.lag import STEP, CompassLag
 from wayfarer.escape.settings import EscapeSettings, Vehicle
-from wayfarer.escape.turn_control import TurnController
+from wayfarer.escape.turn_control import STEP, CompassLag, TurnController
 from wayfarer.hal import WheelCommand
 
 TICK_S = 0.05

@@ -70,9 +70,22 @@ class CompassMonitor:
         if reading is not self._seen and reading is not None:
             self._take(t_s, reading)
         stale = t_s - self.believed_t_s > self._stale_s or self.reading is None
-        if stale or self._rejections or self._frozen or self._low_since_s is not None:
-            return self._judge(t_s, stale=stale)
-        return []
+        conditions: list[Condition] = []
+        if not (stale or self._rejections or self._frozen or self._low_since_s is not None):
+            return conditions  # nearly every tick ends here
+        settings = self._settings
+        many = self._rejections.bit_count() >= settings.implausible_rejected
+        if self._jump_persists or many or t_s < self._doubted_until_s:
+            conditions.append(Condition.COMPASS_IMPLAUSIBLE)
+            self._jump_persists = False
+        if self._frozen:
+            conditions.append(Condition.COMPASS_FROZEN)
+        if self._uncalibrated(t_s):
+            conditions.append(Condition.COMPASS_UNCALIBRATED)
+        if stale:
+            lost = t_s - self.believed_t_s > settings.compass_lost_s
+            conditions.append(Condition.COMPASS_LOST if lost else Condition.COMPASS_STALE)
+        return conditions
 
     def _take(self, t_s: float, reading: CompassReading) -> None:
         self._seen = reading
@@ -87,7 +100,12 @@ class CompassMonitor:
             self._reject(t_s)  # impossible, however often it is repeated; the heading will soon be stale
             return
         since_s, self._read_t_s = read_t_s - self._read_t_s, read_t_s
-        if self._is_new(heading_deg):
+        # A heading is new if it is none of the last two values: a part that hangs may toggle between two.
+        last_deg, other_deg = self._values_deg
+        if not (
+            abs(wrap180(heading_deg - last_deg)) <= DITHER_DEG or abs(wrap180(heading_deg - other_deg)) <= DITHER_DEG
+        ):
+            self._values_deg = (heading_deg, last_deg)
             self._equal_s = self._all_equal_s = self._repeated_s = 0.0
             self._frozen = False
         else:
@@ -101,14 +119,6 @@ class CompassMonitor:
         elif self._low_since_s is None:
             self._low_since_s = read_t_s
         self._weigh(t_s, since_s, reading)
-
-    def _is_new(self, heading_deg: float) -> bool:
-        """Return whether a heading is none of the last two values: a part that hangs may toggle between two."""
-        last_deg, other_deg = self._values_deg
-        if abs(wrap180(heading_deg - last_deg)) <= DITHER_DEG or abs(wrap180(heading_deg - other_deg)) <= DITHER_DEG:
-            return False
-        self._values_deg = (heading_deg, last_deg)
-        return True
 
     def _weigh(self, t_s: float, since_s: float, reading: CompassReading) -> None:
         """Accept a reading, unless the rover cannot have turned that far in the time since the previous reading."""
@@ -137,22 +147,6 @@ class CompassMonitor:
 
     def _uncalibrated(self, t_s: float) -> bool:
         return self._low_since_s is not None and t_s - self._low_since_s >= self._settings.uncalibrated_s
-
-    def _judge(self, t_s: float, *, stale: bool) -> list[Condition]:
-        settings = self._settings
-        conditions: list[Condition] = []
-        many = self._rejections.bit_count() >= settings.implausible_rejected
-        if self._jump_persists or many or t_s < self._doubted_until_s:
-            conditions.append(Condition.COMPASS_IMPLAUSIBLE)
-            self._jump_persists = False
-        if self._frozen:
-            conditions.append(Condition.COMPASS_FROZEN)
-        if self._uncalibrated(t_s):
-            conditions.append(Condition.COMPASS_UNCALIBRATED)
-        if stale:
-            lost = t_s - self.believed_t_s > settings.compass_lost_s
-            conditions.append(Condition.COMPASS_LOST if lost else Condition.COMPASS_STALE)
-        return conditions
 
 
 # A CMPS14 or BNO055 that was opened again answers after 0.65 s (BNO055 data sheet, table 0-2); three tries.
@@ -219,7 +213,10 @@ class HeadingEstimator:
             conditions.append(Condition.HEADING_RECKONED)
             return
         if not doubted:
-            self._learn(commanded_deg, turned_deg)
+            if commanded_deg * self._turn_deg < 0.0 or (not commanded_deg and self._turn_deg):
+                self._learn()
+            self._turn_deg += commanded_deg
+            self._turned_deg += turned_deg
             if turned_deg or not commanded_deg:
                 self._unseen_deg = 0.0
         self.reading = compass
@@ -251,14 +248,8 @@ class HeadingEstimator:
         pitch_deg, roll_deg = (0.0, 0.0) if silent else (compass.pitch_deg, compass.roll_deg)
         self.reading = CompassReading(t_s, self._reckoned_deg, pitch_deg, roll_deg, None)
 
-    def _learn(self, commanded_deg: float, turned_deg: float) -> None:
-        """Add a tick to the present turn; when it is over, learn from it."""
-        if commanded_deg * self._turn_deg < 0.0 or (not commanded_deg and self._turn_deg):
-            self._end_turn()
-        self._turn_deg += commanded_deg
-        self._turned_deg += turned_deg
-
-    def _end_turn(self) -> None:
+    def _learn(self) -> None:
+        """Learn from the present turn, which is over."""
         if abs(self._turn_deg) >= LEARN_FROM_DEG:
             share = self._turned_deg / self._turn_deg
             if SHARE_LEAST <= share <= SHARE_MOST:

@@ -61,13 +61,7 @@ class GroundSlope:
         self._set(*_turned(believed.pitch_deg, believed.roll_deg, believed.heading_deg))
 
     def update(
-        self,
-        believed: CompassReading,
-        moved: Moved | None,
-        driven_m: float,
-        *,
-        moves: bool,
-        heading_known: bool,
+        self, believed: CompassReading, moved: Moved | None, driven_m: float, *, moves: bool, heading_known: bool
     ) -> None:
         """Take in a tick.
 
@@ -83,8 +77,18 @@ class GroundSlope:
         if moved is None or not moved.known or not heading_known:
             return
         self._unseen_m = max(0.0, self._unseen_m - moved.way_m)
-        if moves and moved.way_m:
-            self._learn(believed, moved.way_m)
+        if not (moves and moved.way_m):
+            return
+        # Come nearer to the attitude, by a share for this distance.
+        share = moved.way_m / (LEARN_M + moved.way_m)
+        self._unseen_m -= share * self._unseen_m
+        north_deg, east_deg = _turned(believed.pitch_deg, believed.roll_deg, believed.heading_deg)
+        north_deg -= self._north_deg
+        east_deg -= self._east_deg
+        difference_deg = hypot(north_deg, east_deg)
+        if difference_deg > DIFFERENCE_MAX_DEG:
+            share *= DIFFERENCE_MAX_DEG / difference_deg
+        self._set(self._north_deg + share * north_deg, self._east_deg + share * east_deg)
 
     def towards_deg(self, heading_deg: float) -> tuple[float, float, float, float]:
         """Return how far the ground tilts a body with this heading: nose up, nose down, right down, left down.
@@ -107,18 +111,6 @@ class GroundSlope:
     @property
     def _known(self) -> bool:
         return self._heading_known and self._unseen_m <= UNSEEN_M
-
-    def _learn(self, believed: CompassReading, driven_m: float) -> None:
-        """Come nearer to the attitude, by a share for this distance."""
-        share = driven_m / (LEARN_M + driven_m)
-        self._unseen_m -= share * self._unseen_m
-        north_deg, east_deg = _turned(believed.pitch_deg, believed.roll_deg, believed.heading_deg)
-        north_deg -= self._north_deg
-        east_deg -= self._east_deg
-        difference_deg = hypot(north_deg, east_deg)
-        if difference_deg > DIFFERENCE_MAX_DEG:
-            share *= DIFFERENCE_MAX_DEG / difference_deg
-        self._set(self._north_deg + share * north_deg, self._east_deg + share * east_deg)
 
     def _set(self, north_deg: float, east_deg: float) -> None:
         size_deg = hypot(north_deg, east_deg)
@@ -220,23 +212,6 @@ LEARN_FROM_DEG: Final = 4.0
 DOWNHILL_SHARE: Final = 0.5
 
 
-class Load:
-    """A learnt load: ``value`` is the duty that gravity takes up, for a sine of the slope of 1."""
-
-    def __init__(self) -> None:
-        self.value = LOAD
-
-    def learn(self, missed: float, rise: float, moved_m: float) -> None:
-        """Take in a reading.
-
-        Args:
-            missed: by how much the body was slower ahead than expected, as a share of the speed at full duty.
-            rise: the sine of the slope ahead.
-            moved_m: how far the body moved.
-        """
-        self.value = clamp(self.value + missed / rise * moved_m / (LOAD_LEARN_M + moved_m), 0.0, LOAD_MAX)
-
-
 class GradeCompensation:
     """Adds the duty that the slope takes up.
 
@@ -250,7 +225,7 @@ class GradeCompensation:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._max_speed_m_s = vehicle.max_speed_m_s
-        self._drives, self._pivots = Load(), Load()
+        self._loads = [LOAD, LOAD]  # while it drives, and in a turn on the spot
         self._rise = 0.0
         self._added = 0.0  # duty that this decision got against the slope
         self._uncompensated = 0.0  # what it lacks for all of the slope: positive downhill, where the slope drives
@@ -279,8 +254,11 @@ class GradeCompensation:
         missed_m = moved.commanded_m + self._uncompensated_m - moved.forward_m
         self._uncompensated_m = 0.0
         if self._steady_s >= STEADY_S and abs(pitch_deg) >= LEARN_FROM_DEG and moved.known and moved.driven_s > 0.0:
+            # By how much the body was slower ahead than expected, as a share of the speed at full duty.
             missed = missed_m / (moved.driven_s * self._max_speed_m_s)
-            self._load(left, right).learn(missed, self._rise, abs(moved.forward_m))
+            pivots, moved_m = left * right < 0.0, abs(moved.forward_m)
+            load = self._loads[pivots] + missed / self._rise * moved_m / (LOAD_LEARN_M + moved_m)
+            self._loads[pivots] = clamp(load, 0.0, LOAD_MAX)
 
     def compensate(self, wheels: WheelCommand) -> WheelCommand:
         """Return the duties that drive the body on this slope as ``wheels`` would on flat ground; turning comes first.
@@ -290,7 +268,7 @@ class GradeCompensation:
         if not self._rise or wheels == STOP:
             return wheels
         left, right = wheels
-        ahead, turn, slope = (left + right) / 2.0, (left - right) / 2.0, self._load(left, right).value * self._rise
+        ahead, turn, slope = (left + right) / 2.0, (left - right) / 2.0, self._loads[left * right < 0.0] * self._rise
         added = slope
         if ahead * slope < 0.0:
             most = (1.0 - DOWNHILL_SHARE) * abs(ahead)
@@ -300,9 +278,6 @@ class GradeCompensation:
         self._added = driven - ahead
         self._uncompensated = self._added - slope
         return WheelCommand(driven + turn, driven - turn)
-
-    def _load(self, left: float, right: float) -> Load:
-        return self._pivots if left * right < 0.0 else self._drives
 
     def on_flat_ground(self, applied: WheelCommand) -> WheelCommand:
         """Return the duties that would drive the body on flat ground as ``applied`` does on this slope."""

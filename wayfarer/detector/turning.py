@@ -16,8 +16,8 @@ from __future__ import annotations
 from typing import Final
 
 from wayfarer.detector.settings import DetectorSettings
-from wayfarer.escape.lag import BODY_LAG_S, faded, lagged
 from wayfarer.escape.settings import Vehicle
+from wayfarer.escape.turn_control import BODY_LAG_S, faded, lagged
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.tick_interval import ROUNDING_S, TickInterval
 

@@ -18,7 +18,7 @@ from typing import Final
 from wayfarer.angles import axis_offset_deg, wrap180
 from wayfarer.clamp import clamp
 from wayfarer.escape.api import CLOCKWISE, COUNTER_CLOCKWISE, EscapeHandler, Observation
-from wayfarer.escape.handler import AlgorithmSpec, PhasedHandler, TurnAngle, TurnSide
+from wayfarer.escape.handler import AlgorithmSpec, PhasedHandler, StrideLength, TurnAngle, TurnSide, short_stride
 from wayfarer.escape.phases import PLEDGE, STRIDES
 from wayfarer.escape.retry import RetryHandler
 from wayfarer.escape.settings import EscapeSettings, Vehicle
@@ -152,84 +152,41 @@ class Algorithm:
 
 
 def _row(
-    name: str,
-    family: str,
-    summary: str,
-    spec: AlgorithmSpec,
-    requires: frozenset[str] = NOTHING,
+    name: str, family: str, summary: str, *, side: TurnSide = clockwise, angle: TurnAngle = fixed_angle,
+    stride: StrideLength = short_stride, resets: bool = True, requires: frozenset[str] = NOTHING,
     handler: type[PhasedHandler] = PhasedHandler,
-) -> Algorithm:
+) -> Algorithm:  # fmt: skip
+    """Return a row. Only the Pledge family probes, where ``resets`` counts, and keeps its side for a whole episode."""
+    pledge = family == "pledge"
+    spec = AlgorithmSpec(PLEDGE if pledge else STRIDES, side, angle, stride, resets=resets, keeps_side=pledge)
     return Algorithm(name, family, summary, partial(handler, spec), requires)
 
 
-def _pledge(
-    name: str,
-    summary: str,
-    *,
-    side: TurnSide = clockwise,
-    angle: TurnAngle = fixed_angle,
-    resets: bool = True,
-    requires: frozenset[str] = NOTHING,
-    handler: type[PhasedHandler] = PhasedHandler,
-) -> Algorithm:
-    spec = AlgorithmSpec(PLEDGE, side, angle, resets=resets, keeps_side=True)
-    return _row(name, "pledge", summary, spec, requires, handler)
-
-
+# fmt: off
 _ROWS = (
-    _pledge("pledge", "the paper's baseline: unwind every turn before following the goal again", resets=False),
-    _pledge("forest-pledge", "Pledge that also ends an episode when the heading is back at the goal"),
-    _pledge("rand-pledge", "Forest-Pledge with a random side for each episode", side=either),
-    _pledge(
-        "cv-pledge",
-        "Forest-Pledge that first turns away from the touched side",
-        side=away_else_clockwise,
-        requires=CONTACT,
-    ),
-    _pledge(
-        "oo-pledge",
-        "Forest-Pledge that first turns along an obstacle that leads towards the goal",
-        side=along_else_clockwise,
-        requires=CONTACT,
-    ),
-    _pledge("levy-pledge", "Forest-Pledge with a Lévy-distributed turn angle", angle=levy_angle),
-    _row(
-        "levy-walk",
-        "stochastic",
-        "a uniform new heading and a Lévy-distributed stride",
-        AlgorithmSpec(STRIDES, either, uniform_angle, stride=levy_stride),
-    ),
-    _row(
-        "cv-levy",
-        "stochastic",
-        "a Lévy walk whose headings point away from the touched side",
-        AlgorithmSpec(STRIDES, away_else_either, uniform_angle, stride=levy_stride),
-        CONTACT,
-    ),
-    _row(
-        "cv-react",
-        "reactive",
-        "steer away from the touched side, then follow the goal again",
-        AlgorithmSpec(STRIDES, away_else_either, fixed_angle),
-        CONTACT,
-    ),
-    _row(
-        "oo-react",
-        "reactive",
-        "follow an obstacle that leads towards the goal, else steer away from it",
-        AlgorithmSpec(STRIDES, along_else_away, along_angle),
-        CONTACT,
-    ),
+    _row("pledge", "pledge", "the paper's baseline: unwind every turn before following the goal again", resets=False),
+    _row("forest-pledge", "pledge", "Pledge that also ends an episode when the heading is back at the goal"),
+    _row("rand-pledge", "pledge", "Forest-Pledge with a random side for each episode", side=either),
+    _row("cv-pledge", "pledge", "Forest-Pledge that first turns away from the touched side",
+         side=away_else_clockwise, requires=CONTACT),
+    _row("oo-pledge", "pledge", "Forest-Pledge that first turns along an obstacle that leads towards the goal",
+         side=along_else_clockwise, requires=CONTACT),
+    _row("levy-pledge", "pledge", "Forest-Pledge with a Lévy-distributed turn angle", angle=levy_angle),
+    _row("levy-walk", "stochastic", "a uniform new heading and a Lévy-distributed stride",
+         side=either, angle=uniform_angle, stride=levy_stride),
+    _row("cv-levy", "stochastic", "a Lévy walk whose headings point away from the touched side",
+         side=away_else_either, angle=uniform_angle, stride=levy_stride, requires=CONTACT),
+    _row("cv-react", "reactive", "steer away from the touched side, then follow the goal again",
+         side=away_else_either, requires=CONTACT),
+    _row("oo-react", "reactive", "follow an obstacle that leads towards the goal, else steer away from it",
+         side=along_else_away, angle=along_angle, requires=CONTACT),
 )
-
 _ROWS_BEYOND = (
-    _pledge(
-        "retry-pledge",
-        "Forest-Pledge that tries a second time if a stall may be a slip; no gain is shown in MuJoCo, and the rise of "
-        "the nose that it looks for was never measured on a rover",
-        handler=RetryHandler,
-    ),
+    _row("retry-pledge", "pledge",
+         "Forest-Pledge that tries a second time if a stall may be a slip; no gain is shown in MuJoCo, and the rise of "
+         "the nose that it looks for was never measured on a rover", handler=RetryHandler),
 )
+# fmt: on
 
 CATALOGUE: Mapping[str, Algorithm] = {row.name: row for row in _ROWS}
 """The ten of the paper."""

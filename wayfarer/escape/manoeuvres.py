@@ -10,10 +10,9 @@ from typing import ClassVar, Final
 from wayfarer.angles import wrap180
 from wayfarer.clamp import clamp
 from wayfarer.escape.api import Anomaly, Observation, Phase
-from wayfarer.escape.lag import BODY_LAG_S, faded
 from wayfarer.escape.phases import PhaseEvent
 from wayfarer.escape.settings import EscapeSettings
-from wayfarer.escape.turn_control import HeadingControl, TurnController
+from wayfarer.escape.turn_control import BODY_LAG_S, HeadingControl, TurnController, faded
 from wayfarer.hal import Side, WheelCommand
 
 # A manoeuvre may take this much longer, in time and in distance, than its plan before it counts as failed: lag, mud
@@ -55,6 +54,7 @@ class Manoeuvre(ABC):
     def __init__(self, settings: EscapeSettings, turns: TurnController, escape_plan: EscapePlan) -> None:
         self._settings = settings
         self._turns = turns
+        self._heading = HeadingControl(settings, turns)
         self._escape_plan = escape_plan
         self._limit_t_s = inf
         self._limit_m = inf
@@ -114,15 +114,10 @@ class Follow(Manoeuvre):
 
     phase = Phase.FOLLOW
 
-    def __init__(self, settings: EscapeSettings, turns: TurnController, escape_plan: EscapePlan) -> None:
-        super().__init__(settings, turns, escape_plan)
-        self._heading = HeadingControl(settings, turns)
-        self._pivot_s = 180.0 / settings.turn_deg_s
-
     def begin(self, observation: Observation) -> None:
         self._heading.reset()
         self._drive_ahead(observation)
-        self._bound(observation, self._pivot_s)
+        self._bound(observation, 180.0 / self._settings.turn_deg_s)
 
     def event(self, observation: Observation) -> PhaseEvent | None:
         if self._met(observation):
@@ -130,19 +125,15 @@ class Follow(Manoeuvre):
         if self._turns.stands:
             return PhaseEvent.EXHAUSTED
         if observation.t_s >= self._limit_t_s:
-            return self._check_alignment(observation)
+            error_deg = wrap180(observation.goal_heading_deg - observation.heading_deg)
+            if abs(error_deg) >= self._settings.pivot_beyond_deg:
+                return PhaseEvent.EXHAUSTED
+            self._bound(observation, 180.0 / self._settings.turn_deg_s)
         return None
 
     def wheels(self, observation: Observation) -> WheelCommand:
         error_deg = wrap180(observation.goal_heading_deg - observation.heading_deg)
         return self._heading.wheels(observation.t_s, error_deg)
-
-    def _check_alignment(self, observation: Observation) -> PhaseEvent | None:
-        error_deg = wrap180(observation.goal_heading_deg - observation.heading_deg)
-        if abs(error_deg) >= self._settings.pivot_beyond_deg:
-            return PhaseEvent.EXHAUSTED
-        self._bound(observation, self._pivot_s)
-        return None
 
 
 class BackOff(Manoeuvre):
@@ -164,7 +155,12 @@ class BackOff(Manoeuvre):
     def event(self, observation: Observation) -> PhaseEvent | None:
         if self._stops_after_m(observation) >= self._escape_plan.back_off_m:
             return PhaseEvent.DONE
-        if self._blocked_behind(observation):
+        # Whether reversing met something; a touch counts only behind, the front may still be clearing.
+        if observation.contact is not None and Side.REAR in observation.contact.sides:
+            blocked = Anomaly.TOUCHED in observation.anomalies
+        else:
+            blocked = any(anomaly is not Anomaly.TOUCHED for anomaly in self._fresh(observation))
+        if blocked:
             return PhaseEvent.ANOMALY
         return PhaseEvent.EXHAUSTED if self._exhausted(observation) else None
 
@@ -186,12 +182,6 @@ class BackOff(Manoeuvre):
 
     def wheels(self, _observation: Observation) -> WheelCommand:
         return self._turns.wheels(-self._settings.reverse_m_s, 0.0)
-
-    def _blocked_behind(self, observation: Observation) -> bool:
-        """Return whether reversing met something; a touch counts only behind, the front may still be clearing."""
-        if observation.contact is not None and Side.REAR in observation.contact.sides:
-            return Anomaly.TOUCHED in observation.anomalies
-        return any(anomaly is not Anomaly.TOUCHED for anomaly in self._fresh(observation))
 
 
 class TurnAway(Manoeuvre):
@@ -251,7 +241,8 @@ class Probe(Manoeuvre):
         escape_plan = self._escape_plan
         if escape_plan.counter_deg * escape_plan.side <= 0.0:
             return PhaseEvent.UNWOUND
-        if escape_plan.resets and self._realigned(observation):
+        error_deg = wrap180(observation.goal_heading_deg - observation.heading_deg)
+        if escape_plan.resets and abs(error_deg) <= self._settings.reset_within_deg:
             return PhaseEvent.REALIGNED
         if self._turns.stands:
             return PhaseEvent.ANOMALY  # something holds it: the counter must not be lost to a new episode
@@ -273,19 +264,11 @@ class Probe(Manoeuvre):
     def _curve_speed_m_s(self) -> float:
         return self._turns.curve_speed_m_s(self._settings.cruise_m_s, self._settings.probe_radius_m)
 
-    def _realigned(self, observation: Observation) -> bool:
-        error_deg = wrap180(observation.goal_heading_deg - observation.heading_deg)
-        return abs(error_deg) <= self._settings.reset_within_deg
-
 
 class Stride(Manoeuvre):
     """Drive straight for the escape plan's stride, on the heading at which the stride began."""
 
     phase = Phase.STRIDE
-
-    def __init__(self, settings: EscapeSettings, turns: TurnController, escape_plan: EscapePlan) -> None:
-        super().__init__(settings, turns, escape_plan)
-        self._heading = HeadingControl(settings, turns)
 
     def begin(self, observation: Observation) -> None:
         stride_m = self._escape_plan.stride_m

@@ -4,6 +4,8 @@ Tyres resist sideways. A body therefore turns only if the *turn duty* (half the 
 clockwise positive) is more than the ground's friction takes up; that share is the *dead zone*. It depends on ground,
 tyres, weight and motors: 0 on ideal ground, a tenth on mud, and half or more on dry soil (Kozlowski and Pazderski 2004,
 Mandow 2007). It is learnt only while the body turns, because a body that a tree holds shows nothing about the ground.
+
+A body follows its wheels as a filter of the first order. What has lasted is forgotten in the same way.
 """
 
 from __future__ import annotations
@@ -13,9 +15,26 @@ from math import copysign, cos, degrees, radians
 from typing import Final
 
 from wayfarer.angles import wrap180
-from wayfarer.escape.lag import BODY_LAG_S, LONGEST_TICKS, CompassLag, faded, lagged
+from wayfarer.clamp import clamp
 from wayfarer.escape.settings import EscapeSettings, Vehicle
 from wayfarer.hal import WheelCommand
+
+# A body follows its wheels with about this lag (``simhal.world.physics.Physics``: 0.1 s; ForestRover's mass and motors:
+# 0.12 s).
+BODY_LAG_S: Final = 0.1
+
+
+def lagged(value: float, target: float, dt_s: float, lag_s: float) -> float:
+    """Return what follows a target with a lag, after ``dt_s``: in small steps it comes nearer by 63 % in ``lag_s``."""
+    return value + (target - value) * dt_s / (dt_s + lag_s)
+
+
+def faded(value: float, dt_s: float, fade_s: float) -> float:
+    """Return what is left of a value after ``dt_s``: the same as ``lagged`` towards 0."""
+    return value * fade_s / (fade_s + dt_s)
+
+
+# -- turns -------------------------------------------------------------------------------------------------------------
 
 # Rates and duties are averaged alike before they are compared, so that the noise of a compass (1 degree, 20 readings a
 # second) counts for 4 degrees a second.
@@ -56,9 +75,6 @@ GRIP_MAX: Final = 0.5
 # Shares of the duty: kept for feedback in a curve; and left for driving ahead on ground on which the body hardly turns.
 RESERVE_DUTY: Final = 0.1
 LEAST_DUTY: Final = 0.1
-# Bound of the integral, in rad s: with the default gain it adds at most 17 degrees a second. It learns unequal sides,
-# and must not wind up while something holds the rover.
-INTEGRAL_MAX_RAD_S: Final = 1.5
 
 
 class TurnController:
@@ -122,44 +138,38 @@ class TurnController:
             return gained_deg
         duty = self._duty if applied is None else (applied.left - applied.right) / 2.0
         lag_s = self.lag.ticks * dt_s
-        self._catch_up_per_s = self._feedback_per_s(lag_s)
+        if lag_s * CATCH_UP_PER_S <= CATCH_UP_IN_LAG:
+            self._catch_up_per_s = CATCH_UP_PER_S
+        else:
+            self._catch_up_per_s = CATCH_UP_STANDING_PER_S if self._pushed_s > lag_s else CATCH_UP_IN_LAG / lag_s
         shown_deg_s = gained_deg / dt_s
-        gained_deg += self._predict(gained_deg, self._given_deg(duty, dt_s))
-        rate_deg_s = gained_deg / dt_s
-        self._latest_deg_s = (self._latest_deg_s + rate_deg_s) / 2.0
+        gained_deg += self._predict(gained_deg, duty, dt_s)
+        self._latest_deg_s = (self._latest_deg_s + gained_deg / dt_s) / 2.0
         expected_deg_s = lagged(self._expected_deg_s, self._commanded_deg_s, dt_s, BODY_LAG_S)
         self._expected_deg_s = expected_deg_s
         self._past.appendleft((duty, expected_deg_s))
         # The angle is limited to what full duty can correct: anti-windup.
-        most_deg = self._most_behind_deg
         behind_deg = faded(self._behind_deg + expected_deg_s * dt_s - gained_deg, dt_s, FORGET_S)
-        self._behind_deg = most_deg if behind_deg > most_deg else -most_deg if behind_deg < -most_deg else behind_deg
+        self._behind_deg = clamp(behind_deg, -self._most_behind_deg, self._most_behind_deg)
         self._learn(shown_deg_s, dt_s)
-        if self._pushes:
-            self._watch(gained_deg, dt_s)
+        if self._pushes:  # in seconds of full duty: less duty does less harm, and turns less
+            self._pushed_s += dt_s * abs(self._duty)
+            self._pushed_deg += gained_deg if self._duty > 0.0 else -gained_deg
+            if self._pushed_deg >= MOVED_DEG:
+                self._pushed_s = self._pushed_deg = 0.0
+            self.stands = self._pushed_s >= GIVE_UP_AFTER_S
         return gained_deg
 
-    def _feedback_per_s(self, lag_s: float) -> float:
-        """Return how quick the feedback may be for a compass with this lag."""
-        if lag_s * CATCH_UP_PER_S <= CATCH_UP_IN_LAG:
-            return CATCH_UP_PER_S
-        return CATCH_UP_STANDING_PER_S if self._pushed_s > lag_s else CATCH_UP_IN_LAG / lag_s
-
-    def _predict(self, shown_deg: float, expected_deg: float) -> float:
+    def _predict(self, shown_deg: float, duty: float, dt_s: float) -> float:
         """Return how much the turn that a lagging compass has not shown yet has changed."""
+        self._lagged_duty = lagged(self._lagged_duty, duty, dt_s, BODY_LAG_S)
         if self.dead_zone > GRIP_MAX:
             taken_back_deg = -self.lag.pending_deg
             self.lag.forget()
             return taken_back_deg
+        beyond = max(abs(self._lagged_duty) - self.dead_zone, 0.0)
+        expected_deg = (beyond if self._lagged_duty > 0.0 else -beyond) * self._ideal_deg_s * dt_s
         return self.lag.update(shown_deg, expected_deg)
-
-    def _given_deg(self, duty: float, dt_s: float) -> float:
-        """Return how far this turn duty is expected to turn the body in a tick."""
-        self._lagged_duty = lagged(self._lagged_duty, duty, dt_s, BODY_LAG_S)
-        beyond = abs(self._lagged_duty) - self.dead_zone
-        if beyond <= 0.0:
-            return 0.0
-        return (beyond if self._lagged_duty > 0.0 else -beyond) * self._ideal_deg_s * dt_s
 
     def wheels(self, speed_m_s: float, turn_deg_s: float) -> WheelCommand:
         """Return the wheels for a forward speed and a turn rate, clockwise positive."""
@@ -180,14 +190,6 @@ class TurnController:
         duty = max(1.0 - self.dead_zone - RESERVE_DUTY, LEAST_DUTY)
         fastest_m_s = duty / (1.0 / self._max_speed_m_s + degrees(1.0 / radius_m) / self._ideal_deg_s)
         return fastest_m_s if fastest_m_s < wanted_m_s else wanted_m_s
-
-    def _watch(self, gained_deg: float, dt_s: float) -> None:
-        """Count for how long there was turn duty and the body did not turn."""
-        self._pushed_s += dt_s * abs(self._duty)  # in seconds of full duty: less duty does less harm, and turns less
-        self._pushed_deg += gained_deg if self._duty > 0.0 else -gained_deg
-        if self._pushed_deg >= MOVED_DEG:
-            self._pushed_s = self._pushed_deg = 0.0
-        self.stands = self._pushed_s >= GIVE_UP_AFTER_S
 
     def _learn(self, shown_deg_s: float, dt_s: float) -> None:
         """Learn the dead zone: the turn duty beyond what the turn rate needs on ideal ground.
@@ -215,6 +217,88 @@ class TurnController:
             self.dead_zone += (seen - self.dead_zone) * dt_s / LEARN_S
             if latest > FREE_SHARE * expected_deg_s + FREE_DEG_S:
                 self._behind_deg /= 2.0
+
+
+# -- a compass that lags -----------------------------------------------------------------------------------------------
+
+# A tilt-compensated or fused compass under vibration shows the heading of up to half a second ago, with a new time. A
+# loop over such a heading oscillates. So the turns that the compass shows are correlated with the turns that the wheels
+# were expected to give, at several delays: with the right one the correlation is largest. The heading plus the expected
+# turn of that delay is the heading of now (a Smith predictor).
+
+# Delays that are compared, in control ticks; at 20 ticks a second they are 0.1 s apart, up to 0.6 s.
+STEP: Final = 2
+DELAYS: Final = 7
+LONGEST_TICKS: Final = STEP * (DELAYS - 1)
+# A delay must be this much better than none, and at least so many steps: a body's own lag differs by some hundredths of
+# a second from the expected, and 0.1 s is harmless.
+CLEARER: Final = 1.6
+LEAST: Final = 2
+# Turns so far are forgotten by 63 % after this much excitation: three turns of 30 degrees, each in 15 ticks of 2
+# degrees or more. Nothing is concluded before half of it was seen, nor if the body did less than this share of it.
+MEMORY_DEG2: Final = 400.0
+LEAST_SHARE: Final = 0.2
+EXACT_DEG: Final = 1.0 / 64.0
+
+
+class CompassLag:
+    """Predicts the turn that a compass has not shown yet: ``pending_deg``, clockwise positive, 0 without a lag.
+
+    ``ticks`` is the lag in control ticks, 0 if none is known.
+    """
+
+    def __init__(self) -> None:
+        self._products = [0.0] * DELAYS  # of shown and expected turns, at each delay
+        self._energy = 0.0  # of expected turns
+        self.ticks = 0
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget the latest turns, as after a hold; the lag is kept, because it is a property of the compass."""
+        self._expected_deg = [0.0] * (LONGEST_TICKS + 1)  # of each of the latest ticks, the newest first
+        self.pending_deg = 0.0
+
+    def update(self, shown_deg: float, expected_deg: float) -> float:
+        """Take in a tick: the turn that the compass shows, and the one that the wheels were expected to give.
+
+        Returns how much ``pending_deg`` has changed.
+        """
+        expected = self._expected_deg
+        expected.pop()
+        expected.insert(0, expected_deg)
+        self._correlate(shown_deg, expected_deg)
+        before_deg, self.pending_deg = self.pending_deg, 0.0
+        if self.ticks:
+            # The share of the expected turns that the body does.
+            share = clamp(self._products[self.ticks // STEP] / self._energy, 0.0, 1.0)
+            # In steps of which sums are exact: a mirrored world must give mirrored wheels.
+            self.pending_deg = round(share * sum(expected[: self.ticks]) / EXACT_DEG) * EXACT_DEG
+        return self.pending_deg - before_deg
+
+    def _correlate(self, shown_deg: float, expected_deg: float) -> None:
+        """Add a tick to the sums, and choose the delay; a body that is held shows nothing and changes nothing."""
+        energy = expected_deg * expected_deg
+        keep = MEMORY_DEG2 / (MEMORY_DEG2 + energy)
+        products, expected = self._products, self._expected_deg
+        best, most = 0, 0.0
+        for n in range(DELAYS):  # in each tick: max() with a key costs 5,000 instructions if this is compiled
+            product = products[n] = (products[n] + shown_deg * expected[n * STEP]) * keep
+            if n == 0 or product > most:
+                best, most = n, product
+        self._energy = (self._energy + energy) * keep
+        if self._energy < MEMORY_DEG2 / 2.0 or products[best] < LEAST_SHARE * self._energy:
+            return
+        if best >= LEAST and products[best] > CLEARER * products[0]:
+            self.ticks = best * STEP
+        elif best < LEAST:
+            self.ticks = 0
+
+
+# -- headings ----------------------------------------------------------------------------------------------------------
+
+# Bound of the integral, in rad s: with the default gain it adds at most 17 degrees a second. It learns unequal sides,
+# and must not wind up while something holds the rover.
+INTEGRAL_MAX_RAD_S: Final = 1.5
 
 
 class HeadingControl:
