@@ -56,7 +56,7 @@ def test_what_a_person_sees_stops_nobody_who_drives_by_hand() -> None:
 
 def test_among_people_nothing_is_less_severe_and_what_blinds_holds() -> None:
     for condition, row in TABLE.items():
-        stricter = Means.HELD_AMONG_PEOPLE in row.means
+        stricter = Means.STRICTER_AMONG_PEOPLE in row.means
         assert HOLDING_LEVELS[condition] - row.level == stricter, condition
         assert HOLDING_LEVELS[condition] >= Level.HOLD or not stricter
 

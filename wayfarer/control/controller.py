@@ -104,7 +104,7 @@ class Controller:
         self._arming: ArmingSequence | None = None
         self._travelled_m = 0.0
         self._held_s = self._away_s = 0.0  # in which the gate held the wheels, and the algorithm did not have them
-        self._carried = False
+        self._begins_anew = False
         self._lost_tick_s = self._lost_since_s = -inf
         self._last_cause: Condition | None = None
         self.cause_since_s = 0.0
@@ -158,7 +158,7 @@ class Controller:
             return outcome
         self.motors_failed &= not opened
         self.held = False
-        self._carried = True
+        self._begins_anew = True
         self._gate.levels = MANUAL_LEVELS
         self._gate.clear_fault()
         self.manual.begin(t_s, lease, driver)
@@ -170,7 +170,7 @@ class Controller:
         if isinstance(outcome := self._enter(Event.END_MANUAL), Refused):
             return outcome
         self.held = self.mission is not None
-        self._carried = True
+        self._begins_anew = True
         self._gate.levels = self.levels
         self._log.event("manual_ended", t_s, reason=reason, mode=self.mode.value)
         return outcome
@@ -263,7 +263,7 @@ class Controller:
         if t_s - self._lost_since_s > LOST_TICKS_S or (self.mission is None and self.mode is not _MANUAL):
             raise error
         self.motors_lost(t_s, "no memory was left for a control tick", "tick")
-        self._carried = True
+        self._begins_anew = True
 
     # -- the tick ------------------------------------------------------------------------------------------------
 
@@ -272,7 +272,7 @@ class Controller:
         t_s = inputs.t_s
         if self.mode is _MANUAL and self.manual.is_silent(t_s):
             self.end_manual(t_s, f"nothing was heard of {self.manual.driver} for {LEASE_S:g} s")
-        if self._carried:
+        if self._begins_anew:
             self._forget_place()
         # What the wheels were given, less what the slope takes up, is what moves the body.
         driven, gate, mission = self._detector.grade.on_flat_ground(inputs.applied), self._gate, self.mission
@@ -312,7 +312,7 @@ class Controller:
 
     def _forget_place(self) -> None:
         """Begin the algorithm again: a person has carried the rover to another place."""
-        self._carried = False
+        self._begins_anew = False
         self._handler.reset()
         self._recovery.reset()
         self._resume_warning.reset()
@@ -364,10 +364,10 @@ class Controller:
                 self._log.event("board_silent", report.t_s, error=report.error)
             self.board.silent()
         for t_s, flags in inputs.power:
-            before, now = self._supply.flags or 0, flags or 0
-            self._supply.update(t_s, flags)
-            if now != before:
+            now = flags or 0
+            if now != (self._supply.flags or 0):  # nothing else is in the log, so that a replay is told the same
                 self._log.event("power", t_s, flags=f"{now:#x}", text=meaning(now))
+                self._supply.update(t_s, flags)
 
     def _add_conditions(self, tick: TickRecord) -> None:
         """Add the controller's own conditions to those of the detector."""

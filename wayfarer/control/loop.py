@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable
 from typing import Protocol
 
 from wayfarer.control.controller import Controller
+from wayfarer.control.rate import Rate
 from wayfarer.control.run_log import RunLog
 from wayfarer.control.tick import Inbox
 from wayfarer.errors import BadReading, DriverError, PowerLost
 from wayfarer.hal import STOP, WheelCommand
+from wayfarer.safety.mission_limits import RunEnd
 
 
 class WheelMotors(Protocol):
@@ -23,7 +26,7 @@ class WheelMotors(Protocol):
 
 
 class ControlLoop:
-    """Does the control ticks.
+    """Does the control ticks until something ends the run; ``ticked`` is set by the first one.
 
     Args:
         motors: take the commands.
@@ -49,6 +52,17 @@ class ControlLoop:
         self._log = log
         self._clock = clock
         self._late_s = late_s
+        self.ticked = asyncio.Event()
+
+    async def run(self, rate_hz: float) -> RunEnd:
+        """Tick at this rate; return what has ended the run."""
+        controller, rate = self._controller, Rate(rate_hz)
+        while controller.end is None:
+            await self.tick(self._clock())
+            self.ticked.set()
+            if controller.end is None:
+                await rate.wait()
+        return controller.end
 
     async def tick(self, t_s: float) -> None:
         """Do one control tick at time ``t_s``. While the motors are waited for, somebody may ask for something.

@@ -69,12 +69,11 @@ class Supervisor:
         needs = check_parts(rover, algorithm, config)
         detector = make_detector(config, needs, watches_motion=rover.motion is not None)
         self.controller = Controller(config, detector, handler, log, goes_on=goes_on)
-        self._loop = ControlLoop(rover.motors, self.inbox, self.controller, log, _loop_time, config.safety.tick_late_s)
+        self.loop = ControlLoop(rover.motors, self.inbox, self.controller, log, _loop_time, config.safety.tick_late_s)
         self._board = BoardWatch(rover.motors, self.inbox, self.controller, log, config.board.health_hz)
         self._patience_s = config.detector.compass_stale_s  # after this a silent compass is a condition
         self._over_s = -inf  # permissions that were given before are void
         self.being_checked = False
-        self.ticked = asyncio.Event()  # set by the first control tick; the parts are open then
         self.tasks = sensor_tasks(rover, self.inbox, config.rates, needs)
         lights = () if rover.light is None else (rover.light,)
         self._parts: tuple[Driver, ...] = (rover.motors, *lights, *(row.part for row in self.tasks))
@@ -274,7 +273,8 @@ class Supervisor:
                 beside.append(group.create_task(self._show_state(self._rover.light), name="light"))
             await self._wait_for_sensors()
             try:
-                end = await asyncio.create_task(self._control(), name="control")
+                # A task of its own: a tick wakes only its coroutine, not those that wait for the end of the run.
+                end = await asyncio.create_task(self.loop.run(self._control_hz), name="control")
             finally:  # the wheels first: a sensor may take long to end
                 await run_uncancellable(self._stopping.stop_wheels())
                 for task in beside:
@@ -291,20 +291,6 @@ class Supervisor:
         with suppress(TimeoutError):
             async with asyncio.timeout(self._patience_s):
                 await asyncio.gather(*waits)
-
-    async def _control(self) -> RunEnd:
-        """Tick at the control rate until something ends the run; return the reason.
-
-        It is a separate task, so that a tick wakes only this coroutine, not those that wait for the end of the run.
-        """
-        controller, rate = self.controller, Rate(self._control_hz)
-        time = asyncio.get_running_loop().time
-        while controller.end is None:
-            await self._loop.tick(time())
-            self.ticked.set()
-            if controller.end is None:
-                await rate.wait()
-        return controller.end
 
     async def _log_driver_counters(self) -> None:
         """Log errors that parts recovered from."""

@@ -97,7 +97,7 @@ class ArmingCheck:
     async def _check(self, checks: Sequence[Check], refused: Collection[Condition], *, without_log: bool) -> None:
         with suppress(TimeoutError):  # then the checks say which part is missing
             async with asyncio.timeout(OPENING_S):
-                await self._supervisor.ticked.wait()
+                await self._supervisor.loop.ticked.wait()
         findings = await run_checks(self._inspect(), checks)
         failed = [finding for finding in findings if finding.verdict is CheckVerdict.FAIL]
         not_logging = [finding for finding in failed if finding.name in LOGGING]

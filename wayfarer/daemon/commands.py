@@ -10,7 +10,7 @@ from typing import Any
 
 from wayfarer.commissioning.checks import Check, Inspection
 from wayfarer.control.controller import Controller
-from wayfarer.control.modes import Event, Mode, Outcome
+from wayfarer.control.modes import Event, Mode, Outcome, refusal
 from wayfarer.control.modes import Refused as RefusedByMode
 from wayfarer.control.rate import ASKED_AT_ONCE, ASKED_HZ, RateLimiter
 from wayfarer.control.run_log import RunLog
@@ -215,7 +215,7 @@ class RoverCommands:
     async def resume(self, asked: Asked) -> Details:
         """Let the wheels turn again."""
         if not self._controller.held:
-            raise Refused("the rover is not held: there is nothing to resume")
+            raise Refused(refusal(Mode.DISARMED, Event.RESUME))
         self._supervisor.resume(asked)
         return {"held": False}
 

@@ -53,7 +53,7 @@ class Observation(NamedTuple):
     ``travelled_m`` is the distance commanded so far; driving forwards and backwards both increase it. ``measured_m`` is
     the distance that the motion sensor saw, or the commanded one if the sensor is not usable; None if nothing
     measures it. ``contact`` is None on a rover without a contact sensor. ``applied`` is the wheel command that was
-    applied since the last tick, after the gate's limits; None if that is not known.
+    applied since the last tick, less what a slope takes up; None if that is not known.
 
     >>> seen = Observation(
     ...     t_s=0.05, heading_deg=12.0, pitch_deg=0.0, roll_deg=0.0, anomalies=(Anomaly.IMMOBILISED,), contact=None,

@@ -34,7 +34,9 @@ from wayfarer.safety.manual import ManualSample
 
 # What a tick concluded, the root first: a heading that is believed or not explains an anomaly, that a phase.
 CONCLUSIONS = ("heading_deg", "anomalies", "level", "cause", "goal_heading_deg", "phase", "why", "wanted_left")
-READINGS = frozenset({"record", "n", "t_s", "t_wall", "compass", "motion", "contact", "applied_left", "applied_right"})
+INPUT_KEYS = frozenset(
+    {"record", "n", "t_s", "t_wall", "compass", "motion", "contact", "applied_left", "applied_right"}
+)
 
 
 class DecisionDifference(NamedTuple):
@@ -203,7 +205,7 @@ class Rerun:
 
 def compare(logged: Record, today: Mapping[str, Any], elapsed_s: float) -> DecisionDifference | None:
     """Return the first conclusion of a tick that is not as logged; one that only one of the two has counts, too."""
-    others = dict.fromkeys(key for key in (*logged, *today) if key not in CONCLUSIONS and key not in READINGS)
+    others = dict.fromkeys(key for key in (*logged, *today) if key not in CONCLUSIONS and key not in INPUT_KEYS)
     for key in (*CONCLUSIONS, *others):
         if logged.get(key) != today.get(key):
             return DecisionDifference(elapsed_s, logged.get("n"), key, logged.get(key), today.get(key))

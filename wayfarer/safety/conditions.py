@@ -21,7 +21,7 @@ class Level(IntEnum):
 
     WELL = -1  # nothing is wrong; logs record the names in lower case, so they stay
     NOTE = 0  # S0: written to the log
-    DEGRADE = 1  # S1: continue with limits
+    DEGRADE = 1  # S1: continue, with less duty if the row says so
     HOLD = 2  # S2: wheels zero, resumes when the condition clears
     FAULT = 3  # S3: wheels zero, latched until re-armed
 
@@ -45,7 +45,7 @@ class Means(Flag):
     SILENCE = 4  # a sensor that the run needs does not answer: systemd may start the daemon again
     UNCOMMANDED = 8  # the wheels do what nobody has commanded: a stop is sent at each tick
     NOT_ARMED = 16  # arming again does not clear it, so that ``arm`` refuses
-    HELD_AMONG_PEOPLE = 32  # one level more severe for a rover with ``on_lost_sense = "hold"``
+    STRICTER_AMONG_PEOPLE = 32  # one level more severe for a rover with ``on_lost_sense = "hold"``
 
 
 class Condition(Enum):
@@ -99,11 +99,11 @@ TABLE: Final[Mapping[Condition, Row]] = {
     Condition.COMPASS_FROZEN: Row(Level.HOLD, Kind.IGNORANCE, Means.HEADING_DOUBTED),
     Condition.COMPASS_UNCALIBRATED: Row(Level.DEGRADE, Kind.IGNORANCE),
     Condition.HEADING_RECKONED: Row(Level.DEGRADE, Kind.IGNORANCE),
-    Condition.MOTION_UNKNOWN: Row(Level.DEGRADE, Kind.IGNORANCE, Means.BLIND | Means.HELD_AMONG_PEOPLE),
+    Condition.MOTION_UNKNOWN: Row(Level.DEGRADE, Kind.IGNORANCE, Means.BLIND | Means.STRICTER_AMONG_PEOPLE),
     Condition.MOTION_STALE: Row(
-        Level.DEGRADE, Kind.IGNORANCE, Means.BLIND | Means.SILENCE | Means.NOT_ARMED | Means.HELD_AMONG_PEOPLE),
+        Level.DEGRADE, Kind.IGNORANCE, Means.BLIND | Means.SILENCE | Means.NOT_ARMED | Means.STRICTER_AMONG_PEOPLE),
     Condition.MOTION_IMPLAUSIBLE: Row(Level.NOTE, Kind.IGNORANCE),
-    Condition.CONTACT_STALE: Row(Level.DEGRADE, Kind.IGNORANCE, Means.SILENCE | Means.HELD_AMONG_PEOPLE),
+    Condition.CONTACT_STALE: Row(Level.DEGRADE, Kind.IGNORANCE, Means.SILENCE | Means.STRICTER_AMONG_PEOPLE),
     Condition.OVERTURNED: Row(Level.FAULT, Kind.DANGER, Means.NOT_ARMED),
     Condition.RUNAWAY: Row(Level.FAULT, Kind.DANGER, Means.UNCOMMANDED),
     # Its wheels or its compass are the wrong way round, and it does not know which; who drives it by hand sees it.
@@ -112,7 +112,7 @@ TABLE: Final[Mapping[Condition, Row]] = {
     Condition.ENTRAPPED: Row(Level.FAULT, Kind.FOREST),
     Condition.NO_PROGRESS: Row(Level.DEGRADE, Kind.FOREST),
     Condition.RESTING: Row(Level.HOLD, Kind.FOREST),
-    Condition.MOTORS_FAILED: Row(Level.HOLD, Kind.DANGER, Means.HELD_AMONG_PEOPLE),
+    Condition.MOTORS_FAILED: Row(Level.HOLD, Kind.DANGER, Means.STRICTER_AMONG_PEOPLE),
     Condition.BOARD_DISAGREES: Row(Level.FAULT, Kind.DANGER, Means.UNCOMMANDED | Means.NOT_ARMED),
     Condition.BOARD_SILENT: Row(Level.DEGRADE, Kind.IGNORANCE),
     Condition.BATTERY_LOW: Row(Level.DEGRADE, Kind.WEAKNESS),
@@ -121,7 +121,7 @@ TABLE: Final[Mapping[Condition, Row]] = {
     Condition.UNDERVOLTAGE: Row(Level.DEGRADE, Kind.WEAKNESS, duty_share=0.7),
     # While it sags again and again: about 0.7 of what already was too much; chosen by us.
     Condition.POWER_UNSTABLE: Row(
-        Level.DEGRADE, Kind.WEAKNESS, Means.NOT_ARMED | Means.HELD_AMONG_PEOPLE, duty_share=0.5),
+        Level.DEGRADE, Kind.WEAKNESS, Means.NOT_ARMED | Means.STRICTER_AMONG_PEOPLE, duty_share=0.5),
     Condition.OPERATOR_HOLD: Row(Level.HOLD, Kind.OPERATOR),
     Condition.RESUME_WARNING: Row(Level.HOLD, Kind.DANGER),
     Condition.TICK_LATE: Row(Level.HOLD, Kind.DANGER),
@@ -142,7 +142,7 @@ MANUAL_LEVELS: Final[Mapping[Condition, Level]] = {
 # For a rover that drives among people (``SafetySettings.on_lost_sense``): what blinds it holds it, and a motor board
 # that failed needs a person.
 HOLDING_LEVELS: Final[Mapping[Condition, Level]] = {
-    condition: Level(row.level + 1) if Means.HELD_AMONG_PEOPLE in row.means else row.level
+    condition: Level(row.level + 1) if Means.STRICTER_AMONG_PEOPLE in row.means else row.level
     for condition, row in TABLE.items()
 }
 

@@ -99,7 +99,7 @@ class SupplyMonitor:
         self._dips_s = deque([-inf] * DIPS, maxlen=DIPS)
 
     def update(self, t_s: float, flags: int | None) -> None:
-        """Take the flags as they are at ``t_s``."""
+        """Take flags that have changed at ``t_s``."""
         was_low, self.flags = self._is_low, flags
         if self._is_low and not was_low:
             self.dip(t_s)
