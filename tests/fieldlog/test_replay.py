@@ -36,6 +36,7 @@ from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.replay import Replay, replay
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import MotorHealth, Rover, WheelCommand
+from wayfarer.safety.arming import PATIENCE
 from wayfarer.safety.manual import LEASE_S, ManualSample
 from wayfarer.safety.power import DIPS, DIPS_S
 from wayfarer.safety.settings import BoardSettings
@@ -367,6 +368,10 @@ async def eventful_run(folder: Path, config: RoverConfig) -> None:
     await asyncio.sleep(6.0)
     assert not controller.waits_for_motors
     supervisor.disarm("asked for again")
+    await supervisor.arm(asked(), 10.0)
+    supervisor.hold()
+    await asyncio.sleep(config.safety.start_delay_s + PATIENCE * config.safety.settle_s + 1.0)
+    assert controller.mode is Mode.DISARMED, "nobody resumes, so that arming is given up"
     await supervisor.arm(asked(), 20.0)
     await asyncio.sleep(config.safety.start_delay_s + 2.0)
     trouble.duties = WheelCommand(0.9, -0.9)
@@ -398,7 +403,7 @@ def test_run_with_holds_failures_and_people_agrees(eventful: Path) -> None:
     assert causes >= {None, "operator_hold", "compass_stale", "motion_stale", "board_silent", "motors_failed"}
     assert causes >= {"battery_low", "battery_critical", "board_disagrees", "undervoltage", "power_unstable"}
     named = [record["name"] for record in records(eventful) if record["record"] == "event"]
-    assert (named.count("armed"), named.count("disarmed")) == (4, 5)
+    assert (named.count("armed"), named.count("disarmed")) == (4, 6)
     assert (named.count("manual"), named.count("manual_ended")) == (3, 2)
     by_hand = [tick for tick in ticks(eventful) if tick["phase"] == "manual"]
     assert {tick["applied_right"] < 0.0 for tick in by_hand} == {True, False}

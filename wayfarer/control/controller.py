@@ -420,7 +420,7 @@ class Controller:
     def _continue_arming(self, tick: TickRecord, arming: ArmingSequence) -> None:
         t_s, compass = tick.t_s, self._detector.compass
         if tick.dt_s > PERMISSION_S:  # suspended meanwhile: who armed it expects nothing any more
-            self.disarm(t_s, f"not armed: the daemon stood still for {tick.dt_s:.0f} s")
+            self._conclude_disarmed(tick, f"not armed: the daemon stood still for {tick.dt_s:.0f} s")
             return
         goal_heading_deg = arming.update(compass) if compass is not None else None
         stops = [condition.value for condition in tick.conditions if self.levels[condition] >= Level.DEGRADE]
@@ -428,9 +428,9 @@ class Controller:
             self._detector.begin_mission(tick)
             self._begin_mission(t_s, goal_heading_deg)
         elif _MOTORS_FAILED in tick.conditions:  # arming has just opened the board, so that it must not fail now
-            self.disarm(t_s, f"fault: {_MOTORS_FAILED.value}")
+            self._conclude_disarmed(tick, f"fault: {_MOTORS_FAILED.value}")
         elif arming.too_late(t_s):
-            self.disarm(t_s, f"not armed: {', '.join(stops) or 'the heading did not settle'}")
+            self._conclude_disarmed(tick, f"not armed: {', '.join(stops) or 'the heading did not settle'}")
 
     def _begin_mission(self, t_s: float, goal_heading_deg: float) -> None:
         self._arming = None
