@@ -214,7 +214,7 @@ class Controller:
     @property
     def may_turn(self) -> bool:
         """Whether the mode lets the wheels turn, and nobody holds them."""
-        return self.mode in MAY_TURN and not self.held
+        return (self.mode is _ARMED or self.mode is _MANUAL) and not self.held
 
     @property
     def waits_for_motors(self) -> bool:

@@ -201,8 +201,8 @@ class HeadingEstimator:
         """
         if compass is None:
             return
-        t_s, (left, right) = interval.t_s, interval.commanded
-        commanded_deg = (left - right) / 2.0 * self._full_turn_deg_s * interval.driven_s
+        t_s = interval.t_s
+        commanded_deg = (interval.left - interval.right) / 2.0 * self._full_turn_deg_s * interval.driven_s
         doubted = bool(conditions) and not HEADING_DOUBTED.isdisjoint(conditions)
         if doubted or self._doubt_since_s is not None:
             self._choose(t_s, doubted=doubted, armed=armed)

@@ -84,7 +84,7 @@ class Detector:
             self._started = True
             self._compass.believed_t_s = self._contact.spoke_t_s = t_s
             self._motion.start(t_s)
-        left, right = tick.commanded
+        left, right = tick.left, tick.right
         turns = abs(left - right) >= self._turning_duty
         before_deg, turned_deg = self._heading.gained_deg, self._compass.gained_deg
         driven_s = tick.driven_s if left or right else 0.0

@@ -244,7 +244,7 @@ class GradeCompensation:
         """
         uncompensated, self._added, self._uncompensated = self._uncompensated, 0.0, 0.0
         self._rise = sin(radians(pitch_deg)) if pitch_deg else 0.0
-        left, right = interval.commanded
+        left, right = interval.left, interval.right
         way = 0 if left * right < 0.0 else 1 if left + right > 0.0 else -1
         self._steady_s = self._steady_s + interval.driven_s if way == self._way and free else 0.0
         self._way = way

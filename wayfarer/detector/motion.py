@@ -64,9 +64,9 @@ class MotionMonitor:
             reading: what the sensor says, if anything.
             conditions: takes what is found.
         """
-        t_s, (left, right) = interval.t_s, interval.commanded
+        t_s = interval.t_s
         self._next.drive(interval, turned_deg, self._max_speed_m_s)
-        if left or right:
+        if interval.left or interval.right:
             self._driven_t_s = t_s
         self._zeros.update(interval, turned_deg, reading)
         moved: Moved | None = None
@@ -238,8 +238,7 @@ class ZeroDoubt:
             self._ahead_m = self._back_m = self._turned_deg = 0.0
             self.doubts = False
             return
-        left, right = interval.commanded
-        if left * right < 0.0:
+        if interval.left * interval.right < 0.0:
             if self._ahead_m >= DRIVEN_M and self._back_m >= DRIVEN_M:
                 self._turned_deg += abs(turned_deg)  # a turn that is taken back is still a turn
                 self.doubts = self._turned_deg >= TURNED_DEG

@@ -66,7 +66,7 @@ class TurnabilityMonitor:
             gained_deg: the heading gained since the start of the run, clockwise positive.
             free: whether the ground is flat, and the heading neither in doubt nor reckoned from the commands.
         """
-        left, right = interval.commanded
+        left, right = interval.left, interval.right
         if self._reversed:
             return (Condition.DRIVE_REVERSED,)
         if not -AHEAD_SHARE <= (left + right) / (left - right or 1.0) <= AHEAD_SHARE:
@@ -130,7 +130,7 @@ class SteeringMonitor:
 
     def update(self, interval: TickInterval, turned_deg: float, *, moves: bool) -> None:
         """Take in a tick: how far the body turned in it, clockwise positive, and whether it is seen to move."""
-        (left, right), dt_s = interval.commanded, interval.dt_s
+        left, right, dt_s = interval.left, interval.right, interval.dt_s
         if interval.forward_m <= 0.0 or left + right < STEERS_AHEAD * abs(left - right):
             self.begin()
             return

@@ -49,6 +49,8 @@ class ProgressMonitor:
 
     def __init__(self, settings: EntrapmentSettings) -> None:
         self._settings = settings
+        self._give_up_s, self._free_run_m = settings.give_up_s, settings.free_run_m
+        self._anomalies_max = settings.anomalies_max
         self._seen_m: list[float] = []  # in this run
         self.reset()
 
@@ -62,7 +64,7 @@ class ProgressMonitor:
     def try_again(self) -> None:
         """Judge another try at the same place, for a shorter time."""
         self._begin_tries()
-        self._tried_s = max(0.0, self._settings.give_up_s - RUNG_S)
+        self._tried_s = max(0.0, self._give_up_s - RUNG_S)
         self._stayed_s = min(self._stayed_s, PLACE_S - RUNG_S)
 
     def begin_blind_run(self) -> None:
@@ -72,8 +74,7 @@ class ProgressMonitor:
     @property
     def stuck(self) -> bool:
         """Whether the algorithm has had its chance."""
-        settings = self._settings
-        tried = self._tried_s >= settings.give_up_s or self._anomalies >= settings.anomalies_max
+        tried = self._tried_s >= self._give_up_s or self._anomalies >= self._anomalies_max
         return tried or self._stayed_s >= PLACE_S
 
     @property
@@ -96,8 +97,7 @@ class ProgressMonitor:
             blind: whether the motion sensor has seen nothing for a while.
             drives: whether the algorithm drives: what the ladder does is neither a free run nor a try.
         """
-        left, right = interval.commanded
-        driven_s = interval.driven_s if left or right else 0.0
+        driven_s = interval.driven_s if interval.left or interval.right else 0.0
         self._stayed_s += driven_s
         north_m -= self._north_m
         east_m -= self._east_m
@@ -120,8 +120,7 @@ class ProgressMonitor:
 
     def _begin_tries(self) -> None:
         self._anomalies = 0
-        self._tried_s = 0.0
-        self._next_anomaly_s = 0.0
+        self._tried_s = self._next_anomaly_s = 0.0
         self._begin_run()
 
     def _begin_run(self) -> None:
@@ -141,11 +140,10 @@ class ProgressMonitor:
                 self._anomalies += 1
         elif forward_m > 0.0:
             self._run_m += forward_m
-            if self._run_m >= self._settings.free_run_m and self._covers_ground():
+            if self._run_m < self._free_run_m:
+                return
+            # It must have moved over the ground in this run, as far as the sensor can see.
+            believed_m = sorted(self._seen_m)[: len(self._seen_m) * (ONE_OF - 1) // ONE_OF]
+            if not self._sees_ground or sum(believed_m) >= self._settings.covered_m:
                 self._begin_tries()
                 self.progressed = self._stayed_s < PLACE_S - RUNG_S
-
-    def _covers_ground(self) -> bool:
-        """Return whether the rover moved over the ground in this run, as far as the sensor can see."""
-        believed_m = sorted(self._seen_m)[: len(self._seen_m) * (ONE_OF - 1) // ONE_OF]
-        return not self._sees_ground or sum(believed_m) >= self._settings.covered_m

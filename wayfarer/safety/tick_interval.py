@@ -21,10 +21,10 @@ MOST_SHARE: Final = 1.1
 class TickInterval:
     """From the previous control tick to this one; the first part of the record of a tick.
 
-    ``t_s`` is the time of this tick, ``commanded`` the wheel command before it, and ``dt_s`` the time since the
-    previous one, 0 at the first. ``driven_s`` is the part of ``dt_s`` in which the wheels obeyed: before a late tick
-    the motor board's deadman has stopped them. ``forward_m`` is how far the wheels were commanded to go in
-    ``driven_s``, in metres, negative in reverse.
+    ``t_s`` is the time of this tick, ``commanded`` the wheel command before it (``left`` and ``right`` are its duties),
+    and ``dt_s`` the time since the previous one, 0 at the first. ``driven_s`` is the part of ``dt_s`` in which the
+    wheels obeyed: before a late tick the motor board's deadman has stopped them. ``forward_m`` is how far the wheels
+    were commanded to go in ``driven_s``, in metres, negative in reverse.
     """
 
     # No dataclass: the compiled core would run its ``__init__`` in the interpreter.
@@ -38,6 +38,7 @@ class TickInterval:
     ) -> None:
         self.t_s = t_s
         self.commanded = commanded
+        self.left, self.right = commanded  # unpacked once: that is slow, and ten monitors ask
         self.dt_s = dt_s
         self.driven_s = driven_s
         self.forward_m = forward_m
@@ -64,8 +65,7 @@ class IntervalTimer:
             return
         dt_s = tick.dt_s = tick.t_s - last_t_s
         driven_s = tick.driven_s = dt_s if dt_s < self._late_s else self._late_s
-        left, right = tick.commanded
-        tick.forward_m = (left + right) * self._half_speed_m_s * driven_s
+        tick.forward_m = (tick.left + tick.right) * self._half_speed_m_s * driven_s
 
 
 class Moved:
@@ -95,7 +95,7 @@ class Moved:
 
     def drive(self, tick: TickInterval, turned_deg: float, max_speed_m_s: float) -> None:
         """Add a tick, and how far the body turned in it."""
-        left, right = tick.commanded
+        left, right = tick.left, tick.right
         half_m = max_speed_m_s / 2 * tick.driven_s
         self.commanded_m += tick.forward_m
         self.way_m += abs(tick.forward_m)
