@@ -98,13 +98,13 @@ def test_stop_that_the_algorithm_asked_for_needs_no_reason(monkeypatch: Patch) -
 
 def gate_drives(monkeypatch: Patch, when: Callable[[Gate], bool] = lambda _: True) -> None:
     """A gate that lets the wheels turn, whatever is wrong."""
-    honest = Gate.update
+    judge, limit = Gate.judge, Gate.limit
 
-    def update(self: Gate, *arguments: Any, armed: bool) -> WheelCommand:
-        applied = honest(self, *arguments, armed=armed)
-        return AHEAD if when(self) else applied
+    def open_judge(self: Gate, *arguments: Any, armed: bool) -> bool:
+        return judge(self, *arguments, armed=armed) or when(self)
 
-    monkeypatch.setattr(Gate, "update", update)
+    monkeypatch.setattr(Gate, "judge", open_judge)
+    monkeypatch.setattr(Gate, "limit", lambda self, wanted: AHEAD if when(self) else limit(self, wanted))
     monkeypatch.setattr(Controller, "may_turn", True)  # else the shell halts after each command
 
 
@@ -228,14 +228,14 @@ def detector_is_blind_to_age(monkeypatch: Patch) -> None:
 
 
 def gate_stops_once_for_nothing(monkeypatch: Patch) -> None:
-    honest = Gate.update
+    honest = Gate.limit
 
-    def moody(self: Gate, *arguments: Any, armed: bool) -> WheelCommand:
+    def moody(self: Gate, wanted: WheelCommand) -> WheelCommand:
         self.calls = getattr(self, "calls", 0) + 1  # type: ignore[attr-defined]
-        applied = honest(self, *arguments, armed=armed)
+        applied = honest(self, wanted)
         return STOP if self.calls == 60 else applied  # type: ignore[attr-defined]
 
-    monkeypatch.setattr(Gate, "update", moody)
+    monkeypatch.setattr(Gate, "limit", moody)
 
 
 def hold_is_not_told(monkeypatch: Patch) -> None:

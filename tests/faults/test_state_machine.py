@@ -63,13 +63,13 @@ def test_machine_lets_a_motor_board_heal_and_the_rover_drives_on(kind: str) -> N
 @breaks_the_product
 @pytest.mark.long
 def test_gate_that_forgets_to_hold_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    honest = Gate.update
+    honest = Gate.judge
 
-    def update(self: Gate, *arguments: Any, armed: bool) -> WheelCommand:
-        applied = honest(self, *arguments, armed=armed)
-        return WheelCommand(0.3, 0.3) if armed else applied
+    def judge(self: Gate, *arguments: Any, armed: bool) -> bool:
+        return honest(self, *arguments, armed=armed) or armed
 
-    monkeypatch.setattr(Gate, "update", update)
+    monkeypatch.setattr(Gate, "judge", judge)
+    monkeypatch.setattr(Gate, "limit", lambda *_: WheelCommand(0.3, 0.3))
     with pytest.raises(AssertionError, match="rule 2: motion commanded"):
         find()
 

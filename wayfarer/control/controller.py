@@ -2,7 +2,7 @@
 
 Pure: one record in, one record out, and nothing is waited for. A tick always has the same order::
 
-    inputs -> detector -> gate.update, which asks the escape handler -> wheels that the motors are to get
+    inputs -> detector -> gate.judge -> escape handler -> gate.limit -> wheels that the motors are to get
 
 Each stage fills in its part of one ``TickRecord``. What people ask for comes between two ticks, by the methods of the
 first part: they change the mode at once, as ``modes.MODES`` allows, and tell the caller whether they did. So a log that
@@ -15,7 +15,6 @@ a time limit continues where it was.
 from __future__ import annotations
 
 from collections import deque
-from functools import partial
 from math import inf, radians
 from typing import Final
 
@@ -294,8 +293,8 @@ class Controller:
             mission.advance(0.0 if manual else tick.forward_m, ahead_m, compass.heading_deg, odometer.right_m)
         observation = tick.observation = self._observe(tick)
         may_drive = manual or self.mode is _ARMED
-        wanted = self._wanted_by_hand if manual else self._wanted_wheels
-        tick.wheels = gate.update(conditions, partial(wanted, tick), armed=may_drive)
+        if gate.judge(conditions, armed=may_drive):
+            tick.wheels = gate.limit(self._wanted_by_hand(tick) if manual else self._wanted_wheels(tick))
         if manual:
             self._note_manual(tick)
         if gate.holds or manual:

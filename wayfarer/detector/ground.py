@@ -12,8 +12,7 @@ a trunk holds or lifts gets no more duty for it, and a stall stays one. On groun
 
 from __future__ import annotations
 
-from collections import deque
-from math import cos, hypot, radians, sin
+from math import cos, hypot, inf, radians, sin
 from typing import Final
 
 from wayfarer.clamp import clamp
@@ -151,7 +150,10 @@ class TiltMonitor:
         self._floor_deg = settings.tilt_deg / 2.0
         self._most_deg = max(settings.tilt_deg, settings.tipping_deg - self._floor_deg)
         self._tipping_deg, self._tipping_s = settings.tipping_deg, settings.tipping_s
-        self._readings: deque[CompassReading] = deque(maxlen=3)
+        self._old: CompassReading | None = None  # the last three readings
+        self._mid: CompassReading | None = None
+        self._new: CompassReading | None = None
+        self._new_t_s = -inf
         self._overturned_deg = settings.overturned_deg
         self._tilts = {tilt: Debounce(settings.tilt_s) for tilt in TILTS}
         self._overturned = Debounce(settings.overturned_s)
@@ -162,9 +164,8 @@ class TiltMonitor:
     ) -> None:
         """Judge a tick, and add what is found to ``anomalies`` and ``conditions``."""
         read_t_s, heading_deg, pitch_deg, roll_deg, _ = believed
-        readings = self._readings
-        if not readings or readings[-1].t_s < read_t_s:
-            readings.append(believed)
+        if self._new_t_s < read_t_s:
+            self._old, self._mid, self._new, self._new_t_s = self._mid, self._new, believed, read_t_s
         ground, limit_deg, floor_deg = self._ground, self._limit_deg, self._floor_deg
         if ground.flat and abs(pitch_deg) < floor_deg and abs(roll_deg) < floor_deg and not self._tilted:
             return  # nearly every tick ends here
@@ -181,13 +182,13 @@ class TiltMonitor:
 
     def _tips(self, tilt: Anomaly) -> bool:
         """Return whether the body will be tilted too far towards that side in a moment."""
-        if len(self._readings) < 3:
+        old, mid, new = self._old, self._mid, self._new
+        if old is None or mid is None or new is None:
             return False
         side = TILTS.index(tilt)
-        old_deg, mid_deg, new_deg = (_towards_deg(reading)[side] for reading in self._readings)
-        old_t_s, mid_t_s, new_t_s = (reading.t_s for reading in self._readings)
-        rate_deg_s = min((mid_deg - old_deg) / (mid_t_s - old_t_s), (new_deg - mid_deg) / (new_t_s - mid_t_s))
-        ahead_s = new_t_s - mid_t_s + self._tipping_s  # from the middle reading: the newest one alone may be wrong
+        old_deg, mid_deg, new_deg = (_towards_deg(reading)[side] for reading in (old, mid, new))
+        rate_deg_s = min((mid_deg - old_deg) / (mid.t_s - old.t_s), (new_deg - mid_deg) / (new.t_s - mid.t_s))
+        ahead_s = new.t_s - mid.t_s + self._tipping_s  # from the middle reading: the newest one alone may be wrong
         return rate_deg_s > 0.0 and mid_deg + rate_deg_s * ahead_s >= self._tipping_deg
 
 

@@ -6,7 +6,7 @@ the rover is re-armed. A command that passes is limited in duty and in the growt
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from math import inf, isfinite
 from typing import Final
 
@@ -23,8 +23,9 @@ STALL_LIMIT_S: Final = 0.2
 class Gate:
     """Limits commands, holds the wheels, and latches faults.
 
-    ``cause`` is the worst condition, ``level`` its severity, ``holds`` whether it keeps the wheels at zero. ``levels``
-    are the severities of this rover's conditions; others count from the next tick on.
+    Once a tick, call ``judge``, and if it says so, ``limit``. ``cause`` is the worst condition, ``level`` its severity,
+    ``holds`` whether it keeps the wheels at zero. ``levels`` are the severities of this rover's conditions; others
+    count from the next tick on.
     """
 
     def __init__(self, settings: SafetySettings, control_hz: float) -> None:
@@ -36,31 +37,31 @@ class Gate:
         self.level = Level.WELL
         self.cause: Condition | None = None
         self.holds = False
+        self._open = False
 
     def clear_fault(self) -> None:
         """Forget the latched fault; only a person who arms or drives does this."""
         self._fault = None
         self._judge(())
 
-    def update(
-        self, conditions: Sequence[Condition], decide: Callable[[], WheelCommand], *, armed: bool
-    ) -> WheelCommand:
-        """Return what the wheels may get for one tick.
+    def judge(self, conditions: Sequence[Condition], *, armed: bool) -> bool:
+        """Return whether the wheels may turn in this tick; if not, no manoeuvre is asked, so that it waits.
 
         Args:
             conditions: of this tick.
-            decide: returns the wanted duties; it is asked only if the wheels may turn, so that a manoeuvre waits.
             armed: whether the rover is armed, or a person drives it.
         """
         if conditions or self.cause is not None:
             self._judge(conditions)
-        if self.holds or not armed:
+        self._open = armed and not self.holds
+        if not self._open:
             self._left = self._right = 0.0
-            return STOP
-        return self._limit(decide())
+        return self._open
 
-    def _limit(self, wanted: WheelCommand) -> WheelCommand:
-        """Limit both sides; a command that is no number stops the wheels and is a fault."""
+    def limit(self, wanted: WheelCommand) -> WheelCommand:
+        """Return what the wheels may get in this tick; a command that is no number stops them and is a fault."""
+        if not self._open:
+            return STOP
         left, right = wanted
         step, most = self._step, self._most
         if (  # nearly every command ends here; written so that NaN does not
@@ -74,6 +75,7 @@ class Gate:
         if not (isfinite(left) and isfinite(right)):
             self._judge((Condition.DECISION_INVALID,))
             self._left = self._right = 0.0
+            self._open = False
             return STOP
         self._left = self._limit_side(left, self._left)
         self._right = self._limit_side(right, self._right)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from itertools import pairwise
 from math import degrees, radians
 from random import Random
@@ -14,7 +13,7 @@ from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.detector.motion import MotionMonitor
 from wayfarer.escape.api import Anomaly, Observation, Phase
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.hal import STOP, MotionReading, WheelCommand
+from wayfarer.hal import STOP, MotionReading
 from wayfarer.safety.gate import Gate
 from wayfarer.safety.tick_interval import IntervalTimer, TickInterval
 
@@ -108,7 +107,8 @@ def _drive(config: RoverConfig, friction: float, torque_scale: float, episodes: 
                 travelled_m, odometer.covered_m,
             )
         )  # fmt: skip
-        wheels = gate.update((), partial(WheelCommand, *decision.wheels), armed=True)
+        gate.judge((), armed=True)
+        wheels = gate.limit(decision.wheels)
         phase = decision.phase
         world.command(*wheels)
         places.append(Place(phase, decision.why, world.path_m, heading_deg))
