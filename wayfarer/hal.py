@@ -248,6 +248,22 @@ class PositionReceiver(Driver, Protocol):
         """
 
 
+class NoFix(NamedTuple):
+    """Why a receiver gives no fix: what was found, the likely cause, and what to do; one line each."""
+
+    found: str
+    cause: str
+    remedy: str
+
+
+@runtime_checkable
+class ExplainsNoFix(Protocol):
+    """An optional method of a position receiver, for ``wayfarer check``."""
+
+    def why_no_fix(self) -> NoFix:
+        """Return why the last ``read`` gave None."""
+
+
 @runtime_checkable
 class Recognised(Protocol):
     """A driver that can say whether its part is there, so that ``wayfarer init`` finds it.

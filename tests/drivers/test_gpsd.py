@@ -15,7 +15,9 @@ from hypothesis import strategies as st
 from wayfarer.drivers import gpsd
 from wayfarer.drivers.gpsd import Fixes, Gpsd, GpsdSettings
 from wayfarer.errors import NotResponding, WrongPart
-from wayfarer.hal import PositionFix, PositionReceiver
+from wayfarer.hal import ExplainsNoFix, PositionFix, PositionReceiver
+from wayfarer.safety.mission_limits import Mission
+from wayfarer.safety.settings import SafetySettings
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.testing import check_position_receiver
 
@@ -116,6 +118,83 @@ def test_a_time_that_no_clock_has_leaves_the_position(time: str) -> None:
     assert fix.utc_s is None
 
 
+# -- several receivers -----------------------------------------------------------------------------------------------
+
+LIVE, OTHER = "/dev/ttyACM0", "/dev/ttyUSB0"
+HOME_S, RADIUS_M = 10.0, 100.0
+NORTH_DEG = 1.0 / 111_000.0  # a metre
+OTHERS: dict[str, Callable[[float], dict[str, Any] | None]] = {
+    "hung": lambda _: {"time": "2025-07-20T12:00:05.000Z"},
+    "hung and ahead": lambda _: {"time": "2026-07-20T12:00:05.000Z"},
+    "hangs later": lambda t_s: {"time": clock_text(min(t_s, 8.0))},
+    "without fix": lambda t_s: {"time": clock_text(t_s), "mode": 1},
+    "without time": lambda _: {"time": None},
+    "unplugged later": lambda t_s: {"time": clock_text(t_s)} if t_s < 8.0 else None,
+}
+
+
+def clock_text(t_s: float) -> str:
+    return f"2025-07-20T12:{int(t_s // 60):02d}:{t_s % 60:06.3f}Z"
+
+
+@pytest.mark.parametrize("stale_s", [1.5, 60.0])
+@pytest.mark.parametrize("other", OTHERS)
+@pytest.mark.parametrize("period_s", [0.2, 1.0, 1.7])
+@pytest.mark.parametrize("phase_s", [0.05, 0.5, 0.95])
+def test_mission_ends_at_its_radius_by_the_receiver_that_is_well(
+    stale_s: float, other: str, period_s: float, phase_s: float
+) -> None:
+    """A rover whose dead reckoning sees nothing is carried away by 5 m a second; the other receiver stays at home."""
+    mission, fixes = Mission(SafetySettings(mission_radius_m=RADIUS_M), 0.0), Fixes(stale_s)
+    said = [(float(n), LIVE) for n in range(60)]
+    said += [(n * period_s + phase_s, OTHER) for n in range(int(60.0 / period_s))]
+    reads = [(n + 0.7, "") for n in range(60)]
+    ended_s = None
+    for t_s, device in sorted(said + reads):
+        if device:
+            fields = {"time": clock_text(t_s)} if device == LIVE else OTHERS[other](t_s)
+            away_m = 5.0 * max(0.0, t_s - HOME_S) if device == LIVE else 0.0
+            if fields is not None:
+                line = report(0, device=device, lat=LATITUDE_DEG + away_m * NORTH_DEG, **fields)
+                fixes.take(line, t_s)
+            continue
+        if (fix := fixes.latest(t_s)) is not None:
+            mission.position(fix)
+        if mission.end(t_s) is not None:
+            ended_s = t_s
+            break
+    assert ended_s is not None
+    assert HOME_S + RADIUS_M / 5.0 < ended_s < HOME_S + RADIUS_M / 5.0 + 8.0
+
+
+def test_the_receiver_that_is_served_stays_until_it_has_no_new_fix() -> None:
+    fixes = Fixes(60.0)
+
+    def read(t_s: float) -> float | None:
+        fix = fixes.latest(t_s)
+        return None if fix is None else fix.latitude_deg
+
+    for second in range(3):
+        fixes.take(report(second, device=LIVE, lat=1.0), float(second))
+        fixes.take(report(second, device=OTHER, lat=2.0), second + 0.5)
+        assert read(second + 0.9) == (None if second == 0 else 1.0)
+    for second in range(3, 20):
+        fixes.take(report(second, device=OTHER, lat=2.0), second + 0.5)
+        assert read(second + 0.9) == (1.0 if second < 5 else 2.0), "for 3 s, although a fix could be used for 60 s"
+    fixes.take(report(20, device=OTHER, mode=1), 20.0)
+    assert read(20.1) == 1.0
+    assert read(62.1) is None
+
+
+def test_receivers_without_end_take_no_memory_and_the_one_that_speaks_is_kept() -> None:
+    fixes = Fixes(3.0)
+    for number in range(1_000):
+        fixes.take(report(number % 60, device=LIVE, time=clock_text(float(number))), float(number))
+        fixes.take(report(0, device=f"/dev/pts/{number}"), number + 0.5)
+    assert fixes.latest(999.5) is not None
+    assert len(fixes._receivers) == gpsd.MOST_RECEIVERS
+
+
 garbage = st.one_of(
     st.binary(max_size=200),
     st.sampled_from((b"[" * 60_000, b"[1,2]", b"null", b"\xff\xfe{\x00", b'{"class":"SKY"}', b'{"class":"TPV"', b"")),
@@ -194,6 +273,7 @@ async def test_asks_for_reports_and_gives_the_fix() -> None:
 
     async with served(script) as client:
         assert isinstance(client, PositionReceiver)
+        assert isinstance(client, ExplainsNoFix)
         await client.open()
         fix = await fix_from(client)
         assert fix[1:] == (LATITUDE_DEG, LONGITUDE_DEG, ERROR_M, NOON_S + 1.0)

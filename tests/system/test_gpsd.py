@@ -8,7 +8,8 @@ import shutil
 import signal
 import socket
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import reduce
 from operator import xor
 from pathlib import Path
@@ -43,12 +44,25 @@ def sentence(body: str) -> str:
     return f"${body}*{reduce(xor, body.encode()):02X}\r\n"
 
 
-def epoch(second: int) -> str:
-    """Return the two sentences of docs/reference/hardware.md, at a second after 12:00."""
-    time = f"12{second // 60:02d}{second % 60:02d}.00"
-    return sentence(f"GPRMC,{time},A,5130.1000,N,00007.5000,W,2.00,090.0,200725,,,A") + sentence(
-        f"GPGGA,{time},5130.1000,N,00007.5000,W,1,08,0.9,35.0,M,46.0,M,,"
+LATITUDE = "5130.1000,N,00007.5000,W"
+
+
+def epoch(second: int, *, time: str | None = None, place: str = LATITUDE) -> str:
+    """Return the two sentences of docs/reference/hardware.md, at a second after 12:00; ``place`` may be empty."""
+    time = f"12{second // 60:02d}{second % 60:02d}.00" if time is None else time
+    place, is_fix = place or ",,,", bool(place)
+    return sentence(f"GPRMC,{time},{'A' if is_fix else 'V'},{place},2.00,090.0,200725,,,A") + sentence(
+        f"GPGGA,{time},{place},{is_fix:d},08,0.9,35.0,M,46.0,M,,"
     )
+
+
+ELSEWHERE = LATITUDE.replace("5130", "5230")
+# What another receiver says in each second, and what check says if it is the only one.
+OTHERS: dict[str, tuple[Callable[[int], str], str]] = {
+    "hung": (lambda _: epoch(5, place=ELSEWHERE), "has said nothing new"),
+    "without fix": (lambda second: epoch(second, place=""), "has no fix"),
+    "without time": (lambda second: epoch(second, time="", place=ELSEWHERE), "tells a position and no time"),
+}
 
 
 def free_port() -> int:
@@ -58,18 +72,28 @@ def free_port() -> int:
         return port
 
 
-@pytest.fixture
-def daemon(tmp_path: Path) -> Iterator[Daemon]:
-    track = tmp_path / "track.nmea"
-    track.write_text("".join(map(epoch, range(600))), encoding="ascii")
+@contextmanager
+def running(folder: Path, *receivers: Callable[[int], str]) -> Iterator[Daemon]:
+    """Run gpsd with receivers that say something for each second."""
+    tracks = [folder / f"{number}.nmea" for number, _ in enumerate(receivers)]
+    for track, says in zip(tracks, receivers, strict=True):
+        track.write_text("".join(map(says, range(600))), encoding="ascii")
     port = free_port()
-    command = ["gpsfake", "-n", "-q", "-c", "0.05", "-P", str(port), str(track)]
-    with (tmp_path / "gpsfake.log").open("wb") as log:
+    command = ["gpsfake", "-n", "-q", "-c", "0.05", "-P", str(port), *map(str, tracks)]
+    with (folder / "gpsfake.log").open("wb") as log:
         process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True)
     daemon = Daemon(process, Gpsd(GpsdSettings(port=port), FakeBuses()))
-    yield daemon
-    if process.poll() is None:
-        daemon.kill()
+    try:
+        yield daemon
+    finally:
+        if process.poll() is None:
+            daemon.kill()
+
+
+@pytest.fixture
+def daemon(tmp_path: Path) -> Iterator[Daemon]:
+    with running(tmp_path, epoch) as daemon:
+        yield daemon
 
 
 async def opened(daemon: Daemon) -> None:
@@ -109,3 +133,34 @@ async def test_fixes_come_while_gpsd_runs_and_its_death_is_noticed(daemon: Daemo
             await daemon.client.open()
     finally:
         await daemon.client.close()
+
+
+@pytest.mark.parametrize("other", OTHERS)
+async def test_receiver_that_is_well_is_heard_beside_one_that_is_not(tmp_path: Path, other: str) -> None:
+    says, _ = OTHERS[other]
+    with running(tmp_path, says, epoch) as daemon:
+        await opened(daemon)
+        try:
+            times_s = [0.0]
+            for _ in range(6):
+                fix = await next_fix(daemon.client, times_s[-1])
+                assert fix.latitude_deg == pytest.approx(51.5016667, abs=1e-6)
+                times_s.append(fix.t_s)
+        finally:
+            await daemon.client.close()
+
+
+@pytest.mark.parametrize("other", OTHERS)
+async def test_check_says_what_the_only_receiver_lacks(tmp_path: Path, other: str) -> None:
+    says, lacks = OTHERS[other]
+    with running(tmp_path, says) as daemon:
+        await opened(daemon)
+        try:
+            for _ in range(round(START_S / 0.05)):
+                await asyncio.sleep(0.05)
+                if lacks in daemon.client.why_no_fix().found:
+                    break
+            assert lacks in daemon.client.why_no_fix().found
+            assert await daemon.client.read() is None
+        finally:
+            await daemon.client.close()

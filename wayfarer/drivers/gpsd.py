@@ -1,12 +1,15 @@
 """Positions from gpsd, the daemon that reads GPS receivers, for the log and for mission limits.
 
-gpsd sends lines of JSON over TCP (gpsd_json(5)). Five fields of its TPV report are used: ``time``, ``mode``, ``lat``,
-``lon`` and ``eph``. Existing client libraries block, or reconnect by themselves and hide that gpsd is gone; reading the
-lines directly is shorter than working around that.
+gpsd sends lines of JSON over TCP (gpsd_json(5)). Six fields of its TPV report are used: ``device``, ``time``, ``mode``,
+``lat``, ``lon`` and ``eph``. Existing client libraries block, or reconnect by themselves and hide that gpsd is gone;
+reading the lines directly is shorter than working around that.
 
 A fix is not trusted until its own ``time`` has been seen to advance, because a receiver or a gpsd that hangs repeats
 its last fix as if it were new. If ``time`` goes back, as at a correction of the week, the fix counts again when its
 time advances from there.
+
+The reports of several receivers come mixed. Each receiver is judged by its own reports only, and one is served until
+it has had no new fix for ``SERVED_S``: two are some metres apart, and a hung one still tells where it once was.
 """
 
 from __future__ import annotations
@@ -23,13 +26,33 @@ from annotated_types import Interval, Len
 
 from wayfarer.drivers.buses import Buses
 from wayfarer.errors import NotResponding, WrongPart
-from wayfarer.hal import PositionFix
+from wayfarer.hal import NoFix, PositionFix
 from wayfarer.setting_ranges import Seconds
 
 WATCH = b'?WATCH={"enable":true,"json":true};\n'
 LINE_LIMIT = 65_536  # bytes; gpsd's report of a sky full of satellites is a tenth of it
 ANSWER_S = 2.0
 FIX_2D = 2  # TPV's mode: 0 unknown, 1 no fix, 2 without and 3 with altitude
+SERVED_S = 3.0  # mission limits use no older fix (``safety.mission_limits.FIX_FRESH_S``)
+MOST_RECEIVERS = 16  # remembered; gpsd is built for 4. Chosen by us
+
+# What a receiver lacks, the likely cause, and what to do.
+NO_FIX = NoFix("has no fix", "no free view of the sky, or just switched on", "wait some minutes outdoors")
+NO_TIME = NoFix(
+    "tells a position and no time",
+    "a position of unknown age does not count",
+    "have it send its time too, in NMEA the sentence RMC; gpspipe -w shows what gpsd makes of it",
+)
+TIME_STANDS = NoFix(
+    "has said nothing new",
+    "it hangs or is unplugged, or gpsd hangs",
+    "take its power away for a moment; sudo systemctl restart gpsd",
+)
+NO_RECEIVER = NoFix(
+    "no receiver is heard",
+    "gpsd knows of none, or it is not plugged in",
+    "set DEVICES in /etc/default/gpsd; sudo systemctl restart gpsd",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,37 +68,69 @@ class GpsdSettings:
     ``safety.mission_radius_m``, which uses a fix for 3 s at most (``safety.mission_limits.FIX_FRESH_S``)."""
 
 
-class Fixes:
-    """Gets positions from the lines of gpsd; pure.
+class Receiver:
+    """What one of gpsd's receivers has said; pure.
 
-    Several reports may come for one moment, the first of them incomplete; the last one counts.
+    Several reports may come for one moment, the first of them incomplete; the last one counts. ``fix`` is of the last
+    report, None if it has no position or no time; ``lacks`` says what is missing unless that fix is new.
     """
+
+    def __init__(self) -> None:
+        self.fix: PositionFix | None = None
+        self.lacks = NO_FIX
+        self.heard_s = -inf
+        self._time: str | None = None
+        self._moved_on_s = -inf
+
+    def take(self, report: dict[str, Any], t_s: float) -> None:
+        """Take a TPV report that arrived at ``t_s``."""
+        self.heard_s, time = t_s, report.get("time")
+        if isinstance(time, str):
+            if self._time is not None and time > self._time:  # ISO 8601 in UTC sorts as text
+                self._moved_on_s = t_s
+            self._time = time
+        fix = fix_of(report, self._moved_on_s)
+        self.fix = fix if isinstance(time, str) else None
+        self.lacks = NO_FIX if fix is None else NO_TIME if self.fix is None else TIME_STANDS
+
+    def fix_s(self) -> float:
+        """Return the time of the fix, minus infinity if there is none."""
+        return -inf if self.fix is None else self.fix.t_s
+
+
+class Fixes:
+    """Gets positions from the lines of gpsd; pure."""
 
     def __init__(self, stale_s: float) -> None:
         self._stale_s = stale_s
-        self._time: str | None = None
-        self._moved_on_s = -inf
-        self._fix: PositionFix | None = None
+        self._receivers: dict[str, Receiver] = {}
+        self._served: Receiver | None = None
 
     def take(self, line: bytes, t_s: float) -> None:
         """Take a line that arrived at ``t_s``; a line that is not a TPV report changes nothing."""
         report = parse(line)
         if report.get("class") != "TPV":
             return
-        time = report.get("time")
-        if not isinstance(time, str):
-            self._fix = None  # no fix at all, or one of unknown age
-            return
-        if self._time is not None and time > self._time:  # ISO 8601 in UTC sorts as text
-            self._moved_on_s = t_s
-        self._time = time
-        self._fix = fix_of(report, self._moved_on_s)
+        device, receivers = str(report.get("device", "the receiver")), self._receivers
+        if device not in receivers and len(receivers) >= MOST_RECEIVERS:
+            del receivers[min(receivers, key=lambda each: receivers[each].heard_s)]
+        receivers.setdefault(device, Receiver()).take(report, t_s)
 
     def latest(self, t_s: float) -> PositionFix | None:
-        """Return the fix that holds at ``t_s``, or None."""
-        if self._fix is None or t_s - self._fix.t_s > self._stale_s:
+        """Return the fix that holds at ``t_s``, of the receiver that is served, or None."""
+        if self._served is None or not t_s - self._served.fix_s() <= min(self._stale_s, SERVED_S):
+            self._served = max(self._receivers.values(), key=Receiver.fix_s, default=None)
+        if self._served is None or t_s - self._served.fix_s() > self._stale_s:
             return None
-        return self._fix
+        return self._served.fix
+
+    def why_none(self) -> NoFix:
+        """Return why there is no fix: what each receiver lacks, and what to do about one of them."""
+        if not self._receivers:
+            return NO_RECEIVER
+        lacks = {device: receiver.lacks for device, receiver in self._receivers.items()}
+        one = min(lacks.values(), key=(NO_TIME, NO_FIX, TIME_STANDS).index)
+        return one._replace(found=", ".join(f"{device} {each.found}" for device, each in lacks.items()))
 
 
 def parse(line: bytes) -> dict[str, Any]:
@@ -177,6 +232,10 @@ class Gpsd:
         if self._follower.done():
             raise NotResponding(f"{self.name}: hung up; has it been stopped? systemctl status gpsd")
         return self._fixes.latest(asyncio.get_running_loop().time())
+
+    def why_no_fix(self) -> NoFix:
+        """Return what its receivers lack; see ``hal.ExplainsNoFix``."""
+        return self._fixes.why_none()
 
     async def _connect(self) -> asyncio.StreamReader:
         settings = self._settings

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 from collections.abc import Iterator
 from dataclasses import replace
@@ -31,8 +32,9 @@ from wayfarer.config.calibration_file import (
     save,
     stamp,
 )
+from wayfarer.drivers.gpsd import Fixes
 from wayfarer.errors import BadReading, NotResponding, WrongPart
-from wayfarer.hal import MotionReading, MotorHealth, Side
+from wayfarer.hal import MotionReading, MotorHealth, NoFix, PositionFix, Side
 
 OK, WARN, FAIL, SKIPPED = CheckVerdict.OK, CheckVerdict.WARN, CheckVerdict.FAIL, CheckVerdict.SKIPPED
 
@@ -166,12 +168,66 @@ def test_a_sense_that_is_not_there_is_missed_only_where_obstacles_are_to_be_noti
 
 
 def test_a_part_that_can_be_done_without_is_only_a_warning(rig: Rig) -> None:
-    light = partial(parts.helper, "light")
-    assert rig.look(light).verdict is SKIPPED
+    assert [rig.look(check).verdict for check in (parts.light, parts.position)] == [SKIPPED, SKIPPED]
     rig.rover = replace(rig.rover, light=rig.compass)  # type: ignore[arg-type]  # any part that opens, or not
-    assert rig.look(light).verdict is OK
+    assert rig.look(parts.light).verdict is OK
     rig.compass.dead = True
-    assert rig.look(light).verdict is WARN
+    rig.rover = replace(rig.rover, position=rig.compass)  # type: ignore[arg-type]
+    assert [rig.look(check).verdict for check in (parts.light, parts.position)] == [WARN, WARN]
+
+
+class ScriptedReceiver:
+    """gpsd, as far as its lines go: ``reports`` come every second, each of one receiver."""
+
+    name = "gpsd at 127.0.0.1:2947"
+
+    def __init__(self, *reports: dict[str, Any]) -> None:
+        self._reports, self._fixes = reports, Fixes(3.0)
+        self._lines = 0
+
+    async def open(self) -> None: ...
+
+    async def close(self) -> None: ...
+
+    async def read(self) -> PositionFix | None:
+        now_s = asyncio.get_running_loop().time()
+        while self._reports and self._lines <= now_s:
+            for report in self._reports:
+                line = {"class": "TPV", "time": f"2025-07-20T12:00:{self._lines:02d}.000Z"} | report
+                self._fixes.take(json.dumps(line).encode(), now_s)
+            self._lines += 1
+        return self._fixes.latest(now_s)
+
+    def why_no_fix(self) -> NoFix:
+        return self._fixes.why_none()
+
+
+FIX = {"device": "/dev/ttyACM0", "mode": 3, "lat": 51.5, "lon": -0.1, "eph": 17.1}
+SEARCHES = {"device": "/dev/ttyUSB0", "mode": 1}
+TIMELESS = {"device": "/dev/ttyUSB1", "mode": 3, "lat": 51.5, "lon": -0.1, "time": None}
+HUNG = {"device": "/dev/ttyUSB2", "mode": 3, "lat": 51.5, "lon": -0.1, "time": "2025-07-20T11:00:00.000Z"}
+
+
+@pytest.mark.parametrize(
+    ("reports", "verdict", "found", "remedy"),
+    [
+        ([FIX], OK, "a fix, off by 17 m at most", ""),
+        ([HUNG, SEARCHES, TIMELESS, FIX], OK, "a fix, off by 17 m at most", ""),
+        ([FIX | {"eph": None}], OK, "a fix", ""),
+        ([SEARCHES], WARN, "/dev/ttyUSB0 has no fix", "outdoors"),
+        ([TIMELESS], WARN, "/dev/ttyUSB1 tells a position and no time", "RMC"),
+        ([HUNG], WARN, "/dev/ttyUSB2 has said nothing new", "restart gpsd"),
+        ([HUNG, SEARCHES], WARN, "/dev/ttyUSB2 has said nothing new, /dev/ttyUSB0 has no fix", "outdoors"),
+        ([], WARN, "no receiver is heard", "DEVICES"),
+    ],
+)
+def test_fix_no_fix_and_no_time_of_each_receiver_are_told_apart(
+    rig: Rig, reports: list[dict[str, Any]], verdict: CheckVerdict, found: str, remedy: str
+) -> None:
+    rig.rover = replace(rig.rover, position=ScriptedReceiver(*reports))
+    finding = rig.look(parts.position)
+    assert (finding.verdict, finding.found) == (verdict, f"gpsd at 127.0.0.1:2947: {found}")
+    assert remedy in finding.remedy
 
 
 # -- calibration ---------------------------------------------------------------------------------------------------

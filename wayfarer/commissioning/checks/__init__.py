@@ -69,11 +69,7 @@ ARMING: tuple[Check, ...] = (
 BY_HAND: tuple[Check, ...] = (system.power, parts.motor_board, parts.battery, parts.motor_faults, deadman.proved)
 """Which of them gate driving by a person, who sees what the sensors do not."""
 
-AT_REST: tuple[Check, ...] = (
-    calibrated.heading_at_rest,
-    partial(parts.helper, "light"),
-    partial(parts.helper, "position"),
-)
+AT_REST: tuple[Check, ...] = (calibrated.heading_at_rest, parts.light, parts.position)
 """What a person wants to know besides; arming itself waits for the heading to rest."""
 
 

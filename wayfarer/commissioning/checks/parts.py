@@ -6,17 +6,21 @@ cannot be asked, neither its battery nor its outputs are called in order.
 
 from __future__ import annotations
 
+import asyncio
 import re
 from collections.abc import Awaitable
 from typing import TypeVar
 
-from wayfarer.commissioning.checks.api import Finding, Inspection, fail, ok, skipped, warn
+from wayfarer.commissioning.checks.api import CheckVerdict, Finding, Inspection, fail, ok, skipped, warn
 from wayfarer.commissioning.checks.system import diagnose
 from wayfarer.errors import BadReading, DriverError, NotResponding, WrongPart
-from wayfarer.hal import has_readback
+from wayfarer.hal import ExplainsNoFix, NoFix, has_readback
 
 # A rover that is set down for a start stands about level; beyond this the compass is mounted otherwise than believed.
 LEVEL_DEG = 20.0
+# Two reports of a receiver that speaks once a second: a first one may be old. Chosen by us.
+FIX_WITHIN_S, FIX_LOOK_S = 3.0, 0.1
+NO_FIX = NoFix("no fix", "no free view of the sky, or just switched on", "wait some minutes outdoors")
 
 R = TypeVar("R")
 
@@ -118,17 +122,40 @@ async def contact(inspection: Inspection) -> Finding:
     return ok("contact", "answers, and nothing is pressed")
 
 
-async def helper(name: str, inspection: Inspection) -> Finding:
-    """Check that a part that a rover can drive without (light, position) opens."""
-    part = inspection.rover.parts.get(name)
-    if part is None:
-        return skipped(name, f"this rover has no {name} part")
+def _helper_failed(inspection: Inspection, name: str, error: DriverError) -> Finding:
+    """Return that a part failed that a rover can drive without: only a warning."""
+    return part_failed(inspection, name, name, error)._replace(verdict=CheckVerdict.WARN)
+
+
+async def light(inspection: Inspection) -> Finding:
+    """Check that the status light opens."""
+    if (part := inspection.rover.light) is None:
+        return skipped("light", "this rover has no light part")
     try:
-        await inspection.open(name)
+        await inspection.open("light")
     except DriverError as error:
-        failed = part_failed(inspection, name, name, error)
-        return warn(name, failed.found, failed.cause, failed.remedy)
-    return ok(name, f"{part.name} answers")
+        return _helper_failed(inspection, "light", error)
+    return ok("light", f"{part.name} answers")
+
+
+async def position(inspection: Inspection) -> Finding:
+    """Check that the position receiver gives a fix, which its first reports need not be."""
+    if (receiver := inspection.rover.position) is None:
+        return skipped("position", "this rover has no position part")
+    time = asyncio.get_running_loop().time
+    try:
+        await inspection.open("position")
+        ends_s, fix = time() + FIX_WITHIN_S, await receiver.read()
+        while fix is None and time() < ends_s:
+            await asyncio.sleep(FIX_LOOK_S)
+            fix = await receiver.read()
+    except DriverError as error:
+        return _helper_failed(inspection, "position", error)
+    if fix is not None:
+        off = "" if fix.error_m is None else f", off by {fix.error_m:.0f} m at most"
+        return ok("position", f"{receiver.name}: a fix{off}")
+    found, cause, remedy = receiver.why_no_fix() if isinstance(receiver, ExplainsNoFix) else NO_FIX
+    return warn("position", f"{receiver.name}: {found}", cause, remedy)
 
 
 # -- the motor board ---------------------------------------------------------------------------------------------------
