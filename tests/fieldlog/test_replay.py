@@ -367,7 +367,9 @@ async def eventful_run(folder: Path, config: RoverConfig) -> None:
     trouble.health = None
     await asyncio.sleep(6.0)
     assert not controller.waits_for_motors
+    await asyncio.sleep(0.01)
     supervisor.disarm("asked for again")
+    await asyncio.sleep(0.001)
     await supervisor.arm(asked(), 10.0)
     supervisor.hold()
     await asyncio.sleep(config.safety.start_delay_s + PATIENCE * config.safety.settle_s + 1.0)
@@ -408,6 +410,20 @@ def test_run_with_holds_failures_and_people_agrees(eventful: Path) -> None:
     by_hand = [tick for tick in ticks(eventful) if tick["phase"] == "manual"]
     assert {tick["applied_right"] < 0.0 for tick in by_hand} == {True, False}
     assert (named.count("motors_failed"), named.count("motors_opened")) == (1 + DIPS, 2 + DIPS)
+
+
+def test_request_that_came_while_a_tick_waited_for_its_motors_counts_after_what_that_tick_concluded(
+    eventful: Path, tmp_path: Path
+) -> None:
+    """It is written before the tick's record, and what the tick concluded behind that."""
+    run = Path(copytree(eventful, tmp_path / "run"))
+    written = records(run)
+    at = next(at for at, record in enumerate(written) if record.get("reason") == "asked for again")
+    earlier, later = written[at : at + 2]
+    assert (later["name"], later["t_s"] > earlier["t_s"]) == ("arming", True)
+    swapped = {record["n"]: other | {"n": record["n"]} for record, other in ((earlier, later), (later, earlier))}
+    rewrite(run, lambda record: swapped.get(record.get("n"), record))
+    assert replay(run) == Replay(len(ticks(run)), None)
 
 
 def test_drive_that_went_unheard_is_part_of_what_is_replayed(eventful: Path, tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import nan
+from operator import itemgetter
 from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
@@ -161,9 +162,10 @@ class Rerun:
     def _hear_until(self, t_s: float) -> None:
         """Do what people asked for before the tick at ``t_s``.
 
-        An event is written at once, so those that came during a tick stand before it, and count after it.
+        An event is written at once, so those that came during a tick stand before it, and count after it, and after
+        what the tick concluded, which is written last.
         """
-        heard, self._heard = self._heard, []
+        heard, self._heard = sorted(self._heard, key=itemgetter("t_s")), []
         for record in heard:
             if record["t_s"] <= t_s:
                 self._event(record["name"], record)
