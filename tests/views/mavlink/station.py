@@ -28,8 +28,8 @@ Message = Any
 class Encoder:
     """What a station sends with; ``signs``: with a key, which the rover does not know."""
 
-    def __init__(self, *, signs: bool = False) -> None:
-        self._mavlink = common.MAVLink(None, 255, 190)
+    def __init__(self, *, signs: bool = False, system: int = 255) -> None:
+        self._mavlink = common.MAVLink(None, system, 190)
         if signs:
             self._mavlink.signing.secret_key, self._mavlink.signing.sign_outgoing = bytes(32), True
 
@@ -43,8 +43,8 @@ def heartbeat() -> Message:
     return common.MAVLink_heartbeat_message(common.MAV_TYPE_GCS, common.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
 
 
-def command(number: int, first: float = 0.0, second: float = 0.0, *, target: int = 1) -> Message:
-    return common.MAVLink_command_long_message(target, 1, number, 0, first, second, 0, 0, 0, 0, 0)
+def command(number: int, first: float = 0.0, second: float = 0.0, *, target: int = 1, component: int = 1) -> Message:
+    return common.MAVLink_command_long_message(target, component, number, 0, first, second, 0, 0, 0, 0, 0)
 
 
 def mode(number: int) -> Message:
@@ -115,6 +115,7 @@ class FakePort:
         self.sent: list[bytes] = []
         self.is_near = True
         self.is_served = True
+        self.sender = ("192.168.1.5", 14550)
         self.broken = False
         self._ready: Callable[[], None] = lambda: None
         self._data = b""

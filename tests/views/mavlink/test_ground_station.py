@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import random
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 
@@ -76,6 +77,38 @@ async def test_rover_stops_under_each_of_mavlinks_names_for_stop(monkeypatch: py
         link.encoder = Encoder(signs=True)  # by a station that was given a key for another vehicle
         await link.says(arming(0.0))
         assert link.acks() == [ACCEPTED]
+
+
+@pytest.mark.parametrize("system", [0, 1, 2])
+@pytest.mark.parametrize("component", [0, 1, 154, 190, 250])
+@virtual
+async def test_what_is_for_everybody_is_for_the_rover_and_what_is_for_another_component_is_not(
+    monkeypatch: pytest.MonkeyPatch, system: int, component: int
+) -> None:
+    questions: list[tuple[str, Message]] = [
+        ("PARAM_VALUE", common.MAVLink_param_request_list_message(system, component)),
+        ("PARAM_VALUE", common.MAVLink_param_request_read_message(system, component, b"SYSID_THISMAV", -1)),
+        ("MISSION_COUNT", common.MAVLink_mission_request_list_message(system, component, 0)),
+        (
+            "AUTOPILOT_VERSION",
+            command(
+                common.MAV_CMD_REQUEST_MESSAGE, common.MAVLINK_MSG_ID_AUTOPILOT_VERSION, 0.0,
+                target=system, component=component,
+            ),
+        ),
+    ]  # fmt: skip
+    is_ours = system in (0, 1) and component in (0, 1)
+    async with linked(monkeypatch) as link:
+        for _, stop in STOPS:
+            order = copy(stop)
+            order.target_system, order.target_component = system, component
+            await link.says(order)
+        whole_system = [name for name, order in STOPS if order.get_type() == "SET_MODE" and system in (0, 1)]
+        assert link.rover.asked == ([name for name, _ in STOPS] if is_ours else whole_system)
+        for answer, question in questions:
+            link.heard()
+            await link.says(question)
+            assert (answer in kinds(link.heard())) is is_ours, answer
 
 
 @pytest.mark.parametrize(("is_near", "may"), [(True, False), (True, True), (False, False), (False, True)])
@@ -345,6 +378,52 @@ async def test_lost_link_does_what_the_rover_file_says(
         assert link.rover.asked == ["hold"] * holds + [noted]
         await asyncio.sleep(60.0)
         assert link.rover.asked == ["hold"] * holds + [noted]  # once, and it may be resumed by somebody else
+
+
+@virtual
+async def test_station_that_comes_back_from_another_port_is_the_same_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with linked(monkeypatch, MavlinkSettings(on_link_lost="hold")) as link:
+        link.log.event("armed", 101.0, goal_heading_deg=0.0)
+        for port in (14550, 40001, 40002, 14550):
+            link.port.sender = ("192.168.1.5", port)
+            for _ in range(8):
+                await link.says(heartbeat())
+                await asyncio.sleep(0.99)
+        assert link.rover.asked == []
+        await asyncio.sleep(10.0)
+        assert link.rover.asked == ["hold", "link_lost: the ground station is silent: held"]
+
+
+@pytest.mark.parametrize(
+    ("host", "port", "system"),
+    [("192.168.1.5", 14550, 254), ("192.168.1.6", 14550, 255), ("192.168.1.5", 14551, 254)],
+)
+@virtual
+async def test_heartbeats_of_another_station_do_not_tell_that_the_served_one_is_there(
+    monkeypatch: pytest.MonkeyPatch, host: str, port: int, system: int
+) -> None:
+    lost = "link_lost: the ground station is silent"
+    async with linked(monkeypatch) as link:
+        for first, second in ((5, 5), (0, 5), (0, 20)):  # seconds in which each speaks; both at first
+            for second_s in range(max(first, second)):
+                if second_s < first:
+                    link.port.sender, link.encoder = ("192.168.1.5", 14550), Encoder()
+                    await link.says(heartbeat())
+                link.port.sender, link.encoder = (host, port), Encoder(system=system)
+                await link.says(heartbeat())
+                await asyncio.sleep(1.0)
+        assert link.rover.asked == [lost], "the first one; the second has its place now"
+        await asyncio.sleep(10.0)
+        assert link.rover.asked == [lost, lost]
+
+
+@virtual
+async def test_link_that_is_lost_while_the_computer_sleeps_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with linked(monkeypatch) as link:
+        link.port.receive(link.encoder.frame(heartbeat()))
+        link.station._link.heard_s -= 60.0  # no look at the link since
+        await asyncio.sleep(0.2)
+        assert link.rover.asked == ["link_lost: the ground station is silent"]
 
 
 @virtual

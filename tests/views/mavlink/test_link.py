@@ -12,12 +12,13 @@ from pathlib import Path
 
 import pytest
 
-from tests.views.mavlink.station import Encoder, heartbeat
+from tests.views.mavlink.station import Encoder, arming, heartbeat
 from wayfarer.commissioning.checks.system import device_files
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput
 from wayfarer.views.mavlink.link import (
     Address,
+    Link,
     SerialPort,
     UdpPort,
     check_not_a_part,
@@ -95,11 +96,12 @@ class Udp:
 
 @pytest.fixture
 def stations() -> Iterator[list[socket.socket]]:
+    """The first and the third are on one computer, the second on another."""
     with ExitStack() as opened:
-        sockets = [opened.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(2)]
-        for each in sockets:
+        sockets = [opened.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(3)]
+        for each, host in zip(sockets, ("127.0.0.1", "127.0.0.2", "127.0.0.1"), strict=True):
             each.settimeout(0.0)
-            each.bind(("127.0.0.1", 0))
+            each.bind((host, 0))
         yield sockets
 
 
@@ -107,18 +109,21 @@ def stations() -> Iterator[list[socket.socket]]:
 async def test_udpin_serves_one_station_at_a_time_and_hears_no_other_computer_then(
     monkeypatch: pytest.MonkeyPatch, stations: list[socket.socket], is_near: bool
 ) -> None:
-    first, second = stations
+    first, second, moved = stations
     udp = Udp(monkeypatch, is_near=is_near)
     port = udp.port
     port.write(b"nobody is there")
     assert await udp.hears(first)
     assert port.serve()
     assert await udp.hears(second) is is_near
-    assert not port.serve()
     port.write(b"to the first")
     assert first.recv(100) == b"to the first"
     with pytest.raises(BlockingIOError):
         second.recv(100)
+    assert await udp.hears(moved)
+    assert port.serve()
+    port.write(b"where it is now")
+    assert moved.recv(100) == b"where it is now"
     port.forget()
     assert await udp.hears(second)
     assert port.serve()
@@ -131,7 +136,7 @@ async def test_udpin_serves_one_station_at_a_time_and_hears_no_other_computer_th
 async def test_udpout_serves_the_named_station_alone_and_bears_that_nobody_listens(
     monkeypatch: pytest.MonkeyPatch, stations: list[socket.socket]
 ) -> None:
-    named, other = stations
+    named, other, moved = stations
     port = UdpPort(Address("udpout", *named.getsockname()))
     port.write(b"the rover is there")
     _, here = named.recvfrom(100)
@@ -144,6 +149,11 @@ async def test_udpout_serves_the_named_station_alone_and_bears_that_nobody_liste
     monkeypatch.setattr("wayfarer.views.mavlink.link.is_this_computer", lambda _: False)
     other.sendto(Encoder().frame(heartbeat()), ("127.0.0.1", here[1]))
     assert sequences(port) == []
+    moved.sendto(Encoder().frame(heartbeat()), ("127.0.0.1", here[1]))
+    assert sequences(port) == [(0, False)], "a station need not speak from where it listens"
+    assert port.serve()
+    port.write(b"where it listens")
+    assert named.recv(100) == b"where it listens"
     port.forget()
     named.close()
     for _ in range(3):
@@ -191,3 +201,32 @@ async def test_frame_behind_a_stray_marker_is_read_without_another_byte() -> Non
 def test_device_that_is_not_there_is_an_os_error(tmp_path: Path) -> None:
     with pytest.raises(OSError):
         open_port(Address("serial", str(tmp_path / "ttyUSB0"), 57600), ())
+
+
+async def test_station_that_comes_back_from_another_port_stops_the_rover_at_once_and_is_served_soon(
+    monkeypatch: pytest.MonkeyPatch, stations: list[socket.socket]
+) -> None:
+    first, _, moved = stations
+    monkeypatch.setattr("wayfarer.views.mavlink.link.is_this_computer", lambda _: False)
+    monkeypatch.setattr("wayfarer.views.mavlink.link.MOVED_S", 0.2)
+    taken: list[str] = []
+    link = Link(Address("udpin", "127.0.0.1", 0), 1, (), lambda message, _: taken.append(message.get_type()))
+    running = asyncio.create_task(link.run())
+    await asyncio.sleep(0.05)
+    assert isinstance(link._port, UdpPort)
+    here, encoder = link._port._socket.getsockname(), Encoder()
+    first.sendto(encoder.frame(heartbeat()), here)
+    await asyncio.sleep(0.05)
+    assert link.is_served
+    moved.sendto(encoder.frame(arming(0.0)), here)
+    await asyncio.sleep(0.05)
+    assert taken == ["HEARTBEAT", "COMMAND_LONG"]
+    for _ in range(10):
+        moved.sendto(encoder.frame(heartbeat()), here)
+        await asyncio.sleep(0.05)
+    link.send(heartbeat())
+    assert moved.recv(100)
+    with pytest.raises(BlockingIOError):
+        first.recv(100)
+    running.cancel()
+    await asyncio.wait([running])

@@ -22,7 +22,7 @@ from wayfarer.control.rate import Rate, RateLimiter
 from wayfarer.daemon.socket.protocol import Commands, Refused
 from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.schema import Record
-from wayfarer.views.mavlink.link import Address, Link
+from wayfarer.views.mavlink.link import COMPONENT, Address, Link
 from wayfarer.views.mavlink.telemetry import MODE_HOLD, MODE_LOITER, Answers, Messages, StatusTexts, Telemetry, version
 
 LOOK_HZ = 20.0  # how often the streams are looked at: as often as the fastest may be sent
@@ -132,7 +132,6 @@ class GroundStation:
         self._answers = Answers(settings)
         self._budget = Budget(settings.bytes_per_s)
         self._refusals = RateLimiter()
-        self._is_connected = False
         self._stopping: set[asyncio.Task[None]] = set()
         # The most important first: what the budget does not reach waits.
         self._streams = [
@@ -191,7 +190,7 @@ class GroundStation:
                     self._streams.remove(stream)
                     _log.exception("in telling a ground station: this is not told any more")
                 stream.sent(now_s)
-        if self._is_connected and self._texts and self._budget.is_left:
+        if self._link.is_served and self._texts and self._budget.is_left:
             self._send(*self._texts.pop())
 
     def _send(self, *messages: common.MAVLink_message) -> None:
@@ -204,9 +203,8 @@ class GroundStation:
             self._texts.add(text, common.MAV_SEVERITY_WARNING)
 
     async def _watch_link(self, now_s: float) -> None:
-        """Notice that the station came or went, and do what the rover file says."""
-        was_connected, self._is_connected = self._is_connected, now_s - self._link.heard_s <= self._settings.link_lost_s
-        if was_connected and not self._is_connected:
+        """Notice that the station that was served has gone, and do what the rover file says."""
+        if self._link.is_served and now_s - self._link.heard_s > self._settings.link_lost_s:
             self._link.station_is_silent()
             holds = self._settings.on_link_lost == "hold" and self._telemetry.state.mode in HELD
             held = holds and await _is_done(self._do["hold"]())
@@ -216,7 +214,10 @@ class GroundStation:
 
     def _take(self, message: common.MAVLink_message, is_near: bool) -> None:
         """Take a message; ``is_near``: of a program on this computer, or of a serial line."""
-        is_for_us = getattr(message, "target_system", None) in (self._settings.system_id, 0)  # 0: for everybody
+        is_for_us = (  # 0: for everybody; a message that names no component is for all of a system
+            getattr(message, "target_system", None) in (self._settings.system_id, 0)
+            and getattr(message, "target_component", 0) in (COMPONENT, 0)
+        )
         match message:
             case common.MAVLink_set_mode_message() if is_for_us:
                 self._command(message, common.MAV_CMD_DO_SET_MODE, (message.base_mode, message.custom_mode), is_near)

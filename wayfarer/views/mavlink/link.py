@@ -29,6 +29,8 @@ BAUDS = {int(name[1:]): getattr(termios, name) for name in dir(termios) if name[
 FORM = "give udpout:HOST:PORT, udpin:HOST:PORT or serial:DEVICE:BAUD, such as udpout:192.168.1.5:14550"
 CONTROL, SPEED_IN, SPEED_OUT = 2, 4, 5  # places in what termios.tcgetattr returns
 AGAIN_S = 2.0  # between two tries to open a link
+# Who is silent for so long may have come back from another port: three heartbeats. Chosen by us.
+MOVED_S = 3.0
 COMPONENT = common.MAV_COMP_ID_AUTOPILOT1
 
 _log = logging.getLogger("wayfarer.views.mavlink")
@@ -106,7 +108,7 @@ class UdpPort:
     """A UDP socket, which serves one station at a time, so that nobody can multiply what the rover sends.
 
     ``udpout`` names that one; ``udpin`` waits for one. The socket is not connected, or it would keep the address of a
-    network that the computer has left.
+    network that the computer has left. ``sender`` is who sent what was read last.
     """
 
     def __init__(self, address: Address) -> None:
@@ -117,7 +119,7 @@ class UdpPort:
         where = (address.where, address.number)
         self._named = where if address.kind == "udpout" else None
         self._station: tuple[str, int] | None = self._named
-        self._sender = ("", 0)
+        self.sender = ("", 0)
         if self._named is None:
             try:
                 self._socket.bind(where)
@@ -132,17 +134,20 @@ class UdpPort:
     def read(self, now_s: float) -> Iterator[tuple[bytes, bool]]:  # noqa: ARG002 - a datagram is whole
         """Yield the frames of one datagram, each with whether a program of this computer sent it.
 
-        While a station is served, other computers are not heard.
+        While a station is served, other computers than its own are not heard. It may have come back from another port.
         """
         try:
             data, sender = self._socket.recvfrom(INPUT_BYTES)
         except BlockingIOError:
             return
-        self._sender = sender[:2]  # of IPv6, without flow and scope
-        is_near = is_this_computer(self._sender[0])
-        if is_near or self._station in (None, self._sender):
+        self.sender = sender[:2]  # of IPv6, without flow and scope
+        is_near = is_this_computer(self.sender[0])
+        if is_near or self._is_of_station():
             for frame in self._reader.datagram(data):
                 yield frame, is_near
+
+    def _is_of_station(self) -> bool:
+        return self._station is None or self._station[0] == self.sender[0]
 
     def write(self, frame: bytes) -> None:
         """Send a frame, if there is a station to send it to and room for it."""
@@ -151,9 +156,13 @@ class UdpPort:
                 self._socket.sendto(frame, self._station)
 
     def serve(self) -> bool:
-        """Serve the sender of what was read last, if no other is served; return whether it is served."""
-        self._station = self._station or self._sender
-        return self._station == self._sender
+        """Serve the sender from now on, if it is not on another computer than a named one; return whether it is served.
+
+        A named station gets what is sent at its named port, whatever port it speaks from.
+        """
+        if self._named is None:
+            self._station = self.sender
+        return self._is_of_station()
 
     def forget(self) -> None:
         """Let another station take the place of the one that is silent, if none is named."""
@@ -167,7 +176,9 @@ class UdpPort:
 
 
 class SerialPort:
-    """A serial line, as of a telemetry radio: it has one other end, which is always served."""
+    """A serial line, as of a telemetry radio: what is sent reaches everybody there."""
+
+    sender = ("", 0)
 
     def __init__(self, address: Address) -> None:
         self._line = os.open(address.where, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
@@ -208,7 +219,7 @@ class SerialPort:
                 self._unsent = frame[os.write(self._line, frame) :]
 
     def serve(self) -> bool:
-        """Return that the other end is served."""
+        """Return that whoever is there is served."""
         return True
 
     def forget(self) -> None:
@@ -236,8 +247,19 @@ def open_port(address: Address, devices: Iterable[str]) -> UdpPort | SerialPort:
 # -- the link ----------------------------------------------------------------------------------------------------------
 
 
+class Sender(NamedTuple):
+    """Who sends: an address, and MAVLink's numbers of system and component. Many may share an address."""
+
+    host: str
+    port: int
+    system: int
+    component: int
+
+
 class Link:
-    """One link to one station. ``heard_s`` is the loop's time at which the station's heartbeat last came.
+    """One link to one station. ``heard_s`` is the loop's time at which the served station's heartbeat last came.
+
+    The first station that beats is served until it is silent: another one's heartbeats do not tell that it is there.
 
     Args:
         address: where it goes.
@@ -256,6 +278,7 @@ class Link:
         self._on_message = on_message
         self._coder = common.MAVLink(None, system_id, COMPONENT)
         self._port: UdpPort | SerialPort | None = None
+        self._station: Sender | None = None
         self.heard_s = float("-inf")
 
     async def run(self) -> None:
@@ -303,8 +326,14 @@ class Link:
             self._break(error)
         return len(data)
 
+    @property
+    def is_served(self) -> bool:
+        """Whether a station has come and was not said to be silent since."""
+        return self._station is not None
+
     def station_is_silent(self) -> None:
         """Let another station take the place of the one that is silent."""
+        self._station = None
         if self._port is not None:
             self._port.forget()
 
@@ -325,10 +354,19 @@ class Link:
             message = self._coder.decode(bytearray(frame))
             # Only a station's: another vehicle may be there, and an enemy may send our own messages back to us.
             is_beat = isinstance(message, common.MAVLink_heartbeat_message) and message.type == common.MAV_TYPE_GCS
-            if is_beat and port.serve():
-                self.heard_s = now_s
+            if is_beat:
+                self._take_heartbeat(
+                    port, Sender(*port.sender, message.get_srcSystem(), message.get_srcComponent()), now_s
+                )
             self._on_message(message, is_near)
         except common.MAVError:
             return  # a text that is no UTF-8
         except Exception:  # a bug must not lose the next frame, which may be a stop
             _log.exception("in taking what a ground station sent")
+
+    def _take_heartbeat(self, port: UdpPort | SerialPort, sender: Sender, now_s: float) -> None:
+        """Note a heartbeat of the station that is served; serve its sender if none is, or if it is that one, moved."""
+        station = self._station or sender
+        has_moved = now_s - self.heard_s > MOVED_S and sender._replace(port=station.port) == station
+        if (sender == station or has_moved) and port.serve():
+            self._station, self.heard_s = sender, now_s
