@@ -44,7 +44,7 @@ PICTURE = """
 LAYERS = [line.split() for line in PICTURE.split("\n") if line.strip()]
 PURE = [
     "angles", "clamp", "setting_ranges", "hal", "escape", "detector", "safety", "control.modes",
-    "control.status_light",
+    "control.status_light", "api.failsafe",
 ]  # fmt: skip
 IMPURE = {"asyncio", "time", "datetime", "io", "os", "pathlib", "logging", "structlog", "socket", "threading", "numpy"}
 BUS_LIBRARIES = {"cv2", "smbus2", "spidev", "serial", "gpiozero", "picamera2"}
@@ -200,7 +200,7 @@ def test_only_the_demo_arms_a_rover_by_itself_and_gives_a_page_buttons_for_the_c
     ("modules", "kept_out"),
     [
         (["wayfarer"], {"numpy", "pydantic", "typer", "structlog", "asyncio", "typing"}),
-        (["wayfarer.api.handlers", "wayfarer.escape.failsafe"], {"numpy", "pydantic", "asyncio"}),
+        (["wayfarer.api.handlers", "wayfarer.api.failsafe"], {"numpy", "pydantic", "asyncio"}),
         (["wayfarer.api.campaigns", "wayfarer.api.trials", "wayfarer.api.runs"], {"numpy"}),
         (
             ["wayfarer.cli"],

@@ -16,6 +16,7 @@ from wayfarer.version import __version__ as __version__
 TYPE_CHECKING = False  # as in ``typing``, which takes longer to import than all of this
 if TYPE_CHECKING:  # for type checkers and editors; ``_MODULES`` says the same to Python
     from wayfarer.api.campaigns import run_campaign, run_sweep
+    from wayfarer.api.failsafe import FailSafe
     from wayfarer.api.handlers import make_handler
     from wayfarer.api.results import Results, compare, open_results
     from wayfarer.api.runs import Run, open_run, replay
@@ -23,7 +24,6 @@ if TYPE_CHECKING:  # for type checkers and editors; ``_MODULES`` says the same t
     from wayfarer.config.rover_file import load_rover
     from wayfarer.errors import WayfarerError
     from wayfarer.escape.api import Anomaly, Observation
-    from wayfarer.escape.failsafe import FailSafe
     from wayfarer.escape.settings import EscapeSettings, Vehicle
 
 __all__ = [  # first what does something, then the types that it takes and gives
@@ -49,6 +49,7 @@ __all__ = [  # first what does something, then the types that it takes and gives
 
 _MODULES = {
     "wayfarer.api.campaigns": ["run_campaign", "run_sweep"],
+    "wayfarer.api.failsafe": ["FailSafe"],
     "wayfarer.api.handlers": ["make_handler"],
     "wayfarer.api.results": ["Results", "compare", "open_results"],
     "wayfarer.api.runs": ["Run", "open_run", "replay"],
@@ -56,7 +57,6 @@ _MODULES = {
     "wayfarer.config.rover_file": ["load_rover"],
     "wayfarer.errors": ["WayfarerError"],
     "wayfarer.escape.api": ["Anomaly", "Observation"],
-    "wayfarer.escape.failsafe": ["FailSafe"],
     "wayfarer.escape.settings": ["EscapeSettings", "Vehicle"],
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}

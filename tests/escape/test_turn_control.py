@@ -98,7 +98,7 @@ def test_dead_zone_is_learnt_from_turns_that_are_shown_late(dead_zone: float, la
 def test_body_that_stands_is_turned_although_its_compass_lags(late_ticks: int) -> None:
     """Its feedback is slow because of the lag, but not for as long as the body stands: there is no loop to excite."""
     body, turned_deg = lagging(late_ticks, 0.6), 0.0
-    while not body.controller.stands and turned_deg < 30.0:
+    while not body.controller.blocked and turned_deg < 30.0:
         turned_deg += body.tick(0.0, 90.0)
         assert body.t_s < 40.0
     assert turned_deg >= 30.0
@@ -139,20 +139,20 @@ def test_full_duty_that_turns_nothing_is_told_after_two_seconds(speed_m_s: float
     body = Skidder(0.0)
     body.held = True
     pushed_s = 0.0
-    while not body.controller.stands:
+    while not body.controller.blocked:
         body.tick(speed_m_s, turn_deg_s)
         pushed_s += TICK_S * (abs(body.duty) > 0.5)
         assert body.t_s < 20.0
     assert pushed_s <= 3.5
     body.controller.begin_manoeuvre()
-    assert not body.controller.stands
+    assert not body.controller.blocked
 
 
 def test_body_that_turns_never_stands() -> None:
     body = Skidder(0.5)
     for _ in range(400):
         body.tick(0.0, 60.0)
-        assert not body.controller.stands
+        assert not body.controller.blocked
 
 
 def test_what_the_gate_cuts_off_is_not_taken_for_the_ground() -> None:

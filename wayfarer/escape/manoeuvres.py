@@ -122,7 +122,7 @@ class Follow(Manoeuvre):
     def event(self, observation: Observation) -> PhaseEvent | None:
         if self._met(observation):
             return PhaseEvent.ANOMALY
-        if self._turns.stands:
+        if self._turns.blocked:
             return PhaseEvent.EXHAUSTED
         if observation.t_s >= self._limit_t_s:
             error_deg = wrap180(observation.goal_heading_deg - observation.heading_deg)
@@ -207,7 +207,7 @@ class TurnAway(Manoeuvre):
         if self._fresh(observation):
             # Backing off once more does not help against what is behind: that turn is over.
             return PhaseEvent.ANOMALY if _ahead(observation) else PhaseEvent.EXHAUSTED
-        return PhaseEvent.EXHAUSTED if self._turns.stands or self._exhausted(observation) else None
+        return PhaseEvent.EXHAUSTED if self._turns.blocked or self._exhausted(observation) else None
 
     def wheels(self, _observation: Observation) -> WheelCommand:
         settings = self._settings
@@ -244,7 +244,7 @@ class Probe(Manoeuvre):
         error_deg = wrap180(observation.goal_heading_deg - observation.heading_deg)
         if escape_plan.resets and abs(error_deg) <= self._settings.reset_within_deg:
             return PhaseEvent.REALIGNED
-        if self._turns.stands:
+        if self._turns.blocked:
             return PhaseEvent.ANOMALY  # something holds it: the counter must not be lost to a new episode
         return PhaseEvent.EXHAUSTED if self._exhausted(observation) else None
 
@@ -283,7 +283,7 @@ class Stride(Manoeuvre):
             return PhaseEvent.ANOMALY
         if observation.covered_m >= self._until_m:
             return PhaseEvent.DONE
-        return PhaseEvent.EXHAUSTED if self._turns.stands or self._exhausted(observation) else None
+        return PhaseEvent.EXHAUSTED if self._turns.blocked or self._exhausted(observation) else None
 
     def wheels(self, observation: Observation) -> WheelCommand:
         return self._heading.wheels(observation.t_s, wrap180(self._heading_deg - observation.heading_deg))

@@ -81,7 +81,7 @@ class TurnController:
     """Calculates the wheel command for a forward speed and a turn rate.
 
     Call ``observe``, then ``wheels``, once a tick. If the wheels cannot deliver both, turning has priority over speed.
-    ``dead_zone`` is the turn duty that was learnt. ``stands`` is True when there was more turn duty than forward duty
+    ``dead_zone`` is the turn duty that was learnt. ``blocked`` is True when there was more turn duty than forward duty
     for ``GIVE_UP_AFTER_S`` of full duty, and the body did not turn.
     """
 
@@ -112,7 +112,7 @@ class TurnController:
         """Forget the angle by which the heading lags."""
         self._behind_deg = self._pushed_s = self._pushed_deg = 0.0
         self._expected_deg_s = self._latest_deg_s
-        self._pushes = self.stands = False
+        self._pushes = self.blocked = False
 
     def observe(self, t_s: float, heading_deg: float, applied: WheelCommand | None) -> float:
         """Take the heading at a tick, and compare the turn since the last tick with the commands.
@@ -157,7 +157,7 @@ class TurnController:
             self._pushed_deg += gained_deg if self._duty > 0.0 else -gained_deg
             if self._pushed_deg >= MOVED_DEG:
                 self._pushed_s = self._pushed_deg = 0.0
-            self.stands = self._pushed_s >= GIVE_UP_AFTER_S
+            self.blocked = self._pushed_s >= GIVE_UP_AFTER_S
         return gained_deg
 
     def _predict(self, shown_deg: float, duty: float, dt_s: float) -> float:

@@ -13,10 +13,10 @@ from math import isfinite, nan
 from random import Random
 from typing import Any, NamedTuple
 
+from wayfarer.api.failsafe import FailSafe
 from wayfarer.config.registry import find_algorithm
 from wayfarer.detector.detector import Detector, DetectorTick
 from wayfarer.detector.settings import DetectorSettings
-from wayfarer.escape.failsafe import FailSafe
 from wayfarer.escape.settings import EscapeSettings, Vehicle
 from wayfarer.fieldlog.vocabulary import in_words
 from wayfarer.hal import CompassReading

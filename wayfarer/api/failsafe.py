@@ -82,48 +82,37 @@ class FailSafe:
         if not dt_s > 0.0:
             return self._decision
         self._last_t_s = t_s
-        if self._decision is None and (stuck or blind):
-            self._take_over(t_s, stuck=stuck)
-        if self._decision is not None:
-            self._advance(min(dt_s, GAP_MAX_S), self._decision)
-            self._decision = self._decide(heading_deg, goal_heading_deg, stuck=stuck)
-            if not (stuck or blind) and self._is_free(self._decision):
-                self._decision, self._given_back_t_s = None, t_s
-        return self._decision
-
-    def _take_over(self, t_s: float, *, stuck: bool) -> None:
-        if stuck:
-            relapsed = t_s - self._given_back_t_s < self._relapse_s
-            self._run_m = min(self._run_m * 2, self._longest_run_m) if relapsed else self._first_run_m
-        self._followed_from_m = -inf  # nothing to be free from yet
-        self._handler.reset()
-        self._decision = NO_HEADING
-
-    def _advance(self, dt_s: float, last: Decision) -> None:
-        """Count the handler's own time and the distance that it commanded; waiting for a heading counts as neither."""
-        if last is not NO_HEADING:
-            left, right = last.wheels
+        if self._decision is None:
+            if not (stuck or blind):
+                return None
+            if stuck:
+                relapsed = t_s - self._given_back_t_s < self._relapse_s
+                self._run_m = min(self._run_m * 2, self._longest_run_m) if relapsed else self._first_run_m
+            self._followed_from_m = -inf  # nothing to be free from yet
+            self._handler.reset()
+        elif self._decision is not NO_HEADING:  # waiting for a heading counts neither as time nor as distance
+            (left, right), dt_s = self._decision.wheels, min(dt_s, GAP_MAX_S)
             self._time_s += dt_s
             self._travelled_m += abs(left + right) * self._half_speed_m_s * dt_s
-
-    def _decide(self, heading_deg: float, goal_heading_deg: float, *, stuck: bool) -> Decision:
-        if not isfinite(heading_deg + goal_heading_deg):
-            return NO_HEADING
-        decision = self._handler.decide(
-            Observation(
-                t_s=self._time_s,
-                heading_deg=heading_deg % 360.0,
-                pitch_deg=0.0,
-                roll_deg=0.0,
-                anomalies=_STUCK if stuck else (),
-                contact=None,
-                goal_heading_deg=goal_heading_deg % 360.0,
-                travelled_m=self._travelled_m,
+        decision = NO_HEADING
+        if isfinite(heading_deg + goal_heading_deg):
+            anomalies = _STUCK if stuck else ()
+            decision = self._handler.decide(
+                Observation(
+                    self._time_s,
+                    heading_deg % 360.0,
+                    0.0,
+                    0.0,
+                    anomalies,
+                    None,
+                    goal_heading_deg % 360.0,
+                    self._travelled_m,
+                )
             )
-        )
-        if decision.phase is not Phase.FOLLOW:
-            self._followed_from_m = self._travelled_m
-        return decision
-
-    def _is_free(self, decision: Decision) -> bool:
-        return decision.phase is Phase.FOLLOW and self._travelled_m - self._followed_from_m >= self._run_m
+            if decision.phase is not Phase.FOLLOW:
+                self._followed_from_m = self._travelled_m
+        self._decision = decision
+        is_free = decision.phase is Phase.FOLLOW and self._travelled_m - self._followed_from_m >= self._run_m
+        if is_free and not (stuck or blind):
+            self._decision, self._given_back_t_s = None, t_s
+        return self._decision

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.escape.walk import TICK_S, VEHICLE, make
+from wayfarer.api.failsafe import NO_HEADING, FailSafe
 from wayfarer.escape.api import Decision, Phase
-from wayfarer.escape.failsafe import NO_HEADING, FailSafe
 from wayfarer.hal import STOP
 
 
