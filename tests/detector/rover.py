@@ -18,7 +18,7 @@ MAX_SPEED_M_S = 1.0
 VEHICLE = Vehicle(length_m=0.4, width_m=0.4, track_m=0.5, max_speed_m_s=MAX_SPEED_M_S)
 TICK_S = 0.0625  # binary, so that times are exact
 SETTINGS = DetectorSettings(
-    immobilised_s=0.25, tilt_s=0.25, compass_stale_s=0.25, motion_stale_s=0.5, contact_stale_s=0.5, implausible_s=0.5
+    immobilised_s=0.25, tilt_s=0.25, compass_stale_s=0.25, motion_stale_s=0.5, contact_stale_s=0.5
 )
 FULL = WheelCommand(1.0, 1.0)
 BACK = WheelCommand(-1.0, -1.0)

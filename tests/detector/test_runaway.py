@@ -9,10 +9,10 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from tests.detector.rover import BACK, FULL, MAX_SPEED_M_S, SETTINGS, TICK_S, Rover, started
+from tests.detector.rover import BACK, FULL, MAX_SPEED_M_S, TICK_S, Rover, started
 from wayfarer.detector.detector import DetectorTick
 from wayfarer.detector.ground import LOAD_MAX
-from wayfarer.detector.motion import SLIDES_S
+from wayfarer.detector.motion import AFTER_S, FOR_S, SLIDES_S
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import Condition
 from wayfarer.simhal.world.wheeled_body import ROLLING_RESISTANCE
@@ -203,4 +203,4 @@ def test_rover_that_slides_to_a_stop_on_leaves_is_not_running_away(
 def test_short_window_of_sliding_would_be_a_runaway() -> None:
     """The test above can fail: on ice the rover is still sliding when the time for coasting is over."""
     assert runs_away(stopped(), MAX_SPEED_M_S)[9]
-    assert SETTINGS.runaway_after_s + SETTINGS.runaway_for_s == pytest.approx(0.5)
+    assert pytest.approx(0.5, abs=1e-5) == AFTER_S + FOR_S

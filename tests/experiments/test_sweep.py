@@ -42,7 +42,7 @@ def test_every_known_key_can_be_swept_over_what_it_is_now() -> None:
 def test_each_kind_of_key_reaches_what_a_trial_is_made_of() -> None:
     values: dict[str, Value] = {
         "escape.turn_angle_deg": 45, "footprint_m": 0.6, "slip_mean_m": 3, "budget_m": 500, "ground": "mud",
-        "sim.trees_per_ha": 40, "sim.compass_bias_deg": -12.5, "detector.implausible_of": 20, "parts.contact.front": 6,
+        "sim.trees_per_ha": 40, "sim.compass_bias_deg": -12.5, "progress.anomalies_max": 20, "parts.contact.front": 6,
     }  # fmt: skip
     campaign = laid_over_campaign(BASE, values)
     spec = campaign.spec(Task("forest-pledge", 0), campaign.make_forest(0))
@@ -51,7 +51,7 @@ def test_each_kind_of_key_reaches_what_a_trial_is_made_of() -> None:
     assert (spec.slip_mean_m, spec.budget_m, spec.ground) == (3, 500, GroundName.mud)
     assert len(spec.forest.trees_m) == 10
     assert spec.physics == replace(BASE.physics, compass_bias_deg=-12.5)
-    assert spec.rover.detector.implausible_of == 20
+    assert spec.rover.progress.anomalies_max == 20
     assert spec.rover.parts["contact"]["front"] == 6
 
 
@@ -96,7 +96,7 @@ def test_unknown_key_is_told_with_the_nearest(key: str, near: str) -> None:
         ("budget_m", 0, "key 'budget_m' = 0: "),
         ("sim.compass_bias_deg", 200, "key 'sim.compass_bias_deg' = 200: .* allowed is -180 to 180"),
         ("sim.trees_per_ha", 5000, "key 'sim.trees_per_ha' = 5000: .* allowed is 0 to 1000"),
-        ("detector.implausible_of", 2.5, "key 'detector.implausible_of' = 2.5: "),
+        ("progress.anomalies_max", 2.5, "key 'progress.anomalies_max' = 2.5: "),
         ("anomaly_source", "smell", "key 'anomaly_source' = 'smell': "),
         ("control_hz", 1, "key 'control_hz' = 1: too slow"),
         ("parts.contact.frnot", 1, "unknown key 'parts.contact.frnot'; did you mean 'front'"),

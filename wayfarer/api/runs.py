@@ -25,10 +25,10 @@ class Run:
 
     >>> run = open_run(1, log_dir="field_logs")
     >>> run
-    <Run 00001-20261126T101254Z: 14 s, log complete>
+    <Run 00001-20261128T121622Z: 14 s, log complete>
     >>> ticks = list(run.ticks)
     >>> len(ticks), list(ticks[0])[:2]
-    (272, ['elapsed_s', 't_s'])
+    (270, ['elapsed_s', 't_s'])
     """
 
     def __init__(self, folder: Path) -> None:

@@ -23,6 +23,22 @@ DITHER_DEG: Final = 0.2
 # No compass repeats heading, pitch and roll to the last digit for so long on a body that is seen to drive: its wheels
 # shake it. Chosen by us: a hundred readings, and 5 m at 1 m/s.
 REPEATS_S: Final = 5.0
+# Nor does one show the same heading during so much of commanded turns on a body that is seen to move (fault catalogue,
+# fault 4). A body that stands may be held, so then pitch and roll must stay as well. Slower turns do not count.
+FROZEN_S: Final = 1.0
+TURNS_FROM_DEG_S: Final = 20.0
+# A heading is rejected if it is further from the last one, and faster than the rover can turn (fault 5: in 50 ms).
+JUMP_DEG: Final = 45.0
+# The rover stops while so many of the last ten readings were rejected (fault 5).
+REJECTED: Final = 5
+LATEST: Final = (1 << 10) - 1  # a bit for each
+# If every reading was rejected for so long, because of a jump, the newest one is believed, but the rover stops first.
+JUMPED_S: Final = 0.5
+# A compass that is calibrated less than arming demands is reported after so long. After that, each rejected reading
+# makes it implausible for as long (fault 10).
+UNCALIBRATED_S: Final = 0.9
+# A compass that is silent for so long is lost (fault 2).
+LOST_S: Final = 5.0
 
 
 class CompassMonitor:
@@ -33,9 +49,8 @@ class CompassMonitor:
     """
 
     def __init__(self, settings: DetectorSettings, calibration_min: int) -> None:
-        self._settings = settings
         self._stale_s = settings.compass_stale_s
-        self._jump_deg = settings.heading_jump_deg
+        self._rate_max_deg_s = settings.heading_rate_max_deg_s
         self._calibration_min = calibration_min
         self.reading: CompassReading | None = None
         self.gained_deg = 0.0
@@ -49,8 +64,7 @@ class CompassMonitor:
         self._frozen = False
         self._low_since_s: float | None = None
         self._rejections = 0  # a bit for each of the last readings, the newest lowest: 1 was rejected
-        self._of_readings = (1 << settings.implausible_of) - 1
-        self._jump_persistence = Debounce(settings.implausible_s)
+        self._jump_persistence = Debounce(JUMPED_S)
         self._jump_persists = False
         self._doubted_until_s = -inf
 
@@ -73,8 +87,7 @@ class CompassMonitor:
         conditions: list[Condition] = []
         if not (stale or self._rejections or self._frozen or self._low_since_s is not None):
             return conditions  # nearly every tick ends here
-        settings = self._settings
-        many = self._rejections.bit_count() >= settings.implausible_rejected
+        many = self._rejections.bit_count() >= REJECTED
         if self._jump_persists or many or t_s < self._doubted_until_s:
             conditions.append(Condition.COMPASS_IMPLAUSIBLE)
             self._jump_persists = False
@@ -83,7 +96,7 @@ class CompassMonitor:
         if self._uncalibrated(t_s):
             conditions.append(Condition.COMPASS_UNCALIBRATED)
         if stale:
-            lost = t_s - self.believed_t_s > settings.compass_lost_s
+            lost = t_s - self.believed_t_s > LOST_S
             conditions.append(Condition.COMPASS_LOST if lost else Condition.COMPASS_STALE)
         return conditions
 
@@ -112,7 +125,7 @@ class CompassMonitor:
             if heading_deg != self._heading_deg or pitch_deg != self._pitch_deg or roll_deg != self._roll_deg:
                 self._all_equal_s = self._repeated_s = 0.0
             turning_s = max(self._equal_s, self._all_equal_s)
-            self._frozen = turning_s >= self._settings.frozen_s or self._repeated_s >= REPEATS_S
+            self._frozen = turning_s >= FROZEN_S or self._repeated_s >= REPEATS_S
         self._heading_deg, self._pitch_deg, self._roll_deg = heading_deg, pitch_deg, roll_deg
         if calibration is None or calibration >= self._calibration_min:
             self._low_since_s = None
@@ -125,14 +138,14 @@ class CompassMonitor:
         believed, read_t_s = self.reading, self._read_t_s
         if believed is not None:
             turned_deg = wrap180(self._heading_deg - believed.heading_deg)
-            if abs(turned_deg) > self._jump_deg and abs(turned_deg) > self._settings.heading_rate_max_deg_s * since_s:
+            if abs(turned_deg) > JUMP_DEG and abs(turned_deg) > self._rate_max_deg_s * since_s:
                 self._reject(t_s)
                 # A jump that stays may be true: a person has turned the rover. Accept it, but stop first.
                 self._jump_persists = self._jump_persistence.update(read_t_s, True)
                 if not self._jump_persists:
                     return
             elif self._rejections:
-                self._rejections = self._rejections << 1 & self._of_readings
+                self._rejections = self._rejections << 1 & LATEST
             self.gained_deg += turned_deg
         if self._rejections:
             self._jump_persistence.update(read_t_s, False)
@@ -141,12 +154,12 @@ class CompassMonitor:
         self.believed_t_s = read_t_s if read_t_s > start_t_s else start_t_s  # no age is longer than the run
 
     def _reject(self, t_s: float) -> None:
-        self._rejections = (self._rejections << 1 | 1) & self._of_readings
+        self._rejections = (self._rejections << 1 | 1) & LATEST
         if self._uncalibrated(t_s):
-            self._doubted_until_s = t_s + self._settings.uncalibrated_s
+            self._doubted_until_s = t_s + UNCALIBRATED_S
 
     def _uncalibrated(self, t_s: float) -> bool:
-        return self._low_since_s is not None and t_s - self._low_since_s >= self._settings.uncalibrated_s
+        return self._low_since_s is not None and t_s - self._low_since_s >= UNCALIBRATED_S
 
 
 # A CMPS14 or BNO055 that was opened again answers after 0.65 s (BNO055 data sheet, table 0-2); three tries.

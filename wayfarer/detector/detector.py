@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import inf, radians
 
-from wayfarer.detector.compass import CompassMonitor, HeadingEstimator
+from wayfarer.detector.compass import TURNS_FROM_DEG_S, CompassMonitor, HeadingEstimator
 from wayfarer.detector.ground import TILTS, GradeCompensation, GroundSlope, TiltMonitor
 from wayfarer.detector.motion import MotionMonitor
 from wayfarer.detector.settings import DetectorSettings
@@ -61,7 +61,7 @@ class Detector:
         needs_contact: bool = False,
         may_reckon: bool = True,
     ) -> None:
-        self._turning_duty = radians(settings.frozen_turn_deg_s) * vehicle.track_m / vehicle.max_speed_m_s
+        self._turning_duty = radians(TURNS_FROM_DEG_S) * vehicle.track_m / vehicle.max_speed_m_s
         self._compass = CompassMonitor(settings, calibration_min)
         self._heading = HeadingEstimator(vehicle, may_reckon=may_reckon)
         self._motion = MotionMonitor(settings, vehicle, watched=watches_motion)

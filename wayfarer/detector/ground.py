@@ -128,6 +128,9 @@ def _turned(first_deg: float, second_deg: float, heading_deg: float) -> tuple[fl
 
 # -- tilt --------------------------------------------------------------------------------------------------------------
 
+# A body that is so far from upright lies on its side or its back; for longer than one reading with a flipped bit.
+OVERTURNED_DEG: Final = 60.0
+OVERTURNED_S: Final = 0.1
 TILTS: Final = (Anomaly.NOSE_UP, Anomaly.NOSE_DOWN, Anomaly.RIGHT_DOWN, Anomaly.LEFT_DOWN)
 
 
@@ -154,9 +157,8 @@ class TiltMonitor:
         self._mid: CompassReading | None = None
         self._new: CompassReading | None = None
         self._new_t_s = -inf
-        self._overturned_deg = settings.overturned_deg
         self._tilts = {tilt: Debounce(settings.tilt_s) for tilt in TILTS}
-        self._overturned = Debounce(settings.overturned_s)
+        self._overturned = Debounce(OVERTURNED_S)
         self._tilted = False
 
     def update(
@@ -177,7 +179,7 @@ class TiltMonitor:
             lasts = self._tilts[tilt].update(t_s, beyond)
             if lasts or (angle_deg >= floor_deg and self._tips(tilt)):
                 anomalies.append(tilt)
-        if self._overturned.update(t_s, max(abs(pitch_deg), abs(roll_deg)) >= self._overturned_deg):
+        if self._overturned.update(t_s, max(abs(pitch_deg), abs(roll_deg)) >= OVERTURNED_DEG):
             conditions.append(Condition.OVERTURNED)
 
     def _tips(self, tilt: Anomaly) -> bool:

@@ -18,6 +18,8 @@ from wayfarer.safety.tick_interval import ROUNDING_S, Moved, TickInterval
 # Of ``blind_stride_m``, for a rover that knows neither motion nor tilt, and for one whose motion sensor lies: at least
 # two body lengths, so that it gets around a trunk. Chosen by us.
 SHORT_SHARE: Final = 0.3
+# A sensor that answers but sees nothing for so long: the motion of the rover is unknown (fault catalogue, fault 15).
+UNKNOWN_S: Final = 0.9
 
 
 class MotionMonitor:
@@ -32,11 +34,11 @@ class MotionMonitor:
     """
 
     def __init__(self, settings: DetectorSettings, vehicle: Vehicle, *, watched: bool) -> None:
-        self._settings = settings
         self._max_speed_m_s = vehicle.max_speed_m_s
         self._watched = watched
         self._stale_s, self._quality_min = settings.motion_stale_s, settings.quality_min
-        self._moves_from_m_s = settings.immobilised_from_m_s
+        self._moves_from_m_s, self._speed_max_m_s = settings.immobilised_from_m_s, settings.motion_speed_max_m_s
+        self._blind_stride_m = settings.blind_stride_m
         self.stall = StallMonitor(settings, vehicle)
         self.runaway = RunawayMonitor(settings, vehicle.max_speed_m_s)
         self.odometer = Odometer()
@@ -82,7 +84,7 @@ class MotionMonitor:
                 moved = self._close(t_s) if moved is None else moved
             if self._watched and silent:
                 conditions.append(Condition.MOTION_STALE)
-            elif self._watched and t_s - self._known_t_s > self._settings.motion_unknown_s:
+            elif self._watched and t_s - self._known_t_s > UNKNOWN_S:
                 conditions.append(Condition.MOTION_UNKNOWN)
         self.moved = moved
         self.odometer.update(interval.forward_m, moved, self._next.way_m)
@@ -100,7 +102,7 @@ class MotionMonitor:
             self._blind_m += forward_m
             share = SHORT_SHARE if self._lies or Condition.HEADING_RECKONED in conditions else 1.0
             held = self._steering.unanswered and not BLIND.isdisjoint(conditions)
-            if held or self._blind_m >= share * self._settings.blind_stride_m:
+            if held or self._blind_m >= share * self._blind_stride_m:
                 self._blind_m = 0.0
                 self._steering.begin()
                 self.stride_over = True
@@ -113,7 +115,7 @@ class MotionMonitor:
         sure = quality >= self._quality_min
         if sure:
             self._lies = self._readings.doubts(reading, moved.commanded_m)
-        limit_m = self._settings.motion_speed_max_m_s * read_s
+        limit_m = self._speed_max_m_s * read_s
         if not (abs(forward_m) <= limit_m and abs(right_m) <= limit_m and 0.0 <= quality <= 1.0):
             conditions.append(Condition.MOTION_IMPLAUSIBLE)
         elif sure and not self._lies and not self._zeros.doubts:
@@ -289,6 +291,10 @@ class ReadingDoubt:
 # -- motion without a command ------------------------------------------------------------------------------------------
 
 G_M_S2: Final = 9.81
+# A rover runs away that moves for so long, so long after the last command to move: together the 0.5 s of fault 30.
+# Before that it may coast; later too, as long as it loses ``gain_m_s2`` or more of its speed.
+AFTER_S: Final = 0.3 - ROUNDING_S
+FOR_S: Final = 0.2 - ROUNDING_S
 # Motors that are told 0 brake, but do not hold: from 3 degrees on, a body rolls (the rolling resistance of
 # ``simhal.world.wheeled_body``), and on mud its braked wheels slide from 6 degrees on (a friction of 0.1). A compass
 # has some degrees of noise.
@@ -316,13 +322,11 @@ class RunawayMonitor:
     the most that they may.
 
     Args:
-        settings: how fast, for how long, and how long after the stop it must move.
+        settings: from which speed on it moves, and how it coasts.
         max_speed_m_s: ground speed at full duty.
     """
 
     def __init__(self, settings: DetectorSettings, max_speed_m_s: float) -> None:
-        self._after_s = settings.runaway_after_s - ROUNDING_S
-        self._for_s = settings.runaway_for_s - ROUNDING_S
         self._from_m_s = settings.runaway_from_m_s
         self._loss_m_s2 = settings.gain_m_s2
         self._max_speed_m_s = max_speed_m_s
@@ -348,7 +352,7 @@ class RunawayMonitor:
         speed_m_s = abs(moved.forward_m) / read_s
         coasts = self._slows_down(stood_s, speed_m_s)
         if (
-            stood_s - read_s / 2 < self._after_s
+            stood_s - read_s / 2 < AFTER_S
             or speed_m_s < self._from_m_s
             or coasts
             or self._is_pulled(stood_s, speed_m_s, way)
@@ -358,7 +362,7 @@ class RunawayMonitor:
         else:
             self._moving_s = self._moving_s + read_s if way == self._way else read_s
             self._way = way
-        self.found = self._moving_s >= self._for_s
+        self.found = self._moving_s >= FOR_S
 
     def _is_pulled(self, stood_s: float, speed_m_s: float, way: float) -> bool:
         """Return whether gravity can move a braked body so fast this way."""
@@ -370,11 +374,11 @@ class RunawayMonitor:
         return falls_deg >= SLIDES_FROM_DEG and stood_s <= SLIDES_S and speed_m_s <= slides_m_s
 
     def _slows_down(self, stood_s: float, speed_m_s: float) -> bool:
-        """Return whether the speed has fallen by at least ``gain_m_s2``, measured over ``runaway_for_s``."""
+        """Return whether the speed has fallen by at least ``gain_m_s2``, measured over ``FOR_S``."""
         speeds = self._coasting
         speeds.append((stood_s, speed_m_s))
-        while len(speeds) > 1 and stood_s - speeds[1][0] >= self._for_s:
+        while len(speeds) > 1 and stood_s - speeds[1][0] >= FOR_S:
             speeds.popleft()
         then_s, then_m_s = speeds[0]
         over_s = stood_s - then_s
-        return over_s >= self._for_s and then_m_s - speed_m_s >= self._loss_m_s2 * over_s
+        return over_s >= FOR_S and then_m_s - speed_m_s >= self._loss_m_s2 * over_s

@@ -8,7 +8,6 @@ from typing import Annotated
 from annotated_types import Interval
 
 from wayfarer.setting_ranges import (
-    Count,
     Degrees,
     DegreesPerSecond,
     Fraction,
@@ -51,10 +50,6 @@ class DetectorSettings:
     present rate, counts as tilted at once. The shipped bodies tip at 51 degrees (docs/explanation/physics.md)."""
     tipping_s: SecondsOrZero = 0.2
     """See ``tipping_deg``: a reading, a tick and the motors' lag together."""
-    overturned_deg: Degrees = 60.0
-    """Pitch or roll from which the rover lies on its side or its back."""
-    overturned_s: SecondsOrZero = 0.1
-    """For how long it must; longer than one reading with a flipped bit."""
 
     # -- ages of readings -------------------------------------------------------------------------------------------
     # PX4 gives a compass 0.3 s, ArduPilot gives flow 0.5 s and a failed link 1.5 s (faults 1, 15 and 22). These are
@@ -62,12 +57,8 @@ class DetectorSettings:
 
     compass_stale_s: Seconds = 0.25
     """Without a reading for so long the compass is silent."""
-    compass_lost_s: Seconds = 5.0
-    """Without a reading for so long the compass is lost."""
     motion_stale_s: Seconds = 0.4
     """Without a reading for so long the motion sensor is silent."""
-    motion_unknown_s: Seconds = 0.9
-    """If it answers but sees nothing for so long, the motion of the rover is unknown."""
     contact_stale_s: Seconds = 0.5
     """Without a reading for so long the contact sensor is silent."""
     touch_s: SecondsOrZero = 0.0
@@ -85,52 +76,13 @@ class DetectorSettings:
 
     # -- compass ----------------------------------------------------------------------------------------------------
 
-    heading_jump_deg: Degrees = 45.0
-    """A heading is rejected if it is further from the last one than this, and further than ``heading_rate_max_deg_s``
-    allows in the time between (fault 5: 45 degrees in 50 ms)."""
     heading_rate_max_deg_s: DegreesPerSecond = 360.0
-    """See ``heading_jump_deg``; twice the fastest commanded turn."""
-    implausible_rejected: Count = 5
-    """The rover stops while this number of the last ``implausible_of`` readings were rejected (fault 5: 5 of 10)."""
-    implausible_of: Count = 10
-    """See ``implausible_rejected``; a number of readings."""
-    implausible_s: Seconds = 0.5
-    """If every reading was rejected for this time, because of a jump, the rover believes the newest one, but stops
-    first."""
-    frozen_s: Seconds = 1.0
-    """A heading that stays the same during this time of commanded turns is frozen (fault 4). It counts while the rover
-    is seen to move; a rover that stands may be held, so then pitch and roll must stay as well. A compass that repeats
-    all three for 5 s in which the rover is seen to drive is frozen without a turn."""
-    frozen_turn_deg_s: DegreesPerSecond = 20.0
-    """Commanded turns that are faster than this count for ``frozen_s``."""
-    uncalibrated_s: Seconds = 0.9
-    """A compass that is calibrated less than arming demands is reported after this time. After that, each rejected
-    reading makes it implausible for as long (fault 10)."""
+    """Twice the fastest commanded turn: a heading that is 45 degrees from the last one, and got there faster, is
+    rejected (fault 5)."""
 
-    # -- runaway ----------------------------------------------------------------------------------------------------
+    # -- wheels that do not obey ------------------------------------------------------------------------------------
 
-    runaway_after_s: Seconds = 0.3
-    """A rover runs away if it moves although the last command to move is this time ago. ``runaway_for_s`` and this are
-    together the 0.5 s of fault 30. Before that it may coast; later too, as long as it loses ``gain_m_s2`` or more of
-    its speed."""
-    runaway_for_s: Seconds = 0.2
-    """For how long it must move."""
     runaway_from_m_s: MetresPerSecond = 0.1
-    """Speed from which it moves."""
-
-    # -- turning on the spot ----------------------------------------------------------------------------------------
-
+    """A rover that is commanded to stop and moves faster than this runs away."""
     cannot_turn_s: Seconds = 0.5
     """Full duty that hardly turns the rover for this time is a failed try."""
-    cannot_turn_tries: Count = 3
-    """Number of failed tries in a row that is reported."""
-    cannot_turn_max: Count = 12
-    """Number of failed tries in a row after which it makes no progress, as after that number of anomalies in the fault
-    catalogue (fault 57)."""
-
-    def __post_init__(self) -> None:
-        if self.implausible_rejected > self.implausible_of:
-            raise ValueError(
-                f"implausible_rejected = {self.implausible_rejected} must not exceed"
-                f" implausible_of = {self.implausible_of}"
-            )

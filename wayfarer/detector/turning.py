@@ -33,18 +33,21 @@ SHOWS_LATE_S: Final = 0.7
 # Turned so far the other way in one turn on the spot, the wheels do the opposite. The motors' field bends a heading by
 # less (``FIELD``: 8 degrees for each side). Chosen by us.
 OPPOSES_DEG: Final = 45.0
+# So many failed tries in a row are reported; after so many the rover makes no progress, as after that number of
+# anomalies in the fault catalogue (fault 57).
+TRIES: Final = 3
+TRIES_MAX: Final = 12
 
 
 class TurnabilityMonitor:
     """Counts the tries in a row in which full duty on the spot did not turn the rover, and watches the way it turns.
 
     Args:
-        settings: how long a try is, and how many failed tries are reported or end the mission.
+        settings: how long a try is.
         duty_max: the highest duty that the gate allows, above 0 to 1.
     """
 
     def __init__(self, settings: DetectorSettings, duty_max: float) -> None:
-        self._settings = settings
         self._full = FULL_SHARE * duty_max
         self._try_s = settings.cannot_turn_s - ROUNDING_S
         self.reset()
@@ -88,10 +91,10 @@ class TurnabilityMonitor:
             before_s, self._tried_s = self._tried_s, self._tried_s + interval.driven_s
             if before_s < self._try_s <= self._tried_s:
                 self._tries += 1
-                if self._tries >= self._settings.cannot_turn_max:
+                if self._tries >= TRIES_MAX:
                     self._found, self._tries = (), 0
                     return (Condition.CANNOT_TURN, Condition.ENTRAPPED)
-                if self._tries >= self._settings.cannot_turn_tries:
+                if self._tries >= TRIES:
                     self._found = (Condition.CANNOT_TURN,)
         return self._found
 

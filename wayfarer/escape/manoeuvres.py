@@ -12,7 +12,7 @@ from wayfarer.clamp import clamp
 from wayfarer.escape.api import Anomaly, Observation, Phase
 from wayfarer.escape.phases import PhaseEvent
 from wayfarer.escape.settings import EscapeSettings
-from wayfarer.escape.turn_control import BODY_LAG_S, HeadingControl, TurnController, faded
+from wayfarer.escape.turn_control import BODY_LAG_S, PIVOT_BEYOND_DEG, HeadingControl, TurnController, faded
 from wayfarer.hal import Side, WheelCommand
 
 # A manoeuvre may take this much longer, in time and in distance, than its plan before it counts as failed: lag, mud
@@ -21,6 +21,7 @@ SLACK: Final = 3.0
 SLACK_S: Final = 1.0
 # Whatever the plan: reversing may be blocked behind as well, unnoticed (fault catalogue, fault 58).
 BACK_OFF_MAX_S: Final = 3.0
+TURN_MIN_DEG_S: Final = 30.0  # the slowest turn on the spot, near the end of its angle
 
 
 @dataclass(slots=True)
@@ -126,7 +127,7 @@ class Follow(Manoeuvre):
             return PhaseEvent.EXHAUSTED
         if observation.t_s >= self._limit_t_s:
             error_deg = wrap180(observation.goal_heading_deg - observation.heading_deg)
-            if abs(error_deg) >= self._settings.pivot_beyond_deg:
+            if abs(error_deg) >= PIVOT_BEYOND_DEG:
                 return PhaseEvent.EXHAUSTED
             self._bound(observation, 180.0 / self._settings.turn_deg_s)
         return None
@@ -211,7 +212,7 @@ class TurnAway(Manoeuvre):
 
     def wheels(self, _observation: Observation) -> WheelCommand:
         settings = self._settings
-        rate_deg_s = clamp(self._left_deg * settings.turn_p, settings.turn_min_deg_s, settings.turn_deg_s)
+        rate_deg_s = clamp(self._left_deg * settings.turn_p, TURN_MIN_DEG_S, settings.turn_deg_s)
         return self._turns.wheels(0.0, self._escape_plan.side * rate_deg_s)
 
     @property

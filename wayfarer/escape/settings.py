@@ -67,8 +67,6 @@ class EscapeSettings:
     """Speed of backing off."""
     turn_deg_s: DegreesPerSecond = 180.0
     """Fastest turn."""
-    turn_min_deg_s: DegreesPerSecond = 30.0
-    """Slowest turn, near the end of its angle."""
     turn_p: Gain = 6.0
     """Gain of a turn: deg/s per degree that is left."""
     turn_within_deg: Degrees = 3.0
@@ -101,8 +99,6 @@ class EscapeSettings:
     """Its integral gain: deg/s per degree of error and second."""
     heading_d: Gain = 0.0
     """Its derivative gain: deg/s per deg/s of error."""
-    pivot_beyond_deg: Degrees = 60.0
-    """A heading that is further from the goal after a half turn's time makes the rover back off."""
 
     def __post_init__(self) -> None:
         if self.levy_stride_min_m > self.levy_stride_max_m or self.levy_turn_min_deg > self.levy_turn_max_deg:

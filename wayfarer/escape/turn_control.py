@@ -299,19 +299,21 @@ class CompassLag:
 # Bound of the integral, in rad s: with the default gain it adds at most 17 degrees a second. It learns unequal sides,
 # and must not wind up while something holds the rover.
 INTEGRAL_MAX_RAD_S: Final = 1.5
+# Beyond this error it turns on the spot. A body that is still further from its heading after the time of half a turn
+# is held by something.
+PIVOT_BEYOND_DEG: Final = 60.0
 
 
 class HeadingControl:
     """Drives along a heading, by a PID controller from heading error to turn rate (paper, section III-A).
 
-    Beyond ``pivot_beyond_deg`` of error it turns on the spot instead.
+    Beyond ``PIVOT_BEYOND_DEG`` of error it turns on the spot instead.
     """
 
     def __init__(self, settings: EscapeSettings, turns: TurnController) -> None:
         self._p, self._i, self._d = settings.heading_p, settings.heading_i, settings.heading_d
         self._cruise_m_s = settings.cruise_m_s
         self._turn_limit_rad_s = radians(settings.turn_deg_s)
-        self._pivot_beyond_deg = settings.pivot_beyond_deg
         self._turns = turns
         self.reset()
 
@@ -325,7 +327,7 @@ class HeadingControl:
         """Return the wheels for a heading error in [-180, 180), positive when the goal lies clockwise."""
         error = radians(error_deg)
         turn_deg_s = degrees(self._turn_rad_s(t_s, error))
-        if abs(error_deg) < self._pivot_beyond_deg:
+        if abs(error_deg) < PIVOT_BEYOND_DEG:
             return self._turns.wheels(self._cruise_m_s * cos(error), turn_deg_s)
         self._integral = 0.0  # the error during a pivot is no steady offset to learn
         return self._turns.wheels(0.0, turn_deg_s)
