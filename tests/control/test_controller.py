@@ -120,6 +120,19 @@ async def test_wheels_that_spin_take_the_rover_no_nearer_to_its_radius() -> None
     assert 0.0 < bench.handler.seen[-1].covered_m < 1.0
 
 
+async def test_what_is_driven_without_sight_counts_by_half_for_the_radius() -> None:
+    """The body drove, or pushed at a trunk, and nobody knows which; all of it counts for the limit on distance."""
+    bench = await Bench(watches_motion=True).armed()
+    await bench.tick(40)
+    mission = bench.controller.mission
+    assert mission is not None
+    assert Condition.MOTION_STALE in bench.controller.conditions
+    north_m, travelled_m = mission.north_m, mission.travelled_m
+    await bench.tick(20)
+    assert mission.travelled_m - travelled_m == pytest.approx(20 * 0.5 * TICK_S)
+    assert mission.north_m - north_m == pytest.approx(0.5 * 20 * 0.5 * TICK_S)
+
+
 async def test_fixes_count_more_than_dead_reckoning() -> None:
     """The wheels slip, the rover stands still and believes that it is far away."""
     bench = await Bench(mission_radius_m=1.0).armed()

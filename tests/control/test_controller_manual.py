@@ -129,6 +129,39 @@ async def test_motor_board_that_fails_is_waited_for_and_the_person_must_let_go()
     assert bench.wheels != STOP
 
 
+async def test_who_takes_over_a_mission_that_waits_for_its_board_waits_as_well() -> None:
+    """Taking over does not open it, and nobody knows what its wheels would do."""
+    bench = await Bench().armed()
+    bench.motors.error = NotResponding("board: no answer")
+    await bench.tick()
+    bench.motors.error = None
+    bench.controller.begin_manual(bench.t_s, 7, "keys")
+    driver = Driver(bench)
+    for _ in range(3):
+        await driver.drive(0.0)
+        await driver.drive(1.0, ticks=3)
+    assert (bench.wheels, bench.health) == (STOP, (Level.HOLD, Condition.MOTORS_FAILED))
+    bench.controller.motors_opened(bench.t_s)
+    await driver.drive(0.0)
+    await driver.drive(1.0)
+    assert bench.wheels != STOP
+
+
+async def test_what_a_person_let_happen_is_no_fault_of_the_mission_that_waited() -> None:
+    """Here something turns the body against its wheels, and the person sees it."""
+    bench = await Bench().armed()
+    bench.controller.begin_manual(bench.t_s, 7, "keys")
+    driver = Driver(bench)
+    await driver.drive(0.0)
+    for number in range(60):
+        assert driver.send(0.0, 1.0) == ""
+        await bench.tick(heading_deg=-2.0 * number % 360.0)
+    assert Condition.DRIVE_REVERSED in bench.controller.conditions
+    bench.controller.end_manual(bench.t_s, "the test says so")
+    await bench.tick(5, heading_deg=242.0)
+    assert (bench.controller.mode, bench.health) == (Mode.ARMED, (Level.HOLD, Condition.OPERATOR_HOLD))
+
+
 async def test_board_fault_and_wheels_that_turn_unasked_stop_a_person_too() -> None:
     driver = await driven()
     await driver.bench.board_says(12.0, "motor A: drive fault", for_s=0.2)
