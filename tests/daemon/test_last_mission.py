@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import asdict, replace
 from pathlib import Path
+from threading import Thread
 
 import pytest
 from hypothesis import given
@@ -208,3 +209,18 @@ def test_whatever_is_in_the_file_is_a_mission_or_refused(
     (logs / FILE_NAME).write_bytes(content)
     with pytest.raises(BadInput):
         read_last_mission(logs)
+
+
+def test_thread_that_cannot_be_started_is_told_and_stops_nothing(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No log may raise: the run ended as its mission began, or a person's ``disarm`` failed."""
+
+    def fails(_: Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Thread, "start", fails)
+        site.keeper.event("armed", 0.0)
+        site.keeper.event("disarmed", 1.0, reason="requested by a person")
+        site.keeper.close("requested", "enough")
+    assert site.told == ["this mission is not kept: can't start new thread"] * 2
+    assert [name for name, _ in site.events] == ["mission_ended"]

@@ -158,8 +158,13 @@ class MissionKeeper(PartialLog):
     def _keep(self, mission: LastMission) -> None:
         """Have a thread write the file: a disk that does not answer must not delay the control tick."""
         self._newest = self._line(mission)
-        self._thread = Thread(target=self._write, name="last mission", daemon=True)
-        self._thread.start()
+        thread = Thread(target=self._write, name="last mission", daemon=True)
+        try:
+            thread.start()
+        except RuntimeError as error:  # too many, or no memory; no log may raise
+            self._tell(f"this mission is not kept: {error}")
+        else:
+            self._thread = thread
 
     @staticmethod
     def _line(mission: LastMission) -> bytes:
