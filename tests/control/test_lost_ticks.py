@@ -92,3 +92,20 @@ async def test_rover_is_disarmed_though_its_log_fails() -> None:
         bench.controller.disarm(bench.t_s, "asked to")
     await bench.tick(2)
     assert (bench.controller.mode, bench.wheels) == (Mode.DISARMED, STOP)
+
+
+async def test_single_ticks_without_memory_that_are_far_apart_end_no_mission() -> None:
+    """Two within a minute ended the run, and the rover stood in the forest."""
+    handler = Short()
+    bench = Bench(handler)
+    await bench.tick()
+    bench.controller.arm(bench.t_s, 0.0)
+    await bench.tick(5)
+    for _ in range(3):
+        handler.is_short = True
+        await bench.tick()
+        handler.is_short = False
+        await bench.tick(10)
+        bench.controller.motors_opened(bench.t_s)
+        await bench.tick(200)
+        assert bench.wheels != STOP

@@ -47,7 +47,7 @@ UNSEEN_SHARE: Final = 0.5
 # For so long ticks may find no memory; two that are further apart than the second have nothing to do with each other.
 # Chosen by us.
 LOST_TICKS_S: Final = 5.0
-LOST_APART_S: Final = 60.0
+LOST_APART_S: Final = 10.0
 BY_HAND: Final = Decision(STOP, Phase.MANUAL, Phase.MANUAL.value)
 # Made once: after a change of mode nothing may fail because there is no memory.
 _ENTERED: Final = {mode: Entered(mode) for mode in Mode}
