@@ -53,7 +53,7 @@ test_many_random_faults_break_no_safety_rule = pytest.mark.long(tried(300))
 
 @breaks_the_product
 def test_gate_that_drives_while_disarmed_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Gate, "update", lambda self, conditions, decide, armed: WheelCommand(0.3, 0.3))
+    monkeypatch.setattr(Gate, "limit", lambda self, wanted: WheelCommand(0.3, 0.3))
     with pytest.raises(AssertionError, match="rule 1: motion commanded while"):
         tried(5, phases=[Phase.generate])()
 

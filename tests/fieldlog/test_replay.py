@@ -253,6 +253,7 @@ class Trouble:
 
     def __init__(self, rover: Rover) -> None:
         self.failing: set[str] = set()
+        self.drives_s = 0.02  # a bus takes its time, and people come meanwhile
         self.health: MotorHealth | None = None
         self.duties: WheelCommand | None = None
         self.rover = with_fields(
@@ -269,10 +270,10 @@ class Trouble:
     def _troubled(self, really: Callable[..., Any], name: str) -> Callable[..., Any]:
 
         async def wrapped(*args: Any) -> Any:
+            if name == "motors":
+                await asyncio.sleep(self.drives_s)
             if name in self.failing:
                 raise PowerLost(name) if "power" in self.failing else NotResponding(f"{name}: no answer")
-            if name == "motors":
-                await asyncio.sleep(0.02)  # a bus takes its time, and people come meanwhile
             if name == "board" and self.health is not None:
                 return self.health
             if name == "duties" and self.duties is not None:

@@ -235,12 +235,13 @@ class Controller:
         ``power`` if the board lost its power, ``tick`` if the tick did not end.
         """
         self.failures += 1
-        if not self.motors_failed:
+        first, self.motors_failed = not self.motors_failed, True
+        if first:
             self._unheard_until_s = t_s + UNHEARD_S
-            self._log.event("motors_failed", t_s, error=error, lost=lost)
             if lost == "power":
                 self._supply.dip(t_s)
-        self.motors_failed = True
+        if first or t_s == self._lost_since_s:  # a log can be replayed up to the first tick that did not end
+            self._log.event("motors_failed", t_s, error=error, lost=lost)
 
     def finish(self, reason: str, text: str) -> None:
         """End the run; the first reason counts."""

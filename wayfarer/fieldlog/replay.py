@@ -9,7 +9,7 @@ what would the rover have done with another threshold?
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import nan
+from math import inf, nan, nextafter
 from operator import itemgetter
 from pathlib import Path
 from random import Random
@@ -114,10 +114,9 @@ class Rerun:
         algorithm = find_algorithm(header["algorithm"])
         handler = algorithm.make(config.escape, config.vehicle, Random(header["algorithm_seed"]))
         detector = make_detector(config, needs_of(algorithm, config), watches_motion="motion" in header["parts"])
-        self._heard: list[Record] = []
+        self._heard: list[tuple[float, Record]] = []  # what happens between two ticks, and when
         self._inbox = Inbox()
         self._controller = Controller(config, detector, handler, PartialLog())
-        self._lost: Record | None = None  # the event of the motors that do not acknowledge the tick that is taken
         self._compass: tuple[Mapping[str, Any] | None, CompassReading | None] = (None, None)
 
     def take(self, record: Record) -> bool:
@@ -134,7 +133,7 @@ class Rerun:
             elif record.get("lost") == "tick":
                 return False  # nobody knows how far that tick came
             elif record["record"] == "event":
-                self._heard.append(record)
+                self._take_event(record)
         except (LookupError, TypeError, ValueError, AttributeError):
             return False
         return True
@@ -143,9 +142,6 @@ class Rerun:
         """Do the control tick again whose record was taken, and return what it concludes, as the log would have it."""
         tick = self._controller.step(self._inbox.take(t_s))
         tick.applied = self._inbox.next.applied = self._applied
-        if self._lost is not None:
-            self._controller.motors_lost(t_s, str(self._lost["error"]), self._lost.get("lost"))
-            self._lost = None
         again: dict[str, Any] = orjson.loads(orjson.dumps(tick_fields(tick)))
         return again
 
@@ -159,21 +155,33 @@ class Rerun:
             self._controller.manual.sample = ManualSample._make(sample)
         self._applied = WheelCommand(float(record["applied_left"]), float(record["applied_right"]))
 
+    def _take_event(self, record: Record) -> None:
+        """Keep what people asked for until its time; what the next tick is told is told in the order of the log."""
+        name, t_s = record["name"], record["t_s"]
+        if name == "board_silent":
+            self._inbox.put_board(BoardReport(t_s, None, error=str(record["error"])))
+        elif name == "power":
+            self._inbox.put_power(t_s, int(record["flags"], 16))
+        else:
+            if name == "motors_failed":  # it has the time of its tick, and followed what came while it was waited for
+                t_s = max([nextafter(t_s, inf), *(at_s for at_s, _ in self._heard)])
+            self._heard.append((t_s, record))
+
     def _hear_until(self, t_s: float) -> None:
         """Do what people asked for before the tick at ``t_s``.
 
         An event is written at once, so those that came during a tick stand before it, and count after it, and after
         what the tick concluded, which is written last.
         """
-        heard, self._heard = sorted(self._heard, key=itemgetter("t_s")), []
-        for record in heard:
-            if record["t_s"] <= t_s:
-                self._event(record["name"], record)
+        heard, self._heard = sorted(self._heard, key=itemgetter(0)), []
+        for at_s, record in heard:
+            if at_s <= t_s:
+                self._event(record)
             else:
-                self._heard.append(record)
+                self._heard.append((at_s, record))
 
-    def _event(self, name: str, record: Record) -> None:
-        controller, t_s = self._controller, record["t_s"]
+    def _event(self, record: Record) -> None:
+        controller, name, t_s = self._controller, record["name"], record["t_s"]
         if name == "arming":
             controller.arm(t_s, record.get("goal_heading_deg"))
         elif name == "disarmed":
@@ -188,12 +196,8 @@ class Rerun:
             controller.end_manual(t_s, record["reason"])
         elif name == "goal":
             controller.set_goal(t_s, float(record["goal_heading_deg"]))
-        elif name == "board_silent":
-            self._inbox.put_board(BoardReport(t_s, None, error=str(record["error"])))
-        elif name == "power":
-            self._inbox.put_power(t_s, int(record["flags"], 16))
         elif name == "motors_failed":
-            self._lost = record
+            controller.motors_lost(t_s, str(record["error"]), record.get("lost"))
         elif name == "motors_opened":
             controller.motors_opened(t_s)
 
