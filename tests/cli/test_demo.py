@@ -15,7 +15,7 @@ from wayfarer.cli import demo
 from wayfarer.config.rover_file import load_rover
 from wayfarer.experiments.campaign import Campaign
 from wayfarer.fieldlog.reader import read_header
-from wayfarer.safety.mission_limits import RunEnd
+from wayfarer.safety.mission import RunEnd
 
 pytest.importorskip("aiohttp", reason="the live page needs aiohttp")
 

@@ -34,7 +34,7 @@ from wayfarer.control.supervisor import Supervisor, first_cause
 from wayfarer.control.tick import Inbox
 from wayfarer.errors import MissingPart, NotArmed, NotResponding, PowerLost, WayfarerError
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.safety.mission_limits import RunEnd
+from wayfarer.safety.mission import RunEnd
 
 # -- a run as it should be ---------------------------------------------------------------------------------------
 

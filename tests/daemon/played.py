@@ -19,7 +19,7 @@ from wayfarer.daemon.arming_check import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.safety.mission_limits import RunEnd
+from wayfarer.safety.mission import RunEnd
 
 ABOUT = {"version": "1", "rover": "sim", "algorithm": "pledge", "log": "logs/00001", "start_delay_s": 2.0,
          "simulated": True, "dry_run": False, "last_mission": None}  # fmt: skip

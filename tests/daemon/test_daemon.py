@@ -32,7 +32,7 @@ from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.live_rover import live_rover_setup
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.safety.mission_limits import RunEnd
+from wayfarer.safety.mission import RunEnd
 from wayfarer.safety.settings import ManualSettings
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.views.text.console import Console

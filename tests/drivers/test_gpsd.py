@@ -16,7 +16,7 @@ from wayfarer.drivers import gpsd
 from wayfarer.drivers.gpsd import Fixes, Gpsd, GpsdSettings
 from wayfarer.errors import NotResponding, WrongPart
 from wayfarer.hal import ExplainsNoFix, PositionFix, PositionReceiver
-from wayfarer.safety.mission_limits import Mission
+from wayfarer.safety.mission import Mission
 from wayfarer.safety.settings import SafetySettings
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.testing import check_position_receiver

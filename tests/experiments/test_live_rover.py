@@ -19,7 +19,7 @@ from wayfarer.experiments.live_rover import live_rover_setup
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.writer import RunFiles
-from wayfarer.safety.mission_limits import RunEnd
+from wayfarer.safety.mission import RunEnd
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.faults.kinds import parse_fault
 from wayfarer.simhal.world.physics import Physics

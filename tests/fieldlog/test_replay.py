@@ -36,8 +36,8 @@ from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.replay import Replay, replay
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.hal import MotorHealth, Rover, WheelCommand
-from wayfarer.safety.arming import PATIENCE
 from wayfarer.safety.manual import LEASE_S, ManualSample
+from wayfarer.safety.mission import PATIENCE
 from wayfarer.safety.power import DIPS, DIPS_S
 from wayfarer.safety.settings import BoardSettings
 from wayfarer.simhal.build_rover import Depth

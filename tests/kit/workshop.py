@@ -26,7 +26,7 @@ from wayfarer.hal import (
     Rover,
     WheelCommand,
 )
-from wayfarer.safety.mission_limits import RunEnd
+from wayfarer.safety.mission import RunEnd
 from wayfarer.safety.settings import ManualSettings, SafetySettings
 
 AHEAD = WheelCommand(0.5, 0.5)

@@ -26,11 +26,10 @@ from wayfarer.detector import Detector
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase
 from wayfarer.escape.recovery import Recovery
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.safety.arming import ArmingSequence
 from wayfarer.safety.conditions import BLIND, MANUAL_LEVELS, UNCOMMANDED, Condition, Level
 from wayfarer.safety.gate import Gate, ResumeWarning
 from wayfarer.safety.manual import LEASE_S, ManualControl
-from wayfarer.safety.mission_limits import Mission, RunEnd
+from wayfarer.safety.mission import ArmingSequence, Mission, RunEnd
 from wayfarer.safety.permission import PERMISSION_S
 from wayfarer.safety.power import MotorBoardMonitor, SupplyMonitor, meaning
 from wayfarer.safety.tick_interval import IntervalTimer

@@ -12,7 +12,7 @@ from wayfarer.control.run_log import RunLog
 from wayfarer.control.tick import Inbox
 from wayfarer.errors import BadReading, DriverError, PowerLost
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.safety.mission_limits import RunEnd
+from wayfarer.safety.mission import RunEnd
 
 
 class WheelMotors(Protocol):

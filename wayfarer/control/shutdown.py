@@ -10,7 +10,7 @@ from typing import Any
 from wayfarer.control.run_log import RunLog
 from wayfarer.errors import DriverError
 from wayfarer.hal import STOP, DriveMotors, Driver
-from wayfarer.safety.mission_limits import RunEnd
+from wayfarer.safety.mission import RunEnd
 
 STOP_DEADLINE_S = 0.3  # for the wheels, before the stop is sent without waiting for it
 CLOSE_DEADLINE_S = 0.2  # for each part: the run must have ended 2 s after SIGTERM

@@ -32,7 +32,7 @@ from wayfarer.escape.api import EscapeHandler
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.hal import Driver, Rover, StatusLight
 from wayfarer.safety.conditions import SILENCE, Level
-from wayfarer.safety.mission_limits import RunEnd
+from wayfarer.safety.mission import RunEnd
 from wayfarer.safety.permission import PERMISSION_S, Asked
 
 FRESH_S = 1.0  # if the last control tick is older, systemd's watchdog is not fed

@@ -47,7 +47,7 @@ from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.fieldlog.writer_thread import WriterThread
 from wayfarer.hal import STOP, DriveMotors, MotorHealth, Rover, WheelCommand, error_counts_of
-from wayfarer.safety.mission_limits import RunEnd
+from wayfarer.safety.mission import RunEnd
 
 # -- dry run ---------------------------------------------------------------------------------------------------------
 # Dry run: everything on the real rover except motion.

@@ -33,7 +33,7 @@ WATCH = b'?WATCH={"enable":true,"json":true};\n'
 LINE_LIMIT = 65_536  # bytes; gpsd's report of a sky full of satellites is a tenth of it
 ANSWER_S = 2.0
 FIX_2D = 2  # TPV's mode: 0 unknown, 1 no fix, 2 without and 3 with altitude
-SERVED_S = 3.0  # mission limits use no older fix (``safety.mission_limits.FIX_FRESH_S``)
+SERVED_S = 3.0  # mission limits use no older fix (``safety.mission.FIX_FRESH_S``)
 MOST_RECEIVERS = 16  # remembered; gpsd is built for 4. Chosen by us
 
 # What a receiver lacks, the likely cause, and what to do.
@@ -65,7 +65,7 @@ class GpsdSettings:
     """Number of the TCP port."""
     stale_s: Seconds = 3.0
     """A fix whose time has not advanced for this long is not reported any more. More than 3 s has no effect on
-    ``safety.mission_radius_m``, which uses a fix for 3 s at most (``safety.mission_limits.FIX_FRESH_S``)."""
+    ``safety.mission_radius_m``, which uses a fix for 3 s at most (``safety.mission.FIX_FRESH_S``)."""
 
 
 class Receiver:

@@ -14,7 +14,7 @@ from wayfarer.escape.api import Phase
 from wayfarer.experiments.outcome import SUCCESSES, Outcome, OutcomeMonitor
 from wayfarer.experiments.trial_setup import MakeLog, TrialSetup, TrialSpec
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.mission_limits import RunEnd
+from wayfarer.safety.mission import RunEnd
 from wayfarer.safety.permission import Asked
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop, run_virtually
 

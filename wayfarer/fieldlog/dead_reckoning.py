@@ -2,7 +2,7 @@
 
 The motion sensor says how far, while it can; where it cannot tell, the wheels' commands do. The compass alone says
 which way. Good enough to draw a path and to search for a lost rover; no decision sees it. That of the mission's radius
-is another (``safety/mission_limits.py``).
+is another (``safety/mission.py``).
 """
 
 from __future__ import annotations

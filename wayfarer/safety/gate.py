@@ -131,8 +131,12 @@ class ResumeWarning:
         if self._stands_since_s is None and not conditions:
             return False  # nearly every tick ends here
         t_s = interval.t_s
-        if self._holds(conditions):
-            self._stand(interval, conditions)
+        if any(self._levels[each] >= Level.HOLD and each is not Condition.OPERATOR_HOLD for each in conditions):
+            # The rover itself holds its wheels; in an interval that was late the board's deadman had stopped them.
+            if self._stands_since_s is None:
+                self._stands_since_s = t_s - interval.dt_s
+            self._free_since_s = None
+            self._due |= t_s - self._stands_since_s > LONG_HOLD_S or Condition.MOTORS_FAILED in conditions
             return False
         if self._stands_since_s is None or Condition.OPERATOR_HOLD in conditions:
             return False  # a warning that is due waits for the person
@@ -144,15 +148,3 @@ class ResumeWarning:
         if t_s - self._free_since_s >= FREE_S:
             self._stands_since_s = None
         return False
-
-    def _stand(self, interval: TickInterval, conditions: Sequence[Condition]) -> None:
-        """Note that the rover holds its wheels; in an interval that was late the board's deadman had stopped them."""
-        if self._stands_since_s is None:
-            self._stands_since_s = interval.t_s - interval.dt_s
-        self._free_since_s = None
-        if interval.t_s - self._stands_since_s > LONG_HOLD_S or Condition.MOTORS_FAILED in conditions:
-            self._due = True
-
-    def _holds(self, conditions: Sequence[Condition]) -> bool:
-        """Return whether the rover itself holds its wheels."""
-        return any(self._levels[each] >= Level.HOLD and each is not Condition.OPERATOR_HOLD for each in conditions)

@@ -20,7 +20,7 @@ from wayfarer.errors import NotArmed
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.hal import MotorHealth, PositionFix, Rover, Snapshot, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
-from wayfarer.safety.mission_limits import RunEnd
+from wayfarer.safety.mission import RunEnd
 from wayfarer.safety.permission import Asked
 from wayfarer.simhal.clock.virtual_loop import run_virtually
 from wayfarer.simhal.faults.injector import NoteFault

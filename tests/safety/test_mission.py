@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from wayfarer.angles import METRES_PER_DEG
 from wayfarer.hal import PositionFix
-from wayfarer.safety.mission_limits import Mission
+from wayfarer.safety.mission import Mission
 from wayfarer.safety.settings import SafetySettings
 
 SETTINGS = SafetySettings(mission_time_s=600.0, mission_distance_m=400.0, mission_radius_m=100.0)

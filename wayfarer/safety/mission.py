@@ -1,24 +1,65 @@
-"""Normal end of a mission: limits on time, commanded distance, and radius around the start. Pure.
+"""A mission's beginning and its normal end: start delay, goal heading, and limits. Pure.
 
-The distance from the start is dead reckoning by odometer and compass, so that spinning wheels do not count. If a
-receiver gives fixes, they count instead. Escape decisions never use the fixes. Those of algorithms with a memory use
-the dead reckoning.
+Limits are on time, commanded distance, and radius around the start. The distance from the start is dead reckoning by
+odometer and compass, so that spinning wheels do not count. If a receiver gives fixes, they count instead. Escape
+decisions never use the fixes.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from math import hypot, inf, isfinite
 from typing import Final
 
-from wayfarer.angles import displacement_m, offset_m
-from wayfarer.hal import PositionFix
+from wayfarer.angles import circular_mean, displacement_m, offset_m, wrap180
+from wayfarer.hal import CompassReading, PositionFix
 from wayfarer.safety.settings import SafetySettings
 
+# The compass gets this many settling times to come to rest before arming is refused.
+PATIENCE: Final = 10.0
 FIX_FRESH_S: Final = 3.0  # an older fix does not count (fault catalogue, fault 56)
 FIXES_BEYOND: Final = 5  # fixes in a row must be beyond the radius, so that a single jump does not end the mission
 # Dead reckoning may be off by this share of the way. Chosen by us.
 RECKONING_ERROR: Final = 0.1
+
+
+class ArmingSequence:
+    """Waits out the start delay, then takes the goal heading.
+
+    A heading given by the user is used as it is. Otherwise the rover's own heading is taken at the END of the delay, as
+    the mean over a settling time in which it stayed within a narrow spread. It is not taken earlier, because a person
+    with keys and a phone is still near the compass when the delay begins.
+    """
+
+    def __init__(self, settings: SafetySettings, t_s: float, goal_heading_deg: float | None) -> None:
+        self._settings = settings
+        self._goal_heading_deg = goal_heading_deg
+        self._delay_ends_s = t_s + settings.start_delay_s
+        self._headings: deque[tuple[float, float]] = deque()
+
+    def update(self, compass: CompassReading) -> float | None:
+        """Return the goal heading once it is known, None while waiting."""
+        t_s = compass.t_s
+        if t_s < self._delay_ends_s:
+            return None
+        if self._goal_heading_deg is not None:
+            return self._goal_heading_deg
+        self._headings.append((t_s, compass.heading_deg))
+        if t_s - self._headings[0][0] < self._settings.settle_s:
+            return None
+        mean_deg, _ = circular_mean(heading_deg for _, heading_deg in self._headings)
+        if all(
+            abs(wrap180(heading_deg - mean_deg)) <= self._settings.settle_spread_deg
+            for _, heading_deg in self._headings
+        ):
+            return mean_deg
+        self._headings.popleft()
+        return None
+
+    def too_late(self, t_s: float) -> bool:
+        """Return whether arming must be refused, because the heading has not come to rest in time."""
+        return t_s > self._delay_ends_s + PATIENCE * self._settings.settle_s
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,13 +131,11 @@ class Mission:
             return RunEnd("mission_time", f"the mission limit of {settings.mission_time_s:g} s was reached")
         if self.travelled_m >= self._most_m:
             return RunEnd("mission_distance", f"the mission limit of {settings.mission_distance_m:g} m was reached")
-        if self._beyond_radius(t_s):
+        away_m2 = self.north_m * self.north_m + self.east_m * self.east_m
+        beyond = not away_m2 < self._radius_m * self._radius_m  # written so that NaN is beyond
+        if 0.0 <= t_s - self._fix_t_s <= FIX_FRESH_S:  # a fix from the future does not count
+            beyond = self._fixes_beyond >= FIXES_BEYOND
+        if beyond:
             limit = f"the mission limit of {settings.mission_radius_m:g} m around the start was reached"
             return RunEnd("mission_radius", limit)
         return None
-
-    def _beyond_radius(self, t_s: float) -> bool:
-        if 0.0 <= t_s - self._fix_t_s <= FIX_FRESH_S:  # a fix from the future does not count
-            return self._fixes_beyond >= FIXES_BEYOND
-        away_m2 = self.north_m * self.north_m + self.east_m * self.east_m
-        return not away_m2 < self._radius_m * self._radius_m  # written so that NaN is beyond

@@ -9,7 +9,7 @@ import pytest
 
 from wayfarer.angles import wrap180
 from wayfarer.hal import CompassReading
-from wayfarer.safety.arming import PATIENCE, ArmingSequence
+from wayfarer.safety.mission import PATIENCE, ArmingSequence
 from wayfarer.safety.settings import SafetySettings
 
 SETTINGS = SafetySettings(start_delay_s=10.0, settle_s=1.0, settle_spread_deg=3.0)
