@@ -49,7 +49,8 @@ version to the next.
 """
 COMMAND_LINE = """# Command line
 
-Every command and option, as `--help` shows them. A mistake gives one line and the exit code 2;
+Every command and option, as `--help` shows them. A mistake gives one line and the exit code 2; something
+that this computer may have later, such as the device file of an adapter, a host's name, an address or a port, gives 1.
 `wayfarer/errors.py` lists all exit codes.
 """
 ROVER_FILE = """# Rover file

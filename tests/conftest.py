@@ -87,8 +87,8 @@ def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> 
     return run
 
 
-def refusal(run: Run, *arguments: object) -> str:
+def refusal(run: Run, *arguments: object, exit_code: int = 2) -> str:
     """Run a command that must refuse, and return the one line that it prints instead of anything else."""
     code, out, err = run(*arguments)
-    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert (code, out, err.count("\n")) == (exit_code, "", 1)
     return err

@@ -8,6 +8,7 @@
     │   ├── BadForest             a forest file: names file, line and reason
     │   ├── NothingReadable       a log without a record that can be read
     │   └── UnknownName           no such algorithm, driver or rover: offers the nearest names
+    ├── NotThereYet               a port, name or address that this computer may have later (exit code 1)
     ├── DriverError               a part did not do what was asked
     │   ├── NotResponding         no answer from the part
     │   ├── PowerLost             the part lost its power for a moment, and has forgotten its commands
@@ -28,9 +29,10 @@ Exit codes of the ``wayfarer`` command, and where each is decided:
 code  meaning
 ====  =================================================================================================================
 0     done, and nothing is wrong; a run that a signal or ``wayfarer stop`` ended also has it
-1     any other ``WayfarerError``, or the system refused something (``cli``); or the result is negative: a check failed
-      (``cli.commissioning``), a replay differs (``cli.replay``), a log is unreadable (``views.text.verdict``), a single
-      trial had a fault (``experiments.sim_command``), a board was not stopped (``daemon.stop_motors``)
+1     any other ``WayfarerError``, such as ``NotThereYet``, or the system refused something (``cli``); or the result is
+      negative: a check failed (``cli.commissioning``), a replay differs (``cli.replay``), a log is
+      unreadable (``views.text.verdict``), a single trial had a fault (``experiments.sim_command``), a board was not
+      stopped (``daemon.stop_motors``)
 2     input that cannot be used: ``BadInput``, ``MissingPart``, ``MissingPackage``, or a wrong option (``cli``)
 3     records are missing: ``wayfarer logs check`` (``views.text.verdict``), ``wayfarer replay`` (``cli.replay``)
 75    another daemon runs already, or drives these motors: ``AlreadyRunning`` (``daemon.socket.paths``)
@@ -93,6 +95,13 @@ class UnknownName(BadInput):
         near = near_names(name, known)
         hint = f"did you mean {' or '.join(near)}?" if near else f"known: {', '.join(_in_short(name, known))}"
         super().__init__(f"unknown {kind} '{one_line(name)}': {hint}")
+
+
+class NotThereYet(WayfarerError):
+    """A device file, the name of a host, an address or a port that cannot be had now, and perhaps later.
+
+    A slow boot mends it. So the exit code is not that of bad input, and systemd starts the daemon again.
+    """
 
 
 class DriverError(WayfarerError):

@@ -1,4 +1,7 @@
-"""What cannot be, or does not go together, is refused in one line with exit code 2, and leaves no folder behind."""
+"""What cannot be, or does not go together, is refused in one line with exit code 2, and leaves no folder behind.
+
+What may come later ends with 1, so that systemd tries again (``tests/system/test_systemd.py``).
+"""
 
 from __future__ import annotations
 
@@ -91,6 +94,25 @@ def test_bad_input_is_one_line_and_exit_code_2_and_leaves_no_folder(
     err = refusal(run, *shlex.split(command))
     assert err.startswith("wayfarer: ")
     assert says in err
+    assert list(tmp_path.iterdir()) == []
+
+
+LATE = {
+    "run --rover forestrover": "is not there",
+    "run --sim --mavlink udpout:no-such-host.invalid:14550": "no host no-such-host.invalid is known",
+    "run --sim --live --live-host no-such-host.invalid": "no-such-host.invalid cannot be used",
+    "run --sim --live --live-host 192.0.2.77": "192.0.2.77 cannot be used",
+    "run --sim --live --live-port {taken_port}": "is in use",
+}
+
+
+@pytest.mark.usefixtures("own_folders")
+@pytest.mark.parametrize(("command", "says"), LATE.items(), ids=LATE)
+def test_what_time_may_mend_is_one_line_and_exit_code_1_and_leaves_no_folder(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, taken_port: int, command: str, says: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert says in refusal(run, *shlex.split(command.format(taken_port=taken_port)), exit_code=1)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from wayfarer.daemon import install
-from wayfarer.errors import BadInput
+from wayfarer.errors import BadInput, NotThereYet
 
 
 def environment(folder: Path) -> Path:
@@ -62,6 +62,16 @@ def test_unit_starts_this_installation(python: Path) -> None:
     assert "PrivateDevices" not in unit, "parts are not hidden from the service"
     assert {"char-i2c rw", "char-spi rw", "char-gpiochip rw", "char-video4linux rw"} <= set(unit["DeviceAllow"])
     assert (unit["MemoryMax"], unit["Restart"]) == (["50%"], ["on-failure"])
+
+
+def test_unit_is_started_again_for_as_long_as_a_slow_boot_takes_but_not_for_bad_input(python: Path) -> None:
+    unit = settings(install.unit_text(python))
+    (burst,), (pause,), (interval,) = unit["StartLimitBurst"], unit["RestartSec"], unit["StartLimitIntervalSec"]
+    minutes = int(interval.removesuffix("min"))
+    assert int(burst) * float(pause) >= 300.0, "also where each start fails at once"
+    assert int(burst) * (float(pause) + 10.0) <= 60.0 * minutes, "it ends, also where a start and its stop take 10 s"
+    assert unit["RestartPreventExitStatus"] == [str(BadInput.exit_code)]
+    assert NotThereYet.exit_code != BadInput.exit_code
 
 
 def test_unit_is_written_for_all_to_read_and_two_commands_are_said(python: Path, unit: Path) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import subprocess
 import time
 import traceback
@@ -23,6 +24,28 @@ ROVER = "/opt/wayfarer/source/tests/system/rover.toml"
 WHEELS = Path("/var/lib/wayfarer/wheels.txt")  # what tests.system.wheels was told
 ROVER_FILE = Path("/etc/wayfarer/rover.toml")
 RECORD = {"motors": {"driver": "tests.system.wheels:Wheels"}, "buses": "linux"}
+# The files are no buses, so what is on them does not open; who may drive by hand needs only the motors.
+LATE_DEVICES = ("/dev/i2c-7", "/dev/spidev7.0")
+LATE_ROVER = """
+name = "late"
+[vehicle]
+length_m = 0.4
+width_m = 0.4
+track_m = 0.5
+max_speed_m_s = 1.4
+[manual]
+allowed = true
+[safety]
+allow_no_deadman = true
+[parts.motors]
+driver = "tests.system.wheels:Wheels"
+[parts.compass]
+driver = "cmps14"
+bus = "/dev/i2c-7"
+[parts.motion]
+driver = "pmw3901"
+bus = "/dev/spidev7.0"
+"""
 DROP_IN = Path("/etc/systemd/system/wayfarer.service.d/simulated.conf")
 SERVICE = "wayfarer.service"
 PROPERTIES = "ActiveState,SubState,StatusText,MainPID,NRestarts,Result"
@@ -208,7 +231,7 @@ def end() -> dict[str, Any]:
     subprocess.run(["systemctl", "start", SERVICE], check=True)
     answer = run(WAYFARER, "stop")
     wait_until(lambda state: state["ActiveState"] == "inactive", 10)
-    time.sleep(3)  # longer than RestartSec
+    time.sleep(6)  # longer than RestartSec
     return {"answer": answer, "state": shown()}
 
 
@@ -225,17 +248,57 @@ def read_only() -> dict[str, Any]:
     return seen
 
 
+def comes_late(command: str, come: Callable[[], object]) -> dict[str, Any]:
+    """Start what lacks something, see it fail and be tried again, and let it come."""
+    DROP_IN.write_text(f"[Service]\nExecStart=\nExecStart={command}\n", encoding="utf-8")
+    subprocess.run(["systemctl", "daemon-reload"], check=True)
+    subprocess.run(["systemctl", "reset-failed", SERVICE], check=False)
+    subprocess.run(["systemctl", "start", "--no-block", SERVICE], check=True)
+    missed = wait_until(lambda state: int(state["NRestarts"]) >= 1, 30)
+    come()
+    up = wait_until(lambda state: state["ActiveState"] == "active", 30)
+    seen = {"missed": missed, "up": up, "mode": mode()}
+    subprocess.run(["systemctl", "stop", SERVICE], check=True)
+    return seen
+
+
+def late() -> dict[str, Any]:
+    """Start while an adapter, a name, an address or a port is not there yet."""
+    taken = socket.create_server(("127.0.0.1", 8089))
+
+    def plug_in() -> None:
+        for device in LATE_DEVICES:
+            Path(device).touch()
+            Path(device).chmod(0o666)
+
+    def know_name() -> None:
+        with Path("/etc/hosts").open("a", encoding="utf-8") as hosts:
+            hosts.write("\n127.0.0.1 late-station\n")
+
+    ROVER_FILE.write_text(LATE_ROVER, encoding="utf-8")
+    seen = {"adapter": comes_late(RUN.replace("--sim ", ""), plug_in)}
+    ROVER_FILE.write_text(Path(ROVER).read_text(encoding="utf-8"), encoding="utf-8")
+    return seen | {
+        "name": comes_late(f"{RUN} --mavlink udpout:late-station:14550", know_name),
+        "address": comes_late(
+            f"{RUN} --live --live-host 10.9.8.7", lambda: run("ip", "address", "add", "10.9.8.7/32", "dev", "lo")
+        ),
+        "port": comes_late(f"{RUN} --live --live-port 8089", taken.close),
+    }
+
+
 def bad_rover_file() -> dict[str, Any]:
     """Start with a rover file that cannot be used."""
     ROVER_FILE.write_text("nonsense\n", encoding="utf-8")
     subprocess.run(["systemctl", "reset-failed", SERVICE], check=False)
     subprocess.run(["systemctl", "start", SERVICE], check=False, capture_output=True)
-    time.sleep(3)  # longer than RestartSec
+    time.sleep(6)  # longer than RestartSec
     return shown()
 
 
 STEPS = (
-    install, security, start, arm, kill, suspend, exception, stop, end, read_only, changed_rover_file, bad_rover_file,
+    install, security, start, arm, kill, suspend, exception, stop, end, read_only, changed_rover_file, late,
+    bad_rover_file,
 )  # fmt: skip
 
 

@@ -80,7 +80,7 @@ def test_daemon_that_is_killed_suspended_or_fails_comes_back_disarmed(
 
 
 def test_suspended_daemon_is_noticed_by_the_watchdog(report: Report) -> None:
-    assert step(report, "suspend")["took_s"] < 20  # 10 s watchdog, 2 s to abort, 2 s pause, and the start
+    assert step(report, "suspend")["took_s"] < 23  # 10 s watchdog, 2 s to abort, 5 s pause, and the start
 
 
 def test_stop_stops_the_wheels_at_once_and_ends_the_log(report: Report) -> None:
@@ -117,6 +117,13 @@ def test_killed_daemon_s_own_motors_are_stopped_where_the_rover_file_names_other
     assert said.startswith("the daemon's /run/wayfarer/motors.json: ")
     assert "; /etc/wayfarer/rover.toml: unknown driver 'no_such_driver'" in said
     assert seen["left_in_run"] == []
+
+
+@pytest.mark.parametrize("what", ["adapter", "name", "address", "port"])
+def test_daemon_is_started_again_until_what_comes_late_is_there(report: Report, what: str) -> None:
+    seen = step(report, "late")[what]
+    assert int(seen["missed"]["NRestarts"]) >= 1
+    assert (seen["up"]["ActiveState"], seen["mode"]) == ("active", "disarmed")
 
 
 def test_unusable_rover_file_is_not_tried_again(report: Report) -> None:

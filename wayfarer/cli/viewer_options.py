@@ -55,7 +55,7 @@ def ground_station(address: str, config: RoverConfig) -> GroundStation:
 
     Raises:
         BadInput: no such address; the text says why.
-        WayfarerError: a package is missing.
+        WayfarerError: the host is not known now, or a package is missing.
     """
     require("--mavlink")
     from wayfarer.commissioning.checks.system import device_files
@@ -72,8 +72,8 @@ def live_page(host: str | None, port: int | None, demo: DemoControls | None = No
     """Return the live page at an address (None: the usual one), with a new token; with the controls of a ``demo``.
 
     Raises:
-        BadInput: the port cannot be had.
-        WayfarerError: a package is missing.
+        BadInput: the port can never be had.
+        WayfarerError: it cannot be had now, or a package is missing.
     """
     require("the live page")
     from secrets import token_urlsafe

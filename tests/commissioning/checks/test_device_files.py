@@ -11,7 +11,7 @@ from wayfarer import cli
 from wayfarer.commissioning.checks import HostEnvironment
 from wayfarer.commissioning.checks.system import device_files, refuse_missing_ports
 from wayfarer.config.rover_file import load_rover
-from wayfarer.errors import BadConfig
+from wayfarer.errors import NotThereYet
 
 PORTS = ("/dev/i2c-1", "/dev/spidev0.1", "/dev/ttyAMA0")
 
@@ -50,7 +50,7 @@ def test_port_that_is_not_there_is_named_with_file_key_and_remedy(
     tmp_path: Path, missing: str, key: str, remedy: str
 ) -> None:
     make(tmp_path, *(port for port in PORTS if port != missing))
-    with pytest.raises(BadConfig) as caught:
+    with pytest.raises(NotThereYet) as caught:
         refuse_missing_ports(load_rover("forestrover"), "forestrover", host(tmp_path))
     said = str(caught.value)
     assert re.match(rf"forestrover: key '{key}' \(line \d+\): {missing} is not there", said)
@@ -58,16 +58,16 @@ def test_port_that_is_not_there_is_named_with_file_key_and_remedy(
     assert "\n" not in said
 
 
-def test_run_ends_with_one_line_and_exit_code_2_and_begins_no_log(
+def test_run_ends_with_one_line_and_exit_code_1_and_begins_no_log(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
     shipped = Path(cli.__file__).parents[1] / "rovers/minirover.toml"
     monkeypatch.setattr("wayfarer.commissioning.checks.system.refuse_missing_ports", _refuse)
-    assert cli.run(["run", "--rover", str(shipped), "--log-dir", str(tmp_path / "logs")]) == 2
+    assert cli.run(["run", "--rover", str(shipped), "--log-dir", str(tmp_path / "logs")]) == 1
     assert capsys.readouterr().err == "wayfarer: no such port\n"
     assert not (tmp_path / "logs").exists()
 
 
 def _refuse(*_: object) -> None:
-    raise BadConfig("no such port")
+    raise NotThereYet("no such port")

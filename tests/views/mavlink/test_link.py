@@ -15,7 +15,7 @@ import pytest
 from tests.views.mavlink.station import Encoder, arming, heartbeat
 from wayfarer.commissioning.checks.system import device_files
 from wayfarer.config.rover_file import load_rover
-from wayfarer.errors import BadInput
+from wayfarer.errors import BadInput, NotThereYet
 from wayfarer.views.mavlink.link import (
     Address,
     Link,
@@ -44,11 +44,16 @@ def test_address_is_read_and_told_as_it_was_given(text: str, address: Address) -
 @pytest.mark.parametrize(
     "text",
     ["", "udpout", "tcp:1.2.3.4:5", "udpout:1.2.3.4", "udpout::14550", "udpout:1.2.3.4:0", "udpout:1.2.3.4:70000",
-     "udpin:1.2.3.4:-1", "serial:/dev/ttyUSB0", "serial:/dev/ttyUSB0:9", "udpout:no.such.invalid:1"],
+     "udpin:1.2.3.4:-1", "serial:/dev/ttyUSB0", "serial:/dev/ttyUSB0:9", "udpout:a..b:1"],
 )  # fmt: skip
 def test_what_is_no_address_is_refused(text: str) -> None:
     with pytest.raises(BadInput, match="give"):
         parse_address(text)
+
+
+def test_host_that_is_not_known_may_be_known_later() -> None:
+    with pytest.raises(NotThereYet, match="give its IP address"):
+        parse_address("udpout:no.such.invalid:1")
 
 
 def test_line_of_the_motor_board_is_no_link() -> None:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from wayfarer.commissioning.checks.api import Finding, HostEnvironment, Inspection, fail, ok, skipped, warn
 from wayfarer.config.rover_file import LogSettings, RoverConfig, line_in, part_settings
-from wayfarer.errors import BadConfig
+from wayfarer.errors import NotThereYet
 from wayfarer.fieldlog.clock import CLOCK_SET_S
 from wayfarer.fieldlog.disk import ADVICE, DISK_FAILS, free_mb, total_mb
 from wayfarer.safety.power import SLOWED_NOW, UNDER_VOLTAGE_NOW, UNDER_VOLTAGE_SINCE_BOOT
@@ -105,7 +105,7 @@ def device_files(config: RoverConfig) -> tuple[str, ...]:
 
 
 def refuse_missing_ports(config: RoverConfig, where: str, host: HostEnvironment) -> None:
-    """Refuse a rover if a device file does not exist or may not be used.
+    """Refuse a rover if a device file does not exist or may not be used: perhaps not yet, as of a late adapter.
 
     Args:
         config: the rover; only the Raspberry Pi's own buses have device files.
@@ -113,14 +113,14 @@ def refuse_missing_ports(config: RoverConfig, where: str, host: HostEnvironment)
         host: where device files are looked up.
 
     Raises:
-        BadConfig: the text names file, key and device, and what to do, such as which group to join.
+        NotThereYet: the text names file, key and device, and what to do, such as which group to join.
     """
     for key, device in _ports(config):
         trouble = diagnose(host, device)
         if trouble is not None:
             line = line_in(where, key)
             at = f" (line {line})" if line else ""
-            raise BadConfig(f"{where}: key '{key}'{at}: {trouble.found}, {trouble.cause}: {trouble.remedy}")
+            raise NotThereYet(f"{where}: key '{key}'{at}: {trouble.found}, {trouble.cause}: {trouble.remedy}")
 
 
 def _ports(config: RoverConfig) -> Iterator[tuple[str, str]]:

@@ -22,7 +22,7 @@ from ipaddress import IPv6Address, ip_address
 from urllib.parse import urlsplit
 
 from wayfarer.daemon.socket.protocol import Refused
-from wayfarer.errors import BadInput
+from wayfarer.errors import BadInput, NotThereYet
 
 # -- address ---------------------------------------------------------------------------------------------------------
 # Address of the live page: binds its socket early, and makes the URL to open.
@@ -38,7 +38,8 @@ def bind(host: str, port: int) -> socket.socket:
     """Return a socket that listens.
 
     Raises:
-        BadInput: there is no such address here, or the port is taken; the text says what to do.
+        BadInput: it is no address, or the port is for root only; the text says what to do.
+        NotThereYet: there is no such address here now, or the port is taken.
     """
     if not host:
         raise BadInput("--live-host is empty: give an address of this computer, such as 0.0.0.0 for all of them")
@@ -49,7 +50,8 @@ def bind(host: str, port: int) -> socket.socket:
     except UnicodeError:
         raise BadInput(f"{host} is not a host name: choose an address of this one with --live-host") from None
     except OSError as error:
-        raise BadInput(_why_not(host, port, error)) from None
+        kind = BadInput if error.errno == errno.EACCES else NotThereYet
+        raise kind(_why_not(host, port, error)) from None
     bound.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVED_BYTES)  # connections inherit it
     return bound
 

@@ -96,7 +96,8 @@ class LivePage:
             no token, because no wheels turn; a program that opens a browser would show it in the list of processes.
 
     Raises:
-        BadInput: the port cannot be had.
+        BadInput: the port can never be had, see ``access.bind``.
+        NotThereYet: it cannot be had now.
     """
 
     def __init__(

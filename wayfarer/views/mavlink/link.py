@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from pymavlink.dialects.v20 import common
 
-from wayfarer.errors import BadInput
+from wayfarer.errors import BadInput, NotThereYet
 from wayfarer.views.mavlink.frames import INPUT_BYTES, FrameReader
 
 KINDS = ("udpout", "udpin", "serial")
@@ -55,7 +55,8 @@ def parse_address(text: str) -> Address:
     """Return the address that a text names; the name of a host is looked up.
 
     Raises:
-        BadInput: it is none, or there is no such host; the text says what to do.
+        BadInput: it is none; the text says what to do.
+        NotThereYet: no such host is known now.
     """
     kind, _, rest = text.partition(":")
     where, _, digits = rest.rpartition(":")
@@ -70,8 +71,10 @@ def parse_address(text: str) -> Address:
     host = where.removeprefix("[").removesuffix("]")
     try:
         return Address(kind, str(socket.getaddrinfo(host, None, type=socket.SOCK_DGRAM)[0][4][0]), int(digits))
-    except (OSError, UnicodeError):
-        raise BadInput(
+    except UnicodeError:
+        raise BadInput(f"--mavlink {text}: {host} is no name of a host; {FORM}") from None
+    except OSError:
+        raise NotThereYet(
             f"--mavlink: no host {host} is known; give its IP address, which needs neither network nor name server now"
         ) from None
 
