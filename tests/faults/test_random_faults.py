@@ -24,9 +24,8 @@ from tests.faults.fault_strategies import (
     quick_settings,
     scenarios,
 )
+from tests.faults.test_safety_rules import gate_drives
 from wayfarer.config.rover_file import load_rover
-from wayfarer.hal import WheelCommand
-from wayfarer.safety.gate import Gate
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.faults.kinds import KINDS
@@ -53,7 +52,7 @@ test_many_random_faults_break_no_safety_rule = pytest.mark.long(tried(300))
 
 @breaks_the_product
 def test_gate_that_drives_while_disarmed_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Gate, "limit", lambda self, wanted: WheelCommand(0.3, 0.3))
+    gate_drives(monkeypatch)
     with pytest.raises(AssertionError, match="rule 1: motion commanded while"):
         tried(5, phases=[Phase.generate])()
 
