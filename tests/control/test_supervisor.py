@@ -347,6 +347,24 @@ def test_rover_that_is_disarmed_while_it_is_checked_is_not_armed_afterwards(
     assert len(shop.named("arming")) == 1, "only that at the start of the run"
 
 
+def test_mission_that_has_begun_while_a_person_waited_is_stopped_as_that_person_takes_over(shop: Workshop) -> None:
+    wheels: list[WheelCommand] = []
+
+    async def takes_over(run: Supervisor) -> None:
+        await run.begin_manual(asked(), 7, "page", lambda: asyncio.sleep(0.32))
+        wheels.append(shop.wheels)
+
+    tasks: list[asyncio.Task[None]] = []
+    script: Script = {
+        0.31: lambda it: it.disarm("asked"),
+        0.51: lambda it: tasks.append(asyncio.ensure_future(it.arm(asked(), 0.0, lambda: asyncio.sleep(0.1)))),
+        0.56: lambda it: tasks.append(asyncio.ensure_future(takes_over(it))),
+        0.87: lambda _: wheels.append(shop.wheels),
+    }
+    drive(shop, script, manual={"allowed": True})
+    assert wheels == [AHEAD, STOP]
+
+
 @pytest.mark.parametrize("takes_over", [False, True])
 def test_board_that_fails_while_it_is_opened_starts_no_wheel(shop: Workshop, takes_over: bool) -> None:
     """What opening has proved may be out of date: it may have lost its power, and its deadman, just afterwards."""

@@ -118,11 +118,11 @@ class Supervisor:
 
         The motors of a mission are open already, and turn: they are left as they are.
         """
-        was_armed = self.mode is Mode.ARMED
-        if not was_armed:
+        if self.mode is not Mode.ARMED:
             await self._open_motors(asked, check)
+        drives = self.mode is Mode.ARMED  # also if somebody has armed it meanwhile
         _started(self.controller.begin_manual(self._use(asked), lease, driver))
-        if was_armed:  # nothing was awaited, and what the mission has commanded last must not go on
+        if drives:  # nothing was awaited, and what the mission has commanded last must not go on
             self._rover.motors.halt()
 
     def resume(self, asked: Asked) -> None:
