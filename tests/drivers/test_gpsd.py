@@ -335,6 +335,13 @@ async def test_nobody_there_is_told_with_the_remedy() -> None:
     await client.close()
 
 
+@pytest.mark.parametrize("host", ["no-such-host.invalid", "a..b", "x" * 70, "\0"])
+async def test_a_name_of_no_host_is_told_as_one_that_may_come(host: str) -> None:
+    client = Gpsd(GpsdSettings(host=host), FakeBuses())
+    with pytest.raises(NotResponding, match="gpsd at"):
+        await client.open()
+
+
 async def test_a_server_that_hangs_up_at_once_or_says_nothing_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     async with served(saying(then_hangs_up=True)) as client:
         with pytest.raises(NotResponding, match="without an answer"):

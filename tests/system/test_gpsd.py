@@ -20,6 +20,8 @@ import pytest
 from wayfarer.drivers.gpsd import Gpsd, GpsdSettings
 from wayfarer.errors import NotResponding
 from wayfarer.hal import PositionFix
+from wayfarer.safety.mission import Mission
+from wayfarer.safety.settings import SafetySettings
 from wayfarer.simhal.buses import FakeBuses
 
 NOON_S = 1_753_012_800.0  # 2025-07-20T12:00Z, the first second of the track
@@ -56,12 +58,11 @@ def epoch(second: int, *, time: str | None = None, place: str = LATITUDE) -> str
     )
 
 
-ELSEWHERE = LATITUDE.replace("5130", "5230")
 # What another receiver says in each second, and what check says if it is the only one.
 OTHERS: dict[str, tuple[Callable[[int], str], str]] = {
-    "hung": (lambda _: epoch(5, place=ELSEWHERE), "has said nothing new"),
+    "hung": (lambda _: epoch(5), "has said nothing new"),
     "without fix": (lambda second: epoch(second, place=""), "has no fix"),
-    "without time": (lambda second: epoch(second, time="", place=ELSEWHERE), "tells a position and no time"),
+    "without time": (lambda second: epoch(second, time=""), "tells a position and no time"),
 }
 
 
@@ -135,19 +136,31 @@ async def test_fixes_come_while_gpsd_runs_and_its_death_is_noticed(daemon: Daemo
         await daemon.client.close()
 
 
+def drives_off(second: int) -> str:
+    """Go north by 37 m a second."""
+    return epoch(second, place=LATITUDE.replace("5130.1000", f"{5130.1 + 0.02 * second:.4f}"))
+
+
 @pytest.mark.parametrize("other", OTHERS)
-async def test_receiver_that_is_well_is_heard_beside_one_that_is_not(tmp_path: Path, other: str) -> None:
+async def test_mission_ends_at_its_radius_by_the_receiver_that_is_well(tmp_path: Path, other: str) -> None:
     says, _ = OTHERS[other]
-    with running(tmp_path, says, epoch) as daemon:
+    time = asyncio.get_running_loop().time
+    mission, north_deg = Mission(SafetySettings(mission_radius_m=300.0, mission_time_s=600.0), time()), 0.0
+    with running(tmp_path, says, drives_off) as daemon:
         await opened(daemon)
         try:
-            times_s = [0.0]
-            for _ in range(6):
-                fix = await next_fix(daemon.client, times_s[-1])
-                assert fix.latitude_deg == pytest.approx(51.5016667, abs=1e-6)
-                times_s.append(fix.t_s)
+            for _ in range(round(START_S / 0.03)):
+                await asyncio.sleep(0.03)
+                if (fix := await daemon.client.read()) is not None:
+                    assert fix.latitude_deg >= north_deg, "where the other one stays"
+                    north_deg = fix.latitude_deg
+                    mission.position(fix)
+                if (end := mission.end(time())) is not None:
+                    break
         finally:
             await daemon.client.close()
+    assert end is not None
+    assert end.reason == "mission_radius"
 
 
 @pytest.mark.parametrize("other", OTHERS)

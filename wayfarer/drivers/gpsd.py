@@ -192,7 +192,7 @@ class Gpsd:
         try:
             async with asyncio.timeout(ANSWER_S):
                 reader = await self._connect()
-        except OSError as error:
+        except (OSError, ValueError) as error:  # a name may be no name of a host
             await self.close()
             reason = str(error) or f"no answer within {ANSWER_S:g} s"  # the error of a timeout has no text
             raise NotResponding(
