@@ -221,7 +221,13 @@ class HeadingEstimator:
             self._choose(t_s, doubted=doubted, armed=armed)
         self._unseen_deg += commanded_deg
         if self.reckons:
-            self._reckon(t_s, compass, silent=not SILENT_COMPASS.isdisjoint(conditions))
+            # Turn the heading by what was commanded; at first, by all since the compass last showed a turn.
+            turned_deg, self._unseen_deg = self._share * self._unseen_deg, 0.0
+            self.gained_deg += turned_deg
+            self._reckoned_deg = (self._reckoned_deg + turned_deg) % 360.0
+            silent = not SILENT_COMPASS.isdisjoint(conditions)
+            pitch_deg, roll_deg = (0.0, 0.0) if silent else (compass.pitch_deg, compass.roll_deg)
+            self.reading = CompassReading(t_s, self._reckoned_deg, pitch_deg, roll_deg, None)
             conditions[:] = [each for each in conditions if each not in HEADING_DOUBTED]
             conditions.append(Condition.HEADING_RECKONED)
             return
@@ -251,15 +257,6 @@ class HeadingEstimator:
         elif doubted and not self.reckons and t_s - self._doubt_since_s >= RECKON_AFTER_S:
             self.reckons = True
             self._reckoned_deg = self.reading.heading_deg if self.reading is not None else 0.0
-
-    def _reckon(self, t_s: float, compass: CompassReading, *, silent: bool) -> None:
-        """Turn the heading by what was commanded; at first, by all since the compass last showed a turn."""
-        turned_deg = self._share * self._unseen_deg
-        self._unseen_deg = 0.0
-        self._reckoned_deg = (self._reckoned_deg + turned_deg) % 360.0
-        self.gained_deg += turned_deg
-        pitch_deg, roll_deg = (0.0, 0.0) if silent else (compass.pitch_deg, compass.roll_deg)
-        self.reading = CompassReading(t_s, self._reckoned_deg, pitch_deg, roll_deg, None)
 
     def _learn(self) -> None:
         """Learn from the present turn, which is over."""

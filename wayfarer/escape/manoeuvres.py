@@ -55,7 +55,7 @@ class Manoeuvre(ABC):
     def __init__(self, settings: EscapeSettings, turns: TurnController, escape_plan: EscapePlan) -> None:
         self._settings = settings
         self._turns = turns
-        self._heading = HeadingControl(settings, turns)
+        self._heading = HeadingControl(settings, turns)  # of those that drive along one
         self._escape_plan = escape_plan
         self._limit_t_s = inf
         self._limit_m = inf

@@ -11,7 +11,7 @@ A body follows its wheels as a filter of the first order. What has lasted is for
 from __future__ import annotations
 
 from collections import deque
-from math import copysign, cos, degrees, radians
+from math import cos, degrees, radians
 from typing import Final
 
 from wayfarer.angles import wrap180
@@ -173,13 +173,12 @@ class TurnController:
 
     def wheels(self, speed_m_s: float, turn_deg_s: float) -> WheelCommand:
         """Return the wheels for a forward speed and a turn rate, clockwise positive."""
-        share = turn_deg_s / FULL_COMPENSATION_DEG_S
-        share = 1.0 if share > 1.0 else -1.0 if share < -1.0 else share
+        share = clamp(turn_deg_s / FULL_COMPENSATION_DEG_S, -1.0, 1.0)
         duty = (turn_deg_s + self._catch_up_per_s * self._behind_deg) / self._ideal_deg_s + share * self.dead_zone
-        duty = 1.0 if duty > 1.0 else -1.0 if duty < -1.0 else duty
+        duty = clamp(duty, -1.0, 1.0)
         self._commanded_deg_s, self._duty = turn_deg_s, duty
-        forward, room = speed_m_s / self._max_speed_m_s, 1.0 - abs(duty)
-        forward = room if forward > room else -room if forward < -room else forward
+        room = 1.0 - abs(duty)
+        forward = clamp(speed_m_s / self._max_speed_m_s, -room, room)
         pushes = abs(duty) > abs(forward)
         if pushes is not self._pushes:
             self._pushes, self._pushed_s, self._pushed_deg = pushes, 0.0, 0.0
@@ -188,8 +187,7 @@ class TurnController:
     def curve_speed_m_s(self, wanted_m_s: float, radius_m: float) -> float:
         """Return the highest speed, up to the wanted one, at which the wheels can follow a curve on this ground."""
         duty = max(1.0 - self.dead_zone - RESERVE_DUTY, LEAST_DUTY)
-        fastest_m_s = duty / (1.0 / self._max_speed_m_s + degrees(1.0 / radius_m) / self._ideal_deg_s)
-        return fastest_m_s if fastest_m_s < wanted_m_s else wanted_m_s
+        return min(duty / (1.0 / self._max_speed_m_s + degrees(1.0 / radius_m) / self._ideal_deg_s), wanted_m_s)
 
     def _learn(self, shown_deg_s: float, dt_s: float) -> None:
         """Learn the dead zone: the turn duty beyond what the turn rate needs on ideal ground.
@@ -210,10 +208,9 @@ class TurnController:
         duty, rate, latest = self._mean_duty, self._mean_rate_deg_s, self._shown_deg_s
         if expected_deg_s < 0.0:
             expected_deg_s, duty, rate, latest = -expected_deg_s, -duty, -rate, -latest
-        share_deg_s = LEARN_FROM_SHARE * expected_deg_s
-        least_deg_s = share_deg_s if share_deg_s > LEARN_FROM_DEG_S else LEARN_FROM_DEG_S
+        least_deg_s = max(LEARN_FROM_SHARE * expected_deg_s, LEARN_FROM_DEG_S)
         if rate > least_deg_s and latest > least_deg_s:
-            seen = min(max(duty - rate / self._ideal_deg_s, 0.0), DEAD_ZONE_MAX)
+            seen = clamp(duty - rate / self._ideal_deg_s, 0.0, DEAD_ZONE_MAX)
             self.dead_zone += (seen - self.dead_zone) * dt_s / LEARN_S
             if latest > FREE_SHARE * expected_deg_s + FREE_DEG_S:
                 self._behind_deg /= 2.0
@@ -325,25 +322,16 @@ class HeadingControl:
 
     def wheels(self, t_s: float, error_deg: float) -> WheelCommand:
         """Return the wheels for a heading error in [-180, 180), positive when the goal lies clockwise."""
-        error = radians(error_deg)
-        turn_deg_s = degrees(self._turn_rad_s(t_s, error))
+        error, turn = radians(error_deg), self._p * radians(error_deg)
+        if self._last_error is not None:
+            dt_s = t_s - self._last_t_s
+            self._integral = clamp(self._integral + error * dt_s, -INTEGRAL_MAX_RAD_S, INTEGRAL_MAX_RAD_S)
+            turn += self._i * self._integral
+            if self._d and dt_s > 0.0:
+                turn += self._d * (error - self._last_error) / dt_s
+        self._last_error, self._last_t_s = error, t_s
+        turn_deg_s = degrees(clamp(turn, -self._turn_limit_rad_s, self._turn_limit_rad_s))
         if abs(error_deg) < PIVOT_BEYOND_DEG:
             return self._turns.wheels(self._cruise_m_s * cos(error), turn_deg_s)
         self._integral = 0.0  # the error during a pivot is no steady offset to learn
         return self._turns.wheels(0.0, turn_deg_s)
-
-    def _turn_rad_s(self, t_s: float, error: float) -> float:
-        """Return the PID controller's turn rate, limited."""
-        turn = self._p * error
-        last_error = self._last_error
-        if last_error is not None:
-            dt_s = t_s - self._last_t_s
-            integral, most = self._integral + error * dt_s, INTEGRAL_MAX_RAD_S
-            self._integral = most if integral > most else -most if integral < -most else integral
-            turn += self._i * self._integral
-            if self._d and dt_s > 0.0:
-                turn += self._d * (error - last_error) / dt_s
-        self._last_error = error
-        self._last_t_s = t_s
-        limit = self._turn_limit_rad_s
-        return turn if abs(turn) <= limit else copysign(limit, turn)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from math import hypot
 from typing import Final
 
+from wayfarer.clamp import clamp
 from wayfarer.hal import STOP, WheelCommand
 
 # A duration has passed once so little is missing: sums of control periods fall a rounding error short of it.
@@ -109,15 +110,13 @@ class Moved:
         self.known, self.signed, self.right_m = True, signed, right_m
         if not signed and self.commanded_m < 0.0:
             forward_m = -forward_m
-        self.forward_m = self.counted_m = forward_m
-        if self.commanded_m:
-            most_m = self.most_m
-            self.counted_m = most_m if forward_m > most_m else -most_m if forward_m < -most_m else forward_m
+        self.forward_m = forward_m
+        self.counted_m = clamp(forward_m, -self.most_m, self.most_m) if self.commanded_m else forward_m
 
     @property
     def most_m(self) -> float:
         """The most that a reading counts for."""
-        return MOST_SHARE * (self.way_m if self.way_m > self._before_m else self._before_m)
+        return MOST_SHARE * max(self.way_m, self._before_m)
 
     def straight(self, m_per_deg: float) -> float:
         """Return the share of the wheels' push that was ahead or back, 0 to 1; the rest of the grip was for turning.
