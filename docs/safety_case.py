@@ -93,7 +93,7 @@ CASES: Mapping[Condition, Case] = {
         BREAKS,
         "It drives on after the rest, with a warning of a second",
         (
-            "safety/test_progress.py::test_rover_without_progress_climbs_the_ladder_rests_warns_and_climbs_it_again",
+            "escape/test_progress.py::test_rover_without_progress_climbs_the_ladder_rests_warns_and_climbs_it_again",
             "escape/test_ladder.py::test_each_rest_is_twice_as_long_up_to_a_bound",
         ),
     ),

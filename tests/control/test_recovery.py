@@ -8,12 +8,11 @@ from tests.control.bench import TICK_S, Bench
 from wayfarer.config.rover_file import load_rover
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.tick import TickRecord
-from wayfarer.escape.recovery import BLIND_DETOUR
+from wayfarer.escape.recovery import BLIND_DETOUR, UNSEEN_S
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.trial import run_watched
 from wayfarer.hal import MotionReading, WheelCommand
 from wayfarer.safety.conditions import Condition
-from wayfarer.safety.progress import UNSEEN_S
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.world import Drive
 from wayfarer.simhal.world.physics import GroundName

@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 from tests.control.bench import Bench
 from tests.detector.rover import moved
 from wayfarer.control.modes import Mode
-from wayfarer.escape.recovery import REST_S, RUNGS
+from wayfarer.escape.recovery import PLACE_M, PLACE_S, REST_S, RUNGS, SEEN_M, UNSEEN_S, ProgressMonitor
 from wayfarer.hal import STOP, CompassReading, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
-from wayfarer.safety.progress import PLACE_M, PLACE_S, SEEN_M, UNSEEN_S, ProgressMonitor
 from wayfarer.safety.settings import EntrapmentSettings
 from wayfarer.safety.tick_interval import Moved, TickInterval
 
@@ -31,7 +30,7 @@ def judge(progress: ProgressMonitor, interval: TickInterval, seen: Moved | None,
     """Judge a tick of a rover that is at another place in each; return whether it is stuck."""
     north_m = 2.0 * PLACE_M * (interval.t_s // TICK_S)
     progress.update(interval, seen, north_m, 0.0, anomalous=anomalous, blind=False, drives=True)
-    return progress.stuck
+    return progress.missing
 
 
 class Drive:
@@ -238,7 +237,7 @@ def test_rover_that_goes_round_with_free_runs_must_leave_its_place(away_m: float
         north_m = away_m * (tick // 200 % 2)
         each = TickInterval(tick * TICK_S, AHEAD, TICK_S, TICK_S, 0.05)
         progress.update(each, moved(0.05, 0.05), north_m, 0.0, anomalous=False, blind=False, drives=True)
-        found |= progress.stuck
+        found |= progress.missing
     assert found is stuck
 
 
@@ -248,7 +247,7 @@ def test_what_the_ladder_does_is_neither_a_free_run_nor_a_try_but_it_may_leave_t
         each = TickInterval(tick * TICK_S, AHEAD, TICK_S, TICK_S, 0.05)
         north_m = 0.05 * tick
         progress.update(each, moved(0.05, 0.05), north_m, 0.0, anomalous=True, blind=False, drives=False)
-        assert (progress.stuck, progress.progressed) == (False, False)
+        assert (progress.missing, progress.progressed) == (False, False)
 
 
 # -- without sight ----------------------------------------------------------------------------------------------------
