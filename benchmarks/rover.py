@@ -72,7 +72,7 @@ async def _drive_into_a_hang() -> tuple[float, float, float]:
         wiring.attach(part, table)
     algorithm = CATALOGUE["forest-pledge"]
     handler = algorithm.make(config.escape, config.vehicle, Random(0))
-    supervisor = Supervisor(assemble(config, buses), config, algorithm, handler, TrialCounters())
+    supervisor = Supervisor(assemble(config, buses), config, algorithm, handler, TrialCounters(), ladder_seed=1)
     running = asyncio.create_task(supervisor.run())
     await asyncio.sleep(1.0)
     await supervisor.arm(Asked(asyncio.get_running_loop().time()), 0.0)

@@ -68,7 +68,9 @@ class Bench:
         detector = Detector(self.config.detector, VEHICLE, watches_motion=watches_motion, may_reckon=may_reckon)
         self.t_s = 100.0
         self.suspended_s = 0.0  # of the process, after each tick has begun
-        self.controller = Controller(self.config, detector, handler or self.handler, self.log, goes_on=goes_on)
+        self.controller = Controller(
+            self.config, detector, handler or self.handler, self.log, ladder_seed=1, goes_on=goes_on
+        )
         self.loop = ControlLoop(
             wheels or self.motors, self.inbox, self.controller, self.log,
             clock=lambda: self.t_s + self.suspended_s, late_s=limits.tick_late_s,

@@ -47,7 +47,7 @@ class Hearing:
     def __init__(self) -> None:
         self.log, self.inbox = Log(), Inbox()
         config = RoverConfig(name="bench", vehicle=VEHICLE)
-        self._controller = Controller(config, Detector(config.detector, VEHICLE), Wanting(), self.log)
+        self._controller = Controller(config, Detector(config.detector, VEHICLE), Wanting(), self.log, ladder_seed=1)
         self._t_s = 0.0
 
     def tick(self, applied: WheelCommand) -> tuple[Condition, ...]:

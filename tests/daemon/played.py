@@ -39,7 +39,7 @@ class Run:
         config = type(rig.config).model_validate(rig.config.model_dump() | {"safety": safety})
         chosen = CATALOGUE[algorithm]
         handler = chosen.make(config.escape, config.vehicle, Random(0))
-        self.supervisor = Supervisor(rig.rover, config, chosen, handler, self.log)
+        self.supervisor = Supervisor(rig.rover, config, chosen, handler, self.log, ladder_seed=1)
         self.inspect = RunningInspection(config, rig.rover, rig.host, self.supervisor)
         self.commands = RoverCommands(self.supervisor, rig.motors, lambda: self.inspect, self.log, ABOUT, ARMING)
 

@@ -40,7 +40,7 @@ def run_on_a_desk(depth: Depth = Depth.DEVICE, seed: int = 1, for_s: float = 1e5
         rover_setup = live_rover_setup(config, depth, seed, lambda reason, text: supervisors[0].finish(reason, text))
         algorithm = CATALOGUE["forest-pledge"]
         handler = algorithm.make(config.escape, config.vehicle, Random(seed))
-        supervisors.append(Supervisor(rover_setup.rover, config, algorithm, handler, Tee()))
+        supervisors.append(Supervisor(rover_setup.rover, config, algorithm, handler, Tee(), ladder_seed=1))
         await supervisors[0].arm(asked(), 0.0)
         loop.call_later(for_s, supervisors[0].finish, "requested", "enough")
         return await supervisors[0].run(), loop.time() - UPTIME_S
@@ -89,7 +89,7 @@ def test_fault_strikes_so_many_seconds_after_the_first_arming(tmp_path: Path) ->
         algorithm = CATALOGUE["forest-pledge"]
         handler = algorithm.make(config.escape, config.vehicle, Random(1))
         logs = Tee(log, rover_setup.ground_truth_log(log))
-        supervisor = Supervisor(rover_setup.rover, config, algorithm, handler, logs, goes_on=True)
+        supervisor = Supervisor(rover_setup.rover, config, algorithm, handler, logs, goes_on=True, ladder_seed=1)
         running = loop.create_task(supervisor.run())
         await asyncio.sleep(10.0)  # disarmed
         for _ in range(2):

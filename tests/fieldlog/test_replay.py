@@ -99,6 +99,20 @@ def test_every_algorithm_agrees_also_those_that_draw_lots(tmp_path: Path, algori
     assert summarise(RunReader(run)).episodes == ticks(run)[-1]["episodes"] > 0, "by the phases and by the algorithm"
 
 
+def test_ladder_turns_by_the_seed_that_the_log_says(tmp_path: Path) -> None:
+    """Its seed was in the code; with one for each run a replay must draw the run's own turns."""
+    never_free = SIM.model_copy(update={"progress": with_fields(SIM.progress, anomalies_max=1, free_run_m=100.0)})
+    runs = [log_trial(tmp_path / str(trial), trial, rover=never_free, budget_m=80.0) for trial in (0, 3)]
+    first, other = (records(run)[0] for run in runs)
+    assert first["ladder_seed"] != other["ladder_seed"], "of the trial's seed"
+    assert first["ladder_seed"] != first["algorithm_seed"]
+    for run in runs:
+        assert "ladder.random_turn" in {tick["why"] for tick in ticks(run)}
+        assert replay(run) == Replay(len(ticks(run)), None)
+        rewrite(run, lambda record: {**record, "ladder_seed": 1} if record["record"] == "run" else record)
+        assert replay(run).difference is not None
+
+
 def test_run_that_was_recorded_in_real_time_agrees() -> None:
     """The sample of the field logs: a daemon on a busy computer, a hold, a new goal, a disarm."""
     (sample,) = SAMPLE_LOGS.glob("00001-*")
@@ -305,6 +319,7 @@ async def eventful_run(folder: Path, config: RoverConfig) -> None:
     about = {
         "algorithm": "rand-pledge",
         "algorithm_seed": 11,
+        "ladder_seed": 12,
         "config": config.model_dump(mode="json"),
         "parts": dict.fromkeys(rover_setup.rover.parts, ""),
     }
@@ -312,8 +327,9 @@ async def eventful_run(folder: Path, config: RoverConfig) -> None:
     handler = CATALOGUE["rand-pledge"].make(config.escape, config.vehicle, Random(11))
     trouble = Trouble(rover_setup.rover)
     supervisor = Supervisor(
-        trouble.rover, config, CATALOGUE["rand-pledge"], handler, Tee(log, rover_setup.ground_truth_log(log))
-    )
+        trouble.rover, config, CATALOGUE["rand-pledge"], handler, Tee(log, rover_setup.ground_truth_log(log)),
+        ladder_seed=12,
+    )  # fmt: skip
     controller = supervisor.controller
     running = asyncio.create_task(supervisor.run())
 

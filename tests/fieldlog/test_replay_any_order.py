@@ -100,13 +100,14 @@ async def any_order(folder: Path, seed: int, *, loses: bool) -> None:
     about = {
         "algorithm": "pledge",
         "algorithm_seed": seed,
+        "ladder_seed": seed,
         "config": ROVER.model_dump(mode="json"),
         "parts": dict.fromkeys(setup.rover.parts, ""),
     }
     log = FieldLog(RunFiles(folder), about, wall=lambda t_s: t_s, t_s=now())
     handler = CATALOGUE["pledge"].make(ROVER.escape, ROVER.vehicle, Random(seed))
     trouble = ShortTrouble(setup.rover)
-    run = Supervisor(trouble.rover, ROVER, CATALOGUE["pledge"], handler, log, goes_on=True)
+    run = Supervisor(trouble.rover, ROVER, CATALOGUE["pledge"], handler, log, ladder_seed=seed, goes_on=True)
     running = asyncio.create_task(run.run())
     await asyncio.sleep(1.0)
     tasks = {asyncio.create_task(ask(run, "arm", rng))}

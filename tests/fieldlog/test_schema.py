@@ -153,7 +153,7 @@ def test_keys_that_runs_write_are_those_of_the_table(runs: dict[str, list[Record
 
 # Free: numbers of any size that say what ran, and what a third party's parts and algorithm say of themselves.
 UNJUDGED = {
-    "run": {"seed", "algorithm_seed", "calibration", "world"},
+    "run": {"seed", "algorithm_seed", "ladder_seed", "calibration", "world"},
     "tick": {"counter_deg", "side", "turn_deg", "episodes", "blocked_turns", "turn_from_duty"},
     "event": {"parts"},
 }

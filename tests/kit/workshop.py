@@ -241,7 +241,7 @@ def supervisor(
     bundle: dict[str, Any] = {"motors": Motors(shop, "motors"), "motion": Motion(shop, "motion")} | parts
     rover = Rover(Compass(shop, "compass"), **bundle)
     handler: EscapeHandler = Handler(shop)
-    return Supervisor(rover, config, CATALOGUE[algorithm], handler, Log(shop))
+    return Supervisor(rover, config, CATALOGUE[algorithm], handler, Log(shop), ladder_seed=1)
 
 
 Script = Mapping[float, Callable[[Supervisor], object]]

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections import deque
 from math import inf, radians
+from random import Random
 from typing import Final
 
 from wayfarer.config.rover_file import RoverConfig
@@ -62,13 +63,14 @@ class Controller:
     ``board`` is the monitor of the motor board's reports. ``levels`` are the severities of this rover's conditions.
     ``cause_since_s`` is when the gate's present cause began, or the last one ended. ``manual`` is who drives by hand,
     if the mode says that somebody does. ``motors_failed`` is whether the motor board must be opened again before a
-    wheel may turn, ``failures`` counts the commands that it did not acknowledge. A mission's limit ends the run, or
-    disarms the rover if it ``goes_on``.
+    wheel may turn, ``failures`` counts the commands that it did not acknowledge. ``ladder_seed`` is of the ladder's
+    random turns. A mission's limit ends the run, or disarms the rover if it ``goes_on``.
     """
 
     def __init__(
-        self, config: RoverConfig, detector: Detector, handler: EscapeHandler, log: RunLog, *, goes_on: bool = False
-    ) -> None:
+        self, config: RoverConfig, detector: Detector, handler: EscapeHandler, log: RunLog,
+        *, ladder_seed: int | str, goes_on: bool = False,
+    ) -> None:  # fmt: skip
         self._safety = config.safety
         self._late_s = config.safety.tick_late_s
         self._timer = IntervalTimer(config.safety.tick_late_s, config.vehicle.max_speed_m_s)
@@ -79,7 +81,7 @@ class Controller:
         self._gate = Gate(config.safety, config.control_hz)
         self.levels = self._gate.levels
         self._resume_warning = ResumeWarning(config.safety.resume_warning_s, self.levels)
-        self._recovery = Recovery(config.progress)
+        self._recovery = Recovery(config.progress, Random(ladder_seed))
         self.manual = ManualControl(config.manual)
         self._speed_m_s = config.manual.speed_m_s or config.escape.cruise_m_s
         self._turn_rad_s = radians(config.manual.turn_deg_s or config.escape.turn_deg_s)

@@ -43,7 +43,8 @@ class Supervisor:
 
     A mission that reaches a limit ends the run, as a trial does. With ``goes_on`` it only disarms the rover, which can
     be armed again. ``last_end`` is what the light tells of the run before. ``being_checked`` is whether somebody has
-    asked to start the wheels, and the checks before that are under way.
+    asked to start the wheels, and the checks before that are under way. ``ladder_seed`` is of the random turns of a
+    rover that makes no progress (``escape.recovery``); it must be in the log, or a replay turns to other sides.
 
     Raises:
         MissingPart: the algorithm or the configuration needs a part that the rover does not have.
@@ -57,6 +58,7 @@ class Supervisor:
         handler: EscapeHandler,
         log: RunLog,
         *,
+        ladder_seed: int | str,
         goes_on: bool = False,
         last_end: LastEnd | None = None,
     ) -> None:
@@ -68,7 +70,7 @@ class Supervisor:
         self.inbox = Inbox()
         needs = check_parts(rover, algorithm, config)
         detector = make_detector(config, needs, watches_motion=rover.motion is not None)
-        self.controller = Controller(config, detector, handler, log, goes_on=goes_on)
+        self.controller = Controller(config, detector, handler, log, ladder_seed=ladder_seed, goes_on=goes_on)
         self.loop = ControlLoop(rover.motors, self.inbox, self.controller, log, _loop_time, config.safety.tick_late_s)
         self._board = BoardWatch(rover.motors, self.inbox, self.controller, log, config.board.health_hz)
         self._patience_s = config.detector.compass_stale_s  # after this a silent compass is a condition

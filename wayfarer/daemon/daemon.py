@@ -132,9 +132,10 @@ class Service:
     """Everything that one daemon needs to run.
 
     ``make_rover`` is called on the running loop with a function that ends the run (a simulated rover calls it when it
-    has escaped). ``seed`` is for algorithms that use random numbers. ``console`` takes a function that writes a line to
-    stderr, and returns one that shows a record there; None shows nothing. ``viewers`` show the run. ``addresses`` are
-    theirs, for ``status`` only: that of the live page has a token, and every user may read the log.
+    has escaped). ``seed`` is for algorithms that use random numbers, and for the ladder. ``console`` takes a function
+    that writes a line to stderr, and returns one that shows a record there; None shows nothing. ``viewers`` show the
+    run. ``addresses`` are theirs, for ``status`` only: that of the live page has a token, and every user may read the
+    log.
     """
 
     config: RoverConfig
@@ -218,6 +219,7 @@ class Daemon:
             "log": os.fsencode(folder.absolute()).decode(errors="replace"),
             "start_delay_s": config.safety.start_delay_s,
         }
+        self._ladder_seed = f"{service.seed}/ladder"  # it must not draw what the algorithm draws
         self._writer = WriterThread(RunFiles(folder, config.log, self._lines.write, self._loop.time))
         shown_to: list[Callable[[Record], None]] = [viewer.show for viewer in service.viewers]
         if service.console is not None:
@@ -231,7 +233,7 @@ class Daemon:
         handler = service.algorithm.make(config.escape, config.vehicle, Random(service.seed))
         self._supervisor = Supervisor(
             self._rover, config, service.algorithm, handler, self._log,
-            goes_on=True, last_end=None if before is None else before.end,
+            ladder_seed=self._ladder_seed, goes_on=True, last_end=None if before is None else before.end,
         )  # fmt: skip
         self._storage = Storage(folder, config.log, self._writer, self._log, self._is_disarmed)
         checks: list[Check] = [*rover_setup.checks, partial(system.log, lambda: self._writer.trouble)]
@@ -294,6 +296,7 @@ class Daemon:
             **({"world": self._setup.world} if self._setup.world else {}),
             "seed": self._service.seed,
             "algorithm_seed": self._service.seed,
+            "ladder_seed": self._ladder_seed,
             "parts": {name: part.name for name, part in self._rover.parts.items()},
             "calibration": self._setup.calibration,
             "config": config,

@@ -6,7 +6,8 @@ each rung the algorithm has its turn again. After the last one the rover rests, 
 begins again; each rest is longer than the one before. A rover that makes progress begins with the first rung the next
 time.
 
-Pure: time comes in as ``t_s``, chance from a separate generator with a fixed seed, so that a log replays.
+Pure: time comes in as ``t_s``, chance from a generator of its own. Its seed is in the log, so that a replay draws the
+same.
 """
 
 from __future__ import annotations
@@ -41,11 +42,11 @@ class Rung(NamedTuple):
 # A body that is wedged across between two trunks has some centimetres to drive and some degrees to turn. Ahead on one
 # heading and back on another one moves it sideways, as a car is parked: to where the gap is wide enough to turn. Turned
 # to its limit it has nothing left to drive, and nobody knows the limit, so the turns are random. The way is long: all
-# shuffles between two rests go to one side, and those after the rest to the other one.
+# shuffles between two rests go to one side by the same turn, and those after the rest to the other one by another turn:
+# with a new turn for each, one undoes the other.
 SHUFFLE: Final = Rung(
     "ladder.shuffle",
     (Step(0.3, 0.0, 0.8), Step(0.25, 0.8, 0.0), Step(0.3, 0.0, -0.8), Step(0.25, -0.8, 0.0)) * 6,
-    random=True,
 )
 # No step is longer than 3 s, for which motors may be held (fault catalogue, faults 29 and 58). The duties are shares of
 # what the gate allows. The times are chosen by us: at 1 m/s and 180 degrees a second they are some body lengths,
@@ -66,7 +67,6 @@ BLIND_DETOUR: Final = Rung(
 REST_S: Final = 30.0  # the first; each further one is twice as long
 REST_MAX_S: Final = 600.0
 LEAST_TURN: Final = 0.3  # of a random rung's turn
-SEED: Final = 1
 
 _HARMLESS: Final = (Anomaly.IMMOBILISED, Anomaly.TOUCHED)  # to push against something is what a rung is for
 
@@ -77,13 +77,14 @@ class Ladder:
     ``rung`` is the one that is being climbed, None if the algorithm drives.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, rng: Random) -> None:
+        self._rng = rng
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything: a new mission begins."""
-        self._rng = Random(SEED)
+        """Forget everything: a new mission begins. Its random turns are others than those of the mission before."""
         self._last_turn = self._shuffle_side = 1.0
+        self._shuffle_share = self._rng.uniform(LEAST_TURN, 1.0)
         self._rest_until_s = 0.0
         self.progress()
 
@@ -115,12 +116,12 @@ class Ladder:
         if rung.random:
             self._side, self._share = self._rng.choice((-1.0, 1.0)), self._rng.uniform(LEAST_TURN, 1.0)
         if rung is SHUFFLE:
-            self._side = self._shuffle_side
+            self._side, self._share = self._shuffle_side, self._shuffle_share
 
     def _rest_now(self, t_s: float) -> None:
         self.begun = True
         self._next = 0
-        self._shuffle_side = -self._shuffle_side
+        self._shuffle_side, self._shuffle_share = -self._shuffle_side, self._rng.uniform(LEAST_TURN, 1.0)
         self._rest_until_s = t_s + self._rest_s
         self._rest_s = min(2.0 * self._rest_s, REST_MAX_S)
 
@@ -169,12 +170,13 @@ class Recovery:
 
     Args:
         settings: when a rover makes no progress, and whether it gives up then.
+        rng: for the random turns of the ladder, in all missions of a run.
     """
 
-    def __init__(self, settings: EntrapmentSettings) -> None:
+    def __init__(self, settings: EntrapmentSettings, rng: Random) -> None:
         self._gives_up = settings.give_up
         self._progress = ProgressMonitor(settings)
-        self._ladder = Ladder()
+        self._ladder = Ladder(rng)
         self.restarts = False
 
     def reset(self) -> None:

@@ -45,6 +45,7 @@ def field_log(
         "noise": forest.noise,
         "seed": spec.seed,
         "algorithm_seed": RandomStreams(spec.seed).random_seed("algorithm"),
+        "ladder_seed": RandomStreams(spec.seed).random_seed("ladder"),
         "simulated": True,
         "parts": {name: part.name for name, part in rover.parts.items()},
         "world": as_row(forest),

@@ -87,7 +87,10 @@ class TrialSetup:
         else:
             self.injector = None
             self.rover = build(spec.depth, self.world, streams, spec.rover, loop.time)
-        self.supervisor = Supervisor(self.rover, spec.rover, algorithm, handler, make_log(self.world, self.rover))
+        self.supervisor = Supervisor(
+            self.rover, spec.rover, algorithm, handler, make_log(self.world, self.rover),
+            ladder_seed=streams.random_seed("ladder"),
+        )  # fmt: skip
         limit_s = spec.site.time_limit_s if spec.site else inf
         self.outcome_monitor = OutcomeMonitor(
             spec.forest, spec.budget_m, physics.tip_deg, self.supervisor.finish, limit_s

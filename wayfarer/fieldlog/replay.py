@@ -116,7 +116,8 @@ class Rerun:
         detector = make_detector(config, needs_of(algorithm, config), watches_motion="motion" in header["parts"])
         self._heard: list[tuple[float, Record]] = []  # what happens between two ticks, and when
         self._inbox = Inbox()
-        self._controller = Controller(config, detector, handler, PartialLog())
+        ladder_seed = header.get("ladder_seed", 0)  # an old log has none: its random turns are not drawn again
+        self._controller = Controller(config, detector, handler, PartialLog(), ladder_seed=ladder_seed)
         self._compass: tuple[Mapping[str, Any] | None, CompassReading | None] = (None, None)
 
     def take(self, record: Record) -> bool:
