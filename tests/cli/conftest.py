@@ -15,7 +15,7 @@ def own_folders(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPa
     folder = tmp_path_factory.mktemp("own")
     monkeypatch.setenv("RUNTIME_DIRECTORY", str(folder))
     monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
-    for place in ("SYSTEM_FOLDER", "SHARED_FOLDER", "SESSIONS_FOLDER"):  # a real rover must not be armed
+    for place in ("SYSTEM_FOLDER", "SESSIONS_FOLDER"):  # a real rover must not be armed
         monkeypatch.setattr(f"wayfarer.daemon.socket.paths.{place}", folder / "none")
     monkeypatch.setenv("HOME", str(folder))
     monkeypatch.setenv("STATE_DIRECTORY", str(folder / "state"))

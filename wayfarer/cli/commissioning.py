@@ -116,7 +116,7 @@ def _at_the_rover(
     from wayfarer.config.factory import UNCALIBRATED, connect
     from wayfarer.config.rover_file import load_rover
     from wayfarer.daemon.motors_lock import motors_device, motors_lock
-    from wayfarer.daemon.socket.paths import daemon_socket, single_daemon
+    from wayfarer.daemon.socket.paths import without_daemon
 
     where = chosen_rover(rover)
     loaded = load_rover(where)
@@ -130,7 +130,7 @@ def _at_the_rover(
             await buses.close()
 
     # Two programs on one bus corrupt each other's answers; a daemon on another socket is found by its motors.
-    with single_daemon(daemon_socket()), motors_lock(motors_device(loaded)):
+    with without_daemon(), motors_lock(motors_device(loaded)):
         return terminal.run_interactive(run)
 
 

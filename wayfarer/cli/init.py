@@ -70,7 +70,7 @@ def _look() -> Inventory:
     from wayfarer.commissioning.checks import HostEnvironment
     from wayfarer.commissioning.first_rover import look, motor_devices
     from wayfarer.daemon.motors_lock import refuse_taken
-    from wayfarer.daemon.socket.paths import daemon_socket, single_daemon
+    from wayfarer.daemon.socket.paths import without_daemon
     from wayfarer.drivers.linux import LinuxBuses, connected_cameras
 
     host = HostEnvironment.here(log_folder(None))
@@ -84,5 +84,5 @@ def _look() -> Inventory:
 
     for device in motor_devices(host):  # a daemon on another socket is found by its motors
         refuse_taken(device)
-    with single_daemon(daemon_socket()):
+    with without_daemon():
         return asyncio.run(run())

@@ -12,8 +12,6 @@ from stat import S_IMODE
 import pytest
 
 from tests.daemon.socket.fake_daemon import ARM, STATUS, FakeDaemon, RawClient, answers, serve, until
-from wayfarer.daemon.socket import server
-from wayfarer.daemon.socket.paths import peer_uid
 from wayfarer.daemon.socket.protocol import Details, Refused
 from wayfarer.errors import BadInput, NotResponding
 from wayfarer.safety.permission import Asked
@@ -149,38 +147,6 @@ async def test_socket_is_the_owners_alone(path: Path, daemon: FakeDaemon) -> Non
             assert mode_of(path) == 0o600
     finally:
         os.umask(before)
-
-
-@pytest.mark.parametrize(("peer", "own"), [(1001, 1000), (1001, 0)])
-async def test_another_user_is_turned_away(
-    path: Path, daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, peer: int, own: int
-) -> None:
-    monkeypatch.setattr(server, "peer_uid", lambda _: peer)
-    monkeypatch.setattr(os, "geteuid", lambda: own)
-    async with serve(daemon, path), RawClient(path) as client:
-        reply = await client.reply_to(b'{"do": "stop"}\n')
-        assert reply == {
-            "ok": False,
-            "why": f"this daemon accepts requests from user {own} and root only, not user 1001: use sudo",
-        }
-        assert await client.is_closed()
-    assert daemon.told == []
-
-
-@pytest.mark.parametrize("peer", [0, 1000])
-async def test_the_owner_and_root_are_admitted(
-    path: Path, daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, peer: int
-) -> None:
-    monkeypatch.setattr(server, "peer_uid", lambda _: peer)
-    monkeypatch.setattr(os, "geteuid", lambda: 1000)
-    async with serve(daemon, path):
-        assert await answers(path)
-
-
-def test_peer_is_who_the_kernel_says() -> None:
-    one, other = socket.socketpair(socket.AF_UNIX)
-    with one, other:
-        assert peer_uid(one) == os.geteuid()
 
 
 # -- begin and end -------------------------------------------------------------------------------------------------

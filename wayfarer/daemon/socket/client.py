@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import socket
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from time import CLOCK_BOOTTIME, clock_gettime
@@ -15,7 +15,7 @@ from typing import Any
 
 import orjson
 
-from wayfarer.daemon.socket.paths import known_sockets, may_listen, peer_uid, unsafe_folders
+from wayfarer.daemon.socket.paths import known_sockets, no_session
 from wayfarer.daemon.socket.protocol import REPLY_BYTES, STARTING, Refused, check, read_line
 from wayfarer.errors import BadInput, WayfarerError
 
@@ -38,13 +38,12 @@ def ask(request: Mapping[str, object], path: Path | None = None, timeout_s: floa
         BadInput: the request is wrong; nothing was sent.
         NoDaemon: no daemon is running.
         Refused: the daemon says no; the text says why.
-        WayfarerError: the socket belongs to another user, or no healthy daemon answers there. Nothing was sent to a
-            process that cannot be the daemon.
+        WayfarerError: the socket belongs to another user, or no healthy daemon answers there.
     """
     line = _line_of(request)  # a wrong request is refused also if no daemon runs
     with socket.socket(socket.AF_UNIX) as connection:
         _limit_waiting(connection, timeout_s)
-        place = _connect(connection, [path] if path else known_sockets())
+        place = _connect(connection, path)
         try:
             reply = _exchange(connection, line)
         except BlockingIOError:
@@ -83,10 +82,10 @@ def _limit_waiting(connection: socket.socket, timeout_s: float) -> None:
         connection.setsockopt(socket.SOL_SOCKET, direction, wait)
 
 
-def _connect(connection: socket.socket, places: Iterable[Path]) -> Path:
+def _connect(connection: socket.socket, path: Path | None) -> Path:
     tried: list[str] = []
     barred: Path | None = None
-    for place in places:
+    for place in [path] if path else known_sockets():
         try:
             connection.connect(str(place))
         except (FileNotFoundError, NotADirectoryError, ConnectionRefusedError):  # the last: left by a killed daemon
@@ -98,28 +97,13 @@ def _connect(connection: socket.socket, places: Iterable[Path]) -> Path:
         except OSError as error:
             raise BadInput(f"{place}: cannot be the control socket: {error.strerror or error}") from None
         else:
-            _refuse_impostor(connection, place)
             return place
     if barred:
         raise WayfarerError(f"{barred}: belongs to another user: use sudo, or that user's account")
-    passed_over = "".join(f"; {unsafe}" for unsafe in unsafe_folders())
+    also = f"; {why}" if path is None and (why := no_session()) else ""
     raise NoDaemon(
-        f"no wayfarer daemon is running (nobody listens at {' or '.join(tried)}): start it with 'wayfarer run'"
-        f"{passed_over}"
+        f"no wayfarer daemon is running (nobody listens at {' or '.join(tried)}{also}): start it with 'wayfarer run'"
     )
-
-
-def _refuse_impostor(connection: socket.socket, place: Path) -> None:
-    """Refuse a false daemon: the kernel knows which user listens at a socket.
-
-    Raises:
-        WayfarerError: it is another user's process.
-    """
-    if not may_listen(uid := peer_uid(connection), place):
-        raise WayfarerError(
-            f"{place}: a process of user {uid} listens there in place of the daemon, and was asked nothing: if"
-            " the rover moves, use 'wayfarer stop-motors' or switch off its motors"
-        )
 
 
 def _exchange(connection: socket.socket, line: bytes) -> bytes:

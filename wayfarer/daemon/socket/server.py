@@ -14,7 +14,6 @@ client is closed after one answer, so that a few that never cease to ask cannot 
 from __future__ import annotations
 
 import asyncio
-import os
 import socket
 from asyncio import IncompleteReadError, LimitOverrunError, StreamReader, StreamReaderProtocol, StreamWriter
 from collections.abc import Callable
@@ -24,7 +23,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from wayfarer.daemon.socket.paths import has_gone, peer_uid
+from wayfarer.daemon.socket.paths import has_gone
 from wayfarer.daemon.socket.protocol import (
     REQUEST_BYTES,
     STARTING,
@@ -47,8 +46,8 @@ _NO_FILES_S = 0.1  # until accepting is tried again, where the process has no fi
 class ControlServer:
     """Serves ``commands`` on a socket while it is entered (``async with``).
 
-    Only the daemon's user may use the file (mode 0600), and a client must also be that user or root. The process must
-    hold ``paths.single_daemon`` for the same path, which also removes the socket of a dead daemon.
+    Only the daemon's user and root may use the file (mode 0600). The process must hold ``paths.single_daemon`` for the
+    same path, which also removes the socket of a dead daemon.
 
     Args:
         path: where the socket is made; a Unix socket's path has 107 bytes at most.
@@ -140,10 +139,6 @@ class ControlServer:
 
     async def _answer_all(self, reader: _Client, writer: StreamWriter) -> None:
         try:
-            if (user := peer_uid(writer.get_extra_info("socket"))) not in {os.geteuid(), 0}:
-                raise Refused(
-                    f"this daemon accepts requests from user {os.geteuid()} and root only, not user {user}: use sudo"
-                )
             while line := await self._next_line(reader):
                 await self._take_turn()
                 await self._send(writer, await self._answer(line, reader, writer))
