@@ -101,12 +101,15 @@ class Ladder:
 
     def climb(self, t_s: float) -> None:
         """Begin the next rung; after the last one, rest from now on, and then begin the first."""
-        if self._next == len(RUNGS):
-            self._rest_now(t_s)
-            return
         self.begun = True
-        self._next += 1
-        self.begin(RUNGS[self._next - 1])
+        if self._next < len(RUNGS):
+            self._next += 1
+            self.begin(RUNGS[self._next - 1])
+            return
+        self._next = 0
+        self._shuffle_side, self._shuffle_share = -self._shuffle_side, self._rng.uniform(LEAST_TURN, 1.0)
+        self._rest_until_s = t_s + self._rest_s
+        self._rest_s = min(2.0 * self._rest_s, REST_MAX_S)
 
     def begin(self, rung: Rung) -> None:
         """Begin a rung now; it is no step on the ladder."""
@@ -118,13 +121,6 @@ class Ladder:
         if rung is SHUFFLE:
             self._side, self._share = self._shuffle_side, self._shuffle_share
 
-    def _rest_now(self, t_s: float) -> None:
-        self.begun = True
-        self._next = 0
-        self._shuffle_side, self._shuffle_share = -self._shuffle_side, self._rng.uniform(LEAST_TURN, 1.0)
-        self._rest_until_s = t_s + self._rest_s
-        self._rest_s = min(2.0 * self._rest_s, REST_MAX_S)
-
     def decide(self, t_s: float, observation: Observation) -> Decision | None:
         """Return the decision for this tick, None if no rung is being climbed.
 
@@ -132,7 +128,9 @@ class Ladder:
         """
         rung = self.rung
         if rung is None:
-            self._note_turn(observation.applied)
+            applied = observation.applied
+            if applied is not None and applied.left * applied.right < 0.0:  # a turn on the spot, by the algorithm
+                self._last_turn = 1.0 if applied.left > applied.right else -1.0
             return None
         while self._step < 0 or t_s >= self._ends_t_s or self._tilts(observation, rung.steps[self._step]):
             self._step += 1
@@ -156,11 +154,6 @@ class Ladder:
         return any(
             each is further or (each not in _HARMLESS and each not in self._known) for each in observation.anomalies
         )
-
-    def _note_turn(self, applied: WheelCommand | None) -> None:
-        """Remember the side of the algorithm's last turn on the spot."""
-        if applied is not None and applied.left * applied.right < 0.0:
-            self._last_turn = 1.0 if applied.left > applied.right else -1.0
 
 
 class Recovery:
