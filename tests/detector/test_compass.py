@@ -151,10 +151,20 @@ def test_compass_that_repeats_all_values_for_seconds_of_driving_is_frozen_though
 ) -> None:
     """It was found only once the heading that did not change had led the rover round: after 20 s, and a circle."""
     rover, moved_m = started(), (wheels.left + wheels.right) / 2.0 * TICK_S
+    rover.tick(wheels, moved_m, heading_deg=7.6, pitch_deg=1.0)
     for n in range(1, 400):
         found = rover.tick(wheels, moved_m, heading_deg=7.7, pitch_deg=1.0).conditions
         assert (Condition.COMPASS_FROZEN in found) is (n * TICK_S > REPEATS_S + TICK_S / 2.0)
     assert rover.tick(wheels, moved_m, heading_deg=7.7, pitch_deg=1.1).conditions == ()
+
+
+@pytest.mark.parametrize("step_deg", [0.25, 0.5, 1.0, 360.0 / 256.0])
+def test_compass_of_coarse_steps_may_repeat_all_values_on_a_smooth_floor(step_deg: float) -> None:
+    rover = started()
+    for n in range(400):
+        heading_deg, pitch_deg = (float(n < 50) * n % 3 * step_deg, float(n < 50) * n % 2)
+        found = rover.tick(STRAIGHT, 0.5 * TICK_S, heading_deg=heading_deg, pitch_deg=pitch_deg).conditions
+        assert Condition.COMPASS_FROZEN not in found
 
 
 @pytest.mark.parametrize("moved_m", [0.0, None])

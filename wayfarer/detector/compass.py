@@ -20,8 +20,9 @@ from wayfarer.safety.tick_interval import Debounce, TickInterval
 
 # Headings that differ by no more count as equal: two steps of a CMPS14's 0.1 degrees.
 DITHER_DEG: Final = 0.2
-# No compass repeats heading, pitch and roll to the last digit for so long on a body that is seen to drive: its wheels
-# shake it. Chosen by us: a hundred readings, and 5 m at 1 m/s.
+# No fine compass repeats heading, pitch and roll to the last digit for so long on a body that is seen to drive: its
+# wheels shake it. One of whole degrees does on a smooth floor, so a compass must have shown a step within
+# ``DITHER_DEG`` first. Chosen by us: a hundred readings, and 5 m at 1 m/s.
 REPEATS_S: Final = 5.0
 # Nor does one show the same heading during so much of commanded turns on a body that is seen to move (fault catalogue,
 # fault 4). A body that stands may be held, so then pitch and roll must stay as well. Slower turns do not count.
@@ -61,6 +62,7 @@ class CompassMonitor:
         self._values_deg = (-inf, -inf)  # the last two headings that were new
         self._equal_s = self._all_equal_s = 0.0  # turning while the rover moves; turning at all
         self._repeated_s = 0.0  # moving, all values equal
+        self._fine = False
         self._frozen = False
         self._low_since_s: float | None = None
         self._rejections = 0  # a bit for each of the last readings, the newest lowest: 1 was rejected
@@ -124,8 +126,9 @@ class CompassMonitor:
         else:
             if heading_deg != self._heading_deg or pitch_deg != self._pitch_deg or roll_deg != self._roll_deg:
                 self._all_equal_s = self._repeated_s = 0.0
+                self._fine = self._fine or 0.0 < abs(heading_deg - self._heading_deg) <= DITHER_DEG
             turning_s = max(self._equal_s, self._all_equal_s)
-            self._frozen = turning_s >= FROZEN_S or self._repeated_s >= REPEATS_S
+            self._frozen = turning_s >= FROZEN_S or (self._fine and self._repeated_s >= REPEATS_S)
         self._heading_deg, self._pitch_deg, self._roll_deg = heading_deg, pitch_deg, roll_deg
         if calibration is None or calibration >= self._calibration_min:
             self._low_since_s = None
