@@ -32,7 +32,7 @@ from wayfarer.control.modes import Mode
 from wayfarer.control.run_log import Tee
 from wayfarer.daemon.arming_check import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
-from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.daemon.socket.protocol import RequestRefused
 from wayfarer.errors import NotArmed
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.fieldlog.log import FieldLog
@@ -213,7 +213,7 @@ async def _person(setup: TrialSetup, log: Any, rng: Random) -> None:
     while True:
         await asyncio.sleep(rng.expovariate(1.0 / PERSON_EVERY_S))
         asked = Asked(asyncio.get_running_loop().time())
-        with suppress(Refused, NotArmed):
+        with suppress(RequestRefused, NotArmed):
             if controller.mode is Mode.DISARMED:
                 await commands.arm(asked)
             elif controller.held:

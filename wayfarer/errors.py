@@ -19,7 +19,7 @@
     ├── MissingPackage            something needs a package that is not installed
     └── NothingScheduled          virtual time cannot continue: every task waits for an event that cannot occur
 
-The control socket's own (``Refused``, ``NoDaemon``, ``AlreadyRunning``) stand beside its code.
+The control socket's own (``RequestRefused``, ``NoDaemon``, ``AlreadyRunning``) stand beside its code.
 
 Texts say what happened, where, the likely cause and what to do, in one line.
 

@@ -25,7 +25,7 @@ from wayfarer.config.calibration_file import (
 from wayfarer.config.rover_file import load_rover
 from wayfarer.daemon.motors_lock import motors_lock
 from wayfarer.daemon.socket.paths import daemon_socket, single_daemon
-from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.daemon.socket.protocol import RequestRefused
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.simhal.buses import FakeBuses
@@ -113,7 +113,7 @@ def test_what_a_terminal_obeys_is_written_out(monkeypatch: pytest.MonkeyPatch, r
 
 
 def test_refusal_is_one_line_and_exit_code_1(monkeypatch: pytest.MonkeyPatch, run: Run) -> None:
-    Daemon(monkeypatch, Refused("not armed: battery: 9.1 V"))
+    Daemon(monkeypatch, RequestRefused("not armed: battery: 9.1 V"))
     code, _, err = run("arm")
     assert (code, err) == (1, "wayfarer: not armed: battery: 9.1 V\n")
 

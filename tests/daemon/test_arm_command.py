@@ -15,7 +15,7 @@ from tests.kit.rover import T_WALL, Rig
 from tests.virtual import asked, virtual
 from wayfarer.commissioning.checks.deadman import keep_proof
 from wayfarer.config.calibration_file import MotorsEntry, stamp
-from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.daemon.socket.protocol import RequestRefused
 from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
 from wayfarer.errors import NotResponding, WayfarerError
 from wayfarer.hal import STOP, MotorHealth, WheelCommand
@@ -50,7 +50,7 @@ async def test_arming_twice_is_refused_and_changes_nothing(run: Run, armed: bool
     if armed:
         await asyncio.sleep(DELAY_S + 1.0)
     mode = run.mode
-    with pytest.raises(Refused, match=f"{mode} already: disarm it first"):
+    with pytest.raises(RequestRefused, match=f"{mode} already: disarm it first"):
         await run.commands.arm(asked(), 180.0)
     assert run.mode == mode
     assert run.supervisor.controller.goal_heading_deg == 0.0
@@ -62,7 +62,7 @@ async def test_only_one_of_two_who_arm_at_once_is_heard(run: Run) -> None:
     run.rig.motors.open = opened.wait  # type: ignore[assignment, method-assign]
     first = asyncio.create_task(run.commands.arm(asked(), 0.0))
     await asyncio.sleep(0.01)
-    with pytest.raises(Refused, match="being checked"):
+    with pytest.raises(RequestRefused, match="being checked"):
         await run.commands.arm(asked(), 180.0)
     opened.set()
     assert (await first)["mode"] == "arming"
@@ -91,7 +91,7 @@ async def test_arming_while_parts_take_too_long_to_open_is_refused_and_says_so(t
     rig.compass.open = lambda: asyncio.sleep(4.0)  # type: ignore[method-assign]
 
     async with Run(rig, after_s=0.0) as run:
-        with pytest.raises(Refused, match="still being opened: try again in some seconds"):
+        with pytest.raises(RequestRefused, match="still being opened: try again in some seconds"):
             await run.commands.arm(asked(), 0.0)
 
 
@@ -157,7 +157,7 @@ async def test_arming_is_refused_with_what_a_check_found_and_what_to_do(
     else:
         vars(getattr(run.rig, part)).update(state)
     await asyncio.sleep(0.1)
-    with pytest.raises(Refused, match=f"not armed: .*{text}"):
+    with pytest.raises(RequestRefused, match=f"not armed: .*{text}"):
         await run.commands.arm(asked())
     assert run.mode == "disarmed"
     assert run.log.named("arming_refused")
@@ -176,7 +176,7 @@ async def test_board_that_cannot_be_asked_is_armed_with_a_proof_or_a_reason_that
 
     async with Run(rig) as run:
         if not because:
-            with pytest.raises(Refused, match=r"deadman proved: nobody has seen board at 0x15 .*wayfarer check"):
+            with pytest.raises(RequestRefused, match=r"deadman proved: nobody has seen board at 0x15 .*wayfarer check"):
                 await run.commands.arm(asked(), 0.0)
             assert run.log.named("arming_refused") == [{"failed": ["deadman proved"]}]
             keep_proof(run.inspect, tripped=True)
@@ -192,7 +192,7 @@ async def test_rover_that_lies_on_its_roof_is_refused_at_once_and_told_what_to_d
 
     run.rig.compass.tilt_deg = 170.0
     await asyncio.sleep(1.0)
-    with pytest.raises(Refused, match=r"not armed: overturned: .*stand it on its wheels"):
+    with pytest.raises(RequestRefused, match=r"not armed: overturned: .*stand it on its wheels"):
         await run.commands.arm(asked(), 0.0)
     assert run.mode == "disarmed"
     assert run.log.named("arming_refused") == [{"failed": ["overturned"]}]
@@ -209,7 +209,7 @@ async def test_board_that_turns_the_wheels_by_itself_is_refused_at_once(run: Run
 
     run.rig.motors.read_back = astray  # type: ignore[method-assign]
     await asyncio.sleep(2.5)  # sim.toml asks the board once a second
-    with pytest.raises(Refused, match=r"board disagrees: .*no other program commands it"):
+    with pytest.raises(RequestRefused, match=r"board disagrees: .*no other program commands it"):
         await run.commands.arm(asked(), 0.0)
     assert not run.log.named("arming")
 
@@ -225,7 +225,7 @@ async def test_board_that_falls_silent_after_the_checks_refuses_arming(run: Run)
             raise NotResponding("board: no answer")
 
     run.rig.motors.open = open_once  # type: ignore[method-assign]
-    with pytest.raises(Refused, match="not armed: board: no answer"):
+    with pytest.raises(RequestRefused, match="not armed: board: no answer"):
         await run.commands.arm(asked())
     assert run.mode == "disarmed"
 
@@ -237,7 +237,7 @@ async def test_whatever_stops_the_wheels_while_the_checks_run_ends_the_arming(ru
     run.rig.motors.open = opened.wait  # type: ignore[assignment, method-assign]
     arming = asyncio.create_task(run.commands.arm(asked(), 0.0))
     await asyncio.sleep(0.01)
-    with suppress(Refused):
+    with suppress(RequestRefused):
         await getattr(run.commands, verb)()
     opened.set()
     with pytest.raises(WayfarerError, match=r"stopped, or started, after this was asked|the run is ending"):

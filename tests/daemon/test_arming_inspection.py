@@ -14,7 +14,7 @@ from tests.virtual import asked, virtual
 from wayfarer.commissioning.checks import CheckVerdict, run_checks
 from wayfarer.commissioning.checks.parts import contact
 from wayfarer.daemon.arming_check import FRESH_S
-from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.daemon.socket.protocol import RequestRefused
 from wayfarer.errors import NotResponding
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP, Side
@@ -38,7 +38,7 @@ async def test_compass_that_fell_silent_is_stale_and_keeps_the_rover_from_arming
     await asyncio.sleep(FRESH_S)
     with pytest.raises(NotResponding, match="compass has said nothing for 1 s"):
         await run.inspect.compass()
-    with pytest.raises(Refused, match="compass has said nothing"):
+    with pytest.raises(RequestRefused, match="compass has said nothing"):
         await run.commands.arm(asked())
     assert run.mode == "disarmed"
 
@@ -47,7 +47,7 @@ async def test_compass_that_fell_silent_is_stale_and_keeps_the_rover_from_arming
 async def test_motion_sensor_that_fell_silent_lets_no_rover_drive(run: Run) -> None:
     run.rig.motion.dead = True
     await asyncio.sleep(5.0)
-    with suppress(Refused):
+    with suppress(RequestRefused):
         await run.commands.arm(asked(), 0.0)
     for _ in range(200):
         await asyncio.sleep(0.1)

@@ -11,7 +11,7 @@ from tests.daemon.played import DELAY_S, Run, played
 from tests.kit.rover import Rig
 from tests.virtual import asked, virtual
 from wayfarer.daemon.commands import RoverCommands
-from wayfarer.daemon.socket.protocol import VERBS, Refused
+from wayfarer.daemon.socket.protocol import VERBS, RequestRefused
 from wayfarer.hal import STOP, MotorHealth
 
 
@@ -68,17 +68,17 @@ async def test_hold_stops_the_wheels_at_once_and_resume_goes_on_with_the_same_mi
 
 @played
 async def test_hold_of_a_disarmed_rover_is_refused(run: Run) -> None:
-    with pytest.raises(Refused, match="its wheels do not turn"):
+    with pytest.raises(RequestRefused, match="its wheels do not turn"):
         await run.commands.hold()
     assert not (await run.status())["held"]
 
 
 @played
 async def test_resume_without_a_hold_is_refused(run: Run) -> None:
-    with pytest.raises(Refused, match="nothing to resume"):
+    with pytest.raises(RequestRefused, match="nothing to resume"):
         await run.commands.resume(asked())
     await run.arm()
-    with pytest.raises(Refused, match="nothing to resume"):
+    with pytest.raises(RequestRefused, match="nothing to resume"):
         await run.commands.resume(asked())
 
 
@@ -107,7 +107,7 @@ async def test_goal_turns_the_rover_that_drives_elsewhere(run: Run) -> None:
 async def test_goal_is_refused_before_the_rover_drives(run: Run, arming: bool) -> None:
     if arming:
         await run.commands.arm(asked(), 0.0)
-    with pytest.raises(Refused, match=f"{run.mode}: give the heading when arming"):
+    with pytest.raises(RequestRefused, match=f"{run.mode}: give the heading when arming"):
         await run.commands.goal(90.0)
     await asyncio.sleep(DELAY_S + 1.0)
     assert run.supervisor.controller.goal_heading_deg == 0.0
@@ -128,7 +128,7 @@ async def test_marks_without_end_cost_two_records_a_second_and_stops_are_still_t
         try:
             await run.commands.mark("x")
             taken += 1
-        except Refused as refusal:
+        except RequestRefused as refusal:
             refused.add(str(refusal))
     assert taken == len(run.log.named("mark"))
     assert 5 + 2.0 * 5 - 1 <= taken <= 5 + 2.0 * 5

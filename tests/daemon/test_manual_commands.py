@@ -13,7 +13,7 @@ import pytest
 from tests.daemon.played import DELAY_S, Run, played
 from tests.kit.rover import Rig
 from tests.virtual import asked, virtual
-from wayfarer.daemon.socket.protocol import STARTING, Details, Refused, check, perform, read_line
+from wayfarer.daemon.socket.protocol import STARTING, Details, RequestRefused, check, perform, read_line
 from wayfarer.errors import NotArmed, NotResponding, WayfarerError
 from wayfarer.hal import STOP, MotorHealth, WheelCommand
 
@@ -135,7 +135,7 @@ async def test_client_that_floods_holds_up_no_tick_and_drives_no_longer(run: Run
         try:
             await hand.ask(**request)
             taken += 1
-        except Refused:
+        except RequestRefused:
             pass
         await asyncio.sleep(0.0005)
     assert (taken, run.wheels) == (0, STOP)
@@ -153,7 +153,7 @@ async def test_anybody_can_stop_a_person_who_drives(run: Run, hand: Hand, by: st
     assert run.rig.motors.halts > halts
     assert run.wheels == STOP
     assert by != "hold" or told == {"held": False}
-    with pytest.raises(Refused):
+    with pytest.raises(RequestRefused):
         for _ in range(5):  # the client does not know yet
             await hand.send(0.5)
             await asyncio.sleep(EVERY_S)
@@ -228,7 +228,7 @@ async def _fault(hand: Hand) -> None:
         hand.run.rig.motors.health_now = MotorHealth(12.0, ("motor A: drive fault",))
         await hand.send(0.5)
         await asyncio.sleep(EVERY_S)
-    raise Refused("it stands, and the person is told why" if hand.run.wheels == STOP else "")
+    raise RequestRefused("it stands, and the person is told why" if hand.run.wheels == STOP else "")
 
 
 async def _replayed(hand: Hand) -> None:
@@ -242,7 +242,7 @@ async def _replayed(hand: Hand) -> None:
         await asyncio.sleep(EVERY_S)
     await hand.ask(do="manual_end", lease=hand.lease)
     for line in lines:
-        with pytest.raises(Refused):
+        with pytest.raises(RequestRefused):
             await hand.line(line)
     await hand.begin()
     for line in lines:
@@ -296,7 +296,7 @@ WHERE_NOBODY_DRIVES: dict[str, Way] = {
 @pytest.mark.parametrize("way", WHERE_NOBODY_DRIVES)
 @played
 async def test_wheels_cannot_be_taken_where_nobody_may_drive(run: Run, hand: Hand, way: str) -> None:
-    with pytest.raises((Refused, NotArmed)) as refused:
+    with pytest.raises((RequestRefused, NotArmed)) as refused:
         await WHERE_NOBODY_DRIVES[way](hand)
     assert str(refused.value)
     await run.commands.disarm()
@@ -307,7 +307,9 @@ async def test_wheels_cannot_be_taken_where_nobody_may_drive(run: Run, hand: Han
 @virtual
 async def test_nobody_drives_where_the_rover_file_does_not_allow_it(tmp_path: Path) -> None:
     async with Run(Rig(tmp_path)) as run:
-        with pytest.raises(Refused, match=r"not allowed: set allowed = true in .manual. .* wayfarer run --manual"):
+        with pytest.raises(
+            RequestRefused, match=r"not allowed: set allowed = true in .manual. .* wayfarer run --manual"
+        ):
             await Hand(run).begin()
         assert run.mode == "disarmed"
 
@@ -323,7 +325,7 @@ async def test_nobody_drives_where_the_rover_file_does_not_allow_it(tmp_path: Pa
 @played
 async def test_motors_are_checked_as_before_arming(run: Run, hand: Hand, state: dict[str, Any], text: str) -> None:
     vars(run.rig.motors).update(state)
-    with pytest.raises(Refused, match=text):
+    with pytest.raises(RequestRefused, match=text):
         await hand.begin()
     assert run.mode == "disarmed"
 

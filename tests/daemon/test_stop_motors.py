@@ -19,7 +19,7 @@ from wayfarer.config.registry import find_driver
 from wayfarer.daemon.motors_lock import motors_lock
 from wayfarer.daemon.socket.client import NoDaemon
 from wayfarer.daemon.socket.driven import DrivenBoard, FoundRecord, write_record
-from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.daemon.socket.protocol import RequestRefused
 from wayfarer.daemon.stop_motors import stop_motors
 from wayfarer.errors import BadInput, WayfarerError
 
@@ -189,7 +189,7 @@ def test_daemon_whose_socket_is_known_twice_is_asked_once(
     assert asked == [{"do": "stop"}]
 
 
-@pytest.mark.parametrize("error", [Refused("no"), WayfarerError("did not answer within 1 s")])
+@pytest.mark.parametrize("error", [RequestRefused("no"), WayfarerError("did not answer within 1 s")])
 def test_daemon_that_does_not_agree_is_no_assurance(
     rover_file: Path, monkeypatch: pytest.MonkeyPatch, path: Path, error: Exception
 ) -> None:

@@ -14,7 +14,7 @@ import pytest
 from tests.drivers.real_site import I2C, SERIAL, SPI, RealSite, each_forestrover, each_site
 from tests.system.hil_setup import BUSY, STARTS, wait_for
 from tests.system.measures import first_stop, now_s, spans
-from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.daemon.socket.protocol import RequestRefused
 
 pytestmark = pytest.mark.process
 
@@ -45,7 +45,7 @@ def armed_again(site: RealSite) -> bool:
     if status["mode"] == "disarmed" and set(status["conditions"]) <= CLEARED_BY_ARMING:
         try:
             site.ask("arm", heading_deg=0.0)
-        except Refused as refused:
+        except RequestRefused as refused:
             if not BUSY.search(str(refused)):
                 raise
     return False

@@ -15,7 +15,7 @@ import pytest
 
 from tests.virtual import asked
 from wayfarer.config.rover_file import load_rover
-from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.daemon.socket.protocol import RequestRefused
 from wayfarer.experiments import demo as module
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.demo import Demo, DemoTrial, ForwardedCommands
@@ -135,7 +135,7 @@ def test_page_stays_after_the_trial_while_somebody_has_it_open(site: Site, monke
         await see(site)
         await site.until(lambda: site.ended)
         await asyncio.sleep(0.2)
-        with pytest.raises(Refused, match="the run has ended"):
+        with pytest.raises(RequestRefused, match="the run has ended"):
             await site.rover.hold()
         left.append(True)
 
@@ -168,7 +168,7 @@ def test_what_the_page_asks_of_the_rover_is_done_also_in_a_pause(tmp_path: Path)
         site.demo.pause(True)
         await site.rover.mark(text="noted in a pause")
         assert site.demo.now().paused
-        with pytest.raises(Refused, match="not held"):
+        with pytest.raises(RequestRefused, match="not held"):
             await site.rover.resume(asked=asked())
         await site.rover.hold()
         assert not site.demo.now().paused, "what it does takes time"
@@ -197,7 +197,7 @@ def test_command_that_the_end_of_the_trial_overtakes_is_refused(site: Site, monk
     async def ask(site: Site) -> None:
         await see(site)
         await site.until(lambda: site.t_s > 1.0)
-        with pytest.raises(Refused, match="the run has just ended"):
+        with pytest.raises(RequestRefused, match="the run has just ended"):
             await site.rover.mark(text="too late")
         refused.append(True)  # a task that was cancelled would end the demo without an error
 
@@ -208,7 +208,7 @@ def test_command_that_the_end_of_the_trial_overtakes_is_refused(site: Site, monk
 
 
 def test_command_without_a_trial_is_refused(site: Site) -> None:
-    with pytest.raises(Refused, match="the run has ended"):
+    with pytest.raises(RequestRefused, match="the run has ended"):
         asyncio.run(site.rover.stop())
     site.page.close()
 

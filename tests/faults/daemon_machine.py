@@ -43,7 +43,7 @@ from wayfarer.control.modes import Mode
 from wayfarer.control.supervisor import first_cause
 from wayfarer.daemon.arming_check import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
-from wayfarer.daemon.socket.protocol import STARTING, Refused
+from wayfarer.daemon.socket.protocol import STARTING, RequestRefused
 from wayfarer.errors import NotArmed
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.safety.conditions import LEVELS, MANUAL_LEVELS, Condition, Level
@@ -115,7 +115,7 @@ class Daemon:
         for task in [task for task in self._asked if task.done()]:
             self._asked.discard(task)
             error = task.exception()
-            assert error is None or isinstance(error, Refused | NotArmed), repr(error)
+            assert error is None or isinstance(error, RequestRefused | NotArmed), repr(error)
         if not self.running and (error := self.run.exception()) is not None:
             assert type(first_cause(error)).__name__ in REFUSALS, repr(error)
 

@@ -72,7 +72,7 @@ def _served() -> Iterator[Try]:
     daemon = FakeDaemon()
     with tempfile.TemporaryDirectory(prefix="wf-") as folder, asyncio.Runner() as runner:
         path = Path(folder) / "control.sock"
-        server = serve(daemon, path, clients=4, wait_s=0.5)
+        server = serve(daemon, path, clients=4, unread_s=0.5)
         runner.run(server.__aenter__())
         open_before = open_files()
 

@@ -9,7 +9,7 @@ from tests.system.measures import told_to_turn
 from wayfarer.commissioning.checks.deadman import board_settings
 from wayfarer.config.calibration_file import FILE_NAME, Calibration, DeadmanEntry, save, stamp
 from wayfarer.config.rover_file import load_rover
-from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.daemon.socket.protocol import RequestRefused
 from wayfarer.fieldlog.clock import wall_clock
 
 
@@ -38,6 +38,6 @@ def test_sabertooth_is_armed_only_with_a_proof_of_its_deadman(site: Site) -> Non
 
 def is_refused(site: Site, *wanted: str) -> None:
     """Arming is refused, and the reason says all of this."""
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(RequestRefused) as refused:
         site.ask("arm", heading_deg=0.0)
     assert [part for part in wanted if part not in str(refused.value)] == [], refused.value

@@ -12,7 +12,7 @@ from tests.system import broken_os
 from tests.system.hil_setup import Site, wait_for
 from tests.system.measures import jitter, now_s
 from tests.system.subprocesses import MAIN, python
-from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.daemon.socket.protocol import RequestRefused
 
 ILL = python(f"from {broken_os.__name__} import patch_os; patch_os(); {MAIN}")
 QUIET_S = ILL_S = 2.5
@@ -112,5 +112,5 @@ def drives_on_without_a_log(site: Site) -> None:
     assert "the field log" in site.said(), "nothing on the terminal"
     site.drives_on()
     site.ask("disarm")
-    with pytest.raises(Refused, match="log"):
+    with pytest.raises(RequestRefused, match="log"):
         site.ask("arm", heading_deg=0.0)

@@ -13,7 +13,7 @@ from wayfarer.commissioning.checks.api import HostEnvironment, fail
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.run_log import RunLog
 from wayfarer.control.supervisor import Supervisor
-from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.daemon.socket.protocol import RequestRefused
 from wayfarer.errors import NotResponding
 from wayfarer.fieldlog.vocabulary import WORDS, in_words
 from wayfarer.hal import MotorHealth, Rover
@@ -86,7 +86,7 @@ class ArmingCheck:
             without_log: the log need not work.
 
         Raises:
-            Refused: a check fails, or one of the conditions would stop the rover again.
+            RequestRefused: a check fails, or one of the conditions would stop the rover again.
         """
         await self._check(self._checks, NOT_ARMED, without_log=without_log)
 
@@ -109,7 +109,7 @@ class ArmingCheck:
                 "arming_refused", asyncio.get_running_loop().time(), failed=[finding.name for finding in failed]
             )
             hint = "; without a log: wayfarer arm --without-log" if failed == not_logging else ""
-            raise Refused(f"not armed: {'; '.join(map(_finding_text, failed))}{hint}")
+            raise RequestRefused(f"not armed: {'; '.join(map(_finding_text, failed))}{hint}")
         warned = [finding for finding in findings if finding.verdict is CheckVerdict.WARN] + not_logging
         self.warnings = list(map(_finding_text, warned))
 

@@ -10,14 +10,13 @@ from typing import Any
 
 from wayfarer.commissioning.checks import Check, Inspection
 from wayfarer.control.controller import Controller
-from wayfarer.control.modes import Event, Mode, Outcome, refusal
-from wayfarer.control.modes import Refused as RefusedByMode
+from wayfarer.control.modes import Event, Mode, Outcome, Refused, refusal
 from wayfarer.control.rate import ASKED_AT_ONCE, ASKED_HZ, RateLimiter
 from wayfarer.control.run_log import RunLog
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.control.tick import TickRecord
 from wayfarer.daemon.arming_check import ArmingCheck
-from wayfarer.daemon.socket.protocol import WHOLE_MAX, Details, Refused
+from wayfarer.daemon.socket.protocol import WHOLE_MAX, Details, RequestRefused
 from wayfarer.errors import DriverError
 from wayfarer.escape.api import Phase
 from wayfarer.fieldlog.vocabulary import WORDS, said_of
@@ -140,9 +139,9 @@ class RoverCommands:
     async def arm(self, asked: Asked, heading_deg: float | None = None, *, without_log: bool = False) -> Details:
         """Check everything, then begin to arm."""
         if self.being_checked:
-            raise Refused("the rover is being checked already: wait, or disarm it first (wayfarer disarm)")
+            raise RequestRefused("the rover is being checked already: wait, or disarm it first (wayfarer disarm)")
         if why := self._controller.why_not(Event.ARM):
-            raise Refused(why)
+            raise RequestRefused(why)
         check = partial(self._check.before_arming, without_log=without_log)
         await _started(self._supervisor.arm(asked, heading_deg, check))
         return {
@@ -155,18 +154,18 @@ class RoverCommands:
         """Check the motors, and let a client drive by hand."""
         settings = self._controller.manual.settings
         if not settings.allowed:
-            raise Refused(
+            raise RequestRefused(
                 "driving by hand is not allowed: set allowed = true in [manual] of the rover file, or start the daemon"
                 " with wayfarer run --manual"
             )
         if self.being_checked:
-            raise Refused("the rover is being checked already: wait, or disarm it first (wayfarer disarm)")
+            raise RequestRefused("the rover is being checked already: wait, or disarm it first (wayfarer disarm)")
         if why := self._controller.why_not(Event.MANUAL):
-            raise Refused(why)
+            raise RequestRefused(why)
         if self._controller.waits_for_motors:
-            raise Refused("the motor board has failed and is being opened again: try again in some seconds")
+            raise RequestRefused("the motor board has failed and is being opened again: try again in some seconds")
         if not self._begun.take(_now_s()):
-            raise Refused(f"begun too often: at most {ASKED_HZ:g} times a second for long; wait a second")
+            raise RequestRefused(f"begun too often: at most {ASKED_HZ:g} times a second for long; wait a second")
         lease = randbelow(WHOLE_MAX)
         await _started(self._supervisor.begin_manual(asked, lease, driver, self._check.before_driving_by_hand))
         return {"mode": self._controller.mode.value, "lease": lease, "deadman_s": settings.deadman_s}
@@ -175,7 +174,7 @@ class RoverCommands:
         """Take a sample of a person who drives; the next tick acts on it."""
         manual = self._driving(lease)
         if why := manual.take(_now_s(), ManualSample(seq, forward, turn, sent_s)):
-            raise Refused(why)
+            raise RequestRefused(why)
         last = self._controller.last
         if last is None or last.decision.phase is not Phase.MANUAL:
             return {"wheels": [0.0, 0.0], "why_not": "it begins"}
@@ -192,12 +191,12 @@ class RoverCommands:
         """Return who drives.
 
         Raises:
-            Refused: nobody does, or another client.
+            RequestRefused: nobody does, or another client.
         """
         controller = self._controller
         over = controller.mode is not Mode.MANUAL or controller.end is not None
         if over or not controller.manual.is_held_by(lease):
-            raise Refused(
+            raise RequestRefused(
                 "this client does not drive any more: somebody ended it, or it was silent too long; begin again"
             )
         return controller.manual
@@ -215,7 +214,7 @@ class RoverCommands:
     async def resume(self, asked: Asked) -> Details:
         """Let the wheels turn again."""
         if not self._controller.held:
-            raise Refused(refusal(Mode.DISARMED, Event.RESUME))
+            raise RequestRefused(refusal(Mode.DISARMED, Event.RESUME))
         self._supervisor.resume(asked)
         return {"held": False}
 
@@ -227,7 +226,7 @@ class RoverCommands:
     async def mark(self, text: str, *, keep: bool = True) -> Details:
         """Write a person's note into the log, and keep its run; refuse it if there are too many for a person."""
         if not self._marks.take(_now_s()):
-            raise Refused(
+            raise RequestRefused(
                 f"not noted: all clients together may send {ASKED_AT_ONCE} marks at once, and {ASKED_HZ:g} a second for"
                 " long; wait a second and mark again"
             )
@@ -249,9 +248,9 @@ class RoverCommands:
 
 
 def _done(outcome: Outcome) -> None:
-    """Raise ``Refused`` if the table of modes has refused a request."""
-    if isinstance(outcome, RefusedByMode):
-        raise Refused(outcome.why)
+    """Raise ``RequestRefused`` if the table of modes has refused a request."""
+    if isinstance(outcome, Refused):
+        raise RequestRefused(outcome.why)
 
 
 async def _started(starting: Awaitable[None]) -> None:
@@ -259,7 +258,7 @@ async def _started(starting: Awaitable[None]) -> None:
     try:
         await starting
     except DriverError as error:
-        raise Refused(f"not armed: {error}") from None
+        raise RequestRefused(f"not armed: {error}") from None
 
 
 def _now_s() -> float:

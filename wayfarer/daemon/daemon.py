@@ -7,13 +7,15 @@ import hashlib
 import os
 import signal
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from contextlib import AbstractAsyncContextManager, AsyncExitStack
+from concurrent.futures import Executor
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from random import Random
+from threading import Thread
 from time import CLOCK_BOOTTIME, clock_gettime
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar, TypeVarTuple, Unpack
 
 import orjson
 
@@ -180,12 +182,38 @@ def serve(service: Service) -> RunEnd:
             raise (cause if isinstance(cause, WayfarerError) else error) from None
 
 
+T = TypeVar("T")
+Ts = TypeVarTuple("Ts")
+
+
 class DaemonLoop(asyncio.SelectorEventLoop):
     """The loop of a daemon. Its clock goes on while the computer sleeps: what was asked before that has aged, too."""
 
     def time(self) -> float:
         """Return the seconds since the computer was started; every process of it can read this clock."""
         return clock_gettime(CLOCK_BOOTTIME)
+
+    def run_in_executor(
+        self, _executor: Executor | None, func: Callable[[Unpack[Ts]], T], *args: Unpack[Ts]
+    ) -> asyncio.Future[T]:
+        """Run in a thread of its own, for which the process does not wait at its end: the disk may hang for ever."""
+        future: asyncio.Future[T] = self.create_future()
+
+        def tell(done: Callable[[], None]) -> None:
+            with suppress(RuntimeError):  # the loop is closed, and nobody waits any more
+                self.call_soon_threadsafe(lambda: None if future.done() else done())
+
+        def work() -> None:
+            try:
+                result = func(*args)
+            except BaseException as error:
+                why = error
+                tell(lambda: future.set_exception(why))
+            else:
+                tell(lambda: future.set_result(result))
+
+        Thread(target=work, name="for the loop", daemon=True).start()
+        return future
 
 
 class Daemon:

@@ -20,7 +20,7 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.control.run_log import Tee
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.daemon.commands import RoverCommands
-from wayfarer.daemon.socket.protocol import Commands, Details, Refused
+from wayfarer.daemon.socket.protocol import Commands, Details, RequestRefused
 from wayfarer.daemon.stderr_writer import StderrWriter
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.trial import TrialResult, run_watched
@@ -206,10 +206,10 @@ class Demo:
         """Do what ``Commands`` can, in the thread of the trial that is on.
 
         Raises:
-            Refused: there is no trial, or it has just ended; or the rover refuses it.
+            RequestRefused: there is no trial, or it has just ended; or the rover refuses it.
         """
         if (running := self._running) is None:
-            raise Refused("the run has ended: wayfarer demo in a terminal begins another one")
+            raise RequestRefused("the run has ended: wayfarer demo in a terminal begins another one")
         if verb in {"stop", "hold", "resume"}:
             self.pause(False)  # what they do takes time
         if "asked" in keys:  # a paused trial's clock stands, and the page knows another one
@@ -220,7 +220,7 @@ class Demo:
         if answer.cancel():  # no answer has come
             work.close()  # it has never begun
         if answer.cancelled():  # also by the end of the trial's loop
-            raise Refused("the run has just ended")
+            raise RequestRefused("the run has just ended")
         return answer.result()
 
 
@@ -236,4 +236,4 @@ class ForwardedCommands:
 
 def _inspect_nothing() -> Any:
     """Stand in for the checks before arming: a trial arms its rover itself, and its page arms none."""
-    raise Refused("a trial arms its rover itself")
+    raise RequestRefused("a trial arms its rover itself")

@@ -15,7 +15,7 @@ from wayfarer.control.supervisor import first_cause
 from wayfarer.control.tick import TickRecord
 from wayfarer.daemon.arming_check import RunningInspection
 from wayfarer.daemon.commands import RoverCommands
-from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.daemon.socket.protocol import RequestRefused
 from wayfarer.errors import NotArmed
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.hal import MotorHealth, PositionFix, Rover, Snapshot, WheelCommand
@@ -207,7 +207,7 @@ async def _ask(setup: TrialSetup, commands: tuple[Command, ...], log: RunLog) ->
                 await rover.resume(Asked(loop.time()))
             else:
                 await getattr(rover, command.do)()
-        except (Refused, NotArmed) as error:
+        except (RequestRefused, NotArmed) as error:
             log.event("arming_refused" if command.do == "arm" else "refused", loop.time(), failed=[str(error)])
 
 

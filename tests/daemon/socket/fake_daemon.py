@@ -13,7 +13,7 @@ from typing import Any
 import orjson
 
 from tests.children import child
-from wayfarer.daemon.socket.protocol import Details, Refused
+from wayfarer.daemon.socket.protocol import Details, RequestRefused
 from wayfarer.daemon.socket.server import ControlServer
 from wayfarer.safety.permission import Asked
 
@@ -28,7 +28,7 @@ class FakeDaemon:
         self.told: list[tuple[object, ...]] = []
         self.asked: list[Asked] = []
         self.errors: list[Exception] = []
-        self.fails_with: Exception = Refused("nothing to hold: arm first")
+        self.fails_with: Exception = RequestRefused("nothing to hold: arm first")
         self.answers: Details = {"mode": "disarmed"}
         self.waits = asyncio.Event()
         self.waits.set()
@@ -134,7 +134,7 @@ class RawClient:
         try:
             while await asyncio.wait_for(self.reader.read(65_536), 2.0):
                 pass
-        except ConnectionResetError:  # closed with something unread
+        except ConnectionError:  # closed with something unread
             return True
         except TimeoutError:
             return False

@@ -16,7 +16,7 @@ import pytest
 from tests.daemon.socket.fake_daemon import FakeDaemon, serve, until
 from wayfarer.daemon.socket import client
 from wayfarer.daemon.socket.client import NoDaemon, ask
-from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.daemon.socket.protocol import RequestRefused
 from wayfarer.errors import BadInput, WayfarerError
 
 STATUS = {"do": "status"}
@@ -68,7 +68,7 @@ async def test_what_starts_wheels_is_sent_with_the_time_of_asking(path: Path, da
 
 async def test_refusal_is_raised_with_its_reason(path: Path, daemon: FakeDaemon) -> None:
     async with serve(daemon, path):
-        with pytest.raises(Refused, match=r"^nothing to hold: arm first$"):
+        with pytest.raises(RequestRefused, match=r"^nothing to hold: arm first$"):
             await asyncio.to_thread(ask, {"do": "hold"}, path)
 
 
@@ -78,7 +78,7 @@ async def test_client_that_is_pushed_out_hears_why(path: Path, daemon: FakeDaemo
         pushed_out = asyncio.create_task(asyncio.to_thread(ask, {"do": "arm"}, path))
         await until(lambda: daemon.told)
         assert await asyncio.to_thread(ask, STATUS, path) == {"mode": "disarmed"}
-        with pytest.raises(Refused, match="too many clients"):
+        with pytest.raises(RequestRefused, match="too many clients"):
             await pushed_out
 
 

@@ -14,7 +14,7 @@ from tests.daemon.socket.fake_daemon import FakeDaemon
 from wayfarer.daemon.socket.protocol import (
     REPLY_BYTES,
     REQUEST_BYTES,
-    Refused,
+    RequestRefused,
     check,
     error_reply,
     ok_reply,
@@ -72,7 +72,7 @@ async def test_true_heading_is_the_magnetic_one_plus_the_declination(
 
 async def test_true_north_without_a_declination_is_refused(daemon: FakeDaemon) -> None:
     request = check({"do": "goal", "heading_deg": 10.0, "north": "true"})
-    with pytest.raises(Refused, match="declination, which this rover's configuration does not give: set it"):
+    with pytest.raises(RequestRefused, match="declination, which this rover's configuration does not give: set it"):
         await perform(request, daemon, declination_deg=None, is_there=lambda: True)
     assert daemon.told == []
 
@@ -174,5 +174,5 @@ def test_longest_request_there_is_fits_a_line() -> None:
 
 
 def test_answer_without_end_is_not_sent() -> None:
-    with pytest.raises(Refused, match="65536 is the limit"):
+    with pytest.raises(RequestRefused, match="65536 is the limit"):
         ok_reply({"text": "x" * REPLY_BYTES})

@@ -12,7 +12,7 @@ from stat import S_IMODE
 import pytest
 
 from tests.daemon.socket.fake_daemon import ARM, STATUS, FakeDaemon, RawClient, answers, serve, until
-from wayfarer.daemon.socket.protocol import Details, Refused
+from wayfarer.daemon.socket.protocol import Details, RequestRefused
 from wayfarer.errors import BadInput, NotResponding
 from wayfarer.safety.permission import Asked
 
@@ -33,7 +33,9 @@ async def test_lines_sent_together_are_answered_in_order(path: Path, daemon: Fak
     assert daemon.told == [("mark", str(number)) for number in range(100)]
 
 
-@pytest.mark.parametrize("error", [Refused("nothing to hold: arm first"), NotResponding("motor board: no answer")])
+@pytest.mark.parametrize(
+    "error", [RequestRefused("nothing to hold: arm first"), NotResponding("motor board: no answer")]
+)
 async def test_refusal_or_error_for_a_person_says_why_and_the_connection_stays(
     path: Path, daemon: FakeDaemon, error: Exception
 ) -> None:

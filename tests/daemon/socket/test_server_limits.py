@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 import asyncio
+import resource
 import socket
 import subprocess
 import sys
-from contextlib import suppress
 from pathlib import Path
 
 import orjson
@@ -15,7 +15,7 @@ import pytest
 
 from tests.daemon.socket.fake_daemon import ARM, STATUS, FakeDaemon, RawClient, answers, open_files, serve, until
 from wayfarer.daemon.socket.client import ask
-from wayfarer.daemon.socket.protocol import REQUEST_BYTES
+from wayfarer.daemon.socket.protocol import REQUEST_BYTES, Details
 from wayfarer.daemon.socket.server import CLIENTS
 
 
@@ -30,27 +30,6 @@ async def test_line_of_just_the_limit_is_read_and_one_byte_more_is_refused(path:
                 assert await client.is_closed()
         assert daemon.told == [("status",)]
         assert await answers(path)
-
-
-async def test_byte_after_byte_does_not_prolong_a_line(path: Path, daemon: FakeDaemon) -> None:
-    async with serve(daemon, path, wait_s=0.05):
-        with socket.socket(socket.AF_UNIX) as slow:
-            slow.connect(str(path))
-            slow.setblocking(False)
-            with suppress(BrokenPipeError):
-                for byte in STATUS[:9]:
-                    slow.send(bytes([byte]))
-                    await asyncio.sleep(0.01)
-            assert b"no whole line within 0.05 s: " in slow.recv(1000)
-            with suppress(ConnectionResetError):  # closed with something unread
-                assert slow.recv(1000) == b"", "it is closed"
-
-
-async def test_idle_client_is_closed(path: Path, daemon: FakeDaemon) -> None:
-    async with serve(daemon, path, wait_s=0.05), RawClient(path) as client:
-        assert (await client.reply_to(STATUS))["ok"]
-        assert (await client.reply())["why"].startswith("no whole line within 0.05 s: ")
-        assert await client.is_closed()
 
 
 async def test_line_cut_off_by_the_client_is_not_obeyed(path: Path, daemon: FakeDaemon) -> None:
@@ -150,7 +129,7 @@ async def test_flood_of_new_clients_refuses_no_stop(path: Path, daemon: FakeDaem
 
 async def test_client_that_never_reads_is_dropped_and_holds_nothing(path: Path, daemon: FakeDaemon) -> None:
     daemon.answers = {"text": "x" * 60_000}
-    async with serve(daemon, path, wait_s=0.05) as serving:
+    async with serve(daemon, path, unread_s=0.05) as serving:
         before = open_files()
         with socket.socket(socket.AF_UNIX) as deaf:
             deaf.connect(str(path))
@@ -209,3 +188,102 @@ async def test_a_thousand_connections_leave_the_server_as_it_was(path: Path, dae
             await client.__aexit__()
         await until(lambda: not serving._clients)
         assert await answers(path)
+
+
+async def test_no_timer_and_no_task_is_left_behind(path: Path, daemon: FakeDaemon) -> None:
+    """Each would stay for as long as it was meant to last: thousands of clients a minute would hold up the loop."""
+    loop = asyncio.get_running_loop()
+    daemon.answers = {"text": "x" * 60_000}
+    async with serve(daemon, path):
+        tasks = len(asyncio.all_tasks())
+        timers = len(loop._scheduled)  # type: ignore[attr-defined]
+        for said in (b"", b"{", STATUS, ARM, STATUS * 20, b"x" * 10_000) * 5:
+            async with RawClient(path) as client:
+                client.writer.write(said)
+                await asyncio.sleep(0.01)
+        await asyncio.sleep(0.01)
+        left = [timer for timer in loop._scheduled if not timer.cancelled()]  # type: ignore[attr-defined]
+        assert len(left) <= timers
+        assert len(asyncio.all_tasks()) == tasks
+
+
+async def test_without_a_file_descriptor_the_newest_client_still_gets_in(path: Path, daemon: FakeDaemon) -> None:
+    async with serve(daemon, path):
+        idle = [await RawClient(path).__aenter__() for _ in range(4)]
+        await until(lambda: open_files() >= 8)
+        before = resource.getrlimit(resource.RLIMIT_NOFILE)
+        with socket.socket(socket.AF_UNIX) as late:
+            late.setblocking(False)
+            late.connect(str(path))
+            late.send(b'{"do": "stop"}\n')
+            resource.setrlimit(resource.RLIMIT_NOFILE, (late.fileno() + 1, before[1]))
+            try:
+                await until(lambda: daemon.told)
+            finally:
+                resource.setrlimit(resource.RLIMIT_NOFILE, before)
+            assert b'"ok":true' in late.recv(1000)
+        for client in idle:
+            await client.__aexit__()
+
+
+WITHOUT_MEMORY = """
+import asyncio, resource, sys
+from pathlib import Path
+from tests.daemon.socket.fake_daemon import FakeDaemon, serve
+
+async def main():
+    daemon = FakeDaemon()
+    async def held(): return {}
+    daemon.hold = held
+    async with serve(daemon, Path(sys.argv[1])):
+        taken = [bytearray(100_000) for _ in range(20)]
+        size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (size, size))
+        try:
+            while True:
+                taken.append(bytearray(30_000))  # what malloc has left for what is large
+        except MemoryError:
+            print("ready", flush=True)
+        await asyncio.sleep(60)
+
+asyncio.run(main())
+"""
+
+
+@pytest.mark.process
+def test_where_no_memory_is_left_a_stop_still_gets_in(path: Path) -> None:
+    """Half requests hold all places, and the process may have no more memory than it has."""
+    with subprocess.Popen(
+        [sys.executable, "-c", WITHOUT_MEMORY, str(path)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "ready\n"
+            half = [socket.socket(socket.AF_UNIX) for _ in range(40)]
+            for each in half:
+                each.connect(str(path))
+                each.sendall(b'{"do": "mark", "text": "' + b"x" * 4_000)
+            for verb in ("stop", "hold", "disarm") * 5:
+                assert ask({"do": verb}, path) == {}
+            for each in half:
+                each.close()
+        finally:
+            process.kill()
+
+
+async def test_stop_that_finds_no_memory_is_tried_once_more_without_the_others(path: Path, daemon: FakeDaemon) -> None:
+    tried: list[int] = []
+
+    async def stop() -> Details:
+        tried.append(len(serving._clients))
+        if len(tried) == 1:
+            raise MemoryError
+        return {}
+
+    daemon.stop = stop  # type: ignore[method-assign]
+    async with serve(daemon, path) as serving, RawClient(path) as half, RawClient(path) as client:
+        half.writer.write(b"{")
+        await asyncio.sleep(0.01)
+        assert await client.reply_to(b'{"do": "stop"}\n') == {"ok": True}
+        assert await half.is_closed()
+    assert tried == [2, 1]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.daemon.socket.protocol import RequestRefused
 from wayfarer.views.live.access import Access, check_page, host_name, is_local
 
 TOKEN = "s3cret"
@@ -32,9 +32,9 @@ def test_this_computer_needs_the_token_for_the_wheels_only(access: Access, host:
     "host", ["evil.example:8088", "localhost.evil.example", "127.0.0.1.nip.io", "", "[", "10.0.0.5"]
 )
 def test_name_that_was_made_to_lead_here_is_refused(access: Access, host: str) -> None:
-    with pytest.raises(Refused, match="at localhost"):
+    with pytest.raises(RequestRefused, match="at localhost"):
         check_page("127.0.0.1", {"Host": host})
-    with pytest.raises(Refused, match="at localhost"):
+    with pytest.raises(RequestRefused, match="at localhost"):
         access.check_socket("127.0.0.1", {"Host": host, "Origin": f"http://{host}"}, TOKEN)
 
 
@@ -42,12 +42,12 @@ def test_name_that_was_made_to_lead_here_is_refused(access: Access, host: str) -
 def test_others_need_the_token_for_everything(access: Access, peer: str) -> None:
     assert access.check_socket(peer, ABROAD, TOKEN)
     for wrong in ("", *WRONG):
-        with pytest.raises(Refused, match="with the token"):
+        with pytest.raises(RequestRefused, match="with the token"):
             access.check_socket(peer, ABROAD, wrong)
 
 
 def test_being_called_localhost_helps_nobody_from_elsewhere(access: Access) -> None:
-    with pytest.raises(Refused):
+    with pytest.raises(RequestRefused):
         access.check_socket("10.0.0.9", HOME, "")
 
 
@@ -57,13 +57,13 @@ def test_being_called_localhost_helps_nobody_from_elsewhere(access: Access) -> N
 def test_page_from_elsewhere_may_not_connect_through_somebodys_browser(access: Access, origin: str | None) -> None:
     for peer, headers, token in (("127.0.0.1", HOME, ""), ("10.0.0.9", ABROAD, TOKEN)):
         said = {"Host": headers["Host"]} | ({} if origin is None else {"Origin": origin})
-        with pytest.raises(Refused, match="own page"):
+        with pytest.raises(RequestRefused, match="own page"):
             access.check_socket(peer, said, token)
 
 
 @pytest.mark.parametrize("header", ["Forwarded", "Via", "X-Forwarded-For", "X-Real-IP"])
 def test_proxy_that_would_make_everybody_local_is_refused(header: str) -> None:
-    with pytest.raises(Refused, match="not work through a proxy"):
+    with pytest.raises(RequestRefused, match="not work through a proxy"):
         check_page("127.0.0.1", {**HOME, header: "203.0.113.9"})
 
 

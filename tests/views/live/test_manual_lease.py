@@ -9,7 +9,7 @@ import pytest
 
 from tests.views.live.test_demo_controls import Demo
 from tests.views.live.test_server import Rover, first, serving
-from wayfarer.daemon.socket.protocol import Details, Refused
+from wayfarer.daemon.socket.protocol import Details, RequestRefused
 from wayfarer.safety.manual import ManualControl, ManualSample
 from wayfarer.safety.permission import Asked
 from wayfarer.safety.settings import ManualSettings
@@ -33,7 +33,7 @@ class DrivenRover(Rover):
         self.asked.append(("begin", driver))
         await self.checked.wait()
         if self.lease is not None:
-            raise Refused("another client drives the rover")
+            raise RequestRefused("another client drives the rover")
         self.lease = LEASE
         self.control.begin(now_s(), LEASE, driver)
         return {"lease": LEASE, "deadman_s": self.control.settings.deadman_s, "mode": "manual"}
@@ -41,13 +41,13 @@ class DrivenRover(Rover):
     async def manual_drive(self, lease: int, seq: int, forward: float, turn: float, sent_s: float) -> Details:
         assert lease == self.lease
         if why := self.control.take(now_s(), ManualSample(seq, forward, turn, sent_s)):
-            raise Refused(why)
+            raise RequestRefused(why)
         self.asked.append(("drive", (seq, forward, turn, sent_s)))
         return {}
 
     async def manual_end(self, lease: int) -> Details:
         if lease != self.lease:
-            raise Refused("this lease has ended")
+            raise RequestRefused("this lease has ended")
         self.lease = None
         self.asked.append(("end", None))
         self.ended.set()

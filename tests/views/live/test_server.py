@@ -14,7 +14,7 @@ import pytest
 from yarl import URL
 
 from tests.views.live.records import run_log, tick
-from wayfarer.daemon.socket.protocol import Details, Refused
+from wayfarer.daemon.socket.protocol import Details, RequestRefused
 from wayfarer.errors import BadInput, NotThereYet, WayfarerError
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.safety.permission import Asked
@@ -40,7 +40,7 @@ class Rover:
 
     async def resume(self, asked: Asked) -> Details:
         self.permissions.append((asked.at_s, asked.is_there()))
-        raise Refused("the rover is not held: there is nothing to resume")
+        raise RequestRefused("the rover is not held: there is nothing to resume")
 
     async def mark(self, text: str, *, keep: bool = True) -> Details:
         self.asked.append(("mark, kept" if keep else "mark", text))

@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import common
 from tests.views.live.records import run_log
 from wayfarer.config.mavlink_settings import MavlinkSettings
 from wayfarer.config.rover_file import load_rover
-from wayfarer.daemon.socket.protocol import Commands, Details, Refused
+from wayfarer.daemon.socket.protocol import Commands, Details, RequestRefused
 from wayfarer.views.mavlink.frames import FrameReader
 from wayfarer.views.mavlink.ground_station import GroundStation
 from wayfarer.views.mavlink.link import Address
@@ -100,7 +100,7 @@ class Rover:
         async def note(text: str = "") -> Details:
             self.asked.append(f"{name}: {text}" if text else name)
             if self.refuses is not None:
-                raise Refused(self.refuses)
+                raise RequestRefused(self.refuses)
             if self.breaks is not None:
                 raise self.breaks
             return {}

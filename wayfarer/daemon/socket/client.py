@@ -16,7 +16,7 @@ from typing import Any
 import orjson
 
 from wayfarer.daemon.socket.paths import known_sockets, no_session
-from wayfarer.daemon.socket.protocol import REPLY_BYTES, STARTING, Refused, check, read_line
+from wayfarer.daemon.socket.protocol import REPLY_BYTES, STARTING, RequestRefused, check, read_line
 from wayfarer.errors import BadInput, WayfarerError
 
 
@@ -37,7 +37,7 @@ def ask(request: Mapping[str, object], path: Path | None = None, timeout_s: floa
     Raises:
         BadInput: the request is wrong; nothing was sent.
         NoDaemon: no daemon is running.
-        Refused: the daemon says no; the text says why.
+        RequestRefused: the daemon says no; the text says why.
         WayfarerError: the socket belongs to another user, or no healthy daemon answers there.
     """
     line = _line_of(request)  # a wrong request is refused also if no daemon runs
@@ -130,4 +130,4 @@ def _read_reply(place: Path, reply: bytes) -> dict[str, Any]:
         why = None
     if not isinstance(why, str) or not why.strip():
         raise WayfarerError(f"{place}: the program that answers there is no wayfarer daemon: {reply[:40]!r}")
-    raise Refused(why)
+    raise RequestRefused(why)

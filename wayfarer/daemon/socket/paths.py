@@ -16,12 +16,9 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext, supp
 from pathlib import Path
 from select import POLLRDHUP, poll
 from stat import S_IMODE, S_ISDIR
-from typing import TYPE_CHECKING
+from typing import Any
 
 from wayfarer.errors import BadInput, WayfarerError
-
-if TYPE_CHECKING:
-    from asyncio import BaseTransport  # the client does without a loop
 
 SYSTEM_FOLDER = Path("/run/wayfarer")
 SESSIONS_FOLDER = Path("/run/user")
@@ -106,12 +103,13 @@ def _session_folder() -> Path:
     return Path(os.environ["XDG_RUNTIME_DIR"]) / "wayfarer"
 
 
-def has_gone(transport: BaseTransport | None) -> bool:
-    """Return whether who is at the other end has closed its side, also where what it sent before was not read yet."""
-    if transport is None or transport.is_closing():
-        return True
+def has_gone(connection: Any) -> bool:
+    """Return whether who is at the other end has closed its side, also where what it sent before was not read yet.
+
+    ``connection`` is an open socket, or what an asyncio transport gives for it.
+    """
     ends = poll()
-    ends.register(transport.get_extra_info("socket"), POLLRDHUP)
+    ends.register(connection, POLLRDHUP)
     return bool(ends.poll(0))
 
 

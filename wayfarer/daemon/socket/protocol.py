@@ -39,16 +39,17 @@ _DRIVER = re.compile(rf"[a-z]{{1,{DRIVER_CHARACTERS}}}").fullmatch
 Details = Mapping[str, object]
 
 
-class Refused(WayfarerError):
+class RequestRefused(WayfarerError):
     """The daemon refuses a request, and nothing has changed; the text says why and what to do."""
 
 
 class Commands(Protocol):
     """What the daemon can do, a method for each verb.
 
-    Each returns details for the reply (plain JSON values), or raises ``Refused`` or another error that says why.
-    Headings are in degrees clockwise from magnetic north, 0 <= heading < 360. While one command waits, others can run,
-    so that ``stop`` never waits for ``arm``. ``asked`` is the permission to start the wheels: fresh, or refused.
+    Each returns details for the reply (plain JSON values), or raises ``RequestRefused`` or another error that says why.
+    Headings are in degrees clockwise from magnetic north, 0 <= heading < 360. Only what starts the wheels may wait for
+    something. Meanwhile others run, so that ``stop`` never waits for ``arm``. ``asked`` is the permission to start the
+    wheels: fresh, or refused.
     """
 
     @property
@@ -130,6 +131,7 @@ VERBS: Mapping[str, Verb] = {
     "stop": Verb(),
 }
 STARTING = frozenset(do for do, verb in VERBS.items() if "asked_s" in verb.needs)
+STOPPING = frozenset({"stop", "hold", "disarm"})
 
 
 class Request(NamedTuple):
@@ -188,14 +190,14 @@ async def perform(
     ``is_there`` returns whether who asked still waits for the reply.
 
     Raises:
-        Refused: the daemon refuses; its commands may raise other errors, too.
+        RequestRefused: the daemon refuses; its commands may raise other errors, too.
     """
     arguments = dict(request.keys)
     if request.do in STARTING:
         arguments["asked"] = Asked(arguments.pop("asked_s"), is_there)
     if arguments.pop("north", "magnetic") == "true":
         if declination_deg is None:
-            raise Refused(
+            raise RequestRefused(
                 "a heading from true north needs the magnetic declination, which this rover's configuration does not"
                 " give: set it, or give the heading from magnetic north"
             )
@@ -208,11 +210,11 @@ def ok_reply(details: Details) -> bytes:
     """Return the line of a successful reply.
 
     Raises:
-        Refused: the line with the details is too long.
+        RequestRefused: the line with the details is too long.
     """
     line = orjson.dumps({"ok": True, **details})
     if len(line) > REPLY_BYTES:
-        raise Refused(f"it was done, but the answer has {len(line)} bytes and {REPLY_BYTES} is the limit")
+        raise RequestRefused(f"it was done, but the answer has {len(line)} bytes and {REPLY_BYTES} is the limit")
     return line + b"\n"
 
 

@@ -1,34 +1,35 @@
 """Server of the control socket: it serves requests without delaying the control tick.
 
-All resources of clients are bounded: connections, length of a line, time to send one and to read the reply.
-Requests are answered on the loop itself, but only one in each turn of the loop, so that many requests cannot delay the
-tick. Every error in a request becomes a refusal, and the server continues.
+All that clients can use up is bounded: how many are connected, the length of a line, how long one may leave its answer
+unread. All read into one small buffer. Requests are answered on the loop itself, but only one in each turn of the loop,
+so that many requests cannot delay the tick. Every error in a request becomes a refusal, and the server continues.
 
 A new client always gets in, so a ``stop`` does: where all places are taken, it gets that of the client that came first,
 which is silent, has sent half a line, does not read, or can ask again. Accepting a client takes a turn of the loop, as
 answering does. So a request that is there is answered before its client can be pushed out, however many others come.
 An arming that is under way for a client that has gone, or is pushed out, is given up. While all places are taken, a
 client is closed after one answer, so that a few that never cease to ask cannot keep a ``stop`` waiting for long.
+
+It works on sockets, without asyncio's streams: those read into 256 KiB, which are not there where memory is short.
 """
 
 from __future__ import annotations
 
 import asyncio
 import socket
-from asyncio import IncompleteReadError, LimitOverrunError, StreamReader, StreamReaderProtocol, StreamWriter
-from collections.abc import Callable
-from contextlib import suppress
-from functools import partial
+from collections import deque
+from collections.abc import Callable, Coroutine
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from wayfarer.daemon.socket.paths import has_gone
 from wayfarer.daemon.socket.protocol import (
     REQUEST_BYTES,
     STARTING,
+    STOPPING,
     Commands,
-    Refused,
+    Request,
     check,
     error_reply,
     ok_reply,
@@ -38,7 +39,7 @@ from wayfarer.daemon.socket.protocol import (
 from wayfarer.errors import BadInput, WayfarerError
 
 CLIENTS = 16  # at once, chosen by us. The more there are, the longer a stop waits for its turn
-WAIT_S = 60.0  # for a whole line, and for a client to read its reply; chosen by us
+UNREAD_S = 1.0  # for a client to read its answer; chosen by us
 _QUEUE = 128  # clients that wait in the kernel to be accepted; chosen by us
 _NO_FILES_S = 0.1  # until accepting is tried again, where the process has no file descriptor left for it
 
@@ -55,7 +56,7 @@ class ControlServer:
         declination_deg: of magnetic from true north, east positive; None if it is not configured.
         on_error: is called with every error that is not meant for the client, a bug. It must not raise.
         clients: how many may be connected at once.
-        wait_s: how long a client may take to send a line, and to read its reply.
+        unread_s: how long a client may leave its answer unread.
 
     Raises:
         BadInput: the socket cannot be made.
@@ -69,157 +70,262 @@ class ControlServer:
         declination_deg: float | None,
         on_error: Callable[[Exception], None],
         clients: int = CLIENTS,
-        wait_s: float = WAIT_S,
+        unread_s: float = UNREAD_S,
     ) -> None:
         self._path = path
         self._commands = commands
         self._declination_deg = declination_deg
         self._on_error = on_error
         self._places = clients
-        self._wait_s = wait_s
-        self._clients: dict[asyncio.Task[None], StreamWriter] = {}  # in the order in which they came
-        self._turn = asyncio.Lock()
+        self.unread_s = unread_s
+        self.buffer = memoryview(bytearray(REQUEST_BYTES))  # all read into it, one after the other
+        self._clients: dict[_Client, None] = {}  # in the order in which they came
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._due: deque[Callable[[], None]] = deque()
+        self._handle: asyncio.Handle | None = None  # of the next turn
+        self._again: asyncio.Handle | None = None
 
     async def __aenter__(self) -> Self:
+        self.loop = asyncio.get_running_loop()
         self._bound = _bind(self._path)
-        self._accepting = asyncio.create_task(self._accept_all(), name="control socket")
+        self._listen()
         return self
 
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
     ) -> None:
-        clients = self._clients.copy()
-        tasks = [self._accepting, *clients]
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
-        for writer in clients.values():
-            writer.transport.abort()  # of one that had not begun to talk
+        self.loop.remove_reader(self._bound)
         self._bound.close()
+        for handle in (self._handle, self._again):
+            if handle is not None:
+                handle.cancel()
+        for client in list(self._clients):
+            client.close()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
 
-    async def _accept_all(self) -> None:
-        """Accept clients, at most one in each turn of the loop."""
-        loop = asyncio.get_running_loop()
-        while True:
-            try:
-                connection, _ = await loop.sock_accept(self._bound)
-            except OSError:  # too many open files: the other clients continue, and end
-                await asyncio.sleep(_NO_FILES_S)
-                continue
-            with suppress(OSError):  # it has gone already
-                self._admit(*await _open(connection))
-            await self._take_turn()
+    # -- turns -----------------------------------------------------------------------------------------------------
 
-    async def _take_turn(self) -> None:
-        """Wait for the turns of those who came before, and let the other tasks of the loop run first."""
-        async with self._turn:
-            await asyncio.sleep(0)
+    def in_turn(self, work: Callable[[], None]) -> None:
+        """Do something in a later turn of the loop, in which nothing else of this is done."""
+        self._due.append(work)
+        if self._handle is None:
+            self._handle = self.loop.call_soon(self._work)
 
-    def _admit(self, reader: _Client, writer: StreamWriter) -> None:
-        """Begin to serve a new client, in place of the first one if there is none left."""
-        new = asyncio.create_task(self._serve(reader, writer), name="control client")
-        self._clients[new] = writer
-        new.add_done_callback(lambda client: self._clients.pop(client, None))
-        if len(self._clients) > self._places:
-            first = next(iter(self._clients))
-            # It fits into the kernel's buffer, so nothing waits for the client to read it.
-            self._clients.pop(first).write(error_reply("too many clients: this one was here longest, connect again"))
-            first.cancel()
+    def _work(self) -> None:
+        work = self._due.popleft()
+        self._handle = self.loop.call_soon(self._work) if self._due else None
+        work()
 
-    async def _serve(self, reader: _Client, writer: StreamWriter) -> None:
-        writer.transport.set_write_buffer_limits(0)  # drain() then waits until nothing is left here
+    # -- clients ---------------------------------------------------------------------------------------------------
+
+    def _listen(self) -> None:
+        self._again = None
+        self.loop.add_reader(self._bound, self._knock)
+
+    def _knock(self) -> None:
+        """Take note that somebody waits to be accepted."""
+        self.loop.remove_reader(self._bound)
+        self.in_turn(self._accept)
+
+    def _accept(self) -> None:
+        if self._bound.fileno() < 0:
+            return
         try:
-            await self._answer_all(reader, writer)
-        except OSError:
-            pass  # the client went away, or would not read
-        except Exception as error:
-            self._on_error(error)
-        finally:
-            writer.transport.abort()  # close() would wait for a client that does not read
+            connection, _ = self._bound.accept()
+        except BlockingIOError:
+            pass  # it has gone already
+        except (OSError, MemoryError):  # too many open files: the others give theirs up, one after the other
+            if not self._clients:
+                self._again = self.loop.call_later(_NO_FILES_S, self._listen)
+                return
+            self._push_out()
+        else:
+            self._clients[_Client(self, connection)] = None
+            if len(self._clients) > self._places:
+                self._push_out()
+        self._listen()
 
-    async def _answer_all(self, reader: _Client, writer: StreamWriter) -> None:
-        try:
-            while line := await self._next_line(reader):
-                await self._take_turn()
-                await self._send(writer, await self._answer(line, reader, writer))
-                if len(self._clients) >= self._places:
-                    return
-        except Refused as refusal:
-            await self._send(writer, error_reply(str(refusal)))
+    def _push_out(self) -> None:
+        """Close the client that came first."""
+        first = next(iter(self._clients))
+        first.refuse("too many clients: this one was here longest, connect again")
 
-    async def _next_line(self, reader: StreamReader) -> bytes:
-        """Return the next line with its end, or nothing if the client has closed.
+    @property
+    def is_full(self) -> bool:
+        """Whether all places are taken."""
+        return len(self._clients) >= self._places
 
-        Raises:
-            Refused: the line is too long, too slow or has no end; the connection cannot continue after that.
-        """
-        try:
-            async with asyncio.timeout(self._wait_s):
-                return await reader.readuntil(b"\n")
-        except TimeoutError:
-            raise Refused(f"no whole line within {self._wait_s:g} s: the connection is closed, connect again") from None
-        except LimitOverrunError:
-            raise Refused(f"a line has {REQUEST_BYTES} bytes at most: the connection is closed") from None
-        except IncompleteReadError as error:
-            if error.partial:
-                raise Refused("the line does not end: send an end of line after each request") from None
-            return b""
+    def forget(self, client: _Client) -> None:
+        """Let a client have gone."""
+        self._clients.pop(client, None)
 
-    async def _answer(self, line: bytes, reader: _Client, writer: StreamWriter) -> bytes:
-        """Carry out the request of a line, and return the reply; a client that goes ends what would start wheels."""
+    def answer(self, client: _Client, line: bytes) -> None:
+        """Carry out the request of a line, and answer it, at once or, where that takes a while, later."""
         try:
             request = check(read_line(line))
-            if request.do in STARTING:
-                reader.gone = asyncio.current_task()
-            there = partial(_is_there, writer.transport)
-            return ok_reply(await perform(request, self._commands, self._declination_deg, there))
+        except WayfarerError as refusal:
+            client.send(error_reply(str(refusal)))
+            return
+        if request.do in STARTING:
+            client.task = self.loop.create_task(self._answer_later(client, request), name="control request")
+            self._tasks.add(client.task)
+            client.task.add_done_callback(self._tasks.discard)
+        else:
+            try:
+                reply = _at_once(self._reply_to(client, request))
+            except MemoryError:  # that of a stop: once more, with what the others had
+                for other in [each for each in self._clients if each is not client]:
+                    other.close()
+                reply = _at_once(self._reply_to(client, request))
+            client.send(reply)
+
+    async def _answer_later(self, client: _Client, request: Request) -> None:
+        reply = await self._reply_to(client, request)
+        client.task = None
+        client.send(reply)
+
+    async def _reply_to(self, client: _Client, request: Request) -> bytes:
+        try:
+            return ok_reply(await perform(request, self._commands, self._declination_deg, client.is_there))
         except WayfarerError as refusal:
             return error_reply(str(refusal))
         except Exception as error:
+            if request.do in STOPPING and isinstance(error, MemoryError):
+                raise
             self._on_error(error)
             text = f"{type(error).__name__}: {error}"[:200]
             return error_reply(f"an error inside wayfarer ({text}): ask for the status before you go on")
-        finally:
-            reader.gone = None
-
-    async def _send(self, writer: StreamWriter, reply: bytes) -> None:
-        """Send a line, at most ``wait_s`` long; both ways to fail, TimeoutError and ConnectionError, are OSErrors."""
-        writer.write(reply)
-        async with asyncio.timeout(self._wait_s):
-            await writer.drain()
 
 
-class _Client(StreamReader):
-    """What a client sends. The task ``gone`` is cancelled once it has closed its side, also while nobody reads."""
+class _Client:
+    """A connection: what it has sent and what it has not read yet, both bounded; one request at a time."""
 
-    gone: asyncio.Task[None] | None = None
+    def __init__(self, server: ControlServer, connection: socket.socket) -> None:
+        connection.setblocking(False)
+        self._server = server
+        self._loop = server.loop
+        self._connection = connection
+        self._unread = bytearray()  # what it has sent and is not answered yet
+        self._unsent = b""
+        self._waits = False  # for its turn
+        self._sends = True  # False once it has closed its side
+        self._patience: asyncio.Handle | None = None  # until it is closed, if it does not read
+        self.task: asyncio.Task[None] | None = None  # of a request that takes a while
+        self._read_on()
 
-    def feed_eof(self) -> None:
-        """Take the end of what it sends."""
-        super().feed_eof()
-        self._cancel()
+    def close(self) -> None:
+        """Close the connection, and give up what is under way for it; safe twice."""
+        if self._connection.fileno() < 0:
+            return
+        self._loop.remove_reader(self._connection)
+        self._loop.remove_writer(self._connection)
+        self._connection.close()
+        self._server.forget(self)
+        if self._patience is not None:
+            self._patience.cancel()
+        if self.task is not None:
+            self.task.cancel()
 
-    def set_exception(self, exc: Exception) -> None:
-        """Take the error with which it went."""
-        super().set_exception(exc)
-        self._cancel()
+    def refuse(self, why: str) -> None:
+        """Say why, and close: it fits into the kernel's buffer, so nothing waits for the client to read it."""
+        if not self._unsent:
+            self._push(error_reply(why))
+        self.close()
 
-    def _cancel(self) -> None:
-        if self.gone is not None:
-            self.gone.cancel()
+    def is_there(self) -> bool:
+        """Return whether who asked waits for the answer."""
+        return self._connection.fileno() >= 0 and not has_gone(self._connection)
+
+    # -- what it sends ---------------------------------------------------------------------------------------------
+
+    def _read_on(self) -> None:
+        if self._sends:
+            self._loop.add_reader(self._connection, self._read)
+
+    def _read(self) -> None:
+        try:
+            count = self._connection.recv_into(self._server.buffer)
+        except BlockingIOError:
+            return
+        except OSError:
+            count = 0
+        self._unread += self._server.buffer[:count]
+        if not count:
+            self._sends = False
+            if self.task is not None:  # who does not wait for the answer has gone
+                self.close()
+        if not count or len(self._unread) > REQUEST_BYTES:  # what is there is answered first
+            self._loop.remove_reader(self._connection)
+        self._go_on()
+
+    def _go_on(self) -> None:
+        """Have the next line answered in its turn, where there is one and nothing is under way."""
+        if self._waits or self._unsent or self.task is not None or self._connection.fileno() < 0:
+            return
+        if self._unread.find(b"\n", 0, REQUEST_BYTES + 1) >= 0:
+            self._waits = True
+            self._server.in_turn(self._answer)
+        elif len(self._unread) > REQUEST_BYTES:
+            self.refuse(f"a line has {REQUEST_BYTES} bytes at most: the connection is closed")
+        elif not self._sends and self._unread:
+            self.refuse("the line does not end: send an end of line after each request")
+        elif not self._sends:
+            self.close()
+
+    def _answer(self) -> None:
+        self._waits = False
+        if self._connection.fileno() < 0:
+            return
+        line, _, _ = self._unread.partition(b"\n")
+        del self._unread[: len(line) + 1]
+        self._read_on()
+        self._server.answer(self, bytes(line))
+
+    # -- what it is sent -------------------------------------------------------------------------------------------
+
+    def send(self, reply: bytes) -> None:
+        """Send an answer, at once if the client reads, and go on with the next line."""
+        if self._connection.fileno() < 0:
+            return
+        self._push(reply)
+        if self._unsent:
+            self._loop.add_writer(self._connection, self._send_more)
+            self._patience = self._loop.call_later(self._server.unread_s, self.close)
+        else:
+            self._sent()
+
+    def _send_more(self) -> None:
+        self._push(self._unsent)
+        if not self._unsent:
+            self._loop.remove_writer(self._connection)
+            if self._patience is not None:
+                self._patience.cancel()
+            self._sent()
+
+    def _push(self, reply: bytes) -> None:
+        try:
+            self._unsent = reply[self._connection.send(reply) :]
+        except BlockingIOError:
+            self._unsent = reply
+        except OSError:  # it went away: what it has asked for before that is still done
+            self._unsent = b""
+
+    def _sent(self) -> None:
+        if self._server.is_full:
+            self.close()
+        else:
+            self._go_on()
 
 
-async def _open(connection: socket.socket) -> tuple[_Client, StreamWriter]:
-    """Do what ``asyncio.open_unix_connection`` does, with a ``_Client``."""
-    loop = asyncio.get_running_loop()
-    client = _Client(REQUEST_BYTES, loop)
-    protocol = StreamReaderProtocol(client, loop=loop)
-    transport, _ = await loop.create_unix_connection(lambda: protocol, sock=connection)
-    return client, StreamWriter(transport, protocol, client, loop)
-
-
-def _is_there(transport: asyncio.BaseTransport) -> bool:
-    return not has_gone(transport)
+def _at_once(answering: Coroutine[Any, Any, bytes]) -> bytes:
+    """Return what a coroutine returns that does not wait; it takes no task, nor the memory of one."""
+    try:
+        answering.send(None)
+    except StopIteration as done:
+        reply: bytes = done.value
+        return reply
+    answering.close()
+    raise RuntimeError("only what starts the wheels may wait for something")
 
 
 def _bind(path: Path) -> socket.socket:

@@ -21,7 +21,7 @@ from hmac import compare_digest
 from ipaddress import IPv6Address, ip_address
 from urllib.parse import urlsplit
 
-from wayfarer.daemon.socket.protocol import Refused
+from wayfarer.daemon.socket.protocol import RequestRefused
 from wayfarer.errors import BadInput, NotThereYet
 
 # -- address ---------------------------------------------------------------------------------------------------------
@@ -109,14 +109,16 @@ class Access:
             token: what it gave, perhaps empty.
 
         Raises:
-            Refused: as ``check_page``, or it does not come from this server's page, or lacks the token.
+            RequestRefused: as ``check_page``, or it does not come from this server's page, or lacks the token.
         """
         check_page(peer, headers)
         if headers.get("Origin") != f"http://{headers.get('Host')}":
-            raise Refused("only wayfarer's own page may connect")
+            raise RequestRefused("only wayfarer's own page may connect")
         has_token = compare_digest(_bytes(token), self._token)
         if not has_token and not is_local(peer):
-            raise Refused("open the page at the complete address that wayfarer printed at its start, with the token")
+            raise RequestRefused(
+                "open the page at the complete address that wayfarer printed at its start, with the token"
+            )
         return has_token
 
 
@@ -124,14 +126,14 @@ def check_page(peer: str, headers: Mapping[str, str]) -> None:
     """Allow a request for the page.
 
     Raises:
-        Refused: the text says why.
+        RequestRefused: the text says why.
     """
     if any(header in headers for header in OF_PROXIES):
-        raise Refused("this page does not work through a proxy: open it at the address that wayfarer printed")
+        raise RequestRefused("this page does not work through a proxy: open it at the address that wayfarer printed")
     if is_local(peer):
         name = host_name(headers.get("Host", "")) or ""
         if name != "localhost" and not is_local(name):
-            raise Refused("on this computer the page is at localhost or 127.0.0.1, and at no other name")
+            raise RequestRefused("on this computer the page is at localhost or 127.0.0.1, and at no other name")
 
 
 def is_local(peer: str) -> bool:

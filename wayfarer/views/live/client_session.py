@@ -20,7 +20,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from wayfarer.control.rate import RateLimiter
 from wayfarer.daemon.socket import protocol
 from wayfarer.daemon.socket.paths import has_gone
-from wayfarer.daemon.socket.protocol import Commands, Details, Refused, check, perform, read_line
+from wayfarer.daemon.socket.protocol import Commands, Details, RequestRefused, check, perform, read_line
 from wayfarer.errors import WayfarerError
 from wayfarer.views.live import demo_controls, manual_lease
 from wayfarer.views.live.broadcaster import PageViewer, TooSlow, ViewerLimits
@@ -156,7 +156,7 @@ class ClientSession:
             return await self._do_by_hand(fields)
         else:
             if do not in VERBS and isinstance(do, str) and do in protocol.VERBS:
-                raise Refused(f"{do} is not possible from the page: use wayfarer {do} in a terminal")
+                raise RequestRefused(f"{do} is not possible from the page: use wayfarer {do} in a terminal")
             if do in STARTING and self._demo is None:
                 self._check_start(str(do), fields.get("asked_s"), f", or use wayfarer {do} in a terminal")
             request = check(fields)
@@ -172,7 +172,7 @@ class ClientSession:
     async def _do_by_hand(self, fields: dict[str, object]) -> Details:
         """Do what drives the rover by hand. Samples are not limited: they are not written into the log one by one."""
         if self._demo is not None:
-            raise Refused("the rover of a demo cannot be driven by hand: use wayfarer run --sim --live --manual")
+            raise RequestRefused("the rover of a demo cannot be driven by hand: use wayfarer run --sim --live --manual")
         match fields["do"]:
             case manual_lease.BEGIN:
                 self._check_rate()
@@ -186,23 +186,30 @@ class ClientSession:
 
     def _check_rate(self) -> None:
         if not self._rate_limiter.take(asyncio.get_running_loop().time()):
-            raise Refused("too many requests at once: wait a second and try again")
+            raise RequestRefused("too many requests at once: wait a second and try again")
 
     def _is_there(self) -> bool:
         """Return whether the viewer still has the page open."""
-        return not (self._socket.closed or has_gone(self._request.transport))
+        line = self._request.transport
+        if line is None or line.is_closing() or self._socket.closed:
+            return False
+        return not has_gone(line.get_extra_info("socket"))
 
     def _check_start(self, what: str, asked_s: object, other_way: str = "") -> None:
         """Raise an error unless a request to start wheels has the token, and what its page shows is of now."""
         if not self.may_start:
-            raise Refused(f"{what} needs the token: open the page at the address that wayfarer status shows{other_way}")
+            raise RequestRefused(
+                f"{what} needs the token: open the page at the address that wayfarer status shows{other_way}"
+            )
         now_s = asyncio.get_running_loop().time()
         # What is no time is not new, and a state from the future is of another run.
         if not (isinstance(asked_s, int | float) and abs(now_s - asked_s) <= self._old_s):
-            raise Refused("the page showed an old state: look at the new one, and press again if it is still right")
+            raise RequestRefused(
+                "the page showed an old state: look at the new one, and press again if it is still right"
+            )
 
     def _do_in_demo(self, fields: dict[str, object]) -> None:
         """Do what only a demo can; it writes nothing into the log, and so is not limited."""
         if self._demo is None:
-            raise Refused(f"{fields['do']} is only for wayfarer demo: the clock of this run is the real one")
+            raise RequestRefused(f"{fields['do']} is only for wayfarer demo: the clock of this run is the real one")
         demo_controls.perform(fields, self._demo)

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 
-from wayfarer.daemon.socket.protocol import Commands, Details, Refused, check, perform
+from wayfarer.daemon.socket.protocol import Commands, Details, RequestRefused, check, perform
 from wayfarer.errors import WayfarerError
 
 BEGIN, DRIVE, END = VERBS = ("manual_begin", "manual_drive", "manual_end")
@@ -38,10 +38,10 @@ class ManualLease:
         """Ask for the wheels, and return ``deadman_s``; ``asked_s`` is when the person asked, on the daemon's clock.
 
         Raises:
-            Refused: they cannot be had now, or this viewer has asked already.
+            RequestRefused: they cannot be had now, or this viewer has asked already.
         """
         if self._asking:
-            raise Refused("this page has asked to drive by hand already: wait for the answer")
+            raise RequestRefused("this page has asked to drive by hand already: wait for the answer")
         self._asking = True
         try:
             details = await self._perform({"do": BEGIN, "asked_s": asked_s, "driver": DRIVER})
@@ -57,7 +57,7 @@ class ManualLease:
             WayfarerError: this viewer does not drive, or the daemon refuses the sample.
         """
         if self._lease is None:
-            raise Refused("this page does not drive the rover: press Drive by hand first")
+            raise RequestRefused("this page does not drive the rover: press Drive by hand first")
         sample = {key: fields.get(key) for key in ("seq", "forward", "turn", "sent_s")}
         return await self._perform({"do": DRIVE, "lease": self._lease, **sample})
 

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from aiohttp import web
 
-from wayfarer.daemon.socket.protocol import Commands, Refused
+from wayfarer.daemon.socket.protocol import Commands, RequestRefused
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.vocabulary import PHASE_TEXTS
 from wayfarer.views import palette
@@ -215,7 +215,7 @@ class LivePage:
             if request.method != "GET" or request.path not in self._routes:
                 return _plain(404, "only the page at / and its WebSocket at /ws are served here")
             return await self._routes[request.path](request)
-        except Refused as refusal:
+        except RequestRefused as refusal:
             return _plain(403, str(refusal))
         except web.HTTPBadRequest:
             return _plain(400, "only the page itself connects here, with a WebSocket: open / instead")

@@ -19,7 +19,7 @@ from pymavlink.dialects.v20 import common
 from wayfarer.commissioning.checks.system import device_files
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.rate import Rate, RateLimiter
-from wayfarer.daemon.socket.protocol import Commands, Refused
+from wayfarer.daemon.socket.protocol import Commands, RequestRefused
 from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.schema import Record
 from wayfarer.views.mavlink.link import COMPONENT, Address, Link
@@ -257,7 +257,7 @@ class GroundStation:
         try:
             await self._do[stop]()
             result = common.MAV_RESULT_ACCEPTED
-        except Refused as refusal:
+        except RequestRefused as refusal:
             result = common.MAV_RESULT_TEMPORARILY_REJECTED
             self._tell(f"{stop} refused: {refusal}")
         except WayfarerError as error:
