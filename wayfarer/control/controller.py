@@ -296,7 +296,7 @@ class Controller:
         observation = tick.observation = self._observe(tick)
         may_drive = manual or self.mode is _ARMED
         if gate.judge(conditions, armed=may_drive):
-            tick.wheels = gate.limit(self._wanted_by_hand(tick) if manual else self._wanted_wheels(tick))
+            tick.wheels = gate.limit(self._wanted_by_hand(tick) if manual else self._decide(tick))
         if manual:
             self._note_manual(tick)
         if gate.holds or manual:
@@ -319,12 +319,6 @@ class Controller:
         self._resume_warning.reset()
         self._detector.begin_arming()
 
-    def _wanted_wheels(self, tick: TickRecord) -> WheelCommand:
-        """Decide, once there has been a heading, and return the duties that are wanted."""
-        if tick.observation is not None:
-            tick.decision = self._decide(tick, tick.observation)
-        return tick.decision.wheels
-
     def _wanted_by_hand(self, tick: TickRecord) -> WheelCommand:
         """Return the duties that the person wants who drives."""
         forward, turn = self.manual.wanted(tick.t_s)
@@ -339,15 +333,21 @@ class Controller:
             self.manual.must_let_go()
             tick.decision = BY_HAND
 
-    def _decide(self, tick: TickRecord, observation: Observation) -> Decision:
-        """Return the decision of the algorithm, or of what has taken the wheels from it; its clock stands then."""
+    def _decide(self, tick: TickRecord) -> WheelCommand:
+        """Return the duties that the algorithm wants, or what has taken the wheels from it; its clock stands then."""
+        observation = tick.observation
+        if observation is None:
+            return STOP
         decision = self._recovery.decide(tick.t_s - self._held_s, observation)
         if decision is not None:
             self._away_s += tick.dt_s
-            return decision
-        decision = self._handler.decide(observation)
-        wheels = self._detector.grade.compensate(decision.wheels)
-        return decision if wheels is decision.wheels else decision._replace(wheels=wheels)
+        else:
+            decision = self._handler.decide(observation)
+            wheels = self._detector.grade.compensate(decision.wheels)
+            if wheels is not decision.wheels:
+                decision = decision._replace(wheels=wheels)
+        tick.decision = decision
+        return decision.wheels
 
     def _hear(self, inputs: Inputs) -> None:
         """Take what receiver, motor board and the computer's supply have said since the tick before."""
