@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import socket
+from contextlib import suppress
 from typing import Any
 
 import aiohttp
+import aiohttp.web
 import pytest
 
 from tests.views.live.test_server import TOKEN, first, pieces, serving
@@ -125,3 +127,33 @@ async def test_every_address_of_this_computer_means_both_kinds() -> None:
         for host in ("127.0.0.1", "::1"):
             _, writer = await asyncio.open_connection(host, port)
             writer.close()
+
+
+async def test_crowd_is_accepted_one_at_a_time_and_leaves_no_timer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A hundred connections each 30 ms, which need no token, held up the loop for 0.3 s, and with it the wheels."""
+    accepted = 0
+    begin = aiohttp.web.RequestHandler.connection_made
+
+    def count(self: aiohttp.web.RequestHandler, transport: asyncio.BaseTransport) -> None:
+        nonlocal accepted
+        accepted += 1
+        begin(self, transport)
+
+    monkeypatch.setattr(aiohttp.web.RequestHandler, "connection_made", count)
+    async with serving(limits=LIMITS._replace(connections=4)) as site, asyncio.timeout(10.0):
+        crowd = [socket.socket() for _ in range(100)]
+        for each in crowd:
+            each.setblocking(False)
+            with suppress(BlockingIOError):
+                each.connect(("127.0.0.1", site.port))
+        in_a_turn = []
+        while accepted < 100:
+            before = accepted
+            await asyncio.sleep(0)
+            in_a_turn.append(accepted - before)
+        assert max(in_a_turn) == 1
+        timers = asyncio.get_running_loop()._scheduled  # type: ignore[attr-defined]
+        assert len([each for each in timers if not each.cancelled()]) < 10
+        assert len(site.page._open()) <= 4
+        for each in crowd:
+            each.close()

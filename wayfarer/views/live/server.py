@@ -75,6 +75,8 @@ def _hash(text: str) -> str:
 
 STATE_S = 0.1
 REST_S = 0.02  # between two floods of events
+ACCEPT_S = 0.005  # between two connections, each of which takes the loop a millisecond or two; chosen by us
+NO_FILES_S = 0.1  # until accepting is tried again, where the process has no file descriptor left for it
 
 _bugs = logging.getLogger("wayfarer.views.live")
 _clients = logging.getLogger("wayfarer.views.live.clients")  # clients that do not speak HTTP are not reported
@@ -136,13 +138,15 @@ class LivePage:
         self._commands = commands
         loop = asyncio.get_running_loop()
         self._http = web.Server(self._answer, access_log=None, logger=_clients, lingering_time=0.0)
-        server = await loop.create_server(self._make_protocol, sock=self._socket)
-        telling = loop.create_task(self._tell_regularly(), name="live page")
+        working = (self._accept_all(), self._drop_idle(), self._tell_regularly())
+        tasks = [loop.create_task(each, name="live page") for each in working]
         try:
             yield
         finally:
-            telling.cancel()
-            server.close()
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            self._socket.close()
             await self._end()
 
     # -- what viewers are told -----------------------------------------------------------------------------------
@@ -190,25 +194,51 @@ class LivePage:
 
     # -- connections ---------------------------------------------------------------------------------------------
 
-    def _make_protocol(self) -> asyncio.Protocol:
-        """Return what serves a new connection, which must become a viewer's within ``handshake_s``.
+    async def _accept_all(self) -> None:
+        """Accept connections one at a time, with a pause after each: a crowd must not delay the control tick.
 
-        If all places are taken, the oldest connection that is not a viewer's is closed for it.
+        If all places are taken, or no file descriptor is left, the oldest connection that is not a viewer's is closed.
         """
-        taken = [each for each in self._http.connections if each.transport and not each.transport.is_closing()]
-        if len(taken) >= self._limits.connections:
-            idle = next((each for each in taken if each not in self._sessions), None)
-            if idle is None:
-                return _RejectedConnection()
-            _abort(idle)
-        connection = self._http()
         loop = asyncio.get_running_loop()
-        loop.call_later(self._limits.handshake_s, self._drop_idle, connection)
-        return connection
+        self._socket.setblocking(False)
+        while True:
+            try:
+                connection, _ = await loop.sock_accept(self._socket)
+            except (OSError, MemoryError):
+                self._make_place()
+                await asyncio.sleep(NO_FILES_S)
+                continue
+            if len(self._open()) < self._limits.connections or self._make_place():
+                try:
+                    await loop.connect_accepted_socket(self._http, connection)
+                except (OSError, MemoryError):  # it has gone already
+                    connection.close()
+            else:
+                connection.close()
+            await asyncio.sleep(ACCEPT_S)
 
-    def _drop_idle(self, connection: web.RequestHandler) -> None:
-        if connection not in self._sessions:
-            _abort(connection)
+    def _open(self) -> list[web.RequestHandler]:
+        """Return all connections, those that came first at the start."""
+        return [each for each in self._http.connections if each.transport and not each.transport.is_closing()]
+
+    def _make_place(self) -> bool:
+        """Close the oldest connection that is not a viewer's, and return whether there was one."""
+        idle = next((each for each in self._open() if each not in self._sessions), None)
+        if idle is not None:
+            _abort(idle)
+        return idle is not None
+
+    async def _drop_idle(self) -> None:
+        """Close each connection that has not become a viewer's within ``handshake_s``, up to a tenth of it later."""
+        limit_s = self._limits.handshake_s
+        since_s: dict[web.RequestHandler, float] = {}
+        while True:
+            now_s = asyncio.get_running_loop().time()
+            since_s = {each: since_s.get(each, now_s) for each in self._open() if each not in self._sessions}
+            for connection, came_s in since_s.items():
+                if now_s - came_s > limit_s:
+                    _abort(connection)
+            await asyncio.sleep(limit_s / 10.0)
 
     async def _answer(self, request: web.BaseRequest) -> web.StreamResponse:
         try:
@@ -262,13 +292,6 @@ class LivePage:
                 _abort(connection)
                 return True
         return False
-
-
-class _RejectedConnection(asyncio.Protocol):
-    """Ends a connection for which there is no room."""
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        transport.close()
 
 
 def _abort(connection: web.RequestHandler) -> None:
