@@ -210,7 +210,7 @@ def test_only_the_demo_arms_a_rover_by_itself_and_gives_a_page_buttons_for_the_c
         (["wayfarer.control.supervisor"], HEAVY),
         (["wayfarer.testing"], HEAVY),
         (["wayfarer.daemon.daemon"], HEAVY),
-        (["wayfarer.daemon.stop_motors", "wayfarer.daemon.stop_board"], HEAVY),
+        (["wayfarer.daemon.stop_motors"], HEAVY),
         (modules_of("commissioning", "config"), HEAVY),
         (modules_of("drivers"), HEAVY),
     ],

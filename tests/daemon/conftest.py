@@ -53,7 +53,7 @@ def path() -> Iterator[Path]:
 @pytest.fixture
 def left_turning(monkeypatch: pytest.MonkeyPatch, path: Path) -> None:
     """The bench's wheels turn. Daemons of this machine are not looked for, and what ends is not waited for long."""
-    monkeypatch.setattr("wayfarer.daemon.stop_board.AGAIN_S", 0.1)
+    monkeypatch.setattr("wayfarer.daemon.stop_motors.AGAIN_S", 0.1)
     monkeypatch.setattr("wayfarer.daemon.socket.paths.known_sockets", lambda: iter([path]))
     monkeypatch.setattr("wayfarer.daemon.socket.paths.known_folders", lambda: iter([path.parent]))
     bench.reset()

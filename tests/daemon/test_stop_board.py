@@ -119,7 +119,7 @@ def test_rover_file_is_found_in_the_working_folder_and_without_a_suffix(
 
 
 def test_shipped_rover_is_found_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wayfarer.daemon.stop_board.make_buses", lambda name: bench.buses)
+    monkeypatch.setattr("wayfarer.daemon.stop_motors.make_buses", lambda name: bench.buses)
     port = tomllib.loads((SHIPPED / "forestrover.toml").read_text(encoding="utf-8"))["parts"]["motors"]["port"]
     bench.buses.serial(port).chip = bench.buses.serial("/dev/serial0").chip
     assert "Sabertooth" in stop_motors("forestrover")

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import os
-import pwd
-import tempfile
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -15,10 +13,9 @@ import pytest
 from tests.daemon.left_turning import BUSES, SABERTOOTH, STILL, THUNDERBORG, bench, stop
 from tests.daemon.socket.fake_daemon import FakeDaemon, serve
 from wayfarer import cli
-from wayfarer.config.registry import find_driver
 from wayfarer.daemon.motors_lock import motors_lock
 from wayfarer.daemon.socket.client import NoDaemon
-from wayfarer.daemon.socket.driven import DrivenBoard, FoundRecord, write_record
+from wayfarer.daemon.socket.driven import DrivenBoard, write_record
 from wayfarer.daemon.socket.protocol import RequestRefused
 from wayfarer.daemon.stop_motors import stop_motors
 from wayfarer.errors import BadInput, WayfarerError
@@ -96,42 +93,6 @@ def test_recorded_driver_that_is_gone_is_no_success(rover_file: Path, path: Path
     assert bench.by_i2c.commanded == STILL
 
 
-def test_file_that_others_could_have_written_is_not_believed_and_that_is_told(rover_file: Path, record: Path) -> None:
-    record.chmod(0o646)
-    with pytest.raises(WayfarerError) as refused:
-        stop(rover_file, BUSES + SABERTOOTH)
-    assert refused.value.exit_code == 1, "what is driven may be another board than the rover file's"
-    assert bench.by_i2c.commanded != STILL
-    assert str(refused.value).endswith(f"; {record}: rejected: others may write to it (mode 0646); remove it")
-
-
-@pytest.mark.process
-@pytest.mark.skipif(os.geteuid() != 0, reason="only root can take another user's rights")
-def test_root_stops_what_another_user_recorded_with_that_user_s_rights(
-    rover_file: Path, record: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    """Its driver is code of that user's choice: here an interpreter that says who it is, and what it was given."""
-    asked = Path(tempfile.mkdtemp(dir="/tmp")) / "python"
-    asked.parent.chmod(0o755)
-    asked.write_text('#!/bin/sh\necho "I am $(id -u) of $(id -G), and was given $(cat) by $*"\n', encoding="utf-8")
-    asked.chmod(0o755)
-    for each in (record, record.parent):
-        os.chown(each, NOBODY, -1)
-    monkeypatch.setattr("sys.executable", str(asked))
-    only_ours = {"sabertooth": find_driver("sabertooth")}  # the other one is not imported as root
-    monkeypatch.setattr("wayfarer.daemon.stop_board.find_driver", only_ours.__getitem__)
-    said = stop(rover_file, BUSES + SABERTOOTH)
-    account = pwd.getpwuid(NOBODY)
-    groups = " ".join(map(str, sorted(os.getgrouplist(account.pw_name, account.pw_gid))))
-    assert f"{record}: I am {NOBODY} of {groups}, and was given " in said
-    assert said.startswith(f"the daemon's {record}"), "code that a rover file names comes last"
-    assert '{"motors": {"driver": "thunderborg"}, "buses": "tests.daemon.left_turning:buses"}' in said
-    assert "by -P -m wayfarer.daemon.stop_board (stopped as user" in said
-    monkeypatch.setattr("sys.executable", str(tmp_path / "none"))
-    with pytest.raises(WayfarerError, match=rf"no process of user {NOBODY}, whose file this is, could stop them"):
-        stop_motors(str(rover_file))
-
-
 # -- a daemon that is still there ----------------------------------------------------------------------------------
 
 
@@ -207,7 +168,7 @@ def test_daemon_of_another_user_is_found_by_its_lock(rover_file: Path, monkeypat
     ends = os.openpty()
     port = os.ttyname(ends[1])
     bench.buses.serial(port).chip = bench.buses.serial("/dev/serial0").chip
-    monkeypatch.setattr("wayfarer.daemon.stop_board.make_buses", lambda name: bench.buses)
+    monkeypatch.setattr("wayfarer.daemon.stop_motors.make_buses", lambda name: bench.buses)
     table = SABERTOOTH + f'port = "{port}"\n'
     who = rf"another wayfarer \(process {os.getpid()}\)"
     with motors_lock(port), pytest.raises(WayfarerError, match=f"stop was sent, but {who} still commands these wheels"):
@@ -291,86 +252,91 @@ def test_file_of_the_system_is_stopped_without_being_named(monkeypatch: pytest.M
     assert bench.by_serial.commanded == STILL
 
 
-# -- code that a rover file names ------------------------------------------------------------------------------------
+# -- code that a file names ------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
 def ran(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """What is stopped, in order; nothing is imported."""
+    """The buses of what root stops, in order; nothing is imported."""
     names: list[str] = []
 
-    def stopped(driven: DrivenBoard) -> str:
+    async def stopped(driven: DrivenBoard) -> str:
         names.append(driven.buses)
         return "stopped"
 
-    monkeypatch.setattr("wayfarer.daemon.stop_motors.stop_board", stopped)
-    monkeypatch.setattr("wayfarer.daemon.stop_motors._stop_as", lambda owner, driven: f"{stopped(driven)} as {owner}")
+    monkeypatch.setattr("wayfarer.daemon.stop_motors._stop", stopped)
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
     return names
 
 
-@pytest.mark.parametrize("named", ['buses = "os:abort"\n' + THUNDERBORG, '[parts.motors]\ndriver = "os:abort"\n'])
-@pytest.mark.parametrize("mode", [0o664, 0o646])
-def test_root_runs_no_code_of_a_rover_file_that_others_may_write(
-    rover_file: Path, record: Path, ran: list[str], monkeypatch: pytest.MonkeyPatch, mode: int, named: str
+def owned(monkeypatch: pytest.MonkeyPatch, theirs: Path, uid: int) -> None:
+    """Let a file belong to a user."""
+    inode, fstat = theirs.stat().st_ino, os.fstat
+
+    def about(number: int) -> os.stat_result:
+        there = fstat(number)
+        return os.stat_result((*there[:4], uid if there.st_ino == inode else 0, *there[5:]))
+
+    monkeypatch.setattr(os, "fstat", about)
+
+
+CODE = ('buses = "os:abort"\n' + THUNDERBORG, '[parts.motors]\ndriver = "os:abort"\n')
+
+
+@pytest.mark.parametrize("named", CODE)
+@pytest.mark.parametrize(("mode", "uid"), [(0o664, 0), (0o646, 0), (0o600, NOBODY)])
+def test_root_runs_no_code_that_another_user_s_rover_file_names(
+    rover_file: Path, record: Path, ran: list[str], monkeypatch: pytest.MonkeyPatch, mode: int, uid: int, named: str
 ) -> None:
-    monkeypatch.setattr(os, "geteuid", lambda: 0)
     rover_file.write_text(named, encoding="utf-8")
     rover_file.chmod(mode)
+    owned(monkeypatch, rover_file, uid)
     said = stop_motors(str(rover_file))
-    assert ran == ["tests.daemon.left_turning:buses"], "what the daemon drove is stopped"
-    assert f"{rover_file}: rejected: others may write to it (mode {mode:04o})" in said
+    assert ran == ["tests.daemon.left_turning:buses"], "what root's daemon drove is stopped"
+    assert f"{rover_file}: rejected: it names code, and root runs none" in said
     record.unlink()
-    with pytest.raises(BadInput, match="chmod go-w"):
+    with pytest.raises(BadInput, match=r"sudo -u.*chmod go-w.*; no stop is certain: switch the motors' power off"):
         stop_motors(str(rover_file))
+
+
+def test_root_runs_no_code_that_another_user_s_daemon_has_recorded_and_asks_it(
+    rover_file: Path, record: Path, path: Path, ran: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    owned(monkeypatch, record, NOBODY)
+    asked = ask_that(monkeypatch, path, dict)
+    with pytest.raises(WayfarerError, match=rf"{record}: rejected: it names code.*; the daemon at {path} says") as said:
+        stop_motors(str(rover_file))
+    assert (ran, said.value.exit_code, len(asked)) == ([], 1, 1)
+    rover_file.write_text(THUNDERBORG, encoding="utf-8")
+    with pytest.raises(WayfarerError, match="rejected: it names code") as said:
+        stop_motors(str(rover_file))
+    assert (ran, said.value.exit_code) == (["linux"], 1), "wheels may turn that root's file does not name"
+
+
+def test_code_that_root_s_own_file_names_too_is_run(
+    rover_file: Path, record: Path, ran: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    owned(monkeypatch, record, NOBODY)
+    rover_file.write_text(BUSES + THUNDERBORG, encoding="utf-8")
+    assert stop_motors(str(rover_file)) == f"the daemon's {record} and {rover_file}: stopped"
+    assert ran == ["tests.daemon.left_turning:buses"]
 
 
 def test_root_stops_wayfarer_s_own_driver_whoever_may_write_the_file(
     rover_file: Path, ran: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It names no code, and a stop is harmless."""
-    monkeypatch.setattr(os, "geteuid", lambda: 0)
     rover_file.write_text(THUNDERBORG, encoding="utf-8")
     rover_file.chmod(0o666)
+    owned(monkeypatch, rover_file, NOBODY)
     assert stop_motors(str(rover_file)).endswith("rover.toml: stopped")
     assert ran == ["linux"]
 
 
-def test_root_runs_the_code_of_a_user_s_rover_file_with_that_user_s_rights(
-    rover_file: Path, ran: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    rover_file.touch()
-    there = rover_file.stat()
-    named = (DrivenBoard({"driver": "thunderborg"}, "signal:pause"), os.stat_result((*there[:4], NOBODY, *there[5:])))
-    monkeypatch.setattr("wayfarer.daemon.stop_motors.motors_of", lambda _: named)
-    monkeypatch.setattr(os, "geteuid", lambda: 0)
-    assert stop_motors(str(rover_file)).endswith(f"stopped as {NOBODY}")
-
-
-def test_board_that_root_s_own_file_names_too_needs_no_process_of_the_user_who_recorded_it(
+def test_code_comes_after_everything_else(
     rover_file: Path, record: Path, ran: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Such a process takes a second to start on a small computer, and that user may be unable to import wayfarer."""
-    monkeypatch.setattr(os, "geteuid", lambda: 0)
-    recorded = FoundRecord(DrivenBoard({"driver": "thunderborg"}, "linux"), NOBODY)
-    monkeypatch.setattr("wayfarer.daemon.stop_motors.read_record", lambda _: recorded)
-    rover_file.write_text(THUNDERBORG, encoding="utf-8")
-    assert stop_motors(str(rover_file)) == f"the daemon's {record} and {rover_file}: stopped"
-    assert ran == ["linux"]
-
-
-def test_code_of_a_rover_file_comes_after_everything_else(
-    rover_file: Path, record: Path, path: Path, ran: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """It may hang, or end the process; a file names one board, so the order is seen between the two sources."""
-    monkeypatch.setattr("wayfarer.daemon.stop_motors._is_trusted", lambda owner: owner != NOBODY)
-    monkeypatch.setattr(
-        "wayfarer.daemon.stop_motors.read_record",
-        lambda _: FoundRecord(DrivenBoard({"driver": "sabertooth"}, "recorded:buses"), NOBODY),
-    )
-    rover_file.write_text('buses = "os:abort"\n' + THUNDERBORG, encoding="utf-8")
-    stop_motors(str(rover_file))
-    assert ran == ["recorded:buses", "os:abort"]
-    ran.clear()
+    """It may hang, or end the process."""
     rover_file.write_text(THUNDERBORG, encoding="utf-8")
     stop_motors(str(rover_file))
-    assert ran == ["linux", "recorded:buses"], "another user's process may take long"
+    assert ran == ["linux", "tests.daemon.left_turning:buses"]

@@ -2,48 +2,43 @@
 
 Which motors a daemon drives is in its record (``daemon/socket/driven.py``), and nowhere else: the rover file may have
 changed since it began. The motors of the rover file are stopped as well. They may be other ones by now, which nobody
-has recorded; a stop is harmless for both. The rover file is used as it is, and one that is broken is refused. If no
-board was stopped, the daemons are asked.
+has recorded; a stop is harmless for both. The rover file is used as it is, and one that is broken is refused. If a
+daemon still runs and would turn the wheels again, it is asked to stop; so it is if no board was stopped.
 
-Both can name code to import. Root runs it with the rights of the user who wrote it, and only if nobody else can have
-written it. Code of a rover file comes last, because it may hang or end this process.
+Both can name code to import. Root runs it only if nobody but root can have written the file. Boards that need it come
+last, because it may hang or end this process.
 """
 
 from __future__ import annotations
 
-import json
+import asyncio
 import os
-import pwd
-import subprocess
-import sys
 import tomllib
+from dataclasses import fields
 from pathlib import Path
-from stat import S_IMODE
 from typing import NamedTuple
 
+from wayfarer.config.registry import find_driver, make_buses
 from wayfarer.config.rover_path import ROVER_FILE_BYTES, rover_path
+from wayfarer.daemon.motors_lock import device_of, other_commander
 from wayfarer.daemon.socket.driven import DrivenBoard, known_records, read_record
 from wayfarer.daemon.socket.paths import OTHERS_WRITE
-from wayfarer.daemon.stop_board import ask_daemons, stop_board
-from wayfarer.errors import BadConfig, BadInput, WayfarerError, kind_and_text, one_line
+from wayfarer.errors import BadConfig, BadInput, DriverError, NotResponding, WayfarerError, kind_and_text
 from wayfarer.files import open_regular
+from wayfarer.hal import STOP, DriveMotors
 
-HELPER_TIMEOUT_S = 15.0  # for a process with another user's rights: TimeoutStopSec in the unit
-MAX_OUTPUT = 500  # characters of what such a process writes that are shown; chosen by us
+ASK_S = 1.0  # for a daemon's answer
+AGAIN_S, AGAIN_EVERY_S = 0.5, 0.05  # a daemon that ends may have commands under way
+CLOSE_WAIT_S = 2.0  # for a bus that hangs to work again: then the posted stop is sent first
 
 
 class BoardToStop(NamedTuple):
-    """A board to stop: where it is written, the user who chose its driver, and whether a daemon recorded it."""
+    """A board to stop: where it is written, whether a daemon recorded it, whether its code may be run."""
 
     where: str
     driven: DrivenBoard
-    owner: int
     recorded: bool
-
-    @property
-    def order(self) -> tuple[bool, bool]:
-        """When to stop it, the lowest first; a process of another user may take long."""
-        return not self.recorded and self.driven.names_code, not _is_trusted(self.owner)
+    trusted: bool
 
 
 class StopResult(NamedTuple):
@@ -62,27 +57,33 @@ def stop_motors(name_or_path: str) -> str:
 
     Raises:
         BadInput: nothing was stopped, because neither rover file nor record can be used.
-        WayfarerError: a board did not answer, a daemon still commands it, or a record cannot be trusted.
+        WayfarerError: a board did not answer, a daemon still commands it, or a record cannot be used.
     """
     boards: list[BoardToStop] = []
     unusable: list[StopResult] = []
     for record in known_records():
         try:
-            if found := read_record(record):
-                _add(boards, BoardToStop(f"the daemon's {record}", *found, recorded=True))
+            if (found := read_record(record)) is not None:
+                _add(boards, BoardToStop(f"the daemon's {record}", found[0], True, _is_trusted(*found)))
         except BadInput as error:
             unusable.append(StopResult(str(error), 1))  # it may be for another board than that of the rover file
     path = rover_path(name_or_path)
     try:
-        driven, file = motors_of(path)
-        _add(boards, BoardToStop(str(path), driven, _chosen_by(driven, file), recorded=False))
+        named = motors_of(path)
+        _add(boards, BoardToStop(str(path), named[0], False, _is_trusted(*named)))
     except BadInput as error:
         unusable.append(StopResult(f"{path}: {error}", error.exit_code))
-    results = [_stopped(board) for board in sorted(boards, key=lambda board: board.order)] + unusable
+    results = [_stopped(board) for board in sorted(boards, key=lambda board: board.driven.names_code)] + unusable
     text = "; ".join(result.text for result in results)
     codes = {result.exit_code for result in results}
-    if not boards or codes == {2}:
-        text += f"; {_asked()}"
+    if codes == {2} or not any(board.trusted for board in boards):
+        # A daemon may have begun with a file that was whole then, and its record may be lost, or not be readable.
+        agreed = ", ".join(str(place) for place, agrees in ask_daemons().items() if agrees)
+        text += (
+            f"; the daemon at {agreed} says that it stops"
+            if agreed
+            else "; no stop is certain: switch the motors' power off"
+        )
     if 1 in codes:
         raise WayfarerError(text)
     if 0 not in codes:
@@ -90,31 +91,19 @@ def stop_motors(name_or_path: str) -> str:
     return text
 
 
-def _asked() -> str:
-    """Ask the daemons that this user may reach to stop, where no board was stopped; say what came of it.
-
-    A daemon may have begun with a file that was whole then, and its record may be lost, or not be readable.
-    """
-    agreed = ", ".join(str(place) for place, agrees in ask_daemons().items() if agrees)
-    return (
-        f"the daemon at {agreed} says that it stops" if agreed else "no stop is certain: switch the motors' power off"
-    )
-
-
 def _add(boards: list[BoardToStop], new: BoardToStop) -> None:
-    """Add a board. One that two sources name is kept once, with both names.
-
-    The caller's own rights are used if either source is the caller's own.
-    """
+    """Add a board. One that two sources name is kept once, with both names; one of them suffices to trust it."""
     for index, board in enumerate(boards):
         if board.driven == new.driven:
-            owner = new.owner if board.owner != os.geteuid() else board.owner
-            boards[index] = board._replace(where=f"{board.where} and {new.where}", owner=owner)
+            where, trusted = f"{board.where} and {new.where}", board.trusted or new.trusted
+            boards[index] = board._replace(where=where, trusted=trusted)
             return
     boards.append(new)
 
 
-# -- the rover file ----------------------------------------------------------------------------------------------------
+def _is_trusted(driven: DrivenBoard, file: os.stat_result) -> bool:
+    """Return whether what a file names may run here; a person answers for it, but root may have been given one."""
+    return os.geteuid() != 0 or not driven.names_code or (file.st_uid == 0 and not file.st_mode & OTHERS_WRITE)
 
 
 def motors_of(path: Path) -> tuple[DrivenBoard, os.stat_result]:
@@ -142,69 +131,100 @@ def motors_of(path: Path) -> tuple[DrivenBoard, os.stat_result]:
     return DrivenBoard(table, str(rover.get("buses", "linux"))), about
 
 
-def _chosen_by(driven: DrivenBoard, file: os.stat_result) -> int:
-    """Return with which user's rights to stop the board of a rover file.
-
-    A person answers for the file that they name, but root may have been given one that others wrote.
-
-    Raises:
-        BadInput: it names code that root must not run, because others can have written it.
-    """
-    if os.geteuid() != 0 or not driven.names_code:
-        return os.geteuid()
-    if file.st_mode & OTHERS_WRITE:
-        raise BadInput(
-            f"rejected: others may write to it (mode {S_IMODE(file.st_mode):04o}), and it names code for root to run:"
-            " see what it names and take that right away (chmod go-w), or switch the motors' power off"
-        )
-    return file.st_uid
-
-
-# -- stopping ----------------------------------------------------------------------------------------------------------
-
-
-def _is_trusted(owner: int) -> bool:
-    """Return whether code that this user chose may run with the rights of this process."""
-    return owner in {0, os.geteuid()}
+# -- one board -------------------------------------------------------------------------------------------------------
 
 
 def _stopped(board: BoardToStop) -> StopResult:
     try:
-        text = stop_board(board.driven) if _is_trusted(board.owner) else _stop_as(board.owner, board.driven)
+        if not board.trusted:
+            raise BadInput(
+                "rejected: it names code, and root runs none that another user can have written: stop them as that user"
+                " (sudo -u), take the right to write it from the others (chown root, chmod go-w), or switch the motors'"
+                " power off"
+            )
+        return StopResult(f"{board.where}: {asyncio.run(_stop(board.driven))}", 0)
     except WayfarerError as error:
         return StopResult(f"{board.where}: {error}", 1 if board.recorded else error.exit_code)
-    return StopResult(f"{board.where}: {text}", 0)
-
-
-def _stop_as(owner: int, driven: DrivenBoard) -> str:
-    """Stop a board in a process of the user who chose its driver: to import that as root would make them root.
-
-    Raises:
-        WayfarerError: it was not stopped; in the words of that process, or why there is none.
-    """
-    try:
-        account = pwd.getpwuid(owner)
-        done = subprocess.run(
-            [sys.executable, "-P", "-m", "wayfarer.daemon.stop_board"],
-            input=json.dumps(driven._asdict()),
-            user=owner,
-            group=account.pw_gid,
-            extra_groups=os.getgrouplist(account.pw_name, account.pw_gid),  # those that may open the device files
-            start_new_session=True,  # without this terminal, which takes what is typed into it for root's
-            cwd="/",
-            env=os.environ | {"XDG_RUNTIME_DIR": f"/run/user/{owner}"},  # where that user's daemon listens
-            capture_output=True,
-            encoding="utf-8",
-            errors="replace",
-            timeout=HELPER_TIMEOUT_S,
-            check=False,
+    # A daemon has checked the settings that it recorded. Those of a rover file are used unchecked, because a stop must
+    # not wait for pydantic to load, and the driver raises what is wrong. A third party's driver may raise anything.
+    except Exception as error:
+        text = (
+            f"[parts.motors] cannot be used, nothing may have been stopped: {kind_and_text(error)}; switch the motors'"
+            " power off, see wayfarer check"
         )
-    except (OSError, KeyError, subprocess.SubprocessError) as error:
-        why = f"no process of user {owner}, whose file this is, could stop them ({kind_and_text(error)})"
-        raise WayfarerError(f"nothing may have been stopped: {why}; switch the motors' power off") from None
-    # Control characters of another user's program would be commands to root's terminal.
-    printed = "".join(each if each.isprintable() else " " for each in done.stdout + done.stderr)
-    text = one_line(printed)[-MAX_OUTPUT:]
-    if done.returncode != 0:
-        raise WayfarerError(text or "nothing may have been stopped; switch the motors' power off")
-    return f"{text} (stopped as user {owner}, whose file this is)"
+        return StopResult(f"{board.where}: {text}", 1 if board.recorded else BadConfig.exit_code)
+
+
+async def _stop(driven: DrivenBoard) -> str:
+    """Stop the wheels first; then see whether a daemon would turn them again; then ask the board."""
+    table, buses_name = driven
+    driver = find_driver(table["driver"])
+    if getattr(driver, "part", None) != "motors":
+        raise BadConfig(f"driver '{table['driver']}' in [parts.motors] drives no motors")
+    known = {field.name for field in fields(driver.Settings)}
+    settings = driver.Settings(**{key: value for key, value in table.items() if key in known})
+    buses = make_buses(buses_name)
+    motors: DriveMotors = driver(settings, buses)
+    try:
+        await motors.stop()
+        agreed = ask_daemons()
+        other = other_commander(device_of(buses_name, settings))
+        if agreed or other:
+            for _ in range(round(AGAIN_S / AGAIN_EVERY_S)):
+                await asyncio.sleep(AGAIN_EVERY_S)
+                await motors.stop()
+        refusing = next((f"a wayfarer daemon at {place}" for place, agrees in agreed.items() if not agrees), None)
+        if refusing or (other and not agreed):
+            raise WayfarerError(
+                f"stop was sent, but {other or refusing} still commands these wheels: end it with 'wayfarer stop' or"
+                " 'systemctl stop wayfarer', or switch the motors' power off"
+            )
+        return await _confirmed(motors)
+    finally:
+        await motors.close()
+        await buses.close(CLOSE_WAIT_S)
+
+
+async def _confirmed(motors: DriveMotors) -> str:
+    """Return a sentence with the board's report about its wheels."""
+    try:
+        try:
+            await motors.drive(STOP)  # unlike stop(), it says whether the board was there
+        except NotResponding as error:
+            if not str(error).endswith("not open"):
+                raise
+            try:  # the reason why it could not: stop() never raises
+                await motors.open()
+            except DriverError as why:
+                raise WayfarerError(f"no stop could be sent, switch the motors' power off: {why}") from None
+        turning = await motors.read_back()
+    except DriverError as error:
+        raise WayfarerError(f"no stop was acknowledged: {error}; switch the motors' power off") from None
+    if turning is None:
+        return f"stop was sent to {motors.name}, which cannot confirm it"
+    if turning != STOP:
+        raise WayfarerError(f"{motors.name} was commanded to stop and still says {turning}: switch its power off")
+    return f"{motors.name} says that the wheels are stopped"
+
+
+def ask_daemons() -> dict[Path, bool]:
+    """Ask every daemon that this user may reach to stop; return for each socket whether the daemon agreed.
+
+    Not only the daemon of the record: one whose record was rejected may drive this board as well.
+    """
+    from wayfarer.daemon.socket.client import NoDaemon, ask
+    from wayfarer.daemon.socket.paths import known_sockets
+
+    agreed: dict[Path, bool] = {}
+    for place in dict.fromkeys(known_sockets()):
+        if not os.access(place, os.W_OK):
+            continue  # another user's daemon cannot be asked; the lock of the motors shows whether it drives them
+        try:
+            ask({"do": "stop"}, place, ASK_S)
+        except (NoDaemon, BadInput):
+            continue
+        except WayfarerError:
+            agreed[place] = False
+        else:
+            agreed[place] = True
+    return agreed

@@ -1,4 +1,4 @@
-"""What a daemon drives is written down whole, and believed only where nobody else can have written it."""
+"""What a daemon drives is written down whole, and read with whose file it is."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def record(path: Path) -> Path:
 
 
 def test_what_was_written_is_read_and_gone_when_it_is_removed(path: Path, record: Path) -> None:
-    assert read_record(record) == (DRIVEN, ME)
+    assert read_record(record) == (DRIVEN, record.stat())
     assert S_IMODE(record.stat().st_mode) == 0o600
     assert list(record.parent.iterdir()) == [record]
     remove_record(path)
@@ -43,7 +43,7 @@ def test_what_was_written_is_read_and_gone_when_it_is_removed(path: Path, record
 
 def test_next_daemon_s_takes_the_place_of_one_that_was_left(path: Path, record: Path) -> None:
     write_record(path, DrivenBoard({"driver": "thunderborg"}, "some:buses"))
-    assert read_record(record) == (({"driver": "thunderborg"}, "some:buses"), ME)
+    assert read_record(record) == (({"driver": "thunderborg"}, "some:buses"), record.stat())
 
 
 def test_folder_that_cannot_be_written_to_is_told(path: Path) -> None:
@@ -68,12 +68,9 @@ def says(text: str) -> Callable[[Path], object]:
 @pytest.mark.parametrize(
     ("done", "why"),
     [
-        (lambda record: record.chmod(0o620), r"others may write to it \(mode 0620\)"),
-        (lambda record: record.chmod(0o602), r"others may write to it \(mode 0602\)"),
-        (lambda record: record.parent.chmod(0o770), r"others may write to its folder \(mode 0770\)"),
-        (lambda record: record.parent.chmod(0o1777), r"others may write to its folder \(mode 1777\)"),
-        (other_link, "it is a symlink"),
-        (pipe, "it is no ordinary file"),
+        (other_link, "no daemon wrote this"),
+        (pipe, "no daemon wrote this"),
+        (lambda record: (record.unlink(), record.mkdir()), "no daemon wrote this"),
         (says(""), "no daemon wrote this"),
         (says("{}"), "no daemon wrote this"),
         (says("[" * 100_000), "no daemon wrote this"),
@@ -87,41 +84,6 @@ def test_what_cannot_be_believed_is_told(record: Path, done: Callable[[Path], ob
     done(record)
     with pytest.raises(BadInput, match=rf"motors\.json: rejected: {why}"):
         read_record(record)
-
-
-@pytest.mark.parametrize(
-    ("user", "file", "folder", "why"),
-    [
-        (1000, 1000, 1000, None),
-        (1000, 0, 0, None),
-        (1000, 1000, 0, None),
-        (1000, 1001, 1001, "it belongs to user 1001"),
-        (1000, 1001, 0, "it belongs to user 1001"),
-        (1000, 1000, 1001, "its folder belongs to user 1001, and it to user 1000"),
-        (1000, 0, 1001, "its folder belongs to user 1001, and it to user 0"),
-        (0, 1001, 1001, None),
-        (0, 1001, 0, None),
-        (0, 0, 1001, "its folder belongs to user 1001, and it to user 0"),
-        (0, 1001, 1002, "its folder belongs to user 1002, and it to user 1001"),
-    ],
-)
-def test_owner_is_this_user_or_root_and_root_takes_every_owner_s_as_theirs(
-    record: Path, monkeypatch: pytest.MonkeyPatch, user: int, file: int, folder: int, why: str | None
-) -> None:
-    monkeypatch.setattr(os, "geteuid", lambda: user)
-    inode, fstat = record.stat().st_ino, os.fstat
-
-    def owned(number: int) -> os.stat_result:
-        about = list(fstat(number))
-        about[4] = file if about[1] == inode else folder
-        return os.stat_result(about)
-
-    monkeypatch.setattr(os, "fstat", owned)
-    if why is None:
-        assert read_record(record) == (DRIVEN, file)
-    else:
-        with pytest.raises(BadInput, match=why):
-            read_record(record)
 
 
 @pytest.mark.skipif(ME != 0, reason="root reads everything, and only root can become somebody else")

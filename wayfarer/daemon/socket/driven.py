@@ -1,19 +1,15 @@
 """The record of the motors that a daemon drives, in a file beside its socket.
 
-The file names code to import (``driver``, ``buses``), so it is used only if nobody but its owner and root can have
-written it: nobody else may write to it or to its folder, and the owner is this user or root. Root uses the file of any
-owner, and must act with that owner's rights.
+It names drivers and buses, so perhaps code to import; root asks who owns the file before it runs that.
 """
 
 from __future__ import annotations
 
-import errno
 import json
 import os
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from stat import S_IMODE, S_ISREG
 from typing import Any, NamedTuple
 
 from wayfarer.daemon.socket import paths
@@ -34,13 +30,6 @@ class DrivenBoard(NamedTuple):
     def names_code(self) -> bool:
         """Whether it names a function to import, and not only drivers and buses that are installed."""
         return ":" in self.motors["driver"] or ":" in self.buses
-
-
-class FoundRecord(NamedTuple):
-    """What a daemon recorded, and the user who owns the file."""
-
-    driven: DrivenBoard
-    owner: int
 
 
 def write_record(socket_path: Path, driven: DrivenBoard) -> None:
@@ -69,55 +58,21 @@ def known_records() -> Iterator[Path]:
     return (folder / NAME for folder in dict.fromkeys(paths.known_folders()))
 
 
-def read_record(path: Path) -> FoundRecord | None:
-    """Return what a daemon recorded; None if there is no record, or none that this user may read.
+def read_record(path: Path) -> tuple[DrivenBoard, os.stat_result] | None:
+    """Return what a daemon recorded, and whose file it is; None if there is none, or none that this user may read.
 
     Raises:
-        BadInput: the record cannot be trusted or understood; the text names the file and says why.
+        BadInput: no daemon wrote this; the text names the file.
     """
     try:
-        folder = os.open(path.parent, os.O_PATH | os.O_DIRECTORY)
-    except OSError:
-        return None
-    try:
-        return _read(path, folder)
-    except (FileNotFoundError, PermissionError):
-        return None
-    except OSError as error:
-        why = "is a symlink" if error.errno == errno.ELOOP else f"cannot be read: {error.strerror}"
-        raise BadInput(f"{path}: rejected: it {why}") from None
-    finally:
-        os.close(folder)
-
-
-def _read(path: Path, folder: int) -> FoundRecord | None:
-    # A symlink is not followed, and a pipe that nobody writes to does not block this.
-    file = os.open(path.name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK, dir_fd=folder)
-    with os.fdopen(file, "rb") as reader:
-        about = os.fstat(file)
-        if why := _why_untrusted(about, os.fstat(folder)):
-            raise BadInput(f"{path}: rejected: {why}; remove it")
-        text = reader.read(MAX_BYTES)
-    try:
-        fields = json.loads(text)
-        driven = DrivenBoard(**fields)
+        # A symlink is not followed, and a pipe that nobody writes to does not block this.
+        with os.fdopen(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file:
+            about, text = os.fstat(file.fileno()), file.read(MAX_BYTES)
+        driven = DrivenBoard(**json.loads(text))
         if not isinstance(driven.motors["driver"], str) or not isinstance(driven.buses, str):
             raise TypeError
-    except (ValueError, TypeError, KeyError, RecursionError):
+    except (FileNotFoundError, NotADirectoryError, PermissionError):
+        return None
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):
         raise BadInput(f"{path}: rejected: no daemon wrote this; remove it") from None
-    return FoundRecord(driven, about.st_uid)
-
-
-def _why_untrusted(file: os.stat_result, folder: os.stat_result) -> str | None:
-    """Return why a file must not be trusted, or None."""
-    user = os.geteuid()
-    if not S_ISREG(file.st_mode):
-        return "it is no ordinary file"
-    for what, about in (("it", file), ("its folder", folder)):
-        if about.st_mode & paths.OTHERS_WRITE:
-            return f"others may write to {what} (mode {S_IMODE(about.st_mode):04o})"
-    if user not in {0, file.st_uid} and file.st_uid != 0:
-        return f"it belongs to user {file.st_uid}"
-    if folder.st_uid not in {0, file.st_uid}:
-        return f"its folder belongs to user {folder.st_uid}, and it to user {file.st_uid}"
-    return None
+    return driven, about
