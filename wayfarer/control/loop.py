@@ -25,6 +25,11 @@ class WheelMotors(Protocol):
         """Send a stop without waiting for it."""
 
 
+def loop_time() -> float:
+    """Return the time of now, on the clock of the running loop."""
+    return asyncio.get_running_loop().time()
+
+
 class ControlLoop:
     """Does the control ticks until something ends the run; ``ticked`` is set by the first one.
 
@@ -33,8 +38,8 @@ class ControlLoop:
         inbox: has what came from outside.
         controller: decides.
         log: takes each tick, and what followed from it.
-        clock: the time of now, on the clock of the ticks.
         late_s: the age of a tick beyond which its command is a stop.
+        clock: the time of now, on the clock of the ticks.
     """
 
     def __init__(
@@ -43,8 +48,8 @@ class ControlLoop:
         inbox: Inbox,
         controller: Controller,
         log: RunLog,
-        clock: Callable[[], float],
         late_s: float,
+        clock: Callable[[], float] = loop_time,
     ) -> None:
         self._motors = motors
         self._inbox = inbox
@@ -70,25 +75,22 @@ class ControlLoop:
         Raises:
             MemoryError: see ``Controller.lose_tick``.
         """
+        controller = self._controller
         try:
-            await self._tick(t_s)
+            tick, mode = controller.step(self._inbox.take(t_s)), controller.mode
+            if tick.halts:
+                self._motors.halt()
+            tick.applied = self._inbox.next.applied = await self._drive(t_s, tick.wheels)
+            if tick.wheels != STOP and (controller.mode is not mode or not controller.may_turn):
+                self._motors.halt()  # somebody stopped the rover, or took it over; the command may have come after that
+            controller.last = tick
+            self._log.tick(tick)
+            for name, details in tick.concluded:
+                self._log.event(name, t_s, **details)
         except MemoryError as error:
             self._motors.halt()
             self._inbox.next.applied = STOP
-            self._controller.lose_tick(t_s, error)
-
-    async def _tick(self, t_s: float) -> None:
-        controller = self._controller
-        tick, mode = controller.step(self._inbox.take(t_s)), controller.mode
-        if tick.halts:
-            self._motors.halt()
-        tick.applied = self._inbox.next.applied = await self._drive(t_s, tick.wheels)
-        if tick.wheels != STOP and (controller.mode is not mode or not controller.may_turn):
-            self._motors.halt()  # somebody stopped the rover, or took it over, and the command may have come after that
-        controller.last = tick
-        self._log.tick(tick)
-        for name, details in tick.concluded:
-            self._log.event(name, t_s, **details)
+            controller.lose_tick(t_s, error)
 
     async def _drive(self, t_s: float, command: WheelCommand) -> WheelCommand:
         """Apply the command of the tick that began at ``t_s``, and return what was applied.

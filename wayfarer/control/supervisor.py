@@ -18,7 +18,7 @@ from math import inf, nextafter
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.board_watch import BoardWatch
 from wayfarer.control.controller import Controller
-from wayfarer.control.loop import ControlLoop
+from wayfarer.control.loop import ControlLoop, loop_time
 from wayfarer.control.modes import Mode, Outcome, Refused
 from wayfarer.control.rate import Rate
 from wayfarer.control.run_log import NOTE_HZ, DriverCounters, RunLog
@@ -71,7 +71,7 @@ class Supervisor:
         needs = check_parts(rover, algorithm, config)
         detector = make_detector(config, needs, watches_motion=rover.motion is not None)
         self.controller = Controller(config, detector, handler, log, ladder_seed=ladder_seed, goes_on=goes_on)
-        self.loop = ControlLoop(rover.motors, self.inbox, self.controller, log, _loop_time, config.safety.tick_late_s)
+        self.loop = ControlLoop(rover.motors, self.inbox, self.controller, log, config.safety.tick_late_s)
         self._board = BoardWatch(rover.motors, self.inbox, self.controller, log, config.board.health_hz)
         self._patience_s = config.detector.compass_stale_s  # after this a silent compass is a condition
         self._over_s = -inf  # permissions that were given before are void
@@ -154,7 +154,7 @@ class Supervisor:
     def _refuse_void(self, asked: Asked) -> None:
         """Raise ``NotArmed`` if a permission does not count any more."""
         over = "the run is ending" if self.controller.end is not None else ""
-        if why := over or asked.why_void(_loop_time(), self._over_s):
+        if why := over or asked.why_void(loop_time(), self._over_s):
             raise NotArmed(f"not started: {why}: look at the rover, and ask again if that is still right")
 
     def _use(self, asked: Asked) -> float:
@@ -165,7 +165,7 @@ class Supervisor:
         """
         self._refuse_void(asked)
         self._over_s = nextafter(asked.at_s, inf)
-        return _loop_time()
+        return loop_time()
 
     def _stop(self) -> float:
         """Stop the wheels now, and let nothing start that was asked for before; return the time of now.
@@ -173,7 +173,7 @@ class Supervisor:
         Every stop that somebody asks for goes through here. It does not wait for the next tick.
         """
         self._rover.motors.halt()
-        now_s = _loop_time()
+        now_s = loop_time()
         self._over_s = max(self._over_s, now_s)
         return now_s
 
@@ -206,7 +206,7 @@ class Supervisor:
         drive: they need no sensor, and a daemon that is there.
         """
         last = self.controller.last
-        if last is None or asyncio.get_running_loop().time() - last.t_s > FRESH_S:
+        if last is None or loop_time() - last.t_s > FRESH_S:
             return False
         goes_on = self.mode in {Mode.ARMED, Mode.MANUAL} and (last.level < Level.HOLD or last.cause not in SILENCE)
         return goes_on or self._by_hand or SILENCE.isdisjoint(self.controller.conditions)
@@ -244,7 +244,7 @@ class Supervisor:
         for part in self._parts:
             await self._open(part)
         opened = [part.name for part in self._parts if part not in self._unopened]
-        self._log.event("opened", asyncio.get_running_loop().time(), parts=opened)
+        self._log.event("opened", loop_time(), parts=opened)
 
     async def _open(self, part: Driver) -> None:
         """Open a part; a run also begins if the light or the receiver does not open.
@@ -258,7 +258,7 @@ class Supervisor:
             if part is self._rover.motors or not (helps or self._by_hand):
                 raise
             self._unopened.append(part)
-            self._log.event("part_failed", asyncio.get_running_loop().time(), part=part.name, error=str(error))
+            self._log.event("part_failed", loop_time(), part=part.name, error=str(error))
 
     async def _run_tasks(self) -> RunEnd:
         async with asyncio.TaskGroup() as group:
@@ -299,11 +299,11 @@ class Supervisor:
         notes, rate = DriverCounters(self._parts, self._log), Rate(NOTE_HZ)
         while notes.counting:
             await rate.wait()
-            notes.note(asyncio.get_running_loop().time())
+            notes.note(loop_time())
 
     async def _show_state(self, light: StatusLight) -> None:
         """Keep the status light showing the state of the rover; a light that fails does not stop the run."""
-        controller, time, rate, failed = self.controller, asyncio.get_running_loop().time, Rate(LIGHT_HZ), False
+        controller, time, rate, failed = self.controller, loop_time, Rate(LIGHT_HZ), False
         until_s = time() + LAST_END_S
         while True:
             try:
@@ -320,10 +320,6 @@ def _started(outcome: Outcome) -> None:
     """Raise ``NotArmed`` if the table of modes has refused what was to start."""
     if isinstance(outcome, Refused):
         raise NotArmed(f"not started: {outcome.why}")
-
-
-def _loop_time() -> float:
-    return asyncio.get_running_loop().time()
 
 
 def check_parts(rover: Rover, algorithm: Algorithm, config: RoverConfig) -> frozenset[str]:

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import Coroutine, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from functools import partial
+from typing import Annotated, ClassVar
 
 from annotated_types import Interval
 
@@ -74,6 +75,7 @@ class CMPS14:
     def __init__(self, settings: CMPS14Settings, buses: Buses) -> None:
         self._settings = settings
         self._bus = buses.i2c(settings.bus)
+        self._read = partial(self._bus.write_read, settings.address, b"\x00")  # so many registers, from the first on
         self._where = f"at 0x{settings.address:02X} on {settings.bus}"
         self._version = 0
         self._argument_awaited = False
@@ -109,7 +111,7 @@ class CMPS14:
         if has_strange_pitch(block):
             got = f"pitch {block.pitch_deg:.1f} at 0x1A and {block.pitch8_deg} at 0x04, as from a CMPS12"
             raise WrongPart(self.name, "a CMPS14", got)
-        self._check(block)
+        self._plausible(block)
 
     async def close(self) -> None:
         """Nothing to release."""
@@ -192,19 +194,16 @@ class CMPS14:
     async def _valid_block(self) -> RegisterBlock:
         """Return a plausible block; one that was lost or is corrupted is read once more."""
         try:
-            return await self._checked_block()
+            return self._plausible(decode(await self._read(BLOCK_BYTES)))
         except DriverError:
             self.error_counts["reads retried"] += 1
-            return await self._checked_block()
+            return self._plausible(decode(await self._read(BLOCK_BYTES)))
 
-    async def _checked_block(self) -> RegisterBlock:
-        block = decode(await self._read(BLOCK_BYTES))
-        self._check(block)
-        return block
-
-    def _check(self, block: RegisterBlock) -> None:
+    def _plausible(self, block: RegisterBlock) -> RegisterBlock:
+        """Return the block, or raise ``BadReading`` if it is not plausible."""
         if (why := flaw(block, self._version)) is not None:
             raise BadReading(f"{self.name}: {why}")
+        return block
 
     async def _read_with_retry(self, count: int) -> bytes:
         """Read, and once more if that fails: one lost transfer must not prevent a run from starting."""
@@ -212,10 +211,6 @@ class CMPS14:
             return await self._read(count)
         except NotResponding:
             return await self._read(count)
-
-    def _read(self, count: int) -> Coroutine[Any, Any, bytes]:
-        """Read registers from the first on."""
-        return self._bus.write_read(self._settings.address, b"\x00", count)
 
     async def _command(self, sequence: bytes) -> None:
         for byte in sequence:

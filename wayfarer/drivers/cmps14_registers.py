@@ -85,31 +85,23 @@ def flaw(block: RegisterBlock, version: int) -> str | None:
         return f"firmware reads 0x{block.version:02X}: the line is not driven, check power and wires"
     if not any(block.accel):
         return "the accelerometer measures no gravity: still booting, or a dead sensor; turn its power off and on"
-    garbled = _garbled(block, version)
-    return f"{garbled}: {_CORRUPTED}" if garbled else None
-
-
-def _garbled(block: RegisterBlock, version: int) -> str | None:
+    roll_deg = abs(block.roll_deg)
     if block.version != version:
         # All other values could agree: if each byte is shifted by one bit, both bearings and both pitches are doubled.
-        return f"firmware reads {block.version} and was {version} when opened"
-    if block.bearing_deg >= 360.0:
-        return f"bearing {block.bearing_deg:.1f} is beyond 359.9"
-    if abs(wrap180(block.bearing_deg - block.bearing8_deg)) > _BEARING_APART_DEG:
-        return f"bearing is {block.bearing_deg:.1f} in 16 bits and {block.bearing8_deg:.1f} in 8"
-    if has_strange_pitch(block):
-        return f"pitch is {block.pitch_deg:.1f} in 16 bits and {block.pitch8_deg} in 8"
-    if _has_strange_roll(block):
-        return f"roll is {block.roll_deg:.1f} in 16 bits and {block.roll8_deg} in 8"
-    return None
+        garbled = f"firmware reads {block.version} and was {version} when opened"
+    elif block.bearing_deg >= 360.0:
+        garbled = f"bearing {block.bearing_deg:.1f} is beyond 359.9"
+    elif abs(wrap180(block.bearing_deg - block.bearing8_deg)) > _BEARING_APART_DEG:
+        garbled = f"bearing is {block.bearing_deg:.1f} in 16 bits and {block.bearing8_deg:.1f} in 8"
+    elif has_strange_pitch(block):
+        garbled = f"pitch is {block.pitch_deg:.1f} in 16 bits and {block.pitch8_deg} in 8"
+    elif roll_deg > 180.0 or (roll_deg <= _ROLL8_ENDS_DEG and abs(block.roll_deg - block.roll8_deg) > _TILT_APART_DEG):
+        garbled = f"roll is {block.roll_deg:.1f} in 16 bits and {block.roll8_deg} in 8"
+    else:
+        return None
+    return f"{garbled}: {_CORRUPTED}"
 
 
 def has_strange_pitch(block: RegisterBlock) -> bool:
     """Return whether the 16-bit pitch of a block is impossible, or differs from the 8-bit one."""
     return abs(block.pitch_deg) > 90.0 or abs(block.pitch_deg - block.pitch8_deg) > _TILT_APART_DEG
-
-
-def _has_strange_roll(block: RegisterBlock) -> bool:
-    if abs(block.roll_deg) > _ROLL8_ENDS_DEG:
-        return abs(block.roll_deg) > 180.0
-    return abs(block.roll_deg - block.roll8_deg) > _TILT_APART_DEG

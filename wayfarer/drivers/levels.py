@@ -25,11 +25,9 @@ class MotorLevels:
         Raises:
             ValueError: a duty is NaN, which must not be sent to a motor.
         """
-        return self._left_sign * self._level(command.left), self._right_sign * self._level(command.right)
+        steps, left, right = self._steps, clamp(command.left, -1.0, 1.0), clamp(command.right, -1.0, 1.0)
+        return self._left_sign * int(steps * left), self._right_sign * int(steps * right)
 
     def duties(self, left: int, right: int) -> WheelCommand:
         """Return the duties of these levels."""
         return WheelCommand(left * self._left_sign / self._steps, right * self._right_sign / self._steps)
-
-    def _level(self, duty: float) -> int:
-        return int(self._steps * clamp(duty, -1.0, 1.0))

@@ -137,13 +137,7 @@ class PMW3901:
             NotResponding: silence, or the chip has lost its settings; ``open`` writes them again.
             BadReading: an impossible displacement, caused by garbage on the bus.
         """
-        is_first, settings, burst = self._is_first, self._settings, await self._burst()
-        scale, good = self._m_per_count, registers.quality(burst, settings.squal_full) * (not is_first)
-        forward, right = _along(settings.forward, burst), _along(settings.right, burst)
-        return MotionReading(self._read_t_s, forward * scale, right * scale, good)
-
-    async def _burst(self) -> registers.Burst:
-        loop = asyncio.get_running_loop()
+        loop, settings = asyncio.get_running_loop(), self._settings
         asked_t_s = loop.time()
         (answer,) = await self._bus.transfer(b"\x16" + bytes(12))
         t_s = loop.time()
@@ -156,18 +150,20 @@ class PMW3901:
                 f"{self.name}: has stopped (observation 0x{burst.observation:02X}, not 0x{RUNNING:02X}); "
                 "likely its supply dipped and it lost its settings, check the 3.3 V wire"
             )
-        is_first, self._is_first = self._is_first, False
-        if is_first:  # the counts of an unknown time, with the motion during the start-up
-            return burst
-        if what := registers.contradiction(burst, longest_s, self._limit_counts_s):
+        quality = registers.quality(burst, settings.squal_full)
+        if self._is_first:  # the counts of an unknown time, with the motion during the start-up
+            self._is_first, quality = False, 0.0
+        elif what := registers.contradiction(burst, longest_s, self._limit_counts_s):
             self.error_counts["garbage rejected"] += 1
             raise BadReading(
                 f"{self.name}: ({burst.dx}, {burst.dy}): {what}; noise on the SPI wires, keep them short; "
                 "or the ground goes by too fast, raise the lens and height_m"
             )
-        if max(abs(burst.dx), abs(burst.dy)) * self._settings.rad_per_count >= AT_LIMIT * LIMIT_RAD_S * since_s > 0.0:
+        elif max(abs(burst.dx), abs(burst.dy)) * settings.rad_per_count >= AT_LIMIT * LIMIT_RAD_S * since_s > 0.0:
             self.error_counts["readings at the speed limit"] += 1
-        return burst
+        counts = {"+x": burst.dx, "-x": -burst.dx, "+y": burst.dy, "-y": -burst.dy}
+        scale = self._m_per_count
+        return MotionReading(t_s, counts[settings.forward] * scale, counts[settings.right] * scale, quality)
 
     async def _reset(self) -> None:
         # An interrupted opening leaves another bank selected, and the reset register is documented for bank 00 only.
@@ -227,9 +223,3 @@ class PMW3901:
             f"{self.name}: only 0x{answer[0]:02X} comes back, nothing answers; check power and plug, the slot (front "
             "is /dev/spidev0.1, back is /dev/spidev0.0) and that SPI is on (sudo raspi-config nonint do_spi 0)"
         )
-
-
-def _along(axis: Axis, burst: registers.Burst) -> int:
-    """Return the counts along a signed axis of the chip."""
-    counts = burst.dx if axis[1] == "x" else burst.dy
-    return counts if axis[0] == "+" else -counts

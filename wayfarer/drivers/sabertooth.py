@@ -146,8 +146,8 @@ class Sabertooth:
         now_s = asyncio.get_running_loop().time()
         all_due = now_s >= self._resend_at_s
         # Settings come after the command: a board that starts during these bytes does not move a wheel without them.
-        settings = self._board_settings if all_due else self._timeout_behind(left, right)
-        await self._port.write(self._motor_packets(left, right) + settings)
+        timeout = self._timeout if self._timeout_each_time and (left or right) else b""
+        await self._port.write(self._motor_packets(left, right) + (self._board_settings if all_due else timeout))
         if all_due:
             self._resend_at_s = now_s + _RESEND_S
         if self._halts != halts:
@@ -174,11 +174,6 @@ class Sabertooth:
         """Return an empty report: the board reports neither voltage nor faults."""
         return MotorHealth(None, ())
 
-    def _timeout_behind(self, left: int, right: int) -> bytes:
-        return self._timeout if self._timeout_each_time and (left or right) else b""
-
     def _motor_packets(self, left: int, right: int) -> bytes:
-        return self._motor(self._left, left) + self._motor(self._right, right)
-
-    def _motor(self, forward: int, level: int) -> bytes:
-        return packet(self._address, forward if level >= 0 else forward + 1, abs(level))
+        left_command, right_command = self._left + (left < 0), self._right + (right < 0)
+        return packet(self._address, left_command, abs(left)) + packet(self._address, right_command, abs(right))
