@@ -12,7 +12,7 @@ from wayfarer.escape.settings import Vehicle
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, Snapshot, WheelCommand
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.settings import SafetySettings
-from wayfarer.safety.tick_interval import IntervalTimer, Moved
+from wayfarer.safety.tick_interval import MOST_SHARE, IntervalTimer, Moved
 
 MAX_SPEED_M_S = 1.0
 VEHICLE = Vehicle(length_m=0.4, width_m=0.4, track_m=0.5, max_speed_m_s=MAX_SPEED_M_S)
@@ -102,6 +102,7 @@ def moved(
     """Return what one reading shows; ``forward_m`` None: nothing is known. ``straight`` is the share of the push."""
     each = Moved()
     each.commanded_m, each.way_m, each.pushed_m = commanded_m, abs(commanded_m), abs(commanded_m) / straight
+    each.most_m = MOST_SHARE * each.way_m
     each.driven_s = each.read_s = driven_s
     if forward_m is not None:
         each.see(forward_m, slid_m, signed=True)

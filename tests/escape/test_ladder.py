@@ -44,7 +44,7 @@ def rest_s(ladder: Ladder, t_s: float) -> float:
     ladder.climb(t_s)
     assert not ladder.rung
     ends_s = t_s
-    while ladder.rests(ends_s):
+    while ends_s < ladder.rest_until_s:
         ends_s += 1.0
     return ends_s - t_s
 
@@ -52,9 +52,9 @@ def rest_s(ladder: Ladder, t_s: float) -> float:
 def test_rungs_come_in_their_order_and_then_a_rest() -> None:
     ladder = Ladder(Random(1))
     assert [rung(ladder)[0].why for _ in RUNGS] == NAMES
-    assert not ladder.rests(0.0)
+    assert ladder.rest_until_s <= 0.0
     ladder.climb(5.0)
-    assert (ladder.rests(5.0 + REST_S - 0.1), ladder.rests(5.0 + REST_S)) == (True, False)
+    assert ladder.rest_until_s == 5.0 + REST_S
     assert rung(ladder)[0].why == NAMES[0]
 
 
@@ -153,7 +153,7 @@ def test_shuffles_add_up_between_two_rests_and_then_go_to_the_other_side() -> No
         assert all(one == shuffles[0] for one in shuffles)
         series.append(shuffles[0])
         ladder.climb(1000.0 * n)
-        assert ladder.rests(1000.0 * n)
+        assert ladder.rest_until_s > 1000.0 * n
     first, other = series
     assert (first[0].left > first[0].right) is not (other[0].left > other[0].right)
     assert len(first) != len(other), "other turns take another time"

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.escape.walk import SETTINGS, VEHICLE
+from tests.escape.walk import SETTINGS, VEHICLE, observation
+from wayfarer.escape.manoeuvres import EscapePlan, Follow, Manoeuvre, Stride
 from wayfarer.escape.turn_control import HeadingControl, TurnController
 from wayfarer.hal import WheelCommand
 
@@ -53,15 +54,18 @@ def turn(wheels: tuple[float, float]) -> float:
     return wheels[0] - wheels[1]
 
 
-def test_steady_error_is_learnt_and_forgotten_by_a_reset() -> None:
-    hold = HeadingControl(SETTINGS, TurnController(VEHICLE))
-    first = turn(hold.wheels(0.0, 5.0))
+@pytest.mark.parametrize("kind", [Follow, Stride])
+def test_steady_error_is_learnt_and_forgotten_when_a_manoeuvre_begins(kind: type[Manoeuvre]) -> None:
+    manoeuvre = kind(SETTINGS, TurnController(VEHICLE), EscapePlan())
+    manoeuvre.begin(observation())
+    off = observation(heading_deg=355.0)
+    first = turn(manoeuvre.wheels(off))
     for tick in range(1, 41):
-        learnt = turn(hold.wheels(tick * 0.05, 5.0))
+        learnt = turn(manoeuvre.wheels(off._replace(t_s=tick * 0.05)))
     # 2 s of error under the integral gain, over the proportional part.
     assert learnt / first == pytest.approx(1.0 + SETTINGS.heading_i * 2.0 / SETTINGS.heading_p)
-    hold.reset()
-    assert turn(hold.wheels(9.0, 5.0)) == first
+    manoeuvre.begin(observation(t_s=9.0))
+    assert turn(manoeuvre.wheels(off._replace(t_s=9.0))) == first
 
 
 def test_pivot_is_not_learnt() -> None:

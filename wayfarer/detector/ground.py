@@ -40,6 +40,8 @@ UNSEEN_M: Final = 1.0
 class GroundSlope:
     """Estimates how many degrees the ground rises to the north and to the east: a vector that no turn changes.
 
+    ``flat`` is whether the ground counts as flat.
+
     For angles up to ``SLOPE_MAX_DEG`` angles are added like a vector's parts; the error is below a degree.
     """
 
@@ -47,12 +49,8 @@ class GroundSlope:
         self._north_deg = self._east_deg = 0.0
         self._unseen_m = 0.0  # driven since the slope was sure
         self._size_deg = 0.0
+        self.flat = True
         self._heading_known = True
-
-    @property
-    def flat(self) -> bool:
-        """Whether the ground counts as flat."""
-        return self._size_deg < LEVEL_DEG
 
     def begin(self, believed: CompassReading) -> None:
         """Take the attitude of a body that stands where a person has put it down, up to ``SLOPE_MAX_DEG``."""
@@ -115,6 +113,7 @@ class GroundSlope:
         size_deg = hypot(north_deg, east_deg)
         bound = SLOPE_MAX_DEG / size_deg if size_deg > SLOPE_MAX_DEG else 1.0
         self._north_deg, self._east_deg, self._size_deg = bound * north_deg, bound * east_deg, bound * size_deg
+        self.flat = self._size_deg < LEVEL_DEG
 
 
 def _turned(first_deg: float, second_deg: float, heading_deg: float) -> tuple[float, float]:

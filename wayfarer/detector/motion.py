@@ -89,23 +89,19 @@ class MotionMonitor:
         self.moved = moved
         self.odometer.update(interval.forward_m, moved, self._next.way_m)
         self._steering.update(interval, turned_deg, moves=self.moves)
-        self._stride(interval.forward_m, conditions)
-        if self.runaway.found:
-            conditions.append(Condition.RUNAWAY)
-
-    def _stride(self, forward_m: float, conditions: list[Condition]) -> None:
-        """Add what was commanded ahead; only motion that is seen begins it again, a few sure zeros do not."""
         self.stride_over = False
         if self.moves:
-            self._blind_m = 0.0
-        elif self._watched and forward_m > 0.0:
-            self._blind_m += forward_m
+            self._blind_m = 0.0  # only motion that is seen begins a stride, a few sure zeros do not
+        elif self._watched and interval.forward_m > 0.0:
+            self._blind_m += interval.forward_m
             share = SHORT_SHARE if self._lies or Condition.HEADING_RECKONED in conditions else 1.0
             held = self._steering.unanswered and not BLIND.isdisjoint(conditions)
             if held or self._blind_m >= share * self._blind_stride_m:
                 self._blind_m = 0.0
                 self._steering.begin()
                 self.stride_over = True
+        if self.runaway.found:
+            conditions.append(Condition.RUNAWAY)
 
     def _take(self, reading: MotionReading, conditions: list[Condition]) -> Moved:
         read_t_s, forward_m, right_m, quality, signed = reading
@@ -271,21 +267,18 @@ class ReadingDoubt:
         if (commanded_m > 0.0) is not self._ahead:
             self._ahead, self._stopped_s = not self._ahead, -inf
         if abs(commanded_m) >= COUNTS_FROM_M:
-            self._count(t_s, abs(forward_m / commanded_m))
+            share = abs(forward_m / commanded_m)
+            stands = share < STANDS_SHARE
+            self._stood = (self._stood << 1 | stands) & ((1 << LATEST) - 1)
+            if share >= MOVES_SHARE:
+                self._moved = True
+            elif self._moved and stands:
+                self._moved = False
+                if t_s - self._stopped_s > STOPS_EACH_S:
+                    self._stops_since_s = t_s
+                self._stopped_s = t_s
         stutters = t_s - self._stopped_s <= STOPS_EACH_S and t_s - self._stops_since_s >= STOPS_FOR_S
         return self._repeats >= REPEATS or (stutters and 2 * self._stood.bit_count() >= LATEST)
-
-    def _count(self, t_s: float, share: float) -> None:
-        """Count a reading, as a share of what was commanded for it, as one of a body that stands, or moves."""
-        stands = share < STANDS_SHARE
-        self._stood = (self._stood << 1 | stands) & ((1 << LATEST) - 1)
-        if share >= MOVES_SHARE:
-            self._moved = True
-        elif self._moved and stands:
-            self._moved = False
-            if t_s - self._stopped_s > STOPS_EACH_S:
-                self._stops_since_s = t_s
-            self._stopped_s = t_s
 
 
 # -- motion without a command ------------------------------------------------------------------------------------------

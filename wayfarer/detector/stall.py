@@ -75,14 +75,19 @@ class StallMonitor:
         if not self._window:
             self._possible_m_s = moved.before_m_s
         moved.gained_m_s = self._gain_m_s2 * moved.straight(self._m_per_deg) * driven_s
-        moved.possible_m, self._possible_m_s = _possible(self._possible_m_s, moved)
+        possible_m, self._possible_m_s = _possible(self._possible_m_s, moved)
+        moved.possible_m = possible_m if moved.known else 0.0
         self._window.append(moved)
         self._span_s += driven_s
-        self._count(moved, 1.0)
+        self._seen += moved.known
+        self._counted_m += moved.counted_m
+        self._possible_m += moved.possible_m
         while self._span_s - self._window[0].driven_s >= self._nowhere_s:
             oldest = self._window.popleft()
             self._span_s -= oldest.driven_s
-            self._count(oldest, -1.0)
+            self._seen -= oldest.known
+            self._counted_m -= oldest.counted_m
+            self._possible_m -= oldest.possible_m
         enough = self._span_s >= self._nowhere_s and self._seen >= LEAST_SEEN
         nowhere = enough and self._too_little(self._way * self._counted_m, self._possible_m)
         self.found = nowhere or self._stands()
@@ -90,16 +95,9 @@ class StallMonitor:
     def _begin(self) -> None:
         """Begin both windows again; the latest speeds are kept."""
         self._window.clear()
-        self._seen = 0.0
+        self._seen = 0
         self._span_s = self._counted_m = self._possible_m = self._possible_m_s = 0.0
         self.found = False
-
-    def _count(self, moved: Moved, times: float) -> None:
-        """Add an interval to the sums of the long window, or take it out."""
-        if moved.known:
-            self._seen += times
-            self._counted_m += times * moved.counted_m
-            self._possible_m += times * moved.possible_m
 
     def _stands(self) -> bool:
         """Return whether the body does not move: over the newest intervals that fill the short window."""

@@ -55,7 +55,6 @@ class Manoeuvre(ABC):
     def __init__(self, settings: EscapeSettings, turns: TurnController, escape_plan: EscapePlan) -> None:
         self._settings = settings
         self._turns = turns
-        self._heading = HeadingControl(settings, turns)  # of those that drive along one
         self._escape_plan = escape_plan
         self._limit_t_s = inf
         self._limit_m = inf
@@ -93,10 +92,6 @@ class Manoeuvre(ABC):
         """Begin to drive ahead: a nose that is down already was lifted from behind, and driving ahead frees it."""
         self._known = frozenset(observation.anomalies) & _LIFTED_BEHIND
 
-    def _met(self, observation: Observation) -> bool:
-        """Return whether something new stops the drive ahead."""
-        return bool(self._fresh(observation)) and _ahead(observation)
-
 
 def _ahead(observation: Observation) -> bool:
     """Return whether an anomaly concerns driving ahead: a touch only at the rear, left from backing off, does not."""
@@ -116,12 +111,12 @@ class Follow(Manoeuvre):
     phase = Phase.FOLLOW
 
     def begin(self, observation: Observation) -> None:
-        self._heading.reset()
+        self._heading = HeadingControl(self._settings, self._turns)
         self._drive_ahead(observation)
         self._bound(observation, 180.0 / self._settings.turn_deg_s)
 
     def event(self, observation: Observation) -> PhaseEvent | None:
-        if self._met(observation):
+        if self._fresh(observation) and _ahead(observation):
             return PhaseEvent.ANOMALY
         if self._turns.blocked:
             return PhaseEvent.EXHAUSTED
@@ -234,10 +229,11 @@ class Probe(Manoeuvre):
         self._heading_deg = observation.heading_deg + escape_plan.unturned_deg
         self._curve_from_m = observation.covered_m + settings.probe_straight_m
         distance_m = settings.probe_straight_m + radians(abs(escape_plan.counter_deg)) * settings.probe_radius_m
-        self._bound(observation, distance_m / self._curve_speed_m_s(), distance_m)
+        speed_m_s = self._turns.curve_speed_m_s(settings.cruise_m_s, settings.probe_radius_m)
+        self._bound(observation, distance_m / speed_m_s, distance_m)
 
     def event(self, observation: Observation) -> PhaseEvent | None:
-        if self._met(observation):
+        if self._fresh(observation) and _ahead(observation):
             return PhaseEvent.ANOMALY
         escape_plan = self._escape_plan
         if escape_plan.counter_deg * escape_plan.side <= 0.0:
@@ -254,16 +250,13 @@ class Probe(Manoeuvre):
         speed_m_s, curve_deg, curve_deg_s = settings.cruise_m_s, 0.0, 0.0
         curved_m = observation.covered_m - self._curve_from_m
         if curved_m > 0.0:
-            speed_m_s = self._curve_speed_m_s()
+            speed_m_s = self._turns.curve_speed_m_s(speed_m_s, settings.probe_radius_m)
             deg_per_m = degrees(self._escape_plan.side / settings.probe_radius_m)
             curve_deg, curve_deg_s = curved_m * deg_per_m, speed_m_s * deg_per_m
         error_deg = wrap180(self._heading_deg - curve_deg - observation.heading_deg)
         turn_deg_s = settings.heading_p * error_deg - curve_deg_s
         limit_deg_s = settings.turn_deg_s
         return self._turns.wheels(speed_m_s, clamp(turn_deg_s, -limit_deg_s, limit_deg_s))
-
-    def _curve_speed_m_s(self) -> float:
-        return self._turns.curve_speed_m_s(self._settings.cruise_m_s, self._settings.probe_radius_m)
 
 
 class Stride(Manoeuvre):
@@ -273,14 +266,14 @@ class Stride(Manoeuvre):
 
     def begin(self, observation: Observation) -> None:
         stride_m = self._escape_plan.stride_m
-        self._heading.reset()
+        self._heading = HeadingControl(self._settings, self._turns)
         self._drive_ahead(observation)
         self._heading_deg = observation.heading_deg
         self._until_m = observation.covered_m + stride_m
         self._bound(observation, stride_m / self._settings.cruise_m_s, stride_m)
 
     def event(self, observation: Observation) -> PhaseEvent | None:
-        if self._met(observation):
+        if self._fresh(observation) and _ahead(observation):
             return PhaseEvent.ANOMALY
         if observation.covered_m >= self._until_m:
             return PhaseEvent.DONE

@@ -74,7 +74,8 @@ _HARMLESS: Final = (Anomaly.IMMOBILISED, Anomaly.TOUCHED)  # to push against som
 class Ladder:
     """Climbs one rung after the other; ``begun`` is whether a rung was climbed since the last progress.
 
-    ``rung`` is the one that is being climbed, None if the algorithm drives.
+    ``rung`` is the one that is being climbed, None if the algorithm drives, or if the rover rests, until
+    ``rest_until_s``.
     """
 
     def __init__(self, rng: Random) -> None:
@@ -85,7 +86,7 @@ class Ladder:
         """Forget everything: a new mission begins. Its random turns are others than those of the mission before."""
         self._last_turn = self._shuffle_side = 1.0
         self._shuffle_share = self._rng.uniform(LEAST_TURN, 1.0)
-        self._rest_until_s = 0.0
+        self.rest_until_s = 0.0
         self.progress()
 
     def progress(self) -> None:
@@ -94,10 +95,6 @@ class Ladder:
         self._next = 0
         self._rest_s = REST_S
         self.rung: Rung | None = None
-
-    def rests(self, t_s: float) -> bool:
-        """Return whether the rover rests now."""
-        return t_s < self._rest_until_s
 
     def climb(self, t_s: float) -> None:
         """Begin the next rung; after the last one, rest from now on, and then begin the first."""
@@ -108,7 +105,7 @@ class Ladder:
             return
         self._next = 0
         self._shuffle_side, self._shuffle_share = -self._shuffle_side, self._rng.uniform(LEAST_TURN, 1.0)
-        self._rest_until_s = t_s + self._rest_s
+        self.rest_until_s = t_s + self._rest_s
         self._rest_s = min(2.0 * self._rest_s, REST_MAX_S)
 
     def begin(self, rung: Rung) -> None:
@@ -207,7 +204,7 @@ class Recovery:
             # tips.
             blind = not BLIND.isdisjoint(conditions) and Condition.HEADING_RECKONED not in conditions
             entrapped = Condition.ENTRAPPED in conditions  # the detector's word for full duty that never turns the body
-        drives = ladder.rung is None and not ladder.rests(t_s)
+        drives = ladder.rung is None and t_s >= ladder.rest_until_s
         progress.update(tick, moved, north_m, east_m, anomalous=anomalous, blind=blind, drives=drives)
         if entrapped:
             conditions = tuple(each for each in conditions if each is not Condition.ENTRAPPED)
@@ -228,7 +225,7 @@ class Recovery:
                 ladder.begin(BLIND_DETOUR)
                 self.restarts = True
         if ladder.begun:
-            conditions += (Condition.RESTING if ladder.rests(t_s) else Condition.NO_PROGRESS,)
+            conditions += (Condition.RESTING if t_s < ladder.rest_until_s else Condition.NO_PROGRESS,)
         return conditions
 
     def decide(self, t_s: float, observation: Observation) -> Decision | None:
@@ -286,7 +283,7 @@ class ProgressMonitor:
     def reset(self) -> None:
         """Forget everything: a mission begins at north 0, east 0."""
         self._north_m = self._east_m = self._stayed_s = 0.0
-        self._sees_ground = self.progressed = False
+        self._sees_ground = self.progressed = self.missing = self.blind = False
         self._begin_tries()
         self.begin_blind_run()
 
@@ -299,17 +296,6 @@ class ProgressMonitor:
     def begin_blind_run(self) -> None:
         """Begin a blind run here."""
         self._unseen_s = self._seen_ahead_m = 0.0
-
-    @property
-    def missing(self) -> bool:
-        """Whether the algorithm has had its chance."""
-        tried = self._tried_s >= self._give_up_s or self._anomalies >= self._anomalies_max
-        return tried or self._stayed_s >= PLACE_S
-
-    @property
-    def blind(self) -> bool:
-        """Whether the rover was driven without sight for too long."""
-        return self._unseen_s >= UNSEEN_S
 
     def update(
         self, interval: TickInterval, moved: Moved | None, north_m: float, east_m: float,
@@ -346,6 +332,9 @@ class ProgressMonitor:
         if drives:
             self._tried_s += driven_s
             self._count_run(interval.forward_m, moved, anomalous=anomalous)
+        tried = self._tried_s >= self._give_up_s or self._anomalies >= self._anomalies_max
+        self.missing = tried or self._stayed_s >= PLACE_S
+        self.blind = self._unseen_s >= UNSEEN_S
 
     def _begin_tries(self) -> None:
         self._anomalies = 0

@@ -143,7 +143,14 @@ class TurnController:
         else:
             self._catch_up_per_s = CATCH_UP_STANDING_PER_S if self._pushed_s > lag_s else CATCH_UP_IN_LAG / lag_s
         shown_deg_s = gained_deg / dt_s
-        gained_deg += self._predict(gained_deg, duty, dt_s)
+        self._lagged_duty = lagged(self._lagged_duty, duty, dt_s, BODY_LAG_S)
+        if self.dead_zone > GRIP_MAX:
+            gained_deg -= self.lag.pending_deg
+            self.lag.forget()
+        else:  # add what a compass that lags has not shown yet
+            beyond = max(abs(self._lagged_duty) - self.dead_zone, 0.0)
+            turn_deg = (beyond if self._lagged_duty > 0.0 else -beyond) * self._ideal_deg_s * dt_s
+            gained_deg += self.lag.update(gained_deg, turn_deg)
         self._latest_deg_s = (self._latest_deg_s + gained_deg / dt_s) / 2.0
         expected_deg_s = lagged(self._expected_deg_s, self._commanded_deg_s, dt_s, BODY_LAG_S)
         self._expected_deg_s = expected_deg_s
@@ -159,17 +166,6 @@ class TurnController:
                 self._pushed_s = self._pushed_deg = 0.0
             self.blocked = self._pushed_s >= GIVE_UP_AFTER_S
         return gained_deg
-
-    def _predict(self, shown_deg: float, duty: float, dt_s: float) -> float:
-        """Return how much the turn that a lagging compass has not shown yet has changed."""
-        self._lagged_duty = lagged(self._lagged_duty, duty, dt_s, BODY_LAG_S)
-        if self.dead_zone > GRIP_MAX:
-            taken_back_deg = -self.lag.pending_deg
-            self.lag.forget()
-            return taken_back_deg
-        beyond = max(abs(self._lagged_duty) - self.dead_zone, 0.0)
-        expected_deg = (beyond if self._lagged_duty > 0.0 else -beyond) * self._ideal_deg_s * dt_s
-        return self.lag.update(shown_deg, expected_deg)
 
     def wheels(self, speed_m_s: float, turn_deg_s: float) -> WheelCommand:
         """Return the wheels for a forward speed and a turn rate, clockwise positive."""
@@ -263,7 +259,20 @@ class CompassLag:
         expected = self._expected_deg
         expected.pop()
         expected.insert(0, expected_deg)
-        self._correlate(shown_deg, expected_deg)
+        # Add the tick to the sums; a body that is held shows nothing and changes nothing.
+        energy = expected_deg * expected_deg
+        keep = MEMORY_DEG2 / (MEMORY_DEG2 + energy)
+        self._energy = (self._energy + energy) * keep
+        products, best, most = self._products, 0, 0.0
+        for n in range(DELAYS):  # in each tick: max() with a key costs 5,000 instructions if this is compiled
+            product = products[n] = (products[n] + shown_deg * expected[n * STEP]) * keep
+            if n == 0 or product > most:
+                best, most = n, product
+        if self._energy >= MEMORY_DEG2 / 2.0 and most >= LEAST_SHARE * self._energy:  # else nothing is concluded
+            if best < LEAST:
+                self.ticks = 0
+            elif most > CLEARER * products[0]:
+                self.ticks = best * STEP
         before_deg, self.pending_deg = self.pending_deg, 0.0
         if self.ticks:
             # The share of the expected turns that the body does.
@@ -271,24 +280,6 @@ class CompassLag:
             # In steps of which sums are exact: a mirrored world must give mirrored wheels.
             self.pending_deg = round(share * sum(expected[: self.ticks]) / EXACT_DEG) * EXACT_DEG
         return self.pending_deg - before_deg
-
-    def _correlate(self, shown_deg: float, expected_deg: float) -> None:
-        """Add a tick to the sums, and choose the delay; a body that is held shows nothing and changes nothing."""
-        energy = expected_deg * expected_deg
-        keep = MEMORY_DEG2 / (MEMORY_DEG2 + energy)
-        products, expected = self._products, self._expected_deg
-        best, most = 0, 0.0
-        for n in range(DELAYS):  # in each tick: max() with a key costs 5,000 instructions if this is compiled
-            product = products[n] = (products[n] + shown_deg * expected[n * STEP]) * keep
-            if n == 0 or product > most:
-                best, most = n, product
-        self._energy = (self._energy + energy) * keep
-        if self._energy < MEMORY_DEG2 / 2.0 or products[best] < LEAST_SHARE * self._energy:
-            return
-        if best >= LEAST and products[best] > CLEARER * products[0]:
-            self.ticks = best * STEP
-        elif best < LEAST:
-            self.ticks = 0
 
 
 # -- headings ----------------------------------------------------------------------------------------------------------
@@ -312,10 +303,6 @@ class HeadingControl:
         self._cruise_m_s = settings.cruise_m_s
         self._turn_limit_rad_s = radians(settings.turn_deg_s)
         self._turns = turns
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget the past: the next error is the first."""
         self._integral = 0.0
         self._last_error: float | None = None
         self._last_t_s = 0.0

@@ -83,7 +83,7 @@ class Moved:
       ``forward_m``, up to ``most_m`` if anything was commanded; ``read_s`` is the time between the readings.
     * Possible, as ``StallMonitor`` fills it in, positive in the direction that is commanded: ``before_m_s`` the speed
       before, ``gained_m_s`` what the ground's grip adds to it, ``possible_m`` how far a body comes that has been free
-      since the wheels were commanded this way.
+      since the wheels were commanded this way, 0 if what was seen is not ``known``.
     """
 
     def __init__(self, before_m: float = 0.0) -> None:
@@ -93,6 +93,7 @@ class Moved:
         self.forward_m = self.right_m = self.counted_m = 0.0
         self.before_m_s = self.gained_m_s = self.possible_m = 0.0
         self._before_m = before_m  # ``way_m`` of the one before
+        self.most_m = MOST_SHARE * before_m  # the most that a reading counts for
 
     def drive(self, tick: TickInterval, turned_deg: float, max_speed_m_s: float) -> None:
         """Add a tick, and how far the body turned in it."""
@@ -100,6 +101,7 @@ class Moved:
         half_m = max_speed_m_s / 2 * tick.driven_s
         self.commanded_m += tick.forward_m
         self.way_m += abs(tick.forward_m)
+        self.most_m = MOST_SHARE * max(self.way_m, self._before_m)
         self.pushed_m += (abs(left) + abs(right)) * half_m
         self.led_m += (left - right) * half_m
         self.turned_deg += turned_deg
@@ -112,11 +114,6 @@ class Moved:
             forward_m = -forward_m
         self.forward_m = forward_m
         self.counted_m = clamp(forward_m, -self.most_m, self.most_m) if self.commanded_m else forward_m
-
-    @property
-    def most_m(self) -> float:
-        """The most that a reading counts for."""
-        return MOST_SHARE * max(self.way_m, self._before_m)
 
     def straight(self, m_per_deg: float) -> float:
         """Return the share of the wheels' push that was ahead or back, 0 to 1; the rest of the grip was for turning.
