@@ -75,6 +75,19 @@ def test_what_was_assumed_before_a_stall_is_not_subtracted_from_the_way_back() -
     assert way.drive(6, -0.03, -0.06) - stands_m == pytest.approx(0.18)
 
 
+def test_what_was_assumed_before_a_stall_is_subtracted_from_the_same_way() -> None:
+    """It stood in two ticks without a reading, for which 0.1 m were assumed."""
+    way = Way()
+    before_m = way.drive(20, 0.05, 0.1)
+    for _ in range(2):
+        way.tick(0.05, None)
+    assumed_m = way.odometer.covered_m
+    assert assumed_m - before_m == pytest.approx(0.1)
+    way.tick(0.05, 0.0)
+    assert way.drive(2, 0.05, 0.1) - before_m == pytest.approx(0.1)
+    assert way.drive(2, 0.05, 0.1) - before_m == pytest.approx(0.2)
+
+
 def test_between_readings_it_goes_on_at_the_share_that_was_seen() -> None:
     way = Way()
     way.drive(20, 0.05, 0.05)
