@@ -5,8 +5,11 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from unittest.mock import patch
 
 import pytest
+
+from wayfarer.waiting_thread import OneCall
 
 PATIENCE_S = 5.0  # with a thread that was told to end
 SHARED = "shared"  # begins the name of a thread that ends with a fixture of several tests
@@ -16,7 +19,19 @@ SHARED = "shared"  # begins the name of a thread that ends with a fixture of sev
 def no_thread_left() -> Iterator[None]:
     """Wait for the threads that began meanwhile, and fail the test where one does not end."""
     before = set(threading.enumerate())
-    yield
+    calls: list[OneCall] = []  # the interpreter lists no such thread
+    start = OneCall.start
+
+    def noted(call: OneCall) -> None:
+        start(call)
+        calls.append(call)
+
+    with patch.object(OneCall, "start", noted):
+        yield
+    for call in calls:
+        call.join(PATIENCE_S)
+        if not call.is_over:
+            pytest.fail("the test left a call in a thread behind", pytrace=False)
     for thread in set(threading.enumerate()) - before:
         if _is_ours(thread):
             thread.join(PATIENCE_S)

@@ -1,16 +1,20 @@
-"""Base of the threads for work that must not delay the event loop: transfers on a bus, writing a log, printing."""
+"""Threads for work that must not delay the event loop: transfers on a bus, writing a log, printing, a look at a disk.
+
+All are daemon threads, so that the process can end while a call hangs in the kernel.
+"""
 
 from __future__ import annotations
 
+import _thread
 import threading
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 
 
 class WaitingThread(ABC):
     """A thread that waits for work; it begins with the first ``_wake``.
 
-    Everything that it shares with other threads is read and changed while ``_changed`` is held. It is a daemon thread,
-    so that the process can end while a call hangs in the kernel.
+    Everything that it shares with other threads is read and changed while ``_changed`` is held.
     """
 
     def __init__(self, name: str) -> None:
@@ -41,3 +45,37 @@ class WaitingThread(ABC):
         """Wait until the thread has ended, at most ``wait_s``."""
         if self._thread is not None:
             self._thread.join(wait_s)
+
+
+class OneCall:
+    """A thread for one call, started on the loop whatever the memory: ``start`` does not wait until it runs.
+
+    Where no memory is left, a thread can end before its first line, and ``threading.Thread.start`` waits for ever then.
+    """
+
+    def __init__(self, call: Callable[[], object]) -> None:
+        self._call = call
+        self._over = threading.Event()
+
+    def start(self) -> None:
+        """Begin the call.
+
+        Raises:
+            RuntimeError: no thread can be had.
+        """
+        _thread.start_new_thread(self._run, ())
+
+    def _run(self) -> None:
+        try:
+            self._call()
+        finally:
+            self._over.set()
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the call has ended."""
+        return self._over.is_set()
+
+    def join(self, wait_s: float | None = None) -> None:
+        """Wait until the call has ended, at most ``wait_s``."""
+        self._over.wait(wait_s)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from dataclasses import asdict, replace
 from pathlib import Path
-from threading import Thread
 
 import pytest
 from hypothesis import given
@@ -22,6 +21,7 @@ from wayfarer.escape.api import Anomaly, Decision, Observation, Phase
 from wayfarer.fieldlog.wording import last_mission_text
 from wayfarer.files import write_atomically
 from wayfarer.hal import WheelCommand
+from wayfarer.waiting_thread import OneCall
 
 STUCK = (Anomaly.IMMOBILISED,)
 RUN = "00017-20261121T061405Z"
@@ -214,11 +214,11 @@ def test_whatever_is_in_the_file_is_a_mission_or_refused(
 def test_thread_that_cannot_be_started_is_told_and_stops_nothing(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
     """No log may raise: the run ended as its mission began, or a person's ``disarm`` failed."""
 
-    def fails(_: Thread) -> None:
+    def fails(_: OneCall) -> None:
         raise RuntimeError("can't start new thread")
 
     with monkeypatch.context() as patch:
-        patch.setattr(Thread, "start", fails)
+        patch.setattr(OneCall, "start", fails)
         site.keeper.event("armed", 0.0)
         site.keeper.event("disarmed", 1.0, reason="requested by a person")
         site.keeper.close("requested", "enough")

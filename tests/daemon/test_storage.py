@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from pathlib import Path
 
 import pytest
@@ -14,6 +13,7 @@ from wayfarer.daemon.storage import Storage
 from wayfarer.fieldlog.retention import Pruned
 from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.fieldlog.writer_thread import WriterThread
+from wayfarer.waiting_thread import OneCall
 
 WELL, IN_MEMORY = CardHealth(False, ""), CardHealth(False, "tmpfs")
 
@@ -74,12 +74,13 @@ def test_old_runs_are_deleted_while_disarmed_only(site: Site, tmp_path: Path) ->
     assert pruned.deleted == ("00001-20261121T061405Z",)
 
 
-def test_run_that_was_marked_is_kept_and_it_is_shown_while_it_cannot_be(site: Site, tmp_path: Path) -> None:
+def test_run_that_was_marked_is_kept_and_it_is_shown_while_it_cannot_be(
+    site: Site, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def keep() -> list[str]:
-        before = set(threading.enumerate())
-        site.storage.keep()
-        for thread in set(threading.enumerate()) - before:
-            thread.join()
+        with monkeypatch.context() as patch:
+            patch.setattr(OneCall, "start", OneCall._run)
+            site.storage.keep()
         warnings: list[str] = site.storage.status()["storage_warnings"]
         return warnings
 

@@ -119,18 +119,3 @@ def test_disk_that_freezes_keeps_the_rover_disarmed_for_good(site: Site) -> None
     time.sleep(began_s + FROZEN_S + LOOKS_S - now_s())
     assert site.status()["mode"] == "disarmed"
     assert not told_to_turn(site.commands(began_s))
-
-
-HANGS = python(
-    "import time; from wayfarer.commissioning.checks import system; system.free_mb = lambda path: time.sleep(3600.0);"
-    f" {MAIN}"
-)
-
-
-def test_disk_that_hangs_for_ever_keeps_no_stop_from_ending_the_process(site: Site) -> None:
-    daemon = site.daemon(program=HANGS)
-    arming = site.start(*WAYFARER, "arm", "0")
-    wait_for("it is being checked", lambda: site.status()["being_checked"])
-    site.ask("stop")
-    assert daemon.wait(5.0) == 0
-    arming.wait(10.0)

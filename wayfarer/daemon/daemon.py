@@ -13,7 +13,6 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from random import Random
-from threading import Thread
 from time import CLOCK_BOOTTIME, clock_gettime
 from typing import Any, Protocol, TypeVar, TypeVarTuple, Unpack
 
@@ -50,6 +49,7 @@ from wayfarer.fieldlog.writer import RunFiles
 from wayfarer.fieldlog.writer_thread import WriterThread
 from wayfarer.hal import STOP, DriveMotors, MotorHealth, Rover, WheelCommand, error_counts_of
 from wayfarer.safety.mission import RunEnd
+from wayfarer.waiting_thread import OneCall
 
 # -- dry run ---------------------------------------------------------------------------------------------------------
 # Dry run: everything on the real rover except motion.
@@ -212,7 +212,7 @@ class DaemonLoop(asyncio.SelectorEventLoop):
             else:
                 tell(lambda: future.set_result(result))
 
-        Thread(target=work, name="for the loop", daemon=True).start()
+        OneCall(work).start()
         return future
 
 

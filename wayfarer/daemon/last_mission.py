@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from threading import Lock, Thread
+from threading import Lock
 from typing import Annotated, ClassVar
 
 import orjson
@@ -24,6 +24,7 @@ from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.fieldlog.clock import WallClock, wall_clock
 from wayfarer.fieldlog.disk import error_advice
 from wayfarer.files import read_own, write_atomically
+from wayfarer.waiting_thread import OneCall
 
 FILE_NAME = ".last_mission.json"  # hidden, so that a shell's field_logs/* is all runs and nothing else
 MOST_BYTES = 10_000  # a hundred times what there is to say
@@ -108,7 +109,7 @@ class MissionKeeper(PartialLog):
         self._before: tuple[Anomaly, ...] = ()
         self._newest = b""
         self._writing = Lock()
-        self._thread: Thread | None = None
+        self._thread: OneCall | None = None
 
     def tick(self, record: TickRecord) -> None:
         """Count a tick of a mission."""
@@ -158,7 +159,7 @@ class MissionKeeper(PartialLog):
     def _keep(self, mission: LastMission) -> None:
         """Have a thread write the file: a disk that does not answer must not delay the control tick."""
         self._newest = self._line(mission)
-        thread = Thread(target=self._write, name="last mission", daemon=True)
+        thread = OneCall(self._write)
         try:
             thread.start()
         except RuntimeError as error:  # too many, or no memory; no log may raise

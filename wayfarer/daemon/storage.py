@@ -16,6 +16,7 @@ from wayfarer.control.run_log import RunLog
 from wayfarer.fieldlog.disk import error_advice, free_mb
 from wayfarer.fieldlog.retention import Pruned, keep_run, prune
 from wayfarer.fieldlog.writer_thread import WriterThread
+from wayfarer.waiting_thread import OneCall
 
 # -- the computer ----------------------------------------------------------------------------------------------------
 # Health of the computer: temperature, power, load, disk. A hot or under-powered Pi slows down.
@@ -147,7 +148,7 @@ class Storage:
             except OSError as error:
                 self._not_kept = f"this run can be deleted, although it was marked: {error_advice(error)}"
 
-        threading.Thread(target=make, name="keep this run", daemon=True).start()
+        OneCall(make).start()
 
     def delete_old_runs(self) -> Pruned | None:
         """Delete what is beyond ``keep_mb`` while the rover is not armed; may take seconds, so not on the loop."""

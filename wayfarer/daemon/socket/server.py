@@ -172,8 +172,8 @@ class ControlServer:
             client.task.add_done_callback(self._tasks.discard)
         else:
             try:
-                reply = _at_once(self._reply_to(client, request))
-            except MemoryError:  # that of a stop: once more, with what the others had
+                reply = _at_once(self._reply_to(client, request, raises=request.do in STOPPING))
+            except MemoryError:  # once more, with what the others had
                 for other in [each for each in self._clients if each is not client]:
                     other.close()
                 reply = _at_once(self._reply_to(client, request))
@@ -184,13 +184,13 @@ class ControlServer:
         client.task = None
         client.send(reply)
 
-    async def _reply_to(self, client: _Client, request: Request) -> bytes:
+    async def _reply_to(self, client: _Client, request: Request, *, raises: bool = False) -> bytes:
         try:
             return ok_reply(await perform(request, self._commands, self._declination_deg, client.is_there))
         except WayfarerError as refusal:
             return error_reply(str(refusal))
         except Exception as error:
-            if request.do in STOPPING and isinstance(error, MemoryError):
+            if raises and isinstance(error, MemoryError):
                 raise
             self._on_error(error)
             text = f"{type(error).__name__}: {error}"[:200]
