@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import degrees
 from random import Random
 
 import pytest
@@ -23,6 +24,13 @@ def test_stall_is_found_after_the_window_and_not_a_tick_earlier(wheels: WheelCom
 @pytest.mark.parametrize(("wheels", "way"), [(FULL, 1.0), (BACK, -1.0)])
 def test_moving_rover_is_not_stalled(wheels: WheelCommand, way: float) -> None:
     assert not any(started().drive(40, wheels, moved_m=way * STEP_M))
+
+
+def test_body_that_is_held_ahead_and_swings_as_its_wheels_lead_is_stalled() -> None:
+    """Its wheels lead by 0.2 m/s about the middle, half a track away: 46 degrees a second, and none of it is ahead."""
+    rover, arc, swing_deg = started(), WheelCommand(0.6, 0.2), degrees(0.2 / (VEHICLE.track_m / 2)) * TICK_S
+    found = [rover.drive(1, arc, heading_deg=n * swing_deg)[0] for n in range(1, 9)]
+    assert found[-1]
 
 
 @pytest.mark.parametrize(("share", "stalled"), [(0.28, True), (0.32, False)])
