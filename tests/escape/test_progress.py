@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from tests.control.bench import Bench
 from tests.detector.rover import moved
+from wayfarer.angles import displacement_m
 from wayfarer.control.modes import Mode
 from wayfarer.escape.recovery import PLACE_M, PLACE_S, REST_S, RUNGS, SEEN_M, UNSEEN_S, ProgressMonitor
 from wayfarer.hal import STOP, CompassReading, WheelCommand
@@ -231,12 +232,15 @@ async def test_hold_stops_the_wheels_on_the_ladder_too() -> None:
 
 
 @pytest.mark.parametrize(("away_m", "stuck"), [(0.9 * PLACE_M, True), (1.1 * PLACE_M, False)])
-def test_rover_that_goes_round_with_free_runs_must_leave_its_place(away_m: float, stuck: bool) -> None:
+@pytest.mark.parametrize("towards_deg", [0.0, 45.0, 90.0, 200.0])
+def test_rover_that_goes_round_with_free_runs_must_leave_its_place(
+    away_m: float, stuck: bool, towards_deg: float
+) -> None:
     progress, found = ProgressMonitor(SETTINGS), False
     for tick in range(round(1.1 * PLACE_S / TICK_S)):
-        north_m = away_m * (tick // 200 % 2)
+        north_m, east_m = displacement_m(towards_deg, away_m * (tick // 200 % 2))
         each = TickInterval(tick * TICK_S, AHEAD, TICK_S, TICK_S, 0.05)
-        progress.update(each, moved(0.05, 0.05), north_m, 0.0, anomalous=False, blind=False, drives=True)
+        progress.update(each, moved(0.05, 0.05), north_m, east_m, anomalous=False, blind=False, drives=True)
         found |= progress.missing
     assert found is stuck
 
