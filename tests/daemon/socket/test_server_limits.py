@@ -14,9 +14,10 @@ import orjson
 import pytest
 
 from tests.daemon.socket.fake_daemon import ARM, STATUS, FakeDaemon, RawClient, answers, open_files, serve, until
+from wayfarer.daemon.socket import server
 from wayfarer.daemon.socket.client import ask
 from wayfarer.daemon.socket.protocol import REQUEST_BYTES, Details
-from wayfarer.daemon.socket.server import CLIENTS
+from wayfarer.daemon.socket.server import CLIENTS, ControlServer
 
 
 async def test_line_of_just_the_limit_is_read_and_one_byte_more_is_refused(path: Path, daemon: FakeDaemon) -> None:
@@ -287,3 +288,25 @@ async def test_stop_that_finds_no_memory_is_tried_once_more_without_the_others(p
         assert await client.reply_to(b'{"do": "stop"}\n') == {"ok": True}
         assert await half.is_closed()
     assert tried == [2, 1]
+
+
+async def test_accepting_that_finds_no_memory_goes_on_with_the_next(
+    path: Path, daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tries: list[object] = []
+    begin = server._Client.__init__
+
+    def short(self: server._Client, serving: ControlServer, connection: socket.socket) -> None:
+        tries.append(connection)
+        if len(tries) == 1:
+            raise MemoryError
+        begin(self, serving, connection)
+
+    async with serve(daemon, path):
+        monkeypatch.setattr(server._Client, "__init__", short)
+        async with RawClient(path):
+            await until(lambda: tries)
+            assert await answers(path)
+    for lost in tries[:1]:
+        assert isinstance(lost, socket.socket)
+        lost.close()

@@ -83,6 +83,7 @@ class ControlServer:
         self._tasks: set[asyncio.Task[None]] = set()
         self._due: deque[Callable[[], None]] = deque()
         self._handle: asyncio.Handle | None = None  # of the next turn
+        self._accepting = False  # in one of the next turns
         self._again: asyncio.Handle | None = None
 
     async def __aenter__(self) -> Self:
@@ -112,9 +113,13 @@ class ControlServer:
             self._handle = self.loop.call_soon(self._work)
 
     def _work(self) -> None:
+        self._handle = None
         work = self._due.popleft()
-        self._handle = self.loop.call_soon(self._work) if self._due else None
-        work()
+        try:
+            work()
+        finally:
+            if self._due and self._handle is None:
+                self._handle = self.loop.call_soon(self._work)
 
     # -- clients ---------------------------------------------------------------------------------------------------
 
@@ -124,26 +129,27 @@ class ControlServer:
 
     def _knock(self) -> None:
         """Take note that somebody waits to be accepted."""
-        self.loop.remove_reader(self._bound)
-        self.in_turn(self._accept)
+        if not self._accepting:
+            self.in_turn(self._accept)
+            self._accepting = True
 
     def _accept(self) -> None:
+        self._accepting = False
         if self._bound.fileno() < 0:
             return
         try:
             connection, _ = self._bound.accept()
+            self._clients[_Client(self, connection)] = None
         except BlockingIOError:
             pass  # it has gone already
         except (OSError, MemoryError):  # too many open files: the others give theirs up, one after the other
-            if not self._clients:
-                self._again = self.loop.call_later(_NO_FILES_S, self._listen)
-                return
-            self._push_out()
-        else:
-            self._clients[_Client(self, connection)] = None
-            if len(self._clients) > self._places:
+            if self._clients:
                 self._push_out()
-        self._listen()
+            else:
+                self.loop.remove_reader(self._bound)
+                self._again = self.loop.call_later(_NO_FILES_S, self._listen)
+        if len(self._clients) > self._places:
+            self._push_out()
 
     def _push_out(self) -> None:
         """Close the client that came first."""
