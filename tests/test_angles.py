@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from math import inf, isnan, nan
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wayfarer.angles import axis_offset_deg, circular_mean, coordinates_deg, displacement_m, offset_m, wrap180, wrap360
+from wayfarer.angles import (
+    axis_offset_deg,
+    circular_mean,
+    clamp,
+    coordinates_deg,
+    displacement_m,
+    offset_m,
+    wrap180,
+    wrap360,
+)
 from wayfarer.hal import PositionFix
 
 ANGLES = st.floats(-1e6, 1e6)
@@ -95,3 +106,22 @@ def test_offset_leads_back_from_coordinates_also_over_the_date_line(
 def test_offset_of_a_minute_of_arc_is_a_nautical_mile() -> None:
     assert offset_m(place(47.0, 8.0), place(47.0 + 1 / 60, 8.0)) == pytest.approx((1852.0, 0.0), rel=0.007)
     assert offset_m(place(60.0, 8.0), place(60.0, 8.0 - 1 / 60)) == pytest.approx((0.0, -926.0), rel=0.007)
+
+
+# -- values within bounds ----------------------------------------------------------------------------------------------
+
+
+@given(st.floats(allow_nan=False), st.floats(-10.0, 0.0), st.floats(0.0, 10.0))
+def test_value_is_itself_or_the_bound_that_it_is_beyond(value: float, low: float, high: float) -> None:
+    within = clamp(value, low, high)
+    assert low <= within <= high
+    assert within == value or (within == low > value) or (within == high < value)
+
+
+def test_upper_bound_counts_where_settings_cross() -> None:
+    assert [clamp(value, 30.0, 20.0) for value in (10.0, 25.0, 40.0)] == [20.0] * 3
+
+
+def test_infinity_is_bounded_and_nan_stays() -> None:
+    assert (clamp(inf, -1.0, 1.0), clamp(-inf, -1.0, 1.0)) == (1.0, -1.0)
+    assert isnan(clamp(nan, -1.0, 1.0))

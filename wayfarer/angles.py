@@ -1,4 +1,4 @@
-"""Compass angles: degrees, clockwise positive, 0 is north; and metres from headings, latitudes and longitudes.
+"""Compass angles: degrees, clockwise positive, 0 is north; metres from headings and places; and values within bounds.
 
 One place for wrap-around, because published drivers and filters get it wrong again and again (averaging 359 and 1
 gives 180).
@@ -23,6 +23,11 @@ class Coordinates(Protocol):
     @property
     def longitude_deg(self) -> float:
         """Degrees east of Greenwich."""
+
+
+def clamp(value: float, low: float, high: float) -> float:
+    """Return the value, or the bound that it is beyond; NaN stays NaN. If the bounds cross, ``high`` counts."""
+    return min(max(value, low), high)
 
 
 def wrap180(angle_deg: float) -> float:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from wayfarer.detector.response import OPPOSES_DEG, SHOWS_LATE_S, TurnabilityMonitor
 from wayfarer.detector.settings import DetectorSettings
-from wayfarer.detector.turning import OPPOSES_DEG, SHOWS_LATE_S, TurnabilityMonitor
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.tick_interval import TickInterval

@@ -6,7 +6,7 @@ the safety gate.
 """
 
 from wayfarer.detector.detector import Detector
+from wayfarer.detector.response import StallMonitor
 from wayfarer.detector.settings import DetectorSettings
-from wayfarer.detector.stall import StallMonitor
 
 __all__ = ["Detector", "DetectorSettings", "StallMonitor"]

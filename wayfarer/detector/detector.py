@@ -7,8 +7,8 @@ from math import inf, radians
 from wayfarer.detector.compass import TURNS_FROM_DEG_S, CompassMonitor, HeadingEstimator
 from wayfarer.detector.ground import TILTS, GradeCompensation, GroundSlope, TiltMonitor
 from wayfarer.detector.motion import MotionMonitor
+from wayfarer.detector.response import TurnabilityMonitor
 from wayfarer.detector.settings import DetectorSettings
-from wayfarer.detector.turning import TurnabilityMonitor
 from wayfarer.escape.api import Anomaly
 from wayfarer.escape.settings import Vehicle
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, Snapshot

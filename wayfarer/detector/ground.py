@@ -15,7 +15,7 @@ from __future__ import annotations
 from math import cos, hypot, inf, radians, sin
 from typing import Final
 
-from wayfarer.clamp import clamp
+from wayfarer.angles import clamp
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.escape.api import Anomaly
 from wayfarer.escape.settings import Vehicle

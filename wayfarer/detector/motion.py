@@ -7,9 +7,8 @@ from math import copysign, inf, radians, sin
 from typing import Final
 
 from wayfarer.detector.ground import LOAD_MAX
+from wayfarer.detector.response import StallMonitor, SteeringMonitor
 from wayfarer.detector.settings import DetectorSettings
-from wayfarer.detector.stall import StallMonitor
-from wayfarer.detector.turning import SteeringMonitor
 from wayfarer.escape.settings import Vehicle
 from wayfarer.hal import MotionReading
 from wayfarer.safety.conditions import BLIND, Condition
@@ -207,7 +206,7 @@ class Odometer:
 
 # Driven so far each way, a free body moves by more than a sensor could overlook: twice what counts as seen in a stall.
 DRIVEN_M: Final = 0.1
-# Turned so far on the spot: as much as shows that a body can turn (``detector.turning``).
+# Turned so far on the spot: as much as shows that a body can turn (``detector.response``).
 TURNED_DEG: Final = 9.0
 # So many equal readings in a row are no chance: at 5 mm a reading, a PMW3901's noise of 2 counts and more repeats one
 # reading in five.

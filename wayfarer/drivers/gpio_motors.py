@@ -21,7 +21,7 @@ from typing import Annotated, Any, ClassVar
 
 from annotated_types import Interval
 
-from wayfarer.clamp import clamp
+from wayfarer.angles import clamp
 from wayfarer.drivers.buses import Buses
 from wayfarer.drivers.gpio import GpioPart, Pin
 from wayfarer.errors import NotResponding

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from wayfarer.clamp import clamp
+from wayfarer.angles import clamp
 from wayfarer.hal import WheelCommand
 
 

@@ -15,8 +15,7 @@ from random import Random
 from statistics import NormalDist
 from typing import Final
 
-from wayfarer.angles import axis_offset_deg, wrap180
-from wayfarer.clamp import clamp
+from wayfarer.angles import axis_offset_deg, clamp, wrap180
 from wayfarer.escape.api import CLOCKWISE, COUNTER_CLOCKWISE, EscapeHandler, Observation
 from wayfarer.escape.handler import AlgorithmSpec, PhasedHandler, StrideLength, TurnAngle, TurnSide, short_stride
 from wayfarer.escape.phases import PLEDGE, STRIDES

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from math import degrees, inf, radians
 from typing import ClassVar, Final
 
-from wayfarer.angles import wrap180
-from wayfarer.clamp import clamp
+from wayfarer.angles import clamp, wrap180
 from wayfarer.escape.api import Anomaly, Observation, Phase
 from wayfarer.escape.phases import PhaseEvent
 from wayfarer.escape.settings import EscapeSettings

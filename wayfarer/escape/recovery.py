@@ -15,7 +15,7 @@ from __future__ import annotations
 from random import Random
 from typing import Final, NamedTuple
 
-from wayfarer.clamp import clamp
+from wayfarer.angles import clamp
 from wayfarer.escape.api import Anomaly, Decision, Observation, Phase
 from wayfarer.hal import WheelCommand
 from wayfarer.safety.conditions import BLIND, Condition

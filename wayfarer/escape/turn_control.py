@@ -14,8 +14,7 @@ from collections import deque
 from math import cos, degrees, radians
 from typing import Final
 
-from wayfarer.angles import wrap180
-from wayfarer.clamp import clamp
+from wayfarer.angles import clamp, wrap180
 from wayfarer.escape.settings import EscapeSettings, Vehicle
 from wayfarer.hal import WheelCommand
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import hypot
 from typing import Final
 
-from wayfarer.clamp import clamp
+from wayfarer.angles import clamp
 from wayfarer.hal import STOP, WheelCommand
 
 # A duration has passed once so little is missing: sums of control periods fall a rounding error short of it.

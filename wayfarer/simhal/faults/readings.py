@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 
 from annotated_types import Interval
 
-from wayfarer.clamp import clamp
+from wayfarer.angles import clamp
 from wayfarer.setting_ranges import Fraction
 from wayfarer.simhal.faults.fault_kind import PARTS, SENSES, FaultKind, added, listed
 from wayfarer.simhal.faults.faulty_part import Change, FaultyPart

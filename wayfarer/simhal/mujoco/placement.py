@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import mujoco
 
-from wayfarer.clamp import clamp
+from wayfarer.angles import clamp
 from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.simhal.mujoco.ground import HeightField, Nearby
 from wayfarer.simhal.mujoco.model import Contacts

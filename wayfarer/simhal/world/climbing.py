@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import asin, atan, degrees, radians, sin
 from typing import Final
 
-from wayfarer.clamp import clamp
+from wayfarer.angles import clamp
 from wayfarer.config.chassis import CLIMBING_KEYS, STANDARD_GRAVITY_M_S2, Chassis
 from wayfarer.escape.settings import Vehicle
 from wayfarer.simhal.random_streams import RandomStreams

@@ -21,8 +21,7 @@ from xml.etree.ElementTree import Element
 from gpxpy.gpx import GPX, GPXTrack, GPXTrackPoint, GPXTrackSegment, GPXWaypoint
 
 from wayfarer import __version__
-from wayfarer.angles import Coordinates, coordinates_deg, wrap180
-from wayfarer.clamp import clamp
+from wayfarer.angles import Coordinates, clamp, coordinates_deg, wrap180
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.clock import duration_text
 from wayfarer.fieldlog.dead_reckoning import ReckonedPose

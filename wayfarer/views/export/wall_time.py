@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
 
-from wayfarer.clamp import clamp
+from wayfarer.angles import clamp
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.clock import clock_zero_s
 from wayfarer.fieldlog.reader import RunReader

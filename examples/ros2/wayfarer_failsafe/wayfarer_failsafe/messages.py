@@ -10,7 +10,7 @@ from __future__ import annotations
 from math import asin, atan2, degrees, isfinite
 from typing import Any, NamedTuple
 
-from wayfarer.clamp import clamp
+from wayfarer.angles import clamp
 from wayfarer.escape.settings import Vehicle
 from wayfarer.hal import CompassReading, MotionReading, WheelCommand
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from itertools import count
 from math import atan2, cos, degrees, hypot, radians, sin
 
-from wayfarer.angles import axis_offset_deg
-from wayfarer.clamp import clamp
+from wayfarer.angles import axis_offset_deg, clamp
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.escape.settings import Vehicle
 from wayfarer.simhal.world.collision import Box
