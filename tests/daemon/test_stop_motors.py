@@ -333,10 +333,10 @@ def test_root_stops_wayfarer_s_own_driver_whoever_may_write_the_file(
     assert ran == ["linux"]
 
 
-def test_code_comes_after_everything_else(
+def test_code_of_a_rover_file_comes_after_what_a_daemon_drove(
     rover_file: Path, record: Path, ran: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It may hang, or end the process."""
-    rover_file.write_text(THUNDERBORG, encoding="utf-8")
+    rover_file.write_text('buses = "os:abort"\n' + THUNDERBORG, encoding="utf-8")
     stop_motors(str(rover_file))
-    assert ran == ["linux", "tests.daemon.left_turning:buses"]
+    assert ran == ["tests.daemon.left_turning:buses", "os:abort"]

@@ -5,8 +5,8 @@ changed since it began. The motors of the rover file are stopped as well. They m
 has recorded; a stop is harmless for both. The rover file is used as it is, and one that is broken is refused. If a
 daemon still runs and would turn the wheels again, it is asked to stop; so it is if no board was stopped.
 
-Both can name code to import. Root runs it only if nobody but root can have written the file. Boards that need it come
-last, because it may hang or end this process.
+Both can name code to import. Root runs it only if nobody but root can have written the file. That of a rover file
+comes last, because it may hang or end this process.
 """
 
 from __future__ import annotations
@@ -73,7 +73,8 @@ def stop_motors(name_or_path: str) -> str:
         _add(boards, BoardToStop(str(path), named[0], False, _is_trusted(*named)))
     except BadInput as error:
         unusable.append(StopResult(f"{path}: {error}", error.exit_code))
-    results = [_stopped(board) for board in sorted(boards, key=lambda board: board.driven.names_code)] + unusable
+    boards.sort(key=lambda board: not board.recorded and board.driven.names_code)
+    results = [_stopped(board) for board in boards] + unusable
     text = "; ".join(result.text for result in results)
     codes = {result.exit_code for result in results}
     if codes == {2} or not any(board.trusted for board in boards):
