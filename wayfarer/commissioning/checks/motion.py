@@ -21,7 +21,7 @@ from wayfarer.control.rate import Rate
 from wayfarer.detector import StallMonitor
 from wayfarer.errors import DriverError
 from wayfarer.hal import DriveMotors, WheelCommand
-from wayfarer.safety.tick_interval import Moved
+from wayfarer.safety.tick_interval import Moved, TickInterval
 
 ON_BLOCKS = (
     "The wheels are going to turn, slowly, several times, for up to {longest_s:.1f} s. "
@@ -140,18 +140,19 @@ async def _watch_stall(inspection: Inspection) -> tuple[bool, float]:
     config, motors = inspection.config, inspection.rover.motors
     stall, unknown, found = StallMonitor(config.detector, config.vehicle), 0, False
     duty = min(STALL_DUTY, config.safety.duty_max)
-    commanded_m = duty * config.vehicle.max_speed_m_s / RATE_HZ
+    commanded, dt_s = WheelCommand(duty, duty), 1.0 / RATE_HZ
+    interval = TickInterval(0.0, commanded, dt_s, dt_s, duty * config.vehicle.max_speed_m_s * dt_s)
     ticks, rate = round(STALL_S * RATE_HZ), Rate(RATE_HZ)
     async with wheels_stopped_after(motors):
         await require_reading(inspection.motion())  # what came before is not ours
         for _ in range(ticks):
-            await motors.drive(WheelCommand(duty, duty))
+            await motors.drive(commanded)
             await rate.wait()
             reading = await require_reading(inspection.motion())
             unknown += reading.quality < config.detector.quality_min
             moved = Moved()
-            moved.commanded_m = moved.way_m = moved.pushed_m = commanded_m
-            moved.driven_s = 1.0 / RATE_HZ
+            moved.drive(interval, 0.0, config.vehicle.max_speed_m_s)
+            moved.driven_s = interval.driven_s
             moved.see(reading.forward_m, 0.0, signed=reading.signed)
             stall.add(moved)
             found = found or stall.found
