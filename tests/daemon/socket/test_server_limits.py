@@ -238,11 +238,15 @@ async def main():
     daemon.hold = held
     async with serve(daemon, Path(sys.argv[1])):
         taken = [bytearray(100_000) for _ in range(20)]
+        deep = []
+        for _ in range(900):
+            deep = [deep]
+        repr(deep)  # the stack cannot grow any more under the limit: the interpreter would crash
         size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (size, size))
         try:
             while True:
-                taken.append(bytearray(30_000))  # what malloc has left for what is large
+                taken.append(bytearray(100_000))  # asyncio's streams read into 256 KiB; the interpreter needs some
         except MemoryError:
             print("ready", flush=True)
         await asyncio.sleep(60)
@@ -257,6 +261,7 @@ def test_where_no_memory_is_left_a_stop_still_gets_in(path: Path) -> None:
     with subprocess.Popen(
         [sys.executable, "-c", WITHOUT_MEMORY, str(path)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
+        half: list[socket.socket] = []
         try:
             assert process.stdout is not None
             assert process.stdout.readline() == "ready\n"
@@ -266,10 +271,10 @@ def test_where_no_memory_is_left_a_stop_still_gets_in(path: Path) -> None:
                 each.sendall(b'{"do": "mark", "text": "' + b"x" * 4_000)
             for verb in ("stop", "hold", "disarm") * 5:
                 assert ask({"do": verb}, path) == {}
-            for each in half:
-                each.close()
         finally:
             process.kill()
+            for each in half:
+                each.close()
 
 
 async def test_stop_that_finds_no_memory_is_tried_once_more_without_the_others(path: Path, daemon: FakeDaemon) -> None:

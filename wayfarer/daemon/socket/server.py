@@ -165,6 +165,11 @@ class ControlServer:
         """Let a client have gone."""
         self._clients.pop(client, None)
 
+    def close_others(self, client: _Client) -> None:
+        """Give a client the memory that all others have."""
+        for other in [each for each in self._clients if each is not client]:
+            other.close()
+
     def answer(self, client: _Client, line: bytes) -> None:
         """Carry out the request of a line, and answer it, at once or, where that takes a while, later."""
         try:
@@ -180,8 +185,7 @@ class ControlServer:
             try:
                 reply = _at_once(self._reply_to(client, request, raises=request.do in STOPPING))
             except MemoryError:  # once more, with what the others had
-                for other in [each for each in self._clients if each is not client]:
-                    other.close()
+                self.close_others(client)
                 reply = _at_once(self._reply_to(client, request))
             client.send(reply)
 
@@ -255,7 +259,11 @@ class _Client:
             return
         except OSError:
             count = 0
-        self._unread += self._server.buffer[:count]
+        try:
+            self._unread += self._server.buffer[:count]
+        except MemoryError:  # once more, with what the others had
+            self._server.close_others(self)
+            self._unread += self._server.buffer[:count]
         if not count:
             self._sends = False
             if self.task is not None:  # who does not wait for the answer has gone
