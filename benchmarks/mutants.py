@@ -1,10 +1,10 @@
 """Do the tests bite? Seeded mutants of what decides on the rover, and how many of them its unit tests kill.
 
 A mutant is one small change of one line of code: a comparison, an operator, a number, a condition that is negated. It
-is killed if a test fails: first those of its own package are asked, then those of the other packages here. What
+is killed if a test fails: first the tests of its package run, then the tests of the other packages here. What
 survives is printed; some of it is equivalent to the original. The same seed draws the same mutants of the same code.
 
-Each mutant is tried in a process of its own, forked from one that has imported libraries. It exists only in memory.
+Each mutant runs in a separate process, forked from one that has imported libraries. It exists only in memory.
 """
 
 from __future__ import annotations

@@ -148,7 +148,7 @@ _AFTER_A_STOP = "control/test_interleavings.py::test_after_a_stop_no_wheel_turns
 EVENTS: Mapping[Event, Case] = {
     Event.ARM: Case(
         UNEXPECTED,
-        "The start delay warns whoever stands there; it does not look",
+        "The start delay warns a person who stands there; nothing looks for one",
         (_ARMING + "test_start_delay_passes_before_the_wheels_turn", _STALE),
     ),
     Event.SETTLED: Case(
@@ -184,7 +184,7 @@ EVENTS: Mapping[Event, Case] = {
     ),
     Event.RESUME: Case(
         UNEXPECTED,
-        "There is no start delay: whoever resumes must look first",
+        "There is no start delay: the person who resumes must look first",
         (_ARMING + "test_hold_stops_the_wheels_at_the_next_tick_until_resumed_and_the_mission_goes_on", _STALE),
     ),
     Event.GOAL: Case(
@@ -296,7 +296,7 @@ def _row(condition: Condition) -> tuple[str, ...]:
 def _event(event: Event) -> tuple[str, ...]:
     case, does = EVENTS[event], {mode: row.does for (mode, each), row in MODES.items() if each is event}
     mechanism = "".join(f"{sentence(mode.value)}: {what}. " for mode, what in does.items())
-    refused = "Else it is refused." if len(does) < len(Mode) else ""
+    refused = "In another mode it is refused." if len(does) < len(Mode) else ""
     return f"Event: {event.value}", (mechanism + refused).rstrip(), _named(*case.tests), case.remains
 
 

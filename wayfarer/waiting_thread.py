@@ -50,7 +50,7 @@ class WaitingThread(ABC):
 class OneCall:
     """A thread for one call, started on the loop whatever the memory: ``start`` does not wait until it runs.
 
-    Where no memory is left, a thread can end before its first line, and ``threading.Thread.start`` waits for ever then.
+    If no memory is left, a thread can end before its first line, and ``threading.Thread.start`` waits for ever then.
     """
 
     def __init__(self, call: Callable[[], object]) -> None:

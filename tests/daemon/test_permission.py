@@ -250,7 +250,7 @@ async def test_daemon_that_stood_still_during_the_start_delay_is_disarmed(run: R
         assert run.mode == mode
         assert (run.wheels == STOP) == (mode == "disarmed")
         if mode == "disarmed":
-            assert "stood still" in run.supervisor.controller.why_disarmed
+            assert "was suspended" in run.supervisor.controller.why_disarmed
 
 
 @virtual

@@ -1,4 +1,4 @@
-"""Stops of a real daemon get in where no memory is left, and end it though its disk hangs."""
+"""Stops of a real daemon get in if no memory is left, and end it though its disk hangs."""
 
 from __future__ import annotations
 

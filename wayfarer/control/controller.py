@@ -421,7 +421,7 @@ class Controller:
     def _continue_arming(self, tick: TickRecord, arming: ArmingSequence) -> None:
         t_s, compass = tick.t_s, self._detector.compass
         if tick.dt_s > PERMISSION_S:  # suspended meanwhile: who armed it expects nothing any more
-            self._conclude_disarmed(tick, f"not armed: the daemon stood still for {tick.dt_s:.0f} s")
+            self._conclude_disarmed(tick, f"not armed: the daemon was suspended for {tick.dt_s:.0f} s")
             return
         goal_heading_deg = arming.update(compass) if compass is not None else None
         stops = [condition.value for condition in tick.conditions if self.levels[condition] >= Level.DEGRADE]

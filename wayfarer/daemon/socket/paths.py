@@ -51,7 +51,7 @@ def daemon_socket() -> Path:
 
 
 def without_daemon() -> AbstractContextManager[None]:
-    """Keep this user's daemon from running while entered; where it would have no folder, it cannot run.
+    """Keep this user's daemon from running while entered; if it would have no folder, it cannot run.
 
     Raises:
         AlreadyRunning, BadInput: as ``single_daemon``.
@@ -104,7 +104,7 @@ def _session_folder() -> Path:
 
 
 def has_gone(connection: Any) -> bool:
-    """Return whether who is at the other end has closed its side, also where what it sent before was not read yet.
+    """Return whether who is at the other end has closed its side, also if what it sent before was not read yet.
 
     ``connection`` is an open socket, or what an asyncio transport gives for it.
     """

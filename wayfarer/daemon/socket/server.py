@@ -4,13 +4,13 @@ All that clients can use up is bounded: how many are connected, the length of a 
 unread. All read into one small buffer. Requests are answered on the loop itself, but only one in each turn of the loop,
 so that many requests cannot delay the tick. Every error in a request becomes a refusal, and the server continues.
 
-A new client always gets in, so a ``stop`` does: where all places are taken, it gets that of the client that came first,
-which is silent, has sent half a line, does not read, or can ask again. Accepting a client takes a turn of the loop, as
+A new client always gets in, so a ``stop`` does: if all places are taken, the client that came first loses its place. It
+is silent, has sent half a line, does not read, or can ask again. Accepting a client takes a turn of the loop, as
 answering does. So a request that is there is answered before its client can be pushed out, however many others come.
 An arming that is under way for a client that has gone, or is pushed out, is given up. While all places are taken, a
 client is closed after one answer, so that a few that never cease to ask cannot keep a ``stop`` waiting for long.
 
-It works on sockets, without asyncio's streams: those read into 256 KiB, which are not there where memory is short.
+It works on sockets, without asyncio's streams: those read into 256 KiB, which are not there if memory is short.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from wayfarer.errors import BadInput, WayfarerError
 CLIENTS = 16  # at once, chosen by us. The more there are, the longer a stop waits for its turn
 UNREAD_S = 1.0  # for a client to read its answer; chosen by us
 _QUEUE = 128  # clients that wait in the kernel to be accepted; chosen by us
-_NO_FILES_S = 0.1  # until accepting is tried again, where the process has no file descriptor left for it
+_NO_FILES_S = 0.1  # until accepting is tried again, if the process has no file descriptor left for it
 
 
 class ControlServer:
@@ -171,7 +171,7 @@ class ControlServer:
             other.close()
 
     def answer(self, client: _Client, line: bytes) -> None:
-        """Carry out the request of a line, and answer it, at once or, where that takes a while, later."""
+        """Carry out the request of a line, and answer it, at once or, if that takes a while, later."""
         try:
             request = check(read_line(line))
         except WayfarerError as refusal:
@@ -273,7 +273,7 @@ class _Client:
         self._go_on()
 
     def _go_on(self) -> None:
-        """Have the next line answered in its turn, where there is one and nothing is under way."""
+        """Have the next line answered in its turn, if there is one and nothing is under way."""
         if self._waits or self._unsent or self.task is not None or self._connection.fileno() < 0:
             return
         if self._unread.find(b"\n", 0, REQUEST_BYTES + 1) >= 0:

@@ -76,7 +76,7 @@ def _hash(text: str) -> str:
 STATE_S = 0.1
 REST_S = 0.02  # between two floods of events
 ACCEPT_S = 0.005  # between two connections, each of which takes the loop a millisecond or two; chosen by us
-NO_FILES_S = 0.1  # until accepting is tried again, where the process has no file descriptor left for it
+NO_FILES_S = 0.1  # until accepting is tried again, if the process has no file descriptor left for it
 
 _bugs = logging.getLogger("wayfarer.views.live")
 _clients = logging.getLogger("wayfarer.views.live.clients")  # clients that do not speak HTTP are not reported
