@@ -112,7 +112,8 @@ class Follow(Manoeuvre):
     def begin(self, observation: Observation) -> None:
         self._heading = HeadingControl(self._settings, self._turns)
         self._drive_ahead(observation)
-        self._bound(observation, 180.0 / self._settings.turn_deg_s)
+        self._pivot_s = 180.0 / self._settings.turn_deg_s
+        self._bound(observation, self._pivot_s)
 
     def event(self, observation: Observation) -> PhaseEvent | None:
         if self._fresh(observation) and _ahead(observation):
@@ -123,7 +124,7 @@ class Follow(Manoeuvre):
             error_deg = wrap180(observation.goal_heading_deg - observation.heading_deg)
             if abs(error_deg) >= PIVOT_BEYOND_DEG:
                 return PhaseEvent.EXHAUSTED
-            self._bound(observation, 180.0 / self._settings.turn_deg_s)
+            self._bound(observation, self._pivot_s)
         return None
 
     def wheels(self, observation: Observation) -> WheelCommand:
