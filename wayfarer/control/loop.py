@@ -62,12 +62,15 @@ class ControlLoop:
     async def run(self, rate_hz: float) -> RunEnd:
         """Tick at this rate; return what has ended the run."""
         controller, rate = self._controller, Rate(rate_hz)
-        while controller.end is None:
+        end = controller.end  # in a variable: compiled, an attribute that was None is taken to be None after a tick too
+        while end is None:
             await self.tick(self._clock())
             self.ticked.set()
-            if controller.end is None:
+            end = controller.end
+            if end is None:
                 await rate.wait()
-        return controller.end
+                end = controller.end
+        return end
 
     async def tick(self, t_s: float) -> None:
         """Do one control tick at time ``t_s``. While the motors are waited for, somebody may ask for something.
