@@ -30,7 +30,7 @@ from wayfarer.commissioning.checks import HostEnvironment
 from wayfarer.config.rover_file import LogSettings, RoverConfig, laid_over, load_rover
 from wayfarer.control.modes import Mode
 from wayfarer.control.run_log import Tee
-from wayfarer.daemon.arming_check import RunningInspection
+from wayfarer.daemon.arming_check import running_inspection
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import RequestRefused
 from wayfarer.errors import NotArmed
@@ -206,9 +206,10 @@ async def _faults(setup: TrialSetup, faults: Sequence[Fault], rng: Random, count
 async def _person(setup: TrialSetup, log: Any, rng: Random) -> None:
     """Arm again whatever stands, resume what is held, and now and then hold, disarm or send elsewhere."""
     config, nowhere = setup.config, Path()
-    live = RunningInspection(config, setup.rover, HostEnvironment(nowhere, nowhere, (), 0.0), setup.supervisor)
+    host = HostEnvironment(nowhere, nowhere, (), 0.0)
+    inspect = partial(running_inspection, config, setup.rover, host, setup.supervisor)
     about = {"start_delay_s": config.safety.start_delay_s}
-    commands = RoverCommands(setup.supervisor, setup.rover.motors, lambda: live, log, about, checks=())
+    commands = RoverCommands(setup.supervisor, setup.rover.motors, inspect, log, about, checks=())
     controller = setup.supervisor.controller
     while True:
         await asyncio.sleep(rng.expovariate(1.0 / PERSON_EVERY_S))

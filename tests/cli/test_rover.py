@@ -299,8 +299,8 @@ def test_check_for_people_gives_cause_and_remedy(rover_file: Path, run: Run) -> 
     lines = out.splitlines()
     at = next(number for number, line in enumerate(lines) if line.startswith("fail    compass:"))
     assert "0x61" in lines[at]
-    assert lines[at + 1].startswith("          likely: ")
-    assert lines[at + 2].startswith("          do:     ")
+    assert "; likely " in lines[at]
+    assert lines[at + 1].startswith("          do: ")
 
 
 @pytest.mark.parametrize("command", [["check"], ["calibrate", "motors"]])

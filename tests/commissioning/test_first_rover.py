@@ -15,7 +15,7 @@ from tests.loop_guard import WatchedVirtualLoop
 from wayfarer.commissioning import first_rover
 from wayfarer.commissioning.checks import check, passed
 from wayfarer.commissioning.first_rover import MODELS, FoundPart, Inventory, Model, first_rover_file, nearest
-from wayfarer.config.factory import assemble
+from wayfarer.config.factory import UNCALIBRATED, assemble
 from wayfarer.config.rover_file import RoverConfig, laid_over, load_rover, parse_rover, rover_text
 from wayfarer.drivers.cmps14 import CMPS14
 from wayfarer.drivers.gpsd import Gpsd
@@ -52,7 +52,7 @@ def shipped(name: str, **parts: dict[str, Any]) -> RoverConfig:
 
 def passes(machine: computers.Machine, config: RoverConfig) -> bool:
     seen = laid_over(config, {"safety": {"deadman_unproved_because": "simulated"}})
-    return passed(machine.runner.run(check(seen, assemble(seen, machine.buses), machine.host, None)))
+    return passed(machine.runner.run(check(seen, assemble(seen, machine.buses), machine.host, UNCALIBRATED, None)))
 
 
 def test_forestrover(tmp_path: Path, runner: asyncio.Runner) -> None:

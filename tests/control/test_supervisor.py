@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from contextlib import suppress
 from itertools import pairwise
 from typing import Any
@@ -30,9 +30,9 @@ from tests.virtual import asked, virtual
 from wayfarer.control.modes import Mode
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.sensors import RETRY_PAUSE_MAX_S, RETRY_PAUSE_S, SensorTask, keep_sampling
-from wayfarer.control.supervisor import Supervisor, first_cause
+from wayfarer.control.supervisor import CheckMotors, Supervisor, first_cause
 from wayfarer.control.tick import Inbox
-from wayfarer.errors import MissingPart, NotArmed, NotResponding, PowerLost, WayfarerError
+from wayfarer.errors import DriverError, MissingPart, NotArmed, NotResponding, PowerLost, WayfarerError
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.mission import RunEnd
 
@@ -227,7 +227,7 @@ def test_sensor_that_hangs_stops_the_wheels_and_not_the_others(shop: Workshop) -
 class Armer:
     """Arms from a script, after a check; ``refusals`` are the errors that came of it."""
 
-    def __init__(self, check: Callable[[], Awaitable[None]] | None = None) -> None:
+    def __init__(self, check: CheckMotors | None = None) -> None:
         self.check = check
         self.refusals: list[WayfarerError] = []
 
@@ -319,14 +319,15 @@ def test_motors_that_failed_are_opened_again_by_arming_and_drive_again(shop: Wor
     assert_wheels_stopped_first(shop)
 
 
-def test_check_that_speaks_against_arming_is_made_before_the_motors_are_touched(shop: Workshop) -> None:
-    async def refuse() -> None:
+def test_check_that_speaks_against_arming_comes_after_the_motors_are_open_and_no_wheel_turns(shop: Workshop) -> None:
+    async def refuse(failed: DriverError | None) -> None:
+        assert (failed, shop.done.count("motors.open")) == (None, 2), "that of the start of the run, and that of now"
         raise NotArmed("the compass is not calibrated")
 
     arm = Armer(refuse)
     drive(shop, {0.31: lambda it: it.disarm("asked"), 0.51: arm})
     assert [str(refusal) for refusal in arm.refusals] == ["the compass is not calibrated"]
-    assert shop.done.count("motors.open") == 1
+    assert shop.done.count("motors.open") == 2
     assert max(shop.times("handler.decide")) < 0.36
 
 
@@ -337,7 +338,7 @@ def test_rover_that_is_disarmed_while_it_is_checked_is_not_armed_afterwards(
 ) -> None:
     """Whoever says stop last must be right."""
 
-    async def takes_long() -> None:
+    async def takes_long(_: object) -> None:
         await asyncio.sleep(0.17)
 
     arm = Armer(takes_long)
@@ -351,13 +352,13 @@ def test_mission_that_has_begun_while_a_person_waited_is_stopped_as_that_person_
     wheels: list[WheelCommand] = []
 
     async def takes_over(run: Supervisor) -> None:
-        await run.begin_manual(asked(), 7, "page", lambda: asyncio.sleep(0.32))
+        await run.begin_manual(asked(), 7, "page", lambda _: asyncio.sleep(0.32))
         wheels.append(shop.wheels)
 
     tasks: list[asyncio.Task[None]] = []
     script: Script = {
         0.31: lambda it: it.disarm("asked"),
-        0.51: lambda it: tasks.append(asyncio.ensure_future(it.arm(asked(), 0.0, lambda: asyncio.sleep(0.1)))),
+        0.51: lambda it: tasks.append(asyncio.ensure_future(it.arm(asked(), 0.0, lambda _: asyncio.sleep(0.1)))),
         0.56: lambda it: tasks.append(asyncio.ensure_future(takes_over(it))),
         0.87: lambda _: wheels.append(shop.wheels),
     }

@@ -13,10 +13,11 @@ import orjson
 from tests.kit.rover import Rig
 from tests.kit.workshop import EventLog
 from tests.virtual import asked, virtual
-from wayfarer.commissioning.checks import ARMING
+from wayfarer.commissioning.checks import ARMING, Inspection
 from wayfarer.control.supervisor import Supervisor
-from wayfarer.daemon.arming_check import RunningInspection
+from wayfarer.daemon.arming_check import running_inspection
 from wayfarer.daemon.commands import RoverCommands
+from wayfarer.errors import DriverError
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.mission import RunEnd
@@ -40,8 +41,13 @@ class Run:
         chosen = CATALOGUE[algorithm]
         handler = chosen.make(config.escape, config.vehicle, Random(0))
         self.supervisor = Supervisor(rig.rover, config, chosen, handler, self.log, ladder_seed=1)
-        self.inspect = RunningInspection(config, rig.rover, rig.host, self.supervisor)
-        self.commands = RoverCommands(self.supervisor, rig.motors, lambda: self.inspect, self.log, ABOUT, ARMING)
+        self.config = config
+        self.commands = RoverCommands(self.supervisor, rig.motors, self.inspect, self.log, ABOUT, ARMING)
+
+    def inspect(self, motors_failed: DriverError | None = None) -> Inspection:
+        return running_inspection(
+            self.config, self.rig.rover, self.rig.host, self.supervisor, motors_failed, self.rig.kept
+        )
 
     async def __aenter__(self) -> Run:
         self.running = asyncio.create_task(self.supervisor.run())

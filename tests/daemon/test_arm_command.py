@@ -5,20 +5,24 @@ from __future__ import annotations
 import asyncio
 import dataclasses
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.daemon.played import DELAY_S, Run, played
+from tests.daemon.played import ABOUT, DELAY_S, Run, played
 from tests.kit.rover import T_WALL, Rig
 from tests.virtual import asked, virtual
+from wayfarer.commissioning.checks import ARMING
 from wayfarer.commissioning.checks.deadman import keep_proof
 from wayfarer.config.calibration_file import MotorsEntry, stamp
+from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import RequestRefused
 from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
 from wayfarer.errors import NotResponding, WayfarerError
 from wayfarer.hal import STOP, MotorHealth, WheelCommand
+from wayfarer.safety.settings import ManualSettings
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
 
@@ -179,7 +183,7 @@ async def test_board_that_cannot_be_asked_is_armed_with_a_proof_or_a_reason_that
             with pytest.raises(RequestRefused, match=r"deadman proved: nobody has seen board at 0x15 .*wayfarer check"):
                 await run.commands.arm(asked(), 0.0)
             assert run.log.named("arming_refused") == [{"failed": ["deadman proved"]}]
-            keep_proof(run.inspect, tripped=True)
+            keep_proof(run.inspect(), tripped=True)
         warnings: Any = (await run.commands.arm(asked(), 0.0))["warnings"]
         told = [warning for warning in warnings if warning.startswith("deadman proved")]
         assert len(told) == bool(because)
@@ -214,18 +218,42 @@ async def test_board_that_turns_the_wheels_by_itself_is_refused_at_once(run: Run
     assert not run.log.named("arming")
 
 
+@pytest.mark.parametrize("checked", [True, False], ids=["checked", "unchecked"])
+@pytest.mark.parametrize("verb", ["arm", "manual_begin"])
 @played
-async def test_board_that_falls_silent_after_the_checks_refuses_arming(run: Run) -> None:
-    opened = 0
+async def test_board_is_opened_once_at_each_start_and_one_that_fails_refuses_it(
+    run: Run, verb: str, checked: bool
+) -> None:
+    answers, opened = [None, NotResponding("board: no answer")], 0
 
     async def open_once() -> None:
         nonlocal opened
         opened += 1
-        if opened > 1:
-            raise NotResponding("board: no answer")
+        if (failed := answers.pop(0)) is not None:
+            raise failed
 
     run.rig.motors.open = open_once  # type: ignore[method-assign]
-    with pytest.raises(RequestRefused, match="not armed: board: no answer"):
+    checks = ARMING if checked else ()
+    commands = RoverCommands(run.supervisor, run.rig.motors, run.inspect, run.log, ABOUT, checks)
+    run.supervisor.controller.manual.settings = ManualSettings(allowed=True)
+    start = partial(commands.arm, heading_deg=0.0) if verb == "arm" else partial(commands.manual_begin, driver="page")
+    await start(asked())
+    assert (opened, run.mode) == (1, "arming" if verb == "arm" else "manual")
+    await commands.disarm()
+    await asyncio.sleep(0.1)
+    told = r"motor board: board: no answer; likely .* \(check its" if checked else "board: no answer"
+    with pytest.raises(RequestRefused, match=f"not armed: {told}"):
+        await start(asked())
+    assert (opened, run.mode) == (2, "disarmed")
+
+
+@played
+async def test_board_that_is_asked_and_falls_silent_after_it_was_opened_refuses_arming(run: Run) -> None:
+    async def silent() -> WheelCommand:
+        raise NotResponding("board: no answer")
+
+    run.rig.motors.read_back = silent  # type: ignore[method-assign]
+    with pytest.raises(RequestRefused, match="not armed: motor board: "):
         await run.commands.arm(asked())
     assert run.mode == "disarmed"
 

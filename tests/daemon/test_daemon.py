@@ -433,7 +433,7 @@ async def test_low_voltage_of_the_computer_is_noticed_within_a_second(
 
 async def test_check_of_the_rover_setup_that_fails_refuses_arming(site: Site) -> None:
     async def mount(_: Inspection) -> Finding:
-        return fail("mount", "the compass is loose", "a screw", "tighten it")
+        return fail("mount", "the compass is loose", "tighten it")
 
     site.checks.append(mount)
     async with Running(site) as daemon:

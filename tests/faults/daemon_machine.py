@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
@@ -41,7 +42,7 @@ from wayfarer.commissioning.checks import ARMING, CALIBRATED, HostEnvironment
 from wayfarer.config.rover_file import laid_over, load_rover
 from wayfarer.control.modes import Mode
 from wayfarer.control.supervisor import first_cause
-from wayfarer.daemon.arming_check import RunningInspection
+from wayfarer.daemon.arming_check import running_inspection
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import STARTING, RequestRefused
 from wayfarer.errors import NotArmed
@@ -97,12 +98,10 @@ class Daemon:
         self.injector.start(setup.world, setup.supervisor.inbox.put_power, [self.rules.note])
         self.controller = setup.supervisor.controller
         place = HostEnvironment(FOLDER / "logs", FOLDER / "calibration.json", (), T_WALL, FOLDER)
-        inspection = RunningInspection(spec.rover, setup.rover, place, setup.supervisor)
+        inspect = partial(running_inspection, spec.rover, setup.rover, place, setup.supervisor)
         about = {"start_delay_s": spec.rover.safety.start_delay_s}
         checks = [check for check in ARMING if check not in CALIBRATED]
-        self.commands = RoverCommands(
-            setup.supervisor, setup.rover.motors, lambda: inspection, self.rules, about, checks
-        )
+        self.commands = RoverCommands(setup.supervisor, setup.rover.motors, inspect, self.rules, about, checks)
         self.run = asyncio.ensure_future(setup.supervisor.run())
 
     @property

@@ -16,7 +16,6 @@ from tests.simhal.clearing import STEADY, VEHICLE
 from tests.virtual import run_virtually
 from wayfarer.commissioning.calibrate import Operator, Step, calibrate
 from wayfarer.commissioning.checks import Check, Finding, HostEnvironment, Inspection
-from wayfarer.commissioning.checks.api import StandaloneInspection
 from wayfarer.commissioning.checks.deadman import deadman_trips
 from wayfarer.config.calibration_file import Calibration, load, save
 from wayfarer.config.rover_file import RoverConfig, load_rover
@@ -176,9 +175,9 @@ class Rig:
             (folder / node).parent.mkdir(exist_ok=True)
             (folder / node).touch()
 
-    def inspection(self) -> StandaloneInspection:
+    def inspection(self) -> Inspection:
         """The rover as ``wayfarer check`` sees it."""
-        return StandaloneInspection(self.config, self.rover, self.host)
+        return Inspection(self.config, self.rover, self.host, self.kept)
 
     def look(self, check: Check) -> Finding:
         """Return what a check finds; the wheels stand afterwards, and every part is closed."""
@@ -194,7 +193,7 @@ class Rig:
     def calibrate(self, someone: Operator, *steps: Step) -> Calibration:
         """Return what is known after these steps; the wheels stand afterwards, whatever happens."""
         try:
-            return run_virtually(calibrate(self.config, self.rover, self.host, someone, steps))
+            return run_virtually(calibrate(self.config, self.rover, self.host, self.kept, someone, steps))
         finally:
             assert self.world.commanded == (0.0, 0.0)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
     from wayfarer import hal
     from wayfarer.commissioning.checks import Finding, HostEnvironment
+    from wayfarer.config.calibration_file import Calibration
     from wayfarer.config.rover_file import RoverConfig
 
 NOT_READY = 1
@@ -55,9 +57,7 @@ def check(
     from wayfarer.commissioning.checks import passed
 
     ask = terminal.Terminal().ask if terminal.is_interactive() and not as_json else None
-    findings = _at_the_rover(
-        rover, log_dir, lambda loaded, parts, host: look(loaded, parts, host, ask), calibrated=True
-    )
+    findings = _at_the_rover(rover, log_dir, partial(look, ask=ask), calibrated=True)
     if as_json:
         print_json({"passed": passed(findings), "findings": findings})
     else:
@@ -82,12 +82,8 @@ def calibrate(
     if not terminal.is_interactive():
         raise BadInput("calibration asks questions: run it in a terminal")
     person = terminal.Terminal()
-    _at_the_rover(
-        rover,
-        None,
-        lambda loaded, parts, host: guide(loaded, parts, host, person, [step.value for step in steps or ()] or STEPS),
-        calibrated=False,
-    )
+    guided = partial(guide, operator=person, steps=[step.value for step in steps or ()] or STEPS)
+    _at_the_rover(rover, None, guided, calibrated=False)
     say_next("wayfarer", "check", *(["--rover", rover] if rover else []))
 
 
@@ -104,11 +100,11 @@ def install_service(
 def _at_the_rover(
     rover: str | None,
     log_dir: Path | None,
-    work: Callable[[RoverConfig, hal.Rover, HostEnvironment], Awaitable[T]],
+    work: Callable[[RoverConfig, hal.Rover, HostEnvironment, Calibration], Awaitable[T]],
     *,
     calibrated: bool,
 ) -> T:
-    """Work with a rover's parts, as they were calibrated or not; a person may be asked, and no daemon may run."""
+    """Work with a rover's parts, as the calibration says or without it; a person may be asked, no daemon may run."""
     from wayfarer.cli import terminal
     from wayfarer.commissioning.checks import HostEnvironment
     from wayfarer.commissioning.checks.system import device_files
@@ -121,11 +117,12 @@ def _at_the_rover(
     where = chosen_rover(rover)
     loaded = load_rover(where)
     host = HostEnvironment.here(log_folder(log_dir), device_files(loaded))
+    known = load(host.calibration_file)
 
     async def run() -> T:
-        buses, parts = connect(loaded, where, load(host.calibration_file) if calibrated else UNCALIBRATED)
+        buses, parts = connect(loaded, where, known if calibrated else UNCALIBRATED)
         try:
-            return await work(loaded, parts, host)
+            return await work(loaded, parts, host, known)
         finally:
             await buses.close()
 
@@ -137,8 +134,6 @@ def _at_the_rover(
 def _print(findings: Iterable[Finding]) -> None:
     for finding in findings:
         verdict = finding.verdict.value
-        print(f"{painted(f'{verdict:<8}', TONES[verdict])}{finding.name}: {finding.found}")
-        if finding.cause:
-            print(f"{'':<8}  likely: {finding.cause}")
+        print(f"{painted(f'{verdict:<8}', TONES[verdict])}{finding.name}: {finding.text}")
         if finding.remedy:
-            print(f"{'':<8}  do:     {finding.remedy}")
+            print(f"{'':<8}  do: {finding.remedy}")

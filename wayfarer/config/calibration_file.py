@@ -125,7 +125,8 @@ def load(path: Path) -> Calibration:
     except FileNotFoundError:
         return Calibration()
     except ValidationError as error:
-        raise BadInput(f"{path}: not a calibration: {key_and_problem(error)}") from None
+        wrong = f"{path}: not a calibration: {key_and_problem(error)}"
+        raise BadInput(f"{wrong}; move it away, and calibrate again (wayfarer calibrate, wayfarer check)") from None
     except OSError as error:
         raise BadInput(f"{path}: the calibration cannot be read: {error.strerror}") from None
 

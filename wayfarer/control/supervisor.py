@@ -36,6 +36,10 @@ from wayfarer.safety.mission import RunEnd
 from wayfarer.safety.permission import PERMISSION_S, Asked
 
 FRESH_S = 1.0  # if the last control tick is older, systemd's watchdog is not fed
+OPENING_S = 3.0  # just after the start, arming waits this long for the parts to open; the client waits for 5 s
+
+CheckMotors = Callable[[DriverError | None], Awaitable[None]]
+"""Raises an error if the rover must not be armed; it is given why the motors did not open, None if they did."""
 
 
 class Supervisor:
@@ -93,9 +97,7 @@ class Supervisor:
         """Whether the run's latest stop was sent, and the board does not report otherwise."""
         return self._stopping.confirmed
 
-    async def arm(
-        self, asked: Asked, goal_heading_deg: float | None = None, check: Callable[[], Awaitable[None]] | None = None
-    ) -> None:
+    async def arm(self, asked: Asked, goal_heading_deg: float | None = None, check: CheckMotors | None = None) -> None:
         """Begin to arm, towards a heading or, if None, the rover's own at the end of the start delay.
 
         The motor board is opened again, because one that lost its power for a moment has forgotten its deadman. If an
@@ -104,7 +106,7 @@ class Supervisor:
         Args:
             asked: the permission; it is judged again at the end, after all that had to be waited for.
             goal_heading_deg: degrees clockwise from magnetic north.
-            check: is awaited first, and raises an error if the rover must not be armed.
+            check: is awaited once the motor board was opened, and raises an error if the rover must not be armed.
 
         Raises:
             DriverError: the motor board does not answer, or its deadman does not arm.
@@ -113,9 +115,7 @@ class Supervisor:
         await self._open_motors(asked, check)
         _started(self.controller.arm(self._use(asked), goal_heading_deg))
 
-    async def begin_manual(
-        self, asked: Asked, lease: int, driver: str, check: Callable[[], Awaitable[None]] | None = None
-    ) -> None:
+    async def begin_manual(self, asked: Asked, lease: int, driver: str, check: CheckMotors | None = None) -> None:
         """Let a person drive; see ``arm`` for ``asked``, ``check`` and errors, ``ManualControl.begin`` for the others.
 
         The motors of a mission are open already, and turn: they are left as they are.
@@ -131,16 +131,25 @@ class Supervisor:
         """Let the wheels turn again after ``hold``; raises ``NotArmed`` as ``arm``."""
         _started(self.controller.resume(self._use(asked)))
 
-    async def _open_motors(self, asked: Asked, check: Callable[[], Awaitable[None]] | None) -> None:
-        """Check, and open the motors again, for no longer than the permission lasts."""
+    async def _open_motors(self, asked: Asked, check: CheckMotors | None) -> None:
+        """Open the motors again, and check everything, for no longer than the permission lasts."""
         self._refuse_void(asked)
         self.being_checked = True
         try:
             async with asyncio.timeout_at(asked.at_s + PERMISSION_S):
                 if check is not None:
-                    await check()
-                failures = self.controller.failures
-                await self._rover.motors.open()
+                    with suppress(TimeoutError):  # then the checks say which part is missing
+                        async with asyncio.timeout(OPENING_S):
+                            await self.loop.ticked.wait()
+                failures, failed = self.controller.failures, None
+                try:
+                    await self._rover.motors.open()
+                except DriverError as error:
+                    failed = error
+                if check is not None:  # also if the motors failed: it says all that is wrong
+                    await check(failed)
+                if failed is not None:
+                    raise failed
         except TimeoutError:
             raise NotArmed(
                 f"not started: the checks took longer than {PERMISSION_S:g} s, and nobody may be there any more: see"

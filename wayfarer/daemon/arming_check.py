@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Collection, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 from wayfarer.commissioning.checks import BY_HAND, Check, CheckVerdict, Finding, Inspection, run_checks
 from wayfarer.commissioning.checks.api import HostEnvironment, fail
+from wayfarer.config.calibration_file import Calibration
+from wayfarer.config.factory import UNCALIBRATED
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.run_log import RunLog
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.daemon.socket.protocol import RequestRefused
-from wayfarer.errors import NotResponding
+from wayfarer.errors import DriverError, NotResponding
 from wayfarer.fieldlog.vocabulary import WORDS, in_words
-from wayfarer.hal import MotorHealth, Rover
+from wayfarer.hal import Rover
 from wayfarer.safety.conditions import NOT_ARMED, NOT_DRIVEN, Condition
 
 # -- the rover's parts -----------------------------------------------------------------------------------------------
@@ -25,41 +26,48 @@ from wayfarer.safety.conditions import NOT_ARMED, NOT_DRIVEN, Condition
 FRESH_S = 1.0
 
 
-class RunningInspection(Inspection):
-    """An ``Inspection`` of a running rover; it opens nothing and reads nothing by itself."""
+def running_inspection(
+    config: RoverConfig,
+    rover: Rover,
+    host: HostEnvironment,
+    supervisor: Supervisor,
+    motors_failed: DriverError | None = None,
+    calibration: Calibration = UNCALIBRATED,
+) -> Inspection:
+    """Return an inspection of a rover that runs, all of whose parts the run has opened.
 
-    def __init__(self, config: RoverConfig, rover: Rover, host: HostEnvironment, supervisor: Supervisor) -> None:
-        used = {row.name for row in supervisor.tasks}
-        read = rover if "contact" in used else replace(rover, contact=None)  # an unused bumper is not read
-        super().__init__(config, read, host)
-        self._supervisor = supervisor
+    Args:
+        config: the rover file.
+        rover: its parts.
+        host: files, clock and device files.
+        supervisor: the run.
+        motors_failed: why the motors did not open again for this arming; None if they did.
+        calibration: what the daemon found in the calibration file.
+    """
 
-    async def open(self, name: str) -> None:
-        """Do nothing for a part that the run has opened; the motors are opened again, which verifies their deadman."""
-        if name == "motors":
-            await self.rover.motors.open()
-
-    async def motor_health(self) -> MotorHealth:
-        """Ask the motor board."""
-        return await self.rover.motors.health()
-
-    async def _read(self, sense: str) -> Any:
-        """Return the latest reading of a sensor's task."""
-        last = self._supervisor.controller.last
+    async def latest(sense: str) -> Any:
+        last = supervisor.controller.last
         if last is None:
             raise NotResponding("the rover's parts are still being opened: try again in some seconds")
-        reading = self._supervisor.inbox.motion if sense == "motion" else getattr(last, sense)
+        reading = supervisor.inbox.motion if sense == "motion" else getattr(last, sense)
         if reading is None or asyncio.get_running_loop().time() - reading.t_s > FRESH_S:
             raise NotResponding(f"the {in_words(sense)} has said nothing for {FRESH_S:g} s; see the log for why")
         return reading
 
+    if "contact" not in {row.name for row in supervisor.tasks}:
+        rover = replace(rover, contact=None)  # an unused bumper is not read
+    opened = {**dict.fromkeys(rover.parts), "motors": motors_failed}
+    return Inspection(config, rover, host, calibration, latest, opened)
+
+
+Inspect = Callable[[DriverError | None], Inspection]
+"""Returns the present state for the checks; the argument is why the motors did not open, None if they did."""
 
 LOGGING = ("disk", "log")  # the checks that ``arm --without-log`` only warns of
-OPENING_S = 3.0  # just after the start, arming waits this long for the parts to open; the client waits for 5 s
 
 
 class ArmingCheck:
-    """Checks a rover whose daemon runs.
+    """Checks a rover whose daemon runs, and whose motors were just opened again.
 
     ``warnings`` are those of the latest check.
 
@@ -70,35 +78,39 @@ class ArmingCheck:
         checks: those that must not fail before the rover is armed.
     """
 
-    def __init__(
-        self, supervisor: Supervisor, inspect: Callable[[], Inspection], log: RunLog, checks: Sequence[Check]
-    ) -> None:
+    def __init__(self, supervisor: Supervisor, inspect: Inspect, log: RunLog, checks: Sequence[Check]) -> None:
         self._supervisor = supervisor
         self._inspect = inspect
         self._log = log
         self._checks = checks
         self.warnings: list[str] = []
 
-    async def before_arming(self, *, without_log: bool) -> None:
+    async def before_arming(self, motors_failed: DriverError | None, *, without_log: bool) -> None:
         """Refuse a rover that must not be armed.
 
         Args:
+            motors_failed: why the motors did not open; None if they did.
             without_log: the log need not work.
 
         Raises:
             RequestRefused: a check fails, or one of the conditions would stop the rover again.
         """
-        await self._check(self._checks, NOT_ARMED, without_log=without_log)
+        await self._check(self._checks, NOT_ARMED, motors_failed, without_log=without_log)
 
-    async def before_driving_by_hand(self) -> None:
-        """Refuse a rover that a person must not drive; raises as ``before_arming``."""
-        await self._check([check for check in self._checks if check in BY_HAND], NOT_DRIVEN, without_log=False)
+    async def before_driving_by_hand(self, motors_failed: DriverError | None) -> None:
+        """Refuse a rover that a person must not drive; see ``before_arming``."""
+        checks = [check for check in self._checks if check in BY_HAND]
+        await self._check(checks, NOT_DRIVEN, motors_failed, without_log=False)
 
-    async def _check(self, checks: Sequence[Check], refused: Collection[Condition], *, without_log: bool) -> None:
-        with suppress(TimeoutError):  # then the checks say which part is missing
-            async with asyncio.timeout(OPENING_S):
-                await self._supervisor.loop.ticked.wait()
-        findings = await run_checks(self._inspect(), checks)
+    async def _check(
+        self,
+        checks: Sequence[Check],
+        refused: Collection[Condition],
+        motors_failed: DriverError | None,
+        *,
+        without_log: bool,
+    ) -> None:
+        findings = await run_checks(self._inspect(motors_failed), checks)
         failed = [finding for finding in findings if finding.verdict is CheckVerdict.FAIL]
         not_logging = [finding for finding in failed if finding.name in LOGGING]
         if without_log:
@@ -116,11 +128,11 @@ class ArmingCheck:
     def _standing(self, refused: Collection[Condition]) -> list[Finding]:
         """Return the conditions that would let the arming fail later (fault catalogue, fault 51)."""
         return [
-            fail(each.value.replace("_", " "), "at this moment", WORDS[each].cause, WORDS[each].remedy)
+            fail(each.value.replace("_", " "), f"at this moment; likely {WORDS[each].cause}", WORDS[each].remedy)
             for each in self._supervisor.controller.conditions
             if each in refused
         ]
 
 
 def _finding_text(finding: Finding) -> str:
-    return f"{finding.name}: {finding.found}" + (f" ({finding.remedy})" if finding.remedy else "")
+    return f"{finding.name}: {finding.text}" + (f" ({finding.remedy})" if finding.remedy else "")

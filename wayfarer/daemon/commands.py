@@ -8,14 +8,14 @@ from functools import partial
 from secrets import randbelow
 from typing import Any
 
-from wayfarer.commissioning.checks import Check, Inspection
+from wayfarer.commissioning.checks import Check
 from wayfarer.control.controller import Controller
 from wayfarer.control.modes import Event, Mode, Outcome, Refused, refusal
 from wayfarer.control.rate import ASKED_AT_ONCE, ASKED_HZ, RateLimiter
 from wayfarer.control.run_log import RunLog
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.control.tick import TickRecord
-from wayfarer.daemon.arming_check import ArmingCheck
+from wayfarer.daemon.arming_check import ArmingCheck, Inspect
 from wayfarer.daemon.socket.protocol import WHOLE_MAX, Details, RequestRefused
 from wayfarer.errors import DriverError
 from wayfarer.escape.api import Phase
@@ -108,7 +108,7 @@ class RoverCommands:
         self,
         supervisor: Supervisor,
         motors: DriveMotors,
-        inspect: Callable[[], Inspection],
+        inspect: Inspect,
         log: RunLog,
         about: Mapping[str, Any],
         checks: Sequence[Check],

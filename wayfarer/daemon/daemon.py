@@ -19,15 +19,16 @@ from typing import Any, Protocol, TypeVar, TypeVarTuple, Unpack
 import orjson
 
 from wayfarer import __version__
-from wayfarer.commissioning.checks import ARMING, Check, HostEnvironment, system
+from wayfarer.commissioning.checks import ARMING, Check, HostEnvironment, Inspection, system
 from wayfarer.commissioning.checks.card import CardHealth
 from wayfarer.config.calibration_file import Calibration
+from wayfarer.config.factory import UNCALIBRATED
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.modes import Mode
 from wayfarer.control.run_log import RunLog, Tee
 from wayfarer.control.shutdown import STOP_DEADLINE_S
 from wayfarer.control.supervisor import Supervisor, check_parts, first_cause
-from wayfarer.daemon.arming_check import RunningInspection
+from wayfarer.daemon.arming_check import running_inspection
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.last_mission import LastMission, MissionKeeper, read_last_mission
 from wayfarer.daemon.motors_lock import motors_device, motors_lock
@@ -39,7 +40,7 @@ from wayfarer.daemon.socket.server import ControlServer
 from wayfarer.daemon.stderr_writer import StderrWriter
 from wayfarer.daemon.storage import Health, Storage, monitor_host_health
 from wayfarer.daemon.watchdog import StallGuard, SystemdNotifier, WatchdogFeed, feed_watchdog, watchdog_period_s
-from wayfarer.errors import BadInput, WayfarerError
+from wayfarer.errors import BadInput, DriverError, WayfarerError
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.fieldlog.folders import new_run_folder
 from wayfarer.fieldlog.log import FieldLog
@@ -367,9 +368,10 @@ class Daemon:
                 mission_ended=before.mission_ended,
             )  # fmt: skip
 
-    def _inspect(self) -> RunningInspection:
-        host = HostEnvironment.here(self._service.logs, self._setup.devices, self._loop.time())
-        return RunningInspection(self._service.config, self._rover, host, self._supervisor)
+    def _inspect(self, motors_failed: DriverError | None) -> Inspection:
+        service, known = self._service, self._setup.calibration or UNCALIBRATED
+        host = HostEnvironment.here(service.logs, self._setup.devices, self._loop.time())
+        return running_inspection(service.config, self._rover, host, self._supervisor, motors_failed, known)
 
     def _finish(self, reason: str, text: str) -> None:
         self._supervisor.finish(reason, text)

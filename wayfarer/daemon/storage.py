@@ -132,10 +132,10 @@ class Storage:
         """Take the card's health, and return the longest time in ms that the card has taken to store records since."""
         sync_ms = round(1000.0 * self._writer.take_slowest_sync_s(), 1)
         troubles = card_troubles(health, sync_ms)
-        self._card = [trouble.found for trouble in troubles]
+        self._card = [trouble.text for trouble in troubles]
         for trouble in troubles:
-            if self._is_new(trouble.kind):
-                self._log.event("card", t_s, text=f"{trouble.found}: {trouble.remedy}")
+            if self._is_new(trouble.name):
+                self._log.event("card", t_s, text=f"{trouble.text}: {trouble.remedy}")
         return sync_ms
 
     def keep(self) -> None:

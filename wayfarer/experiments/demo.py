@@ -234,6 +234,6 @@ class ForwardedCommands:
         return partial(self._demo.ask, verb)
 
 
-def _inspect_nothing() -> Any:
+def _inspect_nothing(_: object) -> Any:
     """Stand in for the checks before arming: a trial arms its rover itself, and its page arms none."""
     raise RequestRefused("a trial arms its rover itself")

@@ -9,14 +9,14 @@ from math import inf
 from pathlib import Path
 from typing import NamedTuple
 
-from wayfarer.commissioning.checks import HostEnvironment
+from wayfarer.commissioning.checks import HostEnvironment, Inspection
 from wayfarer.control.run_log import RunLog, Tee
 from wayfarer.control.supervisor import first_cause
 from wayfarer.control.tick import TickRecord
-from wayfarer.daemon.arming_check import RunningInspection
+from wayfarer.daemon.arming_check import running_inspection
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import RequestRefused
-from wayfarer.errors import NotArmed
+from wayfarer.errors import DriverError, NotArmed
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.hal import MotorHealth, PositionFix, Rover, Snapshot, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
@@ -211,9 +211,9 @@ async def _ask(setup: TrialSetup, commands: tuple[Command, ...], log: RunLog) ->
             log.event("arming_refused" if command.do == "arm" else "refused", loop.time(), failed=[str(error)])
 
 
-def _inspect(setup: TrialSetup) -> RunningInspection:
-    nowhere = Path()
-    return RunningInspection(setup.config, setup.rover, HostEnvironment(nowhere, nowhere, (), 0.0), setup.supervisor)
+def _inspect(setup: TrialSetup, motors_failed: DriverError | None) -> Inspection:
+    nowhere = HostEnvironment(Path(), Path(), (), 0.0)
+    return running_inspection(setup.config, setup.rover, nowhere, setup.supervisor, motors_failed)
 
 
 def _now_s() -> float:

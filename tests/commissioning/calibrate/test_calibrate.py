@@ -296,7 +296,7 @@ def test_the_heading_shift_of_the_motors_is_measured_and_judged(rig: Rig, full_s
     assert found.passed is passed
     assert any("mast" in text for text in someone.told) is not passed
     judged = rig.look(partial(checks.calibrated.calibrated, "motors"))
-    assert (judged.verdict is checks.CheckVerdict.OK, "motor current shifts the heading" in judged.found) == (
+    assert (judged.verdict is checks.CheckVerdict.OK, "motor current shifts the heading" in judged.text) == (
         passed,
         not passed,
     )
@@ -333,5 +333,5 @@ def test_motors_that_fail_in_the_middle_are_stopped(rig: Rig, at: int) -> None:
 
 @pytest.mark.parametrize("after_s", [2.1, 3.5, 4.5])  # duty 0 for 2 s, then half, then full
 def test_a_cancelled_calibration_stops_the_motors(rig: Rig, after_s: float) -> None:
-    rig.cancel(calibrate(rig.config, rig.rover, rig.host, person(rig), ["motors"]), after_s)
+    rig.cancel(calibrate(rig.config, rig.rover, rig.host, rig.kept, person(rig), ["motors"]), after_s)
     assert rig.world.most > 0.0

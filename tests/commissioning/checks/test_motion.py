@@ -72,12 +72,12 @@ def test_no_check_turns_the_wheels_faster_than_the_rover_may(rig: Rig) -> None:
 
 
 def test_without_a_person_no_wheel_turns_and_every_check_says_why(rig: Rig) -> None:
-    findings = run_virtually(check(rig.config, rig.rover, rig.host, ask=None))
+    findings = run_virtually(check(rig.config, rig.rover, rig.host, rig.kept, ask=None))
     assert rig.world.most == 0.0
     assert rig.motors.commands == []
     motion = [finding for finding in findings if finding.name in NAMES]
     assert [finding.verdict for finding in motion] == [SKIPPED] * 5
-    assert all("it needs a person" in finding.found for finding in motion)
+    assert all("it needs a person" in finding.text for finding in motion)
 
 
 @pytest.mark.parametrize(("dead", "asked"), [(False, True), (True, False)])
@@ -134,7 +134,7 @@ def test_an_inspection_opens_each_part_once(rig: Rig) -> None:
         await open_board()
 
     rig.motors.open = count  # type: ignore[method-assign]
-    run_virtually(check(rig.config, rig.rover, rig.host, person(rig, {}).ask))
+    run_virtually(check(rig.config, rig.rover, rig.host, rig.kept, person(rig, {}).ask))
     assert len(opened) == 1
 
 
@@ -176,7 +176,7 @@ def test_deadman_is_asked_for_or_watched_and_wheels_turn_for_it_only_where_someb
     for key, value in board.items():
         setattr(rig.motors, key, value)
     finding = look(rig, person(rig, answers))["deadman trips"]
-    assert (finding.verdict, told in finding.found) == (verdict, True)
+    assert (finding.verdict, told in finding.text) == (verdict, True)
     assert (WheelCommand(0.2, 0.2) in rig.motors.commands) is (verdict is not SKIPPED)
 
 
@@ -186,7 +186,7 @@ def test_wheels_that_never_started_prove_no_deadman(rig: Rig) -> None:
 
     rig.motors.drive = nothing  # type: ignore[method-assign]
     finding = look(rig, person(rig, {}))["deadman trips"]
-    assert (finding.verdict, finding.found) == (FAIL, "the wheels did not start")
+    assert (finding.verdict, finding.text) == (FAIL, "the wheels did not start; likely no motor power")
 
 
 def test_a_deadman_that_does_not_trip_is_not_waited_for_longer_than_an_eye_needs(rig: Rig) -> None:
@@ -245,7 +245,7 @@ def test_what_was_seen_of_a_side_names_the_setting_or_the_wires(
 ) -> None:
     findings = look(rig, person(rig, answers))
     finding, other = findings[f"{side} wheels"], findings["right wheels" if side == "left" else "left wheels"]
-    assert (finding.verdict, finding.found, other.verdict) == (FAIL, found, OK)
+    assert (finding.verdict, finding.text.partition("; ")[0], other.verdict) == (FAIL, found, OK)
     assert remedy in finding.remedy
 
 
@@ -276,7 +276,7 @@ def test_a_push_tells_how_the_sensor_is_mounted(
     rig.motion.ahead, rig.motion.aside = ahead, aside
     finding = look(rig, person(rig, {"on blocks": False}))["push"]
     assert finding.verdict is verdict
-    assert cause in finding.cause
+    assert cause in finding.text
     assert verdict is OK or "[parts.motion]" in finding.remedy
     assert rig.world.most == 0.0
 
@@ -319,6 +319,6 @@ def test_the_command_looks_at_everything_and_closes_every_part(rig: Rig) -> None
     for name, part in rig.rover.parts.items():
         part.close = note(name)  # type: ignore[method-assign]
     host = replace(rig.host, devices=("/dev/i2c-1", "/dev/spidev0.1"))
-    findings = run_virtually(check(rig.config, rig.rover, host, person(rig, {}).ask))
+    findings = run_virtually(check(rig.config, rig.rover, host, rig.kept, person(rig, {}).ask))
     assert {"/dev/i2c-1", "disk", "compass", "heading at rest", "light", *NAMES} <= {each.name for each in findings}
     assert sorted(closed) == ["compass", "contact", "motion", "motors"]

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import pwd
 import shutil
+import tempfile
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
+from typing import IO
 
 import pytest
 
 from tests.kit.rover import Rig
 from wayfarer.commissioning.checks import CheckVerdict, Finding, system
 from wayfarer.config.rover_file import LogSettings, load_rover
+from wayfarer.fieldlog.disk import ADVICE
 
 
 def look_at_device(rig: Rig, name: str) -> Finding:
@@ -37,7 +41,7 @@ def look_at_device(rig: Rig, name: str) -> Finding:
 def test_a_missing_device_file_names_the_step_that_makes_it(rig: Rig, name: str, remedy: str) -> None:
     finding = look_at_device(rig, name)
     assert finding.verdict is CheckVerdict.FAIL
-    assert finding.found == f"{name} is not there"
+    assert finding.text.startswith(f"{name} is not there; ")
     assert remedy in finding.remedy
 
 
@@ -90,13 +94,13 @@ def test_power_is_judged_by_the_firmware_flags(rig: Rig, flags: str, verdict: Ch
     path.write_text(flags, encoding="ascii")
     finding = rig.look(system.power)
     assert finding.verdict is verdict
-    assert found in finding.found
+    assert found in finding.text
 
 
 def test_a_writable_log_folder_with_room_is_well_and_is_not_made(rig: Rig) -> None:
     finding = rig.look(system.disk)
     assert finding.verdict is CheckVerdict.OK
-    assert "MB free" in finding.found
+    assert "MB free" in finding.text
     assert not rig.host.log_folder.exists()
 
 
@@ -124,15 +128,25 @@ def test_a_keep_mb_that_is_larger_than_the_disk_is_a_warning(rig: Rig, monkeypat
         assert rig.look(system.disk).verdict is verdict
 
 
-def test_a_log_folder_that_cannot_be_written_fails_and_names_the_user(
-    rig: Rig, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("number", sorted(errno.errorcode))
+def test_a_log_folder_that_cannot_be_written_fails_whatever_the_error_and_says_what_fits_it(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, number: int
 ) -> None:
+    def fails(dir: Path) -> IO[bytes]:
+        raise OSError(number, os.strerror(number))
+
     monkeypatch.setattr(pwd, "getpwuid", lambda uid: SimpleNamespace(pw_name="rover"))
-    rig.host.log_folder.write_text("a file stands in its place", encoding="ascii")
+    monkeypatch.setattr(tempfile, "TemporaryFile", fails)
     finding = rig.look(system.disk)
     assert finding.verdict is CheckVerdict.FAIL
-    assert "cannot be written" in finding.found
-    assert "sudo chown rover " in finding.remedy
+    assert f"cannot be written: {os.strerror(number)}" in finding.text
+    told = ADVICE.get(number, "sudo chown rover " if number in {errno.EACCES, errno.EPERM} else "look at the disk")
+    assert finding.remedy.startswith(told)
+
+
+def test_a_file_where_the_log_folder_should_be_is_told(rig: Rig) -> None:
+    rig.host.log_folder.write_text("a file stands in its place", encoding="ascii")
+    assert rig.look(system.disk).remedy == "a file stands where the folder should be"
 
 
 def test_a_log_folder_that_may_not_be_looked_into_fails(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -142,7 +156,7 @@ def test_a_log_folder_that_may_not_be_looked_into_fails(rig: Rig, monkeypatch: p
     monkeypatch.setattr(Path, "exists", forbidden)
     finding = rig.look(system.disk)
     assert finding.verdict is CheckVerdict.FAIL
-    assert finding.found.endswith("logs cannot be written: Permission denied")
+    assert finding.text.endswith("logs cannot be written: Permission denied")
 
 
 @pytest.mark.parametrize(("t_wall", "verdict"), [(0.0, CheckVerdict.WARN), (1_795_000_000.0, CheckVerdict.OK)])

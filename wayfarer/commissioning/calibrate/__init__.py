@@ -14,7 +14,7 @@ from statistics import median
 from typing import Any, Literal
 
 from wayfarer.angles import circular_mean, wrap180
-from wayfarer.commissioning.checks.api import CheckVerdict, HostEnvironment, StandaloneInspection
+from wayfarer.commissioning.checks.api import CheckVerdict, HostEnvironment, Inspection
 from wayfarer.commissioning.checks.motion import judge_push
 from wayfarer.commissioning.manual_drive import (
     RATE_HZ,
@@ -31,7 +31,6 @@ from wayfarer.config.calibration_file import (
     CompassEntry,
     FlowEntry,
     MotorsEntry,
-    load,
     save,
     stamp,
 )
@@ -76,7 +75,7 @@ QUARTERS = (
 )
 
 
-async def calibrate_compass(inspection: StandaloneInspection, operator: Operator) -> CompassEntry:
+async def calibrate_compass(inspection: Inspection, operator: Operator) -> CompassEntry:
     """Guide a person through calibrating the rover's compass, which is open.
 
     Raises:
@@ -162,7 +161,7 @@ ON_BLOCKS = (
 )
 
 
-async def calibrate_motors(inspection: StandaloneInspection, operator: Operator) -> MotorsEntry | None:
+async def calibrate_motors(inspection: Inspection, operator: Operator) -> MotorsEntry | None:
     """Measure the shift of the heading at half and at full duty; None if the person declines.
 
     Compass and motors are open. Full is ``safety.duty_max`` of the rover file: a mission never uses more.
@@ -224,7 +223,7 @@ STILL_S = 2.0  # of a camera at rest; at 10 pictures a second: 20 of them
 TIMES_STILL_MIN = 2.0  # less change than that is not told from noise
 
 
-async def calibrate_flow(inspection: StandaloneInspection, operator: Operator) -> FlowEntry:
+async def calibrate_flow(inspection: Inspection, operator: Operator) -> FlowEntry:
     """Guide a person through a push; the motion sensor is open, and is read as it is, without an earlier scale.
 
     Raises:
@@ -244,7 +243,7 @@ async def calibrate_flow(inspection: StandaloneInspection, operator: Operator) -
     seen = await measure_push(motion.read, told, inspection.config.detector.quality_min)
     finding = judge_push(seen)
     if finding.verdict is CheckVerdict.FAIL:
-        raise WayfarerError(f"{motion.name}: {finding.found}; {finding.cause}: {finding.remedy}")
+        raise WayfarerError(f"{motion.name}: {finding.text}: {finding.remedy}")
     if seen.unknown > UNSEEN_MAX:
         raise WayfarerError(
             f"{motion.name}: {seen.unknown:.0%} of the readings did not see the ground; push on grass in daylight"
@@ -291,7 +290,7 @@ Step = Literal["compass", "flow", "motors"]
 STEPS: tuple[Step, ...] = ("compass", "flow", "motors")
 
 # The parts that each step opens, and what measures it with them and returns its entry: None if the person declines.
-_STEPS: Mapping[Step, tuple[tuple[str, ...], Callable[[StandaloneInspection, Operator], Awaitable[Any]]]] = {
+_STEPS: Mapping[Step, tuple[tuple[str, ...], Callable[[Inspection, Operator], Awaitable[Any]]]] = {
     "compass": (("compass",), calibrate_compass),
     "flow": (("motion",), calibrate_flow),
     "motors": (("compass", "motors"), calibrate_motors),
@@ -299,7 +298,12 @@ _STEPS: Mapping[Step, tuple[tuple[str, ...], Callable[[StandaloneInspection, Ope
 
 
 async def calibrate(
-    config: RoverConfig, rover: Rover, host: HostEnvironment, operator: Operator, steps: Sequence[Step] = STEPS
+    config: RoverConfig,
+    rover: Rover,
+    host: HostEnvironment,
+    calibration: Calibration,
+    operator: Operator,
+    steps: Sequence[Step] = STEPS,
 ) -> Calibration:
     """Guide a person through some steps, and return what is known afterwards; each step is saved when it is done.
 
@@ -307,16 +311,16 @@ async def calibrate(
         config: the rover file.
         rover: its parts, not open, without an earlier calibration applied; they are closed afterwards.
         host: where the calibration file is, and the time.
+        calibration: what is in that file.
         operator: turns and pushes the rover; wheels turn only after a yes.
         steps: in this order.
 
     Raises:
-        BadInput: the calibration file is there and cannot be read, or an answer is of no use.
+        BadInput: an answer is of no use.
         DriverError: a part does not open, or stopped answering.
         WayfarerError: what was measured cannot be used, or the file cannot be written.
     """
-    calibration = load(host.calibration_file)
-    async with StandaloneInspection(config, rover, host) as inspection:
+    async with Inspection(config, rover, host, calibration) as inspection:
         for step in steps:
             entry = await _measure(step, inspection, operator)
             if entry is None:
@@ -328,7 +332,7 @@ async def calibrate(
     return calibration
 
 
-async def _measure(step: Step, inspection: StandaloneInspection, operator: Operator) -> Any:
+async def _measure(step: Step, inspection: Inspection, operator: Operator) -> Any:
     """Return the entry that a step found; None if the person declined, or the rover has no such part."""
     parts, measure = _STEPS[step]
     if any(part not in inspection.rover.parts for part in parts):

@@ -3,7 +3,7 @@
 ::
 
     findings = await run_checks(inspection, ARMING)          # in the daemon: no motion, less than a second
-    findings = await check(config, rover, place, ask=None)   # the command: everything; motion only if a person agrees
+    findings = await check(config, rover, host, calibration, ask=None)  # the command: all; motion if a person agrees
     may_arm = passed(findings)
 """
 
@@ -19,11 +19,11 @@ from wayfarer.commissioning.checks.api import (
     Finding,
     HostEnvironment,
     Inspection,
-    StandaloneInspection,
     passed,
     run_checks,
 )
 from wayfarer.commissioning.checks.motion import check_motion
+from wayfarer.config.calibration_file import Calibration
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.hal import Rover
 
@@ -73,18 +73,21 @@ AT_REST: tuple[Check, ...] = (calibrated.heading_at_rest, parts.light, parts.pos
 """What a person wants to know besides; arming itself waits for the heading to rest."""
 
 
-async def check(config: RoverConfig, rover: Rover, host: HostEnvironment, ask: Ask | None) -> list[Finding]:
+async def check(
+    config: RoverConfig, rover: Rover, host: HostEnvironment, calibration: Calibration, ask: Ask | None
+) -> list[Finding]:
     """Return everything that can be found out about a rover that nothing else uses, in the order of looking.
 
     Args:
         config: the rover file.
         rover: its parts, not open; they are closed afterwards.
         host: files, clock and device files.
+        calibration: what is in the calibration file.
         ask: asks a person, who must agree before a wheel turns; None if there is nobody.
     """
     devices = [partial(system.device, name) for name in host.devices]
     at_rest = [check for check in (*ARMING, *AT_REST) if check is not deadman.proved]
-    async with StandaloneInspection(config, rover, host) as inspection:
+    async with Inspection(config, rover, host, calibration) as inspection:
         findings = await run_checks(inspection, [*devices, *at_rest])
         findings += await check_motion(inspection, ask)
         return findings + await run_checks(inspection, [deadman.proved])  # a person may have seen it just now

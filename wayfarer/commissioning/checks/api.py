@@ -1,26 +1,25 @@
 """The interface of a check: it examines one thing and returns one finding, with likely cause and remedy.
 
 The same checks run twice: for a person (``wayfarer check``), who may have wired the rover a minute ago, and before each
-arming, inside the daemon. They differ in how readings are come by, which is what ``Inspection`` hides: alone, parts are
-opened and read; in the daemon they are open already, and readings come from the sensor tasks.
+arming, inside the daemon. They differ in what is open already and in where a reading comes from; ``Inspection`` is
+given both.
 """
 
 from __future__ import annotations
 
 import os
-from abc import ABC, abstractmethod
-from collections.abc import Awaitable, Callable, Iterable
+from collections.abc import Awaitable, Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
-from wayfarer.config.calibration_file import calibration_file
+from wayfarer.config.calibration_file import Calibration, calibration_file
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import DriverError, kind_and_text
 from wayfarer.fieldlog.clock import wall_clock
-from wayfarer.hal import CompassReading, ContactReading, MotionReading, MotorHealth, Rover
+from wayfarer.hal import Rover
 
 
 class CheckVerdict(StrEnum):
@@ -33,12 +32,11 @@ class CheckVerdict(StrEnum):
 
 
 class Finding(NamedTuple):
-    """What a check found, one line each; ``cause`` and ``remedy`` are empty if nothing is wrong."""
+    """What a check found, in one line, with the likely cause; ``remedy`` is empty if nothing is wrong."""
 
     name: str
     verdict: CheckVerdict
-    found: str
-    cause: str = ""
+    text: str
     remedy: str = ""
 
 
@@ -70,63 +68,37 @@ class HostEnvironment:
         return self.root / absolute.lstrip("/")
 
 
-class Inspection(ABC):
+class Inspection:
     """What checks may look at. They speak to parts through it only, and none of its methods turns a wheel.
+
+    A part is opened once, when it is first needed; if it does not open, each request raises the same error. Leaving the
+    context stops the wheels and closes what was opened here.
 
     Args:
         config: the rover file.
         rover: the parts: for their names, and for the motors once a person has agreed to motion.
         host: files, clock and device files.
+        calibration: what is in the calibration file.
+        read: gives a fresh reading of an open sensor, by its name in ``hal.Rover``; without it the sensor is asked.
+        opened: which parts were opened by somebody else, and with which error; None if it opened.
     """
 
-    def __init__(self, config: RoverConfig, rover: Rover, host: HostEnvironment) -> None:
+    def __init__(
+        self,
+        config: RoverConfig,
+        rover: Rover,
+        host: HostEnvironment,
+        calibration: Calibration,
+        read: Callable[[str], Awaitable[Any]] | None = None,
+        opened: Mapping[str, DriverError | None] | None = None,
+    ) -> None:
         self.config = config
         self.rover = rover
         self.host = host
-
-    @abstractmethod
-    async def open(self, name: str) -> None:
-        """Make sure that a part of the rover (a member of ``hal.Rover``) is open.
-
-        Raises:
-            DriverError: it does not open.
-        """
-
-    async def compass(self) -> CompassReading:
-        """Return a fresh reading.
-
-        Raises:
-            DriverError: the part does not give one.
-        """
-        reading: CompassReading = await self._read("compass")
-        return reading
-
-    async def motion(self) -> MotionReading | None:
-        """Return a fresh reading, as ``compass``; None on a rover without this sense."""
-        return None if self.rover.motion is None else await self._read("motion")
-
-    async def contact(self) -> ContactReading | None:
-        """Return a fresh reading, as ``compass``; None if the bumper is not in use."""
-        return None if self.rover.contact is None else await self._read("contact")
-
-    @abstractmethod
-    async def motor_health(self) -> MotorHealth:
-        """Return the state of the motor board, as ``compass``."""
-
-    @abstractmethod
-    async def _read(self, sense: str) -> Any:
-        """Return a fresh reading of a sense that the rover has, or raise a ``DriverError``."""
-
-
-class StandaloneInspection(Inspection):
-    """An ``Inspection`` without a daemon; leaving its context stops the wheels and closes every part.
-
-    A part that failed to open is not tried again: the same failure is raised at the next request.
-    """
-
-    def __init__(self, config: RoverConfig, rover: Rover, host: HostEnvironment) -> None:
-        super().__init__(config, rover, host)
-        self._tried: dict[str, DriverError | None] = {}
+        self.calibration = calibration
+        self._read = read
+        self._tried = dict(opened or {})
+        self._ours: list[str] = []
 
     async def __aenter__(self) -> Self:
         """Open nothing yet."""
@@ -135,16 +107,21 @@ class StandaloneInspection(Inspection):
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        """Stop the wheels, if the motors were opened, and close what was."""
-        if "motors" in self._tried:
+        """Stop the wheels, if the motors were opened here, and close what was."""
+        if "motors" in self._ours:
             await self.rover.motors.stop()
-        for name in self._tried:
+        for name in self._ours:
             await self.rover.parts[name].close()
 
     async def open(self, name: str) -> None:
-        """Open a part, once."""
+        """Make sure that a part of the rover (a member of ``hal.Rover``) is open.
+
+        Raises:
+            DriverError: it does not open.
+        """
         if name not in self._tried:
             self._tried[name] = None
+            self._ours.append(name)
             try:
                 await self.rover.parts[name].open()
             except DriverError as error:
@@ -152,14 +129,14 @@ class StandaloneInspection(Inspection):
         if (failed := self._tried[name]) is not None:
             raise failed
 
-    async def motor_health(self) -> MotorHealth:
-        """Ask the motor board."""
-        await self.open("motors")
-        return await self.rover.motors.health()
+    async def read(self, name: str) -> Any:
+        """Return a fresh reading of a sensor that the rover has, such as ``compass``.
 
-    async def _read(self, sense: str) -> Any:
-        await self.open(sense)
-        return await getattr(self.rover, sense).read()
+        Raises:
+            DriverError: it does not open, or gives none.
+        """
+        await self.open(name)
+        return await (self.rover.parts[name].read() if self._read is None else self._read(name))  # type: ignore[attr-defined]
 
 
 Ask = Callable[[str], Awaitable[bool]]
@@ -168,9 +145,9 @@ Ask = Callable[[str], Awaitable[bool]]
 Check = Callable[[Inspection], Awaitable[Finding]]
 
 
-def ok(name: str, found: str) -> Finding:
+def ok(name: str, text: str) -> Finding:
     """Return that all is well."""
-    return Finding(name, CheckVerdict.OK, found)
+    return Finding(name, CheckVerdict.OK, text)
 
 
 def skipped(name: str, why: str) -> Finding:
@@ -178,14 +155,14 @@ def skipped(name: str, why: str) -> Finding:
     return Finding(name, CheckVerdict.SKIPPED, why)
 
 
-def warn(name: str, found: str, cause: str, remedy: str) -> Finding:
+def warn(name: str, text: str, remedy: str) -> Finding:
     """Return something to be put right, which does not keep the rover from driving."""
-    return Finding(name, CheckVerdict.WARN, found, cause, remedy)
+    return Finding(name, CheckVerdict.WARN, text, remedy)
 
 
-def fail(name: str, found: str, cause: str, remedy: str) -> Finding:
+def fail(name: str, text: str, remedy: str) -> Finding:
     """Return something that must be put right before the rover may drive."""
-    return Finding(name, CheckVerdict.FAIL, found, cause, remedy)
+    return Finding(name, CheckVerdict.FAIL, text, remedy)
 
 
 def passed(findings: Iterable[Finding]) -> bool:
@@ -204,5 +181,5 @@ async def _run(check: Check, inspection: Inspection) -> Finding:
     except Exception as error:  # a third party's driver; arming must be refused, not the daemon ended
         name = getattr(check, "__name__", "check").replace("_", " ")
         return fail(
-            name, kind_and_text(error), "an error in a driver or in wayfarer itself", "report it with this text"
+            name, f"{kind_and_text(error)}: an error in a driver or in wayfarer itself", "report it with this text"
         )

@@ -16,9 +16,9 @@ from pydantic_core import to_jsonable_python
 
 from wayfarer.commissioning.checks.api import Ask, Finding, Inspection, fail, ok, skipped, warn
 from wayfarer.commissioning.manual_drive import keep_driving, wheels_stopped_after
-from wayfarer.config.calibration_file import STALE_S, DeadmanEntry, load, save, stamp
+from wayfarer.config.calibration_file import STALE_S, DeadmanEntry, save, stamp
 from wayfarer.config.rover_file import RoverConfig, part_settings
-from wayfarer.errors import BadInput, DriverError, WayfarerError
+from wayfarer.errors import DriverError, WayfarerError
 from wayfarer.hal import STOP, DriveMotors, WheelCommand, has_readback
 
 NAME = "deadman proved"
@@ -36,10 +36,8 @@ DRIVE_S = 0.5
 DEADMAN_MARGIN_S = 0.15  # how late a deadman may be
 WATCH_S = 2.5  # how much longer wheels turn if the deadman does not trip: enough for an eye to tell
 SILENCE_MAX_S = 5.0  # wheels that nobody commands do not turn for longer, whatever deadman the rover file asks for
-NO_DEADMAN = (
-    "the board did not get the timeout, or its timeout does not work",
-    "switch the board off and on and check again; do not let it drive before this is right",
-)
+NO_DEADMAN = "the board did not get the timeout, or its timeout does not work"
+NOT_YET = "switch the board off and on and check again; do not let it drive before this is right"
 
 
 async def deadman_silence_s(motors: DriveMotors) -> float:
@@ -70,9 +68,9 @@ async def deadman_trips(ask: Ask, inspection: Inspection) -> Finding:
         return await _deadman_seen(name, ask, inspection, motors.deadman_s, silence_s, duty)
     before, after = await _stop_commanding(motors, silence_s, duty)
     if before == STOP:
-        return fail(name, "the wheels did not start", "no motor power", "check battery, fuse and motor switch")
+        return fail(name, "the wheels did not start; likely no motor power", "check battery, fuse and motor switch")
     if after != STOP:
-        return fail(name, f"the wheels still turned after {silence_s:g} s of silence", *NO_DEADMAN)
+        return fail(name, f"the wheels still turned after {silence_s:g} s of silence; {NO_DEADMAN}", NOT_YET)
     return ok(name, f"the wheels stopped within {silence_s:g} s of silence")
 
 
@@ -84,14 +82,14 @@ async def _deadman_seen(
         return skipped(name, "nobody watched")
     await _stop_commanding(inspection.rover.motors, silence_s, duty)
     tripped = await ask(f"Did they turn for about {well_s:.1f} s, and not for {longest_s:.1f} s?")
-    found = "the wheels were seen to stop by themselves" if tripped else "the wheels did not stop by themselves"
+    text = "the wheels were seen to stop by themselves" if tripped else "the wheels did not stop by themselves"
     try:
         keep_proof(inspection, tripped=tripped)
     except WayfarerError as error:
-        return fail(name, f"{found}; not kept: {error}", "the card, or the file's owner", "fix that and check again")
+        return fail(name, f"{text}; not kept: {error}", "fix that and check again")
     if not tripped:
-        return fail(name, found, *NO_DEADMAN)
-    return ok(name, f"{found}; kept in {inspection.host.calibration_file}")
+        return fail(name, f"{text}; {NO_DEADMAN}", NOT_YET)
+    return ok(name, f"{text}; kept in {inspection.host.calibration_file}")
 
 
 async def _stop_commanding(
@@ -117,29 +115,26 @@ def keep_proof(inspection: Inspection, *, tripped: bool) -> None:
     """Write down that a person has seen the wheels stop by themselves, or forget that one ever has.
 
     Raises:
-        BadInput: the calibration file is there and cannot be read.
-        WayfarerError: it cannot be written.
+        WayfarerError: the calibration file cannot be written.
     """
-    path, motors = inspection.host.calibration_file, inspection.rover.motors
-    proof = DeadmanEntry(**stamp(motors.name, inspection.host.t_wall), settings=board_settings(inspection.config))
-    save(path, replace(load(path), deadman=proof if tripped else None))
+    entry = stamp(inspection.rover.motors.name, inspection.host.t_wall)
+    proof = DeadmanEntry(**entry, settings=board_settings(inspection.config)) if tripped else None
+    calibration = replace(inspection.calibration, deadman=proof)
+    save(inspection.host.calibration_file, calibration)
+    inspection.calibration = calibration
 
 
 async def proved(inspection: Inspection) -> Finding:
     """Check that the deadman of a board that cannot be asked was seen to stop the wheels, with today's settings."""
-    motors, path = inspection.rover.motors, inspection.host.calibration_file
+    motors, proof = inspection.rover.motors, inspection.calibration.deadman
     if not await _only_seen(motors):
         return skipped(NAME, "only for a board that has one and cannot report it")
-    try:
-        proof = load(path).deadman
-    except BadInput as error:
-        return fail(NAME, str(error), "it was edited, or the card is failing", f"rm '{path}'; {PROVE}")
     if proof is None:
         return _unproved(inspection, f"nobody has seen {motors.name} stop the wheels by itself")
     if changed := _changes(proof.settings, board_settings(inspection.config)):
         return _unproved(inspection, f"seen on {proof.date}, but with {changed}")
     if inspection.host.t_wall - proof.t_wall > STALE_S:
-        return warn(NAME, f"seen on {proof.date}, more than half a year ago", "rovers change", PROVE)
+        return warn(NAME, f"seen on {proof.date}, more than half a year ago; rovers change", PROVE)
     return ok(NAME, f"the wheels were seen to stop by themselves on {proof.date}")
 
 
@@ -150,13 +145,11 @@ async def _only_seen(motors: DriveMotors) -> bool:
     return False
 
 
-def _unproved(inspection: Inspection, found: str) -> Finding:
-    cause = "this board cannot report its deadman, which is off until that setting has reached it"
+def _unproved(inspection: Inspection, text: str) -> Finding:
+    text += "; this board cannot report its deadman, which is off until that setting has reached it"
     if reason := inspection.config.safety.deadman_unproved_because:
-        return warn(
-            NAME, f"{found}; the rover file allows it: {reason}", cause, "stay within reach of its power switch"
-        )
-    return fail(NAME, found, cause, f"{PROVE}; or give a reason in [safety] deadman_unproved_because")
+        return warn(NAME, f"{text}; the rover file allows it: {reason}", "stay within reach of its power switch")
+    return fail(NAME, text, f"{PROVE}; or give a reason in [safety] deadman_unproved_because")
 
 
 def _changes(before: dict[str, Any], now: dict[str, Any]) -> str:

@@ -15,12 +15,12 @@ from functools import partial
 
 from wayfarer.commissioning.checks.api import Ask, Finding, Inspection, fail, ok, skipped
 from wayfarer.commissioning.checks.deadman import DRIVE_S, SILENCE_MAX_S, deadman_silence_s, deadman_trips
-from wayfarer.commissioning.checks.parts import part_failed, require_reading
+from wayfarer.commissioning.checks.parts import part_failed
 from wayfarer.commissioning.manual_drive import RATE_HZ, Push, keep_driving, measure_push, wheels_stopped_after
 from wayfarer.control.rate import Rate
 from wayfarer.detector import StallMonitor
 from wayfarer.errors import DriverError
-from wayfarer.hal import DriveMotors, WheelCommand
+from wayfarer.hal import DriveMotors, MotionReading, WheelCommand
 from wayfarer.safety.tick_interval import Moved, TickInterval
 
 ON_BLOCKS = (
@@ -83,13 +83,8 @@ async def side(which: str, ask: Ask, inspection: Inspection) -> Finding:
         return await _name_the_mistake(name, which, other, ask)
     await _turn(motors, which, -duty)
     if not await ask(f"Did the {which} wheels turn again, only they, and backwards?"):
-        cause = "half of the board's output, or of its wiring, is dead"
-        return fail(
-            name,
-            "turn forwards, but not backwards",
-            cause,
-            f"swap the plugs of the {which} and {other} motors to find out",
-        )
+        text = "turn forwards, but not backwards; half of the board's output, or of its wiring, is dead"
+        return fail(name, text, f"swap the plugs of the {which} and {other} motors to find out")
     return ok(name, "turn forwards and backwards")
 
 
@@ -102,12 +97,12 @@ async def _turn(motors: DriveMotors, which: str, duty: float) -> None:
 async def _name_the_mistake(name: str, which: str, other: str, ask: Ask) -> Finding:
     if await ask(f"Did the {which} wheels turn, but backwards?"):
         remedy = f"change reverse_{which} under [parts.motors]: true if it is false or not there, else false"
-        return fail(name, "turn backwards instead of forwards", "the motor is wired the other way round", remedy)
+        return fail(name, "turn backwards instead of forwards; the motor is wired the other way round", remedy)
     if await ask(f"Did the {other} wheels turn instead?"):
         remedy = "change left under [parts.motors] to the board's other channel (A or B, 1 or 2), or swap the pins"
-        return fail(name, f"the {other} wheels turned instead", "left and right are swapped", remedy)
-    cause = "no motor power, a loose motor wire, or a blocked gear"
-    return fail(name, "did not turn as commanded", cause, "check battery, fuse, motor switch and the motor's two wires")
+        return fail(name, f"the {other} wheels turned instead; left and right are swapped", remedy)
+    text = "did not turn as commanded; likely no motor power, a loose motor wire, or a blocked gear"
+    return fail(name, text, "check battery, fuse, motor switch and the motor's two wires")
 
 
 async def notices_being_stuck(_ask: Ask, inspection: Inspection) -> Finding:
@@ -124,14 +119,10 @@ async def notices_being_stuck(_ask: Ask, inspection: Inspection) -> Finding:
     if unknown > UNKNOWN_MAX:
         return skipped(name, "the motion sensor saw nothing: too dark, or the lens too far from the ground")
     if not found:
-        cause = "a wheel moved in the sensor's view, or [detector] immobilised_* fit no drive at "
-        cause += f"{min(STALL_DUTY, config.safety.duty_max) * config.vehicle.max_speed_m_s:g} m/s"
-        return fail(
-            name,
-            "the wheels turned on blocks, and the rover was not noticed as stuck",
-            cause,
-            "clear its view; try again",
-        )
+        speed_m_s = min(STALL_DUTY, config.safety.duty_max) * config.vehicle.max_speed_m_s
+        text = "the wheels turned on blocks, and the rover was not noticed as stuck; a wheel moved in the sensor's "
+        text += f"view, or [detector] immobilised_* fit no drive at {speed_m_s:g} m/s"
+        return fail(name, text, "clear its view; try again")
     return ok(name, "wheels that turn without motion are noticed")
 
 
@@ -144,11 +135,11 @@ async def _watch_stall(inspection: Inspection) -> tuple[bool, float]:
     interval = TickInterval(0.0, commanded, dt_s, dt_s, duty * config.vehicle.max_speed_m_s * dt_s)
     ticks, rate = round(STALL_S * RATE_HZ), Rate(RATE_HZ)
     async with wheels_stopped_after(motors):
-        await require_reading(inspection.motion())  # what came before is not ours
+        await inspection.read("motion")  # what came before is not ours
         for _ in range(ticks):
             await motors.drive(commanded)
             await rate.wait()
-            reading = await require_reading(inspection.motion())
+            reading: MotionReading = await inspection.read("motion")
             unknown += reading.quality < config.detector.quality_min
             moved = Moved()
             moved.drive(interval, 0.0, config.vehicle.max_speed_m_s)
@@ -179,9 +170,8 @@ async def push(ask: Ask, inspection: Inspection) -> Finding:
 
     try:
         await inspection.open("motion")
-        seen = await measure_push(
-            lambda: require_reading(inspection.motion()), pushed(), inspection.config.detector.quality_min
-        )
+        read = partial(inspection.read, "motion")
+        seen = await measure_push(read, pushed(), inspection.config.detector.quality_min)
     except DriverError as error:
         return part_failed(inspection, "push", "motion", error)
     return judge_push(seen) if done else skipped("push", "it was not pushed")
@@ -189,17 +179,17 @@ async def push(ask: Ask, inspection: Inspection) -> Finding:
 
 def judge_push(seen: Push) -> Finding:
     """Return what a push ahead says of the sensor's mounting; a wrong one gives the setting to change."""
-    found = f"{seen.forward_m:+.2f} m ahead, {seen.right_m:+.2f} m to the right"
+    text = f"{seen.forward_m:+.2f} m ahead, {seen.right_m:+.2f} m to the right"
     if seen.unknown > UNKNOWN_MAX:
-        cause = "too dark, too plain a ground, or a leaf on the lens"
-        return fail("push", "the motion sensor saw nothing", cause, "clean the lens; push on grass in daylight")
+        text = "the motion sensor saw nothing: too dark, too plain a ground, or a leaf on the lens"
+        return fail("push", text, "clean the lens; push on grass in daylight")
     if max(abs(seen.forward_m), abs(seen.right_m)) < PUSHED_MIN_M:
         remedy = "push it half a metre; if you did, correct the lens height or the scale under [parts.motion]"
-        return fail("push", found, "it was hardly pushed, or the sensor's scale is wrong", remedy)
+        return fail("push", f"{text}; it was hardly pushed, or the sensor's scale is wrong", remedy)
     if abs(seen.right_m) >= abs(seen.forward_m):
         remedy = "change forward and right under [parts.motion]: give each the other's axis"
-        return fail("push", found, "the sensor is mounted a quarter turn round", remedy)
+        return fail("push", f"{text}; the sensor is mounted a quarter turn round", remedy)
     if seen.forward_m < 0.0:
         remedy = "change the sign of forward under [parts.motion], and of right if it is mounted half a turn round"
-        return fail("push", found, "the sensor is mounted the other way round", remedy)
-    return ok("push", found)
+        return fail("push", f"{text}; the sensor is mounted the other way round", remedy)
+    return ok("push", text)

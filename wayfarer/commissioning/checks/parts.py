@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import asyncio
 import re
-from collections.abc import Awaitable
-from typing import TypeVar
 
 from wayfarer.commissioning.checks.api import CheckVerdict, Finding, Inspection, fail, ok, skipped, warn
 from wayfarer.commissioning.checks.system import diagnose
-from wayfarer.errors import BadReading, DriverError, NotResponding, WrongPart
-from wayfarer.hal import ExplainsNoFix, NoFix, has_readback
+from wayfarer.errors import BadReading, DriverError, WrongPart
+from wayfarer.hal import CompassReading, ContactReading, ExplainsNoFix, MotionReading, NoFix, has_readback
 
 # A rover that is set down for a start stands about level; beyond this the compass is mounted otherwise than believed.
 LEVEL_DEG = 20.0
@@ -22,28 +20,14 @@ LEVEL_DEG = 20.0
 FIX_WITHIN_S, FIX_LOOK_S = 3.0, 0.1
 NO_FIX = NoFix("no fix", "no free view of the sky, or just switched on", "wait some minutes outdoors")
 
-R = TypeVar("R")
-
-
-async def require_reading(reading: Awaitable[R | None]) -> R:
-    """Return a reading.
-
-    Raises:
-        DriverError: there is none.
-    """
-    if (there := await reading) is None:
-        raise NotResponding("there is no reading yet")
-    return there
-
 
 def part_failed(inspection: Inspection, name: str, part: str, error: DriverError) -> Finding:
     """Return that a part failed: if its device file is the reason, that; else what the kind of error tells."""
     where = inspection.rover.parts[part].name
     devices = (device for device in inspection.host.devices if device in where)
     trouble = next((trouble for device in devices if (trouble := diagnose(inspection.host, device))), None)
-    if trouble:
-        return fail(name, str(error), trouble.cause, trouble.remedy)
-    return fail(name, str(error), *_advice(where, part, error))
+    cause, remedy = (trouble.cause, trouble.remedy) if trouble else _advice(where, part, error)
+    return fail(name, f"{error}; likely {cause}", remedy)
 
 
 def _advice(where: str, part: str, error: DriverError) -> tuple[str, str]:
@@ -63,26 +47,25 @@ def _advice(where: str, part: str, error: DriverError) -> tuple[str, str]:
     return "no power, or a loose wire", "check its plug and its power, and its section of the rover file"
 
 
-def _absent(inspection: Inspection, part: str, found: str, instead: str) -> Finding:
-    """Return that a rover has not got a part: a failure where it is to notice obstacles by it; no run begins then."""
+def _absent(inspection: Inspection, part: str, text: str, instead: str) -> Finding:
+    """Return that a rover has not got a part: a failure if it is to notice obstacles by it; no run begins then."""
     if inspection.config.anomaly_source != part:
-        return skipped(part, found)
-    cause = f'the rover file has no [parts.{part}], and anomaly_source is "{part}"'
-    return fail(part, found, cause, f'add [parts.{part}] or set anomaly_source = "{instead}"')
+        return skipped(part, text)
+    text = f'the rover file has no [parts.{part}], and anomaly_source is "{part}"'
+    return fail(part, text, f'add [parts.{part}] or set anomaly_source = "{instead}"')
 
 
 async def compass(inspection: Inspection) -> Finding:
     """Check that the compass answers, with a tilt that a rover on its wheels can have."""
     try:
-        await inspection.open("compass")
-        reading = await require_reading(inspection.compass())
+        reading: CompassReading = await inspection.read("compass")
     except DriverError as error:
         return part_failed(inspection, "compass", "compass", error)
-    found = f"heading {reading.heading_deg:.0f}°, pitch {reading.pitch_deg:.0f}°, roll {reading.roll_deg:.0f}°"
+    text = f"heading {reading.heading_deg:.0f}°, pitch {reading.pitch_deg:.0f}°, roll {reading.roll_deg:.0f}°"
     if max(abs(reading.pitch_deg), abs(reading.roll_deg)) > LEVEL_DEG:
-        cause = "the rover does not stand level, or its compass is not mounted as the rover file says"
-        return warn("compass", found, cause, "stand it on level ground; if it does, correct [parts.compass]")
-    return ok("compass", found)
+        text += "; the rover does not stand level, or its compass is not mounted as the rover file says"
+        return warn("compass", text, "stand it on level ground; if it does, correct [parts.compass]")
+    return ok("compass", text)
 
 
 async def motion(inspection: Inspection) -> Finding:
@@ -90,35 +73,29 @@ async def motion(inspection: Inspection) -> Finding:
     if inspection.rover.motion is None:
         return _absent(inspection, "motion", "this rover has no motion sensor", instead="contact")
     try:
-        await inspection.open("motion")
-        await require_reading(inspection.motion())  # the first after the opening says nothing
-        quality = (await require_reading(inspection.motion())).quality
+        await inspection.read("motion")  # the first after the opening says nothing
+        reading: MotionReading = await inspection.read("motion")
     except DriverError as error:
         return part_failed(inspection, "motion", "motion", error)
-    found, least = f"quality {quality:.2f} of 1", inspection.config.detector.quality_min
-    if quality < least:
-        cause = "too dark, too plain a ground, a leaf on the lens, or the lens too near the ground"
-        return warn(
-            "motion", f"{found}, at least {least:g} is needed", cause, "clean the lens; try on grass in daylight"
-        )
-    return ok("motion", found)
+    text, least = f"quality {reading.quality:.2f} of 1", inspection.config.detector.quality_min
+    if reading.quality < least:
+        text += f", at least {least:g} is needed; too dark, too plain a ground, a leaf on the lens, or it is too low"
+        return warn("motion", text, "clean the lens; try on grass in daylight")
+    return ok("motion", text)
 
 
 async def contact(inspection: Inspection) -> Finding:
     """Check that the bumper answers and that nothing presses on it."""
     if inspection.rover.contact is None:
-        return _absent(inspection, "contact", "this rover has no bumper", instead="motion")
+        return _absent(inspection, "contact", "this rover has no bumper, or this run does not use it", "motion")
     try:
-        await inspection.open("contact")
-        reading = await inspection.contact()
+        reading: ContactReading = await inspection.read("contact")
     except DriverError as error:
         return part_failed(inspection, "contact", "contact", error)
-    if reading is None:
-        return skipped("contact", "this run does not use the bumper")
     if reading.sides:
-        found = f"pressed at {', '.join(side.value for side in reading.sides)}"
-        cause = "something leans on it, a switch sticks, or its pull-up is set the wrong way"
-        return warn("contact", found, cause, "free it; if nothing touches it, correct [parts.contact]")
+        text = f"pressed at {', '.join(side.value for side in reading.sides)}; something leans on it, a switch sticks, "
+        text += "or its pull-up is set the wrong way"
+        return warn("contact", text, "free it; if nothing touches it, correct [parts.contact]")
     return ok("contact", "answers, and nothing is pressed")
 
 
@@ -155,7 +132,7 @@ async def position(inspection: Inspection) -> Finding:
         off = "" if fix.error_m is None else f", off by {fix.error_m:.0f} m at most"
         return ok("position", f"{receiver.name}: a fix{off}")
     found, cause, remedy = receiver.why_no_fix() if isinstance(receiver, ExplainsNoFix) else NO_FIX
-    return warn("position", f"{receiver.name}: {found}", cause, remedy)
+    return warn("position", f"{receiver.name}: {found}; likely {cause}", remedy)
 
 
 # -- the motor board ---------------------------------------------------------------------------------------------------
@@ -176,16 +153,17 @@ async def motor_board(inspection: Inspection) -> Finding:
         )
     if motors.deadman_s is not None:
         return ok(name, f"answers; its deadman stops the wheels {motors.deadman_s:g} s after the last command")
-    found, cause = "it cannot stop the wheels by itself", "plain H-bridges have no deadman"
+    text = "it cannot stop the wheels by itself: plain H-bridges have no deadman"
     if inspection.config.safety.allow_no_deadman:
-        return warn(name, f"{found}; the rover file allows it", cause, "stay within reach of its power switch")
-    return fail(name, found, cause, "use a board that has one, or set [safety] allow_no_deadman = true")
+        return warn(name, f"{text}; the rover file allows it", "stay within reach of its power switch")
+    return fail(name, text, "use a board that has one, or set [safety] allow_no_deadman = true")
 
 
 async def battery(inspection: Inspection) -> Finding:
     """Check the battery against the rover's own limit."""
     try:
-        volts, _ = await require_reading(inspection.motor_health())
+        await inspection.open("motors")
+        volts, _ = await inspection.rover.motors.health()
     except DriverError:
         return skipped("battery", "the motor board does not answer")
     if volts is None:
@@ -193,22 +171,23 @@ async def battery(inspection: Inspection) -> Finding:
     low_v = inspection.config.board.battery_low_v
     if low_v is None:
         return ok("battery", f"{volts:.1f} V; not judged, the rover file gives no [board] battery_low_v")
-    found = f"{volts:.1f} V, the limit is {low_v:g} V"
+    text = f"{volts:.1f} V, the limit is {low_v:g} V"
     if volts < low_v:
-        return fail("battery", found, "it is empty, cold or old", "charge it, warm it or replace it")
-    return ok("battery", found)
+        return fail("battery", f"{text}; it is empty, cold or old", "charge it, warm it or replace it")
+    return ok("battery", text)
 
 
 async def motor_faults(inspection: Inspection) -> Finding:
     """Check that the motor board reports no fault."""
     try:
+        await inspection.open("motors")
         if not await has_readback(inspection.rover.motors):
             return skipped("motor faults", "the motor board cannot be asked")
-        _, faults = await require_reading(inspection.motor_health())
+        _, faults = await inspection.rover.motors.health()
     except DriverError:
         return skipped("motor faults", "the motor board does not answer")
     if faults:
-        cause = "a low battery, a short circuit, a blocked wheel or a hot board"
+        text = f"{'; '.join(faults)}; likely a low battery, a short circuit, a blocked wheel or a hot board"
         remedy = "look for bare wires and blocked wheels, let the board cool, switch it off and on"
-        return fail("motor faults", "; ".join(faults), cause, remedy)
+        return fail("motor faults", text, remedy)
     return ok("motor faults", "none")

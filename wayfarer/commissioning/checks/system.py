@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import os
 import pwd
 import tempfile
@@ -16,7 +17,7 @@ from wayfarer.commissioning.checks.api import Finding, HostEnvironment, Inspecti
 from wayfarer.config.rover_file import LogSettings, RoverConfig, line_in, part_settings
 from wayfarer.errors import NotThereYet
 from wayfarer.fieldlog.clock import CLOCK_SET_S
-from wayfarer.fieldlog.disk import ADVICE, DISK_FAILS, free_mb, total_mb
+from wayfarer.fieldlog.disk import ADVICE, free_mb, total_mb
 from wayfarer.safety.power import SLOWED_NOW, UNDER_VOLTAGE_NOW, UNDER_VOLTAGE_SINCE_BOOT
 
 # The debug connector of a Raspberry Pi 5, which its /dev/serial0 leads to. Second hand, from the issue tracker of the
@@ -88,12 +89,11 @@ def diagnose(host: HostEnvironment, device: str) -> DeviceProblem | None:
 async def device(name: str, inspection: Inspection) -> Finding:
     """Check that a device file is there and may be used."""
     if trouble := diagnose(inspection.host, name):
-        return fail(name, *trouble)
+        return fail(name, f"{trouble.found}; {trouble.cause}", trouble.remedy)
     if inspection.host.path(name).resolve().name == PI5_DEBUG_PORT:
         return warn(
             name,
-            f"it is {PI5_DEBUG_PORT}, the debug connector of a Pi 5",
-            "on a Pi 5 the header's pins 14 and 15 are /dev/ttyAMA0",
+            f"it is {PI5_DEBUG_PORT}, the debug connector of a Pi 5; its header's pins 14 and 15 are /dev/ttyAMA0",
             "dtparam=uart0=on in /boot/firmware/config.txt, reboot, and /dev/ttyAMA0 in the rover file",
         )
     return ok(name, "present, and this user may use it")
@@ -164,15 +164,15 @@ async def power(inspection: Inspection) -> Finding:
     name, flags = "computer power", power_flags(inspection.host.root)
     if flags is None:
         return skipped(name, "this computer does not report it")
-    cause, remedy = "its supply sags, most of all when the motors start", "give it a separate 5 V supply, thick wires"
+    sags = f"(flags {flags:#x}); its supply sags, most of all when the motors start"
+    remedy = "give it a separate 5 V supply, thick wires"
     if flags & UNDER_VOLTAGE_NOW:
-        return fail(name, f"under-voltage now (flags {flags:#x})", cause, remedy)
+        return fail(name, f"under-voltage now {sags}", remedy)
     if flags & SLOWED_NOW:
-        return warn(
-            name, f"slowed down now (flags {flags:#x})", "it is too hot", "put it in the shade, let air into its case"
-        )
+        text = f"slowed down now (flags {flags:#x}); it is too hot"
+        return warn(name, text, "put it in the shade, let air into its case")
     if flags & UNDER_VOLTAGE_SINCE_BOOT:
-        return warn(name, f"there was under-voltage since boot (flags {flags:#x})", cause, remedy)
+        return warn(name, f"there was under-voltage since boot {sags}", remedy)
     return ok(name, "no under-voltage since boot")
 
 
@@ -189,22 +189,20 @@ def _disk(folder: Path, settings: LogSettings) -> Finding:
             file.write(b"wayfarer")
         left_mb, size_mb = free_mb(there), total_mb(there)
     except OSError as error:
-        cause, remedy = "the folder belongs to another user", f"sudo chown {_user()} {there}"
-        if error.errno in DISK_FAILS:
-            cause, remedy = "the disk is full, fails, or is mounted read-only", ADVICE[error.errno]
-        return fail("disk", f"{there} cannot be written: {error.strerror}", cause, remedy)
-    found = f"{left_mb:.0f} MB free in {there}"
+        remedy = ADVICE.get(error.errno or 0, "look at the disk (df, dmesg)")
+        if error.errno in {errno.EACCES, errno.EPERM}:
+            remedy = f"sudo chown {_user()} {there}, or choose another --log-dir"
+        return fail("disk", f"{there} cannot be written: {error.strerror}", remedy)
+    text = f"{left_mb:.0f} MB free in {there}"
     needed_mb = settings.free_mb + settings.part_mb
     if left_mb < needed_mb:
         wanted = f"free_mb ({settings.free_mb:g}) and part_mb ({settings.part_mb:g}) under [log] in the rover file"
         remedy = f"copy old runs from {folder} and delete them; {needed_mb:g} MB are needed: {wanted}"
-        return fail("disk", found, "old runs fill it", remedy)
+        return fail("disk", f"{text}; old runs fill it", remedy)
     if (settings.keep_mb or 0.0) + needed_mb > size_mb:
-        cause = f"keep_mb ({settings.keep_mb:g}) under [log] in the rover file is more than this disk can hold"
-        return warn(
-            "disk", found, cause, f"set at most {size_mb - needed_mb:.0f}, or it runs full before runs are deleted"
-        )
-    return ok("disk", found)
+        text += f"; keep_mb ({settings.keep_mb:g}) under [log] in the rover file is more than this disk can hold"
+        return warn("disk", text, f"set at most {size_mb - needed_mb:.0f}, or it runs full before runs are deleted")
+    return ok("disk", text)
 
 
 async def log(trouble: Callable[[], str | None], inspection: Inspection) -> Finding:  # noqa: ARG001 - as any check
@@ -217,7 +215,7 @@ async def log(trouble: Callable[[], str | None], inspection: Inspection) -> Find
     text = trouble()
     if text is None:
         return ok("log", "is being written")
-    return fail("log", text, "records of this run are being lost", "fix that; the log continues within a second")
+    return fail("log", f"records of this run are being lost: {text}", "fix that; the log continues within a second")
 
 
 async def clock(inspection: Inspection) -> Finding:
@@ -226,8 +224,7 @@ async def clock(inspection: Inspection) -> Finding:
     if inspection.host.t_wall < CLOCK_SET_S:
         return warn(
             "clock",
-            f"it is {now:%Y-%m-%d}",
-            "no network since power-up, and no clock chip with a battery",
+            f"it is {now:%Y-%m-%d}; no network since power-up, and no clock chip with a battery",
             "sudo date --set '2026-05-31 14:00', or connect to a network once",
         )
     return ok("clock", f"{now:%Y-%m-%d %H:%M} UTC")
