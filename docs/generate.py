@@ -57,7 +57,7 @@ ROVER_FILE = """# Rover file
 
 A rover file is TOML. It names a rover's parts, and what differs from the defaults below; only `name` and the keys of
 `[vehicle]` without a default are required. An unknown key, or a value out of its range, is one line that names
-file, line, key and what is allowed. The files that come with wayfarer are in `wayfarer/rovers`.
+file, key and what is allowed. The files that come with wayfarer are in `wayfarer/rovers`.
 
 [rover.schema.json](../../wayfarer/rovers/rover.schema.json) is the JSON Schema of all this. Where its path is in the
 first line, as in the shipped files and in those that `wayfarer init` writes, editors that know TOML schemas (Tombi,

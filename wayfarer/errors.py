@@ -45,13 +45,10 @@ code  meaning
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from difflib import SequenceMatcher
+from difflib import get_close_matches
 
-# How alike two names have to be, 0 to 1, how far below the nearest one others may be, and what the same first letter
-# adds: what a hand mistypes is rarely that, and without it "halt" is like "faults".
-NEAR, AS_NEAR, SAME_BEGINNING = 0.7, 0.1, 0.1
-SHORTEST_BEGINNING = 3
-MOST_NEAR, MOST_LISTED = 3, 20
+NEAR = 0.65  # how alike two names have to be, 0 to 1: "smi" is like "sim", and "halt" is not like "faults"
+MOST_LISTED = 20
 
 
 class WayfarerError(Exception):
@@ -158,24 +155,13 @@ class NothingScheduled(WayfarerError):
 
 
 def near_names(name: str, known: Iterable[str]) -> list[str]:
-    """Return which known names a mistyped or unfinished one may mean, the nearest first; none where none is alike.
+    """Return which known names a mistyped one may mean, the nearest first and three at most; none if none is alike.
 
     Of dotted names the last parts are compared, so that a section's name, such as ``escape.``, makes none alike.
     """
-    ratios = {each: _likeness(_last_part(name), _last_part(each)) for each in known}
-    least = max([NEAR, *(ratio - AS_NEAR for ratio in ratios.values())])
-    return [each for each in sorted(ratios, key=ratios.__getitem__, reverse=True) if ratios[each] >= least][:MOST_NEAR]
-
-
-def _last_part(name: str) -> str:
-    return name.rpartition(".")[2].casefold()
-
-
-def _likeness(typed: str, name: str) -> float:
-    """Return how alike two names are, from 0; the beginning of a name is near enough."""
-    begun = len(typed) >= SHORTEST_BEGINNING and name.startswith(typed)
-    same = SAME_BEGINNING * (name[:1] == typed[:1])
-    return max(NEAR * begun, SequenceMatcher(None, name, typed).ratio() + same)
+    last = {each: each.rpartition(".")[2].casefold() for each in known}
+    near = get_close_matches(name.rpartition(".")[2].casefold(), set(last.values()), cutoff=NEAR)
+    return [each for word in near for each in last if last[each] == word][:3]
 
 
 def _in_short(name: str, known: Sequence[str]) -> Sequence[str]:

@@ -20,7 +20,7 @@ BAD_INPUT = {
     "smi": "'smi'; did you mean sim?",
     "logs shwo": "did you mean show?",
     "halt": "No such command 'halt'\n",
-    "sim --trails 3 --out out": "--trails; did you mean --trials?",
+    "sim --trails 3 --out out": "--trails; did you mean --trials",
     "sim --banana 3 --out out": "No such option: --banana\n",
     "sim --trials 0 --out out": "--trials",
     "sim --jobs 0 --out out": "--jobs",

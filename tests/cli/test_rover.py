@@ -222,8 +222,6 @@ def test_run_without_a_part_names_it_before_any_port(tmp_path: Path, run: Run) -
     code, _, err = run("run", "--rover", path, "--log-dir", tmp_path / "logs")
     assert code == 2
     assert err.startswith(f"wayfarer: {path}: key 'parts.compass' is missing: rover 'minirover' has no [parts.compass]")
-    at = path.read_text(encoding="utf-8").partition("[parts.")[0].count("\n") + 1
-    assert err.endswith(f"(line {at})\n"), "where the other parts begin"
 
 
 @pytest.mark.parametrize("command", ["run", "check"])
@@ -237,14 +235,14 @@ def test_run_without_a_part_names_it_before_any_port(tmp_path: Path, run: Run) -
         ("sys:exit", "buses 'sys:exit': sys:exit gives no buses: SystemExit:"),
     ],
 )
-def test_buses_that_cannot_be_are_told_by_file_key_and_line(
+def test_buses_that_cannot_be_are_told_by_file_and_key(
     tmp_path: Path, run: Run, command: str, buses: str, said: str
 ) -> None:
     path = tmp_path / "rover.toml"
     shipped = (Path(cli.__file__).parents[1] / "rovers/minirover.toml").read_text(encoding="utf-8")
     path.write_text(f'buses = "{buses}"\n{shipped}', encoding="utf-8")
     code, _, err = run(command, "--rover", path, "--log-dir", tmp_path)
-    assert (code, err) == (2, f"wayfarer: {path}: key 'buses': {said} (line 1)\n")
+    assert (code, err) == (2, f"wayfarer: {path}: key 'buses': {said}\n")
 
 
 @pytest.mark.parametrize("command", [["run", "--sim"], ["check", "--rover", "forestrover"]])

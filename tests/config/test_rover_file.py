@@ -91,7 +91,7 @@ right_backward = 4
         (rover_toml(length_m='"long"'), "key 'vehicle.length_m' = 'long': input should be a valid number"),
         (rover_toml(rest="[board]\nbattery_low_v = 0"), "key 'board.battery_low_v' = 0: input should be"),
         (rover_toml("declination_deg = 181"), "key 'declination_deg' = 181: input should be less than or equal to 180"),
-        (rover_toml('buses = "linuxx"'), "key 'buses': unknown buses 'linuxx': did you mean linux? (line 2)"),
+        (rover_toml('buses = "linuxx"'), "key 'buses': unknown buses 'linuxx': did you mean linux?"),
         (rover_toml('anomaly_source = "x"'), "key 'anomaly_source' = 'x': input should be 'motion' or 'contact'"),
         ("vehicle = 3\nname = 'x'", "key 'vehicle' = 3: input should be a table"),
         ("a = = 3", "not valid TOML: Invalid value (at line 1, column 5)"),
@@ -118,7 +118,7 @@ def test_bad_file_is_told_by_file_key_and_what_is_allowed(tmp_path: Path, text: 
 
 def test_mistyped_key_is_named_before_the_key_that_it_leaves_missing(tmp_path: Path) -> None:
     said = complaint(tmp_path, rover_toml(length_m="", lenght_m="0.4"))
-    assert said == "unknown key 'vehicle.lenght_m'; did you mean 'length_m'? (line 7)"
+    assert said == "unknown key 'vehicle.lenght_m'; did you mean 'length_m'?"
 
 
 def test_file_that_is_not_there_names_the_shipped_rovers(tmp_path: Path) -> None:
@@ -164,7 +164,7 @@ def test_control_that_what_guards_the_wheels_would_stop_is_refused(
     tmp_path: Path, control_hz: float, rest: str, said: str
 ) -> None:
     assert complaint(tmp_path, rover_toml(f"control_hz = {control_hz}", rest)) == (
-        f"key 'control_hz' = {control_hz:g}: too slow, {said} (line 2)"
+        f"key 'control_hz' = {control_hz:g}: too slow, {said}"
     )
 
 
@@ -191,31 +191,30 @@ def test_settings_that_a_part_s_table_leaves_out_are_the_driver_s_defaults() -> 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (rover_toml(length_m="-1"), "; allowed is above 0 to 1000 (line 4)"),
-        (rover_toml(rest="[board]\nbattery_low_v = 99"), "; allowed is above 0 to 60 (line 9)"),
-        (rover_toml(rest='[parts.compass]\ndriver = "cmps14"\naddress = 0x10'), "; allowed is 96 to 103 (line 10)"),
-        (rover_toml(rest='[parts.motion]\ndriver = "pmw3901"\nheight_m = nan'), "; allowed is 0.08 to 10 (line 10)"),
-        (rover_toml(rest='[parts.compass]\ndrver = "cmps14"'), "thunderborg_light (line 8)"),
-        (rover_toml(track_m=""), "key 'vehicle.track_m' is missing (line 3)"),
+        (rover_toml(length_m="-1"), "; allowed is above 0 to 1000"),
+        (rover_toml(rest="[board]\nbattery_low_v = 99"), "; allowed is above 0 to 60"),
+        (rover_toml(rest='[parts.compass]\ndriver = "cmps14"\naddress = 0x10'), "; allowed is 96 to 103"),
+        (rover_toml(rest='[parts.motion]\ndriver = "pmw3901"\nheight_m = nan'), "; allowed is 0.08 to 10"),
+        (rover_toml(rest='[parts.compass]\ndrver = "cmps14"'), "thunderborg_light"),
+        (rover_toml(track_m=""), "key 'vehicle.track_m' is missing"),
     ],
 )
-def test_bad_value_is_told_with_its_whole_range_and_its_line(tmp_path: Path, text: str, said: str) -> None:
+def test_bad_value_is_told_with_its_whole_range(tmp_path: Path, text: str, said: str) -> None:
     assert complaint(tmp_path, text).endswith(said)
 
 
 @pytest.mark.parametrize(
-    ("text", "key", "line"),
+    ("text", "key"),
     [
-        (rover_toml(f'name2 = "{"x" * 5000}"'), "name2", 2),
-        (rover_toml(f'buses = "{"x" * 5000}"'), "buses", 2),
-        (rover_toml(rest=f'[parts.compass]\ndriver = "cmps14"\nbus = "/dev/{"x" * 4995}"'), "parts.compass.bus", 10),
-        (rover_toml(rest=f'[parts.compass]\ndriver = "{"x" * 5000}"'), "parts.compass.driver", 9),
+        (rover_toml(f'name2 = "{"x" * 5000}"'), "name2"),
+        (rover_toml(f'buses = "{"x" * 5000}"'), "buses"),
+        (rover_toml(rest=f'[parts.compass]\ndriver = "cmps14"\nbus = "/dev/{"x" * 4995}"'), "parts.compass.bus"),
+        (rover_toml(rest=f'[parts.compass]\ndriver = "{"x" * 5000}"'), "parts.compass.driver"),
     ],
 )
-def test_value_of_5000_characters_is_refused_and_not_printed(tmp_path: Path, text: str, key: str, line: int) -> None:
+def test_value_of_5000_characters_is_refused_and_not_printed(tmp_path: Path, text: str, key: str) -> None:
     said = complaint(tmp_path, text)
     assert f"key '{key}'" in said
-    assert said.endswith(f"(line {line})")
     assert len(said) < 200
 
 
@@ -223,13 +222,13 @@ def test_limit_of_a_device_s_name_is_said(tmp_path: Path) -> None:
     compass = '[parts.compass]\ndriver = "cmps14"\nbus = "/dev/{}"'
     assert load(tmp_path, rover_toml(rest=compass.format("x" * 250))).parts["compass"]["bus"] == "/dev/" + "x" * 250
     said = complaint(tmp_path, rover_toml(rest=compass.format("x" * 251)))
-    assert ": 256 bytes; allowed are at most 255 (line 10)" in said
+    assert ": 256 bytes; allowed are at most 255" in said
     assert ": 505 bytes; " in complaint(tmp_path, rover_toml(rest=compass.format("ü" * 250)))
 
 
 def test_name_with_a_zero_byte_is_refused(tmp_path: Path) -> None:
     said = complaint(tmp_path, rover_toml(rest='[parts.compass]\ndriver = "cmps14"\nbus = "/dev/i2c\\u0000"'))
-    assert said.endswith("key 'parts.compass.bus' = '/dev/i2c\\x00': a NUL byte, which no name can have (line 10)")
+    assert said.endswith("key 'parts.compass.bus' = '/dev/i2c\\x00': a NUL byte, which no name can have")
 
 
 @pytest.mark.parametrize("text", [f"{'k' * 6000} = 1\n", f'name = "test"\n[parts.{"p" * 6000}]\ndriver = "cmps14"\n'])
@@ -240,10 +239,33 @@ def test_key_of_6000_characters_is_not_printed(tmp_path: Path, text: str) -> Non
 BOM = b"\xef\xbb\xbf"
 
 
-def test_byte_order_mark_that_an_editor_wrote_is_no_error_and_lines_are_counted_from_it_on(tmp_path: Path) -> None:
+def test_byte_order_mark_that_an_editor_wrote_is_no_error(tmp_path: Path) -> None:
     assert load(tmp_path, BOM + rover_toml().encode()).name == "test"
-    assert complaint(tmp_path, BOM + rover_toml("control_hz = 0").encode()).endswith("(line 2)")
-    assert complaint(tmp_path, BOM + b"nam = 1\n").endswith("(line 1)")
+    assert complaint(tmp_path, BOM + b"nam = 1\n") == "unknown key 'nam'; did you mean 'name'?"
+
+
+I2C_COMPASS = '[parts.compass]\ndriver = "cmps14"\nbus = "{}"\naddress = 0x60\n'
+I2C_MOTORS = '[parts.motors]\ndriver = "thunderborg"\nbus = "/dev/i2c-1"\naddress = {}\n'
+I2C_LIGHT = '[parts.light]\ndriver = "thunderborg_light"\naddress = {}\n'
+
+
+@pytest.mark.parametrize(
+    ("parts", "key"),
+    [
+        (I2C_COMPASS.format("/dev/i2c-1") + I2C_MOTORS.format("0x60"), "parts.motors"),
+        (I2C_COMPASS.format("/dev/../dev//i2c-1") + I2C_MOTORS.format("0x60"), "parts.motors"),
+        (I2C_COMPASS.format("/dev/i2c-1") + I2C_MOTORS.format("0x15") + I2C_LIGHT.format("0x60"), "parts.light"),
+        (I2C_COMPASS.format("/dev/i2c-3") + I2C_MOTORS.format("0x60"), ""),  # one address on two buses
+        (I2C_MOTORS.format("0x15") + I2C_LIGHT.format("0x15"), ""),  # motors and light of one board
+    ],
+)
+def test_two_chips_at_one_address_of_a_bus_are_refused(tmp_path: Path, parts: str, key: str) -> None:
+    if not key:
+        assert load(tmp_path, rover_toml(rest=parts)).parts
+        return
+    assert complaint(tmp_path, rover_toml(rest=parts)).startswith(
+        f"key '{key}.address' = 0x60: parts.compass has this address on "
+    )
 
 
 def test_stopping_the_motors_reads_past_a_byte_order_mark(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ UNBUILDABLE = {
         COMPASS + '[parts.motors]\ndriver = "gpio_motors"\n' + PINS,
         "no simulated chip for",
     ),
-    "two chips at one address": (COMPASS + THUNDERBORG + "address = 0x60\n", "parts.compass (CMPS14) has this address"),
+    "two chips at one address": (COMPASS + THUNDERBORG + "address = 0x60\n", "parts.compass has this address"),
 }
 
 

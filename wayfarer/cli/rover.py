@@ -157,7 +157,7 @@ def simulated(
     ``where`` is the rover's file, or the name of a shipped one.
 
     Raises:
-        BadConfig: the rover cannot be built at that depth; the text names file, key and line.
+        BadConfig: the rover cannot be built at that depth; the text names file and key.
         BadInput: a fault cannot happen to it.
         MissingPackage: a package is not installed.
     """

@@ -7,8 +7,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from wayfarer.config.calibration_file import Calibration
+from wayfarer.config.messages import located
 from wayfarer.config.registry import make_buses
-from wayfarer.config.rover_file import RoverConfig, part_settings, with_location
+from wayfarer.config.rover_file import RoverConfig, part_settings
 from wayfarer.errors import BadConfig, BadInput
 from wayfarer.hal import MotionReading, MotionSensor, Rover, error_counts_of
 
@@ -28,16 +29,16 @@ def connect(config: RoverConfig, where: str, calibration: Calibration = UNCALIBR
         calibration: what calibrating it has found out.
 
     Raises:
-        BadConfig: its buses cannot be made, or it lacks a part; the text names file, key and line.
+        BadConfig: its buses cannot be made, or it lacks a part; the text names file and key.
     """
     try:
         buses: Buses = make_buses(config.buses)
     except BadInput as error:
-        raise BadConfig(with_location(where, f"key 'buses': {error}")) from None
+        raise BadConfig(located(where, f"key 'buses': {error}")) from None
     try:
         return buses, assemble(config, buses, calibration)
     except BadConfig as error:
-        raise BadConfig(with_location(where, str(error))) from None
+        raise BadConfig(located(where, str(error))) from None
 
 
 def assemble(config: RoverConfig, buses: Buses, calibration: Calibration = UNCALIBRATED) -> Rover:

@@ -1,13 +1,10 @@
-"""Validation of tables that people write, and what is said of a bad one: line, key, what was found, what is allowed."""
+"""Validation of tables that people write, and what is said of a bad one: key, what was found, what is allowed."""
 
 from __future__ import annotations
 
 import json
 import re
-import tomllib
-from bisect import bisect_left
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from functools import cache
 from math import isfinite
 from typing import Any, TypeVar, cast, get_args, get_type_hints
@@ -22,8 +19,6 @@ T = TypeVar("T")
 
 _UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
 _OUT_OF_RANGE = {"greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number"}
-_NAMED = re.compile(r"(?:unknown )?key '([^']+)'")
-_VALUE_LINES_MAX = 100  # of one value, chosen by us: each line costs a reading of all before it
 _SHOWN = 80  # characters of a value, or a key, that is quoted
 _LONG_KEY = re.compile(rf"'([^']{{{_SHOWN + 1},}})'")
 
@@ -93,58 +88,9 @@ def shortened(text: str) -> str:
     return text if len(text) <= _SHOWN else f"{text[: _SHOWN // 2]}...{text[-_SHOWN // 4 :]}"
 
 
-def located(where: str, text: str, said: str, section: str = "", prefix: str = "") -> str:
-    """Return an explanation as one line, after the file and before the line of the key, or of the table that lacks it.
-
-    ``section`` is the table of ``text`` that was explained, as ``line_of`` counts it, and ``prefix`` what stands before
-    its keys in the explanation.
-    """
-    named = _NAMED.match(said)
-    dotted = f"{section}.{named[1].removeprefix(prefix) if named else ''}"
-    keys = [key for key in dotted.split(".") if key]
-    numbers = (line_of(text, ".".join(keys[:depth])) for depth in range(len(keys), 0, -1))
-    number = next(filter(None, numbers), None)
-    return one_line(f"{where}: {with_short_keys(said)}{f' (line {number})' if number else ''}")
-
-
-def line_of(text: str, dotted: str) -> int | None:
-    """Return the number of the line of valid TOML on which a key or a table begins, None if it is not there.
-
-    A table begins where one within it does: ``[parts.motors]`` begins ``parts``.
-    Of an array of tables each has its number, from 0: ``scenario.1.fault.0.kind``.
-
-    ``tomllib`` tells no lines. But what stands before the end of any statement is a file too; so the key is in the
-    statement with which it appears first, and bisection finds that in a few readings.
-    """
-    lines, keys = text.split("\n"), dotted.split(".")
-    ends = _statement_ends(lines)
-    found = bisect_left(ends, True, key=lambda end: _has(_read(lines[:end]), keys))
-    return ends[found - 1] + 1 if found < len(ends) else None
-
-
-def _statement_ends(lines: list[str]) -> list[int]:
-    """Return after how many lines a statement ends, from 0 on, up to the first value that is too long to look for."""
-    ends = [0]
-    for number in range(1, len(lines) + 1):
-        if number - ends[-1] > _VALUE_LINES_MAX:
-            break
-        with suppress(ValueError, RecursionError):  # raised within a value of several lines
-            _read(lines[ends[-1] : number])
-            ends.append(number)
-    return ends
-
-
-def _read(lines: list[str]) -> dict[str, Any]:
-    return tomllib.loads("\n".join(lines) + "\n")
-
-
-def _has(table: Any, keys: list[str]) -> bool:
-    try:
-        for key in keys:
-            table = table[int(key)] if isinstance(table, list) else table[key]
-    except (LookupError, TypeError, ValueError):
-        return False
-    return True
+def located(where: str, said: str) -> str:
+    """Return an explanation as one line, after the file."""
+    return one_line(f"{where}: {with_short_keys(said)}")
 
 
 def with_short_keys(said: str) -> str:

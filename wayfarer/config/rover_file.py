@@ -11,17 +11,16 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
+from posixpath import normpath
 from typing import Annotated, Any, Literal, Self
 
 from annotated_types import Interval
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from wayfarer.config.chassis import Chassis
-from wayfarer.config.mavlink_settings import MavlinkSettings
-from wayfarer.config.messages import line_of, located, shown, validated
+from wayfarer.config.messages import located, shown, validated
 from wayfarer.config.registry import check_buses, driver_names, find_driver
 from wayfarer.config.rover_path import ROVER_FILE_BYTES, SHIPPED, is_rover_file, rover_path
-from wayfarer.config.wiring import wiring_conflict
+from wayfarer.config.settings import Chassis, MavlinkSettings
 from wayfarer.detector import DetectorSettings
 from wayfarer.errors import BadConfig, BadInput, UnknownName, one_line
 from wayfarer.escape.settings import EscapeSettings, Vehicle
@@ -141,10 +140,19 @@ class RoverConfig(BaseModel):
     @field_validator("parts")
     @classmethod
     def _parts_have_their_drivers(cls, parts: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
-        """Refuse a part whose driver is unknown or does not understand its settings, and two parts on one wire."""
-        made = [(part, *part_settings(part, table)) for part, table in parts.items()]
-        if why := wiring_conflict(made):
-            raise ValueError(why)
+        """Refuse a part whose driver is unknown or does not understand its settings, and two chips at one address."""
+        there: dict[tuple[str, int], tuple[str, object]] = {}  # drivers of one chip, such as a board's light, share it
+        for part, table in parts.items():
+            driver, settings = part_settings(part, table)
+            if (address := getattr(settings, "address", None)) is None:
+                continue
+            chip, bus = getattr(driver, "chip", driver), str(getattr(settings, "bus", getattr(settings, "port", "")))
+            other, of = there.setdefault((normpath(bus), address), (part, chip))
+            if of != chip:
+                raise ValueError(
+                    f"key 'parts.{part}.address' = 0x{address:02X}: parts.{other} has this address on {bus} already; "
+                    "correct the one that is wrong (i2cdetect shows which addresses answer), or set another on the chip"
+                )
         return parts
 
     @field_validator("buses")
@@ -224,33 +232,13 @@ def rover_text(name_or_path: str) -> str:
     if not is_rover_file(name_or_path) and name_or_path not in rover_names():
         raise UnknownName("rover", name_or_path, rover_names())
     try:
-        return _text_of(name_or_path)
+        return read_regular(rover_path(name_or_path), ROVER_FILE_BYTES).decode(_TEXT)
     except FileNotFoundError:
         raise BadConfig(f"{name_or_path}: no such file; shipped rovers are {', '.join(rover_names())}") from None
     except OSError as error:
         raise BadConfig(f"{name_or_path}: cannot be read: {error.strerror}") from None
     except ValueError as error:  # no UTF-8, or a name that no file can have
         raise BadConfig(one_line(f"{name_or_path}: cannot be read: {error}")) from None
-
-
-def line_in(name_or_path: str, key: str) -> int | None:
-    """Return on which line of a rover file, shipped or not, a dotted key is; None if it has its default."""
-    return line_of(_text_of(name_or_path), key)
-
-
-def with_location(name_or_path: str, said: str) -> str:
-    """Return what is wrong with a key, found after the file was read, with the file before it and the line after.
-
-    Where there is no such file, as of a rover that a program has changed, the line is left out.
-    """
-    try:
-        return located(name_or_path, _text_of(name_or_path), said)
-    except OSError:
-        return f"{name_or_path}: {said}"
-
-
-def _text_of(name_or_path: str) -> str:
-    return read_regular(rover_path(name_or_path), ROVER_FILE_BYTES).decode(_TEXT)
 
 
 def parse_rover(name_or_path: str, text: str) -> RoverConfig:
@@ -264,7 +252,7 @@ def parse_rover(name_or_path: str, text: str) -> RoverConfig:
         # The end of line lets the parser name the line of an error that is at the very end.
         return validated(RoverConfig, tomllib.loads(text + "\n"))
     except BadConfig as error:
-        raise BadConfig(located(where, text, str(error))) from None
+        raise BadConfig(located(where, str(error))) from None
     except (ValueError, RecursionError) as error:  # tomllib: syntax, endless numbers, brackets without end
         raise BadConfig(one_line(f"{where}: not valid TOML: {error}")) from None
 

@@ -8,10 +8,10 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wayfarer.config.chassis import CLIMBING_KEYS
-from wayfarer.config.messages import validated
+from wayfarer.config.messages import located, validated
 from wayfarer.config.registry import find_algorithm
-from wayfarer.config.rover_file import RoverConfig, with_location
+from wayfarer.config.rover_file import RoverConfig
+from wayfarer.config.settings import CLIMBING_KEYS
 from wayfarer.errors import BadConfig, BadInput, MissingPackage, UnknownName, one_line
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.campaign import Campaign
@@ -197,7 +197,7 @@ def check_rover(config: RoverConfig, depth: str, where: str) -> None:
         where: the rover's file, or the name of a shipped one.
 
     Raises:
-        BadConfig: at bus depth the rover wants a part, or a chip for one; the text names file, key and line. At device
+        BadConfig: at bus depth the rover wants a part, or a chip for one; the text names file and key. At device
             depth only a third party's chip can be wrong, which the first trial tells.
         MissingPackage: at bus depth one of its drivers needs a package that is not installed.
     """
@@ -212,7 +212,7 @@ def check_rover(config: RoverConfig, depth: str, where: str) -> None:
 
     if missing := [part for part in NEEDED if part not in config.parts]:
         lacks = f"rover '{config.name}' has no [parts.{missing[0]}], so there is no driver to run; use --depth device"
-        raise BadConfig(with_location(where, f"key 'parts.{missing[0]}' is missing: {lacks}"))
+        raise BadConfig(located(where, f"key 'parts.{missing[0]}' is missing: {lacks}"))
     if why := missing_package(config, Depth.BUS):
         raise MissingPackage(f"{why}; or use --depth device")
     streams = RandomStreams(0)
@@ -220,7 +220,7 @@ def check_rover(config: RoverConfig, depth: str, where: str) -> None:
     try:
         bus_depth(world, streams, config, lambda: 0.0, FakeBuses())
     except BadConfig as error:
-        raise BadConfig(with_location(where, str(error))) from None
+        raise BadConfig(located(where, str(error))) from None
     except ChipMisuse as error:
         raise BadConfig(f"{where}: {error}; correct its parts") from None
 

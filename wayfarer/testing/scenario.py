@@ -162,23 +162,19 @@ def rover_of(scenario: Scenario) -> RoverConfig:
 
 
 class _FileLocation(NamedTuple):
-    """Where in a file something is: for the one line that says what is wrong with it.
-
-    ``section`` is the table as ``line_of`` counts it, ``shown`` what a person reads before its keys.
-    """
+    """Where in a file something is: file, scenario and table, and what a person reads before the table's keys."""
 
     where: str
-    text: str
-    section: str = ""
-    shown: str = ""
+    prefix: str = ""
 
-    def within(self, section: str, shown: str = "") -> _FileLocation:
-        """Return the place of a table in this one."""
-        return self._replace(section=f"{self.section}.{section}".lstrip("."), shown=shown)
+    def within(self, table: str, number: int | None = None) -> _FileLocation:
+        """Return the place of a table in this one; of several tables also which one, as 1, 2, 3."""
+        where = self.where if number is None else f"{self.where}: {table} {number + 1}"
+        return _FileLocation(where, f"{table}.")
 
     def error(self, said: str) -> BadConfig:
-        """Return what is wrong, with its line: the key's, or that of the table which lacks it."""
-        return BadConfig(located(self.where, self.text, said, self.section, self.shown))
+        """Return what is wrong."""
+        return BadConfig(located(self.where, said))
 
     def check(self, kind: type[T], table: Mapping[str, Any]) -> T:
         """Return a table as a dataclass.
@@ -187,7 +183,7 @@ class _FileLocation(NamedTuple):
             BadConfig: it cannot be one.
         """
         try:
-            return validated(kind, table, self.shown)
+            return validated(kind, table, self.prefix)
         except BadConfig as error:
             raise self.error(str(error)) from None
 
@@ -196,18 +192,16 @@ def read_scenarios(path: Path) -> tuple[Scenario, ...]:
     """Return the scenarios of a file, in its order.
 
     Raises:
-        BadConfig: the file cannot be read or is not right; the text names file, scenario, key and line.
+        BadConfig: the file cannot be read or is not right; the text names file, scenario, table and key.
     """
-    file = _FileLocation(str(path), _text_of(path))
+    file = _FileLocation(str(path))
     scenarios = tuple(
-        _scenario(file.within(f"scenario.{number}"), table, path.parent)
-        for number, table in enumerate(_scenario_tables(file))
+        _scenario(_FileLocation(f"{path}: scenario {table.get('name', number + 1)!r}"), table, path.parent)
+        for number, table in enumerate(_scenario_tables(file, _text_of(path)))
     )
     for number, scenario in enumerate(scenarios):
         if scenario.name in {earlier.name for earlier in scenarios[:number]}:
-            raise file.within(f"scenario.{number}").error(
-                f"key 'name' = '{scenario.name}': there is another of that name"
-            )
+            raise file.error(f"key 'name' = '{scenario.name}': there is another of that name")
     return scenarios
 
 
@@ -222,9 +216,9 @@ def _text_of(path: Path) -> str:
         raise BadConfig(one_line(f"{path}: cannot be read: {error}")) from None
 
 
-def _scenario_tables(file: _FileLocation) -> list[dict[str, Any]]:
+def _scenario_tables(file: _FileLocation, text: str) -> list[dict[str, Any]]:
     try:
-        whole = tomllib.loads(file.text + "\n")  # the end of line lets the parser name the line of the last error
+        whole = tomllib.loads(text + "\n")  # the end of line lets the parser name the line of the last error
     except (ValueError, RecursionError) as error:
         raise file.error(f"not valid TOML: {error}") from None
     if others := [key for key in whole if key != "scenario"]:
@@ -239,23 +233,18 @@ def _scenario_tables(file: _FileLocation) -> list[dict[str, Any]]:
 
 
 def _scenario(place: _FileLocation, table: dict[str, Any], folder: Path) -> Scenario:
-    name = table.get("name")
-    place = place._replace(where=f"{place.where}: scenario {name!r}" if isinstance(name, str) else place.where)
     checked = place.check(_ScenarioTable, table)
     own = {key: value for key, value in asdict(checked).items() if key not in _TABLES}
     if is_rover_file(checked.rover):
         own["rover"] = str(folder / checked.rover)
     if "command" in table:
         own["commands"] = tuple(
-            place.within(f"command.{number}", "command.").check(Command, command)
-            for number, command in enumerate(checked.command)
+            place.within("command", number).check(Command, command) for number, command in enumerate(checked.command)
         )
-    faults = tuple(
-        _fault(place.within(f"fault.{number}", "fault."), fault) for number, fault in enumerate(checked.fault)
-    )
+    faults = tuple(_fault(place.within("fault", number), fault) for number, fault in enumerate(checked.fault))
     own["about"] = checked.about or "; ".join(map(str, faults))
     nothing = {"within_s": 0.0} if checked.expect.get("level") == ResponseLevel.NONE.value else {}
-    expect = place.within("expect", "expect.").check(Expectation, nothing | checked.expect)
+    expect = place.within("expect").check(Expectation, nothing | checked.expect)
     scenario = Scenario(expect=expect, faults=faults, **own)
     _check_whole(place, scenario)
     return scenario
@@ -295,16 +284,16 @@ def _check_whole(place: _FileLocation, scenario: Scenario) -> None:
         try:
             config = laid_over(config, scenario.settings, f"{OVERLAY}.")
         except BadConfig as error:
-            raise place.within(OVERLAY, f"{OVERLAY}.").error(str(error)) from None
+            raise place.error(str(error)) from None
     times = {"fault": [each.at_s for each in scenario.faults], "command": [each.at_s for each in scenario.commands]}
     for table, at in times.items():
         for number, at_s in enumerate(at):
             if at_s >= scenario.for_s:
                 over = f"key '{table}.at_s' = {at_s:g}: the scenario is over at for_s = {scenario.for_s:g}"
-                raise place.within(f"{table}.{number}", f"{table}.").error(over)
+                raise place.within(table, number).error(over)
     for number, fault in enumerate(scenario.faults):
         if why := misfit(fault, config, scenario.depth):
-            raise place.within(f"fault.{number}", "fault.").error(f"key 'fault.target' = '{fault.target}': {why}")
+            raise place.within("fault", number).error(f"key 'fault.target' = '{fault.target}': {why}")
 
 
 def _either(names: tuple[str, ...]) -> str:

@@ -53,7 +53,7 @@ def test_port_that_is_not_there_is_named_with_file_key_and_remedy(
     with pytest.raises(NotThereYet) as caught:
         refuse_missing_ports(load_rover("forestrover"), "forestrover", host(tmp_path))
     said = str(caught.value)
-    assert re.match(rf"forestrover: key '{key}' \(line \d+\): {missing} is not there", said)
+    assert re.match(rf"forestrover: key '{key}': {missing} is not there", said)
     assert remedy in said
     assert "\n" not in said
 

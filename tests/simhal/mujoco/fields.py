@@ -6,8 +6,8 @@ from dataclasses import replace
 from math import hypot
 
 from tests.simhal.clearing import STEADY
-from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.config.rover_file import RoverConfig, load_rover
+from wayfarer.config.settings import STANDARD_GRAVITY_M_S2
 from wayfarer.simhal.mujoco.model import STEP_S
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.mujoco.world import MujocoWorld

@@ -28,7 +28,7 @@ from tests.simhal.mujoco.fields import (
     tree_at,
     trunk_across,
 )
-from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
+from wayfarer.config.settings import STANDARD_GRAVITY_M_S2
 from wayfarer.simhal.mujoco.world import MujocoWorld
 from wayfarer.simhal.world.wheeled_body import WHEEL_SHARE_OF_WEIGHT
 

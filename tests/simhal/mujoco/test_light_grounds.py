@@ -9,8 +9,8 @@ import pytest
 
 from tests.simhal.clearing import STEADY, world_on_ground
 from tests.simhal.mujoco.duty_steps import FRICTIONS, ROVERS, TABLE, DutyStep, all_steps, kept_steps, take
-from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
 from wayfarer.config.rover_file import load_rover
+from wayfarer.config.settings import STANDARD_GRAVITY_M_S2
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import CLEARING
 from wayfarer.simhal.world.world import World

@@ -13,7 +13,7 @@ import mujoco
 import pytest
 
 from tests.simhal.mujoco.fields import BODY, drive, rover_on, speed_m_s, tree_at, trunk_across
-from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
+from wayfarer.config.settings import STANDARD_GRAVITY_M_S2
 from wayfarer.hal import Side
 from wayfarer.simhal.faults.kinds import KINDS
 from wayfarer.simhal.faults.world import Drive, Slip, Slope, WorldFault

@@ -9,8 +9,8 @@ from math import degrees
 import pytest
 
 from tests.simhal.clearing import STEADY
-from wayfarer.config.chassis import CLIMBING_KEYS, Chassis
 from wayfarer.config.rover_file import load_rover
+from wayfarer.config.settings import CLIMBING_KEYS, Chassis
 from wayfarer.experiments.outcome import InterventionCounter
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.climbing import Climbing

@@ -13,7 +13,7 @@ from tests.conftest import Run, refusal
 from tests.simhal.clearing import STEADY, VEHICLE
 from tests.simhal.commands import facts_of, succeed
 from tests.simhal.mujoco.fields import BODY, CONFIG, STALL_N, WEIGHT_N, drive, rover_on, speed_m_s
-from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
+from wayfarer.config.settings import STANDARD_GRAVITY_M_S2
 from wayfarer.experiments.report.load_results import read_results
 from wayfarer.simhal.drawn_ranges import Range
 from wayfarer.simhal.faults.world import Slope as SlopeFault

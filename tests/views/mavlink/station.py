@@ -12,8 +12,8 @@ import pytest
 from pymavlink.dialects.v20 import common
 
 from tests.views.live.records import run_log
-from wayfarer.config.mavlink_settings import MavlinkSettings
 from wayfarer.config.rover_file import load_rover
+from wayfarer.config.settings import MavlinkSettings
 from wayfarer.daemon.socket.protocol import Commands, Details, RequestRefused
 from wayfarer.views.mavlink.frames import FrameReader
 from wayfarer.views.mavlink.ground_station import GroundStation

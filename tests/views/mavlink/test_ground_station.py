@@ -28,7 +28,7 @@ from tests.views.mavlink.station import (
     texts,
 )
 from tests.virtual import asked, virtual
-from wayfarer.config.mavlink_settings import MavlinkSettings
+from wayfarer.config.settings import MavlinkSettings
 from wayfarer.hal import STOP, MotorHealth
 from wayfarer.views.mavlink.ground_station import NOT_FROM_HERE, NOT_FROM_THERE
 from wayfarer.views.mavlink.telemetry import MODE_AUTO, MODE_HOLD, MODE_INITIALISING, MODE_MANUAL

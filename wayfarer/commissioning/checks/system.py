@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.commissioning.checks.api import Finding, HostEnvironment, Inspection, fail, ok, skipped, warn
-from wayfarer.config.rover_file import LogSettings, RoverConfig, line_in, part_settings
+from wayfarer.config.rover_file import LogSettings, RoverConfig, part_settings
 from wayfarer.errors import NotThereYet
 from wayfarer.fieldlog.clock import CLOCK_SET_S
 from wayfarer.fieldlog.disk import ADVICE, free_mb, total_mb
@@ -118,9 +118,7 @@ def refuse_missing_ports(config: RoverConfig, where: str, host: HostEnvironment)
     for key, device in _ports(config):
         trouble = diagnose(host, device)
         if trouble is not None:
-            line = line_in(where, key)
-            at = f" (line {line})" if line else ""
-            raise NotThereYet(f"{where}: key '{key}'{at}: {trouble.found}, {trouble.cause}: {trouble.remedy}")
+            raise NotThereYet(f"{where}: key '{key}': {trouble.found}, {trouble.cause}: {trouble.remedy}")
 
 
 def _ports(config: RoverConfig) -> Iterator[tuple[str, str]]:

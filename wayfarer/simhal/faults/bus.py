@@ -11,7 +11,6 @@ from typing import Annotated, ClassVar
 
 from annotated_types import Interval
 
-from wayfarer.config.wiring import I2C, SERIAL
 from wayfarer.drivers.buses import Frame
 from wayfarer.drivers.pmw3901_registers import MOTION_BIT
 from wayfarer.drivers.thunderborg_board import Opcode
@@ -19,7 +18,7 @@ from wayfarer.setting_ranges import Fraction
 from wayfarer.simhal.built_in_chips import mounted
 from wayfarer.simhal.chips.pmw3901 import BURST
 from wayfarer.simhal.faults.fault_kind import FaultKind, changed, listed
-from wayfarer.simhal.faults.wired_part import ANSWERING, CAMERA, CHIPS, WiredPart
+from wayfarer.simhal.faults.wired_part import ANSWERING, CAMERA, CHIPS, I2C, SERIAL, WiredPart
 
 Byte = Annotated[int, Interval(ge=0, le=255)]
 

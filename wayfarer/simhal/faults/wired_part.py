@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from wayfarer.config.rover_file import RoverConfig, part_settings
-from wayfarer.config.wiring import I2C, SERIAL, SPI, required_buses
 from wayfarer.simhal.chip_wiring import driver_name
 from wayfarer.simhal.faults.wires import FaultyBuses, FaultyWire, Hang
 
-CAMERA = "a camera"
+I2C, SPI, SERIAL, CAMERA = "an I2C bus", "an SPI device", "a serial port", "a camera"
 ANSWERING = (I2C, SPI)
 CHIPS = (*ANSWERING, SERIAL)
 
@@ -54,10 +53,9 @@ def is_on(part: str, places: tuple[str, ...], config: RoverConfig) -> bool:
 
 
 def _bus_of(part: str, table: Mapping[str, Any]) -> tuple[str, str, Any]:
-    """Return the kind and name of the bus that a part is on, and the part's settings; no name where it is on none."""
-    driver, settings = part_settings(part, table)
-    for kind, name in required_buses(driver, settings):
-        if kind != I2C or hasattr(settings, "address"):
+    """Return the kind and name of the bus that a part is on, by its settings, and these; no name if it is on none."""
+    _, settings = part_settings(part, table)
+    for key, kind in (("bus", I2C if hasattr(settings, "address") else SPI), ("port", SERIAL), ("camera", CAMERA)):
+        if isinstance(name := getattr(settings, key, None), str):
             return kind, name, settings
-    name = getattr(settings, "camera", "")
-    return CAMERA if name else "no bus", name, settings
+    return "no bus", "", settings

@@ -17,7 +17,7 @@ from typing import Any
 
 import mujoco
 
-from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
+from wayfarer.config.settings import STANDARD_GRAVITY_M_S2
 from wayfarer.simhal.mujoco.ground import HeightField
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.world.collision import Obstacle

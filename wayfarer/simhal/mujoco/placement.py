@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import mujoco
 
 from wayfarer.angles import clamp
-from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
+from wayfarer.config.settings import STANDARD_GRAVITY_M_S2
 from wayfarer.simhal.mujoco.ground import HeightField, Nearby
 from wayfarer.simhal.mujoco.model import Contacts
 from wayfarer.simhal.world.wheeled_body import WheeledBody

@@ -10,7 +10,7 @@ from math import asin, atan, degrees, radians, sin
 from typing import Final
 
 from wayfarer.angles import clamp
-from wayfarer.config.chassis import CLIMBING_KEYS, STANDARD_GRAVITY_M_S2, Chassis
+from wayfarer.config.settings import CLIMBING_KEYS, STANDARD_GRAVITY_M_S2, Chassis
 from wayfarer.escape.settings import Vehicle
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.collision import BodyOutline, Obstacle, ObstacleGrid, low_trunks_of

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.config.chassis import STANDARD_GRAVITY_M_S2
+from wayfarer.config.settings import STANDARD_GRAVITY_M_S2
 from wayfarer.simhal.world.wheeled_body import ROLLING_RESISTANCE, WheeledBody
 
 Array = NDArray[np.float64]

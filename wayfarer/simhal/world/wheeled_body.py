@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import hypot
 from typing import Final, NamedTuple
 
-from wayfarer.config.chassis import WHEEL_KEYS, Chassis
+from wayfarer.config.settings import WHEEL_KEYS, Chassis
 from wayfarer.errors import BadConfig
 from wayfarer.escape.settings import Vehicle
 

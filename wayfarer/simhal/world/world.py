@@ -13,7 +13,7 @@ from typing import Final
 
 from mypy_extensions import mypyc_attr
 
-from wayfarer.config.chassis import Chassis
+from wayfarer.config.settings import Chassis
 from wayfarer.escape.settings import Vehicle
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.climbing import Climbing, GroundPitch

@@ -19,7 +19,7 @@ from pymavlink.dialects.v20 import common
 
 from wayfarer import __version__
 from wayfarer.angles import wrap180, wrap360
-from wayfarer.config.mavlink_settings import MavlinkSettings
+from wayfarer.config.settings import MavlinkSettings
 from wayfarer.escape.api import Phase
 from wayfarer.fieldlog.run_events import PhaseChanged
 from wayfarer.fieldlog.run_fold import RunFold
