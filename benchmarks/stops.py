@@ -19,7 +19,8 @@ GROUPS = {
     "brown-out of the board, death of the computer": ("test_brown_out.py",),
     "kills at random instants": ("test_sigkill.py",),
     "stop-motors, other files and other users": ("test_stop_recorded.py",),
-    "no memory left, disks that hang for ever": ("test_stops_get_in.py",),
+    "no memory or descriptor left, disks that hang for ever": ("test_stops_get_in.py",),
+    "floods of socket and page": ("test_floods.py",),
 }
 MEASURED = re.compile(r"(?:stood after|stop after|stopped) ([\d.]+) s")
 COUNT = re.compile(r"(\d+) (passed|failed|error|skipped|rerun)")

@@ -1,10 +1,11 @@
-"""Stops of a real daemon get in if no memory is left, and end it though its disk hangs."""
+"""Stops of a real daemon get in if no memory or no descriptor is left, and end it though its disk hangs."""
 
 from __future__ import annotations
 
 import resource
 import socket
 from contextlib import ExitStack
+from itertools import count
 from pathlib import Path
 
 import pytest
@@ -36,6 +37,22 @@ def test_stop_gets_in_where_no_memory_is_left(site: Site, verb: str) -> None:
             half.sendall(b'{"do": "mark", "text": "' + b"x" * 4_000)
         site.ask(verb)
         wait_for("the wheels stand", lambda: not site.turning, ENDS_S)
+
+
+@pytest.mark.parametrize("verb", ["stop", "hold", "disarm"])
+def test_stop_gets_in_where_no_descriptor_is_left(site: Site, verb: str) -> None:
+    """Nobody is connected whose descriptor it could have, and three come one after the other."""
+    daemon = site.armed()
+    taken = {int(each.name) for each in Path(f"/proc/{daemon.pid}/fd").iterdir()}
+    lowest_free = next(number for number in count() if number not in taken)
+    resource.prlimit(daemon.pid, resource.RLIMIT_NOFILE, (lowest_free, lowest_free))
+    for _ in range(3):
+        site.status()
+    asked_s = now_s()
+    site.ask(verb)
+    print(f"no descriptor, {verb}: stopped {site.stopped_by_daemon_s() - asked_s:.3f} s")
+    if verb == "stop":
+        assert daemon.wait(ENDS_S) == 0
 
 
 def test_check_that_hangs_for_ever_keeps_no_stop_from_ending_the_process(site: Site) -> None:

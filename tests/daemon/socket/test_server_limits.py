@@ -16,8 +16,8 @@ import pytest
 from tests.daemon.socket.fake_daemon import ARM, STATUS, FakeDaemon, RawClient, answers, open_files, serve, until
 from wayfarer.daemon.socket import server
 from wayfarer.daemon.socket.client import ask
-from wayfarer.daemon.socket.protocol import REQUEST_BYTES, Details
-from wayfarer.daemon.socket.server import CLIENTS, ControlServer
+from wayfarer.daemon.socket.protocol import REQUEST_BYTES, STOPPING, Details
+from wayfarer.daemon.socket.server import CLIENTS, PAUSE_S, ControlServer
 
 
 async def test_line_of_just_the_limit_is_read_and_one_byte_more_is_refused(path: Path, daemon: FakeDaemon) -> None:
@@ -56,14 +56,43 @@ async def test_client_that_came_first_gives_up_its_place_and_hears_why(path: Pat
             assert (await begun.reply())["ok"], "the others keep theirs"
 
 
-async def test_client_gets_one_answer_while_all_places_are_taken(path: Path, daemon: FakeDaemon) -> None:
-    """Else 16 clients that never cease to ask would keep a stop waiting behind all their requests."""
-    async with serve(daemon, path, clients=2), RawClient(path) as idle, RawClient(path) as asking:
-        asking.writer.write(STATUS * 3)
-        assert (await asking.reply())["ok"]
-        assert await asking.is_closed()
-        assert (await idle.reply_to(STATUS))["ok"]
-        assert (await idle.reply_to(STATUS))["ok"], "as often as it likes, since a place is free again"
+async def test_stop_waits_for_no_turn(path: Path, daemon: FakeDaemon) -> None:
+    """Else 16 clients that never cease to ask would keep it waiting behind all their requests."""
+    async with serve(daemon, path):
+        asking = [await RawClient(path).__aenter__() for _ in range(CLIENTS - 1)]
+        for each in asking:
+            each.writer.write(STATUS * 400)
+        await until(lambda: len(daemon.told) > CLIENTS)
+        async with RawClient(path) as client:
+            before = len(daemon.told)
+            for verb in ("disarm", "stop"):
+                assert (await client.reply_to(b'{"do": "%s"}\n' % verb.encode()))["ok"]
+            assert len(daemon.told) - before < CLIENTS, "its connection is accepted meanwhile, and nothing else"
+        for each in asking:
+            await each.__aexit__()
+
+
+async def test_a_millisecond_is_for_one_answer_and_one_new_client(path: Path, daemon: FakeDaemon) -> None:
+    """Without a pause they would take the interpreter from the threads of the buses."""
+    loop = asyncio.get_running_loop()
+    async with serve(daemon, path) as serving:
+        asking = [await RawClient(path).__aenter__() for _ in range(8)]
+        began_s = loop.time()
+        for each in asking:
+            each.writer.write(STATUS * 20)
+        await until(lambda: len(daemon.told) >= 100)
+        assert loop.time() - began_s >= 100 * PAUSE_S
+        began_s, known = loop.time(), set(serving._clients)
+        crowd = [socket.socket(socket.AF_UNIX) for _ in range(16)]
+        for line in crowd:
+            line.setblocking(False)
+            line.connect(str(path))
+        await until(lambda: not known & set(serving._clients))
+        assert loop.time() - began_s >= 15 * PAUSE_S
+        for line in crowd:
+            line.close()
+        for each in asking:
+            await each.__aexit__()
 
 
 # What as many clients as there are places may do that they never end; the last asks for more than it reads.
@@ -168,12 +197,11 @@ async def test_request_that_is_there_is_answered_before_its_client_is_pushed_out
         clients = [socket.socket(socket.AF_UNIX) for _ in range(60)]
         for number, client in enumerate(clients):
             client.setblocking(False)
-            client.connect(str(path))
+            await until(lambda: client.connect_ex(str(path)) == 0)  # noqa: B023 - few wait to be accepted
             client.send(b'{"do": "mark", "text": "%d"}\n' % number + STATUS * 100)
-        await until(lambda: daemon.told.count(("status",)) > 700)
+        await until(lambda: {each[1] for each in daemon.told if each[0] == "mark"} == {str(n) for n in range(60)})
         for client in clients:
             client.close()
-    assert {each[1] for each in daemon.told if each[0] == "mark"} == {str(number) for number in range(60)}
 
 
 async def test_a_thousand_connections_leave_the_server_as_it_was(path: Path, daemon: FakeDaemon) -> None:
@@ -208,21 +236,27 @@ async def test_no_timer_and_no_task_is_left_behind(path: Path, daemon: FakeDaemo
         assert len(asyncio.all_tasks()) == tasks
 
 
-async def test_without_a_file_descriptor_the_newest_client_still_gets_in(path: Path, daemon: FakeDaemon) -> None:
-    async with serve(daemon, path):
-        idle = [await RawClient(path).__aenter__() for _ in range(4)]
-        await until(lambda: open_files() >= 8)
+@pytest.mark.parametrize("others", [0, 4])
+async def test_without_a_file_descriptor_the_newest_client_still_gets_in(
+    path: Path, daemon: FakeDaemon, others: int
+) -> None:
+    """In the place of another, or with the descriptor that is kept for it, again and again."""
+    async with serve(daemon, path) as serving:
+        idle = [await RawClient(path).__aenter__() for _ in range(others)]
+        await until(lambda: len(serving._clients) == others)
         before = resource.getrlimit(resource.RLIMIT_NOFILE)
-        with socket.socket(socket.AF_UNIX) as late:
-            late.setblocking(False)
-            late.connect(str(path))
-            late.send(b'{"do": "stop"}\n')
-            resource.setrlimit(resource.RLIMIT_NOFILE, (late.fileno() + 1, before[1]))
-            try:
-                await until(lambda: daemon.told)
-            finally:
-                resource.setrlimit(resource.RLIMIT_NOFILE, before)
-            assert b'"ok":true' in late.recv(1000)
+        for count in range(1, 4):
+            with socket.socket(socket.AF_UNIX) as late:
+                late.setblocking(False)
+                late.connect(str(path))
+                late.send(b'{"do": "stop"}\n')
+                resource.setrlimit(resource.RLIMIT_NOFILE, (late.fileno() + 1, before[1]))
+                try:
+                    await until(lambda: len(daemon.told) == count)  # noqa: B023
+                finally:
+                    resource.setrlimit(resource.RLIMIT_NOFILE, before)
+                assert b'"ok":true' in late.recv(1000)
+            await until(lambda: len(serving._clients) <= others)
         for client in idle:
             await client.__aexit__()
 
@@ -277,22 +311,34 @@ def test_where_no_memory_is_left_a_stop_still_gets_in(path: Path) -> None:
                 each.close()
 
 
-async def test_stop_that_finds_no_memory_is_tried_once_more_without_the_others(path: Path, daemon: FakeDaemon) -> None:
-    tried: list[int] = []
+@pytest.mark.parametrize("verb", sorted(STOPPING))
+async def test_stop_that_finds_no_memory_is_tried_once_more_with_what_is_kept(
+    path: Path, daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, verb: str
+) -> None:
+    kept: list[bool] = []
 
     async def stop() -> Details:
-        tried.append(len(serving._clients))
-        if len(tried) == 1:
+        kept.append(serving._spare_memory is not None)
+        if kept[-1]:
             raise MemoryError
         return {}
 
-    daemon.stop = stop  # type: ignore[method-assign]
-    async with serve(daemon, path) as serving, RawClient(path) as half, RawClient(path) as client:
-        half.writer.write(b"{")
-        await asyncio.sleep(0.01)
-        assert await client.reply_to(b'{"do": "stop"}\n') == {"ok": True}
-        assert await half.is_closed()
-    assert tried == [2, 1]
+    monkeypatch.setattr(daemon, verb, stop)
+    async with serve(daemon, path) as serving:
+        for _ in range(2):  # it is kept again for the next
+            async with RawClient(path) as client:
+                assert await client.reply_to(b'{"do": "%s"}\n' % verb.encode()) == {"ok": True}
+            await until(lambda: not serving._clients)
+    assert kept == [True, False] * 2
+    assert daemon.errors == []
+
+
+async def test_what_finds_no_memory_twice_is_refused(path: Path, daemon: FakeDaemon) -> None:
+    daemon.fails_with = MemoryError()
+    async with serve(daemon, path), RawClient(path) as client:
+        assert "an error inside wayfarer (MemoryError" in (await client.reply_to(b'{"do": "hold"}\n'))["why"]
+        assert (await client.reply_to(STATUS))["ok"]
+    assert daemon.errors == [daemon.fails_with]
 
 
 async def test_accepting_that_finds_no_memory_goes_on_with_the_next(

@@ -14,9 +14,7 @@ import os
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from pathlib import Path
-from select import POLLRDHUP, poll
 from stat import S_IMODE, S_ISDIR
-from typing import Any
 
 from wayfarer.errors import BadInput, WayfarerError
 
@@ -101,16 +99,6 @@ def no_session() -> str:
 
 def _session_folder() -> Path:
     return Path(os.environ["XDG_RUNTIME_DIR"]) / "wayfarer"
-
-
-def has_gone(connection: Any) -> bool:
-    """Return whether who is at the other end has closed its side, also if what it sent before was not read yet.
-
-    ``connection`` is an open socket, or what an asyncio transport gives for it.
-    """
-    ends = poll()
-    ends.register(connection, POLLRDHUP)
-    return bool(ends.poll(0))
 
 
 @contextmanager

@@ -156,6 +156,15 @@ def read_line(line: bytes) -> dict[str, object]:
     return fields
 
 
+def is_stop(line: bytes) -> bool:
+    """Return whether a line asks to stop the wheels; it may still be refused."""
+    try:
+        do = read_line(line).get("do")
+    except BadInput:
+        return False
+    return isinstance(do, str) and do in STOPPING
+
+
 def check(fields: Mapping[str, object]) -> Request:
     """Return the request that these fields make.
 

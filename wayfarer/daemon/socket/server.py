@@ -1,29 +1,32 @@
 """Server of the control socket: it serves requests without delaying the control tick.
 
-All that clients can use up is bounded: how many are connected, the length of a line, how long one may leave its answer
-unread. All read into one small buffer. Requests are answered on the loop itself, but only one in each turn of the loop,
-so that many requests cannot delay the tick. Every error in a request becomes a refusal, and the server continues.
+All that clients can use up is bounded: how many are connected, the length of a line, how long one may leave its answers
+unread. Requests are answered on the loop itself, but only one in a millisecond, and one client is accepted in a
+millisecond, so that neither a flood nor a crowd delays the tick or takes the interpreter from the threads of its buses.
 
 A new client always gets in, so a ``stop`` does: if all places are taken, the client that came first loses its place. It
-is silent, has sent half a line, does not read, or can ask again. Accepting a client takes a turn of the loop, as
-answering does. So a request that is there is answered before its client can be pushed out, however many others come.
-An arming that is under way for a client that has gone, or is pushed out, is given up. While all places are taken, a
-client is closed after one answer, so that a few that never cease to ask cannot keep a ``stop`` waiting for long.
+is silent, has sent half a line, does not read, or can ask again: it had as many milliseconds as there are places. What
+stops the wheels does not wait for its turn. An arming that is under way for a client that has gone, or is pushed out,
+is given up.
 
-It works on sockets, without asyncio's streams: those read into 256 KiB, which are not there if memory is short.
+A ``stop`` also gets in if the process has no memory or no file descriptor left: some of each are kept for it. So this
+works on sockets, without asyncio's streams: those read into 256 KiB, and make a task and a timer for each client.
 """
 
 from __future__ import annotations
 
 import asyncio
+import os
 import socket
 from collections import deque
 from collections.abc import Callable, Coroutine
+from contextlib import suppress
+from mmap import mmap
 from pathlib import Path
+from select import POLLRDHUP, poll
 from types import TracebackType
 from typing import Any, Self
 
-from wayfarer.daemon.socket.paths import has_gone
 from wayfarer.daemon.socket.protocol import (
     REQUEST_BYTES,
     STARTING,
@@ -32,16 +35,18 @@ from wayfarer.daemon.socket.protocol import (
     Request,
     check,
     error_reply,
+    is_stop,
     ok_reply,
     perform,
     read_line,
 )
 from wayfarer.errors import BadInput, WayfarerError
 
-CLIENTS = 16  # at once, chosen by us. The more there are, the longer a stop waits for its turn
-UNREAD_S = 1.0  # for a client to read its answer; chosen by us
-_QUEUE = 128  # clients that wait in the kernel to be accepted; chosen by us
-_NO_FILES_S = 0.1  # until accepting is tried again, if the process has no file descriptor left for it
+CLIENTS = 16  # at once, chosen by us. The more there are, the longer a request waits for its turn
+PAUSE_S = 0.001  # before each answer and after each new client: floods leave time to the tick and its bus threads
+UNREAD_S = 1.0  # for a client to read its answers; chosen by us
+SPARE_BYTES = 16 * 2**20  # of addresses, not of memory in use: the interpreter takes 1 MiB at once, a thread 8 MiB
+_QUEUE = 16  # clients that wait in the kernel to be accepted; chosen by us, for who waits behind them
 
 
 class ControlServer:
@@ -56,7 +61,7 @@ class ControlServer:
         declination_deg: of magnetic from true north, east positive; None if it is not configured.
         on_error: is called with every error that is not meant for the client, a bug. It must not raise.
         clients: how many may be connected at once.
-        unread_s: how long a client may leave its answer unread.
+        unread_s: how long a client may leave its answers unread.
 
     Raises:
         BadInput: the socket cannot be made.
@@ -78,129 +83,134 @@ class ControlServer:
         self._on_error = on_error
         self._places = clients
         self.unread_s = unread_s
-        self.buffer = memoryview(bytearray(REQUEST_BYTES))  # all read into it, one after the other
+        self.buffer = memoryview(bytearray(REQUEST_BYTES + 1))  # all read into it, one after the other
         self._clients: dict[_Client, None] = {}  # in the order in which they came
         self._tasks: set[asyncio.Task[None]] = set()
-        self._due: deque[Callable[[], None]] = deque()
-        self._handle: asyncio.Handle | None = None  # of the next turn
-        self._accepting = False  # in one of the next turns
-        self._again: asyncio.Handle | None = None
+        self._due: deque[_Client] = deque()  # whose request waits for its turn
+        self._pause: asyncio.Handle | None = None  # until the next client is accepted
+        self._spare_file = -1
+        self._spare_memory: mmap | None = None
 
     async def __aenter__(self) -> Self:
         self.loop = asyncio.get_running_loop()
         self._bound = _bind(self._path)
+        self._keep_spares()
         self._listen()
         return self
 
     async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.loop.remove_reader(self._bound)
         self._bound.close()
-        for handle in (self._handle, self._again):
-            if handle is not None:
-                handle.cancel()
+        if self._pause is not None:
+            self._pause.cancel()
         for client in list(self._clients):
             client.close()
+        self._give_spares()
         await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    # -- what is kept for a stop -----------------------------------------------------------------------------------
+
+    def _keep_spares(self) -> None:
+        with suppress(OSError, MemoryError):
+            if self._spare_file < 0:
+                self._spare_file = os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC)
+            if self._spare_memory is None:
+                self._spare_memory = mmap(-1, SPARE_BYTES)
+
+    def _give_spares(self) -> None:
+        if self._spare_file >= 0:
+            os.close(self._spare_file)
+        if self._spare_memory is not None:
+            self._spare_memory.close()
+        self._spare_file, self._spare_memory = -1, None
+
+    def insist(self, work: Callable[[], None]) -> None:
+        """Do something; if there is no memory, once more with what is kept. It must be such as can be done twice."""
+        try:
+            work()
+        except MemoryError:
+            self._give_spares()
+            work()
 
     # -- turns -----------------------------------------------------------------------------------------------------
 
-    def in_turn(self, work: Callable[[], None]) -> None:
-        """Do something in a later turn of the loop, in which nothing else of this is done."""
-        self._due.append(work)
-        if self._handle is None:
-            self._handle = self.loop.call_soon(self._work)
+    def in_turn(self, client: _Client) -> None:
+        """Answer a client in a later turn of the loop, in which no other is answered."""
+        self._due.append(client)
+        if len(self._due) == 1:
+            self.loop.call_later(PAUSE_S, self.insist, self._answer_next)
 
-    def _work(self) -> None:
-        self._handle = None
-        work = self._due.popleft()
-        try:
-            work()
-        finally:
-            if self._due and self._handle is None:
-                self._handle = self.loop.call_soon(self._work)
+    def _answer_next(self) -> None:
+        if len(self._due) > 1:
+            self.loop.call_later(PAUSE_S, self.insist, self._answer_next)
+        if self._due:
+            self._due.popleft().answer()
 
     # -- clients ---------------------------------------------------------------------------------------------------
 
     def _listen(self) -> None:
-        self._again = None
-        self.loop.add_reader(self._bound, self._knock)
-
-    def _knock(self) -> None:
-        """Take note that somebody waits to be accepted."""
-        if not self._accepting:
-            self.in_turn(self._accept)
-            self._accepting = True
+        self._pause = None
+        self.loop.add_reader(self._bound, self._accept)
 
     def _accept(self) -> None:
-        self._accepting = False
-        if self._bound.fileno() < 0:
-            return
+        """Accept one client, in the place of the one that came first if there is no place, descriptor or memory."""
+        self.loop.remove_reader(self._bound)
+        self._pause = self.loop.call_later(PAUSE_S, self._listen)
         try:
             connection, _ = self._bound.accept()
-            self._clients[_Client(self, connection)] = None
+            self.insist(lambda: self._clients.setdefault(_Client(self, connection)))
         except BlockingIOError:
             pass  # it has gone already
-        except (OSError, MemoryError):  # too many open files: the others give theirs up, one after the other
+        except (OSError, MemoryError):
             if self._clients:
                 self._push_out()
             else:
-                self.loop.remove_reader(self._bound)
-                self._again = self.loop.call_later(_NO_FILES_S, self._listen)
+                self._give_spares()
         if len(self._clients) > self._places:
             self._push_out()
 
     def _push_out(self) -> None:
-        """Close the client that came first."""
         first = next(iter(self._clients))
-        first.refuse("too many clients: this one was here longest, connect again")
-
-    @property
-    def is_full(self) -> bool:
-        """Whether all places are taken."""
-        return len(self._clients) >= self._places
+        if first in self._due:
+            first.answer()
+        first.close("too many clients: this one was here longest, connect again")
 
     def forget(self, client: _Client) -> None:
         """Let a client have gone."""
         self._clients.pop(client, None)
+        self._keep_spares()
 
-    def close_others(self, client: _Client) -> None:
-        """Give a client the memory that all others have."""
-        for other in [each for each in self._clients if each is not client]:
-            other.close()
+    def answer(self, client: _Client, line: bytes) -> bytes | None:
+        """Carry out the request of a line, and return the answer; None if that takes a while and is sent later.
 
-    def answer(self, client: _Client, line: bytes) -> None:
-        """Carry out the request of a line, and answer it, at once or, if that takes a while, later."""
+        Raises:
+            MemoryError: a stop finds no memory, and has to be tried again.
+        """
         try:
             request = check(read_line(line))
         except WayfarerError as refusal:
-            client.send(error_reply(str(refusal)))
-            return
-        if request.do in STARTING:
-            client.task = self.loop.create_task(self._answer_later(client, request), name="control request")
-            self._tasks.add(client.task)
-            client.task.add_done_callback(self._tasks.discard)
-        else:
-            try:
-                reply = _at_once(self._reply_to(client, request, raises=request.do in STOPPING))
-            except MemoryError:  # once more, with what the others had
-                self.close_others(client)
-                reply = _at_once(self._reply_to(client, request))
-            client.send(reply)
+            return error_reply(str(refusal))
+        if request.do not in STARTING:
+            return _at_once(self._reply_to(client, request))
+        client.task = self.loop.create_task(self._answer_later(client, request), name="control request")
+        self._tasks.add(client.task)
+        client.task.add_done_callback(self._tasks.discard)
+        return None
 
     async def _answer_later(self, client: _Client, request: Request) -> None:
         reply = await self._reply_to(client, request)
         client.task = None
         client.send(reply)
 
-    async def _reply_to(self, client: _Client, request: Request, *, raises: bool = False) -> bytes:
+    async def _reply_to(self, client: _Client, request: Request) -> bytes:
         try:
             return ok_reply(await perform(request, self._commands, self._declination_deg, client.is_there))
         except WayfarerError as refusal:
             return error_reply(str(refusal))
         except Exception as error:
-            if raises and isinstance(error, MemoryError):
+            if isinstance(error, MemoryError) and request.do in STOPPING and self._spare_memory is not None:
                 raise
             self._on_error(error)
             text = f"{type(error).__name__}: {error}"[:200]
@@ -208,127 +218,119 @@ class ControlServer:
 
 
 class _Client:
-    """A connection: what it has sent and what it has not read yet, both bounded; one request at a time."""
+    """A connection. It is read until a whole line is there, which is answered when the client has room for an answer.
+
+    So an answer goes into the kernel's buffer in one piece, and nothing is kept for a client but what it has sent.
+    """
 
     def __init__(self, server: ControlServer, connection: socket.socket) -> None:
         connection.setblocking(False)
         self._server = server
         self._loop = server.loop
         self._connection = connection
-        self._unread = bytearray()  # what it has sent and is not answered yet
-        self._unsent = b""
-        self._waits = False  # for its turn
-        self._sends = True  # False once it has closed its side
+        self._unread = b""  # what it has sent and is not answered yet
         self._patience: asyncio.Handle | None = None  # until it is closed, if it does not read
         self.task: asyncio.Task[None] | None = None  # of a request that takes a while
-        self._read_on()
+        self._loop.add_reader(connection, server.insist, self._read)
 
-    def close(self) -> None:
-        """Close the connection, and give up what is under way for it; safe twice."""
+    def close(self, why: str = "") -> None:
+        """Close the connection, say why if there is room for that, and give up what is under way; safe twice."""
         if self._connection.fileno() < 0:
             return
+        if why:
+            with suppress(OSError):
+                self._connection.send(error_reply(why))
         self._loop.remove_reader(self._connection)
         self._loop.remove_writer(self._connection)
         self._connection.close()
-        self._server.forget(self)
         if self._patience is not None:
             self._patience.cancel()
         if self.task is not None:
             self.task.cancel()
-
-    def refuse(self, why: str) -> None:
-        """Say why, and close: it fits into the kernel's buffer, so nothing waits for the client to read it."""
-        if not self._unsent:
-            self._push(error_reply(why))
-        self.close()
+        self._server.forget(self)
 
     def is_there(self) -> bool:
         """Return whether who asked waits for the answer."""
         return self._connection.fileno() >= 0 and not has_gone(self._connection)
 
-    # -- what it sends ---------------------------------------------------------------------------------------------
-
-    def _read_on(self) -> None:
-        if self._sends:
-            self._loop.add_reader(self._connection, self._read)
-
     def _read(self) -> None:
+        """Take what has come: only a look takes it, and it is removed once it is kept, so this can be done again."""
+        buffer = self._server.buffer[: len(self._server.buffer) - len(self._unread)]
         try:
-            count = self._connection.recv_into(self._server.buffer)
-        except BlockingIOError:
+            count = self._connection.recv_into(buffer, 0, socket.MSG_PEEK)
+        except BlockingIOError:  # it was taken before memory ran out
+            self._go_on()
             return
         except OSError:
             count = 0
-        try:
-            self._unread += self._server.buffer[:count]
-        except MemoryError:  # once more, with what the others had
-            self._server.close_others(self)
-            self._unread += self._server.buffer[:count]
-        if not count:
-            self._sends = False
-            if self.task is not None:  # who does not wait for the answer has gone
-                self.close()
-        if not count or len(self._unread) > REQUEST_BYTES:  # what is there is answered first
-            self._loop.remove_reader(self._connection)
-        self._go_on()
+        self._unread += buffer[:count]
+        if count:
+            self._connection.recv_into(buffer, count)
+            self._go_on()
+        else:  # who does not wait for the answer has gone
+            half = bool(self._unread) and self.task is None
+            self.close("the line does not end: send an end of line after each request" if half else "")
 
     def _go_on(self) -> None:
-        """Have the next line answered in its turn, if there is one and nothing is under way."""
-        if self._waits or self._unsent or self.task is not None or self._connection.fileno() < 0:
-            return
-        if self._unread.find(b"\n", 0, REQUEST_BYTES + 1) >= 0:
-            self._waits = True
-            self._server.in_turn(self._answer)
-        elif len(self._unread) > REQUEST_BYTES:
-            self.refuse(f"a line has {REQUEST_BYTES} bytes at most: the connection is closed")
-        elif not self._sends and self._unread:
-            self.refuse("the line does not end: send an end of line after each request")
-        elif not self._sends:
-            self.close()
+        """Answer the next line as soon as there is room for the answer; read on if no whole line is there."""
+        is_whole, is_full = b"\n" in self._unread, len(self._unread) > REQUEST_BYTES
+        if is_full and not is_whole:
+            self.close(f"a line has {REQUEST_BYTES} bytes at most: the connection is closed")
+        elif is_whole and self.task is None:
+            self._loop.add_writer(self._connection, self._server.insist, self._has_room)
+            self._loop.remove_reader(self._connection)
+            self._patience = self._loop.call_later(self._server.unread_s, self.close)
+        elif is_full:  # while it waits for an answer
+            self._loop.remove_reader(self._connection)
+        else:
+            self._loop.add_reader(self._connection, self._server.insist, self._read)
 
-    def _answer(self) -> None:
-        self._waits = False
+    def _has_room(self) -> None:
+        """Answer the next line, at once if it stops the wheels, else in its turn."""
+        self._loop.remove_writer(self._connection)
+        if self._patience is not None:
+            self._patience.cancel()
+        if is_stop(self._unread.partition(b"\n")[0]):
+            self.answer()
+        else:
+            self._server.in_turn(self)
+
+    def answer(self) -> None:
+        """Answer the next line."""
         if self._connection.fileno() < 0:
             return
-        line, _, _ = self._unread.partition(b"\n")
-        del self._unread[: len(line) + 1]
-        self._read_on()
-        self._server.answer(self, bytes(line))
-
-    # -- what it is sent -------------------------------------------------------------------------------------------
+        line, _, rest = self._unread.partition(b"\n")
+        reply = self._server.answer(self, line)
+        self._unread = rest
+        if reply is None:
+            self._go_on()
+        else:
+            self.send(reply)
 
     def send(self, reply: bytes) -> None:
-        """Send an answer, at once if the client reads, and go on with the next line."""
+        """Send an answer, and go on with the next line: also of a client that has gone, which may be a stop."""
         if self._connection.fileno() < 0:
             return
-        self._push(reply)
-        if self._unsent:
-            self._loop.add_writer(self._connection, self._send_more)
-            self._patience = self._loop.call_later(self._server.unread_s, self.close)
-        else:
-            self._sent()
-
-    def _send_more(self) -> None:
-        self._push(self._unsent)
-        if not self._unsent:
-            self._loop.remove_writer(self._connection)
-            if self._patience is not None:
-                self._patience.cancel()
-            self._sent()
-
-    def _push(self, reply: bytes) -> None:
         try:
-            self._unsent = reply[self._connection.send(reply) :]
-        except BlockingIOError:
-            self._unsent = reply
-        except OSError:  # it went away: what it has asked for before that is still done
-            self._unsent = b""
-
-    def _sent(self) -> None:
-        if self._server.is_full:
-            self.close()
-        else:
+            is_whole = self._connection.send(reply) == len(reply)
+        except ConnectionError:
+            is_whole = True
+        except OSError:
+            is_whole = False
+        if is_whole:
             self._go_on()
+        else:  # this computer's buffers are smaller than an answer
+            self.close()
+
+
+def has_gone(connection: Any) -> bool:
+    """Return whether who is at the other end has closed its side, also if what it sent before was not read yet.
+
+    ``connection`` is an open socket, or what an asyncio transport gives for it.
+    """
+    ends = poll()
+    ends.register(connection, POLLRDHUP)
+    return bool(ends.poll(0))
 
 
 def _at_once(answering: Coroutine[Any, Any, bytes]) -> bytes:

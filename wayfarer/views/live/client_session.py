@@ -19,8 +19,8 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from wayfarer.control.rate import RateLimiter
 from wayfarer.daemon.socket import protocol
-from wayfarer.daemon.socket.paths import has_gone
 from wayfarer.daemon.socket.protocol import Commands, Details, RequestRefused, check, perform, read_line
+from wayfarer.daemon.socket.server import has_gone
 from wayfarer.errors import WayfarerError
 from wayfarer.views.live import demo_controls, manual_lease
 from wayfarer.views.live.broadcaster import PageViewer, TooSlow, ViewerLimits

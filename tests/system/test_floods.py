@@ -1,0 +1,58 @@
+"""Floods of the control socket and of the live page: the tick goes on, and a stop of anybody gets in at once."""
+
+# ruff: noqa: TID251 - real processes need real time
+from __future__ import annotations
+
+import re
+import time
+
+import pytest
+
+from tests.system.flooders import flooded
+from tests.system.hil_setup import Site
+from tests.system.measures import jitter, now_s
+
+QUIET_S = FLOOD_S = 2.5
+JITTER_S = 0.02  # a tick is late, and the wheels are held, beyond 0.2 s
+STOPS_S = 0.25  # before any deadman
+
+OF_THE_SOCKET = (
+    "requests", "requests without reading", "lines without end", "connections", "half lines", "new requests",
+)  # fmt: skip
+OF_THE_PAGE = ("connections", "half lines", "pages", "new viewers", "messages", "messages without reading")
+
+
+def floods(site: Site, kind: str, where: str, stop: str) -> None:
+    """Flood an armed rover, and then have somebody stop it."""
+    quiet_s = now_s()
+    time.sleep(QUIET_S)
+    with flooded(kind, where):
+        flood_s = now_s()
+        time.sleep(FLOOD_S)
+        asked_s = now_s()
+        site.ask(stop)
+        answered_s = now_s()
+        stopped_s = site.stopped_by_daemon_s(quiet_s)
+    times_s = site.ticks_beyond(asked_s - 0.2)
+    before, after = jitter(times_s, quiet_s, flood_s), jitter(times_s, flood_s, asked_s)
+    held = [record for record in site.log() if record["record"] == "tick" and record["cause"] == "tick_late"]
+    print(
+        f"{kind}: stopped {stopped_s - asked_s:.3f} s, answered {answered_s - asked_s:.3f} s;"
+        f" jitter of the tick, median / p95 / worst: {before} before, {after} with it"
+    )
+    assert not held
+    assert after.median_s - before.median_s < JITTER_S
+    assert stopped_s - asked_s < STOPS_S
+
+
+@pytest.mark.parametrize("kind", OF_THE_SOCKET)
+def test_flood_of_the_socket_holds_no_wheel_and_keeps_no_stop_out(site: Site, kind: str) -> None:
+    site.armed()
+    floods(site, kind, str(site.socket), "disarm")
+
+
+@pytest.mark.parametrize("kind", OF_THE_PAGE)
+def test_flood_of_the_page_holds_no_wheel_and_keeps_no_stop_out(site: Site, kind: str) -> None:
+    site.armed("--live", "--live-port", "0")
+    (port,) = set(re.findall(r"http://127.0.0.1:(\d+)", site.said()))
+    floods(site, kind, port, "hold")
