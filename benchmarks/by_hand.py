@@ -86,7 +86,7 @@ async def _send_samples(page: _Page, for_s: float) -> None:
 
 
 def _ticks(folder: Path) -> Iterator[dict[str, Any]]:
-    (log,) = folder.glob("logs/*/run.jsonl")
+    (log,) = folder.glob("logs/*/run.00001.jsonl")
     for record in map(json.loads, log.read_text().splitlines()):
         if record["record"] == "tick" and "manual_seq" in record:
             yield record

@@ -86,7 +86,7 @@ def _memory_mb(pid: int) -> float:
 
 def tick_times_s(folder: Path) -> list[float]:
     """Return when each tick of a daemon's drive was, from its field log; the last line may be cut short."""
-    (log,) = folder.glob("logs/*/run.jsonl")
+    (log,) = folder.glob("logs/*/run.00001.jsonl")
     lines = log.read_text(encoding="utf-8").rpartition("\n")[0].splitlines()
     return [record["t_s"] for record in map(json.loads, lines) if record["record"] == "tick"]
 

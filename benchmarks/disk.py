@@ -7,7 +7,8 @@ import resource
 import shutil
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from itertools import pairwise
 from pathlib import Path
 from statistics import quantiles
@@ -17,9 +18,7 @@ from wayfarer.control.tick import TickRecord
 from wayfarer.escape.api import Decision, Observation, Phase
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.reader import RunReader
-from wayfarer.fieldlog.schema import Record
-from wayfarer.fieldlog.writer import RunFiles
-from wayfarer.fieldlog.writer_thread import WriterThread
+from wayfarer.fieldlog.sink import Sink
 from wayfarer.hal import CompassReading, MotionReading, WheelCommand
 
 PERIOD_S = 0.01  # five times the rover's rate, to meet five times as many moments of the disk
@@ -27,46 +26,48 @@ STALL_S = 0.5  # SD cards stall for up to as long (docs/reference/hardware.md)
 HOUR = 72_000  # ticks at 20 Hz
 
 
-class FullFiles(RunFiles):
-    """On a disk that takes nothing beyond the header."""
-
-    def open(self, header: Callable[[int], Record], *, needed: bool = True) -> None:
-        """Make the files, and have the operating system refuse more."""
-        super().open(header, needed=needed)
-        soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-        self._was = soft, hard
-        resource.setrlimit(resource.RLIMIT_FSIZE, (1, hard))
-
-    def close(self) -> None:
-        """Close the files, and end the limit."""
-        super().close()
-        resource.setrlimit(resource.RLIMIT_FSIZE, self._was)
+@contextmanager
+def _full(_: Path, log: Sink) -> Iterator[None]:
+    """Have the operating system refuse whatever is beyond the header."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1, hard))
+    yield
+    log.close()
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
-class StallingFiles(RunFiles):
-    """On a card that takes half a second for each sync, and so a third of the time."""
+@contextmanager
+def _stalling(_: Path, log: Sink) -> Iterator[None]:
+    """Have each sync take half a second."""
+    sync = log._parts.sync
 
-    def sync(self) -> None:
-        """Sync, late."""
+    def late() -> None:
         time.sleep(STALL_S)
-        super().sync()
+        sync()
+
+    log._parts.sync = late  # type: ignore[method-assign]
+    yield
 
 
-class VanishingFiles(RunFiles):
-    """In a folder that somebody deletes each second."""
+@contextmanager
+def _deleted(folder: Path, log: Sink) -> Iterator[None]:
+    """Delete the folder before each sync, so each second."""
+    sync = log._parts.sync
 
-    def sync(self) -> None:
-        """Find the folder gone."""
-        shutil.rmtree(self._folder, ignore_errors=True)
-        super().sync()
+    def gone() -> None:
+        shutil.rmtree(folder, ignore_errors=True)
+        sync()
+
+    log._parts.sync = gone  # type: ignore[method-assign]
+    yield
 
 
-DISKS = {
+DISKS: dict[str, Callable[[Path, Sink], AbstractContextManager[None]] | None] = {
     "no log": None,
-    "log on a healthy disk": RunFiles,
-    "log on a full disk": FullFiles,
-    "log on a disk that stalls": StallingFiles,
-    "log in a folder that is deleted": VanishingFiles,
+    "log on a healthy disk": lambda *_: nullcontext(),
+    "log on a full disk": _full,
+    "log on a disk that stalls": _stalling,
+    "log in a folder that is deleted": _deleted,
 }
 
 
@@ -74,10 +75,13 @@ def jitter(runs: int, for_s: float) -> list[Figure]:
     """Measure a loop that ticks and logs on several disks, in turn, so that all meet the same noise of the machine."""
     seen: dict[str, list[tuple[float, float, float]]] = {disk: [] for disk in DISKS}
     for _ in range(runs):
-        for disk, files in DISKS.items():
+        for disk, kind in DISKS.items():
             with tempfile.TemporaryDirectory() as folder:
-                log = files and FieldLog(WriterThread(files(Path(folder) / "run")), {})
-                late_ms = asyncio.run(_tick(log, for_s))
+                run = Path(folder) / "run"
+                sink = Sink(run, clock=time.monotonic)
+                log = kind and FieldLog(sink, {})
+                with kind(run, sink) if kind else nullcontext():
+                    late_ms = asyncio.run(_tick(log, for_s))
                 if log is not None:
                     log.close("requested", "measured")
             percentiles = quantiles(late_ms, n=100)
@@ -94,7 +98,7 @@ def costs(runs: int) -> list[Figure]:
     with tempfile.TemporaryDirectory() as folder:
         paths = [Path(folder) / str(run) for run in range(runs)]
         written_us = [_write_hour(path) for path in paths]
-        mb = [(path / "run.jsonl").stat().st_size / 1e6 for path in paths]
+        mb = [(path / "run.00001.jsonl").stat().st_size / 1e6 for path in paths]
         read_s = [timed(time.perf_counter, _read, path) for path in paths]
     return [
         Figure("log: CPU of the event loop's thread a tick", "µs", written_us),
@@ -117,7 +121,7 @@ async def _tick(log: FieldLog | None, for_s: float) -> list[float]:
 
 def _write_hour(run: Path) -> float:
     """Return the microseconds of CPU that a record takes on the thread that makes it."""
-    log = FieldLog(WriterThread(RunFiles(run), queue_bytes=100_000_000), {})
+    log = FieldLog(Sink(run, clock=time.monotonic, queue_bytes=100_000_000), {})
     records = [_record(number / 20) for number in range(HOUR)]
     before_s = time.thread_time()
     for record in records:

@@ -36,7 +36,7 @@ from wayfarer.daemon.socket.protocol import RequestRefused
 from wayfarer.errors import NotArmed
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.fieldlog.log import FieldLog
-from wayfarer.fieldlog.writer import RunFiles
+from wayfarer.fieldlog.sink import Sink
 from wayfarer.safety.permission import Asked
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
@@ -146,7 +146,7 @@ async def _soak(for_s: float, seed: int, folder: Path, beside: Beside | None) ->
     spec = TrialSpec(0, "forest-pledge", forest, seed, config, budget_m=inf, depth=Depth.BUS, faults=faults)
     logs = folder / "log"
     setup = TrialSetup(
-        spec, lambda *_: Tee(FieldLog(RunFiles(logs, LOG), {"simulated": True}, wall=lambda t_s: t_s), rules)
+        spec, lambda *_: Tee(FieldLog(Sink(logs, LOG), {"simulated": True}, wall=lambda t_s: t_s), rules)
     )
     setup.world.after_step = partial(carry_back, forest)  # in place of the outcome monitor, who would end the run
     rules.follow(setup)

@@ -44,8 +44,8 @@ def test_track_is_the_true_pose_beside_what_the_log_says(folder: Path, trial: wa
 
 
 def test_torn_log_gives_its_rows_and_a_warning(folder: Path, trial: wayfarer.Trial, tmp_path: Path) -> None:
-    log = (folder / "run.jsonl").read_bytes()
-    (tmp_path / "run.jsonl").write_bytes(log[: len(log) // 2])
+    log = (folder / "run.00001.jsonl").read_bytes()
+    (tmp_path / "run.00001.jsonl").write_bytes(log[: len(log) // 2])
     with pytest.warns(UserWarning, match="1 line is torn"):
         run = wayfarer.open_run(tmp_path)
     assert run.damage.torn == 1

@@ -16,7 +16,7 @@ from wayfarer.errors import BadReading, MissingPart
 from wayfarer.experiments.trial import TrialResult
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.fieldlog.log import FieldLog
-from wayfarer.fieldlog.writer import RunFiles
+from wayfarer.fieldlog.sink import Sink
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 SAMPLE = ["1", "--log-dir", str(CHECKOUT / "field_logs")]
@@ -107,7 +107,7 @@ def test_nobody_who_reads_is_no_error(arguments: list[str]) -> None:
 
 @pytest.mark.process
 def test_letters_that_the_terminal_does_not_know_are_written_out(tmp_path: Path) -> None:
-    log = FieldLog(RunFiles(tmp_path), {}, wall=lambda t_s: t_s)
+    log = FieldLog(Sink(tmp_path), {}, wall=lambda t_s: t_s)
     log.event("mark", 1.0, text="Bäume")
     log.close("requested", "enough")
     command = [sys.executable, "-c", "from wayfarer.cli import main; main()", "logs", "show", str(tmp_path)]

@@ -91,7 +91,7 @@ def logs(tmp_path: Path) -> Path:
     began = [HEADER, event("armed", 0.0), event("mark", 0.0, text="log \x1b[2J\U0001f600"), *drive(0.0, 6.0)]
     write(tmp_path / "00001-20261121T061405Z", numbered([*began, outcome(6.0)]))
     write(tmp_path / "00002-20261121T071405Z", numbered([HEADER, *drive(0.0, 3.0, phase="halt")]))
-    with (tmp_path / "00002-20261121T071405Z" / "run.jsonl").open("ab") as file:
+    with (tmp_path / "00002-20261121T071405Z" / "run.00001.jsonl").open("ab") as file:
         file.write(b'{"record":"ti')
     write(tmp_path / "00003-20261121T081405Z", [])
     return tmp_path
@@ -123,7 +123,7 @@ def test_lines_of_a_run_are_an_object_each_and_notes_go_elsewhere(run: Run, logs
 def test_replay(says: Any, logs: Path, tmp_path: Path) -> None:
     whole = says("replay", "replay", "--log-dir", FIELD_LOGS)["runs"]
     assert whole[0]["difference"] is None
-    records = [json.loads(line) for line in (next(FIELD_LOGS.glob("0*")) / "run.jsonl").read_text().splitlines()]
+    records = [json.loads(line) for line in (next(FIELD_LOGS.glob("0*")) / "run.00001.jsonl").read_text().splitlines()]
     at = next(number for number, record in enumerate(records) if record.get("phase") == "back_off")
     other = [*records[:at], records[at] | {"phase": "follow"}, *records[at + 1 :]]
     changed = says("replay", "replay", write(tmp_path / "changed", other), code=1)["runs"][0]["difference"]

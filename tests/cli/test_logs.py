@@ -68,7 +68,7 @@ def test_name_of_a_folder_cannot_control_the_terminal(
 
 
 def test_show_takes_the_newest_and_says_what_is_missing(run: Run, logs: Path) -> None:
-    with (logs / SECOND / "run.jsonl").open("ab") as file:
+    with (logs / SECOND / "run.00001.jsonl").open("ab") as file:
         file.write(b'{"record":"ti')
     _, out, _ = run("show")
     assert out.splitlines()[-2:] == ["no outcome: the run was cut off, or is still running", "1 line is torn"]
@@ -112,7 +112,7 @@ def test_export_writes_a_file_named_as_the_run_where_one_is(
 
 
 def logs_file(folder: Path) -> Path:
-    return folder / "logs" / FIRST / "run.jsonl"
+    return folder / "logs" / FIRST / "run.00001.jsonl"
 
 
 def test_export_takes_the_format_from_the_name_of_the_file(run: Run, tmp_path: Path) -> None:
@@ -206,7 +206,7 @@ def on_a_terminal(*arguments: object, **environment: str) -> str:
 def test_terminal_gets_colours_unless_its_owner_wants_none(logs: Path) -> None:
     assert "\x1b[36m" in on_a_terminal("show", "1", "--log-dir", logs)
     assert "\x1b" not in on_a_terminal("show", "1", "--log-dir", logs, NO_COLOR="1")
-    os.utime(logs / SECOND / "run.jsonl", (0.0, 0.0))  # not the log of a run that goes on
+    os.utime(logs / SECOND / "run.00001.jsonl", (0.0, 0.0))  # not the log of a run that goes on
     lines = on_a_terminal("list", "--log-dir", logs).splitlines()
     assert ["\x1b[33m" in line for line in lines] == [False, False, True], "the second was cut off"
 
@@ -298,14 +298,14 @@ def test_follow_tells_what_is_written_while_it_waits_and_ends_by_ctrl_c(
 
 def test_prune_says_what_it_would_delete_then_deletes_it_and_never_without_a_limit(run: Run, logs: Path) -> None:
     for name in (FIRST, SECOND):
-        (logs / name / "run.jsonl").write_bytes(bytes(9_000_000))
+        (logs / name / "run.00001.jsonl").write_bytes(bytes(9_000_000))
     assert run("prune")[0] == 2
     code, out, _ = run("prune", "--keep-mb", 10, "--dry-run")
     assert (code, out) == (0, f"{FIRST}\n1 run would be deleted, 9.0 MB; 9.0 MB are left\n")
     assert (logs / FIRST).exists()
     assert run("prune", "--keep-mb", 10)[1] == f"{FIRST}\n1 run deleted, 9.0 MB; 9.0 MB are left\n"
     assert not (logs / FIRST).exists()
-    (logs / SECOND / "run.jsonl").write_bytes(bytes(11_000_000))
+    (logs / SECOND / "run.00001.jsonl").write_bytes(bytes(11_000_000))
     code, out, err = run("prune", "--keep-mb", 10)
     assert (code, out) == (1, "0 runs deleted, 0.0 MB; 11.0 MB are left\n")
     assert "more than keep_mb" in err

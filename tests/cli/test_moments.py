@@ -25,12 +25,12 @@ from wayfarer.fieldlog.lines import sealed
 def changed(tmp_path: Path) -> tuple[Path, int]:
     """A run whose clock began long before it, with one decision changed: its folder and the number of that tick."""
     run = shutil.copytree(SAMPLE, tmp_path / SAMPLE.name)
-    records = [orjson.loads(line) for line in (run / "run.jsonl").read_bytes().splitlines()]
+    records = [orjson.loads(line) for line in (run / "run.00001.jsonl").read_bytes().splitlines()]
     for each in records:
         del each["crc"]
     tick = [each for each in records if each["record"] == "tick"][50]
     tick["phase"] = "else"
-    (run / "run.jsonl").write_bytes(b"".join(sealed(each) + b"\n" for each in records))
+    (run / "run.00001.jsonl").write_bytes(b"".join(sealed(each) + b"\n" for each in records))
     return run, tick["n"]
 
 

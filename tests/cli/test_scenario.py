@@ -46,7 +46,9 @@ def test_challenge_logs_positions(run: Run, tmp_path: Path) -> None:
     assert code == 0
     header = read_header(tmp_path / "log")
     assert header["parts"]["position"] == "simulated receiver"
-    records = [json.loads(line) for line in (tmp_path / "log" / "run.jsonl").read_text(encoding="utf-8").splitlines()]
+    records = [
+        json.loads(line) for line in (tmp_path / "log" / "run.00001.jsonl").read_text(encoding="utf-8").splitlines()
+    ]
     assert any("latitude_deg" in record for record in records)
 
 

@@ -11,8 +11,7 @@ from wayfarer.config.rover_file import LogSettings
 from wayfarer.control.run_log import PartialLog
 from wayfarer.daemon.storage import Storage
 from wayfarer.fieldlog.retention import Pruned
-from wayfarer.fieldlog.writer import RunFiles
-from wayfarer.fieldlog.writer_thread import WriterThread
+from wayfarer.fieldlog.sink import Sink
 from wayfarer.waiting_thread import OneCall
 
 WELL, IN_MEMORY = CardHealth(False, ""), CardHealth(False, "tmpfs")
@@ -24,11 +23,11 @@ class Site(PartialLog):
     def __init__(self, logs: Path) -> None:
         self.events: list[tuple[str, dict[str, object]]] = []
         self.armed = False
-        self.files = RunFiles(logs / "00009-20261121T061405Z")
+        self.sink = Sink(logs / "00009-20261121T061405Z")
         self.storage = Storage(
             logs / "00009-20261121T061405Z",
             LogSettings(keep_mb=10),
-            WriterThread(self.files),
+            self.sink,
             self,
             lambda: not self.armed,
         )
@@ -53,7 +52,7 @@ def test_trouble_of_the_card_is_told_once_and_shown_while_it_lasts(site: Site) -
 
 
 def test_slowest_write_since_the_last_look_is_told(site: Site) -> None:
-    site.files.slowest_sync_s = 2.5
+    site.sink._slowest_s = 2.5
     assert site.storage.take_health(1.0, WELL) == 2500.0
     (told,) = site.storage.status()["storage_warnings"]
     assert told.startswith("it took 2.5 s to store records: it is worn")
@@ -65,7 +64,7 @@ def test_old_runs_are_deleted_while_disarmed_only(site: Site, tmp_path: Path) ->
     for number in (1, 9):
         run = tmp_path / f"{number:05d}-20261121T061405Z"
         run.mkdir()
-        with (run / "run.jsonl").open("wb") as file:
+        with (run / "run.00001.jsonl").open("wb") as file:
             file.truncate(9_000_000)
     site.armed = True
     assert site.storage.delete_old_runs() is None

@@ -98,7 +98,7 @@ def test_demo_is_the_trial_to_the_last_byte_at_any_speed(tmp_path: Path, speed: 
     site.run(disturb)
     (ended,) = site.ended
     assert ended.result == trial(tmp_path / "trial")
-    assert (ended.folder / "run.jsonl").read_bytes() == (tmp_path / "trial" / "run.jsonl").read_bytes()
+    assert (ended.folder / "run.00001.jsonl").read_bytes() == (tmp_path / "trial" / "run.00001.jsonl").read_bytes()
 
 
 def test_page_console_and_log_tell_one_way_and_one_time(site: Site, capfd: pytest.CaptureFixture[str]) -> None:

@@ -18,7 +18,7 @@ from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.live_rover import live_rover_setup
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.reader import RunReader
-from wayfarer.fieldlog.writer import RunFiles
+from wayfarer.fieldlog.sink import Sink
 from wayfarer.safety.mission import RunEnd
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.faults.kinds import parse_fault
@@ -79,7 +79,7 @@ def test_both_depths_give_the_same_drive() -> None:
 
 
 def test_fault_strikes_so_many_seconds_after_the_first_arming(tmp_path: Path) -> None:
-    log = FieldLog(RunFiles(tmp_path), {}, wall=lambda t_s: t_s)
+    log = FieldLog(Sink(tmp_path), {}, wall=lambda t_s: t_s)
 
     async def main() -> None:
         loop = asyncio.get_running_loop()

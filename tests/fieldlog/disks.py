@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import resource
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -42,6 +43,36 @@ def small_disk(mount_point: Path, kb: int) -> Iterator[bool]:
     finally:
         if mounted:
             subprocess.run(["umount", "-l", str(mount_point)], check=True)
+
+
+@contextmanager
+def damaged_disk(folder: Path) -> Iterator[Path | None]:
+    """Mount an ext4 whose folder ``logs`` is garbage, and give this folder; None if that is not allowed."""
+    image, mount_point = folder / "image", folder / "mounted"
+    mount_point.mkdir()
+    image.touch()
+    os.truncate(image, 8_000_000)
+
+    def done(*command: str | Path) -> str | None:
+        ended = subprocess.run(command, capture_output=True, text=True, check=False)
+        return ended.stdout if ended.returncode == 0 else None
+
+    def mounted() -> bool:
+        return os.geteuid() == 0 and done("mount", "-o", "loop", image, mount_point) is not None
+
+    if shutil.which("mkfs.ext4") is None or done("mkfs.ext4", "-q", "-b", "1024", image) is None or not mounted():
+        yield None
+        return
+    (mount_point / "logs").mkdir()
+    done("umount", mount_point)
+    block = (done("debugfs", "-R", "blocks /logs", image) or "").strip()
+    with image.open("r+b") as file:
+        file.seek(1024 * int(block))
+        file.write(b"\xa5" * 1024)
+    try:
+        yield mount_point / "logs" if mounted() else None
+    finally:
+        done("umount", "-l", mount_point)
 
 
 class PowerCut(BaseException):
@@ -90,9 +121,14 @@ class FailingCall:
         self.failures = 0
         monkeypatch.setattr(os, name, self)
 
-    def __call__(self, *args: object) -> object:
+    def __call__(self, *args: object, **keys: object) -> object:
         """Fail, or do what is asked."""
         if self.failures > 0:
             self.failures -= 1
-            raise OSError(self._number, os.strerror(self._number))
-        return self._real(*args)
+            self.fail(self._number)
+        return self._real(*args, **keys)
+
+    @staticmethod
+    def fail(number: int) -> None:
+        """Fail as the operating system does."""
+        raise OSError(number, os.strerror(number))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from wayfarer.config.rover_file import LogSettings
@@ -10,8 +10,7 @@ from wayfarer.control.tick import TickRecord
 from wayfarer.fieldlog.lines import sealed
 from wayfarer.fieldlog.reader import RunReader, log_segments
 from wayfarer.fieldlog.schema import SCHEMA, Record
-from wayfarer.fieldlog.writer import RunFiles
-from wayfarer.fieldlog.writer_thread import WriterThread
+from wayfarer.fieldlog.sink import Sink
 
 FREE = LogSettings(free_mb=0.0)
 SMALL = LogSettings(part_mb=0.001, run_mb=1.0, free_mb=0.0)  # about ten ticks a part
@@ -44,12 +43,6 @@ def event(number: int) -> bytes:
     return sealed({"record": "event", "n": number, "t_s": number / 20, "t_wall": 1e9, "name": "mark"})
 
 
-def write(sink: RunFiles | WriterThread, numbers: Iterable[int]) -> None:
-    """Write ticks."""
-    for number in numbers:
-        sink.bulk(tick(number))
-
-
 def read(run: Path) -> tuple[list[Record], RunReader]:
     """Return the records of a run and the reader that knows its damage."""
     reader = RunReader(run)
@@ -61,25 +54,25 @@ def numbers(run: Path) -> list[int]:
     return [record["n"] for record in RunReader(run) if "n" in record]
 
 
-def gaps(run: Path) -> list[int]:
-    """Return how many records each gap says are missing."""
-    return [record["dropped"] for record in RunReader(run) if record.get("name") == "log_gap"]
-
-
-def torn_lines(run: Path) -> int:
-    """Return how many lines of a run cannot be read."""
-    return read(run)[1].damage.lines
-
-
 class Log:
-    """The files of a run and what a person was told of them."""
+    """The sink of a run that writes in the caller's thread, and what a person was told."""
 
     def __init__(self, folder: Path, limits: LogSettings = FREE) -> None:
         self.told: list[str] = []
         self.folder = folder
-        self.files = RunFiles(folder, limits, self.told.append)
-        self.files.open(run_record)
+        self.sink = Sink(folder, limits, self.told.append)
+        self.sink.open(header)
 
-    def parts(self) -> list[str]:
-        """Return the names of its files."""
-        return [part.name for part in log_segments(self.folder)]
+    def put(self, *numbers: int) -> None:
+        """Write ticks."""
+        for number in numbers:
+            self.sink.put(tick(number))
+
+    def write(self, *numbers: int) -> None:
+        """Write events, each of which is written at once."""
+        for number in numbers:
+            self.sink.put(event(number), urgent=True)
+
+    def parts(self) -> list[int]:
+        """Return the numbers of its files."""
+        return [int(part.name.split(".")[1]) for part in log_segments(self.folder)]

@@ -21,7 +21,7 @@ TIME = "20261121T061405Z"
 def make(logs: Path, name: str) -> Path:
     run = logs / name
     run.mkdir(parents=True)
-    (run / "run.jsonl").touch()
+    (run / "run.00001.jsonl").touch()
     return run
 
 
@@ -111,9 +111,9 @@ def test_daemons_that_start_at_once_get_numbers_of_their_own(tmp_path: Path) -> 
 
 def test_run_is_found_by_number_name_or_path(tmp_path: Path) -> None:
     run, late = make(tmp_path, f"00003-{TIME}"), make(tmp_path, f"00004-{TIME}")
-    late.joinpath("run.jsonl").rename(late / "run.00001.jsonl")  # the power went before the next part began
+    late.joinpath("run.00001.jsonl").rename(late / "run.00002.jsonl")
     assert find_run(None, tmp_path) == late
-    names = ("3", "00003", run.name, str(run), str(run / "run.jsonl"))
+    names = ("3", "00003", run.name, str(run), str(run / "run.00001.jsonl"))
     assert {find_run(name, tmp_path) for name in names} == {run}
     with pytest.raises(BadInput, match=rf"no run and no folder '5': .* holds {run.name} to {late.name}"):
         find_run("5", tmp_path)

@@ -16,7 +16,7 @@ from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.schema import Record
-from wayfarer.fieldlog.writer import RunFiles
+from wayfarer.fieldlog.sink import Sink
 from wayfarer.simhal.world.generate import generate_forest
 
 SPEC = TrialSpec(3, "cv-pledge", generate_forest(1, 0, 0), 5, load_rover("sim"), budget_m=10.0)
@@ -24,7 +24,7 @@ BOOT_S = 1.7e9  # what a computer without a clock of its own believes until it f
 
 
 def records(folder: Path) -> list[dict[str, object]]:
-    return [json.loads(line) for line in (folder / "run.jsonl").read_bytes().splitlines()]
+    return [json.loads(line) for line in (folder / "run.00001.jsonl").read_bytes().splitlines()]
 
 
 def test_log_of_a_trial_begins_with_what_ran_and_ends_with_how_it_ended(tmp_path: Path) -> None:
@@ -39,12 +39,12 @@ def test_log_of_a_trial_begins_with_what_ran_and_ends_with_how_it_ended(tmp_path
 def test_same_trial_writes_the_same_bytes_and_is_not_changed_by_its_log(tmp_path: Path) -> None:
     results = [run_trial(SPEC), run_trial(SPEC, tmp_path / "a"), run_trial(SPEC, tmp_path / "b")]
     assert results[0] == results[1] == results[2]
-    assert (tmp_path / "a" / "run.jsonl").read_bytes() == (tmp_path / "b" / "run.jsonl").read_bytes()
+    assert (tmp_path / "a" / "run.00001.jsonl").read_bytes() == (tmp_path / "b" / "run.00001.jsonl").read_bytes()
 
 
 def test_each_line_ends_with_the_checksum_that_the_page_describes(tmp_path: Path) -> None:
     run_trial(SPEC, tmp_path)
-    lines = (tmp_path / "run.jsonl").read_bytes().splitlines()
+    lines = (tmp_path / "run.00001.jsonl").read_bytes().splitlines()
     assert len(lines) > 100
     for line in lines:
         body, _, end = line.rpartition(b',"crc"')
@@ -53,7 +53,7 @@ def test_each_line_ends_with_the_checksum_that_the_page_describes(tmp_path: Path
 
 
 def test_detail_that_is_no_json_is_told_by_its_repr_and_one_that_cannot_be_is_dropped(tmp_path: Path) -> None:
-    log = FieldLog(RunFiles(tmp_path), {})
+    log = FieldLog(Sink(tmp_path), {})
     log.event("mark", 1.0, text=Path("a"))
     log.event("mark", 2.0, text=2**70)
     log.close("requested", "enough")
@@ -65,7 +65,7 @@ def test_what_cannot_be_written_is_dropped_and_counted(tmp_path: Path) -> None:
     def fails() -> Mapping[str, float | str]:
         raise KeyError("a third party's memory")
 
-    log = FieldLog(RunFiles(tmp_path), {}, wall=lambda t_s: t_s)
+    log = FieldLog(Sink(tmp_path), {}, wall=lambda t_s: t_s)
     log.tick(standing(memory=fails))
     log.tick(standing())
     log.close("requested", "enough")
@@ -81,7 +81,7 @@ def test_every_viewer_sees_every_record_in_order_and_one_that_fails_costs_nobody
         if record["record"] == "tick":
             raise RuntimeError("a bug in a viewer")
 
-    log = FieldLog(RunFiles(tmp_path), {}, wall=lambda t_s: t_s, viewers=[failing, shown.append])
+    log = FieldLog(Sink(tmp_path), {}, wall=lambda t_s: t_s, viewers=[failing, shown.append])
     log.tick(standing())
     log.tick(standing())
     log.close("requested", "enough")
@@ -96,7 +96,7 @@ def test_memory_with_keys_of_the_log_costs_no_record(tmp_path: Path) -> None:
     def memory() -> Mapping[str, float | str]:
         return {"record": "x", "n": "x", "t_s": "x", "t_wall": "x", "level": 2.0, "cause": 1.0, "why": 3.0, "mood": "x"}
 
-    log = FieldLog(RunFiles(tmp_path), {})
+    log = FieldLog(Sink(tmp_path), {})
     log.tick(standing(memory=memory))
     log.close("requested", "enough")
     reader = RunReader(tmp_path)
@@ -109,7 +109,7 @@ def test_memory_with_keys_of_the_log_costs_no_record(tmp_path: Path) -> None:
 def test_clock_that_is_set_is_an_event_between_records_in_their_order(tmp_path: Path, step_s: float) -> None:
     """It changes neither the order of a log nor its numbers."""
     wall_offset_s = BOOT_S
-    log = FieldLog(RunFiles(tmp_path), {}, wall=lambda t_s: t_s + wall_offset_s)
+    log = FieldLog(Sink(tmp_path), {}, wall=lambda t_s: t_s + wall_offset_s)
     for t_s in (0.0, 0.5, 1.0, 1.5, 2.0):
         if t_s == 1.0:
             wall_offset_s += step_s
@@ -127,7 +127,7 @@ def test_clock_that_is_set_is_an_event_between_records_in_their_order(tmp_path: 
 
 
 def test_clock_that_is_slewed_is_no_event(tmp_path: Path) -> None:
-    log = FieldLog(RunFiles(tmp_path), {}, wall=lambda t_s: BOOT_S + 1.0005 * t_s)
+    log = FieldLog(Sink(tmp_path), {}, wall=lambda t_s: BOOT_S + 1.0005 * t_s)
     for second in range(1000):
         log.tick(standing(float(second)))
     log.close("requested", "enough")

@@ -33,9 +33,8 @@ WHOLE = [cast(Record, LogLines().take(line + b"\n")) for line in LINES]
 def read_bytes(*parts: bytes) -> tuple[list[Record], Damage]:
     """Read a log of these parts, the newest last."""
     with tempfile.TemporaryDirectory() as folder:
-        for number, data in enumerate(parts[:-1], start=1):
+        for number, data in enumerate(parts, start=1):
             Path(folder, f"run.{number:05d}.jsonl").write_bytes(data)
-        Path(folder, "run.jsonl").write_bytes(parts[-1])
         its, found = RunReader(Path(folder)), []
         with suppress(BadInput):  # where there is nothing in it
             found = list(its)
@@ -113,7 +112,7 @@ def test_oversized_line_is_skipped_to_its_end_and_counted_once(monkeypatch: pyte
 
 
 def test_hole_of_many_megabytes_takes_no_memory_and_hides_no_record_behind_it(tmp_path: Path) -> None:
-    with (tmp_path / "run.jsonl").open("wb") as file:
+    with (tmp_path / "run.00001.jsonl").open("wb") as file:
         file.write(HEAD)
         file.truncate(100_000_000)
         file.seek(0, 2)
@@ -134,12 +133,12 @@ def test_line_torn_in_any_part_costs_only_itself() -> None:
 
 
 def test_parts_are_read_in_the_order_of_their_numbers(tmp_path: Path) -> None:
-    for name in ("run.jsonl", "run.100000.jsonl", "run.99999.jsonl", "run.00001.jsonl"):
+    for name in ("run.100000.jsonl", "run.99999.jsonl", "run.00001.jsonl"):
         (tmp_path / name).write_bytes(b"")
-    for name in ("run.backup.jsonl", "run.00002.jsonl.bak", "notes.txt"):
+    for name in ("run.jsonl", "run.backup.jsonl", "run.00002.jsonl.bak", "notes.txt"):
         (tmp_path / name).write_bytes(b"no log")
     assert [part.name for part in log_segments(tmp_path)] == [
-        "run.00001.jsonl", "run.99999.jsonl", "run.100000.jsonl", "run.jsonl",
+        "run.00001.jsonl", "run.99999.jsonl", "run.100000.jsonl",
     ]  # fmt: skip
     with pytest.raises(BadInput, match=r"nothing in this log can be read \(it is empty\)$"):
         read(tmp_path)
@@ -157,18 +156,18 @@ def test_missing_records_are_counted_across_parts() -> None:
 
 def test_part_that_cannot_be_read_costs_only_itself(tmp_path: Path) -> None:
     (tmp_path / "run.00001.jsonl").mkdir()  # opening it is an error for every user
-    (tmp_path / "run.jsonl").write_bytes(header(2) + b"\n" + tick(6) + b"\n")
+    (tmp_path / "run.00002.jsonl").write_bytes(header(2) + b"\n" + tick(6) + b"\n")
     found, its = read(tmp_path)
     assert [record["record"] for record in found] == ["run", "tick"]
     assert its.damage == Damage(unreadable=1, missing=5)
 
 
 def test_log_of_which_nothing_can_be_read_is_bad_input(tmp_path: Path) -> None:
-    (tmp_path / "run.jsonl").mkdir()
-    with pytest.raises(BadInput, match=r"run\.jsonl: cannot be read: it is a folder"):
+    (tmp_path / "run.00001.jsonl").mkdir()
+    with pytest.raises(BadInput, match=r"run\.00001\.jsonl: cannot be read: it is a folder"):
         read(tmp_path)
     with pytest.raises(BadInput, match="is no run"):
-        RunReader(tmp_path / "run.jsonl")
+        RunReader(tmp_path / "run.00001.jsonl")
     with pytest.raises(BadInput, match="cannot be read: No such file"):
         RunReader(tmp_path / "none")
 
@@ -181,7 +180,7 @@ def test_part_that_breaks_off_in_an_error_gives_what_came_before(
         raise OSError(errno.EIO, os.strerror(errno.EIO))
 
     monkeypatch.setattr(reader, "_lines", failing)
-    (tmp_path / "run.jsonl").write_bytes(LOG)
+    (tmp_path / "run.00001.jsonl").write_bytes(LOG)
     found, its = read(tmp_path)
     assert (found, its.damage) == (WHOLE[:4], Damage(unreadable=1))
 
@@ -189,19 +188,19 @@ def test_part_that_breaks_off_in_an_error_gives_what_came_before(
 def test_part_that_is_longer_than_any_gives_its_beginning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reader, "PART_BYTES", 100_000)
     monkeypatch.setattr(reader, "LINE_BYTES", 1000)
-    (tmp_path / "run.jsonl").write_bytes(LOG)
-    with (tmp_path / "run.jsonl").open("r+b") as file:
+    (tmp_path / "run.00001.jsonl").write_bytes(LOG)
+    with (tmp_path / "run.00001.jsonl").open("r+b") as file:
         file.truncate(10**12)
     found, its = read(tmp_path)
     assert (found, its.damage) == (WHOLE, Damage(unreadable=1))
-    (tmp_path / "run.jsonl").write_bytes(b"\n" * 100_001)
+    (tmp_path / "run.00001.jsonl").write_bytes(b"\n" * 100_001)
     with pytest.raises(NothingReadable, match="cannot be read: it has more than 100,000 bytes"):
         read(tmp_path)
 
 
 def test_file_of_garbage_is_not_read_for_ever(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reader, "BROKEN_LINES", 100)
-    (tmp_path / "run.jsonl").write_bytes(LOG + b"\n" * 1000)
+    (tmp_path / "run.00001.jsonl").write_bytes(LOG + b"\n" * 1000)
     found, its = read(tmp_path)
     assert (found, its.damage) == (WHOLE, Damage(garbled=101, unreadable=1))
 
@@ -255,7 +254,7 @@ def test_header_is_found_in_a_later_part_where_the_first_is_damaged(tmp_path: Pa
     (tmp_path / "run.00001.jsonl").write_bytes(bytes(100) + LOG[100:])
     with pytest.raises(BadInput, match="does not say what ran"):
         read_header(tmp_path)
-    (tmp_path / "run.jsonl").write_bytes(header(2) + b"\n")
+    (tmp_path / "run.00001.jsonl").write_bytes(header(2) + b"\n")
     assert read_header(tmp_path)["part"] == 2
 
 

@@ -34,7 +34,7 @@ from wayfarer.fieldlog.lines import sealed
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.replay import Replay, replay
-from wayfarer.fieldlog.writer import RunFiles
+from wayfarer.fieldlog.sink import Sink
 from wayfarer.hal import MotorHealth, Rover, WheelCommand
 from wayfarer.safety.manual import LEASE_S, ManualSample
 from wayfarer.safety.mission import PATIENCE
@@ -76,7 +76,7 @@ def records(run: Path) -> list[dict[str, Any]]:
 def rewrite(run: Path, change: Callable[[dict[str, Any]], dict[str, Any] | None]) -> None:
     """Change the records of a log; those that become None are lost."""
     kept = [sealed(changed) + b"\n" for record in records(run) if (changed := change(record)) is not None]
-    (run / "run.jsonl").write_bytes(b"".join(kept))
+    (run / "run.00001.jsonl").write_bytes(b"".join(kept))
 
 
 def detecting(**settings: Any) -> RoverConfig:
@@ -217,8 +217,8 @@ def test_command_tells_each_run_and_ends_with_the_worst(
 
 
 def test_log_that_was_cut_off_agrees_up_to_there(run: Path) -> None:
-    whole = (run / "run.jsonl").read_bytes()
-    (run / "run.jsonl").write_bytes(whole[: len(whole) * 2 // 3])
+    whole = (run / "run.00001.jsonl").read_bytes()
+    (run / "run.00001.jsonl").write_bytes(whole[: len(whole) * 2 // 3])
     found = replay(run)
     assert found.difference is None
     assert 0 < found.ticks < whole.count(b'"record":"tick"')
@@ -323,7 +323,7 @@ async def eventful_run(folder: Path, config: RoverConfig) -> None:
         "config": config.model_dump(mode="json"),
         "parts": dict.fromkeys(rover_setup.rover.parts, ""),
     }
-    log = FieldLog(RunFiles(folder), about, wall=lambda t_s: t_s, t_s=now())
+    log = FieldLog(Sink(folder), about, wall=lambda t_s: t_s, t_s=now())
     handler = CATALOGUE["rand-pledge"].make(config.escape, config.vehicle, Random(11))
     trouble = Trouble(rover_setup.rover)
     supervisor = Supervisor(

@@ -19,7 +19,7 @@ from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.live_rover import live_rover_setup
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.replay import replay
-from wayfarer.fieldlog.writer import RunFiles
+from wayfarer.fieldlog.sink import Sink
 from wayfarer.hal import MotorHealth, Rover, WheelCommand
 from wayfarer.safety.manual import ManualSample
 from wayfarer.simhal.build_rover import Depth
@@ -104,7 +104,7 @@ async def any_order(folder: Path, seed: int, *, loses: bool) -> None:
         "config": ROVER.model_dump(mode="json"),
         "parts": dict.fromkeys(setup.rover.parts, ""),
     }
-    log = FieldLog(RunFiles(folder), about, wall=lambda t_s: t_s, t_s=now())
+    log = FieldLog(Sink(folder), about, wall=lambda t_s: t_s, t_s=now())
     handler = CATALOGUE["pledge"].make(ROVER.escape, ROVER.vehicle, Random(seed))
     trouble = ShortTrouble(setup.rover)
     run = Supervisor(trouble.rover, ROVER, CATALOGUE["pledge"], handler, log, ladder_seed=seed, goes_on=True)

@@ -31,7 +31,7 @@ from wayfarer.views.text.tail import RunTail
 from wayfarer.views.text.verdict import check_log
 
 (SAMPLE,) = SAMPLE_LOGS.glob("00001-*")
-WHOLE = [orjson.loads(line) for line in (SAMPLE / "run.jsonl").read_bytes().splitlines()]
+WHOLE = [orjson.loads(line) for line in (SAMPLE / "run.00001.jsonl").read_bytes().splitlines()]
 DRIVEN = next(count for count, each in enumerate(WHOLE) if each.get("phase") == "back_off")
 BEGAN_S = WHOLE[0]["t_s"] - 100.0  # where tests.views.text.records begin
 TOLD = [
@@ -90,7 +90,7 @@ def _runs(use: Callable[[Path], str]) -> Iterator[Try]:
         run.mkdir()
 
         def attempt(content: bytes) -> str:
-            (run / "run.jsonl").write_bytes(content)
+            (run / "run.00001.jsonl").write_bytes(content)
             return reading(lambda: use(run))
 
         yield attempt
@@ -110,7 +110,7 @@ def _tell(run: Path) -> str:
     assert all(line.isprintable() for line in lines(rows(run.parent, 0.0), 80))
     verdict = check_log(run)
     assert str(verdict).isprintable()
-    assert sum(1 for _ in _followed(run)) <= len(run.joinpath("run.jsonl").read_bytes().split(b"\n"))
+    assert sum(1 for _ in _followed(run)) <= len(run.joinpath("run.00001.jsonl").read_bytes().split(b"\n"))
     return f"{verdict.integrity.name}, {found.reason is None} {bool(reader.damage.lines)} {found.where is None}"
 
 

@@ -92,7 +92,7 @@ def test_field_log_of_a_trial_is_the_same_at_both_depths_tick_by_tick(tmp_path: 
     def ticks(depth: Depth) -> list[dict[str, Any]]:
         spec = TrialSpec(0, "forest-pledge", generate_forest(1, 0, 0), 0, load_rover("sim"), budget_m=20.0, depth=depth)
         run_trial(spec, tmp_path / depth)
-        lines = (tmp_path / depth / "run.jsonl").read_text(encoding="utf-8").splitlines()
+        lines = (tmp_path / depth / "run.00001.jsonl").read_text(encoding="utf-8").splitlines()
         records = [record for record in map(json.loads, lines) if record["record"] == "tick"]
         return [dict(leaves({key: record[key] for key in record if key not in {"n", "crc"}})) for record in records]
 

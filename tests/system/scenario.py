@@ -210,7 +210,7 @@ def stop() -> dict[str, Any]:
     began_s, asked_wall_s = time.monotonic(), time.time()
     stopped = run("systemctl", "stop", SERVICE)
     took_s = time.monotonic() - began_s
-    newest = max(Path("/var/lib/wayfarer/field_logs").rglob("run.jsonl"), key=lambda path: path.stat().st_mtime_ns)
+    newest = max(Path("/var/lib/wayfarer/field_logs").rglob("run.*.jsonl"), key=lambda path: path.stat().st_mtime_ns)
     records = [json.loads(line) for line in newest.read_text(encoding="utf-8").splitlines()]
     return {
         "stopped": stopped,

@@ -3,6 +3,7 @@
 # ruff: noqa: TID251 - real processes need real time
 from __future__ import annotations
 
+import shutil
 import time
 from collections.abc import Iterator
 
@@ -26,7 +27,7 @@ CRUISE, GENTLER = "cruise_m_s = 0.42", "cruise_m_s = 0.21"
 
 
 def test_slow_disk_delays_no_tick_and_costs_no_record(site: Site) -> None:
-    """The queue of the log holds minutes; what it cannot hold is counted by log_gap."""
+    """The queue of the log holds minutes; what it cannot hold is counted."""
     site.armed(program=ILL)
     quiet_s = now_s()
     time.sleep(QUIET_S)
@@ -94,7 +95,7 @@ def test_rover_file_that_is_changed_counts_from_the_next_start_on(site: Site) ->
 def test_rover_drives_on_without_its_folder_of_logs_and_check_fails(site: Site) -> None:
     """A file in the folder's place; a card that is read-only refuses in the same place, with another error."""
     daemon = site.armed()
-    site.logs.rename(site.folder / "taken away")
+    shutil.rmtree(site.logs)
     site.logs.write_text("no folder", encoding="ascii")
     drives_on_without_a_log(site)
     daemon.terminate()

@@ -44,7 +44,7 @@ def wayfarer(program: str, *arguments: str | Path) -> str:
 
 def sums(folder: Path) -> dict[str, str]:
     """Of every result that says nothing of the day and the computer."""
-    paths = [path for path in folder.rglob("*") if path.name in {"trials.csv", "run.jsonl"}]
+    paths = [path for path in folder.rglob("*") if path.name in {"trials.csv", "run.00001.jsonl"}]
     return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
 
 

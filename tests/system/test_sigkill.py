@@ -32,7 +32,7 @@ from tests.system.measures import (
     told_to_turn,
 )
 from wayfarer.fieldlog.reader import RunReader
-from wayfarer.fieldlog.writer_thread import WRITE_S, WRITES_A_SYNC
+from wayfarer.fieldlog.sink import WRITE_S, WRITES_A_SYNC
 
 KILLS = int(os.environ.get("KILLS", "12"))  # half of them on each rover; each takes about three seconds
 STARTING_S = 1.5  # a daemon speaks about a second after its start

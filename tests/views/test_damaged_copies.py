@@ -100,7 +100,7 @@ COPIES: dict[str, Callable[[], list[bytes]]] = {
 def run(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     folder = tmp_path / "logs" / RUN
     folder.mkdir(parents=True)
-    (folder / "run.jsonl").write_bytes(b"".join(COPIES[request.param]()))
+    (folder / "run.00001.jsonl").write_bytes(b"".join(COPIES[request.param]()))
     return folder
 
 

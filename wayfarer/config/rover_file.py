@@ -45,9 +45,8 @@ class LogSettings:
     """Size of one file of a log: an hour, small enough for an editor and for a phone's connection, and far below the
     4 GB that a file may have on FAT. A rover is armed only if one fits beside ``free_mb``."""
     run_mb: Annotated[float, Interval(ge=10, le=1_000_000)] = 1000.0
-    """A longer run, which is most of a day and should be several parts, loses parts, but never the first, which says
-    how it began: a daemon that stands disarmed for weeks must not fill the card. Those in which no wheel turned go
-    first, then the oldest."""
+    """A longer run, which is most of a day and should be several parts, loses its oldest parts, but never the first,
+    which says how it began: a daemon that stands disarmed for weeks must not fill the card."""
     free_mb: Annotated[float, Interval(ge=0, le=100_000)] = 100.0
     """With less left on the disk only events are written: the computer needs that to boot and to let a person log
     in."""

@@ -44,10 +44,8 @@ from wayfarer.errors import BadInput, DriverError, WayfarerError
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.fieldlog.folders import new_run_folder
 from wayfarer.fieldlog.log import FieldLog
-from wayfarer.fieldlog.retention import held_open
 from wayfarer.fieldlog.schema import Record
-from wayfarer.fieldlog.writer import RunFiles
-from wayfarer.fieldlog.writer_thread import WriterThread
+from wayfarer.fieldlog.sink import Sink
 from wayfarer.hal import STOP, DriveMotors, MotorHealth, Rover, WheelCommand, error_counts_of
 from wayfarer.safety.mission import RunEnd
 from wayfarer.waiting_thread import OneCall
@@ -249,11 +247,11 @@ class Daemon:
             "start_delay_s": config.safety.start_delay_s,
         }
         self._ladder_seed = f"{service.seed}/ladder"  # it must not draw what the algorithm draws
-        self._writer = WriterThread(RunFiles(folder, config.log, self._lines.write, self._loop.time))
+        self._sink = Sink(folder, config.log, self._lines.write, self._loop.time)
         shown_to: list[Callable[[Record], None]] = [viewer.show for viewer in service.viewers]
         if service.console is not None:
             shown_to.append(service.console(self._lines.write))
-        self._field_log = FieldLog(self._writer, self._header(about), t_s=self._loop.time(), viewers=shown_to)
+        self._field_log = FieldLog(self._sink, self._header(about), t_s=self._loop.time(), viewers=shown_to)
         if before is not None:
             self._tell_of_last(before)
         ground_truth_logs = [rover_setup.ground_truth_log(self._field_log)] if rover_setup.ground_truth_log else []
@@ -264,8 +262,8 @@ class Daemon:
             self._rover, config, service.algorithm, handler, self._log,
             ladder_seed=self._ladder_seed, goes_on=True, last_end=None if before is None else before.end,
         )  # fmt: skip
-        self._storage = Storage(folder, config.log, self._writer, self._log, self._is_disarmed)
-        checks: list[Check] = [*rover_setup.checks, partial(system.log, lambda: self._writer.trouble)]
+        self._storage = Storage(folder, config.log, self._sink, self._log, self._is_disarmed)
+        checks: list[Check] = [*rover_setup.checks, partial(system.log, lambda: self._sink.trouble)]
         self._commands = RoverCommands(
             self._supervisor, self._rover.motors, self._inspect, self._log,
             {**about, **service.addresses, "last_mission": before and asdict(before)}, checks,
@@ -290,7 +288,6 @@ class Daemon:
             async with server, AsyncExitStack() as stack:
                 for viewer in self._service.viewers:
                     await stack.enter_async_context(viewer.serving(self._commands))
-                stack.enter_context(held_open(self._folder))
                 delete_old_runs = None if self._service.config.log.keep_mb is None else self._delete_old_runs
                 stack.enter_context(
                     monitor_host_health(self._service.logs, self._note_computer, self._note_power, delete_old_runs)

@@ -15,7 +15,7 @@ from wayfarer.config.rover_file import LogSettings
 from wayfarer.control.run_log import RunLog
 from wayfarer.fieldlog.disk import error_advice, free_mb
 from wayfarer.fieldlog.retention import Pruned, keep_run, prune
-from wayfarer.fieldlog.writer_thread import WriterThread
+from wayfarer.fieldlog.sink import Sink
 from wayfarer.waiting_thread import OneCall
 
 # -- the computer ----------------------------------------------------------------------------------------------------
@@ -96,7 +96,7 @@ class Storage:
     Args:
         run: the folder of the run, among all others.
         settings: how much is kept.
-        writer: writes the run's log.
+        sink: writes the run's log.
         log: takes the events; the methods that are given a time call it, so they are for the event loop.
         may_delete: whether runs may be deleted now, from any thread.
     """
@@ -105,13 +105,13 @@ class Storage:
         self,
         run: Path,
         settings: LogSettings,
-        writer: WriterThread,
+        sink: Sink,
         log: RunLog,
         may_delete: Callable[[], bool],
     ) -> None:
         self._run = run
         self._settings = settings
-        self._writer = writer
+        self._sink = sink
         self._log = log
         self._may_delete = may_delete
         self._card: list[str] = []
@@ -123,14 +123,14 @@ class Storage:
     def status(self) -> dict[str, Any]:
         """Return what ``wayfarer status`` says of it."""
         return {
-            "log_trouble": self._writer.trouble,
+            "log_trouble": self._sink.trouble,
             "storage_warnings": [*self._card, *filter(None, [self._not_deleted, self._not_kept])],
             "runs_deleted": self._deleted,
         }
 
     def take_health(self, t_s: float, health: CardHealth) -> float:
         """Take the card's health, and return the longest time in ms that the card has taken to store records since."""
-        sync_ms = round(1000.0 * self._writer.take_slowest_sync_s(), 1)
+        sync_ms = round(1000.0 * self._sink.take_slowest_sync_s(), 1)
         troubles = card_troubles(health, sync_ms)
         self._card = [trouble.text for trouble in troubles]
         for trouble in troubles:

@@ -12,7 +12,7 @@ from wayfarer.control.tick import TickRecord
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.schema import Record
-from wayfarer.fieldlog.writer import RunFiles
+from wayfarer.fieldlog.sink import Sink
 from wayfarer.hal import Rover
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.random_streams import RandomStreams
@@ -60,7 +60,7 @@ def field_log(
         details["ground"] = spec.ground.value
     if of_world := changed(spec.physics):
         details["sim"] = of_world
-    log = FieldLog(RunFiles(folder), details, wall=lambda t_s: t_s, viewers=viewers)
+    log = FieldLog(Sink(folder.resolve()), details, wall=lambda t_s: t_s, viewers=viewers)
     return log, GroundTruthLog(log, world)
 
 

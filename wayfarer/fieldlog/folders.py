@@ -1,8 +1,9 @@
 """Folders of runs and their files: their names, and finding one again.
 
 A folder is named by a counter, which no clock can turn back, and the time in UTC at which the run began:
-``00017-20261121T061405Z``. The counter is the order; the time is for people, and wrong where the clock was. A person
-may write on behind the name. Simulated trials have folders of other names, and those that people gave.
+``00017-20261121T061405Z``. The counter is the order; the time is for people, and wrong if the clock was. A person
+may write on behind the name. Simulated trials have folders of other names, and those that people gave. The files in it,
+the parts of the log, are ``run.00001.jsonl``, ``run.00002.jsonl`` and so on.
 """
 
 from __future__ import annotations
@@ -20,18 +21,17 @@ from threading import Event
 from wayfarer.config.rover_path import STATE_FOLDER
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.clock import wall_clock
-from wayfarer.fieldlog.disk import DISK_FAILS, error_advice
+from wayfarer.fieldlog.disk import error_advice
 from wayfarer.fieldlog.fields import escape_control_chars
 
 SYSTEM_LOGS = STATE_FOLDER / "field_logs"
 OWN_LOGS = Path("field_logs")
-FILE_NAME = "run.jsonl"  # the newest segment of a run's log; older ones are run.00001.jsonl and so on
 RUN_NAME = re.compile(r"(\d{1,9})-\d{8}T\d{6}Z", re.ASCII)
 DELETING = ".deleting-"  # begins the name of a run's folder that ``retention`` removes
 LAST_NUMBER = 999_999_999  # a longer number is not taken for a run's
 LONGEST_NAME = 255  # of a file, in bytes
 LOCK_TRIES, LOCK_TRY_S = 500, 0.01  # a daemon holds the lock for some milliseconds
-SEGMENT_NAME = re.compile(r"run\.(\d+)\.jsonl\Z", re.ASCII)
+PART_NAME = re.compile(r"run\.(\d{1,9})\.jsonl\Z", re.ASCII)
 
 
 def default_log_folder() -> Path:
@@ -44,9 +44,8 @@ def new_run_folder(logs: Path, *, needed: bool = True) -> Path:
 
     Args:
         logs: the folder of all logs.
-        needed: if not, and the disk is full, failing or read-only, the folder is not made, and only its path returned;
-            the writer of the log makes it when that is possible. If the other runs could not be seen, its number may be
-            that of one of them.
+        needed: if not, whatever the disk does, only the folder's path is returned if it cannot be made; the log's sink
+            makes it when that is possible. If the other runs could not be seen, its number may be that of one of them.
 
     Raises:
         BadInput: it cannot be made.
@@ -59,7 +58,7 @@ def new_run_folder(logs: Path, *, needed: bool = True) -> Path:
             folder = logs / _name_after(last)
             folder.mkdir()
     except OSError as error:
-        if needed or error.errno not in DISK_FAILS:
+        if needed:
             raise BadInput(f"{logs}: no folder can be made for the field log: {error_advice(error)}") from None
         return logs / _name_after(last)
     return folder
@@ -119,7 +118,7 @@ def find_run(name: str | None, logs: Path) -> Path:
     """Return the folder of a run.
 
     Args:
-        name: its number (``17``), its folder's name, or the path of its folder or of its ``run.jsonl``; None or
+        name: its number (``17``), its folder's name, or the path of its folder or of its ``run.00001.jsonl``; None or
             ``last`` is the newest.
         logs: the folder of all runs.
 
@@ -144,33 +143,43 @@ def find_run(name: str | None, logs: Path) -> Path:
 def _run_at(path: Path, logs: Path, runs: list[Path]) -> Path:
     """Return the run at a path."""
     try:
-        if path.is_file() and (path.name == FILE_NAME or SEGMENT_NAME.match(path.name)):
+        if path.is_file() and PART_NAME.match(path.name):
             return path.parent
         if path.is_dir() and is_run(path):
             return path
         if path.is_dir():
-            raise BadInput(f"{path} is no run: there is no {FILE_NAME} in it")
+            raise BadInput(f"{path} is no run: there is no {part_name(1)} in it")
         if path.exists():
-            raise BadInput(f"{path} is no field log: a run is a folder with a {FILE_NAME} in it")
+            raise BadInput(f"{path} is no field log: a run is a folder with a {part_name(1)} in it")
     except OSError as error:
         raise BadInput(f"{str(path)[:40]} cannot be a run: {error.strerror}") from None
     there = " to ".join(dict.fromkeys(run.name for run in (*runs[:1], *runs[-1:]))) or "none"
     raise BadInput(f"there is no run and no folder '{path}': {logs} holds {there} (see wayfarer logs list)")
 
 
-def segment_path(run: Path, number: int) -> Path:
-    """Return the name of a segment of a run's log that is no longer the newest."""
-    return run / f"run.{number:05d}.jsonl"
+def part_name(number: int) -> str:
+    """Return the name of a part of a run's log, by its number from 1."""
+    return f"run.{number:05d}.jsonl"
 
 
-def older_segments(run: Path) -> list[Path]:
-    """Return the segments of a run's log but the newest, oldest first.
+def part_names(folder: Path | int) -> list[str]:
+    """Return the names of the parts of a run's log, oldest first; the folder is a path or an open descriptor.
 
     Raises:
         OSError: the folder cannot be read.
     """
-    numbered = [(number, path) for path in run.iterdir() if (number := _number(path.name, SEGMENT_NAME)) is not None]
-    return [path for _, path in sorted(numbered)]
+    with os.scandir(folder) as entries:
+        numbered = [(number, each.name) for each in entries if (number := _number(each.name, PART_NAME)) is not None]
+    return [name for _, name in sorted(numbered)]
+
+
+def parts_of(run: Path) -> list[Path]:
+    """Return the parts of a run's log, oldest first.
+
+    Raises:
+        OSError: the folder cannot be read.
+    """
+    return [run / name for name in part_names(run)]
 
 
 def run_number(run: Path) -> int | None:
@@ -196,7 +205,7 @@ def _number(name: str, pattern: re.Pattern[str]) -> int | None:
 def is_run(path: Path) -> bool:
     """Return whether there is a log in a folder; a run that ended before it began may have left an empty folder."""
     try:
-        return (path / FILE_NAME).exists() or (path.is_dir() and bool(older_segments(path)))
+        return path.is_dir() and bool(parts_of(path))
     except OSError:
         return True  # opening it reports the error
 

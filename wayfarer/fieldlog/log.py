@@ -12,17 +12,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-import structlog
-from structlog.typing import EventDict, WrappedLogger
-
 from wayfarer import __version__
 from wayfarer.control.tick import TickRecord
 from wayfarer.escape.api import Observation
 from wayfarer.fieldlog.clock import WallClock, wall_clock
 from wayfarer.fieldlog.lines import sealed
 from wayfarer.fieldlog.schema import SCHEMA, Record
-from wayfarer.fieldlog.writer import RunFiles
-from wayfarer.fieldlog.writer_thread import WriterThread
+from wayfarer.fieldlog.sink import Sink
 from wayfarer.hal import MotorHealth, PositionFix, WheelCommand
 
 STEP_S = 1.0  # more than a clock is slewed between two records; finding the right time steps it by hours
@@ -45,7 +41,7 @@ class FieldLog:
 
     def __init__(
         self,
-        sink: RunFiles | WriterThread,
+        sink: Sink,
         details: Mapping[str, Any],
         wall: WallClock = wall_clock,
         t_s: float = 0.0,
@@ -59,8 +55,7 @@ class FieldLog:
         self._t_s = t_s
         self._number = 0
         self._unmade = 0
-        self._logger = structlog.wrap_logger(sink, [self._line], structlog.BoundLogger).bind()
-        sink.open(self._header)
+        sink.open(lambda part: sealed(self._header(part)))
         self._show(self._header(1))
 
     @property
@@ -71,46 +66,47 @@ class FieldLog:
     def tick(self, record: TickRecord) -> None:
         """Write a control tick: what was seen, wanted, and applied."""
         self._note_clock_step(record.t_s)
-        self._write("bulk", "tick", record.t_s, record)
+        self._write("tick", record.t_s, record)
 
     def event(self, name: str, t_s: float, **details: object) -> None:
         """Write something that happened."""
-        self._write("urgent", "event", t_s, {"name": name, **details})
+        self._write("event", t_s, {"name": name, **details}, urgent=True)
 
     def position(self, fix: PositionFix | None) -> None:
         """Write a position."""
         if fix is not None:
-            self._write("urgent", "position", fix.t_s, fix._asdict())
+            self._write("position", fix.t_s, fix._asdict(), urgent=True)
 
     def board(self, t_s: float, health: MotorHealth, duties: WheelCommand | None) -> None:
         """Write what the motor board reports."""
         left, right = duties or (None, None)
-        self._write("bulk", "board", t_s, {**health._asdict(), "says_left": left, "says_right": right})
+        self._write("board", t_s, {**health._asdict(), "says_left": left, "says_right": right})
 
     def note(self, kind: str, t_s: float, fields: Mapping[str, Any]) -> None:
         """Write a record of another kind: ``computer``, or a simulation's ``truth``."""
-        self._write("bulk", kind, t_s, fields)
+        self._write(kind, t_s, fields)
 
     def close(self, reason: str, text: str) -> None:
         """Write the outcome and close the log."""
-        self._write("urgent", "outcome", self._t_s, {"reason": reason, "text": text, "dropped": self.dropped})
+        outcome = {"reason": reason, "text": text, "dropped": self.dropped}
+        self._write("outcome", self._t_s, outcome, urgent=True)
         self._sink.close()
 
-    def _write(self, urgency: str, kind: str, t_s: float, fields: Mapping[str, Any] | TickRecord) -> None:
+    def _write(self, kind: str, t_s: float, fields: Mapping[str, Any] | TickRecord, *, urgent: bool = False) -> None:
         self._t_s = t_s
         self._number += 1
         try:
-            getattr(self._logger, urgency)(kind, fields=fields)
+            self._sink.put(self._line(kind, fields), urgent)
         except Exception:  # a third party's memory() or decision, or a detail that is no JSON; no log is worth a run
             self._unmade += 1  # its number is missing, which a reader sees
         else:
             self._show(self._newest)
 
-    def _line(self, _logger: WrappedLogger, _method: str, event: EventDict) -> bytes:
-        """Return the line of what happened; structlog gives it to the sink."""
-        fields, t_s = event["fields"], self._t_s
+    def _line(self, kind: str, fields: Mapping[str, Any] | TickRecord) -> bytes:
+        """Return the line of what happened."""
+        t_s = self._t_s
         # Kind and times come first, for the person who tails the file; times are whole, for replay.
-        stamp = {"record": event["event"], "n": self._number, "t_s": t_s, "t_wall": round(self._wall(t_s), 3)}
+        stamp = {"record": kind, "n": self._number, "t_s": t_s, "t_wall": round(self._wall(t_s), 3)}
         if isinstance(fields, TickRecord):
             fields = tick_fields(fields)
         self._newest = {**stamp, **fields, **stamp}

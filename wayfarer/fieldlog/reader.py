@@ -19,7 +19,7 @@ from typing import BinaryIO
 
 from wayfarer import __version__
 from wayfarer.errors import BadInput, NothingReadable
-from wayfarer.fieldlog.folders import FILE_NAME, older_segments
+from wayfarer.fieldlog.folders import part_name, parts_of
 from wayfarer.fieldlog.lines import LINE_BYTES, LogLines, is_newer
 from wayfarer.fieldlog.schema import SCHEMA, Record
 from wayfarer.files import open_regular
@@ -206,7 +206,7 @@ def read_header(run: Path) -> Record:
         refuse_newer(header, segment, segments)
         if not is_newer(header):
             return header
-    raise BadInput(f"{run / FILE_NAME} is no field log: its first record does not say what ran")
+    raise BadInput(f"{segments[0]} is no field log: its first record does not say what ran")
 
 
 def _headers(segments: Sequence[Path]) -> Iterator[tuple[Path, Record]]:
@@ -225,13 +225,12 @@ def log_segments(run: Path) -> list[Path]:
         BadInput: the folder cannot be read, or there is no log in it.
     """
     try:
-        older = older_segments(run)
-        newest = [run / FILE_NAME] if (run / FILE_NAME).exists() else []
+        parts = parts_of(run)
     except OSError as error:
         raise BadInput(f"{run}: cannot be read: {error.strerror}") from None
-    if not older and not newest:
-        raise BadInput(f"{run} is no run: there is no {FILE_NAME} in it")
-    return [*older, *newest]
+    if not parts:
+        raise BadInput(f"{run} is no run: there is no {part_name(1)} in it")
+    return parts
 
 
 def _lines(file: BinaryIO, most_bytes: int) -> Iterator[bytes]:

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.fieldlog.disk import MB, error_advice
-from wayfarer.fieldlog.folders import DELETING, FILE_NAME, RUN_NAME, SEGMENT_NAME
+from wayfarer.fieldlog.folders import DELETING, PART_NAME, RUN_NAME
 
 KEEP = "keep"  # the file that keeps a run
 REPORT = "report.html"  # of ``wayfarer report``: it goes with its run, because it only shows what the log says
@@ -92,22 +92,6 @@ def keep_run(run: Path) -> None:
         os.fsync(folder)
 
 
-@contextmanager
-def held_open(run: Path) -> Iterator[None]:
-    """Keep other processes from deleting a run while this one writes it; a folder that cannot be locked is not held."""
-    try:
-        folder = os.open(run, OPEN_FOLDER)
-    except OSError:  # it is made later, when the disk takes it
-        yield
-        return
-    try:
-        with suppress(OSError):
-            fcntl.flock(folder, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        yield
-    finally:
-        os.close(folder)
-
-
 def _run_names(logs: int) -> list[str]:
     """Return the numbered runs in an open folder, the newest last; those of other names are nobody's to delete."""
     with os.scandir(logs) as entries:
@@ -149,7 +133,7 @@ def _files(folder: int) -> dict[str, os.stat_result]:
 
 
 def _is_runs_file(name: str, its: os.stat_result) -> bool:
-    is_log = name == FILE_NAME or SEGMENT_NAME.match(name) is not None
+    is_log = PART_NAME.match(name) is not None
     is_own = is_log and its.st_uid == os.geteuid()
     return stat.S_ISREG(its.st_mode) and (is_own or name == REPORT)  # which may have been made with sudo
 

@@ -6,12 +6,10 @@ import errno
 import os
 import pwd
 import shutil
-import tempfile
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import IO
 
 import pytest
 
@@ -128,20 +126,24 @@ def test_a_keep_mb_that_is_larger_than_the_disk_is_a_warning(rig: Rig, monkeypat
         assert rig.look(system.disk).verdict is verdict
 
 
-@pytest.mark.parametrize("number", sorted(errno.errorcode))
-def test_a_log_folder_that_cannot_be_written_fails_whatever_the_error_and_says_what_fits_it(
-    rig: Rig, monkeypatch: pytest.MonkeyPatch, number: int
+@pytest.mark.parametrize("number", errno.errorcode, ids=errno.errorcode.get)
+@pytest.mark.parametrize("call", ["open", "fsync"])
+def test_a_disk_that_takes_no_file_fails_however_it_says_so_and_what_fits_it_is_told(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, call: str, number: int
 ) -> None:
-    def fails(dir: Path) -> IO[bytes]:
+    def fails(*_: object, **__: object) -> int:
         raise OSError(number, os.strerror(number))
 
+    rig.host.log_folder.mkdir()
     monkeypatch.setattr(pwd, "getpwuid", lambda uid: SimpleNamespace(pw_name="rover"))
-    monkeypatch.setattr(tempfile, "TemporaryFile", fails)
-    finding = rig.look(system.disk)
+    with monkeypatch.context() as patch:
+        patch.setattr(os, call, fails)
+        finding = rig.look(system.disk)
     assert finding.verdict is CheckVerdict.FAIL
-    assert f"cannot be written: {os.strerror(number)}" in finding.text
+    assert f"{rig.host.log_folder} cannot be written: " in finding.text
     told = ADVICE.get(number, "sudo chown rover " if number in {errno.EACCES, errno.EPERM} else "look at the disk")
     assert finding.remedy.startswith(told)
+    assert list(rig.host.log_folder.iterdir()) == []
 
 
 def test_a_file_where_the_log_folder_should_be_is_told(rig: Rig) -> None:

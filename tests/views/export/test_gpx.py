@@ -60,7 +60,7 @@ def schema() -> Any:
 
 def gpx(folder: Path, records: list[Record], origin: str | None = None) -> GPX:
     text = io.StringIO()
-    (folder / "17" / "run.jsonl").unlink(missing_ok=True)
+    (folder / "17" / "run.00001.jsonl").unlink(missing_ok=True)
     assert ExportFormat.gpx.write(write(folder / "17", records), text, origin) == Damage()
     schema().validate(text.getvalue())
     return gpxpy.parse(text.getvalue())

@@ -46,7 +46,7 @@ class Daemon:
         return ask({"do": do, **keys}, self.folder / "control.sock", timeout_s=10.0)
 
     def log(self) -> list[dict[str, Any]]:
-        (path,) = (self.folder / "logs").glob("*/run.jsonl")
+        (path,) = (self.folder / "logs").glob("*/run.00001.jsonl")
         return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
 
     def arm(self) -> None:

@@ -9,7 +9,7 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.control.tick import TickRecord
 from wayfarer.escape.api import Anomaly, Decision, Observation, Phase
 from wayfarer.fieldlog.log import FieldLog
-from wayfarer.fieldlog.writer import RunFiles
+from wayfarer.fieldlog.sink import Sink
 from wayfarer.hal import STOP, CompassReading, MotionReading, MotorHealth, WheelCommand
 from wayfarer.safety.conditions import Condition, Level
 
@@ -19,17 +19,15 @@ WORLD = {
 }  # fmt: skip
 
 
-class NoDisk(RunFiles):
-    """Files of a log that keep nothing."""
+class NoDisk(Sink):
+    """A sink that keeps nothing."""
 
     def __init__(self) -> None:
         super().__init__(Path("nowhere"))
 
-    def open(self, header: Any, *, needed: bool = True) -> None: ...
+    def open(self, header: Any) -> None: ...
 
-    def bulk(self, line: bytes) -> None: ...
-
-    def urgent(self, line: bytes) -> None: ...
+    def put(self, line: bytes, urgent: bool = False) -> None: ...
 
     def close(self) -> None: ...
 

@@ -54,7 +54,7 @@ def metres(opened: Opened) -> float:
 
 
 def log(demo: Daemon) -> Path:
-    (path,) = (demo.folder / "logs").glob("*/run.jsonl")
+    (path,) = (demo.folder / "logs").glob("*/run.00001.jsonl")
     return path
 
 

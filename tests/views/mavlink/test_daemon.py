@@ -127,7 +127,7 @@ def test_station_stops_under_loss_and_hostile_packets_start_nothing(tmp_path: Pa
             station.reaches(MODE_HOLD, armed=False, again=arming(0.0))
             daemon.terminate()
             assert daemon.wait(10.0) == 0, daemon.stderr
-    (path,) = (tmp_path / "logs").glob("*/run.jsonl")
+    (path,) = (tmp_path / "logs").glob("*/run.00001.jsonl")
     records = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
     assert median(lateness_s(records, began_s, ended_s)) < 0.01
     attacked = [each for each in records if each["record"] == "tick" and began_s < each["t_wall"] < ended_s]

@@ -80,7 +80,7 @@ def write_log(folder: Path, all_records: Iterable[Record], tail: bytes = b"") ->
     """A log as the daemon writes it, which may end within a line."""
     given = list(all_records)
     write(folder, [{**each, **old} for each, old in zip(numbered(given), given, strict=True)])
-    with (folder / "run.jsonl").open("ab") as file:
+    with (folder / "run.00001.jsonl").open("ab") as file:
         file.write(tail)
     return folder
 

@@ -51,4 +51,4 @@ def test_command_writes_the_page_where_it_is_told(run: Run, logs: Path, tmp_path
     out = tmp_path / "mine" / "page.html"
     assert run("report", "17", "--out", out, "--log-dir", logs)[:2] == (0, f"the report is {out}\n")
     assert {path.name for path in out.parent.iterdir()} == {"page.html"}
-    assert {path.name for path in logs.rglob("*") if path.is_file()} == {"run.jsonl"}
+    assert {path.name for path in logs.rglob("*") if path.is_file()} == {"run.00001.jsonl"}

@@ -55,7 +55,7 @@ def numbered(records: Iterable[Record]) -> list[Record]:
     return found
 
 
-def write(run: Path, records: Iterable[Record | bytes], name: str = "run.jsonl") -> Path:
+def write(run: Path, records: Iterable[Record | bytes], name: str = "run.00001.jsonl") -> Path:
     """Write records to the end of a log, bytes as they are; return the run's folder."""
     run.mkdir(parents=True, exist_ok=True)
     with (run / name).open("ab") as file:

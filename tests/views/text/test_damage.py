@@ -28,7 +28,7 @@ def use_every_tool(run: Path) -> None:
     """Do what the fuzzer does: nothing may fail, and nothing be refused of a log that can be read."""
     for target in (STORY, EXPORT):
         with target.opened() as attempt:
-            said = attempt((run / "run.jsonl").read_bytes())
+            said = attempt((run / "run.00001.jsonl").read_bytes())
         assert check_log(run).integrity is LogIntegrity.UNREADABLE or not said.startswith("BadInput"), said
 
 
@@ -63,7 +63,7 @@ def test_log_that_lost_something_is_repaired_at_best(tmp_path: Path, records: li
 
 
 def test_log_that_ends_in_the_middle_of_a_line_says_what_was_skipped(tmp_path: Path) -> None:
-    file = write(tmp_path, WHOLE) / "run.jsonl"
+    file = write(tmp_path, WHOLE) / "run.00001.jsonl"
     file.write_bytes(file.read_bytes()[:-9])
     assert "1 line is torn" in str(check_log(tmp_path))
 
@@ -135,8 +135,8 @@ def test_what_cannot_be_is_dropped_and_counted_once(
 
 @pytest.mark.parametrize("schema", [0, 99, None])
 def test_one_damaged_header_costs_that_header_only(tmp_path: Path, schema: int | None) -> None:
-    run = write(tmp_path / RUN, [HEADER | {"schema": schema}, *LONG[1:MIDDLE]], "run.00001.jsonl")
-    write(run, [HEADER | {"part": 2, "t_s": LONG[MIDDLE]["t_s"]}, *LONG[MIDDLE:]])
+    run = write(tmp_path / RUN, [HEADER | {"schema": schema}, *LONG[1:MIDDLE]])
+    write(run, [HEADER | {"part": 2, "t_s": LONG[MIDDLE]["t_s"]}, *LONG[MIDDLE:]], "run.00002.jsonl")
     verdict = check_log(run)
     assert (verdict.integrity, verdict.records) == (LogIntegrity.PARTIAL, len(LONG))
     assert "1 record holds an impossible value" in str(verdict)
@@ -147,8 +147,8 @@ def test_one_damaged_header_costs_that_header_only(tmp_path: Path, schema: int |
 
 
 def test_part_without_its_header_is_counted(tmp_path: Path) -> None:
-    run = write(tmp_path / RUN, LONG[:MIDDLE], "run.00001.jsonl")
-    write(run, LONG[MIDDLE:])
+    run = write(tmp_path / RUN, LONG[:MIDDLE])
+    write(run, LONG[MIDDLE:], "run.00002.jsonl")
     reader = RunReader(run)
     assert list(reader) == LONG
     assert reader.damage == Damage(headless=1)
@@ -166,7 +166,7 @@ def test_summary_calls_no_log_whole_that_check_does_not(tmp_path: Path, records:
 def test_log_of_a_newer_wayfarer_is_refused_in_one_line(tmp_path: Path, records: list[Record]) -> None:
     """Also a log of which following reads only the end, where its header is not."""
     run = write(tmp_path / RUN, [HEADER | {"schema": 99}, *records[1:]])
-    with pytest.raises(BadInput, match=r"run\.jsonl: this log has schema 99, wayfarer .* knows up to 3: update"):
+    with pytest.raises(BadInput, match=r"run\.00001\.jsonl: this log has schema 99, wayfarer .* knows up to 3: update"):
         list(RunReader(run))
     tail = RunTail(run)
     with pytest.raises(BadInput, match="schema 99"):
@@ -180,7 +180,7 @@ def test_log_of_a_newer_wayfarer_is_refused_in_one_line(tmp_path: Path, records:
 
 @pytest.mark.parametrize("content", [b"", b"\0" * 5000, b"what?\n"])
 def test_log_of_which_nothing_is_left_is_unreadable(tmp_path: Path, content: bytes) -> None:
-    (tmp_path / "run.jsonl").write_bytes(content)
+    (tmp_path / "run.00001.jsonl").write_bytes(content)
     verdict = check_log(tmp_path)
     assert verdict.integrity.exit_code == 1
     assert re.match(r"unreadable: 0 readable records; .*: nothing in this log can be read \(.*\)$", str(verdict))

@@ -36,7 +36,7 @@ def test_row_says_what_became_of_a_run(tmp_path: Path) -> None:
 
 def test_run_without_an_outcome_goes_on_or_was_cut_off(tmp_path: Path) -> None:
     run = write(tmp_path / RUN, [HEADER, tick(1.0)])
-    os.utime(run / "run.jsonl", (5000.0, 5000.0))
+    os.utime(run / "run.00001.jsonl", (5000.0, 5000.0))
     assert row(tmp_path, now_wall_s=5001.0).outcome == "running"
     assert row(tmp_path, now_wall_s=5060.0).outcome == "cut off"
 
@@ -53,23 +53,23 @@ def test_trial_has_a_time_of_its_own(tmp_path: Path) -> None:
 
 
 def test_run_in_parts_is_told_by_its_first_and_its_last(tmp_path: Path) -> None:
-    write(tmp_path / RUN, [HEADER, tick(1.0)], "run.00001.jsonl")
+    write(tmp_path / RUN, [HEADER, tick(1.0)])
     write(tmp_path / RUN, [tick(7200.0)], "run.00004.jsonl")
-    write(tmp_path / RUN, [HEADER | {"part": 5, "t_s": 7300.0}])
+    write(tmp_path / RUN, [HEADER | {"part": 5, "t_s": 7300.0}], "run.00005.jsonl")
     assert cells(tmp_path)[2:7] == ("2:00:00", "minirover", "forest-pledge", "3600", "0")
 
 
 @pytest.mark.parametrize("content", [b"", b"\0" * 9000, b"nonsense\n", b'{"record":"run","t_s":1'])
 def test_run_of_which_nothing_can_be_read_is_listed_all_the_same(tmp_path: Path, content: bytes) -> None:
     (tmp_path / RUN).mkdir()
-    (tmp_path / RUN / "run.jsonl").write_bytes(content)
+    (tmp_path / RUN / "run.00001.jsonl").write_bytes(content)
     assert cells(tmp_path) == ("17", "", "", "", "", "", "", "unreadable", "")
     assert row(tmp_path) == RunRow(RUN, 17)
 
 
 @pytest.mark.parametrize("hostile", ["pipe", "device", "hole", "empty lines"])
 def test_run_in_which_anything_may_stand_is_listed_at_once(tmp_path: Path, hostile: str) -> None:
-    file = tmp_path / RUN / "run.jsonl"
+    file = tmp_path / RUN / "run.00001.jsonl"
     file.parent.mkdir()
     match hostile:
         case "pipe":
@@ -85,15 +85,16 @@ def test_run_in_which_anything_may_stand_is_listed_at_once(tmp_path: Path, hosti
 
 
 def test_long_run_is_listed_from_its_ends(tmp_path: Path) -> None:
-    file = write(tmp_path / RUN, [HEADER, tick(1.0)]) / "run.jsonl"
+    file = write(tmp_path / RUN, [HEADER, tick(1.0)]) / "run.00001.jsonl"
     os.truncate(file, 10**12)
     write(tmp_path / RUN, [b"\n", tick(2.0, travelled_m=5.0), outcome(3.0)])
     assert cells(tmp_path)[2:] == ("0:00:03", "minirover", "forest-pledge", "5", "0", "requested", "1000000.0")
 
 
 def test_run_whose_first_part_lost_its_header_is_told_by_a_later_one(tmp_path: Path) -> None:
-    write(tmp_path / RUN, [tick(1.0)], "run.00001.jsonl")
-    write(tmp_path / RUN, [HEADER | {"part": 2, "t_s": 105.0, "simulated": True, "trial": 5}, tick(6.0)])
+    write(tmp_path / RUN, [tick(1.0)])
+    later = [HEADER | {"part": 2, "t_s": 105.0, "simulated": True, "trial": 5}, tick(6.0)]
+    write(tmp_path / RUN, later, "run.00002.jsonl")
     assert cells(tmp_path)[:5] == ("17", "trial 5", "0:00:05", "minirover (sim)", "forest-pledge")
 
 

@@ -48,11 +48,11 @@ def test_records_come_as_they_are_written(tmp_path: Path) -> None:
 
 def test_line_counts_once_its_end_is_there(tmp_path: Path) -> None:
     run = write(tmp_path / FIRST, [HEADER])
-    whole = write(tmp_path / "elsewhere", [tick(1.0)]) / "run.jsonl"
+    whole = write(tmp_path / "elsewhere", [tick(1.0)]) / "run.00001.jsonl"
 
     def append(part: bytes) -> Callable[[], None]:
         def append() -> None:
-            with (run / "run.jsonl").open("ab") as file:
+            with (run / "run.00001.jsonl").open("ab") as file:
                 file.write(part)
 
         return append
@@ -62,20 +62,18 @@ def test_line_counts_once_its_end_is_there(tmp_path: Path) -> None:
     assert Following(tmp_path, None, append(line[30:50]), append(line[50:])).times == {FIRST: [0.0, 1.0]}
 
 
-def test_it_follows_into_the_next_part(tmp_path: Path) -> None:
+def test_it_follows_into_the_next_parts(tmp_path: Path) -> None:
     run = write(tmp_path / FIRST, [HEADER, tick(1.0)])
 
-    def rotate() -> None:
-        write(run, [tick(2.0)])  # after the reader looked, before the file got its number
-        (run / "run.jsonl").rename(run / "run.00001.jsonl")
-        write(run, [HEADER | {"part": 2, "t_s": 103.0}, tick(3.0)])
+    def begin_a_part() -> None:
+        write(run, [tick(2.0)])  # after the reader looked
+        write(run, [HEADER | {"part": 2, "t_s": 103.0}, tick(3.0)], "run.00002.jsonl")
 
-    def rotate_twice() -> None:
-        (run / "run.jsonl").rename(run / "run.00002.jsonl")
+    def begin_two() -> None:
         write(run, [tick(4.0)], "run.00003.jsonl")
-        write(run, [tick(5.0)])
+        write(run, [tick(5.0)], "run.00010.jsonl")
 
-    following = Following(tmp_path, None, rotate, rotate_twice, lambda: write(run, [tick(6.0)]))
+    following = Following(tmp_path, None, begin_a_part, begin_two, lambda: write(run, [tick(6.0)], "run.00010.jsonl"))
     assert following.times == {FIRST: [0.0, 1.0, 2.0, 3.0, 3.0, 4.0, 5.0, 6.0]}
 
 
@@ -83,9 +81,9 @@ def test_part_that_was_deleted_to_make_room_is_left_for_the_newest(tmp_path: Pat
     run = write(tmp_path / FIRST, [HEADER, tick(1.0)])
 
     def forget() -> None:
-        (run / "run.jsonl").unlink()
-        write(run, [HEADER], "run.00001.jsonl")
-        write(run, [tick(9.0)])
+        (run / "run.00001.jsonl").unlink()
+        write(run, [HEADER], "run.00002.jsonl")
+        write(run, [tick(9.0)], "run.00003.jsonl")
 
     assert Following(tmp_path, None, forget).times == {FIRST: [0.0, 1.0, 9.0]}
 
@@ -125,54 +123,32 @@ def test_long_run_begins_with_what_runs_and_its_last_seconds(tmp_path: Path) -> 
 
 def test_what_is_no_record_is_skipped(tmp_path: Path) -> None:
     run = write(tmp_path / FIRST, [HEADER])
-    with (run / "run.jsonl").open("ab") as file:
+    with (run / "run.00001.jsonl").open("ab") as file:
         file.write(b"\0" * 100 + b"\nno record\n\xff\xfe\n" + b"x" * 3_000_000 + b"\n")
     write(run, [tick(1.0)])
     assert Following(tmp_path, run).times == {FIRST: [0.0, 1.0]}
 
 
-def test_part_that_is_renamed_before_it_is_opened_is_found_again(
+def test_next_part_that_is_deleted_before_it_is_opened_is_left_for_the_newest(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = write(tmp_path / FIRST, [HEADER, tick(1.0)])
-    listed = log_segments
 
-    def list_and_rename(folder: Path) -> list[Path]:
-        parts = listed(folder)
-        (run / "run.jsonl").rename(run / "run.00001.jsonl")
-        monkeypatch.setattr(tail, "log_segments", listed)
-        return parts
+    def list_one_that_goes(folder: Path) -> list[Path]:
+        monkeypatch.setattr(tail, "log_segments", log_segments)
+        return [*log_segments(folder), run / "run.00002.jsonl"]
 
-    monkeypatch.setattr(tail, "log_segments", list_and_rename)
-    assert Following(tmp_path, run, lambda: write(run, [HEADER, tick(2.0)])).times[FIRST] == [0.0, 0.0, 2.0]
+    def begin_two() -> None:
+        write(run, [HEADER, tick(3.0)], "run.00003.jsonl")
+        monkeypatch.setattr(tail, "log_segments", list_one_that_goes)
 
-
-def test_next_part_that_is_renamed_before_it_is_opened_is_found_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    run = write(tmp_path / FIRST, [HEADER, tick(1.0)])
-    listed = log_segments
-
-    def list_and_rename(folder: Path) -> list[Path]:
-        parts = listed(folder)
-        (run / "run.jsonl").rename(run / "run.00002.jsonl")
-        write(run, [HEADER, tick(3.0)])
-        monkeypatch.setattr(tail, "log_segments", listed)
-        (run / "run.00001.jsonl").touch()
-        return [run / "run.00001.jsonl", run / "gone.jsonl"] if len(parts) > 1 else parts
-
-    def rotate() -> None:
-        (run / "run.jsonl").rename(run / "run.00001.jsonl")
-        write(run, [HEADER, tick(2.0)])
-        monkeypatch.setattr(tail, "log_segments", list_and_rename)
-
-    assert Following(tmp_path, run, rotate, lambda: None).times[FIRST] == [0.0, 1.0, 0.0, 2.0, 0.0, 3.0]
+    assert Following(tmp_path, run, begin_two, lambda: None).times[FIRST] == [0.0, 1.0, 0.0, 3.0]
 
 
 def test_log_that_cannot_be_opened_is_told(tmp_path: Path) -> None:
     (tmp_path / FIRST).mkdir()
-    os.mkfifo(tmp_path / FIRST / "run.jsonl")
-    with pytest.raises(BadInput, match=r"run\.jsonl: cannot be read: it is a pipe"):
+    os.mkfifo(tmp_path / FIRST / "run.00001.jsonl")
+    with pytest.raises(BadInput, match=r"run\.00001\.jsonl: cannot be read: it is a pipe"):
         Following(tmp_path, None)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import errno
 import os
 import pwd
 import tempfile
@@ -183,12 +182,14 @@ def _disk(folder: Path, settings: LogSettings) -> Finding:
     there = folder.absolute()
     try:
         there = next(path for path in (there, *there.parents) if path.exists())
-        with tempfile.TemporaryFile(dir=there) as file:
+        with tempfile.NamedTemporaryFile(dir=there, prefix=".wayfarer-") as file:
             file.write(b"wayfarer")
+            file.flush()
+            os.fsync(file.fileno())
         left_mb, size_mb = free_mb(there), total_mb(there)
     except OSError as error:
         remedy = ADVICE.get(error.errno or 0, "look at the disk (df, dmesg)")
-        if error.errno in {errno.EACCES, errno.EPERM}:
+        if isinstance(error, PermissionError):
             remedy = f"sudo chown {_user()} {there}, or choose another --log-dir"
         return fail("disk", f"{there} cannot be written: {error.strerror}", remedy)
     text = f"{left_mb:.0f} MB free in {there}"

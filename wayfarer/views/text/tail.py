@@ -62,6 +62,7 @@ class RunTail:
     def __init__(self, run: Path) -> None:
         self.run = run
         self._file: BinaryIO | None = None
+        self._segment = run  # the open one
         self._rest = b""
         self._lines = LogLines()
 
@@ -76,7 +77,7 @@ class RunTail:
         if self._file is None:
             return
         yield from self._read(self._file)
-        while (segment := self._next_segment(self._file)) is not None:
+        while (segment := self._next_segment()) is not None:
             yield from self._read(self._file)  # what came between reading and looking
             file = self._open(segment)
             if file is None:
@@ -121,13 +122,11 @@ class RunTail:
                     else:
                         yield record
 
-    def _next_segment(self, file: BinaryIO) -> Path | None:
+    def _next_segment(self) -> Path | None:
         """Return the segment of the log that follows the open one, if it has begun."""
-        for _ in range(2):  # the writer may rename a segment between the list and the look at its files
-            segments = self._segments()
-            for segment, following in zip(segments, [*segments[1:], None], strict=True):
-                if _is_same(segment, file):
-                    return following
+        segments = self._segments()
+        if self._segment in segments:
+            return next(iter(segments[segments.index(self._segment) + 1 :]), None)
         return segments[-1] if segments else None  # the open one was deleted to make room: it is far behind
 
     def _segments(self) -> list[Path]:
@@ -139,7 +138,7 @@ class RunTail:
             return []  # not yet, or no more
 
     def _open(self, segment: Path) -> BinaryIO | None:
-        """Open a segment in the place of the one before; None if the writer has renamed it since it was listed."""
+        """Open a segment in the place of the one before; None if it was deleted since it was listed."""
         try:
             file = open_regular(segment)
         except FileNotFoundError:
@@ -147,12 +146,5 @@ class RunTail:
         except OSError as error:
             raise BadInput(f"{segment}: cannot be read: {error.strerror}") from None
         self.close()
-        self._file, self._rest = file, b""
+        self._file, self._segment, self._rest = file, segment, b""
         return file
-
-
-def _is_same(path: Path, file: BinaryIO) -> bool:
-    try:
-        return os.path.samestat(path.stat(), os.fstat(file.fileno()))
-    except OSError:
-        return False
