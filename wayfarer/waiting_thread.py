@@ -48,34 +48,51 @@ class WaitingThread(ABC):
 
 
 class OneCall:
-    """A thread for one call, started on the loop whatever the memory: ``start`` does not wait until it runs.
+    """A call in a thread, only one at a time, begun on the loop whatever the memory: ``start`` waits for nothing.
 
-    If no memory is left, a thread can end before its first line, and ``threading.Thread.start`` waits for ever then.
+    What is begun while the call is under way is done once more after it. So a disk that hangs holds one thread, however
+    often it is asked. If no memory is left, a thread can end before its first line, and ``threading.Thread.start``
+    waits for ever then.
     """
 
     def __init__(self, call: Callable[[], object]) -> None:
         self._call = call
-        self._over = threading.Event()
+        self._changed = threading.Condition()
+        self._wanted = self._runs = False
 
     def start(self) -> None:
-        """Begin the call.
+        """Begin the call, or have it done once more.
 
         Raises:
             RuntimeError: no thread can be had.
         """
-        _thread.start_new_thread(self._run, ())
+        with self._changed:
+            if not self._runs:
+                _thread.start_new_thread(self._run, ())  # it waits here for the next line
+            self._wanted = True
 
     def _run(self) -> None:
-        try:
-            self._call()
-        finally:
-            self._over.set()
+        while self._take():
+            try:
+                self._call()
+            finally:
+                with self._changed:
+                    self._runs = False
+                    self._changed.notify_all()
+
+    def _take(self) -> bool:
+        with self._changed:
+            takes = self._wanted and not self._runs
+            if takes:
+                self._runs, self._wanted = True, False
+            return takes
 
     @property
     def is_over(self) -> bool:
-        """Whether the call has ended."""
-        return self._over.is_set()
+        """Whether no call is under way."""
+        return not (self._runs or self._wanted)
 
     def join(self, wait_s: float | None = None) -> None:
-        """Wait until the call has ended, at most ``wait_s``."""
-        self._over.wait(wait_s)
+        """Wait until no call is under way, at most ``wait_s``."""
+        with self._changed:
+            self._changed.wait_for(lambda: self.is_over, wait_s)

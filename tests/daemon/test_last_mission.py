@@ -46,9 +46,7 @@ class Site(PartialLog):
     @property
     def kept(self) -> LastMission | None:
         """What is in the file once everything is written."""
-        thread = self.keeper._thread
-        if thread is not None:
-            thread.join()
+        self.keeper._writing.join()
         return read_last_mission(self.logs)
 
 
@@ -196,8 +194,7 @@ def test_symlink_where_the_file_is_to_be_is_replaced_and_not_followed(
 def test_file_that_cannot_be_written_is_told_and_stops_nothing(site: Site) -> None:
     (site.logs / FILE_NAME).mkdir()
     site.keeper.event("armed", 0.0)
-    assert site.keeper._thread is not None
-    site.keeper._thread.join()  # that of the end may be over before it
+    site.keeper._writing.join()  # that of the end may be over before it
     site.keeper.close("requested", "enough")
     assert all("is not kept" in line and "\n" not in line for line in site.told)
     assert len(site.told) == 2

@@ -74,13 +74,10 @@ def test_old_runs_are_deleted_while_disarmed_only(site: Site, tmp_path: Path) ->
     assert pruned.deleted == ("00001-20261121T061405Z",)
 
 
-def test_run_that_was_marked_is_kept_and_it_is_shown_while_it_cannot_be(
-    site: Site, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_run_that_was_marked_is_kept_and_it_is_shown_while_it_cannot_be(site: Site, tmp_path: Path) -> None:
     def keep() -> list[str]:
-        with monkeypatch.context() as patch:
-            patch.setattr(OneCall, "start", OneCall._run)
-            site.storage.keep()
+        site.storage.keep()
+        site.storage._keeping.join(5.0)
         warnings: list[str] = site.storage.status()["storage_warnings"]
         return warnings
 
@@ -90,6 +87,16 @@ def test_run_that_was_marked_is_kept_and_it_is_shown_while_it_cannot_be(
     run.mkdir()
     assert keep() == []
     assert [path.name for path in run.iterdir()] == ["keep"]
+
+
+def test_run_that_no_thread_can_keep_is_told_and_the_mark_counts(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(_: OneCall) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(OneCall, "start", fails)
+    site.storage.keep()
+    (warning,) = site.storage.status()["storage_warnings"]
+    assert warning.endswith("although it was marked: can't start new thread")
 
 
 def test_what_was_deleted_is_counted_and_each_reason_for_what_was_not_is_told_once(site: Site) -> None:

@@ -185,8 +185,16 @@ T = TypeVar("T")
 Ts = TypeVarTuple("Ts")
 
 
+THREADS = 8  # of a loop, for calls that may hang for ever; chosen by us
+
+
 class DaemonLoop(asyncio.SelectorEventLoop):
     """The loop of a daemon. Its clock goes on while the computer sleeps: what was asked before that has aged, too."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._calls: list[tuple[asyncio.Future[Any], Callable[[], Any]]] = []  # that wait for a thread
+        self._busy = 0
 
     def time(self) -> float:
         """Return the seconds since the computer was started; every process of it can read this clock."""
@@ -195,24 +203,36 @@ class DaemonLoop(asyncio.SelectorEventLoop):
     def run_in_executor(
         self, _executor: Executor | None, func: Callable[[Unpack[Ts]], T], *args: Unpack[Ts]
     ) -> asyncio.Future[T]:
-        """Run in a thread of its own, for which the process does not wait at its end: the disk may hang for ever."""
+        """Run in a thread for which the process does not wait at its end: the disk may hang for ever.
+
+        It waits for a thread if all hang, and is not begun if nobody waits for it any more.
+        """
         future: asyncio.Future[T] = self.create_future()
-
-        def tell(done: Callable[[], None]) -> None:
-            with suppress(RuntimeError):  # the loop is closed, and nobody waits any more
-                self.call_soon_threadsafe(lambda: None if future.done() else done())
-
-        def work() -> None:
-            try:
-                result = func(*args)
-            except BaseException as error:
-                why = error
-                tell(lambda: future.set_exception(why))
-            else:
-                tell(lambda: future.set_result(result))
-
-        OneCall(work).start()
+        self._calls = [each for each in self._calls if not each[0].done()] + [(future, partial(func, *args))]
+        self._begin_calls()
         return future
+
+    def _begin_calls(self) -> None:
+        while self._calls and self._busy < THREADS:
+            future, call = self._calls.pop(0)
+            if not future.done():
+                OneCall(partial(self._work, future, call)).start()
+                self._busy += 1
+
+    def _work(self, future: asyncio.Future[Any], call: Callable[[], Any]) -> None:
+        """Call, and tell the loop; runs in a thread."""
+        try:
+            tell = partial(future.set_result, call())
+        except BaseException as error:
+            tell = partial(future.set_exception, error)
+        with suppress(RuntimeError):  # the loop is closed, and nobody waits any more
+            self.call_soon_threadsafe(self._end_call, future, tell)
+
+    def _end_call(self, future: asyncio.Future[Any], tell: Callable[[], None]) -> None:
+        self._busy -= 1
+        if not future.done():
+            tell()
+        self._begin_calls()
 
 
 class Daemon:

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from threading import Lock
 from typing import Annotated, ClassVar
 
 import orjson
@@ -108,8 +107,7 @@ class MissionKeeper(PartialLog):
         self._anomalies = 0
         self._before: tuple[Anomaly, ...] = ()
         self._newest = b""
-        self._writing = Lock()
-        self._thread: OneCall | None = None
+        self._writing = OneCall(self._write)
 
     def tick(self, record: TickRecord) -> None:
         """Count a tick of a mission."""
@@ -136,8 +134,7 @@ class MissionKeeper(PartialLog):
     def close(self, reason: str, text: str) -> None:  # noqa: ARG002 - as any RunLog
         """End a mission that goes on until the end of the run, and wait until the disk has it, at most ``CLOSE_S``."""
         self._end(self._began_s + self._driven_s, reason)
-        if self._thread is not None:
-            self._thread.join(CLOSE_S)
+        self._writing.join(CLOSE_S)
 
     def _end(self, t_s: float, why: str) -> None:
         if self._mission is None:
@@ -159,23 +156,19 @@ class MissionKeeper(PartialLog):
     def _keep(self, mission: LastMission) -> None:
         """Have a thread write the file: a disk that does not answer must not delay the control tick."""
         self._newest = self._line(mission)
-        thread = OneCall(self._write)
         try:
-            thread.start()
+            self._writing.start()
         except RuntimeError as error:  # too many, or no memory; no log may raise
             self._tell(f"this mission is not kept: {error}")
-        else:
-            self._thread = thread
 
     @staticmethod
     def _line(mission: LastMission) -> bytes:
         return orjson.dumps(asdict(mission), option=orjson.OPT_APPEND_NEWLINE)
 
     def _write(self) -> None:
-        with self._writing:  # of two threads the later writes the newest, whichever comes first
-            try:
-                write_atomically(self._path, self._newest, mode=0o644)
-            except BadInput as error:
-                self._tell(f"the end of this mission is not kept: {error}")
-            except OSError as error:
-                self._tell(f"{self._path}: the end of this mission is not kept: {error_advice(error)}")
+        try:
+            write_atomically(self._path, self._newest, mode=0o644)
+        except BadInput as error:
+            self._tell(f"the end of this mission is not kept: {error}")
+        except OSError as error:
+            self._tell(f"{self._path}: the end of this mission is not kept: {error_advice(error)}")

@@ -90,6 +90,9 @@ def _free_mb(folder: Path) -> float | None:
         return None
 
 
+NOT_KEPT = "this run can be deleted, although it was marked: {}"
+
+
 class Storage:
     """Watches where a run is logged; each kind of trouble is told once in a run, and shown while it lasts.
 
@@ -117,6 +120,7 @@ class Storage:
         self._card: list[str] = []
         self._not_deleted: str | None = None
         self._not_kept: str | None = None
+        self._keeping = OneCall(self._keep)
         self._told: set[str] = set()
         self._deleted = 0
 
@@ -140,15 +144,17 @@ class Storage:
 
     def keep(self) -> None:
         """Let nobody delete this run. A thread does that: a disk that does not answer must not delay the loop."""
+        try:
+            self._keeping.start()
+        except RuntimeError as error:
+            self._not_kept = NOT_KEPT.format(error)
 
-        def make() -> None:
-            try:
-                keep_run(self._run)
-                self._not_kept = None
-            except OSError as error:
-                self._not_kept = f"this run can be deleted, although it was marked: {error_advice(error)}"
-
-        OneCall(make).start()
+    def _keep(self) -> None:
+        try:
+            keep_run(self._run)
+            self._not_kept = None
+        except OSError as error:
+            self._not_kept = NOT_KEPT.format(error_advice(error))
 
     def delete_old_runs(self) -> Pruned | None:
         """Delete what is beyond ``keep_mb`` while the rover is not armed; may take seconds, so not on the loop."""
