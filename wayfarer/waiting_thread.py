@@ -9,6 +9,9 @@ import _thread
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from typing import TypeVar
+
+T = TypeVar("T")
 
 
 class WaitingThread(ABC):
@@ -96,3 +99,26 @@ class OneCall:
         """Wait until no call is under way, at most ``wait_s``."""
         with self._changed:
             self._changed.wait_for(lambda: self.is_over, wait_s)
+
+
+def answer_within(wait_s: float, call: Callable[[], T], otherwise: T) -> T:
+    """Return what a call returns, or ``otherwise`` if that takes longer: it may hang for ever.
+
+    Raises:
+        Exception: what the call raises.
+    """
+    answers: list[T] = []
+    errors: list[Exception] = []
+
+    def work() -> None:
+        try:
+            answers.append(call())
+        except Exception as error:
+            errors.append(error)
+
+    thread = OneCall(work)
+    thread.start()
+    thread.join(wait_s)
+    if errors:
+        raise errors[0]
+    return answers[0] if answers else otherwise

@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import pytest
@@ -30,6 +31,7 @@ from wayfarer.daemon.socket.paths import AlreadyRunning, single_daemon
 from wayfarer.errors import NotResponding, WayfarerError
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.live_rover import live_rover_setup
+from wayfarer.fieldlog import sink
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.mission import RunEnd
@@ -365,30 +367,36 @@ async def test_disk_that_takes_no_records_lets_the_rover_drive_on_and_refuses_th
         await daemon.stop()
 
 
-async def test_daemon_starts_on_a_read_only_disk_drives_only_if_told_to_and_logs_as_soon_as_it_can(
-    site: Site, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("ill", "told"), [("read-only", "Read-only file system"), ("hung", "the disk does not answer")]
+)
+async def test_daemon_starts_whatever_the_disk_drives_only_if_told_to_and_logs_as_soon_as_it_can(
+    site: Site, monkeypatch: pytest.MonkeyPatch, ill: str, told: str
 ) -> None:
-    real, read_only = os.mkdir, True
+    real, well = os.mkdir, Event()
 
     def mkdir(path: Any, *more: Any, **keys: Any) -> None:
-        if read_only and Path(path).is_relative_to(site.logs):
-            raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+        if Path(path).is_relative_to(site.logs) and not well.is_set():
+            if ill == "read-only":
+                raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+            assert well.wait(LONG_S)
         real(path, *more, **keys)
 
     monkeypatch.setattr(os, "mkdir", mkdir)
+    monkeypatch.setattr(sink, "SILENT_S", 0.1)
     run = asyncio.create_task(Daemon(site.service).run())
     async with asyncio.timeout(LONG_S):
         while not site.socket.exists() or not (status := await site.ask("status")).get("heading_deg"):
             await asyncio.sleep(0.05)
-    assert "Read-only file system" in status["log_trouble"]
-    with pytest.raises(WayfarerError, match=r"not armed: log: .*Read-only.*: wayfarer arm --without-log"):
+    assert told in status["log_trouble"]
+    with pytest.raises(WayfarerError, match=rf"not armed: log: .*{told}.*: wayfarer arm --without-log"):
         await site.ask("arm", heading_deg=0.0)
-    told = await site.ask("arm", heading_deg=0.0, without_log=True)
-    assert any("Read-only file system" in warning for warning in told["warnings"])
+    answer = await site.ask("arm", heading_deg=0.0, without_log=True)
+    assert any(told in warning for warning in answer["warnings"])
     async with asyncio.timeout(LONG_S):
         while await site.wheels() == STOP:
             await asyncio.sleep(0.01)
-        read_only = False
+        well.set()
         while (await site.ask("status"))["log_trouble"]:
             await asyncio.sleep(0.05)
     await site.ask("stop")

@@ -7,6 +7,7 @@ import fcntl
 import os
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Event
 
 import pytest
 
@@ -69,6 +70,25 @@ def test_number_that_nobody_counted_to_keeps_no_daemon_from_starting(tmp_path: P
     runs = {new_run_folder(tmp_path) for _ in range(3)}
     assert len(runs) == 3
     assert {run_number(run) for run in runs} in ({999_999_999}, {1, 2, 3})
+
+
+def test_file_system_without_locks_keeps_no_daemon_from_starting(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def flock(*_: object) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr(fcntl, "flock", flock)
+    assert run_number(new_run_folder(tmp_path)) == 1
+
+
+def test_disk_that_hangs_keeps_no_daemon_from_starting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    well = Event()
+    monkeypatch.setattr(folders, "LOOK_S", 0.01)
+    monkeypatch.setattr(os, "mkdir", lambda *_: well.wait(20.0))
+    run = new_run_folder(tmp_path / "logs", needed=False)
+    assert (run_number(run), run.exists()) == (1, False)
+    well.set()
 
 
 def test_lock_that_another_user_holds_keeps_no_daemon_from_starting(

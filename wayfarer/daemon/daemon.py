@@ -42,13 +42,13 @@ from wayfarer.daemon.storage import Health, Storage, monitor_host_health
 from wayfarer.daemon.watchdog import StallGuard, SystemdNotifier, WatchdogFeed, feed_watchdog, watchdog_period_s
 from wayfarer.errors import BadInput, DriverError, WayfarerError
 from wayfarer.escape.catalogue import Algorithm
-from wayfarer.fieldlog.folders import new_run_folder
+from wayfarer.fieldlog.folders import LOOK_S, new_run_folder
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.schema import Record
 from wayfarer.fieldlog.sink import Sink
 from wayfarer.hal import STOP, DriveMotors, MotorHealth, Rover, WheelCommand, error_counts_of
 from wayfarer.safety.mission import RunEnd
-from wayfarer.waiting_thread import OneCall
+from wayfarer.waiting_thread import OneCall, answer_within
 
 # -- dry run ---------------------------------------------------------------------------------------------------------
 # Dry run: everything on the real rover except motion.
@@ -251,7 +251,7 @@ class Daemon:
         self._guard = StallGuard(self._rover.motors.halt, self._lines.write, self._tell_of_stall)
         self._suspension: asyncio.TimerHandle | None = None
         try:
-            before = read_last_mission(service.logs)
+            before = answer_within(LOOK_S, partial(read_last_mission, service.logs), None)
         except BadInput as error:
             before = None
             self._lines.write(str(error))

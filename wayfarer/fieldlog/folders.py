@@ -23,6 +23,7 @@ from wayfarer.errors import BadInput
 from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.fieldlog.disk import error_advice
 from wayfarer.fieldlog.fields import escape_control_chars
+from wayfarer.waiting_thread import answer_within
 
 SYSTEM_LOGS = STATE_FOLDER / "field_logs"
 OWN_LOGS = Path("field_logs")
@@ -30,7 +31,8 @@ RUN_NAME = re.compile(r"(\d{1,9})-\d{8}T\d{6}Z", re.ASCII)
 DELETING = ".deleting-"  # begins the name of a run's folder that ``retention`` removes
 LAST_NUMBER = 999_999_999  # a longer number is not taken for a run's
 LONGEST_NAME = 255  # of a file, in bytes
-LOCK_TRIES, LOCK_TRY_S = 500, 0.01  # a daemon holds the lock for some milliseconds
+LOCK_TRIES, LOCK_TRY_S = 100, 0.01  # a daemon holds the lock for some milliseconds
+LOOK_S = 2.0  # how long a daemon waits for the disk of its logs: it may hang for ever
 PART_NAME = re.compile(r"run\.(\d{1,9})\.jsonl\Z", re.ASCII)
 
 
@@ -44,12 +46,19 @@ def new_run_folder(logs: Path, *, needed: bool = True) -> Path:
 
     Args:
         logs: the folder of all logs.
-        needed: if not, whatever the disk does, only the folder's path is returned if it cannot be made; the log's sink
-            makes it when that is possible. If the other runs could not be seen, its number may be that of one of them.
+        needed: if not, whatever the disk does, only the folder's path is returned if it cannot be made at once; the
+            log's sink makes it when that is possible. If the other runs could not be seen, its number may be that of
+            one of them.
 
     Raises:
         BadInput: it cannot be made.
     """
+    if not needed:
+        return answer_within(LOOK_S, lambda: _new_run_folder(logs, needed=False), logs / _name_after(0))
+    return _new_run_folder(logs, needed=True)
+
+
+def _new_run_folder(logs: Path, *, needed: bool) -> Path:
     last = 0
     try:
         logs.mkdir(parents=True, exist_ok=True)
@@ -210,27 +219,24 @@ def is_run(path: Path) -> bool:
         return True  # opening it reports the error
 
 
-def _lock(opened: int) -> bool:
-    """Return whether this process has the lock of a file now."""
-    try:
-        fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    return True
-
-
 @contextmanager
 def _only_one(folder: Path) -> Iterator[None]:
     """Keep other processes out of the same lines for one folder, for as long as a daemon can be in them.
 
-    Any user who may read the folder can hold its lock for ever, and that must not keep a daemon from starting.
+    Any user who may read the folder can hold its lock for ever, and a file system may have no locks: neither must keep
+    a daemon from starting.
     """
     opened = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
         for _ in range(LOCK_TRIES):
-            if _lock(opened):
+            try:
+                fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                Event().wait(LOCK_TRY_S)
+            except OSError:
                 break
-            Event().wait(LOCK_TRY_S)
+            else:
+                break
         yield
     finally:
         os.close(opened)

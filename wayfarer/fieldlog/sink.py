@@ -144,6 +144,8 @@ class Parts:
             self._folder = os.open(self._path, FOLDER)
             try:
                 fcntl.flock(self._folder, fcntl.LOCK_SH | fcntl.LOCK_NB)  # ``retention`` deletes no run with a lock
+            except BlockingIOError:
+                pass  # another program looks whether it may delete this run: not while it is the newest
             except OSError as error:
                 text = "no lock keeps other programs from deleting this run while it is written"
                 self._warn(f"{self._path}: {text}: {error.strerror}")
@@ -163,15 +165,13 @@ class Parts:
 
     def _close_file(self) -> None:
         file, self._file, self._fit = self._file, -1, False
-        if file >= 0:
-            with suppress(OSError):
-                os.close(file)
+        with suppress(OSError):  # none is open
+            os.close(file)
 
     def _close_folder(self) -> None:
         folder, self._folder = self._folder, -1
-        if folder >= 0:
-            with suppress(OSError):
-                os.close(folder)
+        with suppress(OSError):
+            os.close(folder)
 
 
 class Sink(WaitingThread):
@@ -203,7 +203,8 @@ class Sink(WaitingThread):
         self._tell, self._clock, self._threaded = tell, clock or (lambda: 0.0), clock is not None
         self._queue: deque[bytes] = deque()
         self._most_bytes, self._queued_bytes = queue_bytes, 0
-        self._hurry = self._scarce = self._begun = False
+        self._hurry = self._scarce = False
+        self._well: bool | None = None  # whether the disk took what it was given last; None before that
         self._told: set[str] = set()
         self._unsynced = self._dropped_before = 0
         self._asked_s = inf  # since when the disk is being waited for
@@ -221,7 +222,7 @@ class Sink(WaitingThread):
         if self._threaded:
             with self._changed:
                 self._wake()
-                self._changed.wait_for(lambda: self._begun, OPEN_S)
+                self._changed.wait_for(lambda: self._well is not None, OPEN_S)
             return
         try:
             if self._folder.is_dir() and part_names(self._folder):
@@ -273,51 +274,40 @@ class Sink(WaitingThread):
     # -- writing, in the thread if there is one ------------------------------------------------------------------------
 
     def _work(self) -> None:
-        well = self._store(sync=True)
-        with self._changed:
-            self._begun = True
-            self._changed.notify_all()
-        for turn in count(1):
-            closed, hurry = self._wait(well)
-            well = self._store(sync=closed or hurry or not well or turn % WRITES_A_SYNC == 0)
+        closed = hurry = False
+        for turn in count():
+            self._store(sync=closed or hurry or not self._well or turn % WRITES_A_SYNC == 0)
             if closed:
                 self._parts.close()
                 return
+            with self._changed:
+                wait_s = WRITE_S if self._well else RETRY_S
+                self._changed.wait_for(lambda: self._closed or (self._well and self._hurry), wait_s)
+                closed, hurry, self._hurry = self._closed, self._hurry, False
 
-    def _wait(self, well: bool) -> tuple[bool, bool]:
-        """Wait until it is time to write; return whether the log is closed, and whether something is urgent."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._closed or (well and self._hurry), WRITE_S if well else RETRY_S)
-            hurry, self._hurry = self._hurry, False
-            return self._closed, hurry
-
-    def _store(self, *, sync: bool) -> bool:
-        """Write what is queued; return whether the disk took it. What it did not take stays in the queue."""
+    def _store(self, *, sync: bool) -> None:
+        """Write what is queued. What the disk does not take stays in the queue."""
+        well, batch = False, None
         self._asked_s = self._clock()
         try:
-            self._parts.append(())
-            while batch := self._next():
-                self._forget(self._parts.append(batch))
+            while batch != ():
+                with self._changed:
+                    batch = tuple(islice(self._queue, BATCH))
+                written = self._parts.append(batch)
+                with self._changed:
+                    for _ in range(min(written, len(self._queue))):  # ``close`` may have given up and emptied it
+                        self._queued_bytes -= len(self._queue.popleft())
+                    self._unsynced += written
             if sync:
                 self._sync()
+            well = True
         except Exception as error:  # an error inside wayfarer, too, must not end the log
             why = error_advice(error) if isinstance(error, OSError) else repr(error)
             self._begin_trouble(f"{self._folder}: the field log cannot be written: {why}")
-            return False
-        finally:
-            self._asked_s = inf
-        return True
-
-    def _next(self) -> tuple[bytes, ...]:
+        self._asked_s = inf
         with self._changed:
-            return tuple(islice(self._queue, BATCH))
-
-    def _forget(self, written: int) -> None:
-        """Take what was written out of the queue; ``close`` may have given up and emptied it."""
-        with self._changed:
-            for _ in range(min(written, len(self._queue))):
-                self._queued_bytes -= len(self._queue.popleft())
-            self._unsynced += written
+            self._well = well
+            self._changed.notify_all()
 
     def _sync(self) -> None:
         """Have everything on the disk: what could not be is lost, even if some of it should turn up later."""
