@@ -79,12 +79,12 @@ def without_end(where: str, begins: bytes, says: bytes, *, reads: bool = True) -
                 lines.remove(line)
 
 
-def upgrade(port: str) -> bytes:
-    """Return the request of a viewer without the token, as every user of this computer may send it."""
+def upgrade(port: str, query: str = "") -> bytes:
+    """Return the request of a viewer; without a query it has no token, as every user of this computer may send it."""
     return (
-        b"GET /ws HTTP/1.1\r\nHost: localhost:%s\r\nOrigin: http://localhost:%s\r\nUpgrade: websocket\r\n"
+        b"GET /ws%s HTTP/1.1\r\nHost: localhost:%s\r\nOrigin: http://localhost:%s\r\nUpgrade: websocket\r\n"
         b"Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: %s\r\n\r\n"
-    ) % (port.encode(), port.encode(), KEY)
+    ) % (query.encode(), port.encode(), port.encode(), KEY)
 
 
 def message(text: bytes) -> bytes:
