@@ -13,7 +13,7 @@ from tests.system.flooders import connected, flooded, message, upgrade
 from tests.system.hil_setup import Site
 from tests.system.measures import jitter, now_s
 
-QUIET_S = FLOOD_S = 2.5
+QUIET_S, FLOOD_S = 1.0, 1.5
 JITTER_S = 0.02  # a tick is late, and the wheels are held, beyond 0.2 s
 STOPS_S = 0.25  # before any deadman
 OPENED_S = 1.0  # by a page that is opened: behind a hundred connections that wait to be accepted, 5 ms each

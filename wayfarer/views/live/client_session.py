@@ -28,6 +28,7 @@ from wayfarer.views.live.broadcaster import PageViewer, TooSlow, ViewerLimits
 VERBS = ("hold", "resume", "stop", "mark")
 STOPPING = ("hold", "stop")  # never limited
 STARTING = ("resume",)  # what can make wheels turn: only with the token, and from a page that is not old
+TURN_S = 0.001  # chosen by us
 
 _bugs = logging.getLogger("wayfarer.views.live")
 
@@ -40,8 +41,8 @@ class ClientSession:
         request: what opened it.
         viewer: how far it has got with the news.
         commands: what the daemon can do.
-        turn: shared by all: one message is taken in a turn of the loop, so that a flood waits for the control tick and
-            not the tick for the flood.
+        turn: shared by all: one message is taken in ``TURN_S``, so that a flood waits for the control tick and the
+            threads of its buses, and not they for the flood.
         limits: what a viewer may use up.
         demo: the demo that is shown, None for any other run.
         may_start: whether it may start the wheels.
@@ -70,7 +71,7 @@ class ClientSession:
             await self._send(may_start=self.may_start)
             async for message in self._socket:
                 async with self._turn:
-                    await asyncio.sleep(0)
+                    await asyncio.sleep(TURN_S)
                 if message.type is not WSMsgType.TEXT:
                     break
                 await self._take(message.data)
