@@ -159,6 +159,14 @@ def test_run_whose_folder_cannot_be_renamed_is_told_and_the_next_goes(
     assert "00001-20261101T000000Z: Permission denied" in str(found.trouble)
 
 
+def test_what_a_power_cut_left_takes_no_run_with_it_that_a_person_has_put_back(tmp_path: Path) -> None:
+    (tmp_path / ".deleting-00001-20261101T000000Z").mkdir()
+    runs = [make(tmp_path, number) for number in (1, 2)]
+    assert deleted(tmp_path, size_mb(*runs)) == []
+    assert left(tmp_path) == [1, 2]
+    assert not list(tmp_path.glob(".*"))
+
+
 # -- power cuts ------------------------------------------------------------------------------------------------------
 
 

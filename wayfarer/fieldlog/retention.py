@@ -26,7 +26,7 @@ from wayfarer.fieldlog.folders import DELETING, PART_NAME, RUN_NAME
 KEEP = "keep"  # the file that keeps a run
 REPORT = "report.html"  # of ``wayfarer report``: it goes with its run, because it only shows what the log says
 WHOLE_NAME = re.compile(RUN_NAME.pattern + r"(-[0-9a-f]{8})?\Z", re.ASCII)
-OPEN_FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC
+TOO_MUCH = "the runs that may not be deleted are more than keep_mb: the newest, the open and the kept ones"
 
 
 class Pruned(NamedTuple):
@@ -52,18 +52,25 @@ def prune(
         may_delete: asked before each run, whether it may be deleted now.
         dry_run: change nothing.
     """
-    deleted, deleted_mb, trouble = [], 0.0, None
+    deleted: list[str] = []
+    left_mb = deleted_mb = 0.0
+    trouble: str | None = None
     try:
         with _opened(logs) as folder:
-            if not dry_run:
-                _finish_deletions(folder)
-            sizes_mb = {name: _size_mb(folder, name) for name in _run_names(folder)}
+            with os.scandir(folder) as entries:
+                folders = [each for each in entries if each.is_dir(follow_symlinks=False)]
+            for left in [each for each in folders if each.name.startswith(DELETING) and not dry_run]:
+                with suppress(OSError):  # a power cut has left it
+                    if left.stat(follow_symlinks=False).st_uid == os.geteuid():
+                        _delete(folder, left.name)
+            runs = sorted((int(run[1]), run.string) for each in folders if (run := RUN_NAME.match(each.name)))
+            sizes_mb = {name: _look(folder, name)[0] for _, name in runs}
             left_mb = sum(sizes_mb.values())
             for name in list(sizes_mb)[:-1]:
                 if left_mb <= keep_mb or not may_delete():
                     break
                 try:
-                    gone = _is_deletable(folder, name) if dry_run else _delete(folder, name)
+                    gone = _look(folder, name)[1] is not None and (dry_run or _delete(folder, name))
                 except FileNotFoundError:  # somebody else deletes it
                     gone = False
                 except OSError as error:
@@ -73,11 +80,11 @@ def prune(
                     deleted_mb += sizes_mb[name]
                     left_mb -= sizes_mb[name]
     except FileNotFoundError:
-        return Pruned((), 0.0, 0.0)
+        pass
     except OSError as error:
-        return Pruned((), 0.0, 0.0, f"{logs}: {error_advice(error)}")
+        trouble = f"{logs}: {error_advice(error)}"
     if left_mb > keep_mb and trouble is None and may_delete():
-        trouble = "the runs that may not be deleted are more than keep_mb: the newest, the open and the kept ones"
+        trouble = TOO_MUCH
     return Pruned(tuple(deleted), round(deleted_mb, 1), round(left_mb, 1), trouble)
 
 
@@ -92,91 +99,55 @@ def keep_run(run: Path) -> None:
         os.fsync(folder)
 
 
-def _run_names(logs: int) -> list[str]:
-    """Return the numbered runs in an open folder, the newest last; those of other names are nobody's to delete."""
-    with os.scandir(logs) as entries:
-        names = [entry.name for entry in entries if RUN_NAME.match(entry.name) and entry.is_dir(follow_symlinks=False)]
-    return sorted(names, key=lambda name: (int(name.partition("-")[0]), name))
-
-
-def _size_mb(logs: int, name: str) -> float:
+def _look(logs: int, name: str) -> tuple[float, list[str] | None]:
+    """Return how large a folder is in MB, and its files if it may be deleted: it is exactly a run of this user's."""
+    me, may_go = os.geteuid(), WHOLE_NAME.match(name.removeprefix(DELETING)) is not None
     try:
         with _opened(name, logs) as folder:
-            return sum(its.st_size for its in _files(folder).values()) / MB
+            with os.scandir(folder) as entries:
+                files = {each.name: each.stat(follow_symlinks=False) for each in entries}
+            may_go = may_go and os.fstat(folder).st_uid == me and not _is_written(folder)
     except OSError:  # nobody's to look into
-        return 0.0
+        return 0.0, None
+    for file, its in files.items():
+        own_part = its.st_uid == me and PART_NAME.match(file)  # a report may have been made with sudo
+        may_go = may_go and stat.S_ISREG(its.st_mode) and bool(own_part or file == REPORT)
+    return sum(its.st_size for its in files.values()) / MB, list(files) if may_go else None
 
 
-def _is_deletable(logs: int, name: str) -> bool:
-    """Return whether a folder has a run's name, is this user's, has only files of a run in it, and nobody writes it."""
-    if not WHOLE_NAME.match(name.removeprefix(DELETING)):
-        return False
-    with _opened(name, logs) as folder:
+def _is_written(folder: int) -> bool:
+    """Return whether a process writes the run in an open folder: its sink has a lock on it then."""
+    with suppress(OSError):  # some file systems have no locks
         try:
             fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            return False
-        except OSError:  # a file system without locks
-            pass
-        only_a_run = all(_is_runs_file(file, its) for file, its in _files(folder).items())
-        return only_a_run and os.fstat(folder).st_uid == os.geteuid()
-
-
-def _is_own(entry: os.DirEntry[str]) -> bool:
-    return entry.is_dir(follow_symlinks=False) and entry.stat(follow_symlinks=False).st_uid == os.geteuid()
-
-
-def _files(folder: int) -> dict[str, os.stat_result]:
-    """Return what is in an open folder; a symlink stands for itself."""
-    with os.scandir(folder) as entries:
-        return {entry.name: entry.stat(follow_symlinks=False) for entry in entries}
-
-
-def _is_runs_file(name: str, its: os.stat_result) -> bool:
-    is_log = PART_NAME.match(name) is not None
-    is_own = is_log and its.st_uid == os.geteuid()
-    return stat.S_ISREG(its.st_mode) and (is_own or name == REPORT)  # which may have been made with sudo
-
-
-# -- deleting --------------------------------------------------------------------------------------------------------
+            return True
+    return False
 
 
 def _delete(logs: int, name: str) -> bool:
     """Delete a run; return whether it went. Under another name nobody can put a file into it by its path any more."""
-    if not _is_deletable(logs, name):
+    hidden = name
+    if not name.startswith(DELETING):
+        hidden = DELETING + name
+        os.rename(name, hidden, src_dir_fd=logs, dst_dir_fd=logs)
+        os.fsync(logs)  # before its first file goes: a power cut must not show half a run
+    files = _look(logs, hidden)[1]
+    if files is None:
+        os.rename(hidden, hidden.removeprefix(DELETING), src_dir_fd=logs, dst_dir_fd=logs)
         return False
-    hidden = DELETING + name
-    os.rename(name, hidden, src_dir_fd=logs, dst_dir_fd=logs)
-    os.fsync(logs)  # before its first file goes: a power cut must not show half a run
-    return _empty(logs, hidden)
-
-
-def _finish_deletions(logs: int) -> None:
-    """Remove what a power cut left of runs that were being deleted."""
-    with os.scandir(logs) as entries:
-        hidden = [each.name for each in entries if each.name.startswith(DELETING) and _is_own(each)]
-    for name in hidden:
-        with suppress(OSError):
-            _empty(logs, name)
-
-
-def _empty(logs: int, name: str) -> bool:
-    """Remove a hidden folder with the files of a run in it, or give it its name back if it must stay after all."""
-    if not _is_deletable(logs, name):
-        os.rename(name, name.removeprefix(DELETING), src_dir_fd=logs, dst_dir_fd=logs)
-        return False
-    with _opened(name, logs) as folder:
-        for file, its in _files(folder).items():
-            if _is_runs_file(file, its):
-                os.unlink(file, dir_fd=folder)
-    os.rmdir(name, dir_fd=logs)
+    with _opened(hidden, logs) as folder:
+        for file in files:
+            os.unlink(file, dir_fd=folder)
+    os.rmdir(hidden, dir_fd=logs)
     return True
 
 
 @contextmanager
 def _opened(path: Path | str, within: int | None = None) -> Iterator[int]:
     """Give a folder's descriptor, by which its files are named whatever becomes of its path; within one, no symlink."""
-    folder = os.open(path, OPEN_FOLDER | (0 if within is None else os.O_NOFOLLOW), dir_fd=within)
+    flags = os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC | (0 if within is None else os.O_NOFOLLOW)
+    folder = os.open(path, flags, dir_fd=within)
     try:
         yield folder
     finally:
