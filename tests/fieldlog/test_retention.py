@@ -12,8 +12,7 @@ import pytest
 from tests.fieldlog.disks import power_cut_at
 from tests.fieldlog.lines import Log, header, numbers, tick
 from wayfarer.fieldlog import retention
-from wayfarer.fieldlog.disk import MB
-from wayfarer.fieldlog.folders import new_run_folder, run_folders, run_number
+from wayfarer.fieldlog.folders import MB, new_run_folder, run_folders, run_number
 from wayfarer.fieldlog.retention import keep_run, prune
 from wayfarer.views.page.frame import PAGE
 

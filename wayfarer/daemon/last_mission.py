@@ -21,7 +21,7 @@ from wayfarer.control.tick import TickRecord
 from wayfarer.errors import BadInput
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.fieldlog.clock import WallClock, wall_clock
-from wayfarer.fieldlog.disk import error_advice
+from wayfarer.fieldlog.folders import error_advice
 from wayfarer.files import read_own, write_atomically
 from wayfarer.waiting_thread import OneCall
 

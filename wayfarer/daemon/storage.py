@@ -13,7 +13,7 @@ from wayfarer.commissioning.checks.card import CardHealth, card_health, card_tro
 from wayfarer.commissioning.checks.system import THROTTLED, power_flags, system_text
 from wayfarer.config.rover_file import LogSettings
 from wayfarer.control.run_log import RunLog
-from wayfarer.fieldlog.disk import error_advice, free_mb
+from wayfarer.fieldlog.folders import error_advice, free_mb
 from wayfarer.fieldlog.retention import Pruned, keep_run, prune
 from wayfarer.fieldlog.sink import Sink
 from wayfarer.waiting_thread import OneCall

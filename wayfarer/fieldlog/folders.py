@@ -1,4 +1,4 @@
-"""Folders of runs and their files: their names, and finding one again.
+"""Folders of runs and their files: their names, finding one again, and the disk that they are on.
 
 A folder is named by a counter, which no clock can turn back, and the time in UTC at which the run began:
 ``00017-20261121T061405Z``. The counter is the order; the time is for people, and wrong if the clock was. A person
@@ -8,10 +8,12 @@ the parts of the log, are ``run.00001.jsonl``, ``run.00002.jsonl`` and so on.
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import re
 import secrets
+import shutil
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,7 +23,6 @@ from threading import Event
 from wayfarer.config.rover_path import STATE_FOLDER
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.clock import wall_clock
-from wayfarer.fieldlog.disk import error_advice
 from wayfarer.fieldlog.fields import escape_control_chars
 from wayfarer.waiting_thread import answer_within
 
@@ -34,6 +35,17 @@ LONGEST_NAME = 255  # of a file, in bytes
 LOCK_TRIES, LOCK_TRY_S = 100, 0.01  # a daemon holds the lock for some milliseconds
 LOOK_S = 2.0  # how long a daemon waits for the disk of its logs: it may hang for ever
 PART_NAME = re.compile(r"run\.(\d{1,9})\.jsonl\Z", re.ASCII)
+MB = 1_000_000  # bytes
+ADVICE = {
+    errno.ENOSPC: "delete old runs",
+    errno.EDQUOT: "delete old runs, or ask for a larger quota",
+    errno.EROFS: "mount the disk for writing; a card that mounts itself read-only is wearing out (see dmesg)",
+    errno.EIO: "the card or disk is failing (see dmesg): save what is on it and replace it",
+    errno.ENOTDIR: "a file stands where the folder should be",
+    errno.ENOENT: "was it deleted, or is the disk not there?",
+    errno.EEXIST: "log into a separate folder",
+    errno.EFBIG: "the disk allows no file of this size: set a smaller part_mb",
+}
 
 
 def default_log_folder() -> Path:
@@ -240,3 +252,28 @@ def _only_one(folder: Path) -> Iterator[None]:
         yield
     finally:
         os.close(opened)
+
+
+# -- the disk --------------------------------------------------------------------------------------------------------
+
+
+def free_mb(folder: Path) -> float:
+    """Return how much may still be written to the disk of a folder.
+
+    Raises:
+        OSError: there is no such folder, or its disk does not answer.
+    """
+    return shutil.disk_usage(folder).free / MB
+
+
+def total_mb(folder: Path) -> float:
+    """Return the size of the disk of a folder; errors as ``free_mb``."""
+    return shutil.disk_usage(folder).total / MB
+
+
+def error_advice(error: OSError) -> str:
+    """Return what went wrong and what a person can do about it."""
+    if error.errno in {errno.EACCES, errno.EPERM}:
+        return f"{error.strerror}: user {os.geteuid()} needs the right to write there; or choose another --log-dir"
+    advice = ADVICE.get(error.errno or 0, "look at the disk (df, dmesg)")
+    return f"{error.strerror}: {advice}"

@@ -20,8 +20,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from wayfarer.fieldlog.disk import MB, error_advice
-from wayfarer.fieldlog.folders import DELETING, PART_NAME, RUN_NAME
+from wayfarer.fieldlog.folders import DELETING, MB, PART_NAME, RUN_NAME, error_advice
 
 KEEP = "keep"  # the file that keeps a run
 REPORT = "report.html"  # of ``wayfarer report``: it goes with its run, because it only shows what the log says

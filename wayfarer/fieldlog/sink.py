@@ -23,8 +23,7 @@ from pathlib import Path
 
 from wayfarer.config.rover_file import UNLIMITED, LogSettings
 from wayfarer.errors import BadInput
-from wayfarer.fieldlog.disk import MB, error_advice
-from wayfarer.fieldlog.folders import part_name, part_names
+from wayfarer.fieldlog.folders import MB, error_advice, part_name, part_names
 from wayfarer.files import sync_folder
 from wayfarer.waiting_thread import WaitingThread
 

@@ -16,7 +16,7 @@ import pytest
 from tests.kit.rover import Rig
 from wayfarer.commissioning.checks import CheckVerdict, Finding, system
 from wayfarer.config.rover_file import LogSettings, load_rover
-from wayfarer.fieldlog.disk import ADVICE
+from wayfarer.fieldlog.folders import ADVICE
 
 
 def look_at_device(rig: Rig, name: str) -> Finding:

@@ -16,7 +16,7 @@ from wayfarer.commissioning.checks.api import Finding, HostEnvironment, Inspecti
 from wayfarer.config.rover_file import LogSettings, RoverConfig, part_settings
 from wayfarer.errors import NotThereYet
 from wayfarer.fieldlog.clock import CLOCK_SET_S
-from wayfarer.fieldlog.disk import ADVICE, free_mb, total_mb
+from wayfarer.fieldlog.folders import ADVICE, free_mb, total_mb
 from wayfarer.safety.power import SLOWED_NOW, UNDER_VOLTAGE_NOW, UNDER_VOLTAGE_SINCE_BOOT
 
 # The debug connector of a Raspberry Pi 5, which its /dev/serial0 leads to. Second hand, from the issue tracker of the

@@ -8,9 +8,8 @@ from typing import NamedTuple
 
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.clock import began_wall_s, duration_text, local_time
-from wayfarer.fieldlog.disk import MB
 from wayfarer.fieldlog.fields import escape_control_chars, integer, number, safe_text
-from wayfarer.fieldlog.folders import run_folders, run_number
+from wayfarer.fieldlog.folders import MB, run_folders, run_number
 from wayfarer.fieldlog.lines import LogLines
 from wayfarer.fieldlog.reader import first_record, log_segments, read_header
 from wayfarer.fieldlog.schema import Record
