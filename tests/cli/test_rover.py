@@ -23,7 +23,7 @@ from wayfarer.config.calibration_file import (
     stamp,
 )
 from wayfarer.config.rover_file import load_rover
-from wayfarer.daemon.motors_lock import motors_lock
+from wayfarer.daemon.driven import motors_lock
 from wayfarer.daemon.socket.paths import daemon_socket, single_daemon
 from wayfarer.daemon.socket.protocol import RequestRefused
 from wayfarer.errors import BadInput
@@ -306,7 +306,7 @@ def test_motors_of_a_daemon_on_another_socket_are_left_alone(
     rover_file: Path, monkeypatch: pytest.MonkeyPatch, run: Run, command: list[str]
 ) -> None:
     monkeypatch.setattr(terminal, "is_interactive", lambda: True)
-    monkeypatch.setattr("wayfarer.daemon.motors_lock.motors_device", lambda config: "/dev/ptmx")
+    monkeypatch.setattr("wayfarer.daemon.driven.motors_device", lambda config: "/dev/ptmx")
     with motors_lock("/dev/ptmx"):
         code, _, err = run(*command, "--rover", rover_file)
     assert code == 75

@@ -12,7 +12,7 @@ import pytest
 
 from tests.config.rover_texts import complaint, load, rover_toml
 from wayfarer.config.rover_file import RoverConfig, load_rover, part_settings, rover_names
-from wayfarer.daemon.socket.driven import DrivenBoard
+from wayfarer.daemon.driven import DrivenBoard
 from wayfarer.daemon.stop_motors import motors_of
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 

@@ -54,8 +54,8 @@ def path() -> Iterator[Path]:
 def left_turning(monkeypatch: pytest.MonkeyPatch, path: Path) -> None:
     """The bench's wheels turn. Daemons of this machine are not looked for, and what ends is not waited for long."""
     monkeypatch.setattr("wayfarer.daemon.stop_motors.AGAIN_S", 0.1)
-    monkeypatch.setattr("wayfarer.daemon.socket.paths.known_sockets", lambda: iter([path]))
-    monkeypatch.setattr("wayfarer.daemon.socket.paths.known_folders", lambda: iter([path.parent]))
+    monkeypatch.setattr("wayfarer.daemon.socket.paths.known_sockets", lambda: [path])
+    monkeypatch.setattr("wayfarer.daemon.socket.paths.known_folders", lambda: [path.parent])
     bench.reset()
     assert bench.by_i2c.commanded == pytest.approx(AHEAD, abs=0.01)
     assert bench.by_serial.commanded == AHEAD

@@ -13,9 +13,8 @@ import pytest
 from tests.daemon.left_turning import BUSES, SABERTOOTH, STILL, THUNDERBORG, bench, stop
 from tests.daemon.socket.fake_daemon import FakeDaemon, serve
 from wayfarer import cli
-from wayfarer.daemon.motors_lock import motors_lock
+from wayfarer.daemon.driven import DrivenBoard, motors_lock, write_record
 from wayfarer.daemon.socket.client import NoDaemon
-from wayfarer.daemon.socket.driven import DrivenBoard, write_record
 from wayfarer.daemon.socket.protocol import RequestRefused
 from wayfarer.daemon.stop_motors import stop_motors
 from wayfarer.errors import BadInput, WayfarerError
@@ -139,15 +138,6 @@ def test_daemon_is_asked_to_stop_though_neither_record_nor_rover_file_can_be_use
         stop_motors(str(rover_file))
     assert str(refused.value).endswith(f"; the daemon at {path} says that it stops")
     assert len(asked) == 1
-
-
-def test_daemon_whose_socket_is_known_twice_is_asked_once(
-    rover_file: Path, monkeypatch: pytest.MonkeyPatch, path: Path
-) -> None:
-    asked = ask_that(monkeypatch, path, dict)
-    monkeypatch.setattr("wayfarer.daemon.socket.paths.known_sockets", lambda: iter([path] * 2))
-    stop(rover_file, BUSES + THUNDERBORG)
-    assert asked == [{"do": "stop"}]
 
 
 @pytest.mark.parametrize("error", [RequestRefused("no"), WayfarerError("did not answer within 1 s")])

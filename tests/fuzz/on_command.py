@@ -68,7 +68,7 @@ def _commanded() -> Iterator[Try]:
 @contextmanager
 def _socket_in(folder: Path) -> Iterator[None]:
     """Have the client look for the daemon in a folder, and nowhere else: there may be real ones."""
-    with patch("wayfarer.daemon.socket.client.known_sockets", lambda: iter([folder / "control.sock"])):
+    with patch("wayfarer.daemon.socket.client.known_sockets", lambda: [folder / "control.sock"]):
         yield
 
 

@@ -147,7 +147,7 @@ def _stop(path: Path) -> str:
 def _stopping() -> Iterator[Try]:
     """Stop by the rover file of each case; daemons are not looked for, because there may be real ones."""
     with (
-        patch("wayfarer.daemon.socket.paths.known_sockets", lambda: iter(())),
+        patch("wayfarer.daemon.socket.paths.known_sockets", list),
         reading_a_file("rover.toml", _stop) as attempt,
     ):
         yield attempt

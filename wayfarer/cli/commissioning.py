@@ -111,7 +111,7 @@ def _at_the_rover(
     from wayfarer.config.calibration_file import load
     from wayfarer.config.factory import UNCALIBRATED, connect
     from wayfarer.config.rover_file import load_rover
-    from wayfarer.daemon.motors_lock import motors_device, motors_lock
+    from wayfarer.daemon.driven import motors_device, motors_lock
     from wayfarer.daemon.socket.paths import without_daemon
 
     where = chosen_rover(rover)

@@ -69,7 +69,7 @@ def _look() -> Inventory:
 
     from wayfarer.commissioning.checks import HostEnvironment
     from wayfarer.commissioning.first_rover import look, motor_devices
-    from wayfarer.daemon.motors_lock import refuse_taken
+    from wayfarer.daemon.driven import refuse_taken
     from wayfarer.daemon.socket.paths import without_daemon
     from wayfarer.drivers.linux import LinuxBuses, connected_cameras
 

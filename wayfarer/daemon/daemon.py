@@ -30,10 +30,9 @@ from wayfarer.control.shutdown import STOP_DEADLINE_S
 from wayfarer.control.supervisor import Supervisor, check_parts, first_cause
 from wayfarer.daemon.arming_check import running_inspection
 from wayfarer.daemon.commands import RoverCommands
+from wayfarer.daemon.driven import DrivenBoard, motors_device, motors_lock, remove_record, write_record
 from wayfarer.daemon.last_mission import LastMission, MissionKeeper, read_last_mission
-from wayfarer.daemon.motors_lock import motors_device, motors_lock
 from wayfarer.daemon.signals import handle_signals
-from wayfarer.daemon.socket.driven import DrivenBoard, remove_record, write_record
 from wayfarer.daemon.socket.paths import single_daemon
 from wayfarer.daemon.socket.protocol import Commands
 from wayfarer.daemon.socket.server import ControlServer

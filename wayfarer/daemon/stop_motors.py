@@ -1,6 +1,6 @@
 """``wayfarer stop-motors``: stops the motors without the daemon; also systemd's ``ExecStopPost``.
 
-Which motors a daemon drives is in its record (``daemon/socket/driven.py``), and nowhere else: the rover file may have
+Which motors a daemon drives is in its record (``daemon/driven.py``), and nowhere else: the rover file may have
 changed since it began. The motors of the rover file are stopped as well. They may be other ones by now, which nobody
 has recorded; a stop is harmless for both. The rover file is used as it is, and one that is broken is refused. If a
 daemon still runs and would turn the wheels again, it is asked to stop; so it is if no board was stopped.
@@ -20,8 +20,7 @@ from typing import NamedTuple
 
 from wayfarer.config.registry import find_driver, make_buses
 from wayfarer.config.rover_path import ROVER_FILE_BYTES, rover_path
-from wayfarer.daemon.motors_lock import device_of, other_commander
-from wayfarer.daemon.socket.driven import DrivenBoard, known_records, read_record
+from wayfarer.daemon.driven import DrivenBoard, device_of, known_records, other_commander, read_record
 from wayfarer.daemon.socket.paths import OTHERS_WRITE
 from wayfarer.errors import BadConfig, BadInput, DriverError, NotResponding, WayfarerError, kind_and_text
 from wayfarer.files import open_regular
@@ -41,13 +40,6 @@ class BoardToStop(NamedTuple):
     trusted: bool
 
 
-class StopResult(NamedTuple):
-    """The result for one source; exit code 0: stopped, 1: wheels may still turn, 2: the rover file cannot be used."""
-
-    text: str
-    exit_code: int
-
-
 def stop_motors(name_or_path: str) -> str:
     """Stop the wheels that a daemon drives or drove, and those of the rover file; report how certain each stop is.
 
@@ -60,35 +52,32 @@ def stop_motors(name_or_path: str) -> str:
         WayfarerError: a board did not answer, a daemon still commands it, or a record cannot be used.
     """
     boards: list[BoardToStop] = []
-    unusable: list[StopResult] = []
+    results: list[tuple[str, int]] = []  # exit code 0: stopped, 1: wheels may still turn, 2: the file cannot be used
     for record in known_records():
         try:
             if (found := read_record(record)) is not None:
                 _add(boards, BoardToStop(f"the daemon's {record}", found[0], True, _is_trusted(*found)))
         except BadInput as error:
-            unusable.append(StopResult(str(error), 1))  # it may be for another board than that of the rover file
+            results.append((str(error), 1))  # it may be for another board than that of the rover file
     path = rover_path(name_or_path)
     try:
         named = motors_of(path)
         _add(boards, BoardToStop(str(path), named[0], False, _is_trusted(*named)))
     except BadInput as error:
-        unusable.append(StopResult(f"{path}: {error}", error.exit_code))
+        results.append((f"{path}: {error}", error.exit_code))
+    # What a daemon drives comes first, and code that a rover file names last: it may hang, or end this process.
     boards.sort(key=lambda board: not board.recorded and board.driven.names_code)
-    results = [_stopped(board) for board in boards] + unusable
-    text = "; ".join(result.text for result in results)
-    codes = {result.exit_code for result in results}
+    results = [_stopped(board) for board in boards] + results
+    text, codes = "; ".join(text for text, _ in results), {code for _, code in results}
     if codes == {2} or not any(board.trusted for board in boards):
         # A daemon may have begun with a file that was whole then, and its record may be lost, or not be readable.
         agreed = ", ".join(str(place) for place, agrees in ask_daemons().items() if agrees)
-        text += (
-            f"; the daemon at {agreed} says that it stops"
-            if agreed
-            else "; no stop is certain: switch the motors' power off"
-        )
+        says = f"the daemon at {agreed} says that it stops"
+        text += f"; {says}" if agreed else "; no stop is certain: switch the motors' power off"
+    if codes == {2}:
+        raise BadInput(text)
     if 1 in codes:
         raise WayfarerError(text)
-    if 0 not in codes:
-        raise BadInput(text)
     return text
 
 
@@ -135,7 +124,8 @@ def motors_of(path: Path) -> tuple[DrivenBoard, os.stat_result]:
 # -- one board -------------------------------------------------------------------------------------------------------
 
 
-def _stopped(board: BoardToStop) -> StopResult:
+def _stopped(board: BoardToStop) -> tuple[str, int]:
+    """Stop a board, and return the result as a text and an exit code."""
     try:
         if not board.trusted:
             raise BadInput(
@@ -143,17 +133,16 @@ def _stopped(board: BoardToStop) -> StopResult:
                 " (sudo -u), take the right to write it from the others (chown root, chmod go-w), or switch the motors'"
                 " power off"
             )
-        return StopResult(f"{board.where}: {asyncio.run(_stop(board.driven))}", 0)
+        return f"{board.where}: {asyncio.run(_stop(board.driven))}", 0
     except WayfarerError as error:
-        return StopResult(f"{board.where}: {error}", 1 if board.recorded else error.exit_code)
+        why, code = str(error), error.exit_code
     # A daemon has checked the settings that it recorded. Those of a rover file are used unchecked, because a stop must
     # not wait for pydantic to load, and the driver raises what is wrong. A third party's driver may raise anything.
     except Exception as error:
-        text = (
-            f"[parts.motors] cannot be used, nothing may have been stopped: {kind_and_text(error)}; switch the motors'"
-            " power off, see wayfarer check"
-        )
-        return StopResult(f"{board.where}: {text}", 1 if board.recorded else BadConfig.exit_code)
+        text = "[parts.motors] cannot be used, nothing may have been stopped"
+        why = f"{text}: {kind_and_text(error)}; switch the motors' power off, see wayfarer check"
+        code = BadConfig.exit_code
+    return f"{board.where}: {why}", 1 if board.recorded else code
 
 
 async def _stop(driven: DrivenBoard) -> str:
@@ -217,7 +206,7 @@ def ask_daemons() -> dict[Path, bool]:
     from wayfarer.daemon.socket.paths import known_sockets
 
     agreed: dict[Path, bool] = {}
-    for place in dict.fromkeys(known_sockets()):
+    for place in known_sockets():
         if not os.access(place, os.W_OK):
             continue  # another user's daemon cannot be asked; the lock of the motors shows whether it drives them
         try:

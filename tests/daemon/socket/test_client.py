@@ -87,7 +87,7 @@ async def test_daemon_is_found_where_it_may_be(path: Path, daemon: FakeDaemon, m
     with socket.socket(socket.AF_UNIX) as killed:
         killed.bind(str(stale))
     places = [path.parent / "nowhere" / "control.sock", stale, path]
-    monkeypatch.setattr(client, "known_sockets", lambda: iter(places))
+    monkeypatch.setattr(client, "known_sockets", lambda: places)
     async with serve(daemon, path):
         assert await asyncio.to_thread(ask, STATUS) == {"mode": "disarmed"}
 
@@ -129,7 +129,7 @@ def barred(path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 async def test_own_daemon_is_found_beside_the_service_of_another_user(
     path: Path, barred: Path, daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(client, "known_sockets", lambda: iter([barred, path]))
+    monkeypatch.setattr(client, "known_sockets", lambda: [barred, path])
     async with serve(daemon, path):
         assert await asyncio.to_thread(ask, STATUS) == {"mode": "disarmed"}
     with pytest.raises(WayfarerError, match=f"{barred}: belongs to another user: use sudo"):
@@ -139,7 +139,7 @@ async def test_own_daemon_is_found_beside_the_service_of_another_user(
 def test_variable_that_is_missing_is_told_of_where_no_daemon_is_found(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(client, "known_sockets", lambda: iter([path]))
+    monkeypatch.setattr(client, "known_sockets", lambda: [path])
     monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
     with pytest.raises(NoDaemon, match=rf"\(nobody listens at {path}; XDG_RUNTIME_DIR is not set\): start it with"):
         ask(STATUS)

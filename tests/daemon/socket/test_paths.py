@@ -10,6 +10,7 @@ from stat import S_IMODE
 import pytest
 
 from tests.daemon.socket.fake_daemon import held_elsewhere, open_files
+from wayfarer.daemon.driven import known_records
 from wayfarer.daemon.socket import paths
 from wayfarer.daemon.socket.paths import (
     AlreadyRunning,
@@ -111,6 +112,16 @@ def test_without_a_folder_of_one_s_own_a_line_names_the_variable(
     assert not any(named in str(path) for path in known_sockets() if named)
     with without_daemon():  # no daemon of this user can run, so the parts may be looked at
         assert not (places / "run/wayfarer").exists()
+
+
+def test_each_place_is_asked_once_for_a_socket_and_for_a_record(places: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The service's own stop-motors has both the variable and the folder."""
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(paths.SYSTEM_FOLDER))
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(places / "session"))
+    folders = [places / "run/wayfarer", places / "session/wayfarer"]
+    assert known_sockets() == [folder / "control.sock" for folder in folders]
+    assert list(known_records()) == [folder / "motors.json" for folder in folders]
 
 
 @pytest.mark.parametrize("user", [0, 1000])

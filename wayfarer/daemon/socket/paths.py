@@ -60,22 +60,24 @@ def without_daemon() -> AbstractContextManager[None]:
         return nullcontext()
 
 
-def known_sockets() -> Iterator[Path]:
-    """Give every place where a daemon's socket may be, in the order of preference."""
-    return (folder / SOCKET_NAME for folder in known_folders())
+def known_sockets() -> list[Path]:
+    """Return every place where a daemon's socket may be, in the order of preference."""
+    return [folder / SOCKET_NAME for folder in known_folders()]
 
 
-def known_folders() -> Iterator[Path]:
-    """Give every folder where a daemon may be or have been, in the order of preference."""
-    if services := os.environ.get("RUNTIME_DIRECTORY"):
-        yield Path(services.split(":")[0])
-    yield SYSTEM_FOLDER
+def known_folders() -> list[Path]:
+    """Return every folder where a daemon may be or have been, each once, in the order of preference."""
+    services = os.environ.get("RUNTIME_DIRECTORY")
+    folders = [Path(services.split(":")[0])] if services else []
+    folders.append(SYSTEM_FOLDER)
     if not no_session():
-        yield _session_folder()
+        folders.append(_session_folder())
     if os.geteuid() == 0:
         # The session of who gave sudo comes first: the daemon of another user is hardly the one that is meant.
         sudo = os.environ.get("SUDO_UID", "")
-        yield from sorted(SESSIONS_FOLDER.glob("*/wayfarer"), key=lambda folder: (folder.parent.name != sudo, folder))
+        found = SESSIONS_FOLDER.glob("*/wayfarer")
+        folders += sorted(found, key=lambda folder: (folder.parent.name != sudo, folder))
+    return list(dict.fromkeys(folders))
 
 
 def no_session() -> str:

@@ -10,7 +10,7 @@ import pytest
 
 from tests.daemon.socket.fake_daemon import held_elsewhere, open_files
 from wayfarer.config.rover_file import RoverConfig, load_rover
-from wayfarer.daemon.motors_lock import (
+from wayfarer.daemon.driven import (
     MotorsTaken,
     device_of,
     motors_device,
@@ -63,7 +63,7 @@ def test_lock_ends_with_its_context_and_leaves_no_file_open(device: str) -> None
 def test_kernel_that_does_not_tell_leaves_the_holder_unnamed(
     device: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("wayfarer.daemon.motors_lock.LOCKS", tmp_path / "none")
+    monkeypatch.setattr("wayfarer.daemon.driven.LOCKS", tmp_path / "none")
     with motors_lock(device):
         assert other_commander(device) == "another wayfarer"
 

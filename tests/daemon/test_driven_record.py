@@ -10,11 +10,9 @@ from stat import S_IMODE
 
 import pytest
 
-from wayfarer.daemon.socket import paths
-from wayfarer.daemon.socket.driven import (
-    MAX_BYTES,
+from wayfarer.daemon.driven import (
+    RECORD_BYTES,
     DrivenBoard,
-    known_records,
     read_record,
     remove_record,
     write_record,
@@ -85,7 +83,7 @@ def says(text: str) -> Callable[[Path], object]:
         (says('{"motors": 3, "buses": "linux"}'), "no daemon wrote this"),
         (says('{"motors": {}, "buses": "linux"}'), "no daemon wrote this"),
         (says('{"motors": {"driver": "x"}, "buses": "linux", "more": 1}'), "no daemon wrote this"),
-        (says(json.dumps({"motors": {"driver": "x" * MAX_BYTES}, "buses": "linux"})), "no daemon wrote this"),
+        (says(json.dumps({"motors": {"driver": "x" * RECORD_BYTES}, "buses": "linux"})), "no daemon wrote this"),
     ],
 )
 def test_what_cannot_be_believed_is_told(record: Path, done: Callable[[Path], object], why: str) -> None:
@@ -103,8 +101,3 @@ def test_what_this_user_may_not_read_is_nobody_s(record: Path) -> None:
         assert read_record(record) is None
     finally:
         os.seteuid(0)
-
-
-def test_records_are_looked_for_beside_every_socket_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(paths, "known_folders", lambda: [Path("/run/wayfarer"), Path("/run/wayfarer"), Path("/x")])
-    assert list(known_records()) == [Path("/run/wayfarer/motors.json"), Path("/x/motors.json")]
