@@ -57,6 +57,31 @@ def open_to_append(path: Path) -> BinaryIO:
     return os.fdopen(_opened(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW), "r+b")
 
 
+def open_folder(path: Path) -> int:
+    """Return the descriptor of a folder, which is made if it is not there; no symlink is followed on the way.
+
+    Args:
+        path: absolute.
+
+    Raises:
+        OSError: it cannot be opened, or a symlink is on the way.
+    """
+    step = os.O_PATH | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
+    folder = os.open(path.anchor, step)
+    try:
+        for name in path.parts[1:]:
+            try:
+                inner = os.open(name, step, dir_fd=folder)
+            except FileNotFoundError:
+                os.mkdir(name, dir_fd=folder)
+                inner = os.open(name, step, dir_fd=folder)
+            os.close(folder)
+            folder = inner
+        return os.open(".", os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC, dir_fd=folder)
+    finally:
+        os.close(folder)
+
+
 def read_regular(path: Path, most_bytes: int) -> bytes:
     """Return what is in an ordinary file.
 

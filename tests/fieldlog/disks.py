@@ -46,33 +46,37 @@ def small_disk(mount_point: Path, kb: int) -> Iterator[bool]:
 
 
 @contextmanager
-def damaged_disk(folder: Path) -> Iterator[Path | None]:
-    """Mount an ext4 whose folder ``logs`` is garbage, and give this folder; None if that is not allowed."""
-    image, mount_point = folder / "image", folder / "mounted"
-    mount_point.mkdir()
-    image.touch()
-    os.truncate(image, 8_000_000)
-
-    def done(*command: str | Path) -> str | None:
-        ended = subprocess.run(command, capture_output=True, text=True, check=False)
-        return ended.stdout if ended.returncode == 0 else None
-
-    def mounted() -> bool:
-        return os.geteuid() == 0 and done("mount", "-o", "loop", image, mount_point) is not None
-
-    if shutil.which("mkfs.ext4") is None or done("mkfs.ext4", "-q", "-b", "1024", image) is None or not mounted():
-        yield None
-        return
-    (mount_point / "logs").mkdir()
-    done("umount", mount_point)
-    block = (done("debugfs", "-R", "blocks /logs", image) or "").strip()
-    with image.open("r+b") as file:
-        file.seek(1024 * int(block))
-        file.write(b"\xa5" * 1024)
+def mounted(image: Path, at: Path) -> Iterator[bool]:
+    """Mount an image of a disk; give False if that is not allowed."""
+    at.mkdir(exist_ok=True)
+    mounts = os.geteuid() == 0 and _done("mount", "-o", "loop", image, at)
     try:
-        yield mount_point / "logs" if mounted() else None
+        yield mounts
     finally:
-        done("umount", "-l", mount_point)
+        if mounts:
+            subprocess.run(["umount", "-l", at], check=True)
+
+
+def ext4_image(path: Path) -> Path:
+    """Make the image of an empty ext4, if this computer can."""
+    path.touch()
+    os.truncate(path, 24_000_000)
+    if shutil.which("mkfs.ext4") is not None:
+        _done("mkfs.ext4", "-q", "-b", "1024", path)
+    return path
+
+
+def damage(image: Path, folder: str) -> None:
+    """Have garbage in the place of a folder's names."""
+    command = ["debugfs", "-R", f"blocks {folder}", str(image)]
+    block = int(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+    with image.open("r+b") as file:
+        file.seek(1024 * block)
+        file.write(b"\xa5" * 1024)
+
+
+def _done(*command: str | Path) -> bool:
+    return subprocess.run(command, capture_output=True, check=False).returncode == 0
 
 
 class PowerCut(BaseException):

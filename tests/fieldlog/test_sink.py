@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.fieldlog.disks import FailingCall
 from tests.fieldlog.lines import FREE, SMALL, Log, event, header, numbers, read, run_record, tick
 from wayfarer.config.rover_file import LogSettings
 from wayfarer.errors import BadInput
@@ -192,6 +193,27 @@ def test_folder_is_held_whatever_becomes_of_its_name(tmp_path: Path) -> None:
     log.sink.close()
     assert numbers(tmp_path / "moved") == list(range(1, 31))
     assert list((tmp_path / "etc").iterdir()) == []
+
+
+def test_symlink_that_somebody_puts_on_the_way_later_is_not_followed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "disk").mkdir()
+    (tmp_path / "logs").symlink_to(tmp_path / "disk")
+    log = Log(tmp_path / "logs" / "run")
+    log.write(1)
+    assert numbers(tmp_path / "disk" / "run") == [1], "a person's own symlink"
+    (tmp_path / "etc").mkdir()
+    (tmp_path / "disk").rename(tmp_path / "moved")
+    (tmp_path / "disk").symlink_to(tmp_path / "etc")
+    with monkeypatch.context() as patch:
+        FailingCall(patch, "write").failures = 10
+        log.write(2)
+        log.sink._parts.close()  # as after a disk that failed
+    log.write(3)
+    assert list((tmp_path / "etc").iterdir()) == []
+    assert log.sink.trouble is not None
+    log.sink.close()
 
 
 def test_folder_that_is_a_symlink_is_not_followed(tmp_path: Path) -> None:

@@ -1,11 +1,13 @@
 """Whatever a disk does, a rover drives on, its log goes on as soon as it can, and a person is told."""
 
+# ruff: noqa: TID251 - a real disk needs real time
 from __future__ import annotations
 
 import errno
 import os
 import shutil
 import subprocess
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -13,7 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.fieldlog.disks import FailingCall, damaged_disk, files_no_longer_than, small_disk
+from tests.fieldlog.disks import FailingCall, damage, ext4_image, files_no_longer_than, mounted, small_disk
 from tests.fieldlog.lines import FREE, SMALL, Log, event, header, numbers, read, tick
 from wayfarer.commissioning.checks.card import card_health
 from wayfarer.config.rover_file import LogSettings
@@ -266,14 +268,40 @@ def test_read_only_disk_lets_a_rover_start_and_a_trial_say_so(small: Path, monke
 
 @pytest.mark.process
 def test_corrupt_file_system_lets_a_rover_start(tmp_path: Path) -> None:
-    """Its folder is a block of garbage: looking into it is an error that is in no list."""
-    with damaged_disk(tmp_path) as logs:
-        if logs is None:
+    """Where the names of its folder should be is garbage: looking into it is an error that nobody thinks of."""
+    image, told = ext4_image(tmp_path / "image"), list[str]()
+    with mounted(image, tmp_path / "card") as mounts:
+        if not mounts:
             pytest.skip("mounting an image takes root and a loop device")
-        told: list[str] = []
-        log = threaded(new_run_folder(logs, needed=False), told.append)
+        (tmp_path / "card" / "logs").mkdir()
+    damage(image, "/logs")
+    with mounted(image, tmp_path / "card"):
+        log = threaded(new_run_folder(tmp_path / "card" / "logs", needed=False), told.append)
         log.put(event(1), urgent=True)
         log.close()
-    assert log.dropped == 1
-    assert log.trouble is not None
+    assert (log.dropped, log.trouble is None) == (1, False)
     assert "cannot be written" in told[0]
+
+
+@pytest.mark.process
+def test_frozen_file_system_holds_nobody_up_and_costs_no_record(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sink, "SILENT_S", 0.1)
+    monkeypatch.setattr(sink, "CLOSE_S", 20.0)
+    with mounted(ext4_image(tmp_path / "image"), tmp_path / "card") as mounts:
+        if not mounts:
+            pytest.skip("mounting an image takes root and a loop device")
+        log = Sink(tmp_path / "card" / "run", FREE, clock=time.monotonic)
+        log.open(header)
+        subprocess.run(["fsfreeze", "-f", tmp_path / "card"], check=True)
+        number, ends_s = 0, time.monotonic() + 20.0
+        try:
+            while log.trouble is None and time.monotonic() < ends_s:
+                log.put(event(number := number + 1), urgent=True)
+                time.sleep(0.01)
+        finally:
+            subprocess.run(["fsfreeze", "-u", tmp_path / "card"], check=True)
+        log.close()
+        assert numbers(tmp_path / "card" / "run") == list(range(1, number + 1))
+        assert (log.dropped, log.trouble) == (0, None)

@@ -21,12 +21,13 @@ from random import Random
 import pytest
 
 from tests.children import child
+from tests.fieldlog.disks import ext4_image, mounted
 
 KILLS = int(os.environ.get("KILLS", "8"))
 KILLED_LOSES_S, CUT_LOSES_S = 0.2, 1.0
 TICK_S = 0.005  # far more often than a rover, so that a loss is measured finely
 BUSY_S = 0.1  # how late a thread may be on a computer that does other things
-BEGINS_S, LIVES_S = 2.0, 1.5
+LIVES_S = 1.5
 # Writes a tick all the time, and now and then an event; ``t_s`` is the time at which the log took it.
 WRITES = f"""
 import sys, time
@@ -86,47 +87,23 @@ def test_killed_process_loses_a_fifth_of_a_second(tmp_path: Path) -> None:
     assert told("SIGKILL", losses_s) <= KILLED_LOSES_S + BUSY_S
 
 
-@pytest.fixture
-def card(tmp_path: Path) -> Iterator[tuple[Path, Path]]:
-    """The image of an ext4 and where it is mounted."""
-    image, mounted = tmp_path / "image", tmp_path / "mounted"
-    mounted.mkdir()
-    with image.open("wb") as file:
-        file.truncate(24_000_000)
-    if os.geteuid() != 0 or shutil.which("mkfs.ext4") is None:
-        pytest.skip("mounting an image takes root")
-    subprocess.run(["mkfs.ext4", "-q", image], check=True)
-    if subprocess.run(["mount", "-o", "loop", image, mounted], capture_output=True, check=False).returncode != 0:
-        pytest.skip("mounting an image takes a loop device")
-    yield image, mounted
-    subprocess.run(["umount", "-l", mounted], check=True)
-
-
 @pytest.mark.process
-def test_power_cut_loses_a_second(card: tuple[Path, Path], tmp_path: Path) -> None:
+def test_power_cut_loses_a_second(tmp_path: Path) -> None:
     """What the disk has at an instant is what is in its image then: all else is in the computer's memory."""
-    image, mounted = card
-    rng, losses_s = Random(45), list[float]()
-    for number in range(KILLS):
-        run = mounted / str(number)
-        with writing(run, number) as process:
-            time.sleep(rng.uniform(0.0, LIVES_S))
-            process.send_signal(signal.SIGSTOP)
-            cut_s = time.monotonic()
-            shutil.copyfile(image, tmp_path / "cut")
-        shutil.rmtree(run)
-        found = last_s_of_image(tmp_path / "cut", tmp_path / "found", run.name)
-        losses_s.append(cut_s - found)
+    image, rng, losses_s = ext4_image(tmp_path / "image"), Random(45), list[float]()
+    with mounted(image, tmp_path / "card") as mounts:
+        if not mounts:
+            pytest.skip("mounting an image takes root and a loop device")
+        for number in range(KILLS):
+            run = tmp_path / "card" / str(number)
+            with writing(run, number) as process:
+                time.sleep(rng.uniform(0.0, LIVES_S))
+                process.send_signal(signal.SIGSTOP)
+                cut_s = time.monotonic()
+                shutil.copyfile(image, tmp_path / "cut")
+            shutil.rmtree(run)
+            with mounted(tmp_path / "cut", tmp_path / "found"):
+                last = last_s(tmp_path / "found" / run.name)
+            assert last is not None
+            losses_s.append(cut_s - last)
     assert told("power cut", losses_s) <= CUT_LOSES_S + BUSY_S
-
-
-def last_s_of_image(image: Path, at: Path, run: str) -> float:
-    """Return the time of the last record of a run on a disk that lost its power."""
-    at.mkdir(exist_ok=True)
-    subprocess.run(["mount", "-o", "loop", image, at], check=True)
-    try:
-        last = last_s(at / run)
-    finally:
-        subprocess.run(["umount", at], check=True)
-    assert last is not None
-    return last

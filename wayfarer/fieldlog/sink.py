@@ -24,7 +24,7 @@ from pathlib import Path
 from wayfarer.config.rover_file import UNLIMITED, LogSettings
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import MB, error_advice, part_name, part_names
-from wayfarer.files import sync_folder
+from wayfarer.files import open_folder, sync_folder
 from wayfarer.waiting_thread import WaitingThread
 
 WRITE_S = 0.18  # between two writes: a killed process loses at most 0.2 s
@@ -39,7 +39,6 @@ RELIEF = 1.1  # so much more than ``free_mb`` must be free before ticks are writ
 # O_EXCL makes a new file: nothing is written over, and no symlink is followed. O_APPEND: whatever else happens to the
 # file, a line never lands in the middle of it.
 NEW_FILE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_APPEND | os.O_CLOEXEC
-FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
 
 
 class Parts:
@@ -56,6 +55,7 @@ class Parts:
     def __init__(self, folder: Path, settings: LogSettings, warn: Callable[[str], None]) -> None:
         self.header: Callable[[int], bytes] = lambda _: b""
         self._path, self._warn = folder, warn
+        self._real: Path | None = None  # the path, without symlinks
         self._part_bytes, self._run_bytes = settings.part_mb * MB, settings.run_mb * MB
         self._folder = self._file = -1
         self._number = self._size = 0
@@ -139,8 +139,9 @@ class Parts:
 
     def _hold_folder(self) -> None:
         if self._folder < 0:
-            self._path.mkdir(parents=True, exist_ok=True)
-            self._folder = os.open(self._path, FOLDER)
+            if self._real is None:  # what symlinks there are on the way is a person's choice now, and nobody's later
+                self._real = Path(os.path.realpath(self._path.parent)) / self._path.name
+            self._folder = open_folder(self._real)
             try:
                 fcntl.flock(self._folder, fcntl.LOCK_SH | fcntl.LOCK_NB)  # ``retention`` deletes no run with a lock
             except BlockingIOError:
@@ -148,7 +149,7 @@ class Parts:
             except OSError as error:
                 text = "no lock keeps other programs from deleting this run while it is written"
                 self._warn(f"{self._path}: {text}: {error.strerror}")
-            sync_folder(self._path.parent)
+            sync_folder(self._real.parent)
 
     def _delete_oldest(self) -> None:
         """Delete parts, the oldest first but never the first, until another full one fits into the run's limit."""
