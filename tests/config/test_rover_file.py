@@ -86,7 +86,7 @@ right_backward = 4
         (rover_toml(rest="[safety]\nslew_per = 5"), "unknown key 'safety.slew_per'; did you mean 'slew_per_s'?"),
         (rover_toml(rest="[escape.x]\na = 1"), "unknown key 'escape.x'"),
         (rover_toml(length_m="inf"), "key 'vehicle.length_m' = inf: input should be a finite number; allowed is"),
-        (rover_toml(length_m="-1"), "key 'vehicle.length_m' = -1: input should be greater than 0"),
+        (rover_toml(length_m="-1"), "key 'vehicle.length_m' = -1: input should be greater than or equal to 0.1"),
         (rover_toml(length_m="true"), "key 'vehicle.length_m' = True: input should be a valid number"),
         (rover_toml(length_m='"long"'), "key 'vehicle.length_m' = 'long': input should be a valid number"),
         (rover_toml(rest="[board]\nbattery_low_v = 0"), "key 'board.battery_low_v' = 0: input should be"),
@@ -100,7 +100,7 @@ right_backward = 4
         ('"a\\nb" = 1\n' + rover_toml(), "unknown key 'a b'"),
         ("x = " + "[" * 5000, "not valid TOML: "),
         ("x = " + "9" * 5000, "not valid TOML: "),
-        (rover_toml(rest="[escape]\nlevy_stride_min_m = 20.0"), "key 'escape' = {'levy_stride_min_m': 20.0}: levy_st"),
+        (rover_toml(rest="[escape]\nlevy_stride_min_m = 11.0"), "key 'escape' = {'levy_stride_min_m': 11.0}: levy_st"),
         ("control_hz = 4\n" + rover_toml(), "key 'control_hz' = 4: too slow, safety.tick_late_s = 0.2 s"),
         (
             rover_toml(rest="[board]\nbattery_low_v = 10\nbattery_critical_v = 11"),
@@ -191,10 +191,10 @@ def test_settings_that_a_part_s_table_leaves_out_are_the_driver_s_defaults() -> 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (rover_toml(length_m="-1"), "; allowed is above 0 to 1000"),
-        (rover_toml(rest="[board]\nbattery_low_v = 99"), "; allowed is above 0 to 60"),
+        (rover_toml(length_m="-1"), "; allowed is 0.1 to 5 metres"),
+        (rover_toml(rest="[board]\nbattery_low_v = 99"), "; allowed is 3 to 60 volts"),
         (rover_toml(rest='[parts.compass]\ndriver = "cmps14"\naddress = 0x10'), "; allowed is 96 to 103"),
-        (rover_toml(rest='[parts.motion]\ndriver = "pmw3901"\nheight_m = nan'), "; allowed is 0.08 to 10"),
+        (rover_toml(rest='[parts.motion]\ndriver = "pmw3901"\nheight_m = nan'), "; allowed is 0.08 to 5 metres"),
         (rover_toml(rest='[parts.compass]\ndrver = "cmps14"'), "thunderborg_light"),
         (rover_toml(track_m=""), "key 'vehicle.track_m' is missing"),
     ],

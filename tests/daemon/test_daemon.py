@@ -288,7 +288,7 @@ async def test_next_run_tells_how_the_last_mission_ended(site: Site, capfd: pyte
     """In its log, in the status, on stderr, and on the light."""
     site.service = replace(
         site.service,
-        config=laid_over(site.service.config, {"safety": {"mission_distance_m": 0.3, "start_delay_s": 0.0}}),
+        config=laid_over(site.service.config, {"safety": {"mission_distance_m": 1.0, "start_delay_s": 0.0}}),
     )
     async with Running(site) as daemon:
         await daemon.drives()
@@ -301,7 +301,7 @@ async def test_next_run_tells_how_the_last_mission_ended(site: Site, capfd: pyte
         await daemon.stop()
     (event,) = site.events("last_mission")
     assert (told["run"], told["mission_ended"]) == (first, "mission_distance")
-    assert told["mission_m"] == event["mission_m"] == pytest.approx(0.3, abs=0.1)
+    assert told["mission_m"] == event["mission_m"] == pytest.approx(1.0, abs=0.1)
     assert f" (run {first}) is over after " in capfd.readouterr().err
 
 

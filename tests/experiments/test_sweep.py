@@ -90,8 +90,8 @@ def test_unknown_key_is_told_with_the_nearest(key: str, near: str) -> None:
 @pytest.mark.parametrize(
     ("key", "value", "told"),
     [
-        ("escape.turn_angle_deg", 190, "key 'escape.turn_angle_deg' = 190: .* allowed is above 0 to 180"),
-        ("footprint_m", 0, "key 'vehicle.length_m' = 0: .* allowed is above 0 to 1000"),
+        ("escape.turn_angle_deg", 190, "key 'escape.turn_angle_deg' = 190: .* allowed is 5 to 180 degrees"),
+        ("footprint_m", 0, "key 'vehicle.length_m' = 0: .* allowed is 0.1 to 5 metres"),
         ("slip_mean_m", -2, "key 'slip_mean_m' = -2: .* allowed is above 0 to 1000"),
         ("budget_m", 0, "key 'budget_m' = 0: "),
         ("sim.compass_bias_deg", 200, "key 'sim.compass_bias_deg' = 200: .* allowed is -180 to 180"),

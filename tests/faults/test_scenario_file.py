@@ -122,7 +122,7 @@ BAD = {
     "command after the end": ("at_s = 0.0", "at_s = 31.0", "the scenario is over at for_s = 30"),
     "time that is no number": ("at_s = 15.0", "at_s = nan", "allowed is 0 to 3600"),
     "setting that is not there": ("start_delay_s", "start_delay", "unknown key 'settings.safety.start_delay'"),
-    "setting that the rover refuses": ("start_delay_s = 1.0", "tick_late_s = 0.01", "key 'control_hz' = 20: too slow"),
+    "setting that the rover refuses": ("start_delay_s = 1.0", "tick_late_s = 0.03", "key 'control_hz' = 20: too slow"),
     "level": ('"S3"', '"S7"', "key 'expect.level' = 'S7': input should be '-', 'S0'"),
     "no bound": ("within_s = 5.3\n", "", "key 'expect.within_s' is missing"),
     "mistyped key of what is expected": (

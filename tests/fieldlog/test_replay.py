@@ -101,7 +101,7 @@ def test_every_algorithm_agrees_also_those_that_draw_lots(tmp_path: Path, algori
 
 def test_ladder_turns_by_the_seed_that_the_log_says(tmp_path: Path) -> None:
     """Its seed was in the code; with one for each run a replay must draw the run's own turns."""
-    never_free = SIM.model_copy(update={"progress": with_fields(SIM.progress, anomalies_max=1, free_run_m=100.0)})
+    never_free = SIM.model_copy(update={"progress": with_fields(SIM.progress, anomalies_max=1, free_run_m=12.0)})
     runs = [log_trial(tmp_path / str(trial), trial, rover=never_free, budget_m=80.0) for trial in (0, 3)]
     first, other = (records(run)[0] for run in runs)
     assert first["ladder_seed"] != other["ladder_seed"], "of the trial's seed"

@@ -27,7 +27,7 @@ from wayfarer.escape.settings import EscapeSettings, Vehicle
 from wayfarer.files import read_regular
 from wayfarer.safety.gate import STALL_LIMIT_S
 from wayfarer.safety.settings import BoardSettings, EntrapmentSettings, ManualSettings, SafetySettings
-from wayfarer.setting_ranges import Hertz
+from wayfarer.setting_ranges import Hertz, SignedDegrees
 
 # The schema is built when a file is read: a worker of a campaign gets its rover read already.
 _STRICT = ConfigDict(extra="forbid", frozen=True, defer_build=True)
@@ -44,10 +44,10 @@ class LogSettings:
     part_mb: Annotated[float, Interval(ge=1, le=2000)] = 50.0
     """Size of one file of a log: an hour, small enough for an editor and for a phone's connection, and far below the
     4 GB that a file may have on FAT. A rover is armed only if one fits beside ``free_mb``."""
-    run_mb: Annotated[float, Interval(ge=10, le=1_000_000)] = 1000.0
+    run_mb: Annotated[float, Interval(ge=10, le=500_000)] = 1000.0
     """A longer run, which is most of a day and should be several parts, loses its oldest parts, but never the first,
     which says how it began: a daemon that stands disarmed for weeks must not fill the card."""
-    free_mb: Annotated[float, Interval(ge=0, le=100_000)] = 100.0
+    free_mb: Annotated[float, Interval(ge=0, le=50_000)] = 100.0
     """With less left on the disk only events are written: the computer needs that to boot and to let a person log
     in."""
     keep_mb: Annotated[float, Interval(ge=10, le=100_000_000)] | None = None
@@ -96,7 +96,7 @@ class RoverConfig(BaseModel):
     board: BoardSettings = BoardSettings()
     log: LogSettings = LogSettings()
     mavlink: MavlinkSettings = MavlinkSettings()
-    declination_deg: float | None = Field(default=None, ge=-180, le=180)
+    declination_deg: SignedDegrees | None = None
     """How far magnetic north lies east of true north where the rover drives, in degrees; without it bearings are
     magnetic only. For ``--north true``."""
     buses: str = Field(default="linux", max_length=_TEXT_MAX)
@@ -118,6 +118,23 @@ class RoverConfig(BaseModel):
             if 1.0 / rate_hz >= limit_s:
                 raise ValueError(
                     f"key '{key}' = {rate_hz:g}: too slow, {limit} = {limit_s:g} s is over before the next"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _no_speed_is_above_the_top_speed(self) -> Self:
+        """Refuse a speed that somebody wrote and the rover cannot have: most are in km/h, which no range tells."""
+        usual, top_m_s = EscapeSettings(), self.vehicle.max_speed_m_s
+        speeds = {
+            "escape.cruise_m_s": (self.escape.cruise_m_s, usual.cruise_m_s),
+            "escape.reverse_m_s": (self.escape.reverse_m_s, usual.reverse_m_s),
+            "manual.speed_m_s": (self.manual.speed_m_s or 0.0, 0.0),
+        }
+        for key, (speed_m_s, default_m_s) in speeds.items():
+            if top_m_s < speed_m_s != default_m_s:
+                raise ValueError(
+                    f"key '{key}' = {speed_m_s:g}: vehicle.max_speed_m_s is {top_m_s:g} metres per second; if it is in "
+                    f"km/h, write {speed_m_s / 3.6:.3g}"
                 )
         return self
 

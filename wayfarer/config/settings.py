@@ -8,10 +8,10 @@ from typing import Annotated, Literal
 
 from annotated_types import Interval
 
-from wayfarer.setting_ranges import Metres
+from wayfarer.setting_ranges import PartMetres
 
-Kilograms = Annotated[float, Interval(gt=0, le=1000)]
-NewtonMetres = Annotated[float, Interval(gt=0, le=1000)]
+Kilograms = Annotated[float, Interval(ge=0.1, le=500)]
+NewtonMetres = Annotated[float, Interval(ge=0.01, le=200)]
 StreamHertz = Annotated[float, Interval(ge=0.1, le=20)]
 
 STANDARD_GRAVITY_M_S2 = 9.80665
@@ -21,15 +21,15 @@ STANDARD_GRAVITY_M_S2 = 9.80665
 class Chassis:
     """Weight, motors and belly of a rover, for the simulator; None if its file does not say."""
 
-    ground_clearance_m: Metres | None = None
+    ground_clearance_m: PartMetres | None = None
     """Height of the belly: a branch that is no thicker passes under it. For ``--site``."""
     weight_kg: Kilograms | None = None
     """Mass of the rover with its batteries."""
     motors_n_m: NewtonMetres | None = None
     """Torque of all motors together."""
-    wheel_radius_m: Metres | None = None
+    wheel_radius_m: PartMetres | None = None
     """Radius of a wheel. For ``--ground`` and ``--physics mujoco``."""
-    height_m: Metres | None = None
+    height_m: PartMetres | None = None
     """From the ground to the top of the body. For ``--ground`` and ``--physics mujoco``."""
 
     def missing(self, asked: Sequence[str]) -> tuple[str, ...]:

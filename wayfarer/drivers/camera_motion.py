@@ -59,7 +59,7 @@ class CameraMotionSettings:
     forward: Literal["+x", "-x", "+y", "-y"] = "-y"
     """For displacement, the image axis that points ahead; x runs to the right of the picture and y down. ``-y`` is a
     camera whose picture has the rover's front at its top."""
-    m_per_pixel: Annotated[float, Interval(gt=0, le=0.1)] | None = None
+    m_per_pixel: Annotated[float, Interval(ge=1e-4, le=0.1)] | None = None
     """For displacement, the ground that one pixel shows, in m: drive a metre and divide."""
     dark_below: GreyLevels = 15.0
     """A picture with a lower mean grey level, 0 to 255, is no evidence. Chosen by us: a covered lens must be below

@@ -27,7 +27,7 @@ from annotated_types import Interval, Len
 from wayfarer.drivers.buses import Buses
 from wayfarer.errors import NotResponding, WrongPart
 from wayfarer.hal import NoFix, PositionFix
-from wayfarer.setting_ranges import Seconds
+from wayfarer.setting_ranges import LongSeconds
 
 WATCH = b'?WATCH={"enable":true,"json":true};\n'
 LINE_LIMIT = 65_536  # bytes; gpsd's report of a sky full of satellites is a tenth of it
@@ -63,7 +63,7 @@ class GpsdSettings:
     """Name or address of the computer; gpsd listens on its own one only, unless it was started with -G."""
     port: Annotated[int, Interval(ge=1, le=65_535)] = 2947
     """Number of the TCP port."""
-    stale_s: Seconds = 3.0
+    stale_s: LongSeconds = 3.0
     """A fix whose time has not advanced for this long is not reported any more. More than 3 s has no effect on
     ``safety.mission_radius_m``, which uses a fix for 3 s at most (``safety.mission.FIX_FRESH_S``)."""
 

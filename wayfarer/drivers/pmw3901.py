@@ -51,9 +51,9 @@ class PMW3901Settings:
     """Clock of the bus. The chip accepts 2 MHz, and needs 35 us to find a register's value. ``spidev`` makes no pause
     after the address, so only a slow clock gives it time: at Pimoroni's 400 kHz a byte takes 20 us, which is known to
     work."""
-    height_m: Annotated[float, Interval(ge=0.08, le=10)] = 0.1
+    height_m: Annotated[float, Interval(ge=0.08, le=5)] = 0.1
     """From lens to ground. At 0.1 m it follows 0.74 m/s, in proportion higher up."""
-    rad_per_count: Annotated[float, Interval(gt=0, le=0.01)] = RAD_PER_COUNT
+    rad_per_count: Annotated[float, Interval(ge=1e-4, le=0.01)] = RAD_PER_COUNT
     """Angle of one count, in rad. The default is the data sheet's; published drivers use 0.00126 to 0.0026, so
     calibrate."""
     forward: Axis = "-y"

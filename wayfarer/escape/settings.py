@@ -9,7 +9,7 @@ from typing import Annotated
 from annotated_types import Interval
 
 from wayfarer.hal import WheelCommand
-from wayfarer.setting_ranges import Degrees, DegreesPerSecond, Gain, Metres, MetresPerSecond
+from wayfarer.setting_ranges import Angle, BodyMetres, DegreesPerSecond, Gain, MetresPerSecond, SmallAngle, StrideMetres
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,11 +20,11 @@ class Vehicle:
     WheelCommand(left=0.5, right=0.5)
     """
 
-    length_m: Metres
+    length_m: BodyMetres
     """Length of the body, with its bumpers and wheels."""
-    width_m: Metres
+    width_m: BodyMetres
     """Width of the body, with its wheels."""
-    track_m: Metres
+    track_m: BodyMetres
     """Effective track for turning: a skid-steered rover slips sideways and turns as if its wheels stood further apart
     than they do. About the width and a quarter."""
     max_speed_m_s: MetresPerSecond
@@ -69,29 +69,29 @@ class EscapeSettings:
     """Fastest turn."""
     turn_p: Gain = 6.0
     """Gain of a turn: deg/s per degree that is left."""
-    turn_within_deg: Degrees = 3.0
+    turn_within_deg: SmallAngle = 3.0
     """A turn is done when so little is left."""
-    back_off_m: Metres = 0.15
+    back_off_m: StrideMetres = 0.15
     """How far the rover backs off from what stopped it."""
-    turn_angle_deg: Degrees = 30.0
+    turn_angle_deg: Angle = 30.0
     """Angle of the turn away from it."""
-    probe_straight_m: Metres = 0.6
+    probe_straight_m: StrideMetres = 0.6
     """A probe begins with this straight piece."""
-    probe_radius_m: Metres = 1.15
+    probe_radius_m: StrideMetres = 1.15
     """Radius of the arc by which a probe goes on, back towards the obstacle."""
-    reset_within_deg: Degrees = 5.0
+    reset_within_deg: SmallAngle = 5.0
     """A probe is done, and the counter C is forgotten, when the heading is so near the goal."""
-    compatible_within_deg: Degrees = 20.0
+    compatible_within_deg: SmallAngle = 20.0
     """An obstacle whose axis is so near the goal heading is compatible with it (OO-Pledge)."""
-    react_stride_m: Metres = 0.6
+    react_stride_m: StrideMetres = 0.6
     """Stride of the algorithms that only react."""
-    levy_stride_min_m: Metres = 0.6
+    levy_stride_min_m: StrideMetres = 0.6
     """Shortest stride of a Lévy walk."""
-    levy_stride_max_m: Metres = 10.0
+    levy_stride_max_m: Annotated[float, Interval(ge=0.5, le=200)] = 10.0
     """Longest stride of a Lévy walk."""
-    levy_turn_min_deg: Degrees = 10.0
+    levy_turn_min_deg: SmallAngle = 10.0
     """Smallest turn of a Lévy walk."""
-    levy_turn_max_deg: Degrees = 50.0
+    levy_turn_max_deg: Angle = 50.0
     """Largest turn of a Lévy walk."""
     heading_p: Gain = 3.0
     """Gain of the heading loop: deg/s per degree of error."""

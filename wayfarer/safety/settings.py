@@ -11,9 +11,17 @@ from typing import Annotated, Literal
 
 from annotated_types import Interval, MaxLen
 
-from wayfarer.setting_ranges import Count, DegreesPerSecond, Hertz, Metres, MetresPerSecond, Seconds
-
-Volts = Annotated[float, Interval(gt=0, le=60)]
+from wayfarer.setting_ranges import (
+    Count,
+    DegreesPerSecond,
+    Hertz,
+    LongSeconds,
+    MetresPerSecond,
+    ShortSeconds,
+    SmallAngle,
+    StrideMetres,
+    Volts,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,17 +30,17 @@ class SafetySettings:
 
     duty_max: Annotated[float, Interval(gt=0, le=1)] = 1.0
     """Highest duty of a side, as a share of full duty."""
-    slew_per_s: Annotated[float, Interval(gt=0, le=1000)] = 8.0
+    slew_per_s: Annotated[float, Interval(ge=0.1, le=100)] = 8.0
     """How fast a duty may grow, in shares of full duty per second. Motors that start too fast can reset the computer,
     the most frequent problem of such rovers. A stop is not limited."""
-    tick_late_s: Seconds = 0.2
+    tick_late_s: ShortSeconds = 0.2
     """Age from which a control tick is late: its command becomes a stop, a condition says so, and no more than this
     time counts as driven. Below the shortest deadman of a board, 0.25 s."""
-    mission_time_s: Seconds = 3600.0
+    mission_time_s: Annotated[float, Interval(ge=1, le=86_400)] = 3600.0
     """A mission ends after this time."""
-    mission_distance_m: Annotated[float, Interval(gt=0, le=1_000_000)] = 2000.0
+    mission_distance_m: Annotated[float, Interval(ge=1, le=1_000_000)] = 2000.0
     """A mission ends after this commanded distance."""
-    mission_radius_m: Annotated[float, Interval(gt=0, le=1_000_000)] = 300.0
+    mission_radius_m: Annotated[float, Interval(ge=1, le=1_000_000)] = 300.0
     """A mission ends at this distance from its start. Needs a receiver, [parts.position]."""
     start_delay_s: Annotated[float, Interval(ge=0, le=600)] = 10.0
     """Between arming and the first turn of a wheel: time to step away."""
@@ -43,9 +51,9 @@ class SafetySettings:
     """Whether a rover that has lost its compass, motion or contact sensor, or whose supply sags again and again,
     continues with limits, or holds its wheels; and whether one whose motor board failed opens it again or waits for a
     person. "hold" is for a rover that drives among people."""
-    settle_s: Seconds = 1.0
+    settle_s: ShortSeconds = 1.0
     """Arming waits until the heading has stayed within ``settle_spread_deg`` for this time. Chosen by us."""
-    settle_spread_deg: Annotated[float, Interval(gt=0, le=180)] = 3.0
+    settle_spread_deg: SmallAngle = 3.0
     """See ``settle_s``. Chosen by us."""
     calibration_min: Annotated[int, Interval(ge=0, le=3)] = 2
     """Lowest calibration level of the compass, 0 to 3, at which the rover is armed."""
@@ -79,9 +87,9 @@ class BoardSettings:
     """A battery below this voltage is reported, and the rover continues; without a value it is not checked."""
     battery_critical_v: Volts | None = None
     """Below this voltage the rover stops for good; without a value it is not checked."""
-    battery_low_s: Seconds = 10.0
+    battery_low_s: LongSeconds = 10.0
     """For how long the battery must be below ``battery_low_v``."""
-    battery_critical_s: Seconds = 5.0
+    battery_critical_s: LongSeconds = 5.0
     """For how long the battery must be below ``battery_critical_v``."""
     health_hz: Hertz = 4.0
     """How often the board is asked. A drive fault that it reports twice in a row stops the wheels within 0.5 s (fault
@@ -106,13 +114,13 @@ class EntrapmentSettings:
 
     anomalies_max: Count = 24
     """Number of anomalies without a free run between them after which it makes no progress."""
-    give_up_s: Seconds = 59.0
+    give_up_s: Annotated[float, Interval(ge=1, le=3600)] = 59.0
     """Time in which the wheels were commanded to turn, without a free run, after which it makes no progress."""
-    anomaly_every_s: Seconds = 0.5
+    anomaly_every_s: ShortSeconds = 0.5
     """Anomalies are counted at most once in this time."""
-    free_run_m: Metres = 0.2
+    free_run_m: StrideMetres = 0.2
     """A free run is so far commanded ahead without an anomaly."""
-    covered_m: Metres = 0.02
+    covered_m: Annotated[float, Interval(ge=0.001, le=1)] = 0.02
     """What the motion sensor must see of a free run. Its largest readings are not counted, so that single wild readings
     are no progress."""
     give_up: bool = False
