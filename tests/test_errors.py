@@ -33,7 +33,7 @@ KEYS = ["ground", "escape.heading_p", "escape.turn_p", "escape.turn_angle_deg", 
         ("escape.banana", []),  # the section's name makes none alike
         ("nope", []),
         ("Escape.Turn_Angel_Deg", ["escape.turn_angle_deg"]),
-        ("turn_angle", ["escape.turn_angle_deg"]),
+        ("turn_angle", ["escape.turn_angle_deg", "escape.turn_p"]),
         ("escpe.turn_angle_deg", ["escape.turn_angle_deg"]),
         ("tree_per_ha", ["sim.trees_per_ha"]),
         ("tree", []),

@@ -11,6 +11,7 @@
     ├── NotThereYet               a port, name or address that this computer may have later (exit code 1)
     ├── DriverError               a part did not do what was asked
     │   ├── NotResponding         no answer from the part
+    │   │   └── NotInstalled      a library that it needs cannot be imported
     │   ├── PowerLost             the part lost its power for a moment, and has forgotten its commands
     │   ├── WrongPart             something answered, but it is another part
     │   └── BadReading            an answer that cannot be true (range, NaN, checksum)
@@ -44,10 +45,11 @@ code  meaning
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import sys
+from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 
-NEAR = 0.65  # how alike two names have to be, 0 to 1: "smi" is like "sim", and "halt" is not like "faults"
+NEAR = 0.6  # how alike two names have to be, 0 to 1: "lunix" is like "linux"
 MOST_LISTED = 20
 
 
@@ -106,7 +108,26 @@ class DriverError(WayfarerError):
 
 
 class NotResponding(DriverError):
-    """No answer from the part: wiring, power or address."""
+    """No answer from the part.
+
+    ``what`` is what happened. ``remedy`` is what to do if the computer is the reason, such as a missing permission;
+    without it, look at wiring, power and address.
+    """
+
+    def __init__(self, what: str, remedy: str = "") -> None:
+        super().__init__(f"{what}; {remedy}" if remedy else what)
+        self.what, self.remedy = what, remedy
+
+
+class NotInstalled(NotResponding):
+    """A library that a part needs is not there, or cannot be imported; ``remedy`` is how to install it."""
+
+    def __init__(self, where: str, error: ImportError, remedies: Mapping[str, str]) -> None:
+        module = (error.name or "").partition(".")[0]
+        remedy = remedies.get(module) or f"install {module or 'it'} for {sys.executable}"
+        missing = isinstance(error, ModuleNotFoundError)
+        what = f"the Python library {module} is not installed" if missing else f"{module or 'a library'} does not load"
+        super().__init__(f"{where}: {what}" + ("" if missing else f" ({one_line(error)})"), remedy)
 
 
 class PowerLost(DriverError):

@@ -111,7 +111,7 @@ async def test_missing_library_and_missing_board_are_told_apart(monkeypatch: pyt
             await light().open()
     monkeypatch.setattr(gpiozero.Device, "pin_factory", None)
     monkeypatch.setenv("GPIOZERO_PIN_FACTORY", "none-of-these")
-    with pytest.raises(NotResponding, match=r"group gpio.*python3-lgpio"):
+    with pytest.raises(NotResponding, match=r"pin factory.*; sudo apt install python3-lgpio"):
         await light().open()
 
 
@@ -264,3 +264,26 @@ async def test_a_light_is_dark_only_for_the_dark_colour(
     await light.show(Colour(0.0, 0.0, 0.0))
     assert shining(board, settings) == set()
     await light.close()
+
+
+@pytest.mark.parametrize(
+    ("said", "remedy"),
+    [
+        ("'GPIO busy'", "gpioinfo"),  # lgpio
+        ("pin GPIO16 is already in use by <gpiozero.LED object>", "to one part"),
+        ("'can not open gpiochip'", "group gpio"),  # lgpio
+        ("[Errno 13] Permission denied: '/dev/gpiomem'", "group gpio"),
+        ("something else", "does another program"),
+    ],
+)
+@virtual
+async def test_pins_that_cannot_be_had_say_what_helps(monkeypatch: pytest.MonkeyPatch, said: str, remedy: str) -> None:
+    def refuse(_: object) -> None:
+        raise Exception(said)
+
+    part = light()
+    monkeypatch.setattr(part, "_make", refuse)
+    with pytest.raises(NotResponding) as refused:
+        await part.open()
+    assert said in str(refused.value)
+    assert remedy in refused.value.remedy

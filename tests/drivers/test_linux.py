@@ -187,7 +187,10 @@ async def test_camera_is_told_size_rate_and_exposure(
     ("error", "text"),
     [
         (IndexError("list index out of range"), "no camera is connected"),
-        (RuntimeError("Camera __init__ sequence did not complete."), "another program has it open"),
+        (
+            RuntimeError("Camera __init__ sequence did not complete."),
+            "another program, or a driver of the kernel, has it",
+        ),
     ],
 )
 async def test_camera_that_does_not_open_is_told_as_a_part_that_does_not_answer(
@@ -242,7 +245,7 @@ async def test_missing_device_and_missing_library_say_what_to_do(
     buses: LinuxBuses, monkeypatch: pytest.MonkeyPatch, library: str
 ) -> None:
     pytest.importorskip(library)
-    said = r"/dev/[\w-]+99(\.1)?: no such device file: enable the interface with sudo raspi-config \[errno 2\]"
+    said = r"/dev/[\w-]+99(\.1)?: no such device file \[errno 2\]; enable the interface with sudo raspi-config"
     with pytest.raises(NotResponding, match=said):
         await USES[library](buses)
     monkeypatch.setitem(sys.modules, library, None)

@@ -25,7 +25,7 @@ from wayfarer.config.registry import driver_names, find_driver
 from wayfarer.config.rover_file import parse_rover, rover_text
 from wayfarer.config.rover_path import SCHEMA_ELSEWHERE
 from wayfarer.drivers.buses import Buses
-from wayfarer.errors import BadInput, DriverError, NotResponding, kind_and_text, one_line
+from wayfarer.errors import BadInput, DriverError, NotInstalled, NotResponding, kind_and_text, one_line
 from wayfarer.hal import Recognised
 
 Model = Literal["forestrover", "minirover"]
@@ -70,7 +70,7 @@ async def look(host: HostEnvironment, buses: Buses, cameras: Callable[[], Sequen
     Args:
         host: whose device files are looked at.
         buses: what they are opened with; the caller closes them.
-        cameras: lists the models of connected cameras; raises OSError if that is not possible.
+        cameras: lists the models of connected cameras; raises NotInstalled if that is not possible.
     """
     found = Inventory()
     i2c = _usable(host, i2c_buses(host), "/dev/i2c-*: there is no I2C bus", found)
@@ -86,8 +86,8 @@ async def look(host: HostEnvironment, buses: Buses, cameras: Callable[[], Sequen
         found.cameras.extend(cameras())
         listed = [f"camera {number}: {model}" for number, model in enumerate(found.cameras)]
         found.seen += [("found", text) for text in listed] or [("nothing", "cameras: libcamera lists none")]
-    except OSError as error:
-        found.seen.append(("skipped", f"cameras: {one_line(error)}"))
+    except NotInstalled as error:
+        found.seen.append(("skipped", str(error)))
     return found
 
 
@@ -136,8 +136,11 @@ async def _ask(
                 found.seen.append(("skipped", f"{there.name}: the kernel drives what is there"))
                 continue
             await there.identify()
-        except NotResponding:
-            silent.append(there.name)
+        except NotResponding as error:
+            if not error.remedy:
+                silent.append(there.name)
+            elif ("skipped", str(error)) not in found.seen:  # the computer cannot ask: one reason for all places
+                found.seen.append(("skipped", str(error)))
         except DriverError as error:
             found.seen.append(("other", str(error)))
         except Exception as error:  # a third party's driver

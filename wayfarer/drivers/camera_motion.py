@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 from annotated_types import Interval, MultipleOf
 
 from wayfarer.drivers.buses import Buses
-from wayfarer.errors import BadReading, NotResponding, how_to_install
+from wayfarer.errors import BadReading, NotInstalled, NotResponding, how_to_install
 from wayfarer.hal import MotionReading
 from wayfarer.setting_ranges import Hertz, MetresPerSecond
 
@@ -125,7 +125,7 @@ class CameraMotion:
         try:
             self._cv2: Any = import_module("cv2")
         except ImportError as error:
-            raise NotResponding(f"{self.name}: OpenCV is missing ({error}); {self.packages['cv2']}") from None
+            raise NotInstalled(self.name, error, self.packages) from None
         self._window = self._cv2.createHanningWindow((self._settings.width, self._settings.height), self._cv2.CV_32F)
         self._last = await self._picture()
 

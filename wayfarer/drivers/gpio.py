@@ -15,7 +15,17 @@ from typing import Annotated, Any
 
 from annotated_types import Interval
 
-from wayfarer.errors import NotResponding, how_to_install, one_line
+from wayfarer.errors import NotInstalled, NotResponding, how_to_install, one_line
+
+# What helps, by what lgpio or gpiozero says; the last one if it says nothing of that.
+_REMEDIES = {
+    "pin factory": "sudo apt install python3-lgpio, and a venv with --system-site-packages",
+    "busy": "end the program that holds a pin (gpioinfo shows it), or correct the pins in the rover file",
+    "in use": "give each pin to one part in the rover file",
+    "can not open": "add the user to group gpio and log in again: sudo usermod -aG gpio $USER",
+    "permission": "add the user to group gpio and log in again: sudo usermod -aG gpio $USER",
+    "": "does another program hold one, is the user in group gpio, is python3-lgpio installed?",
+}
 
 Pin = Annotated[int, Interval(ge=0, le=27)]  # GPIO numbers of the 40-pin header, not positions on it
 
@@ -54,8 +64,8 @@ class GpioPart(ABC):
     def _claim(self) -> Mapping[Any, Any]:
         try:
             gpiozero = import_module("gpiozero")
-        except ImportError:
-            raise NotResponding(f"{self.name}: gpiozero is not installed; {how_to_install('pi')}") from None
+        except ImportError as error:
+            raise NotInstalled(self.name, error, {"gpiozero": how_to_install("pi")}) from None
         try:
             with _uncollected(), warnings.catch_warnings():
                 # gpiozero warns in two lines of each missing pin library; if all are missing, the error below says so.
@@ -64,11 +74,9 @@ class GpioPart(ABC):
                 return self._make(gpiozero)
         except Exception as error:  # lgpio's own error, for one, is a bare Exception
             reason = one_line(error)
+            remedy = next((text for said, text in _REMEDIES.items() if said in reason.casefold()), _REMEDIES[""])
         # Raised here, not in the handler: a traceback kept by a caller would also keep the claimed pins alive.
-        raise NotResponding(
-            f"{self.name}: cannot have these pins: {reason}; does another program hold one, is the user in group gpio, "
-            "is python3-lgpio installed?"
-        )
+        raise NotResponding(f"{self.name}: cannot have these pins: {reason}", remedy)
 
     @contextmanager
     def _using(self) -> Iterator[Mapping[Any, Any]]:

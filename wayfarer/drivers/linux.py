@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from wayfarer.drivers.buses import CLOSE_WAIT_S, Frame
-from wayfarer.drivers.threaded import Threaded, ThreadedI2C, ThreadedSerial, ThreadedSPI
+from wayfarer.drivers.threaded import LIBRARIES, Threaded, ThreadedI2C, ThreadedSerial, ThreadedSPI
+from wayfarer.errors import NotInstalled, kind_and_text
 
 if TYPE_CHECKING:
     import numpy
@@ -140,8 +141,10 @@ def open_serial(path: str, baud: int) -> Any:
 def _picamera2() -> Any:
     try:
         from picamera2 import Picamera2
-    except ImportError as error:
-        raise OSError(f"{error}; sudo apt install python3-picamera2, and a venv with --system-site-packages") from None
+    except ImportError:
+        raise
+    except Exception as error:  # its own libraries raise others if they do not fit each other
+        raise ImportError(kind_and_text(error), name="picamera2") from None
     return Picamera2
 
 
@@ -149,9 +152,12 @@ def connected_cameras() -> list[str]:
     """Return the models of the connected cameras, by number, as libcamera lists them; none is opened.
 
     Raises:
-        OSError: picamera2 is not installed.
+        NotInstalled: picamera2 cannot be imported.
     """
-    return [str(each.get("Model", "camera")) for each in _picamera2().global_camera_info()]
+    try:
+        return [str(each.get("Model", "camera")) for each in _picamera2().global_camera_info()]
+    except ImportError as error:
+        raise NotInstalled("cameras", error, LIBRARIES) from None
 
 
 class LibCamera:

@@ -22,7 +22,7 @@ from contextlib import suppress
 from typing import Any, Generic, Protocol, TypeVar
 
 from wayfarer.drivers.buses import CLOSE_WAIT_S
-from wayfarer.errors import NotResponding, how_to_install
+from wayfarer.errors import NotInstalled, NotResponding, how_to_install
 from wayfarer.waiting_thread import WaitingThread
 
 POSTED_MAX = 8  # stops that wait while a bus hangs; all stops are the same, so the newest ones are enough
@@ -180,11 +180,30 @@ _CAUSES = {
     errno.ENXIO: "no acknowledgement",
     errno.EIO: "the transfer broke off: a loose wire, or the part stretches the clock",
     errno.ETIMEDOUT: "the bus is stuck: a part holds a line low; switch its power off and on",
-    errno.ENOENT: "no such device file: enable the interface with sudo raspi-config",
-    errno.ENODEV: "no such device: is it plugged in?",
-    errno.ESHUTDOWN: "no such device any more: was SPI switched off?",  # how spidev says that its driver was unbound
-    errno.EACCES: "permission denied: add the user to the device's group (ls -l shows it) and log in again",
-    errno.EBUSY: "another program has it open",
+    errno.ENOENT: "no such device file",
+    errno.ENODEV: "no such device",
+    errno.ESHUTDOWN: "no such device any more",  # how spidev says that its driver was unbound
+    errno.EACCES: "permission denied",
+    errno.EPERM: "permission denied",
+    errno.EBUSY: "another program, or a driver of the kernel, has it",
+}
+# What helps if the computer is the reason, and no wire.
+_REMEDIES = {
+    errno.ENOENT: "enable the interface with sudo raspi-config, or correct the rover file",
+    errno.ENODEV: "plug it in, or enable the interface with sudo raspi-config",
+    errno.ESHUTDOWN: "enable SPI again with sudo raspi-config",
+    errno.EACCES: "add the user to the device's group (ls -l shows it) and log in again",
+    errno.EPERM: "allow the device to the service or container that this runs in (DeviceAllow=, --device)",
+    errno.EBUSY: "end the program that has it (sudo fuser -v shows it), such as another daemon",
+}
+# How each library of a bus is installed, by the module that could not be imported.
+_WITH_CAMERA = "sudo apt install python3-picamera2, and a venv with --system-site-packages"
+LIBRARIES = {
+    "smbus2": how_to_install("pi"),
+    "spidev": how_to_install("pi"),
+    "serial": f"{how_to_install('pi')} (pyserial; a package named serial is another one: pip uninstall serial)",
+    "picamera2": _WITH_CAMERA,
+    "libcamera": _WITH_CAMERA,
 }
 
 
@@ -222,9 +241,9 @@ class Threaded(Generic[D]):
                 await self._worker.call(self._opened, self._open_deadline_s)
             return await self._worker.call(lambda: self._use(use))
         except OSError as error:
-            raise NotResponding(f"{self.name}: {explain(error)}") from None
+            raise NotResponding(f"{self.name}: {explain(error)}", _REMEDIES.get(error.errno or 0, "")) from None
         except ImportError as error:
-            raise NotResponding(f"{self.name}: {error}; {how_to_install('pi')}") from None
+            raise NotInstalled(self.name, error, LIBRARIES) from None
 
     def send(self, use: Callable[[D], Any]) -> None:
         """Use the device before all queued transfers, without waiting for it; from any thread."""

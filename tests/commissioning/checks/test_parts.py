@@ -34,7 +34,7 @@ from wayfarer.config.calibration_file import (
 )
 from wayfarer.drivers.gpsd import Fixes
 from wayfarer.errors import BadReading, NotResponding, WrongPart
-from wayfarer.hal import MotionReading, MotorHealth, NoFix, PositionFix, Side
+from wayfarer.hal import MotorHealth, NoFix, PositionFix, Side
 
 OK, WARN, FAIL, SKIPPED = CheckVerdict.OK, CheckVerdict.WARN, CheckVerdict.FAIL, CheckVerdict.SKIPPED
 
@@ -121,18 +121,6 @@ def test_silent_part_on_a_bus_that_cannot_be_used_gives_the_step_that_helps(
         assert "usermod -aG i2c" in rig.look(parts.compass).remedy
     (rig.host.root / "dev/i2c-1").unlink()
     assert rig.look(parts.compass).remedy == "sudo raspi-config nonint do_i2c 0 && sudo reboot"
-
-
-def test_missing_package_is_the_cause_and_its_installation_the_remedy(
-    rig: Rig, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    async def read() -> MotionReading:
-        raise NotResponding("camera 0: No module named 'picamera2'; sudo apt install python3-picamera2")
-
-    monkeypatch.setattr(rig.motion, "read", read)
-    finding = rig.look(parts.motion)
-    assert "a Python package is not installed" in finding.text
-    assert finding.remedy == "sudo apt install python3-picamera2"
 
 
 @pytest.mark.parametrize(

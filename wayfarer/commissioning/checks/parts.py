@@ -11,7 +11,7 @@ import re
 
 from wayfarer.commissioning.checks.api import CheckVerdict, Finding, Inspection, fail, ok, skipped, warn
 from wayfarer.commissioning.checks.system import diagnose
-from wayfarer.errors import BadReading, DriverError, WrongPart
+from wayfarer.errors import BadReading, DriverError, NotInstalled, NotResponding, WrongPart
 from wayfarer.hal import CompassReading, ContactReading, ExplainsNoFix, MotionReading, NoFix, has_readback
 
 # A rover that is set down for a start stands about level; beyond this the compass is mounted otherwise than believed.
@@ -22,11 +22,16 @@ NO_FIX = NoFix("no fix", "no free view of the sky, or just switched on", "wait s
 
 
 def part_failed(inspection: Inspection, name: str, part: str, error: DriverError) -> Finding:
-    """Return that a part failed: if its device file is the reason, that; else what the kind of error tells."""
+    """Return that a part failed: for want of a library or a device file, or as the kind of error tells."""
+    if isinstance(error, NotInstalled):  # whether there is a device file does not matter yet
+        return fail(name, error.what, error.remedy)
     where = inspection.rover.parts[part].name
     devices = (device for device in inspection.host.devices if device in where)
-    trouble = next((trouble for device in devices if (trouble := diagnose(inspection.host, device))), None)
-    cause, remedy = (trouble.cause, trouble.remedy) if trouble else _advice(where, part, error)
+    if trouble := next((trouble for device in devices if (trouble := diagnose(inspection.host, device))), None):
+        return fail(name, f"{trouble.found}; {trouble.cause}", trouble.remedy)
+    if isinstance(error, NotResponding) and error.remedy:
+        return fail(name, error.what, error.remedy)
+    cause, remedy = _advice(where, part, error)
     return fail(name, f"{error}; likely {cause}", remedy)
 
 
@@ -34,8 +39,6 @@ def _advice(where: str, part: str, error: DriverError) -> tuple[str, str]:
     """Return why a part may fail, and what to do; of a silent one by where its name says that it is connected."""
     if isinstance(error, WrongPart):
         return "another part is at this address, or the wires are swapped", f"correct [parts.{part}] in the rover file"
-    if re.search(r"No module named|is not installed|is missing \(", str(error)):
-        return "a Python package is not installed", str(error).partition("; ")[2] or "install it"
     if isinstance(error, BadReading):
         return "long or loose wires corrupt its data", "shorten and fasten its wires; use 100 kHz or less"
     if bus := re.search(r"/dev/i2c-(\d+)", where):
