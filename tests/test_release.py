@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import json
+import os
 import re
 import subprocess
+import sys
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, nullcontext, suppress
 from importlib import import_module
 from importlib.machinery import SourceFileLoader
 from importlib.metadata import requires
 from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
+from socket import AF_UNIX, SHUT_RDWR, socket
+from threading import Thread
 from types import SimpleNamespace
 from typing import Any
 
@@ -129,29 +135,95 @@ def test_the_container_s_test_builds_by_what_the_release_has(release: Any) -> No
     assert [name for name in used if name != "dist" and not hasattr(release.Release, name)] == []
 
 
+DEBIAN = ROOT / "packaging" / "debian"
+
+
+@contextmanager
+def answering(path: Path, status: dict[str, object]) -> Iterator[None]:
+    """Stand in for a daemon that is asked once for its status."""
+    path.parent.mkdir(parents=True)
+    with socket(AF_UNIX) as listening:
+        listening.bind(str(path))
+        listening.listen()
+
+        def answer() -> None:
+            with suppress(OSError), listening.accept()[0] as client:
+                client.recv(8192)
+                client.sendall(json.dumps({"ok": True, **status}).encode() + b"\n")
+
+        thread = Thread(target=answer)
+        thread.start()
+        yield
+        with suppress(OSError):
+            listening.shutdown(SHUT_RDWR)  # wakes a thread that nobody has asked
+        thread.join()
+
+
 @pytest.mark.process
 @pytest.mark.parametrize(
     ("status", "refused"),
     [
-        ('{"mode": "disarmed", "why_disarmed": "the mode was armed"}', ""),
-        ('{"why_disarmed": null, "mode": "armed"}', "armed"),
-        ('{"mode": "manual"}', "manual"),
-        ("", ""),
+        ({"mode": "disarmed", "why_disarmed": "the mode was armed"}, ""),
+        ({"why_disarmed": None, "mode": "armed"}, "armed"),
+        ({"mode": "manual"}, "manual"),
+        (None, ""),
     ],
 )
-def test_removal_is_refused_by_the_mode_of_now(tmp_path: Path, status: str, refused: str) -> None:
-    script = (ROOT / "packaging" / "debian" / "wayfarer.prerm").read_text(encoding="utf-8")
-    (tmp_path / "status").write_text(status, encoding="utf-8")
-    script = script.replace("/usr/bin/wayfarer status --json", f"cat {tmp_path / 'status'}")
+@pytest.mark.parametrize("whose", ["service", "user"])
+def test_removal_is_refused_by_the_mode_of_now_of_the_service_and_not_of_a_user_s_daemon(
+    tmp_path: Path, status: dict[str, object] | None, refused: str, whose: str
+) -> None:
+    service, user = tmp_path / "wayfarer" / "control.sock", tmp_path / "user" / "wayfarer" / "control.sock"
+    (tmp_path / "user").mkdir(mode=0o700)
+    script = (DEBIAN / "wayfarer.prerm").read_text(encoding="utf-8")
+    script = script.replace("/run/wayfarer/control.sock", str(service)).replace("/usr/lib/wayfarer", str(ROOT))
+    script = script.replace("python3 -Ic", f"{sys.executable} -Ic")
     decides = script.partition("if [ -d /run/systemd/system ]")[0]
     there_is_no_service = "systemctl() { return 3; }\n"
-    done = subprocess.run(
-        ["sh", "-c", f"{there_is_no_service}{decides}leave_an_armed_rover_alone"],
-        stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    answers = answering(service if whose == "service" else user, status) if status else nullcontext()
+    refused = refused if whose == "service" else ""
+    with answers:
+        done = subprocess.run(
+            ["sh", "-c", f"{there_is_no_service}{decides}leave_an_armed_rover_alone"],
+            env={**os.environ, "XDG_RUNTIME_DIR": str(user.parents[1])},
+            stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False,
+        )  # fmt: skip
     assert done.returncode == (1 if refused else 0), done.stderr
     assert done.stderr.startswith(f"wayfarer: the rover is {refused}, so" if refused else "")
     assert refused or done.stderr == ""
+
+
+@pytest.mark.process
+def test_purge_deletes_what_was_written_and_no_file_system_that_is_mounted_there(tmp_path: Path) -> None:
+    kept, link = tmp_path / "etc" / "wayfarer", tmp_path / "var" / "lib" / "wayfarer"
+    elsewhere, tools = tmp_path / "elsewhere", tmp_path / "tools"
+    for folder in (kept, link.parent, elsewhere, tools):
+        folder.mkdir(parents=True)
+    (kept / "rover \\n-e.toml").touch()
+    (elsewhere / "log").touch()
+    link.symlink_to(elsewhere)
+    (tools / "rm").write_text(f'#!/bin/sh\nprintf "%s\\n" "$*" >>{tmp_path}/rm; exec /bin/rm "$@"\n', encoding="utf-8")
+    (tools / "rm").chmod(0o755)
+    script = (DEBIAN / "wayfarer.postrm").read_text(encoding="utf-8")
+    script = (
+        script.replace("/var/lib", f"{tmp_path}/var/lib").replace("/etc/wayfarer", str(kept)).replace("userdel", ":")
+    )
+    path = f"{tools}:{os.environ['PATH']}"
+    done = subprocess.run(
+        ["sh", "-c", script, "postrm", "purge"], env={"PATH": path}, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines() == [
+        f"wayfarer: deleting {link}: 1 files, {done.stdout.split()[5]}",
+        f"wayfarer: deleting {kept}: 1 files, {done.stdout.split()[-1]}",
+    ]
+    assert not kept.exists() and not link.is_symlink() and (elsewhere / "log").exists()
+    assert all(line.startswith("-rf --one-file-system /") for line in (tmp_path / "rm").read_text().splitlines())
+
+
+@pytest.mark.parametrize("name", ["postinst", "postrm", "prerm"])
+def test_scripts_of_the_package_print_any_text_as_it_is(name: str) -> None:
+    script = (DEBIAN / f"wayfarer.{name}").read_text(encoding="utf-8")
+    assert re.findall(r"^\s*(?:echo|printf (?!'%s\\n')).*", script, re.MULTILINE) == []
 
 
 @pytest.mark.parametrize("taken", ["docs", "examples"])
