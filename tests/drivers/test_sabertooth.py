@@ -56,7 +56,7 @@ async def test_both_sides_go_out_in_one_write_and_the_timeout_behind_a_command_t
 )
 @virtual
 async def test_opening_sets_the_timeout_in_tenths_and_the_lowest_voltage_in_fifths_and_stands_still(
-    settings: dict[str, float], sent: str, taken: dict[int, int]
+    settings: dict[str, Any], sent: str, taken: dict[int, int]
 ) -> None:
     bench = SabertoothBench(**settings)
     await bench.motors.open()
@@ -73,6 +73,55 @@ async def test_stop_gets_through_where_two_bytes_are_lost(lost: set[int]) -> Non
     bench.lost = lost
     await bench.motors.stop()
     assert bench.world.commanded == STOP
+
+
+# -- a board that takes the line's speed from the first byte ---------------------------------------------------------
+
+
+@virtual
+async def test_old_board_gets_its_autobaud_byte_first_after_its_start_up_time_and_before_each_command() -> None:
+    bench = SabertoothBench(autobaud=True)
+    began_s = asyncio.get_running_loop().time()
+    await bench.motors.open()
+    assert asyncio.get_running_loop().time() - began_s == 2.0
+    assert bench.sent() == [f"AA {STAND} {TIMEOUT}"]
+    await bench.motors.drive(WheelCommand(1.0, -0.5))
+    assert bench.sent()[-1] == f"AA 80 00 7F 7F 80 05 3F 44 {TIMEOUT}"
+    assert bench.world.commanded == (1.0, -63 / 127)
+    opened_s = asyncio.get_running_loop().time()
+    await bench.motors.open()
+    assert asyncio.get_running_loop().time() == opened_s, "only the first opening waits"
+    await bench.motors.stop()
+    bench.motors.halt()
+    assert bench.sent()[-2:] == [f"AA {' '.join([STAND] * 3)}"] * 2
+    assert bench.world.commanded == STOP
+
+
+@virtual
+async def test_old_board_that_lost_its_power_takes_commands_again_after_its_start_up_time() -> None:
+    bench = await SabertoothBench(autobaud=True).opened()
+    bench.chip.power_cycle()
+    for tick in range(1, 50):
+        await asyncio.sleep(0.05)
+        await bench.motors.drive(WheelCommand(0.5, 0.5))
+        assert tick == 40 or (bench.world.commanded == STOP) is (tick < 40), tick
+    assert bench.chip.settings == {14: 3}
+
+
+@virtual
+async def test_old_board_is_deaf_to_a_driver_that_does_not_know_it() -> None:
+    bench = await SabertoothBench(old_board=True).opened()
+    await asyncio.sleep(3.0)
+    await bench.motors.drive(WheelCommand(0.5, 0.5))
+    assert (bench.world.commanded, bench.chip.settings) == (STOP, {})
+
+
+@virtual
+async def test_board_that_stores_its_speed_passes_the_byte_over() -> None:
+    bench = await SabertoothBench(old_board=False, autobaud=True).opened()
+    await bench.motors.drive(WheelCommand(0.5, 0.5))
+    assert (bench.chip.dropped, bench.chip.settings) == (0, {14: 3})
+    assert bench.world.commanded == (63 / 127, 63 / 127)
 
 
 # -- the deadman -----------------------------------------------------------------------------------------------------
@@ -143,24 +192,27 @@ def test_every_tenth_of_a_second_can_be_set(tenths: int) -> None:
 # -- the load of the wire --------------------------------------------------------------------------------------------
 
 
-async def share_of_wire(control_hz: float, baud: int) -> float:
+async def share_of_wire(control_hz: float, baud: int, *, autobaud: bool) -> float:
     """Drive for ten seconds and return which share of the wire's time the bytes take, with start and stop bit."""
-    bench = await SabertoothBench(baud=baud, battery_min_v=10.0).opened()
+    bench = await SabertoothBench(baud=baud, battery_min_v=10.0, autobaud=autobaud).opened()
     for _ in range(round(10.0 * control_hz)):
         await asyncio.sleep(1.0 / control_hz)
         await bench.motors.drive(WheelCommand(0.5, 0.5))
     return sum(map(len, bench.seen)) * 10 / baud / 10.0
 
 
-@pytest.mark.parametrize(("baud", "resend_s"), [(2400, 1.0), (9600, 1.0), (2400, 0.5)])
+@pytest.mark.parametrize(
+    ("baud", "resend_s", "autobaud"),
+    [(2400, 1.0, False), (9600, 1.0, False), (2400, 0.5, False), (2400, 1.0, True), (9600, 1.0, True)],
+)
 @virtual
 async def test_control_rate_is_refused_from_where_it_takes_more_than_7_tenths_of_the_wire(
-    baud: Literal[2400, 9600], resend_s: float, monkeypatch: pytest.MonkeyPatch
+    baud: Literal[2400, 9600], resend_s: float, autobaud: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The rest is for stops; the lowest voltage goes out with the other settings."""
     monkeypatch.setattr(sabertooth, "_RESEND_S", resend_s)
-    given = SabertoothSettings(baud=baud, battery_min_v=10.0)
+    given = SabertoothSettings(baud=baud, battery_min_v=10.0, autobaud=autobaud)
     fastest_hz = max(hz for hz in range(1, 200) if given.keeps_up_with(hz) is None)
-    assert await share_of_wire(fastest_hz, baud) <= 0.7
-    assert await share_of_wire(fastest_hz + 1, baud) > 0.7
+    assert await share_of_wire(fastest_hz, baud, autobaud=autobaud) <= 0.7
+    assert await share_of_wire(fastest_hz + 1, baud, autobaud=autobaud) > 0.7
     assert f"baud = {baud}" in str(given.keeps_up_with(fastest_hz + 1))

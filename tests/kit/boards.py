@@ -120,15 +120,16 @@ class SerialLine(FakeSerial):
 
 
 class SabertoothBench(MotorBench):
-    """A Sabertooth on a serial line that loses the bytes ``lost`` of each write."""
+    """A Sabertooth on a serial line that loses the bytes ``lost`` of each write; an ``old_board`` wants an AA."""
 
     Settings = SabertoothSettings
     motors: Sabertooth
 
-    def __init__(self, **settings: Any) -> None:
+    def __init__(self, *, old_board: bool | None = None, **settings: Any) -> None:
         given = SabertoothSettings(**settings)
         super().__init__(127, given)
-        self.chip = SabertoothChip(self.world, now_s, address=given.address, **self.wiring)
+        old_board = given.autobaud if old_board is None else old_board
+        self.chip = SabertoothChip(self.world, now_s, address=given.address, autobaud=old_board, **self.wiring)
         self.lost: set[int] = set()
         self.line = self.buses._serial[given.port] = SerialLine(given.port)
         self.line.chip = self

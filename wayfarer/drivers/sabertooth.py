@@ -2,6 +2,10 @@
 
 Packets and commands are those of the Sabertooth 2x12 User's Guide (April 2012), pages 15 to 20. The link is one way:
 the board answers nothing, acknowledges nothing, and drops a packet with a wrong checksum silently.
+
+Older boards, the 2x5, the 2x10 and the first 2x25, store no speed of the line: they take it from the first byte that
+they hear, which must be AA (Sabertooth 2x5 and 2x10 User's Guide, page 15; not before two seconds after power-up). For
+them there is ``autobaud``. The 2x12, 2x25 V2, 2x32 and 2x60 need none (examples of the maker's Arduino library).
 """
 
 from __future__ import annotations
@@ -33,6 +37,8 @@ _DRIVE_BYTES, _SETTINGS_BYTES, _TIMEOUT_BYTES = 8, 8, 4  # two packets, two pack
 _BITS_PER_BYTE = 10  # with start and stop bit
 _LOAD_MAX = 0.7  # of the wire; the rest is for stops, and for a process that Linux wakes late
 _STOPS = 3  # bytes may be lost without notice
+_AUTOBAUD = b"\xaa"  # page 15 of the 2x5's guide; no address of a board, so one that knows its speed passes it over
+_START_UP_S = 2.0  # the same page: until then the board would not hear it
 
 
 def packet(address: int, command: int, data: int) -> bytes:
@@ -49,6 +55,10 @@ class SabertoothSettings:
     ``/dev/serial/by-id``, by a name that stays."""
     baud: Literal[2400, 9600, 19200, 38400] = 9600
     """Speed of the serial line in bit/s."""
+    autobaud: bool = False
+    """The board takes the speed from the byte AA, and no command before: true for a 2x5, a 2x10 or the first 2x25;
+    false for a 2x12, 2x25 V2, 2x32 or 2x60. Such a board hears the first byte after it is switched on: switch it on
+    before the daemon starts, or off and on again if it does not answer."""
     address: Annotated[int, Interval(ge=128, le=135)] = 128
     """Address of the board, as on its switches."""
     left: Literal[1, 2] = 1
@@ -80,7 +90,7 @@ class SabertoothSettings:
 
         Commands that the wire is too slow for wait in the kernel's buffer, and a stop would wait behind them.
         """
-        drive_bytes = _DRIVE_BYTES + _TIMEOUT_BYTES * self.timeout_each_time
+        drive_bytes = self.autobaud + _DRIVE_BYTES + _TIMEOUT_BYTES * self.timeout_each_time
         bits_per_s = (drive_bytes * control_hz + _SETTINGS_BYTES / _RESEND_S) * _BITS_PER_BYTE
         if bits_per_s <= _LOAD_MAX * self.baud:
             return None
@@ -107,6 +117,9 @@ class Sabertooth:
         self.name = f"Sabertooth {settings.address} on {settings.port}"
         timeout_units = round(settings.timeout_s * _TIMEOUT_UNITS_PER_S)
         self.deadman_s: float | None = timeout_units / _TIMEOUT_UNITS_PER_S
+        # Before each command, because a reset of the board cannot be noticed.
+        self._greeting = _AUTOBAUD if settings.autobaud else b""
+        self._starts_in_s = _START_UP_S if settings.autobaud else 0.0
         self._address = settings.address
         self._halts = 0
         self._levels = MotorLevels(
@@ -124,9 +137,15 @@ class Sabertooth:
     async def open(self) -> None:
         """Send the board its settings and stop both motors.
 
+        A board with ``autobaud`` may have been switched on together with the computer: nothing is sent to it before it
+        can have started, at the first opening.
+
         Raises:
             NotResponding: the port is gone; a missing board cannot be noticed.
         """
+        if self._starts_in_s:
+            await asyncio.sleep(self._starts_in_s)
+            self._starts_in_s = 0.0
         self._resend_at_s = -inf
         await self.drive(STOP)
 
@@ -147,7 +166,8 @@ class Sabertooth:
         all_due = now_s >= self._resend_at_s
         # Settings come after the command: a board that starts during these bytes does not move a wheel without them.
         timeout = self._timeout if self._timeout_each_time and (left or right) else b""
-        await self._port.write(self._motor_packets(left, right) + (self._board_settings if all_due else timeout))
+        packets = self._motor_packets(left, right) + (self._board_settings if all_due else timeout)
+        await self._port.write(self._greeting + packets)
         if all_due:
             self._resend_at_s = now_s + _RESEND_S
         if self._halts != halts:
@@ -158,14 +178,14 @@ class Sabertooth:
     async def stop(self) -> None:
         """Stop both motors, sent three times; never raises. If the port hangs, the stop is sent first after that."""
         try:
-            await self._port.write(self._motor_packets(0, 0) * _STOPS)
+            await self._port.write(self._greeting + self._motor_packets(0, 0) * _STOPS)
         except Exception:
             self.halt()
 
     def halt(self) -> None:
         """Stop both motors without waiting."""
         self._halts += 1
-        self._port.post(self._motor_packets(0, 0) * _STOPS)
+        self._port.post(self._greeting + self._motor_packets(0, 0) * _STOPS)
 
     async def read_back(self) -> None:
         """Return None: the board cannot be asked."""

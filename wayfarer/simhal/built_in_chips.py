@@ -80,8 +80,8 @@ def _attach_thunderborg(settings: ThunderBorgSettings, wiring: ChipWiring) -> No
 
 
 def _attach_sabertooth(settings: SabertoothSettings, wiring: ChipWiring) -> None:
-    motors = _motors(settings, sabertooth.FULL_LEVEL)
-    chip = SabertoothChip(wiring.world, wiring.clock, address=settings.address, left=settings.left, **motors)
+    motors = {**_motors(settings, sabertooth.FULL_LEVEL), "left": settings.left, "autobaud": settings.autobaud}
+    chip = SabertoothChip(wiring.world, wiring.clock, address=settings.address, **motors)
     wiring.boards.append(chip)
     wiring.buses.serial(settings.port).chip = chip
 

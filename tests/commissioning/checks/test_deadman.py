@@ -99,6 +99,17 @@ def test_settings_of_other_parts_and_defaults_written_out_change_nothing(watched
     assert watched.look(proved).verdict is CheckVerdict.OK
 
 
+def test_setting_that_is_younger_than_the_proof_counts_only_if_it_is_in_use(watched: Watched) -> None:
+    watched.watch()
+    kept = watched.kept
+    assert kept.deadman is not None
+    settings = {key: value for key, value in kept.deadman.settings.items() if key != "autobaud"}
+    save(watched.file, replace(kept, deadman=replace(kept.deadman, settings=settings)))
+    assert watched.look(proved).verdict is CheckVerdict.OK
+    watched.lay_over(autobaud=True)
+    assert "autobaud = None (now True)" in watched.look(proved).text
+
+
 def test_proof_does_not_count_on_other_buses(watched: Watched) -> None:
     watched.watch()
     watched.config = watched.config.model_copy(update={"buses": "my.adapter:buses"})

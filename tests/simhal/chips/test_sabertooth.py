@@ -133,3 +133,43 @@ def test_a_dropped_packet_does_not_keep_the_timeout_from_tripping(bench: Bench) 
     bench.now_s = 0.31
     bench.chip.tick()
     assert bench.world.commanded == STILL
+
+
+# -- a board that takes the line's speed from the first byte ---------------------------------------------------------
+
+
+def old_board() -> BoardBench[SabertoothChip]:
+    return BoardBench(partial(SabertoothChip, autobaud=True))
+
+
+@pytest.mark.parametrize(
+    ("first", "at_s", "hears"),
+    [
+        ("AA", 2.0, True),
+        (f"AA {BOTH_AHEAD}", 2.0, True),
+        ("AA", 1.9, False),  # it is starting
+        (BOTH_AHEAD, 2.0, False),
+        ("00 AA", 2.0, False),
+        ("82 00 40 42", 2.0, False),  # for another board on the line
+    ],
+)
+def test_old_board_takes_commands_only_if_the_first_byte_after_its_start_was_aa(
+    first: str, at_s: float, hears: bool
+) -> None:
+    bench = old_board()
+    bench.now_s = at_s
+    bench.chip.receive(bytes.fromhex(first))
+    bench.now_s = 3.0
+    bench.chip.receive(bytes.fromhex(BOTH_AHEAD))
+    assert bench.chip.levels == ((127, 127) if hears else (0, 0))
+
+
+def test_old_board_must_hear_it_again_when_its_power_was_off() -> None:
+    bench = old_board()
+    bench.now_s = 2.0
+    bench.chip.receive(bytes.fromhex(f"AA {BOTH_AHEAD}"))
+    bench.chip.power_cycle()
+    assert bench.chip.levels == (0, 0)
+    for bench.now_s, sent, level in ((3.0, f"AA {BOTH_AHEAD}", 0), (4.0, f"AA {BOTH_AHEAD}", 127)):
+        bench.chip.receive(bytes.fromhex(sent))
+        assert bench.chip.levels == (level, level)

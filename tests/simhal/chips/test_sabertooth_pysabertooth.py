@@ -49,8 +49,9 @@ class Port:
 class Bench(BoardBench[SabertoothChip]):
     """A chip with the library on it."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, address: int = 128) -> None:
-        super().__init__(partial(SabertoothChip, address=address))
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, address: int = 128, *, autobaud: bool = False) -> None:
+        super().__init__(partial(SabertoothChip, address=address, autobaud=autobaud))
+        self.now_s = 2.0 if autobaud else 0.0  # an old board's start-up time
         self.port = Port(self.chip)
         monkeypatch.setattr(pysabertooth, "serial", SimpleNamespace(Serial=lambda: self.port))
         monkeypatch.setattr(pysabertooth, "time", SimpleNamespace(sleep=lambda _: None))
@@ -66,6 +67,15 @@ def test_its_start_up_stores_the_baud_rate_and_moves_nothing(bench: Bench) -> No
     assert bench.port.written == bytes.fromhex("AA AA 80 0F 02 11 AA")
     assert bench.chip.settings == {15: 2}
     assert bench.chip.dropped == 0
+    assert bench.world.commanded == (0.0, 0.0)
+
+
+def test_its_start_up_lets_an_old_board_take_commands(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench(monkeypatch, autobaud=True)
+    assert bench.chip.settings == {15: 2}
+    bench.library.driveBoth(40, 40)
+    assert bench.world.commanded == (50 / 127, 50 / 127)
+    del bench.library
     assert bench.world.commanded == (0.0, 0.0)
 
 

@@ -153,6 +153,9 @@ def _unproved(inspection: Inspection, text: str) -> Finding:
 
 
 def _changes(before: dict[str, Any], now: dict[str, Any]) -> str:
-    """Return what differs between two boards' settings, nothing if nothing does."""
-    keys = sorted(key for key in before.keys() | now.keys() if before.get(key) != now.get(key))
+    """Return what differs between two boards' settings, nothing if nothing does.
+
+    A setting that is younger than the proof differs only if it is in use.
+    """
+    keys = sorted(key for key in before.keys() | now.keys() if (before.get(key) or None) != (now.get(key) or None))
     return ", ".join(f"{key} = {before.get(key)} (now {now.get(key)})" for key in keys)

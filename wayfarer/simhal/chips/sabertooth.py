@@ -2,7 +2,8 @@
 
 Packets and commands as in the Sabertooth 2x12 User's Guide (April 2012), pages 15 to 20, as far as the rover's driver
 and pysabertooth use them: each motor forward and back, minimum voltage, serial timeout and baud rate. Of the settings
-only the serial timeout has an effect.
+only the serial timeout has an effect. Older boards take the line's speed from the first byte (2x5 and 2x10 User's
+Guide, page 15).
 """
 
 from __future__ import annotations
@@ -30,6 +31,8 @@ _BAUD: Final = 15
 # Minimum voltage, timeout, baud rate (pages 18 and 19). The user's guide gives no end for the timeout.
 _SETTINGS: Final = {2: range(121), _SERIAL_TIMEOUT: range(128), _BAUD: range(1, 5)}
 _TIMEOUT_UNIT_S: Final = 0.1
+_AUTOBAUD: Final = 0xAA
+_START_UP_S: Final = 2.0  # for which an older board hears nothing
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -39,8 +42,10 @@ class SabertoothChip(MotorBoardChip):
     Args:
         address: as set on the DIP switches, 128 to 135.
         left: the output that the left wheels are on, M1 or M2; the other drives the right ones.
+        autobaud: an older board, switched on now. It hears nothing for two seconds. If the first byte then is AA, it
+            takes commands; any other makes it take a wrong speed, so that it hears none until its power was off.
 
-    Packets for other addresses and the AA of older boards' baud detection are passed over. ``settings`` holds the data
+    Packets for other addresses, and any other AA, are passed over. ``settings`` holds the data
     of the latest setting commands; ``dropped`` counts packets that broke off or whose checksum was wrong. Any packet
     keeps the serial timeout from tripping.
     """
@@ -48,7 +53,7 @@ class SabertoothChip(MotorBoardChip):
     def __init__(
         self, world: SimulatedWorld, clock: Callable[[], float], *,
         address: int = ADDRESS, full_level: float = FULL_LEVEL,
-        left: Literal[1, 2] = 1, reverse_left: bool = False, reverse_right: bool = False,
+        left: Literal[1, 2] = 1, reverse_left: bool = False, reverse_right: bool = False, autobaud: bool = False,
     ) -> None:  # fmt: skip
         super().__init__(
             world, clock, full_level,
@@ -59,6 +64,10 @@ class SabertoothChip(MotorBoardChip):
         self._address = address
         self._heard_s = -inf
         self._packet: list[int] = []
+        self._autobaud = autobaud
+        self._heard = not autobaud  # the first byte
+        self._deaf = False
+        self._started_s = clock() + _START_UP_S if autobaud else -inf
 
     @property
     def stops_by_s(self) -> float:
@@ -71,11 +80,19 @@ class SabertoothChip(MotorBoardChip):
         self.tick()
         self.settings = {command: data for command, data in self.settings.items() if command == _BAUD}
         self._packet.clear()
+        if self._autobaud:
+            self._heard, self._deaf, self._started_s = False, False, self._clock() + _START_UP_S
         self._stop(self._clock())
 
     def receive(self, data: bytes) -> None:
         """Take bytes, in pieces of any length; an address begins a new packet, even if the last one is incomplete."""
         self.tick()
+        if not data or self._clock() < self._started_s:
+            return
+        if not self._heard:
+            self._heard, self._deaf = True, data[0] != _AUTOBAUD
+        if self._deaf:
+            return
         packet = self._packet
         for byte in data:
             if byte & _ADDRESS_BIT:
