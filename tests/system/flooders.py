@@ -95,6 +95,7 @@ def message(text: bytes) -> bytes:
 FLOODS: dict[str, Callable[[str], None]] = {
     "requests": lambda where: without_end(where, b"", STATUS * 100),
     "requests without reading": lambda where: without_end(where, b"", STATUS * 100, reads=False),
+    "stops": lambda where: without_end(where, b"", b'{"do": "hold"}\n{"do": "disarm"}\n' * 50),
     "lines without end": lambda where: without_end(where, b"", b"x" * 100_000),
     "connections": lambda where: again_and_again(where, b""),
     "half lines": lambda where: again_and_again(where, b'{"do": "st'),

@@ -4,18 +4,23 @@
 from __future__ import annotations
 
 import re
+import resource
 import time
 from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
 
 import pytest
 
 from tests.system.flooders import connected, flooded, message, upgrade
-from tests.system.hil_setup import Site
+from tests.system.hil_setup import Site, wait_for
 from tests.system.measures import jitter, now_s
+from wayfarer.daemon.socket.protocol import RequestRefused
 
 QUIET_S, FLOOD_S = 1.0, 1.5
 JITTER_S = 0.02  # a tick is late, and the wheels are held, beyond 0.2 s
 STOPS_S = 0.25  # before any deadman
+MORE_MB = 3.0
 OPENED_S = 1.0  # by a page that is opened: behind a hundred connections that wait to be accepted, 5 ms each
 
 OF_THE_SOCKET = (
@@ -53,11 +58,38 @@ def test_flood_of_the_socket_holds_no_wheel_and_keeps_no_stop_out(site: Site, ki
     floods(site, kind, str(site.socket), lambda: site.ask("disarm"))
 
 
+def memory_mb(pid: int) -> float:
+    """Return what a process has in memory."""
+    pages = Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1]
+    return int(pages) * resource.getpagesize() / 1e6
+
+
 def page_of(site: Site) -> tuple[str, str]:
     """Return the port and the query of the page of an armed rover."""
     site.armed("--live", "--live-port", "0")
     ((port, query),) = set(re.findall(r"http://127.0.0.1:(\d+)/(\S+)", site.said()))
     return port, query
+
+
+def test_flood_of_stops_takes_no_memory_and_keeps_nobody_else_out(site: Site) -> None:
+    """They wait for no turn. The rover stands as long as it lasts, and can be armed afterwards."""
+    daemon = site.armed()
+    with flooded("stops", str(site.socket)):
+        time.sleep(FLOOD_S)
+        before_mb = memory_mb(daemon.pid)
+        for _ in range(5):
+            assert site.status()["mode"] == "disarmed"
+        time.sleep(FLOOD_S)
+        print(f"stops: {before_mb:.1f} MB, {memory_mb(daemon.pid):.1f} MB after {FLOOD_S:g} s more")
+        assert memory_mb(daemon.pid) - before_mb < MORE_MB
+    assert not site.turning
+
+    def arms() -> bool:
+        with suppress(RequestRefused):  # those that wait in the kernel are stops, too
+            site.ask("arm", heading_deg=0.0)
+        return site.drives
+
+    wait_for("it is armed and drives", arms)
 
 
 @pytest.mark.parametrize("kind", OF_THE_PAGE)

@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import orjson
 import pytest
@@ -223,14 +224,15 @@ async def test_no_timer_and_no_task_is_left_behind(path: Path, daemon: FakeDaemo
     """Each would stay for as long as it was meant to last: thousands of clients a minute would hold up the loop."""
     loop = asyncio.get_running_loop()
     daemon.answers = {"text": "x" * 60_000}
-    async with serve(daemon, path):
+    async with serve(daemon, path) as serving:
         tasks = len(asyncio.all_tasks())
         timers = len(loop._scheduled)  # type: ignore[attr-defined]
         for said in (b"", b"{", STATUS, ARM, STATUS * 20, b"x" * 10_000) * 5:
             async with RawClient(path) as client:
                 client.writer.write(said)
                 await asyncio.sleep(0.01)
-        await asyncio.sleep(0.01)
+        await until(lambda: not serving._clients)
+        await asyncio.sleep(10 * PAUSE_S)
         left = [timer for timer in loop._scheduled if not timer.cancelled()]  # type: ignore[attr-defined]
         assert len(left) <= timers
         assert len(asyncio.all_tasks()) == tasks
@@ -339,6 +341,58 @@ async def test_what_finds_no_memory_twice_is_refused(path: Path, daemon: FakeDae
         assert "an error inside wayfarer (MemoryError" in (await client.reply_to(b'{"do": "hold"}\n'))["why"]
         assert (await client.reply_to(STATUS))["ok"]
     assert daemon.errors == [daemon.fails_with]
+
+
+class Short(asyncio.SelectorEventLoop):
+    """A loop that finds no memory for each second handle of the server's."""
+
+    fails = False
+    failed = 0
+
+    def _fail(self) -> None:
+        if self.fails:
+            self.failed += 1
+            if self.failed % 2:
+                raise MemoryError
+
+    def add_reader(self, fd: Any, callback: Any, *args: Any) -> None:  # type: ignore[override]
+        """Add a reader, each second time only."""
+        self._fail()
+        super().add_reader(fd, callback, *args)
+
+    def add_writer(self, fd: Any, callback: Any, *args: Any) -> None:  # type: ignore[override]
+        """Add a writer, each second time only."""
+        self._fail()
+        super().add_writer(fd, callback, *args)
+
+    def call_later(  # type: ignore[override]
+        self, delay: float, callback: Any, *args: Any, context: Any = None
+    ) -> asyncio.TimerHandle:
+        """Set a timer, each second time only."""
+        if getattr(callback, "__module__", "").startswith("wayfarer"):
+            self._fail()
+        return super().call_later(delay, callback, *args, context=context)
+
+
+def test_handle_that_finds_no_memory_keeps_nobody_waiting_for_good(path: Path) -> None:
+    """Whichever it is: of accepting, of a line that has come, of room for an answer, of a turn."""
+
+    async def asks() -> None:
+        loop, daemon = asyncio.get_running_loop(), FakeDaemon()
+        assert isinstance(loop, Short)
+        async with serve(daemon, path):
+            for count in range(1, 10):
+                with socket.socket(socket.AF_UNIX) as line:
+                    line.setblocking(False)
+                    line.connect(str(path))
+                    line.send(b'{"do": "stop"}\n' if count % 2 else STATUS * 2)
+                    loop.fails = True
+                    await until(lambda: len(daemon.told) >= count)  # noqa: B023
+                    loop.fails = False
+        assert loop.failed > 9
+
+    with asyncio.Runner(loop_factory=Short) as runner:
+        runner.run(asks())
 
 
 async def test_accepting_that_finds_no_memory_goes_on_with_the_next(

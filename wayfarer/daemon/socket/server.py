@@ -138,26 +138,30 @@ class ControlServer:
 
     def in_turn(self, client: _Client) -> None:
         """Answer a client in a later turn of the loop, in which no other is answered."""
+        if not self._due:
+            self._wait_for_turn()
         self._due.append(client)
-        if len(self._due) == 1:
-            self.loop.call_later(PAUSE_S, self.insist, self._answer_next)
+
+    def _wait_for_turn(self) -> None:
+        self.loop.call_later(PAUSE_S, self._answer_next)
 
     def _answer_next(self) -> None:
-        if len(self._due) > 1:
-            self.loop.call_later(PAUSE_S, self.insist, self._answer_next)
-        if self._due:
-            self._due.popleft().answer()
+        try:
+            self.insist(self._due[0].answer)
+        finally:
+            self._due.popleft()
+            if self._due:
+                self.insist(self._wait_for_turn)
 
     # -- clients ---------------------------------------------------------------------------------------------------
 
     def _listen(self) -> None:
-        self._pause = None
-        self.loop.add_reader(self._bound, self._accept)
+        self.loop.add_reader(self._bound, self.insist, self._accept)
 
     def _accept(self) -> None:
         """Accept one client, in the place of the one that came first if there is no place, descriptor or memory."""
+        self._pause = self.loop.call_later(PAUSE_S, self.insist, self._listen)  # first: without it, nobody is accepted
         self.loop.remove_reader(self._bound)
-        self._pause = self.loop.call_later(PAUSE_S, self._listen)
         try:
             connection, _ = self._bound.accept()
             self.insist(lambda: self._clients.setdefault(_Client(self, connection)))
