@@ -9,7 +9,8 @@ its last fix as if it were new. If ``time`` goes back, as at a correction of the
 time advances from there.
 
 The reports of several receivers come mixed. Each receiver is judged by its own reports only, and one is served until
-it has had no new fix for ``SERVED_S``: two are some metres apart, and a hung one still tells where it once was.
+it says that it has no fix, or has had no new one for ``SERVED_S``: two are some metres apart, and a hung one still
+tells where it once was.
 """
 
 from __future__ import annotations

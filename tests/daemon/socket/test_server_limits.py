@@ -205,6 +205,17 @@ async def test_request_that_is_there_is_answered_before_its_client_is_pushed_out
             client.close()
 
 
+async def test_stop_that_has_come_counts_though_its_client_is_pushed_out(path: Path, daemon: FakeDaemon) -> None:
+    async with serve(daemon, path, clients=1) as serving, RawClient(path) as client:
+        await until(lambda: serving._clients)
+        (first,) = serving._clients
+        first._unread = b'{"do": "stop"}\n'  # read in the turn in which another one is accepted
+        serving._push_out()
+        assert daemon.told == [("stop",)]
+        assert await client.reply() == {"ok": True}
+        assert "too many" in (await client.reply())["why"]
+
+
 async def test_a_thousand_connections_leave_the_server_as_it_was(path: Path, daemon: FakeDaemon) -> None:
     async with serve(daemon, path) as serving:
         clients = [await RawClient(path).__aenter__() for _ in range(CLIENTS)]

@@ -28,6 +28,7 @@ from wayfarer.safety.permission import Asked
 
 TEXT_CHARACTERS = 500
 DRIVER_CHARACTERS = 20
+NAME_CHARACTERS = 40  # of an unknown name that is looked at: comparing a very long one would delay the control tick
 WHOLE_MAX = 2**53  # up to here JavaScript knows whole numbers from each other
 # Of one line, without its end. The longest request there is, a text of escaped characters, has 6,100 bytes; parsing
 # 64 KiB of brackets would hold up the control tick for milliseconds.
@@ -177,14 +178,14 @@ def check(fields: Mapping[str, object]) -> Request:
     if not isinstance(do, str):
         raise BadInput(f'the request does not say what to "do": one of {", ".join(VERBS)}')
     if do not in VERBS:
-        raise UnknownName("verb", _short(do), VERBS)
+        raise UnknownName("verb", do[:NAME_CHARACTERS], VERBS)
     needs, takes = VERBS[do]
     for key in keys:
         if key not in needs + takes:
-            raise UnknownName(f"key of {do}", _short(key), ("do", *needs, *takes))
+            raise UnknownName(f"key of {do}", key[:NAME_CHARACTERS], ("do", *needs, *takes))
     for key in needs:
         if key not in keys:
-            raise BadInput(f"{do} needs {key}: {_CHECKS[key].wanted}")
+            raise BadInput(f"{do} needs {key}: {_CHECKS[key][0]}")
     if "north" in keys and "heading_deg" not in keys:
         raise BadInput(f"{do} got north without heading_deg: north says which north the heading counts from, give both")
     return Request(do, {key: _checked(key, value) for key, value in keys.items()})
@@ -232,45 +233,33 @@ def error_reply(why: str) -> bytes:
     return orjson.dumps({"ok": False, "why": why}) + b"\n"
 
 
-class _Check(NamedTuple):
-    wanted: str
-    fits: Callable[[Any], bool]
-
-
 def _is_number(value: object, low: float, high: float) -> bool:
     """Return whether this is a number within bounds; NaN is not."""
     return isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high
 
 
-def _is_count(value: object) -> bool:
-    return isinstance(value, int) and _is_number(value, 0, WHOLE_MAX)
-
-
-_COUNT = _Check("a whole number from 0 to 2^53", _is_count)
-_TIME = _Check(
-    "a time in seconds of the rover's CLOCK_BOOTTIME, when the person asked", lambda value: _is_number(value, 0.0, 1e12)
-)
-_SHARE = _Check("a number from -1 to 1", lambda value: _is_number(value, -1.0, 1.0))
-_CHECKS = {
-    "heading_deg": _Check(
+_TIME = "a time in seconds of the rover's CLOCK_BOOTTIME, when the person asked"
+# Of each key what its value must be, and whether one is.
+_CHECKS: Mapping[str, tuple[str, Callable[[Any], bool]]] = {
+    "heading_deg": (
         "a number of degrees clockwise from north, 0 <= heading < 360",
         lambda value: _is_number(value, 0, 360) and value != 360,
     ),
-    "driver": _Check(
+    "driver": (
         f"a word of at most {DRIVER_CHARACTERS} letters",
         lambda value: isinstance(value, str) and _DRIVER(value) is not None,
     ),
-    "lease": _COUNT,
-    "seq": _COUNT,
-    "forward": _SHARE,
-    "turn": _SHARE,
-    "asked_s": _TIME,
-    "sent_s": _TIME,
-    "north": _Check(" or ".join(NORTHS), lambda value: value in NORTHS),
-    "without_log": _Check("true or false", lambda value: isinstance(value, bool)),
-    "text": _Check(
+    "north": (" or ".join(NORTHS), lambda value: value in NORTHS),
+    "without_log": ("true or false", lambda value: isinstance(value, bool)),
+    "text": (
         f"a text of 1 to {TEXT_CHARACTERS} characters",
         lambda value: isinstance(value, str) and bool(value.strip()) and len(value) <= TEXT_CHARACTERS,
+    ),
+    **dict.fromkeys(("asked_s", "sent_s"), (_TIME, lambda value: _is_number(value, 0.0, 1e12))),
+    **dict.fromkeys(("forward", "turn"), ("a number from -1 to 1", lambda value: _is_number(value, -1.0, 1.0))),
+    **dict.fromkeys(
+        ("lease", "seq"),
+        ("a whole number from 0 to 2^53", lambda value: isinstance(value, int) and _is_number(value, 0, WHOLE_MAX)),
     ),
 }
 
@@ -280,8 +269,3 @@ def _checked(key: str, value: object) -> object:
     if not fits(value):
         raise BadInput(f"{key} must be {wanted}, not {reprlib.repr(value)}")
     return value
-
-
-def _short(name: str) -> str:
-    """Cut an unknown name: comparing a very long one would delay the control tick."""
-    return name[:40]

@@ -23,7 +23,7 @@ from collections.abc import Callable, Coroutine
 from contextlib import suppress
 from mmap import mmap
 from pathlib import Path
-from select import POLLRDHUP, poll
+from select import POLLOUT, POLLRDHUP, poll
 from types import TracebackType
 from typing import Any, Self
 
@@ -177,8 +177,7 @@ class ControlServer:
 
     def _push_out(self) -> None:
         first = next(iter(self._clients))
-        if first in self._due:
-            first.answer()
+        first.answer()
         first.close("too many clients: this one was here longest, connect again")
 
     def forget(self, client: _Client) -> None:
@@ -224,7 +223,8 @@ class ControlServer:
 class _Client:
     """A connection. It is read until a whole line is there, which is answered when the client has room for an answer.
 
-    So an answer goes into the kernel's buffer in one piece, and nothing is kept for a client but what it has sent.
+    So an answer goes into the kernel's buffer in one piece, no timer is needed, and nothing is kept for a client but
+    what it has sent.
     """
 
     def __init__(self, server: ControlServer, connection: socket.socket) -> None:
@@ -233,7 +233,7 @@ class _Client:
         self._loop = server.loop
         self._connection = connection
         self._unread = b""  # what it has sent and is not answered yet
-        self._patience: asyncio.Handle | None = None  # until it is closed, if it does not read
+        self._since_s = 0.0  # when the next line was to be answered
         self.task: asyncio.Task[None] | None = None  # of a request that takes a while
         self._loop.add_reader(connection, server.insist, self._read)
 
@@ -245,10 +245,7 @@ class _Client:
             with suppress(OSError):
                 self._connection.send(error_reply(why))
         self._loop.remove_reader(self._connection)
-        self._loop.remove_writer(self._connection)
         self._connection.close()
-        if self._patience is not None:
-            self._patience.cancel()
         if self.task is not None:
             self.task.cancel()
         self._server.forget(self)
@@ -276,40 +273,41 @@ class _Client:
             self.close("the line does not end: send an end of line after each request" if half else "")
 
     def _go_on(self) -> None:
-        """Answer the next line as soon as there is room for the answer; read on if no whole line is there."""
-        is_whole, is_full = b"\n" in self._unread, len(self._unread) > REQUEST_BYTES
-        if is_full and not is_whole:
+        """Have the next line answered, a stop at once and all else in its turn; read on if there is none."""
+        line, end, _ = self._unread.partition(b"\n")
+        if not end and len(line) > REQUEST_BYTES:
             self.close(f"a line has {REQUEST_BYTES} bytes at most: the connection is closed")
-        elif is_whole and self.task is None:
-            self._loop.add_writer(self._connection, self._server.insist, self._has_room)
+        elif end and self.task is None:
             self._loop.remove_reader(self._connection)
-            self._patience = self._loop.call_later(self._server.unread_s, self.close)
-        elif is_full:  # while it waits for an answer
+            self._since_s = self._loop.time()
+            if is_stop(line):
+                self._loop.call_soon(self._server.insist, self.answer)
+            else:
+                self._server.in_turn(self)
+        elif len(self._unread) > REQUEST_BYTES:  # while it waits for an answer
             self._loop.remove_reader(self._connection)
         else:
             self._loop.add_reader(self._connection, self._server.insist, self._read)
 
-    def _has_room(self) -> None:
-        """Answer the next line, at once if it stops the wheels, else in its turn."""
-        self._loop.remove_writer(self._connection)
-        if self._patience is not None:
-            self._patience.cancel()
-        if is_stop(self._unread.partition(b"\n")[0]):
-            self.answer()
-        else:
-            self._server.in_turn(self)
-
     def answer(self) -> None:
-        """Answer the next line."""
-        if self._connection.fileno() < 0:
+        """Answer the next line, if there is one and nothing is under way.
+
+        If the client has no room for the answer, that is tried again until it has not read for too long.
+        """
+        line, end, rest = self._unread.partition(b"\n")
+        if self._connection.fileno() < 0 or not end or self.task is not None:
             return
-        line, _, rest = self._unread.partition(b"\n")
-        reply = self._server.answer(self, line)
-        self._unread = rest
-        if reply is None:
-            self._go_on()
+        if _is_ready(self._connection, POLLOUT) or is_stop(line):
+            reply = self._server.answer(self, line)
+            self._unread = rest
+            if reply is None:
+                self._go_on()
+            else:
+                self.send(reply)
+        elif self._loop.time() - self._since_s < self._server.unread_s:
+            self._server.in_turn(self)
         else:
-            self.send(reply)
+            self.close()
 
     def send(self, reply: bytes) -> None:
         """Send an answer, and go on with the next line: also of a client that has gone, which may be a stop."""
@@ -319,11 +317,11 @@ class _Client:
             is_whole = self._connection.send(reply) == len(reply)
         except ConnectionError:
             is_whole = True
-        except OSError:
+        except OSError:  # a stop of a client that does not read
             is_whole = False
         if is_whole:
             self._go_on()
-        else:  # this computer's buffers are smaller than an answer
+        else:
             self.close()
 
 
@@ -332,9 +330,13 @@ def has_gone(connection: Any) -> bool:
 
     ``connection`` is an open socket, or what an asyncio transport gives for it.
     """
-    ends = poll()
-    ends.register(connection, POLLRDHUP)
-    return bool(ends.poll(0))
+    return _is_ready(connection, POLLRDHUP)
+
+
+def _is_ready(connection: Any, event: int) -> bool:
+    polling = poll()
+    polling.register(connection, event)
+    return bool(polling.poll(0))
 
 
 def _at_once(answering: Coroutine[Any, Any, bytes]) -> bytes:
