@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,12 +14,13 @@ import pytest
 from tests.commissioning import computers
 from tests.loop_guard import WatchedVirtualLoop
 from wayfarer.commissioning import first_rover
-from wayfarer.commissioning.checks import check, passed
-from wayfarer.commissioning.first_rover import MODELS, FoundPart, Inventory, Model, first_rover_file, nearest
+from wayfarer.commissioning.checks import HostEnvironment, check, passed
+from wayfarer.commissioning.first_rover import MODELS, FoundPart, Inventory, Model, first_rover_file, look, nearest
 from wayfarer.config.factory import UNCALIBRATED, assemble
 from wayfarer.config.rover_file import RoverConfig, laid_over, load_rover, parse_rover, rover_text
 from wayfarer.drivers.cmps14 import CMPS14
 from wayfarer.drivers.gpsd import Gpsd
+from wayfarer.drivers.linux import LinuxBuses
 from wayfarer.errors import BadConfig, NotResponding
 
 PMW3901 = FoundPart("pmw3901", {"bus": "/dev/spidev0.0"}, "PMW3901 on /dev/spidev0.0")
@@ -206,6 +208,25 @@ def test_bus_of_a_mainboard_is_left_alone(tmp_path: Path, runner: asyncio.Runner
     machine = computers.forestrover(tmp_path, runner)
     machine.file("/sys/class/i2c-dev/i2c-1/name").write_text("SMBus I801 adapter at f040\n", encoding="ascii")
     assert {each.driver for each in machine.look().parts.values()} == {"pmw3901"}
+
+
+async def test_missing_library_is_told_once_for_each_bus_and_no_part_is_called_silent(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    host, buses = HostEnvironment(tmp_path, tmp_path / "calibration.json", (), 1.8e9, tmp_path), LinuxBuses()
+    for device in computers.HEADER:
+        host.path(device).parent.mkdir(exist_ok=True)
+        host.path(device).touch()
+    for library in ("smbus2", "spidev"):
+        monkeypatch.setitem(sys.modules, library, None)
+    try:
+        seen = (await look(host, buses, list)).seen
+    finally:
+        await buses.close()
+    on_buses = [each for each in seen if "/dev/i2c-1" in each[1] or "/dev/spidev0." in each[1]]
+    assert {verdict for verdict, _ in on_buses} == {"skipped"}
+    assert len(on_buses) == 3, "one I2C bus, two SPI devices"
+    assert all("is not installed; pip install" in text for _, text in on_buses)
 
 
 class Careless:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from wayfarer.config.rover_file import SHIPPED
+from wayfarer.config.rover_path import SHIPPED
 
 # A daemon in the main thread, and its client in another, which sees what was imported while it asked.
 PROGRAM = """

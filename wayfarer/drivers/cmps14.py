@@ -104,6 +104,8 @@ class CMPS14:
             await self._read_version()
             block = await self._first_block()
         except NotResponding as error:
+            if error.remedy:  # no wire is the reason
+                raise
             raise NotResponding(
                 f"{self.name}: no answer ({error}); check power, wires and address, "
                 "and that its mode pin was open or high when it got power: low means serial"

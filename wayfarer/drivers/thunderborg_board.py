@@ -117,6 +117,8 @@ class ThunderBorgLink:
         try:
             return await transfer()
         except NotResponding as error:
+            if error.remedy:  # no wire is the reason
+                raise
             raise NotResponding(
                 f"{self.where}: no answer ({error}); battery off or flat, or a loose plug: check the board's power "
                 "switch and its I2C cable"

@@ -18,6 +18,7 @@ import pytest
 from tests.kit.rover import Rig
 from wayfarer.commissioning.checks import CheckVerdict, Finding
 from wayfarer.commissioning.checks.parts import part_failed
+from wayfarer.config.registry import BUILT_IN_DRIVERS, find_driver
 from wayfarer.drivers.linux import LinuxBuses, connected_cameras
 from wayfarer.errors import NotInstalled, NotResponding
 
@@ -152,6 +153,34 @@ async def test_part_that_does_not_answer_is_looked_for_at_its_wires(
     error = await failure_of(bus)
     assert error.remedy == ""
     assert "loose wire" in finding(rig, bus, error, there=True).text
+
+
+DRIVERS = {  # of each driver on a bus: its bus
+    "cmps14": "i2c", "thunderborg": "i2c", "thunderborg_light": "i2c", "pmw3901": "spi", "sabertooth": "serial",
+    "camera_motion": "camera",
+}  # fmt: skip
+OF_NO_BUS = {"bumper", "gpio_light", "gpio_motors", "gpsd"}
+
+
+def test_each_driver_is_on_a_bus_or_on_none() -> None:
+    assert set(BUILT_IN_DRIVERS) == {*DRIVERS, *OF_NO_BUS}
+
+
+@pytest.mark.parametrize("why", ["missing", "busy"])
+@pytest.mark.parametrize("name", DRIVERS)
+async def test_each_driver_hands_on_why_the_computer_cannot_reach_its_part(
+    monkeypatch: pytest.MonkeyPatch, name: str, why: str
+) -> None:
+    bus, driver = BUSES[DRIVERS[name]], find_driver(name)
+    monkeypatch.setitem(sys.modules, bus.library, None if why == "missing" else refuses(bus, errno.EBUSY))
+    buses = LinuxBuses()
+    try:
+        with pytest.raises(NotInstalled if why == "missing" else NotResponding) as failed:
+            settings = driver.Settings(**({"m_per_pixel": 0.001} if name == "camera_motion" else {}))
+            await driver(settings, buses).open()
+    finally:
+        await buses.close()
+    assert (bus.install if why == "missing" else "fuser") in failed.value.remedy
 
 
 def test_cameras_are_not_listed_without_their_library_and_its_installation_is_told(

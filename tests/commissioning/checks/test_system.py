@@ -39,7 +39,7 @@ def look_at_device(rig: Rig, name: str) -> Finding:
 def test_a_missing_device_file_names_the_step_that_makes_it(rig: Rig, name: str, remedy: str) -> None:
     finding = look_at_device(rig, name)
     assert finding.verdict is CheckVerdict.FAIL
-    assert finding.text.startswith(f"{name} is not there; ")
+    assert finding.text.startswith("is not there; ")
     assert remedy in finding.remedy
 
 

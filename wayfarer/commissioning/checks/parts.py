@@ -90,7 +90,7 @@ async def motion(inspection: Inspection) -> Finding:
 async def contact(inspection: Inspection) -> Finding:
     """Check that the bumper answers and that nothing presses on it."""
     if inspection.rover.contact is None:
-        return _absent(inspection, "contact", "this rover has no bumper, or this run does not use it", "motion")
+        return _absent(inspection, "contact", "no bumper is in use", instead="motion")
     try:
         reading: ContactReading = await inspection.read("contact")
     except DriverError as error:

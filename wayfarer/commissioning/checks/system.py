@@ -88,7 +88,7 @@ def diagnose(host: HostEnvironment, device: str) -> DeviceProblem | None:
 async def device(name: str, inspection: Inspection) -> Finding:
     """Check that a device file is there and may be used."""
     if trouble := diagnose(inspection.host, name):
-        return fail(name, f"{trouble.found}; {trouble.cause}", trouble.remedy)
+        return fail(name, f"{trouble.found.removeprefix(name).lstrip()}; {trouble.cause}", trouble.remedy)
     if inspection.host.path(name).resolve().name == PI5_DEBUG_PORT:
         return warn(
             name,
