@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from wayfarer.commissioning.checks.system import THROTTLED
-from wayfarer.daemon import storage
-from wayfarer.daemon.storage import CPU_TEMPERATURE, health, monitor_host_health
+from wayfarer.daemon.storage import CPU_TEMPERATURE, Watch, health, watching
 
 
 def write(root: Path, path: str, text: str) -> None:
@@ -32,37 +31,28 @@ def test_what_is_not_told_is_none(tmp_path: Path, text: str) -> None:
     assert (found["cpu_c"], found["throttled"], found["disk_free_mb"]) == (None, None, None)
 
 
-def test_watch_tells_at_once_and_ends_when_it_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(storage, "EVERY_S", 0.01)
-    monkeypatch.setattr(storage, "POWER_EVERY_S", 0.01)
-    write(tmp_path, THROTTLED, "50005\n")
-    told: list[float | str | None] = []
+def test_watch_calls_at_once_and_again_and_ends_when_it_is_left() -> None:
     enough = threading.Semaphore(0)
 
-    def take(found: float | str | None) -> None:
-        told.append(found)
-        if told.count(found) == 3:
-            enough.release()
-            raise RuntimeError("Event loop is closed")
+    def call() -> None:
+        enough.release()
+        raise RuntimeError("Event loop is closed")
 
-    with monitor_host_health(tmp_path, lambda found, _: take(found["throttled"]), take, root=tmp_path):
-        assert enough.acquire(timeout=5.0)
-        assert enough.acquire(timeout=5.0)
-    assert {"50005", 0x50005} <= set(told)
-    for thread in [each for each in threading.enumerate() if each.name in {"computer watch", "power watch"}]:
+    with watching(Watch("watch", 0.01, call), Watch("another watch", 60.0, call)):
+        for _ in range(4):
+            assert enough.acquire(timeout=5.0)
+    for thread in [each for each in threading.enumerate() if each.name in {"watch", "another watch"}]:
         thread.join(5.0)
         assert not thread.is_alive()
 
 
-def test_card_that_hangs_does_not_hold_up_the_power_flags(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(storage, "POWER_EVERY_S", 0.01)
-    write(tmp_path, THROTTLED, "1\n")
+def test_card_that_hangs_does_not_hold_up_the_power_flags() -> None:
     answers, polled = threading.Event(), threading.Semaphore(0)
-
-    def hang() -> None:
-        answers.wait(5.0)
-
-    with monitor_host_health(tmp_path, lambda *_: hang(), lambda _: polled.release(), root=tmp_path):
+    with watching(Watch("card", 0.01, lambda: assert_set(answers)), Watch("power", 0.01, polled.release)):
         for _ in range(3):
             assert polled.acquire(timeout=5.0)
         answers.set()
+
+
+def assert_set(event: threading.Event) -> None:
+    assert event.wait(5.0)

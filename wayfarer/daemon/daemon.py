@@ -20,7 +20,7 @@ import orjson
 
 from wayfarer import __version__
 from wayfarer.commissioning.checks import ARMING, Check, HostEnvironment, Inspection, system
-from wayfarer.commissioning.checks.card import CardHealth
+from wayfarer.commissioning.checks.card import card_health
 from wayfarer.config.calibration_file import Calibration
 from wayfarer.config.factory import UNCALIBRATED
 from wayfarer.config.rover_file import RoverConfig
@@ -37,7 +37,7 @@ from wayfarer.daemon.socket.paths import single_daemon
 from wayfarer.daemon.socket.protocol import Commands
 from wayfarer.daemon.socket.server import ControlServer
 from wayfarer.daemon.stderr_writer import StderrWriter
-from wayfarer.daemon.storage import Health, Storage, monitor_host_health
+from wayfarer.daemon.storage import EVERY_S, OLD_RUNS_EVERY_S, POWER_EVERY_S, Storage, Watch, health, watching
 from wayfarer.daemon.watchdog import StallGuard, SystemdNotifier, WatchdogFeed, feed_watchdog, watchdog_period_s
 from wayfarer.errors import BadInput, DriverError, WayfarerError
 from wayfarer.escape.catalogue import Algorithm
@@ -307,10 +307,13 @@ class Daemon:
             async with server, AsyncExitStack() as stack:
                 for viewer in self._service.viewers:
                     await stack.enter_async_context(viewer.serving(self._commands))
-                delete_old_runs = None if self._service.config.log.keep_mb is None else self._delete_old_runs
-                stack.enter_context(
-                    monitor_host_health(self._service.logs, self._note_computer, self._note_power, delete_old_runs)
-                )
+                watches = [
+                    Watch("computer watch", EVERY_S, self._note_computer),
+                    Watch("power watch", POWER_EVERY_S, self._note_power),
+                ]
+                if self._service.config.log.keep_mb is not None:
+                    watches.append(Watch("old runs", OLD_RUNS_EVERY_S, self._delete_old_runs))
+                stack.enter_context(watching(*watches))
                 return await self._run_watched()
         finally:
             self._guard.stop()
@@ -349,13 +352,14 @@ class Daemon:
             "boot_id": system.system_text(BOOT_ID),
         }
 
-    def _note_computer(self, health: Health, card: CardHealth) -> None:
+    def _note_computer(self) -> None:
         """Log the computer's health; called in another thread."""
+        found, card = health(self._service.logs), card_health(self._service.logs)
 
         def note() -> None:
             sync_ms = self._storage.take_health(self._loop.time(), card)
             log = {"log_dropped": self._field_log.dropped, "log_sync_ms": sync_ms}
-            self._field_log.note("computer", self._loop.time(), {**health, **card._asdict(), **log})
+            self._field_log.note("computer", self._loop.time(), {**found, **card._asdict(), **log})
 
         self._loop.call_soon_threadsafe(note)
 
@@ -367,8 +371,9 @@ class Daemon:
     def _is_disarmed(self) -> bool:
         return self._supervisor.controller.mode is Mode.DISARMED
 
-    def _note_power(self, flags: int | None) -> None:
+    def _note_power(self) -> None:
         """Pass the computer's power flags to the controller; called in another thread."""
+        flags = system.power_flags()
         self._loop.call_soon_threadsafe(lambda: self._supervisor.inbox.put_power(self._loop.time(), flags))
 
     def _tell_of_last(self, before: LastMission) -> None:

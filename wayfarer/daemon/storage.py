@@ -7,10 +7,10 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from wayfarer.commissioning.checks.card import CardHealth, card_health, card_troubles
-from wayfarer.commissioning.checks.system import THROTTLED, power_flags, system_text
+from wayfarer.commissioning.checks.card import CardHealth, card_troubles
+from wayfarer.commissioning.checks.system import THROTTLED, system_text
 from wayfarer.config.rover_file import LogSettings
 from wayfarer.control.run_log import RunLog
 from wayfarer.fieldlog.folders import error_advice, free_mb
@@ -32,40 +32,27 @@ CPU_TEMPERATURE = "/sys/class/thermal/thermal_zone0/temp"  # thousandths of a de
 Health = Mapping[str, float | str | None]
 
 
+class Watch(NamedTuple):
+    """What is called again and again, at once and every so many seconds, in a thread of this name."""
+
+    name: str
+    every_s: float
+    call: Callable[[], None]
+
+
 @contextmanager
-def monitor_host_health(
-    logs: Path,
-    take: Callable[[Health, CardHealth], None],
-    take_power: Callable[[int | None], None],
-    delete_old_runs: Callable[[], None] | None = None,
-    root: Path = Path("/"),
-) -> Iterator[None]:
-    """Read the computer's health every ``EVERY_S``, and its power flags every ``POWER_EVERY_S``, while entered.
-
-    Once an hour old runs are deleted.
-
-    Args:
-        logs: the folder whose disk is of interest; it need not be there.
-        take: takes the health and that of the logs' disk, in a thread of the monitor.
-        take_power: takes the firmware's power flags, None if it does not tell; in another thread of the monitor.
-        delete_old_runs: deletes them, in another thread of the monitor; None if nothing is to be deleted.
-        root: where the file system begins; another one in a test.
-    """
+def watching(*watches: Watch) -> Iterator[None]:
+    """Call each in a thread of its own while entered: none waits for another that a hanging card holds."""
     ended = threading.Event()
 
-    def start(name: str, every_s: float, tell: Callable[[], None]) -> None:
-        def watch() -> None:
-            while not ended.is_set():
-                with suppress(RuntimeError):  # the loop that is told has ended
-                    tell()
-                ended.wait(every_s)
+    def work(watch: Watch) -> None:
+        while not ended.is_set():
+            with suppress(RuntimeError):  # the loop that is told has ended
+                watch.call()
+            ended.wait(watch.every_s)
 
-        threading.Thread(target=watch, name=name, daemon=True).start()
-
-    start("computer watch", EVERY_S, lambda: take(health(logs, root), card_health(logs, root)))
-    start("power watch", POWER_EVERY_S, lambda: take_power(power_flags(root)))
-    if delete_old_runs is not None:
-        start("old runs", OLD_RUNS_EVERY_S, delete_old_runs)
+    for watch in watches:
+        threading.Thread(target=work, args=(watch,), name=watch.name, daemon=True).start()
     try:
         yield
     finally:

@@ -12,7 +12,9 @@ from wayfarer.errors import BadInput
 from wayfarer.views.run_report.run import write_run_report
 
 
-@pytest.mark.parametrize(("content", "said"), [(b"hello\n", "nothing in this log can be read"), (None, r"run\.00001\.jsonl")])
+@pytest.mark.parametrize(
+    ("content", "said"), [(b"hello\n", "nothing in this log can be read"), (None, r"run\.00001\.jsonl")]
+)
 def test_log_of_which_nothing_can_be_read_is_refused(tmp_path: Path, content: bytes | None, said: str) -> None:
     run = tmp_path if content is None else write_log(tmp_path / "1-run", [], content)
     with pytest.raises(BadInput, match=said):
