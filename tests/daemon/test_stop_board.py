@@ -84,7 +84,7 @@ def test_rover_without_motors_has_no_wheels_to_stop(rover_file: Path, text: str)
         (BUSES + THUNDERBORG + 'address = "x"\n', BadInput, r"\[parts\.motors\] cannot be used"),
         ('[parts.motors]\ndriver = "cmps14"\n', BadInput, "'cmps14' in .parts.motors. drives no motors"),
         ('[parts.motors]\ndriver = "thunderbrg"\n', BadInput, "unknown driver 'thunderbrg': did you mean thunderb"),
-        ('buses = "lunix"\n' + THUNDERBORG, BadInput, "unknown buses 'lunix': known: linux"),
+        ('buses = "lunix"\n' + THUNDERBORG, BadInput, "unknown buses 'lunix': .*linux"),
         ("a = = 3", BadInput, r"rover\.toml: not valid TOML"),
         ("a = " + "[" * 100_000, BadInput, r"rover\.toml: not valid TOML"),
         (BUSES + '[parts.motors]\ndriver = "gpio_motors"\nleft_forward = 17\n', BadInput, "missing 3 required"),

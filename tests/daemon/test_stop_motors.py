@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -154,19 +154,48 @@ def test_daemon_that_does_not_agree_is_no_assurance(
     assert bench.by_i2c.commanded == STILL
 
 
-def test_daemon_of_another_user_is_found_by_its_lock(rover_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def port(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """A serial port, with the Sabertooth at it."""
     ends = os.openpty()
-    port = os.ttyname(ends[1])
-    bench.buses.serial(port).chip = bench.buses.serial("/dev/serial0").chip
-    monkeypatch.setattr("wayfarer.daemon.stop_motors.make_buses", lambda name: bench.buses)
+    name = os.ttyname(ends[1])
+    bench.buses.serial(name).chip = bench.buses.serial("/dev/serial0").chip
+    monkeypatch.setattr("wayfarer.daemon.stop_motors.make_buses", lambda _: bench.buses)
+    yield name
+    for end in ends:
+        os.close(end)
+
+
+@pytest.mark.parametrize("another_agrees", [False, True])
+def test_daemon_of_another_user_is_found_by_its_lock(
+    rover_file: Path, path: Path, port: str, monkeypatch: pytest.MonkeyPatch, another_agrees: bool
+) -> None:
+    """Also if this user's own daemon, perhaps of a simulated rover, says that it stops."""
+    if another_agrees:
+        ask_that(monkeypatch, path, dict)
+        monkeypatch.setattr("wayfarer.daemon.stop_motors.ENDS_S", 0.2)
     table = SABERTOOTH + f'port = "{port}"\n'
     who = rf"another wayfarer \(process {os.getpid()}\)"
     with motors_lock(port), pytest.raises(WayfarerError, match=f"stop was sent, but {who} still commands these wheels"):
         stop(rover_file, table)
     assert bench.by_serial.commanded == STILL
     assert "stop was sent to" in stop(rover_file, table)
-    for end in ends:
-        os.close(end)
+
+
+def test_daemon_that_agrees_has_time_to_end(
+    rover_file: Path, path: Path, port: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lock = motors_lock(port)
+    lock.__enter__()
+    ends = threading.Timer(0.3, lock.__exit__, (None, None, None))
+
+    def agrees() -> object:
+        ends.start()
+        return {}
+
+    ask_that(monkeypatch, path, agrees)
+    assert "stop was sent to" in stop(rover_file, SABERTOOTH + f'port = "{port}"\n')
+    ends.join()
 
 
 @pytest.mark.parametrize("left_behind", [False, True])

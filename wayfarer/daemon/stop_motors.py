@@ -28,6 +28,7 @@ from wayfarer.hal import STOP, DriveMotors
 
 ASK_S = 1.0  # for a daemon's answer
 AGAIN_S, AGAIN_EVERY_S = 0.5, 0.05  # a daemon that ends may have commands under way
+ENDS_S = 3.0  # for a daemon that agrees to give up its lock of the motors: it ends within 2 s
 CLOSE_WAIT_S = 2.0  # for a bus that hangs to work again: then the posted stop is sent first
 
 
@@ -158,13 +159,15 @@ async def _stop(driven: DrivenBoard) -> str:
     try:
         await motors.stop()
         agreed = ask_daemons()
-        other = other_commander(device_of(buses_name, settings))
-        if agreed or other:
-            for _ in range(round(AGAIN_S / AGAIN_EVERY_S)):
-                await asyncio.sleep(AGAIN_EVERY_S)
-                await motors.stop()
+        other = other_commander(device := device_of(buses_name, settings))
+        for count in range(round(ENDS_S / AGAIN_EVERY_S) if agreed or other else 0):
+            if count * AGAIN_EVERY_S >= AGAIN_S and not (other and any(agreed.values())):
+                break
+            await asyncio.sleep(AGAIN_EVERY_S)
+            await motors.stop()
+            other = other_commander(device)  # it may be another one than that which agreed
         refusing = next((f"a wayfarer daemon at {place}" for place, agrees in agreed.items() if not agrees), None)
-        if refusing or (other and not agreed):
+        if refusing or other:
             raise WayfarerError(
                 f"stop was sent, but {other or refusing} still commands these wheels: end it with 'wayfarer stop' or"
                 " 'systemctl stop wayfarer', or switch the motors' power off"
