@@ -6,6 +6,7 @@ import asyncio
 import os
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -312,7 +313,7 @@ def test_root_runs_no_code_that_another_user_s_rover_file_names(
     owned(monkeypatch, rover_file, uid)
     said = stop_motors(str(rover_file))
     assert ran == ["tests.daemon.left_turning:buses"], "what root's daemon drove is stopped"
-    assert f"{rover_file}: rejected: it names code, and root runs none" in said
+    assert f"{rover_file}: rejected: it names code, or a device" in said
     record.unlink()
     with pytest.raises(BadInput, match=r"sudo -u.*chmod go-w.*; no stop is certain: switch the motors' power off"):
         stop_motors(str(rover_file))
@@ -330,6 +331,32 @@ def test_root_runs_no_code_that_another_user_s_daemon_has_recorded_and_asks_it(
     with pytest.raises(WayfarerError, match="rejected: it names code") as said:
         stop_motors(str(rover_file))
     assert (ran, said.value.exit_code) == (["linux"], 1), "wheels may turn that root's file does not name"
+
+
+@pytest.mark.parametrize(
+    ("port", "opened"),
+    [
+        ("/dev/ttyUSB0", True),
+        ("/dev/ttymxc0", True),
+        ("/dev/tty1", False),
+        ("/dev/watchdog", False),
+        ("/dev/ttyUSB0/../watchdog", False),
+        ("/dev/shm/ttyUSB0", False),
+        ("ttyUSB0", False),
+        (7, False),
+    ],
+)
+def test_root_opens_no_device_that_another_user_has_recorded_but_one_that_motors_are_on(
+    rover_file: Path, record: Path, path: Path, ran: list[str], monkeypatch: pytest.MonkeyPatch, port: object,
+    opened: bool,
+) -> None:  # fmt: skip
+    """Opening ``/dev/watchdog`` resets the computer."""
+    write_record(path, DrivenBoard({"driver": "sabertooth", "port": port}, "linux"))
+    owned(monkeypatch, record, NOBODY)
+    rover_file.write_text(BUSES + THUNDERBORG, encoding="utf-8")
+    with pytest.raises(WayfarerError) if not opened else nullcontext():
+        stop_motors(str(rover_file))
+    assert ran == ["linux"] * opened + ["tests.daemon.left_turning:buses"]
 
 
 def test_code_that_root_s_own_file_names_too_is_run(

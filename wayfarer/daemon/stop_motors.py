@@ -5,14 +5,15 @@ changed since it began. The motors of the rover file are stopped as well. They m
 has recorded; a stop is harmless for both. The rover file is used as it is, and one that is broken is refused. If a
 daemon still runs and would turn the wheels again, it is asked to stop; so it is if no board was stopped.
 
-Both can name code to import. Root runs it only if nobody but root can have written the file. That of a rover file
-comes last, because it may hang or end this process.
+Both can name code to import and a device to open. Root trusts them only if nobody but root can have written the file.
+The code of a rover file comes last, because it may hang or end this process.
 """
 
 from __future__ import annotations
 
 import asyncio
 import os
+import re
 import tomllib
 from dataclasses import fields
 from pathlib import Path
@@ -28,6 +29,7 @@ from wayfarer.hal import STOP, DriveMotors
 
 ASK_S = 1.0  # for a daemon's answer
 AGAIN_S, AGAIN_EVERY_S = 0.5, 0.05  # a daemon that ends may have commands under way
+OF_MOTORS = re.compile(r"/dev/(i2c-|spidev|gpiochip|tty\D)").match  # of terminals none with a number, a screen's
 ENDS_S = 3.0  # for a daemon that agrees to give up its lock of the motors: it ends within 2 s
 CLOSE_WAIT_S = 2.0  # for a bus that hangs to work again: then the posted stop is sent first
 
@@ -93,8 +95,15 @@ def _add(boards: list[BoardToStop], new: BoardToStop) -> None:
 
 
 def _is_trusted(driven: DrivenBoard, file: os.stat_result) -> bool:
-    """Return whether what a file names may run here; a person answers for it, but root may have been given one."""
-    return os.geteuid() != 0 or not driven.names_code or (file.st_uid == 0 and not file.st_mode & OTHERS_WRITE)
+    """Return whether what a file names may be used here; a person answers for it, but root may have been given one.
+
+    What another user has written makes root run no code, and open no device but such as motors are on: opening
+    ``/dev/watchdog`` resets the computer a minute later.
+    """
+    if os.geteuid() != 0 or (file.st_uid == 0 and not file.st_mode & OTHERS_WRITE):
+        return True
+    devices = [driven.motors[key] for key in ("bus", "port") if key in driven.motors]
+    return not driven.names_code and all(OF_MOTORS(os.path.realpath(str(device))) for device in devices)
 
 
 def motors_of(path: Path) -> tuple[DrivenBoard, os.stat_result]:
@@ -130,9 +139,9 @@ def _stopped(board: BoardToStop) -> tuple[str, int]:
     try:
         if not board.trusted:
             raise BadInput(
-                "rejected: it names code, and root runs none that another user can have written: stop them as that user"
-                " (sudo -u), take the right to write it from the others (chown root, chmod go-w), or switch the motors'"
-                " power off"
+                "rejected: it names code, or a device that no motors are on, and another user can have written it: stop"
+                " as that user (sudo -u), take the right to write it from the others (chown root, chmod go-w), or"
+                " switch the motors' power off"
             )
         return f"{board.where}: {asyncio.run(_stop(board.driven))}", 0
     except WayfarerError as error:
