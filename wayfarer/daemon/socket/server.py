@@ -27,19 +27,8 @@ from select import POLLOUT, POLLRDHUP, poll
 from types import TracebackType
 from typing import Any, Self
 
-from wayfarer.daemon.socket.protocol import (
-    REQUEST_BYTES,
-    STARTING,
-    STOPPING,
-    Commands,
-    Request,
-    check,
-    error_reply,
-    is_stop,
-    ok_reply,
-    perform,
-    read_line,
-)
+from wayfarer.daemon.socket import protocol
+from wayfarer.daemon.socket.protocol import REQUEST_BYTES, STARTING, STOPPING, Commands, Request, error_reply, is_stop
 from wayfarer.errors import BadInput, WayfarerError
 
 CLIENTS = 16  # at once, chosen by us. The more there are, the longer a request waits for its turn
@@ -68,15 +57,9 @@ class ControlServer:
     """
 
     def __init__(
-        self,
-        path: Path,
-        commands: Commands,
-        *,
-        declination_deg: float | None,
-        on_error: Callable[[Exception], None],
-        clients: int = CLIENTS,
-        unread_s: float = UNREAD_S,
-    ) -> None:
+        self, path: Path, commands: Commands, *, declination_deg: float | None,
+        on_error: Callable[[Exception], None], clients: int = CLIENTS, unread_s: float = UNREAD_S,
+    ) -> None:  # fmt: skip
         self._path = path
         self._commands = commands
         self._declination_deg = declination_deg
@@ -192,7 +175,7 @@ class ControlServer:
             MemoryError: a stop finds no memory, and has to be tried again.
         """
         try:
-            request = check(read_line(line))
+            request = protocol.check(protocol.read_line(line))
         except WayfarerError as refusal:
             return error_reply(str(refusal))
         if request.do not in STARTING:
@@ -209,7 +192,9 @@ class ControlServer:
 
     async def _reply_to(self, client: _Client, request: Request) -> bytes:
         try:
-            return ok_reply(await perform(request, self._commands, self._declination_deg, client.is_there))
+            return protocol.ok_reply(
+                await protocol.perform(request, self._commands, self._declination_deg, client.is_there)
+            )
         except WayfarerError as refusal:
             return error_reply(str(refusal))
         except Exception as error:
