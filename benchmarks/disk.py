@@ -18,6 +18,7 @@ from wayfarer.control.tick import TickRecord
 from wayfarer.escape.api import Decision, Observation, Phase
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.reader import RunReader
+from wayfarer.fieldlog.record import Tick
 from wayfarer.fieldlog.sink import Sink
 from wayfarer.hal import CompassReading, MotionReading, WheelCommand
 
@@ -132,7 +133,7 @@ def _write_hour(run: Path) -> float:
 
 
 def _read(run: Path) -> int:
-    return sum(record["record"] == "tick" for record in RunReader(run))
+    return sum(isinstance(record, Tick) for record in RunReader(run))
 
 
 def _record(t_s: float) -> TickRecord:

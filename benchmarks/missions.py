@@ -18,7 +18,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-import orjson
+import msgspec
 from aiohttp import ClientSession, ClientWebSocketResponse
 
 from benchmarks.figures import print_table
@@ -171,8 +171,8 @@ async def _client(path: Path) -> AsyncIterator[Ask]:
             await asyncio.sleep(POLL_S)  # this clock stands between two requests, and what is asked next must be later
             keys["asked_s"] = asyncio.get_running_loop().time()
         reader, writer = await asyncio.open_unix_connection(path)
-        writer.write(orjson.dumps({"do": do, **keys}) + b"\n")
-        told: dict[str, Any] = orjson.loads(await reader.readline())
+        writer.write(msgspec.json.encode({"do": do, **keys}) + b"\n")
+        told: dict[str, Any] = msgspec.json.decode(await reader.readline())
         writer.close()
         await writer.wait_closed()
         if not told.pop("ok"):
@@ -195,7 +195,7 @@ async def _viewer(page: LivePage) -> AsyncIterator[None]:
 async def _look(socket: ClientWebSocketResponse) -> None:
     seen = 0
     async for message in socket:
-        if any("state" in piece for piece in orjson.loads(message.data)):
+        if any("state" in piece for piece in msgspec.json.decode(message.data)):
             seen += 1
             await socket.send_str(f'{{"seen":{seen}}}')
 

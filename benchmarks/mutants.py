@@ -50,7 +50,7 @@ class Mutant(NamedTuple):
 
 def print_mutants(count: int = MUTANTS) -> int:
     """Try so many mutants, print the survivors and a table; return 0."""
-    for library in ("numpy", "pydantic", "orjson", "structlog", "pytest"):  # once here, not in each process
+    for library in ("numpy", "pydantic", "msgspec", "structlog", "pytest"):  # once here, not in each process
         import_module(library)
     if is_killed(Mutant(PACKAGES[0], "", 0, "nothing", "")):
         raise SystemExit("the tests fail without a mutant: pytest -n 0 -m unit " + " ".join(map(tests_of, PACKAGES)))

@@ -30,9 +30,9 @@ from wayfarer import cli
 from wayfarer.config.registry import driver_names, find_driver
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.config.rover_path import SCHEMA
-from wayfarer.fieldlog.vocabulary import WORDS
 from wayfarer.fieldlog.wording import sentence
 from wayfarer.safety.conditions import TABLE, Condition
+from wayfarer.vocabulary import WORDS
 
 FOLDER = Path(__file__).parent / "reference"
 STOPS = Path(__file__).parent / "explanation" / "what-stops-the-wheels.md"

@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 from tests.faults.catalogue import catalogue
 from wayfarer.control.modes import MODES, Event, Mode
-from wayfarer.fieldlog.vocabulary import WORDS
 from wayfarer.fieldlog.wording import sentence
 from wayfarer.safety.conditions import HOLDING_LEVELS, LEVELS, MANUAL_LEVELS, TABLE, Condition, Means
+from wayfarer.vocabulary import WORDS
 
 PAGE = """# Safety case
 

@@ -36,6 +36,7 @@ PICTURE = """
     config
     drivers
     detector
+    vocabulary
     escape
     safety
     hal         files   extras
@@ -204,7 +205,7 @@ def test_only_the_demo_arms_a_rover_by_itself_and_gives_a_page_buttons_for_the_c
         (["wayfarer.api.campaigns", "wayfarer.api.trials", "wayfarer.api.runs"], {"numpy"}),
         (
             ["wayfarer.cli"],
-            {"numpy", "scipy", "pydantic", "asyncio", "aiohttp", "orjson", "wayfarer.views.live.server"},
+            {"numpy", "scipy", "pydantic", "asyncio", "aiohttp", "msgspec", "wayfarer.views.live.server"},
         ),
         (["wayfarer.experiments.sim_command"], {"numpy"}),
         (["wayfarer.control.supervisor"], HEAVY),

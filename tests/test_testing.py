@@ -109,9 +109,6 @@ SPOILT = {
     "stride did not end": spoilt(lambda decision, _: decision._replace(phase=Phase.STRIDE)),
     "halt did not end": spoilt(lambda decision, _: decision._replace(wheels=STOP, phase=Phase.HALT)),
     "follow did not end": spoilt(lambda decision, _: decision._replace(phase=Phase.FOLLOW)),
-    r"memory\(\) has level, n: these keys are the log's own": spoilt(
-        memory={"counter_deg": 0.0, "episodes": 0, "level": 2.0, "n": 1}
-    ),
     r"memory\(\) has no 'episodes'": spoilt(memory={"counter_deg": 0.0}),
     "not a finite number": spoilt(memory={"counter_deg": nan, "episodes": 0}),
 }

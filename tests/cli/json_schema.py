@@ -75,9 +75,9 @@ def keys_of(name: str, tables: Mapping[str, Table]) -> Table:
 
 
 def keys_of_class(cls: type) -> Table:
-    """Return the keys that an object of a dataclass or named tuple has, with their types as the page words them."""
+    """Return the keys that an object of a dataclass, named tuple or record has, with types as the page words them."""
     hints = get_type_hints(cls)
-    names = getattr(cls, "_fields", None) or [field.name for field in fields(cls)]
+    names = getattr(cls, "_fields", getattr(cls, "__struct_fields__", None)) or [field.name for field in fields(cls)]
     return {name: wording(hints[name]) for name in names}
 
 

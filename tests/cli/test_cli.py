@@ -108,7 +108,7 @@ def test_nobody_who_reads_is_no_error(arguments: list[str]) -> None:
 @pytest.mark.process
 def test_letters_that_the_terminal_does_not_know_are_written_out(tmp_path: Path) -> None:
     log = FieldLog(Sink(tmp_path), {}, wall=lambda t_s: t_s)
-    log.event("mark", 1.0, text="Bäume")
+    log.event("mark", 1.0, text="Mark: Bäume")
     log.close("requested", "enough")
     command = [sys.executable, "-c", "from wayfarer.cli import main; main()", "logs", "show", str(tmp_path)]
     done = subprocess.run(

@@ -14,7 +14,7 @@ from wayfarer import cli
 from wayfarer.cli import demo
 from wayfarer.config.rover_file import load_rover
 from wayfarer.experiments.campaign import Campaign
-from wayfarer.fieldlog.reader import read_header
+from wayfarer.fieldlog.reader import find_header
 from wayfarer.safety.mission import RunEnd
 
 pytest.importorskip("aiohttp", reason="the live page needs aiohttp")
@@ -93,10 +93,11 @@ def test_demo_shows_the_trial_that_it_is_asked_for_and_keeps_its_log_where_it_is
     arguments = ["--seed", "5", "--trial", "17", "--log-dir", str(tmp_path / "kept")]
     assert cli.run(["demo", "--live-port", "0", *arguments]) == 0
     (folder,) = (tmp_path / "kept").iterdir()
-    header = read_header(folder)
+    header = find_header(folder)
+    assert header is not None
     campaign = Campaign(("forest-pledge",), 18, load_rover("sim"), 5)
-    assert (header["trial"], header["forest"], header["simulated"]) == (17, 8, True)
-    assert header["seed"] == campaign.trial_seed(17)
+    assert (header.trial, header.forest, header.simulated) == (17, 8, True)
+    assert header.seed == campaign.trial_seed(17)
 
 
 def test_browser_is_opened_only_where_it_has_a_window(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,6 +13,7 @@ from wayfarer.cli.rover import simulated
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.reader import RunReader
+from wayfarer.fieldlog.record import FaultInjected
 
 QUICK = ("sim", "--trials", 2, "--budget-m", 20, "--jobs", 1)
 FAULT = ("--fault", "silent:compass@3+2")
@@ -47,8 +48,8 @@ def test_log_of_a_trial_tells_when_its_fault_began_and_ended(tmp_path: Path, run
     log = tmp_path / "log"
     asked = ("sim", "--trial", 0, "--budget-m", 20, "--rover", "forestrover", "--depth", depth, *FAULT)
     assert run(*asked, "--log-dir", log)[0] == 0
-    faults = [each for each in RunReader(log) if each["record"] == "fault"]
-    assert [(each["t_s"], each["target"], each["kind"], each["begins"]) for each in faults] == [
+    faults = [each for each in RunReader(log) if isinstance(each, FaultInjected)]
+    assert [(each.t_s, each.target, each.kind, each.begins) for each in faults] == [
         (3.0, "compass", "silent", True),
         (5.0, "compass", "silent", False),
     ]
@@ -60,7 +61,8 @@ def test_log_of_a_trial_tells_when_its_fault_began_and_ended(tmp_path: Path, run
 def test_trial_from_python_keeps_its_faults_in_its_log(tmp_path: Path) -> None:
     struck = wayfarer.run_trial(0, budget_m=20.0, faults=[FAULT[1]], log_dir=tmp_path / "log")
     assert struck.row != wayfarer.run_trial(0, budget_m=20.0).row
-    assert [each["begins"] for each in RunReader(tmp_path / "log") if each["record"] == "fault"] == [True, False]
+    faults = [each for each in RunReader(tmp_path / "log") if isinstance(each, FaultInjected)]
+    assert [each.begins for each in faults] == [True, False]
 
 
 def test_report_says_which_faults_were_on(tmp_path: Path, run: Run) -> None:

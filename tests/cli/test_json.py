@@ -15,7 +15,7 @@ from tests.cli.json_schema import keys_of, keys_of_class, read_tables, wrong
 from tests.conftest import Run
 from tests.daemon import played
 from tests.kit.rover import Rig
-from tests.views.text.records import HEADER, drive, event, numbered, outcome, write
+from tests.views.text.records import HEADER, drive, event, noted, numbered, outcome, write
 from wayfarer import cli
 from wayfarer.cli.listing import Described
 from wayfarer.commissioning.checks import Finding
@@ -25,9 +25,9 @@ from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.run_campaign import ComputeCost
 from wayfarer.experiments.statistics import AlgorithmSummary, Estimate
 from wayfarer.fieldlog.reader import Damage
+from wayfarer.fieldlog.record import Fix
 from wayfarer.fieldlog.replay import DecisionDifference, Replay
-from wayfarer.fieldlog.run_state import LowBattery
-from wayfarer.fieldlog.typed import Fix
+from wayfarer.fieldlog.run_fold import LowBattery
 from wayfarer.views.text.listing import RunRow
 from wayfarer.views.text.scripting import print_json
 from wayfarer.views.text.summary import LastPosition, Mark, PeriodPercentiles, RangeBearing, RunSummary
@@ -38,7 +38,7 @@ tables = cache(read_tables)
 # Tables of what a class holds, and the keys that are added to it; a key is in no table that is not in its class.
 CLASSES: dict[type, set[str]] = {
     RunRow: set(), RunSummary: set(), LowBattery: set(), PeriodPercentiles: set(), Mark: set(), LastPosition: set(),
-    RangeBearing: set(), LastMission: set(), Fix: set(), Damage: set(), Replay: {"run"}, DecisionDifference: set(),
+    RangeBearing: set(), LastMission: {"text"}, Fix: set(), Damage: set(), Replay: {"run"}, DecisionDifference: set(),
     AlgorithmSummary: set(), ComputeCost: {"cpu_us_per_tick"}, Comparison: set(), Difference: set(), Estimate: set(),
     TrialRow: set(), Finding: set(), Described: set(),
 }  # fmt: skip
@@ -88,7 +88,7 @@ def says(run: Run) -> Any:
 @pytest.fixture
 def logs(tmp_path: Path) -> Path:
     """A run that ended, one that was cut off in the middle of a line, and one of which nothing can be read."""
-    began = [HEADER, event("armed", 0.0), event("mark", 0.0, text="log \x1b[2J\U0001f600"), *drive(0.0, 6.0)]
+    began = [HEADER, event("armed", 0.0), noted(0.0, "log \x1b[2J\U0001f600"), *drive(0.0, 6.0)]
     write(tmp_path / "00001-20261121T061405Z", numbered([*began, outcome(6.0)]))
     write(tmp_path / "00002-20261121T071405Z", numbered([HEADER, *drive(0.0, 3.0, phase="halt")]))
     with (tmp_path / "00002-20261121T071405Z" / "run.00001.jsonl").open("ab") as file:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import os
 import pty
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from shutil import rmtree
@@ -18,7 +19,7 @@ import pytest
 
 from tests.children import child
 from tests.conftest import Run, refusal
-from tests.views.text.records import HEADER, drive, event, numbered, outcome, tick, write
+from tests.views.text.records import HEADER, drive, event, line, noted, numbered, outcome, record, tick, write
 from wayfarer import cli
 from wayfarer.views.text.verdict import NO_OUTCOME
 
@@ -164,6 +165,118 @@ def test_run_that_is_not_there_is_one_line_and_exit_code_2(run: Run, command: st
     assert said in refusal(run, command, name)
 
 
+def crlf(log: bytes) -> bytes:
+    return log.replace(b"\n", b"\r\n")
+
+
+def marked(log: bytes) -> bytes:
+    return b"\xef\xbb\xbf" + log
+
+
+def through_jq(log: bytes) -> bytes:
+    """As ``jq -c .`` writes it: numbers in another form, and characters that are not ASCII as they are."""
+    return b"".join(
+        json.dumps(json.loads(each), ensure_ascii=False, separators=(",", ":")).encode() + b"\n"
+        for each in log.replace(b".0,", b",").splitlines()
+    )
+
+
+@pytest.mark.parametrize("change", [crlf, marked, through_jq, gzip.compress])
+def test_log_that_was_copied_packed_or_renamed_tells_the_same(
+    run: Run, logs: Path, tmp_path: Path, change: Callable[[bytes], bytes]
+) -> None:
+    original = (logs / FIRST / "run.00001.jsonl").read_bytes()
+    copied = tmp_path / "from the rover (1).txt"
+    copied.write_bytes(change(original))
+    assert run("check", copied) == (0, "from the rover (1).txt: complete: 123 records\n", "")
+    assert run("show", copied) == run("show", 1)
+    exported, expected = (run("export", each, "--out", "-")[1] for each in (copied, 1))
+    assert exported.replace(".0,", ",") == expected.replace(".0,", ",")
+    assert run("summary", copied)[1].splitlines()[1:] == run("summary", 1)[1].splitlines()[1:]
+    (logs / FIRST / "run.00002.jsonl").write_bytes(change(b"".join(map(line, numbered([HEADER | {"part": 2}])))))
+    (logs / FIRST / "run.00001.jsonl").write_bytes(change(original))
+    assert run("check", 1)[:2] == (0, f"{FIRST}: complete: 124 records\n")
+    assert run("list")[1].splitlines()[1].split()[-2] == "requested"
+
+
+def test_parts_that_were_packed_are_read_with_the_others(run: Run, logs: Path) -> None:
+    older = logs / FIRST / "run.00001.jsonl.gz"
+    whole = (logs / FIRST / "run.00001.jsonl").read_bytes().splitlines(keepends=True)
+    (logs / FIRST / "run.00001.jsonl").unlink()
+    older.write_bytes(gzip.compress(b"".join(whole[:60])))
+    (logs / FIRST / "run.00002.jsonl").write_bytes(b"".join([line(HEADER | {"part": 2}), *whole[60:]]))
+    assert run("check", 1)[:2] == (0, f"{FIRST}: complete: 124 records\n")
+    older.write_bytes(older.read_bytes()[:-20])
+    code, out, _ = run("check", 1)
+    assert (code, "1 part of the log cannot be read" in out) == (3, True)
+    older.write_bytes(older.read_bytes()[:100] + b"?" * 400)
+    assert run("check", 1)[0] == 3
+    assert run("list")[0] == 0
+    (logs / FIRST / "run.00002.jsonl").unlink()
+    assert run("check", 1)[0] in {1, 3}
+    assert run("list")[1].splitlines()[1].split() == ["1", "unreadable"]
+
+
+@pytest.mark.parametrize(
+    ("broken", "said"),
+    [
+        (b'{"record":"tock","t_s":1}\n', "1 record is of an unknown kind"),
+        (b'{"level":"info"}\n', "1 record is of an unknown kind"),
+        (
+            line(tick(1.0, heading_deg="north")) * 2,
+            "2 records hold impossible values (the first: tick: Expected `float | null`, got `str` - at "
+            "`$.heading_deg`)",
+        ),
+        (b"what?\n", "1 line is torn"),
+    ],
+)
+def test_what_is_no_record_is_counted_and_the_first_wrong_value_named(
+    run: Run, logs: Path, broken: bytes, said: str
+) -> None:
+    write(logs / FIRST, [broken])
+    assert run("check", 1) == (3, f"{FIRST}: partial: 123 readable records; {said}\n", "")
+    assert run("summary", 1)[1].splitlines()[-1] == f"log        {said}"
+    assert run("show", 1)[1].splitlines()[-1] == said
+
+
+@pytest.mark.parametrize("command", ["show", "summary", "export", "follow", "check"])
+def test_log_of_an_older_wayfarer_is_refused_in_one_line(
+    run: Run, logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(logs / "00003-20261121T081405Z", [HEADER | {"schema": 3}, *numbered(drive(0.0, 1.0))])
+    code, out, err = run(command, 3)
+    (said,) = (out + err).splitlines()
+    assert ": this log has schema 3, and wayfarer " in said
+    assert code == (1 if command == "check" else 2), "check says that it cannot be read, as of every such log"
+
+
+NASTY = "\x1b[2J\x07\r\x7f\x9b31m\u202e"
+
+
+@pytest.mark.parametrize("command", ["show", "show --ticks", "summary", "check", "export --out -", "list", "follow"])
+def test_text_in_a_log_cannot_command_a_terminal(run: Run, logs: Path, command: str) -> None:
+    records = [
+        HEADER | {"rover": NASTY, "algorithm": NASTY, "version": NASTY},
+        noted(1.0, NASTY),
+        event(NASTY, 1.0, NASTY, NASTY, **{NASTY: [NASTY], "error": {NASTY: NASTY}}),
+        tick(1.0, phase=NASTY, why=NASTY, anomalies=[NASTY], cause=NASTY, level=NASTY, **{NASTY: NASTY}),
+        record("board", 1.0, faults=[NASTY], battery_v=1.0),
+        record("computer", 1.0, throttled=NASTY),
+        record("fault", 1.0, target=NASTY, begins=True, params={NASTY: NASTY}) | {"kind": NASTY},
+        record("outcome", 1.0, reason=NASTY, text=NASTY),
+    ]
+    write(logs / "00003-20261121T081405Z", [*map(raw, numbered(records))])
+    code, out, err = run(*command.split()[:1], *([] if command == "list" else [3]), *command.split()[1:])
+    assert code == 0
+    assert [each for each in (out + err).splitlines() if not each.isprintable()] == []
+
+
+def raw(nasty: dict[str, object]) -> bytes:
+    """Return a line in which the texts stand as they are, as far as JSON allows."""
+    return json.dumps(nasty, ensure_ascii=False).encode() + b"\n"
+
+
 @pytest.mark.parametrize("command", ["list", "show", "summary", "check", "export"])
 def test_folder_without_runs_is_one_line_and_exit_code_2(
     command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -286,7 +399,7 @@ def test_follow_tells_what_is_written_while_it_waits_and_ends_by_ctrl_c(
     following: subprocess.Popen[str], logs: Path
 ) -> None:
     assert following.stdout is not None
-    write(logs / SECOND, [event("mark", 3.0, text="hit log")])
+    write(logs / SECOND, [noted(3.0, "hit log")])
     write(logs / "00003-20261121T081405Z", [HEADER, tick(1.0)])
     told = [following.stdout.readline() for _ in range(5)]
     assert told[-3] == "0:00:03.00  Mark: hit log\n"

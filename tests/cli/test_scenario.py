@@ -9,7 +9,7 @@ from typing import get_args
 
 from tests.conftest import Run
 from wayfarer.cli.trial_options import Ground
-from wayfarer.fieldlog.reader import read_header
+from wayfarer.fieldlog.reader import find_header
 from wayfarer.simhal.world.physics import GroundName
 
 MAZE = ("sim", "--site", "extended-maze", "--rover", "forestrover", "--jobs", "1")
@@ -44,8 +44,9 @@ def test_challenge_logs_positions(run: Run, tmp_path: Path) -> None:
     challenge = ("sim", "--site", "forest-escape", "--rover", "minirover", "--budget-m", "4")
     code, _, _ = run(*challenge, "--trial", "0", "--log-dir", tmp_path / "log")
     assert code == 0
-    header = read_header(tmp_path / "log")
-    assert header["parts"]["position"] == "simulated receiver"
+    header = find_header(tmp_path / "log")
+    assert header is not None
+    assert header.parts["position"] == "simulated receiver"
     records = [
         json.loads(line) for line in (tmp_path / "log" / "run.00001.jsonl").read_text(encoding="utf-8").splitlines()
     ]

@@ -11,7 +11,7 @@ from tests.cli.test_compare import out_at_once
 from tests.conftest import Run
 from wayfarer import cli
 from wayfarer.experiments import paired_table, site_table, tables
-from wayfarer.fieldlog.vocabulary import outcome_in_words
+from wayfarer.vocabulary import outcome_in_words
 
 FIELD_LOGS = Path(cli.__file__).parents[2] / "field_logs"
 

@@ -8,7 +8,7 @@ from functools import wraps
 from random import Random
 from typing import Any
 
-import orjson
+import msgspec
 
 from tests.kit.rover import Rig
 from tests.kit.workshop import EventLog
@@ -69,7 +69,7 @@ class Run:
 
     async def status(self) -> dict[str, Any]:
         """What a client would get."""
-        told: dict[str, Any] = orjson.loads(orjson.dumps(await self.commands.status()))
+        told: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(await self.commands.status()))
         return told
 
     async def arm(self, heading_deg: float | None = 0.0) -> None:

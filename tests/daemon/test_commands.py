@@ -116,7 +116,7 @@ async def test_goal_is_refused_before_the_rover_drives(run: Run, arming: bool) -
 @played
 async def test_mark_is_written_into_the_log(run: Run) -> None:
     assert await run.commands.mark("hit log") == {}
-    assert run.log.named("mark") == [{"text": "hit log"}]
+    assert run.log.named("mark") == [{"note": "hit log"}]
 
 
 @played

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 
 from tests.fieldlog.disks import power_cut_at
 from tests.fieldlog.lines import standing
+from tests.kit.workshop import own_details
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.status_light import LastEnd
 from wayfarer.control.tick import TickRecord
 from wayfarer.daemon.last_mission import FILE_NAME, LastMission, MissionKeeper, read_last_mission
 from wayfarer.errors import BadInput
 from wayfarer.escape.api import Anomaly, Decision, Observation, Phase
-from wayfarer.fieldlog.wording import last_mission_text
 from wayfarer.files import write_atomically
 from wayfarer.hal import WheelCommand
 from wayfarer.waiting_thread import OneCall
@@ -41,7 +41,7 @@ class Site(PartialLog):
 
     def event(self, name: str, t_s: float, **details: object) -> None:
         """Take what is logged."""
-        self.events.append((name, details))
+        self.events.append((name, own_details(details)))
 
     @property
     def kept(self) -> LastMission | None:
@@ -127,11 +127,9 @@ def test_light_tells_how_it_ended(ended: str | None, end: LastEnd) -> None:
 
 
 def test_text_tells_how_it_ended() -> None:
-    assert last_mission_text(asdict(OVER)).endswith(
-        f" (run {RUN}) is over after 754 s, 134 m, anomalies: 14: radius limit"
-    )
-    assert last_mission_text(asdict(OVER)).startswith("The last mission of 2026-11-")
-    assert last_mission_text(asdict(CUT_OFF)).endswith(f" (run {RUN}) was cut off: killed, or without power")
+    assert OVER.text.endswith(f" (run {RUN}) is over after 754 s, 134 m, anomalies: 14: radius limit")
+    assert OVER.text.startswith("The last mission of 2026-11-")
+    assert CUT_OFF.text.endswith(f" (run {RUN}) was cut off: killed, or without power")
 
 
 # -- the file --------------------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
-import orjson
+import msgspec
 import pytest
 
 from tests.daemon.played import DELAY_S, Run, played
@@ -32,7 +32,7 @@ class Hand:
 
     async def ask(self, **request: object) -> Details:
         starts = {"asked_s": asked().at_s} if request["do"] in STARTING else {}
-        return await self.line(orjson.dumps(starts | request))
+        return await self.line(msgspec.json.encode(starts | request))
 
     async def line(self, line: bytes) -> Details:
         return await perform(check(read_line(line)), self.run.commands, None, lambda: True)
@@ -189,11 +189,11 @@ WHILE_ANOTHER_DRIVES: dict[str, Way] = {
     "an old time": lambda hand: hand.ask(**hand.sample(sent_s=asyncio.get_running_loop().time() - 0.31)),
     "the future": lambda hand: hand.ask(**hand.sample(sent_s=asyncio.get_running_loop().time() + 0.1)),
     "time zero": lambda hand: hand.ask(**hand.sample(sent_s=0)),
-    "no number": lambda hand: hand.line(orjson.dumps(hand.sample()).replace(b"-1.0", b"NaN")),
+    "no number": lambda hand: hand.line(msgspec.json.encode(hand.sample()).replace(b"-1.0", b"NaN")),
     "no number, without the socket": lambda hand: hand.run.commands.manual_drive(
         hand.lease, hand.seq + 1, float("nan"), 0.0, asyncio.get_running_loop().time()
     ),
-    "infinity": lambda hand: hand.line(orjson.dumps(hand.sample()).replace(b"-1.0", b"1e999")),
+    "infinity": lambda hand: hand.line(msgspec.json.encode(hand.sample()).replace(b"-1.0", b"1e999")),
     "more than full": lambda hand: hand.ask(**hand.sample(forward=-1.5)),
     "true": lambda hand: hand.ask(**hand.sample(forward=True)),
     "a text": lambda hand: hand.ask(**hand.sample() | {"forward": "-1"}),
@@ -236,7 +236,7 @@ async def _replayed(hand: Hand) -> None:
     await hand.begin()
     lines = []
     for _ in range(10):
-        lines.append(orjson.dumps(hand.sample(0.5)))
+        lines.append(msgspec.json.encode(hand.sample(0.5)))
         await hand.line(lines[-1])
         hand.seq += 1
         await asyncio.sleep(EVERY_S)

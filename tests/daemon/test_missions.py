@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from benchmarks.missions import growth, missions
+from tests.kit.logs import read_log
 from wayfarer.fieldlog.folders import newest_run
-from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.replay import replay
 
 MISSIONS = 20
@@ -32,7 +32,7 @@ def test_missions_in_one_daemon_leave_nothing_behind(folder: Path) -> None:
     assert growth(samples, objects=2000.0) == []
     run = newest_run(folder / "logs")
     assert run is not None
-    told = [record for record in RunReader(run) if record.get("name") == "mission_ended"]
+    told = [record for record in read_log(run) if record.get("name") == "mission_ended"]
     assert [record["mission_ended"] for record in told[:3]] == ["mission_distance"] * 2 + ["requested by a person"]
     assert len(told) == MISSIONS
     replayed = replay(run)

@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, cast
 
-import orjson
+import msgspec
 import pytest
 
 from tests.daemon.played import DELAY_S, Run
@@ -38,7 +38,7 @@ class Asking:
 
     def line(self, at_s: object = None) -> bytes:
         """The request; by default of now."""
-        return orjson.dumps({"do": self.verb, "asked_s": now_s() if at_s is None else at_s, **KEYS[self.verb]})
+        return msgspec.json.encode({"do": self.verb, "asked_s": now_s() if at_s is None else at_s, **KEYS[self.verb]})
 
     async def send(self, line: bytes) -> dict[str, Any]:
         return dict(await perform(check(read_line(line)), self.run.commands, None, lambda: self.there))
@@ -100,7 +100,7 @@ async def _both_in_one_buffer(it: Asking) -> None:
 
 # Of every verb.
 WAYS: dict[str, Way] = {
-    "no time": lambda it: it.send(orjson.dumps({"do": it.verb, **KEYS[it.verb]})),
+    "no time": lambda it: it.send(msgspec.json.encode({"do": it.verb, **KEYS[it.verb]})),
     "null for a time": lambda it: it.send(it.line(0).replace(b":0,", b":null,").replace(b":0}", b":null}")),
     "a text for a time": lambda it: it.send(it.line("now")),
     "time zero": lambda it: it.send(it.line(0.0)),

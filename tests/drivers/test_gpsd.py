@@ -16,7 +16,7 @@ from wayfarer.drivers import gpsd
 from wayfarer.drivers.gpsd import Fixes, Gpsd, GpsdSettings
 from wayfarer.errors import NotResponding, WrongPart
 from wayfarer.hal import ExplainsNoFix, PositionFix, PositionReceiver
-from wayfarer.safety.mission import Mission
+from wayfarer.safety.mission import Mission, Place
 from wayfarer.safety.settings import SafetySettings
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.testing import check_position_receiver
@@ -145,7 +145,7 @@ def test_mission_ends_at_its_radius_by_the_receiver_that_is_well(
     stale_s: float, other: str, period_s: float, phase_s: float
 ) -> None:
     """A rover whose dead reckoning sees nothing is carried away by 5 m a second; the other receiver stays at home."""
-    mission, fixes = Mission(SafetySettings(mission_radius_m=RADIUS_M), 0.0), Fixes(stale_s)
+    mission, fixes = Mission(SafetySettings(mission_radius_m=RADIUS_M), 0.0, Place()), Fixes(stale_s)
     said = [(float(n), LIVE) for n in range(60)]
     said += [(n * period_s + phase_s, OTHER) for n in range(int(60.0 / period_s))]
     reads = [(n + 0.7, "") for n in range(60)]

@@ -8,7 +8,7 @@ import pytest
 
 from tests.conftest import Run, refusal
 from wayfarer import cli
-from wayfarer.fieldlog.reader import read_header
+from wayfarer.fieldlog.reader import find_header
 
 BODY = """
 name = "test"
@@ -70,8 +70,9 @@ def test_campaign_with_a_log_gives_each_trial_its_own(tmp_path: Path) -> None:
     runs = sorted((tmp_path / "logs").iterdir())
     assert [run.name for run in runs] == ["levy-walk-00000", "levy-walk-00001", "pledge-00000", "pledge-00001"]
     for run in runs:
-        header = read_header(run)
-        assert run.name == f"{header['algorithm']}-{header['trial']:05d}"
+        header = find_header(run)
+        assert header is not None
+        assert run.name == f"{header.algorithm}-{header.trial:05d}"
 
 
 def test_campaign_refuses_a_folder_that_has_logs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -22,6 +22,7 @@ from wayfarer.experiments.demo import Demo, DemoTrial, ForwardedCommands
 from wayfarer.experiments.trial import TrialResult, run_trial
 from wayfarer.fieldlog.clock import duration_text
 from wayfarer.fieldlog.reader import RunReader
+from wayfarer.fieldlog.record import AnyRecord, Event, Outcome
 from wayfarer.views.text.console import Console
 
 pytest.importorskip("aiohttp", reason="the live page needs aiohttp")
@@ -52,8 +53,14 @@ class Site:
         asyncio.run(both())
 
     @property
-    def log(self) -> list[dict[str, Any]]:
+    def log(self) -> list[AnyRecord]:
         return list(RunReader(next(self.folder.iterdir())))
+
+    @property
+    def outcome(self) -> Outcome:
+        last = self.log[-1]
+        assert isinstance(last, Outcome)
+        return last
 
     async def until(self, holds: Callable[[], object]) -> None:
         while not holds():  # noqa: ASYNC110 - anything
@@ -179,11 +186,11 @@ def test_what_the_page_asks_of_the_rover_is_done_also_in_a_pause(tmp_path: Path)
 
     site = Site(tmp_path, 20.0)
     site.run(ask)
-    names = [record.get("name") for record in site.log]
+    names = [record.name for record in site.log if isinstance(record, Event)]
     assert [name for name in names if name in {"mark", "hold", "resume", "wheels_stopped"}] == [
         "mark", "hold", "resume", "wheels_stopped",
     ]  # fmt: skip
-    assert site.log[-1]["reason"] == "requested"
+    assert site.outcome.reason == "requested"
 
 
 def test_command_that_the_end_of_the_trial_overtakes_is_refused(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -233,7 +240,7 @@ def test_signal_before_there_is_a_trial_ends_the_demo_and_no_pause_keeps_it(site
         site.demo.pause(True)
 
     site.run(end)
-    assert site.log[-1]["reason"] == "signal"
+    assert site.outcome.reason == "signal"
 
 
 def test_signal_after_the_trial_ends_the_demo(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -245,7 +252,7 @@ def test_signal_after_the_trial_ends_the_demo(site: Site, monkeypatch: pytest.Mo
         os.kill(os.getpid(), signal.SIGTERM)
 
     site.run(end)
-    assert site.log[-1]["reason"] == "escaped"
+    assert site.outcome.reason == "escaped"
 
 
 def test_error_beside_the_trial_ends_it_too(tmp_path: Path) -> None:
@@ -258,4 +265,4 @@ def test_error_beside_the_trial_ends_it_too(tmp_path: Path) -> None:
     site = Site(tmp_path, 6.0)
     with pytest.raises(ExceptionGroup):
         site.run(fail)
-    assert site.log[-1]["text"] == "ended by an error"
+    assert site.outcome.text == "ended by an error"

@@ -18,6 +18,7 @@ from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.live_rover import live_rover_setup
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.reader import RunReader
+from wayfarer.fieldlog.record import FaultInjected
 from wayfarer.fieldlog.sink import Sink
 from wayfarer.safety.mission import RunEnd
 from wayfarer.simhal.build_rover import Depth
@@ -100,7 +101,9 @@ def test_fault_strikes_so_many_seconds_after_the_first_arming(tmp_path: Path) ->
         await running
 
     run_virtually(main())
-    faults = [(each["t_s"], each["begins"]) for each in RunReader(tmp_path) if each["record"] == "fault"]
+    faults: list[tuple[object, bool]] = [
+        (each.t_s, each.begins) for each in RunReader(tmp_path) if isinstance(each, FaultInjected)
+    ]
     assert faults == [(pytest.approx(13.0, abs=0.05), True), (pytest.approx(15.0, abs=0.05), False)]
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from wayfarer.fieldlog.reader import RunReader
+from tests.kit.logs import read_log
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.process import LoopStall
@@ -164,7 +164,7 @@ def test_same_scenario_gives_the_same_result() -> None:
 
 def test_log_of_the_run_with_the_fault_has_it_as_ground_truth(tmp_path: Path) -> None:
     assert run_fault_scenario(scenario(replace(LOOSE, for_s=1.0)), tmp_path).passed
-    faults = [record for record in RunReader(tmp_path) if record["record"] == "fault"]
+    faults = [record for record in read_log(tmp_path) if record["record"] == "fault"]
     assert [(each["t_s"], each["target"], each["kind"], each["begins"]) for each in faults] == [
         (3.0, "compass", "nack", True),
         (4.0, "compass", "nack", False),

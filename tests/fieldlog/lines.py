@@ -4,31 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from wayfarer.config.rover_file import LogSettings
 from wayfarer.control.tick import TickRecord
-from wayfarer.fieldlog.lines import sealed
 from wayfarer.fieldlog.reader import RunReader, log_segments
-from wayfarer.fieldlog.schema import SCHEMA, Record
+from wayfarer.fieldlog.record import SCHEMA, AnyRecord, Event, Header, Tick, encode
 from wayfarer.fieldlog.sink import Sink
 
 FREE = LogSettings(free_mb=0.0)
 SMALL = LogSettings(part_mb=0.001, run_mb=1.0, free_mb=0.0)  # about ten ticks a part
 
 
-def run_record(part: int) -> Record:
-    """Return the first record of a part."""
-    return {"record": "run", "t_s": 0.0, "t_wall": 0.0, "schema": SCHEMA, "part": part, "rover": "Wühlmaus"}
-
-
 def header(part: int) -> bytes:
     """Return the first line of a part."""
-    return sealed(run_record(part))
+    return encode(Header(schema=SCHEMA, part=part, t_s=0.0, t_wall=0.0, rover="Wühlmaus"))
 
 
 def tick(number: int) -> bytes:
     """Return the line of a control tick, 20 a second."""
-    return sealed({"record": "tick", "n": number, "t_s": number / 20, "t_wall": 1e9, "why": "größe"})
+    stands: dict[str, Any] = dict.fromkeys(("wanted_left", "wanted_right", "applied_left", "applied_right"), 0.0)
+    return encode(Tick(n=number, t_s=number / 20, t_wall=1e9, phase="halt", why="größe", **stands))
 
 
 def standing(t_s: float = 1.0, memory: Callable[[], Mapping[str, float | str]] = dict) -> TickRecord:
@@ -40,10 +36,10 @@ def standing(t_s: float = 1.0, memory: Callable[[], Mapping[str, float | str]] =
 
 def event(number: int) -> bytes:
     """Return the line of something that happened."""
-    return sealed({"record": "event", "n": number, "t_s": number / 20, "t_wall": 1e9, "name": "mark"})
+    return encode(Event(n=number, t_s=number / 20, t_wall=1e9, name="mark", text="Mark: here"))
 
 
-def read(run: Path) -> tuple[list[Record], RunReader]:
+def read(run: Path) -> tuple[list[AnyRecord], RunReader]:
     """Return the records of a run and the reader that knows its damage."""
     reader = RunReader(run)
     return list(reader), reader
@@ -51,7 +47,7 @@ def read(run: Path) -> tuple[list[Record], RunReader]:
 
 def numbers(run: Path) -> list[int]:
     """Return the numbers of the records of a run, in their order."""
-    return [record["n"] for record in RunReader(run) if "n" in record]
+    return [record.n for record in RunReader(run) if record.n]
 
 
 class Log:

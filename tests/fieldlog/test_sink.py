@@ -13,11 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.fieldlog.disks import FailingCall
-from tests.fieldlog.lines import FREE, SMALL, Log, event, header, numbers, read, run_record, tick
+from tests.fieldlog.lines import FREE, SMALL, Log, event, header, numbers, read, tick
 from wayfarer.config.rover_file import LogSettings
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog import sink
-from wayfarer.fieldlog.reader import Damage, log_segments, read_header
+from wayfarer.fieldlog.reader import Damage, find_header, log_segments
+from wayfarer.fieldlog.record import Header
 from wayfarer.fieldlog.sink import BATCH, QUEUE_BYTES, URGENT_BYTES, Sink
 from wayfarer.waiting_thread import OneCall
 
@@ -85,7 +86,7 @@ def test_lines_are_written_in_order_and_closing_writes_the_rest(tmp_path: Path, 
     written.close()
     written.close()
     found, its = read(tmp_path / "logs" / "run")
-    assert [record.get("n") for record in found] == [None, *range(1, 2001)]
+    assert [record.n for record in found] == [0, *range(1, 2001)]
     assert (its.damage, written.dropped, written.trouble) == (Damage(), 0, None)
 
 
@@ -131,8 +132,8 @@ def test_parts_lose_nothing_and_begin_with_the_header_and_none_is_empty(
         number += batch
     log.sink.close()
     found, its = read(log.folder)
-    assert [record["n"] for record in found if "n" in record] == list(range(1, number + 1))
-    assert [record["part"] for record in found if record["record"] == "run"] == log.parts()
+    assert [record.n for record in found if record.n] == list(range(1, number + 1))
+    assert [record.part for record in found if isinstance(record, Header)] == log.parts()
     assert log.parts() == list(range(1, len(log.parts()) + 1))
     assert its.damage == Damage()
     assert all(part.read_bytes().count(b"\n") > 1 for part in log_segments(log.folder)[:-1])
@@ -162,7 +163,8 @@ def test_run_beyond_its_limit_keeps_its_first_part_and_the_newest(tmp_path: Path
     assert (first, newest) == (1, list(range(newest[0], newest[-1] + 1)))
     kept = numbers(tmp_path)
     assert (kept[0], kept[-25:]) == (1, list(range(276, 301)))
-    assert read_header(tmp_path)["part"] == 1
+    assert (found := find_header(tmp_path)) is not None
+    assert found.part == 1
     assert read(tmp_path)[1].damage == Damage(missing=300 - len(kept))
     assert log.sink.dropped == 0, "what was deleted on purpose was not dropped"
     assert (tmp_path / "keep").exists()
@@ -374,4 +376,4 @@ def test_error_inside_wayfarer_ends_no_log(tmp_path: Path) -> None:
     broken = False
     rover.sink.close()
     assert (numbers(tmp_path), rover.sink.dropped) == ([1], 0)
-    assert run_record(1)["part"] == read_header(tmp_path)["part"]
+    assert find_header(tmp_path) is not None

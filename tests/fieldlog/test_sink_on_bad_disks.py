@@ -142,11 +142,11 @@ def test_disk_that_is_full_at_any_byte_costs_no_record_and_half_a_line_at_most(
                 log.sink._store(sync=True)
         log.sink._store(sync=True)
         fitted = len(numbers(log.folder))
-        assert fitted == min(30, more // (len(tick(10)) + 1)) or fitted > 8
+        assert fitted == min(30, (more + 1) // (len(tick(10)) + 1)) or fitted > 8  # the last one may lack its end
     log.write(31)
     log.sink.close()
     found, its = read(log.folder)
-    assert [record["n"] for record in found if "n" in record] == list(range(1, 32))
+    assert [record.n for record in found if record.n] == list(range(1, 32))
     assert (its.damage.lines <= 1, log.sink.dropped) == (True, 0)
     assert len(log.told) in {0, 2}
 
@@ -240,7 +240,7 @@ def test_real_disk_runs_full_and_is_freed(small: Path) -> None:
     log.put(*range(2001, 2101))
     log.sink.close()
     found, its = read(log.folder)
-    assert [record["n"] for record in found if "n" in record] == list(range(1, 2101))
+    assert [record.n for record in found if record.n] == list(range(1, 2101))
     assert its.damage.lines <= 1
     assert (log.sink.dropped, log.sink.trouble, len(log.told)) == (0, None, 2)
 

@@ -7,7 +7,8 @@ import pytest
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.escape.phases import WHY
 from wayfarer.escape.recovery import BLIND_DETOUR, RUNGS
-from wayfarer.fieldlog.vocabulary import (
+from wayfarer.safety.conditions import Condition, Level
+from wayfarer.vocabulary import (
     ANOMALY_TEXTS,
     CONDITION_TEXTS,
     LADDER_TEXTS,
@@ -21,7 +22,6 @@ from wayfarer.fieldlog.vocabulary import (
     level_text,
     response_text,
 )
-from wayfarer.safety.conditions import Condition, Level
 
 
 def test_every_phase_anomaly_level_and_condition_has_words() -> None:

@@ -14,7 +14,7 @@ from math import isfinite
 from struct import unpack
 from typing import Any, TypeVar
 
-import orjson
+import msgspec
 from hypothesis import strategies as st
 
 T = TypeVar("T")
@@ -35,7 +35,7 @@ TOKENS = (
 )  # fmt: skip
 CONTAINERS = (b"[]", b"{}", b'[[1,"x",null]]', b'{"a":{"b":1}}', b'[1.0,2.0,3.0,4.0,"left"]')
 LENGTHS = (1, 0, 2, 4, 8, 64, 1_024)
-DEPTH = 600  # more than orjson writes (254), and fewer than it reads (1024)
+DEPTH = 600  # fewer than Python reads (1000)
 CHANGE_BYTES = 10  # about as many as tell one change
 
 
@@ -104,12 +104,12 @@ def _piece(choices: Choices, tokens: Sequence[bytes], sources: Sequence[bytes]) 
 
 def json_of(whole: Sequence[Any], most: int = 4) -> st.SearchStrategy[Any]:
     """Make JSON values out of some: whole, or changed here and there."""
-    return st.builds(changed, st.sampled_from([orjson.dumps(value) for value in whole]), _choices(most))
+    return st.builds(changed, st.sampled_from([msgspec.json.encode(value) for value in whole]), _choices(most))
 
 
 def changed(content: bytes, told: bytes) -> Any:
     """Return the value of a JSON text with some changes in it."""
-    value, choices = orjson.loads(content), Choices(told)
+    value, choices = msgspec.json.decode(content), Choices(told)
     while choices.more:
         value = _change(choices, value)
     return value
@@ -130,7 +130,7 @@ _VALUES: tuple[Callable[[Choices], Any], ...] = (
     lambda choices: choices.of(TEXTS),
     lambda choices: int.from_bytes(choices.take(choices.below(9)), "big", signed=True),
     _any_float,
-    lambda choices: orjson.loads(choices.of(CONTAINERS)),
+    lambda choices: msgspec.json.decode(choices.of(CONTAINERS)),
     lambda choices: nested(choices.of(TEXTS)),
 )
 
@@ -182,7 +182,7 @@ _CHANGES: tuple[Callable[[Choices, Any, Any], None], ...] = (_within, _within, _
 def as_json(value: Any) -> bytes:
     """Return a value as JSON, however deep it is."""
     try:
-        return orjson.dumps(value)
+        return msgspec.json.encode(value)
     except TypeError:  # too deep for it
         limit = sys.getrecursionlimit()
         sys.setrecursionlimit(20 * DEPTH)

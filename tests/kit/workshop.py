@@ -169,6 +169,11 @@ class Overriding:
         return getattr(self._part, name)
 
 
+def own_details(details: dict[str, Any]) -> dict[str, Any]:
+    """What an event says beside its sentence and its context."""
+    return {key: value for key, value in details.items() if key not in {"text", "severity", "run", "mission"}}
+
+
 class EventLog(PartialLog):
     """Keeps ticks, events and positions."""
 
@@ -181,7 +186,7 @@ class EventLog(PartialLog):
         self.ticks.append(record)
 
     def event(self, name: str, t_s: float, **details: object) -> None:
-        self.events.append((name, details))
+        self.events.append((name, own_details(details)))
 
     def position(self, fix: PositionFix | None) -> None:
         self.fixes.append(fix)
@@ -190,7 +195,7 @@ class EventLog(PartialLog):
         return [details for event, details in self.events if event == name]
 
 
-class Log:
+class Log(PartialLog):
     def __init__(self, shop: Workshop) -> None:
         self.shop = shop
 
@@ -198,7 +203,7 @@ class Log:
         self.shop.note("log.tick")
 
     def event(self, name: str, t_s: float, **details: object) -> None:
-        self.shop.events.append((name, details))
+        self.shop.events.append((name, own_details(details)))
         self.shop.note("log.event")
 
     def position(self, fix: PositionFix | None) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from wayfarer.fieldlog.vocabulary import KIND_TEXTS, WORDS, Words, said_of
 from wayfarer.safety.conditions import (
     HOLDING_LEVELS,
     LEVELS,
@@ -17,6 +16,7 @@ from wayfarer.safety.conditions import (
     Level,
     Means,
 )
+from wayfarer.vocabulary import KIND_TEXTS, WORDS, Words, said_of
 
 
 def test_every_condition_has_a_row_and_words() -> None:

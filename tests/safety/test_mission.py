@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from wayfarer.angles import METRES_PER_DEG
 from wayfarer.hal import PositionFix
-from wayfarer.safety.mission import Mission
+from wayfarer.safety.mission import Mission, Place
 from wayfarer.safety.settings import SafetySettings
 
 SETTINGS = SafetySettings(mission_time_s=600.0, mission_distance_m=400.0, mission_radius_m=100.0)
@@ -20,8 +20,21 @@ FIX_FRESH_S = 3.0  # fault catalogue, fault 56: after that, dead reckoning count
 FIXES_BEYOND = 5
 
 
+def somewhere() -> Place:
+    """Return a place far from where the run began: a mission's limits count from its own start."""
+    place = Place()
+    place.move(37.0, -5.0, 123.0)
+    return place
+
+
+def go(under_test: Mission, commanded_m: float, ahead_m: float, heading_deg: float) -> None:
+    """Drive in a tick: what the wheels were commanded, and what the body did."""
+    under_test.place.move(ahead_m, 0.0, heading_deg)
+    under_test.advance(commanded_m)
+
+
 def mission() -> Mission:
-    return Mission(SETTINGS, STARTS_S)
+    return Mission(SETTINGS, STARTS_S, somewhere())
 
 
 def reason(under_test: Mission, t_s: float = STARTS_S + 1.0) -> str | None:
@@ -51,9 +64,9 @@ def test_time_counts_from_the_start_of_the_mission() -> None:
 def test_distance_counts_both_ways() -> None:
     under_test = mission()
     for step in range(399):
-        under_test.advance(1.0 if step % 2 else -1.0, 1.0 if step % 2 else -1.0, 0.0)
+        go(under_test, 1.0 if step % 2 else -1.0, 1.0 if step % 2 else -1.0, 0.0)
     assert reason(under_test) is None
-    under_test.advance(-1.0, -1.0, 0.0)
+    go(under_test, -1.0, -1.0, 0.0)
     assert reason(under_test) == "mission_distance"
 
 
@@ -64,7 +77,7 @@ STEPS = st.lists(st.tuples(st.floats(-20, 20), st.floats(-20, 20), st.floats(0, 
 def test_dead_reckoning_adds_up_covered_ground_along_the_compass(steps: list[tuple[float, float, float]]) -> None:
     under_test = mission()
     for commanded_m, covered_m, heading_deg in steps:
-        under_test.advance(commanded_m, covered_m, heading_deg)
+        go(under_test, commanded_m, covered_m, heading_deg)
     north_m = sum(covered_m * cos(radians(heading_deg)) for _, covered_m, heading_deg in steps)
     east_m = sum(covered_m * sin(radians(heading_deg)) for _, covered_m, heading_deg in steps)
     assert under_test.travelled_m == pytest.approx(sum(abs(commanded_m) for commanded_m, _, _ in steps))
@@ -137,7 +150,7 @@ def test_start_is_where_the_best_fix_puts_it_not_the_first(first_error_m: float 
         under_test = mission()
         under_test.position(fix(off_m)._replace(error_m=first_error_m))
         for seconds in range(1, 200):  # a metre a second to the north
-            under_test.advance(1.0, 1.0, 0.0)
+            go(under_test, 1.0, 1.0, 0.0)
             t_s = STARTS_S + seconds
             under_test.position(fix(float(seconds), t_s))
             ends = seconds >= 100.0 + FIXES_BEYOND - 1
@@ -167,7 +180,7 @@ def test_late_fix_that_is_as_good_does_not_move_the_start() -> None:
     under_test = mission()
     under_test.position(fix(0.0))
     for seconds in range(1, 150):
-        under_test.advance(1.0, 1.0, 0.0)
+        go(under_test, 1.0, 1.0, 0.0)
         under_test.position(fix(0.0, STARTS_S + seconds))
     assert reason(under_test, STARTS_S + 150.0) is None
 
@@ -178,7 +191,7 @@ def test_start_of_a_mission_whose_first_fix_comes_late_is_reckoned_back(
     error_m: float | None, further_m: float, ends: bool
 ) -> None:
     under_test = mission()
-    under_test.advance(90.0, 90.0, 0.0)
+    go(under_test, 90.0, 90.0, 0.0)
     under_test.position(fix(0.0)._replace(error_m=error_m))
     for seconds in range(1, FIXES_BEYOND + 1):
         under_test.position(fix(further_m, STARTS_S + seconds)._replace(error_m=error_m))
@@ -187,7 +200,7 @@ def test_start_of_a_mission_whose_first_fix_comes_late_is_reckoned_back(
 
 def test_fresh_fix_at_home_counts_more_than_dead_reckoning_and_an_old_one_less() -> None:
     under_test = mission()
-    under_test.advance(150.0, 150.0, 30.0)
+    go(under_test, 150.0, 150.0, 30.0)
     assert reason(under_test) == "mission_radius"
     under_test.position(fix(0.0, STARTS_S + 10.0))
     assert reason(under_test, STARTS_S + 10.0 + FIX_FRESH_S) is None
@@ -196,7 +209,7 @@ def test_fresh_fix_at_home_counts_more_than_dead_reckoning_and_an_old_one_less()
 
 def test_fix_of_the_future_counts_less_than_dead_reckoning() -> None:
     under_test = mission()
-    under_test.advance(150.0, 150.0, 30.0)
+    go(under_test, 150.0, 150.0, 30.0)
     under_test.position(fix(0.0, STARTS_S + 10.0))
     assert reason(under_test, STARTS_S + 9.9) == "mission_radius"
     assert reason(under_test, STARTS_S + 10.0) is None
@@ -214,14 +227,14 @@ def test_old_fixes_beyond_the_radius_end_nothing() -> None:
 
 def test_the_first_limit_of_several_is_told() -> None:
     under_test = mission()
-    under_test.advance(500.0, 500.0, 0.0)
+    go(under_test, 500.0, 500.0, 0.0)
     assert reason(under_test) == "mission_distance"
     assert reason(under_test, inf) == "mission_time"
 
 
 def test_without_any_fix_dead_reckoning_counts_from_the_first_second_on() -> None:
-    under_test = Mission(SETTINGS, 0.0)
-    under_test.advance(150.0, 150.0, 30.0)
+    under_test = Mission(SETTINGS, 0.0, somewhere())
+    go(under_test, 150.0, 150.0, 30.0)
     for t_s in (0.0, 0.05, 2.9, 3.1):
         assert reason(under_test, t_s) == "mission_radius"
 

@@ -10,7 +10,7 @@ import socket
 from functools import partial
 from typing import Any
 
-import orjson
+import msgspec
 
 from wayfarer.drivers.linux import LinuxBuses
 from wayfarer.drivers.threaded import ThreadedI2C, ThreadedSerial, ThreadedSPI
@@ -46,11 +46,11 @@ class HilConnection:
         Raises:
             OSError: the transfer failed on the wire, or the bench has ended.
         """
-        self._connection.sendall(orjson.dumps({"do": do, **details}) + b"\n")
+        self._connection.sendall(msgspec.json.encode({"do": do, **details}) + b"\n")
         line = self._answers.readline()
         if not line:
             raise OSError("the HIL server has ended")
-        reply: dict[str, Any] = orjson.loads(line)
+        reply: dict[str, Any] = msgspec.json.decode(line)
         if "error" in reply:
             raise OSError(reply["errno"], reply["error"])
         return reply

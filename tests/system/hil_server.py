@@ -34,7 +34,7 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-import orjson
+import msgspec
 
 from tests.system.hil_buses import from_hex
 from wayfarer.config.rover_file import RoverConfig, load_rover
@@ -116,7 +116,7 @@ class HilServer:
         """Answer a client's requests in turn until it goes away."""
         try:
             while line := await reader.readline():
-                writer.write(orjson.dumps(await self.answer(orjson.loads(line))) + b"\n")
+                writer.write(msgspec.json.encode(await self.answer(msgspec.json.decode(line))) + b"\n")
                 await writer.drain()
         except ConnectionError:
             pass

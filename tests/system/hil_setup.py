@@ -22,6 +22,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
+from tests.kit.logs import read_log
 from tests.system.hil_buses import SOCKET_VARIABLE, HilConnection, HilI2C, HilSerial
 from tests.system.measures import Commands, now_s, stop_after
 from tests.system.subprocesses import HARDWARE_PRIORITY, WAYFARER, command, put_first, starting
@@ -31,8 +32,6 @@ from wayfarer.daemon.socket.paths import SOCKET_NAME
 from wayfarer.drivers.sabertooth import packet
 from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.folders import run_folders
-from wayfarer.fieldlog.reader import RunReader
-from wayfarer.fieldlog.schema import Record
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 DEADMAN_S = {"minirover": 0.25, "forestrover": 0.3}  # ThunderBorg, and what forestrover.toml sets its Sabertooth to
@@ -295,9 +294,9 @@ class Site:
         """Return what all processes said on their terminals."""
         return (self.folder / "output.txt").read_text(encoding="utf-8", errors="replace")
 
-    def log(self) -> list[Record]:
+    def log(self) -> list[dict[str, Any]]:
         """Return the records of the newest run."""
-        return list(RunReader(run_folders(self.logs)[-1]))
+        return read_log(run_folders(self.logs)[-1])
 
     def ticks_beyond(self, t_s: float) -> list[float]:
         """Return the times of the newest run's control ticks, as soon as there is one after this time.
@@ -312,7 +311,7 @@ class Site:
 
         return wait_for("a tick in the log", known)
 
-    def told(self, name: str) -> Record:
+    def told(self, name: str) -> dict[str, Any]:
         """Return the newest run's first event of this name, as soon as it is there.
 
         Raises:

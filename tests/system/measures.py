@@ -12,6 +12,7 @@ from statistics import median, quantiles
 from time import CLOCK_BOOTTIME, clock_gettime
 from typing import NamedTuple, TypeAlias
 
+from tests.kit.logs import keys_of
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import run_number
 from wayfarer.fieldlog.reader import RunReader
@@ -103,7 +104,7 @@ def read_back(run: Path) -> ReadBack:
         reader = RunReader(run)
     except BadInput:  # killed between the folder and its file
         return ReadBack()
-    records = list(reader)
+    records = [keys_of(record) for record in reader]
     damage = reader.damage
     assert damage.lines == damage.torn <= 1, damage
     assert damage.unreadable == damage.missing == 0, damage

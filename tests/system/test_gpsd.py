@@ -20,7 +20,7 @@ import pytest
 from wayfarer.drivers.gpsd import Gpsd, GpsdSettings
 from wayfarer.errors import NotResponding
 from wayfarer.hal import PositionFix
-from wayfarer.safety.mission import Mission
+from wayfarer.safety.mission import Mission, Place
 from wayfarer.safety.settings import SafetySettings
 from wayfarer.simhal.buses import FakeBuses
 
@@ -145,7 +145,7 @@ def drives_off(second: int) -> str:
 async def test_mission_ends_at_its_radius_by_the_receiver_that_is_well(tmp_path: Path, other: str) -> None:
     says, _ = OTHERS[other]
     time = asyncio.get_running_loop().time
-    mission, north_deg = Mission(SafetySettings(mission_radius_m=300.0, mission_time_s=600.0), time()), 0.0
+    mission, north_deg = Mission(SafetySettings(mission_radius_m=300.0, mission_time_s=600.0), time(), Place()), 0.0
     with running(tmp_path, says, drives_off) as daemon:
         await opened(daemon)
         try:

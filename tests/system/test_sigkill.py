@@ -20,6 +20,7 @@ from random import Random
 
 import pytest
 
+from tests.kit.logs import read_log
 from tests.system.hil_setup import DEADMAN_S, MARGIN_S, Site, wait_for
 from tests.system.measures import (
     ReadBack,
@@ -31,7 +32,6 @@ from tests.system.measures import (
     read_back,
     told_to_turn,
 )
-from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.sink import WRITE_S, WRITES_A_SYNC
 
 KILLS = int(os.environ.get("KILLS", "12"))  # half of them on each rover; each takes about three seconds
@@ -112,8 +112,8 @@ class Killer:
         runs = sorted(set(all_folders(where.logs)) - there)
         self._folders |= set(runs[:-1])  # of starts that a busy computer failed: they ended by themselves
         assert where.status()["mode"] == "disarmed"
-        records = (record for run in runs for record in RunReader(run))
-        told = [record["run"] for record in records if record.get("name") == "unclean_shutdown"]
+        records = (record for run in runs for record in read_log(run))
+        told = [record["last_run"] for record in records if record.get("name") == "unclean_shutdown"]
         assert told == ([expected] if expected else []), "the mission that was cut off"
         self._assert_still()
         return daemon

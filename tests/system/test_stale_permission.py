@@ -10,7 +10,7 @@ import subprocess
 import time
 from collections.abc import Callable
 
-import orjson
+import msgspec
 import pytest
 
 from tests.system import broken_os
@@ -36,7 +36,7 @@ KEYS: dict[str, dict[str, object]] = {"manual_begin": {"driver": "keys"}}
 
 def request(verb: str) -> bytes:
     """Return a request of now."""
-    return orjson.dumps({"do": verb, "asked_s": now_s(), **KEYS.get(verb, {})}) + b"\n"
+    return msgspec.json.encode({"do": verb, "asked_s": now_s(), **KEYS.get(verb, {})}) + b"\n"
 
 
 def interrupted(site: Site, verb: str, daemon: subprocess.Popen[bytes]) -> None:
@@ -62,7 +62,7 @@ def patient(site: Site, verb: str, daemon: subprocess.Popen[bytes]) -> None:
         line.sendall(request(verb))
         time.sleep(PERMISSION_S + 0.1)
         daemon.send_signal(signal.SIGCONT)
-        reply = orjson.loads(line.recv(65_536))
+        reply = msgspec.json.decode(line.recv(65_536))
     assert not reply["ok"]
     assert "s ago" in reply["why"]
 
@@ -76,7 +76,7 @@ def half_sent(site: Site, verb: str, daemon: subprocess.Popen[bytes]) -> None:
         daemon.send_signal(signal.SIGCONT)
         time.sleep(PERMISSION_S + 0.1)
         line.sendall(text[20:])
-        assert not orjson.loads(line.recv(65_536))["ok"]
+        assert not msgspec.json.decode(line.recv(65_536))["ok"]
 
 
 def stopped_by_another(site: Site, verb: str, daemon: subprocess.Popen[bytes]) -> None:
@@ -88,7 +88,7 @@ def stopped_by_another(site: Site, verb: str, daemon: subprocess.Popen[bytes]) -
         line.settimeout(30.0)
         line.connect(str(site.socket))
         line.sendall(text)
-        assert "after this was asked" in orjson.loads(line.recv(65_536))["why"]
+        assert "after this was asked" in msgspec.json.decode(line.recv(65_536))["why"]
 
 
 Way = Callable[[Site, str, "subprocess.Popen[bytes]"], None]
@@ -153,7 +153,7 @@ def test_suspended_daemon_starts_nothing_that_a_page_asked_for(site: Site, verb:
     with line:
         daemon.send_signal(signal.SIGSTOP)
         stands_s = now_s()
-        line.sendall(message(orjson.dumps({"do": verb, "asked_s": newest_s})))
+        line.sendall(message(msgspec.json.encode({"do": verb, "asked_s": newest_s})))
         if leaves:
             line.shutdown(socket.SHUT_WR)
         else:
@@ -167,7 +167,7 @@ def test_page_s_request_of_now_starts_the_wheels(site: Site) -> None:
     stands(site, "resume", "--live", "--live-port", "0")
     line, newest_s = page(site)
     with line:
-        line.sendall(message(orjson.dumps({"do": "resume", "asked_s": newest_s})))
+        line.sendall(message(msgspec.json.encode({"do": "resume", "asked_s": newest_s})))
         wait_for("it drives", lambda: site.turning)
 
 
@@ -184,9 +184,9 @@ def test_wall_clock_that_is_set_makes_no_permission_fresh_and_none_stale(site: S
         line.settimeout(30.0)
         line.connect(str(site.socket))
         line.sendall(old)
-        assert "s ago" in orjson.loads(line.recv(65_536))["why"]
+        assert "s ago" in msgspec.json.decode(line.recv(65_536))["why"]
         line.sendall(request("arm"))
-        assert orjson.loads(line.recv(65_536))["ok"]
+        assert msgspec.json.decode(line.recv(65_536))["ok"]
 
 
 def test_disk_that_freezes_keeps_the_rover_disarmed_for_good(site: Site) -> None:

@@ -25,7 +25,7 @@ class Run:
 
     >>> run = open_run(1, log_dir="field_logs")
     >>> run
-    <Run 00001-20261128T121622Z: 14 s, log complete>
+    <Run 00001-20261128T154531Z: 14 s, log complete>
     >>> ticks = list(run.ticks)
     >>> len(ticks), list(ticks[0])[:2]
     (270, ['elapsed_s', 't_s'])
@@ -54,18 +54,14 @@ class Run:
     @property
     def events(self) -> Iterator[dict[str, Any]]:
         """A row for each event: ``elapsed_s`` since the beginning, ``name``, and ``text``, what happened in words."""
-        from wayfarer.fieldlog.run_events import Noted
-        from wayfarer.fieldlog.run_fold import RunFold
-        from wayfarer.fieldlog.wording import event_text
+        from wayfarer.fieldlog.record import Event
 
-        fold = RunFold()
         for record in RunReader(self.folder):
-            for event in fold.take(record):
-                if isinstance(event, Noted):
-                    yield {
-                        "elapsed_s": event.elapsed_s, "t_s": event.t_s, "t_wall": record.get("t_wall"),
-                        "name": event.name, "text": event_text(event.record),
-                    }  # fmt: skip
+            if isinstance(record, Event):
+                yield {
+                    "elapsed_s": record.elapsed_s, "t_s": record.t_s, "t_wall": record.t_wall, "name": record.name,
+                    "text": record.text,
+                }  # fmt: skip
 
 
 def open_run(run: int | str | Path = "last", *, log_dir: str | Path | None = None) -> Run:

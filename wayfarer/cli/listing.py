@@ -92,10 +92,10 @@ def _print_conditions(*, as_json: bool) -> None:
     """Print the table of conditions, the dangers first."""
     from rich.console import Console
 
-    from wayfarer.fieldlog.vocabulary import KIND_TEXTS
     from wayfarer.safety.conditions import TABLE, Condition
     from wayfarer.views.text.scripting import print_json
     from wayfarer.views.text.terminal_table import Column, table
+    from wayfarer.vocabulary import KIND_TEXTS
 
     if as_json:
         print_json({"conditions": [*map(_condition_in_words, Condition)]})
@@ -116,8 +116,8 @@ def _print_conditions(*, as_json: bool) -> None:
 
 
 def _condition_in_words(condition: Condition) -> dict[str, str]:
-    from wayfarer.fieldlog.vocabulary import WORDS
     from wayfarer.safety.conditions import HOLDING_LEVELS, LEVELS, MANUAL_LEVELS, TABLE
+    from wayfarer.vocabulary import WORDS
 
     words = WORDS[condition]
     return {

@@ -107,7 +107,7 @@ def follow(run: Run = None, *, log_dir: LogDir = None) -> None:
     with suppress(KeyboardInterrupt):
         for path, record in follow_records(folder, chosen, wait):
             if path != told:
-                told, fold, narrator = path, RunFold(reckons=False), RunNarrator(Verbosity.STATUS)
+                told, fold, narrator = path, RunFold(), RunNarrator(Verbosity.STATUS)
                 print(run_title(path), flush=True)
             _tell(narrator.tell(fold.take(record)), flush=True)
         if chosen is not None:
@@ -128,20 +128,23 @@ def show(
     ] = False,
 ) -> None:
     """Show all events of a run, from its beginning."""
+    import msgspec
+
     from wayfarer.fieldlog.reader import RunReader
     from wayfarer.fieldlog.run_fold import RunFold
     from wayfarer.views.text.run_narrator import RunNarrator, Verbosity
     from wayfarer.views.text.scripting import print_json
     from wayfarer.views.text.verdict import NO_OUTCOME
 
-    fold, narrator = RunFold(reckons=False), RunNarrator(Verbosity.TICKS if ticks else Verbosity.STATUS)
+    fold, narrator = RunFold(), RunNarrator(Verbosity.TICKS if ticks else Verbosity.STATUS)
     notes = sys.stderr if as_json else sys.stdout
     reader = RunReader(find_run(run, log_folder(log_dir)))
     for record in reader:
         lines = narrator.tell(fold.take(record))
         if as_json:
             for line in lines:
-                print_json({"elapsed_s": line.elapsed_s, "tone": line.tone, "text": line.text, "record": record})
+                told = {"elapsed_s": line.elapsed_s, "tone": line.tone, "text": line.text}
+                print_json({**told, "record": msgspec.to_builtins(record)})
         else:
             _tell(lines)
     if fold.state.ended is None:

@@ -90,6 +90,6 @@ def _moment(elapsed_s: float) -> str:
 
 
 def _short(value: object) -> str:
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return " + ".join(map(str, value)) or "nothing"
     return f"{value:.6g}" if isinstance(value, float) else str(value)

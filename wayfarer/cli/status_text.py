@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from wayfarer.fieldlog.clock import duration_text
-from wayfarer.fieldlog.vocabulary import disarmed_text, in_words, level_text
-from wayfarer.fieldlog.wording import last_mission_text, marks, plural, whole_deg
+from wayfarer.fieldlog.wording import marks, plural
 from wayfarer.views.text.colour import painted
+from wayfarer.vocabulary import disarmed_text, in_words, level_text, whole_deg
 
 WELL = level_text("well", None)
 
@@ -47,7 +47,7 @@ def _mode(status: Mapping[str, Any]) -> str:
 
 
 def _marks(status: Mapping[str, Any]) -> str:
-    told = ", ".join(marks(status))
+    told = ", ".join(marks(status.get("simulated"), status.get("dry_run")))
     return f" ({told})" if told else ""
 
 
@@ -101,7 +101,7 @@ def _last_mission(status: Mapping[str, Any]) -> str:
     last_mission = status.get("last_mission")
     if not last_mission or status["mode"] != "disarmed" or "mission_s" in status:
         return ""
-    return last_mission_text(last_mission)
+    return str(last_mission["text"])
 
 
 def _mission(status: Mapping[str, Any]) -> str:

@@ -18,7 +18,7 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
-import orjson
+import msgspec
 from annotated_types import Interval
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
@@ -143,7 +143,7 @@ def save(path: Path, calibration: Calibration) -> None:
     Raises:
         WayfarerError: it cannot be written.
     """
-    content = orjson.dumps(calibration, option=orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE)
+    content = msgspec.json.format(msgspec.json.encode(calibration), indent=2) + b"\n"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(path, content)

@@ -96,7 +96,10 @@ class BoardWatch:
         try:
             await self._motors.open()
         except DriverError as error:
-            self._log.event("motors_not_opened", time(), error=str(error), retry_in_s=self._pause_s)
+            text = f"The motor board could not be opened again: {error} (tried again in {self._pause_s:.0f} s)"
+            self._log.logger.warning(
+                "motors_not_opened", t_s=time(), text=text, error=str(error), retry_in_s=self._pause_s
+            )
             return
         health = await self._ask()
         if health is not None and not health.faults and controller.failures == failures:

@@ -21,7 +21,7 @@ from typing import Final
 
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.modes import MAY_TURN, MODES, Entered, Event, Mode, Outcome, Refused, refusal
-from wayfarer.control.run_log import RunLog
+from wayfarer.control.run_log import SEVERITY, RunLog
 from wayfarer.control.tick import Inputs, TickRecord
 from wayfarer.detector import Detector
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase
@@ -30,10 +30,11 @@ from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import BLIND, MANUAL_LEVELS, UNCOMMANDED, Condition, Level
 from wayfarer.safety.gate import Gate, ResumeWarning
 from wayfarer.safety.manual import LEASE_S, ManualControl
-from wayfarer.safety.mission import ArmingSequence, Mission, RunEnd
+from wayfarer.safety.mission import ArmingSequence, Mission, Place, RunEnd
 from wayfarer.safety.permission import PERMISSION_S
 from wayfarer.safety.power import MotorBoardMonitor, SupplyMonitor, meaning
 from wayfarer.safety.tick_interval import IntervalTimer
+from wayfarer.vocabulary import disarmed_text, goal_text, health_text
 
 # Looking up a member of an Enum through its class is slow, and the tick does it 20 times a second.
 _ARMED: Final = Mode.ARMED
@@ -99,7 +100,9 @@ class Controller:
         self.why_disarmed = "not armed since the start"
         self.conditions: tuple[Condition, ...] = ()
         self.goal_heading_deg = 0.0
+        self._place = Place()
         self.mission: Mission | None = None
+        self.missions = 0
         self.held = False
         self._arming: ArmingSequence | None = None
         self._travelled_m = 0.0
@@ -127,7 +130,9 @@ class Controller:
         self._detector.begin_arming()
         self._arming = ArmingSequence(self._safety, t_s, goal_heading_deg)
         delay_s = self._safety.start_delay_s
-        self._log.event("arming", t_s, start_delay_s=delay_s, goal_heading_deg=goal_heading_deg)
+        after = f"in {delay_s:.0f} s " if delay_s else ""
+        text = f"Arming: {after}it drives {goal_text(goal_heading_deg)}"
+        self._log.logger.info("arming", t_s=t_s, text=text, start_delay_s=delay_s, goal_heading_deg=goal_heading_deg)
         return outcome
 
     def disarm(self, t_s: float, reason: str) -> Outcome:
@@ -135,7 +140,7 @@ class Controller:
         armed = self.mode is not Mode.DISARMED
         outcome = self._disarm(reason)
         if armed:  # told afterwards: a log that fails keeps nothing from stopping
-            self._log.event("disarmed", t_s, reason=reason)
+            self._log.logger.info("disarmed", t_s=t_s, text=f"Disarmed: {disarmed_text(reason)}", reason=reason)
         return outcome
 
     def _disarm(self, reason: str) -> Outcome:
@@ -162,7 +167,8 @@ class Controller:
         self._gate.levels = MANUAL_LEVELS
         self._gate.clear_fault()
         self.manual.begin(t_s, lease, driver)
-        self._log.event("manual", t_s, driver=driver)
+        how = "on the live page" if driver == "page" else f"with {driver}"
+        self._log.logger.info("manual", t_s=t_s, text=f"A person drives {how}", driver=driver)
         return outcome
 
     def end_manual(self, t_s: float, reason: str) -> Outcome:
@@ -172,7 +178,9 @@ class Controller:
         self.held = self.mission is not None
         self._begins_anew = True
         self._gate.levels = self.levels
-        self._log.event("manual_ended", t_s, reason=reason, mode=self.mode.value)
+        mode = self.mode.value
+        text = f"Nobody drives by hand any more, the rover is {mode}: {reason}"
+        self._log.logger.info("manual_ended", t_s=t_s, text=text, reason=reason, mode=mode)
         return outcome
 
     def hold(self, t_s: float) -> Outcome:
@@ -182,7 +190,7 @@ class Controller:
         outcome = self._enter(Event.HOLD)
         if isinstance(outcome, Entered) and not self.held:  # a repeated request is not logged
             self.held = True
-            self._log.event("hold", t_s)
+            self._log.logger.info("hold", t_s=t_s, text="Held by an operator")
         return outcome
 
     def resume(self, t_s: float) -> Outcome:
@@ -190,14 +198,15 @@ class Controller:
         outcome = self._enter(Event.RESUME)
         if isinstance(outcome, Entered) and self.held:
             self.held = False
-            self._log.event("resume", t_s)
+            self._log.logger.info("resume", t_s=t_s, text="Resumed by an operator")
         return outcome
 
     def set_goal(self, t_s: float, goal_heading_deg: float) -> Outcome:
         """Change the goal of the mission, in degrees clockwise from magnetic north."""
         if isinstance(outcome := self._enter(Event.GOAL), Entered):
             self.goal_heading_deg = goal_heading_deg
-            self._log.event("goal", t_s, goal_heading_deg=goal_heading_deg)
+            text = f"A new goal: drives {goal_text(goal_heading_deg)}"
+            self._log.logger.info("goal", t_s=t_s, text=text, goal_heading_deg=goal_heading_deg)
         return outcome
 
     def _enter(self, event: Event) -> Outcome:
@@ -226,7 +235,8 @@ class Controller:
         outcome = self._enter(Event.BOARD_OPENED)
         if isinstance(outcome, Entered) and self.motors_failed:
             self.motors_failed = False
-            self._log.event("motors_opened", t_s)
+            text = "The motor board was opened again: it answers, and its deadman is on"
+            self._log.logger.info("motors_opened", t_s=t_s, text=text)
         return outcome
 
     def motors_lost(self, t_s: float, error: str, lost: str | None = None) -> None:
@@ -242,7 +252,8 @@ class Controller:
             if lost == "power":
                 self._supply.dip(t_s)
         if first or t_s == self._lost_since_s:  # a log can be replayed up to the first tick that did not end
-            self._log.event("motors_failed", t_s, error=error, lost=lost)
+            text = f"The motors did not answer: {error}"
+            self._log.logger.error("motors_failed", t_s=t_s, text=text, error=error, lost=lost)
 
     def finish(self, reason: str, text: str) -> None:
         """End the run; the first reason counts."""
@@ -290,9 +301,12 @@ class Controller:
         if self._arming is not None:
             self._continue_arming(tick, self._arming)
         manual = self.mode is _MANUAL
-        if mission is not None and (compass := self._detector.compass) is not None:
+        place = self._place
+        if (compass := self._detector.compass) is not None:
             ahead_m = odometer.ahead_m * (1.0 if BLIND.isdisjoint(conditions) else UNSEEN_SHARE)
-            mission.advance(0.0 if manual else tick.forward_m, ahead_m, compass.heading_deg, odometer.right_m)
+            place.move(ahead_m, odometer.right_m, compass.heading_deg)
+            if mission is not None:
+                mission.advance(0.0 if manual else tick.forward_m)
         observation = tick.observation = self._observe(tick)
         may_drive = manual or self.mode is _ARMED
         if gate.judge(conditions, armed=may_drive):
@@ -302,6 +316,7 @@ class Controller:
         if gate.holds or manual:
             self._held_s += tick.dt_s
         tick.level, tick.cause, tick.memory = gate.level, gate.cause, self._handler.memory
+        self._tell_where(tick)
         if tick.cause is not self._last_cause or (may_drive and tick.level is _FAULT):
             self._note_health(tick)
         if mission is not None and observation is not None:
@@ -310,6 +325,17 @@ class Controller:
             elif self.end is None and (limit := mission.end(t_s)) is not None:
                 self._end_mission(tick, limit)
         return tick
+
+    def _tell_where(self, tick: TickRecord) -> None:
+        """Fill in what the rover knows of itself, for the log; no decision comes from it."""
+        tick.mode, tick.held = self.mode.value, self.held
+        place, mission = self._place, self.mission
+        tick.path_m = place.path_m
+        if place.known:
+            tick.north_m, tick.east_m = place.north_m, place.east_m
+        if mission is not None:
+            tick.mission_s, tick.mission_m = tick.t_s - mission.starts_s, mission.travelled_m
+            tick.goal_heading_deg = self.goal_heading_deg
 
     def _forget_place(self) -> None:
         """Begin the algorithm again: a person has carried the rover to another place."""
@@ -362,12 +388,14 @@ class Controller:
                 self._log.board(report.t_s, report.health, report.duties)
                 continue
             if Condition.BOARD_SILENT not in self.board.conditions:
-                self._log.event("board_silent", report.t_s, error=report.error)
+                text = f"The motor board did not answer: {report.error}"
+                self._log.logger.warning("board_silent", t_s=report.t_s, text=text, error=report.error)
             self.board.silent()
         for t_s, flags in inputs.power:
             now = flags or 0
             if now != (self._supply.flags or 0):  # nothing else is in the log, so that a replay is told the same
-                self._log.event("power", t_s, flags=f"{now:#x}", text=meaning(now))
+                text = f"The computer's supply: {meaning(now)}"
+                self._log.logger.warning("power", t_s=t_s, text=text, flags=f"{now:#x}")
                 self._supply.update(t_s, flags)
 
     def _add_conditions(self, tick: TickRecord) -> None:
@@ -439,8 +467,11 @@ class Controller:
         self._handler.reset()
         self._resume_warning.reset()
         self.goal_heading_deg = goal_heading_deg
-        self.mission = Mission(self._safety, t_s)  # the last of it, see ``lose_tick``
-        self._log.event("armed", t_s, goal_heading_deg=goal_heading_deg)
+        self.mission = Mission(self._safety, t_s, self._place)  # the last of it, see ``lose_tick``
+        self.missions += 1
+        self._log.bind(mission=self.missions)
+        text = f"Armed: drives {goal_text(goal_heading_deg)}"
+        self._log.logger.info("armed", t_s=t_s, text=text, goal_heading_deg=goal_heading_deg)
 
     def _end_mission(self, tick: TickRecord, limit: RunEnd) -> None:
         if not self._goes_on:
@@ -452,7 +483,8 @@ class Controller:
         level, cause = tick.level, tick.cause
         if cause is not self._last_cause:
             self._last_cause, self.cause_since_s = cause, tick.t_s
-        tick.conclude("health", level=level.name.lower(), cause=cause.value if cause is not None else None)
+        name, why = level.name.lower(), cause.value if cause is not None else None
+        tick.conclude(SEVERITY[name], "health", text=health_text(name, why), level=name, cause=why)
         if level is Level.FAULT and self.mode is not Mode.DISARMED:
             self._conclude_disarmed(tick, f"fault: {cause.value if cause is not None else 'unknown'}")
 
@@ -460,4 +492,4 @@ class Controller:
         """Disarm because of what this tick has seen: the log has it after the tick's own record."""
         self._disarm(reason)
         tick.wheels = STOP  # a limit is judged after the decision
-        tick.conclude("disarmed", reason=reason)
+        tick.conclude("info", "disarmed", text=f"Disarmed: {disarmed_text(reason)}", reason=reason)

@@ -88,8 +88,8 @@ class ControlLoop:
                 self._motors.halt()  # somebody stopped the rover, or took it over; the command may have come after that
             controller.last = tick
             self._log.tick(tick)
-            for name, details in tick.concluded:
-                self._log.event(name, t_s, **details)
+            for severity, name, details in tick.concluded:
+                getattr(self._log.logger, severity)(name, t_s=t_s, **details)
         except MemoryError as error:
             self._motors.halt()
             self._inbox.next.applied = STOP

@@ -19,6 +19,7 @@ from wayfarer.control.run_log import RunLog
 from wayfarer.control.tick import Inbox
 from wayfarer.errors import DriverError
 from wayfarer.hal import Driver, MotionReading, Rover
+from wayfarer.vocabulary import in_words
 
 RETRY_PAUSE_S = 0.05  # after one missed answer, read again within a control period (fault catalogue, fault 1)
 RETRY_PAUSE_MAX_S = 2.0
@@ -72,6 +73,9 @@ async def keep_sampling(row: SensorTask, inbox: Inbox, log: RunLog, *, opened: b
             t_s = asyncio.get_running_loop().time()
             if row.name == "motion" and failures == 1:  # the motion that was missed is unknown, not zero
                 inbox.put_motion(MotionReading(t_s, 0.0, 0.0, 0.0))
-            log.event("sensor_failed", t_s, sensor=row.name, error=str(error), retry_in_s=pause_s)
+            text = f"The {in_words(row.name)} failed: {error} (tried again in {pause_s:.1f} s)"
+            log.logger.warning(
+                "sensor_failed", t_s=t_s, text=text, sensor=row.name, error=str(error), retry_in_s=pause_s
+            )
             await asyncio.sleep(pause_s)
             pause_s = min(2.0 * pause_s, RETRY_PAUSE_MAX_S)

@@ -11,6 +11,7 @@ from wayfarer.control.run_log import RunLog
 from wayfarer.errors import DriverError
 from wayfarer.hal import STOP, DriveMotors, Driver
 from wayfarer.safety.mission import RunEnd
+from wayfarer.vocabulary import disarmed_text
 
 STOP_DEADLINE_S = 0.3  # for the wheels, before the stop is sent without waiting for it
 CLOSE_DEADLINE_S = 0.2  # for each part: the run must have ended 2 s after SIGTERM
@@ -51,19 +52,23 @@ class Shutdown:
             last_things.callback(self._log.close, end.reason, end.text)
             for part in self._parts:
                 last_things.push_async_callback(self._close_part, part)
-            last_things.callback(self._log.event, "wheels_stopped", t_s, reason=end.reason)
+            text = f"The wheels are stopped: {disarmed_text(end.reason)}"
+            last_things.callback(self._log.logger.info, "wheels_stopped", t_s=t_s, text=text, reason=end.reason)
             last_things.push_async_callback(self.stop_wheels)
 
     def _not_confirmed(self, why: str) -> None:
         self._motors.halt()
-        self._log.event("stop_not_confirmed", asyncio.get_running_loop().time(), part=self._motors.name, error=why)
+        name, t_s = self._motors.name, asyncio.get_running_loop().time()
+        text = f"The {name} did not confirm the stop: {why}"
+        self._log.logger.error("stop_not_confirmed", t_s=t_s, text=text, part=name, error=why)
 
     async def _close_part(self, part: Driver) -> None:
         try:
             async with asyncio.timeout(CLOSE_DEADLINE_S):
                 await part.close()
         except TimeoutError:
-            self._log.event("close_hangs", asyncio.get_running_loop().time(), part=part.name)
+            t_s, text = asyncio.get_running_loop().time(), f"The {part.name} did not close in time"
+            self._log.logger.warning("close_hangs", t_s=t_s, text=text, part=part.name)
 
 
 async def run_uncancellable(work: Coroutine[Any, Any, None]) -> None:

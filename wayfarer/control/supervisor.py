@@ -253,7 +253,8 @@ class Supervisor:
         for part in self._parts:
             await self._open(part)
         opened = [part.name for part in self._parts if part not in self._unopened]
-        self._log.event("opened", loop_time(), parts=opened)
+        text = f"The parts are open: {', '.join(opened)}"
+        self._log.logger.info("opened", t_s=loop_time(), text=text, parts=opened)
 
     async def _open(self, part: Driver) -> None:
         """Open a part; a run also begins if the light or the receiver does not open.
@@ -267,7 +268,8 @@ class Supervisor:
             if part is self._rover.motors or not (helps or self._by_hand):
                 raise
             self._unopened.append(part)
-            self._log.event("part_failed", loop_time(), part=part.name, error=str(error))
+            text = f"The {part.name} did not open: {error}"
+            self._log.logger.warning("part_failed", t_s=loop_time(), text=text, part=part.name, error=str(error))
 
     async def _run_tasks(self) -> RunEnd:
         async with asyncio.TaskGroup() as group:
@@ -320,7 +322,8 @@ class Supervisor:
                 failed = False
             except DriverError as error:
                 if not failed:
-                    self._log.event("light_failed", time(), error=str(error))
+                    text = f"The status light did not answer: {error}"
+                    self._log.logger.warning("light_failed", t_s=time(), text=text, error=str(error))
                 failed = True
             await rate.wait()
 

@@ -130,6 +130,9 @@ class TickRecord(DetectorTick):
     ``observation`` is what the handler saw of the readings (None before the first plausible heading). ``manual`` is the
     newest sample of a person who drives, None if nobody does, or has asked for anything yet. ``memory`` gives
     the handler's inner state and is valid only until the next tick, so a log that keeps it calls it at once.
+    ``mode`` and ``held`` are those in which it was decided. ``north_m``, ``east_m`` and ``path_m`` are dead reckoning
+    since the run began, None before the first heading; ``mission_s``, ``mission_m`` and ``goal_heading_deg`` are those
+    of a mission, None without one.
     ``wheels`` are the duties that the motors are to get. ``halts`` asks for a stop beside them, at each tick: a board
     that does not obey may obey one of many stops. ``concluded`` are the events that follow from the tick.
     """
@@ -141,10 +144,18 @@ class TickRecord(DetectorTick):
     cause: Condition | None = None
     manual: ManualSample | None = None
     memory: Callable[[], Mapping[str, float | str]] = dict
+    mode: str = "disarmed"
+    held: bool = False
+    north_m: float | None = None
+    east_m: float | None = None
+    path_m: float = 0.0
+    mission_s: float | None = None
+    mission_m: float | None = None
+    goal_heading_deg: float | None = None
     wheels: WheelCommand = STOP
     halts: bool = False
-    concluded: tuple[tuple[str, Mapping[str, object]], ...] = ()
+    concluded: tuple[tuple[str, str, Mapping[str, object]], ...] = ()
 
-    def conclude(self, name: str, **details: object) -> None:
+    def conclude(self, severity: str, name: str, **details: object) -> None:
         """Add an event that follows from the tick; the log has it after the tick's record."""
-        self.concluded += ((name, details),)
+        self.concluded += ((severity, name, details),)

@@ -16,9 +16,9 @@ from wayfarer.control.run_log import RunLog
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.daemon.socket.protocol import RequestRefused
 from wayfarer.errors import DriverError, NotResponding
-from wayfarer.fieldlog.vocabulary import WORDS, in_words
 from wayfarer.hal import Rover
 from wayfarer.safety.conditions import NOT_ARMED, NOT_DRIVEN, Condition
+from wayfarer.vocabulary import WORDS, in_words
 
 # -- the rover's parts -----------------------------------------------------------------------------------------------
 # The checks before arming, on parts that the daemon has open: they read the sensor tasks' latest values.
@@ -117,9 +117,9 @@ class ArmingCheck:
             failed = [finding for finding in failed if finding not in not_logging]
         failed += self._standing(refused)
         if failed:
-            self._log.event(
-                "arming_refused", asyncio.get_running_loop().time(), failed=[finding.name for finding in failed]
-            )
+            t_s, names = asyncio.get_running_loop().time(), [finding.name for finding in failed]
+            text = f"Not armed, because these checks failed: {', '.join(names)}"
+            self._log.logger.warning("arming_refused", t_s=t_s, text=text, failed=names)
             hint = "; without a log: wayfarer arm --without-log" if failed == not_logging else ""
             raise RequestRefused(f"not armed: {'; '.join(map(_finding_text, failed))}{hint}")
         warned = [finding for finding in findings if finding.verdict is CheckVerdict.WARN] + not_logging

@@ -19,11 +19,11 @@ from wayfarer.daemon.arming_check import ArmingCheck, Inspect
 from wayfarer.daemon.socket.protocol import WHOLE_MAX, Details, RequestRefused
 from wayfarer.errors import DriverError
 from wayfarer.escape.api import Phase
-from wayfarer.fieldlog.vocabulary import WORDS, said_of
 from wayfarer.hal import DriveMotors
 from wayfarer.safety.conditions import Level
 from wayfarer.safety.manual import ManualControl, ManualSample
 from wayfarer.safety.permission import Asked
+from wayfarer.vocabulary import WORDS, said_of
 
 # -- status ----------------------------------------------------------------------------------------------------------
 # What ``status`` says of a rover: its mode, what is wrong and what it does about that, its mission. Pure.
@@ -230,14 +230,14 @@ class RoverCommands:
                 f"not noted: all clients together may send {ASKED_AT_ONCE} marks at once, and {ASKED_HZ:g} a second for"
                 " long; wait a second and mark again"
             )
-        self._log.event("mark", _now_s(), text=text)
+        self._log.logger.info("mark", t_s=_now_s(), text=f"Mark: {text}", note=text)
         if keep:
             self._keep()
         return {}
 
     async def link_lost(self, text: str) -> Details:
         """Write into the log that a viewer has lost its person; a mark would keep the run for ever."""
-        self._log.event("link_lost", _now_s(), text=text)
+        self._log.logger.warning("link_lost", t_s=_now_s(), text=f"The link is lost: {text}")
         return {}
 
     async def stop(self) -> Details:

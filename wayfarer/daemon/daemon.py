@@ -16,7 +16,7 @@ from random import Random
 from time import CLOCK_BOOTTIME, clock_gettime
 from typing import Any, Protocol, TypeVar, TypeVarTuple, Unpack
 
-import orjson
+import msgspec
 
 from wayfarer import __version__
 from wayfarer.commissioning.checks import ARMING, Check, HostEnvironment, Inspection, system
@@ -43,7 +43,7 @@ from wayfarer.errors import BadInput, DriverError, WayfarerError
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.fieldlog.folders import LOOK_S, new_run_folder
 from wayfarer.fieldlog.log import FieldLog
-from wayfarer.fieldlog.schema import Record
+from wayfarer.fieldlog.record import AnyRecord, Computer, World
 from wayfarer.fieldlog.sink import Sink
 from wayfarer.hal import STOP, DriveMotors, MotorHealth, Rover, WheelCommand, error_counts_of
 from wayfarer.safety.mission import RunEnd
@@ -120,7 +120,7 @@ class RoverSetup:
 class Viewer(Protocol):
     """The live page or a ground station: gets every record of the log, and may serve clients on the daemon's loop."""
 
-    def show(self, record: Record) -> None:
+    def show(self, record: AnyRecord) -> None:
         """Take a record as it is written, the first one before anything is open. Must not wait, nor change it."""
 
     def serving(self, commands: Commands) -> AbstractAsyncContextManager[None]:
@@ -146,7 +146,7 @@ class Service:
     socket: Path
     simulated: bool
     dry_run: bool
-    console: Callable[[Callable[[str], None]], Callable[[Record], None]] | None = None
+    console: Callable[[Callable[[str], None]], Callable[[AnyRecord], None]] | None = None
     viewers: Sequence[Viewer] = ()
     addresses: Mapping[str, str] = field(default_factory=dict)
 
@@ -267,15 +267,17 @@ class Daemon:
         }
         self._ladder_seed = f"{service.seed}/ladder"  # it must not draw what the algorithm draws
         self._sink = Sink(folder, config.log, self._lines.write, self._loop.time)
-        shown_to: list[Callable[[Record], None]] = [viewer.show for viewer in service.viewers]
+        shown_to: list[Callable[[AnyRecord], None]] = [viewer.show for viewer in service.viewers]
         if service.console is not None:
             shown_to.append(service.console(self._lines.write))
         self._field_log = FieldLog(self._sink, self._header(about), t_s=self._loop.time(), viewers=shown_to)
+        self._field_log.bind(run=folder.name)
         if before is not None:
             self._tell_of_last(before)
         ground_truth_logs = [rover_setup.ground_truth_log(self._field_log)] if rover_setup.ground_truth_log else []
         keeper = MissionKeeper(folder, self._field_log, self._lines.write)
         self._log = Tee(keeper, self._field_log, *ground_truth_logs, WatchdogFeed(self._notifier, self._guard))
+        self._log.bind(run=folder.name)
         handler = service.algorithm.make(config.escape, config.vehicle, Random(service.seed))
         self._supervisor = Supervisor(
             self._rover, config, service.algorithm, handler, self._log,
@@ -285,7 +287,7 @@ class Daemon:
         checks: list[Check] = [*rover_setup.checks, partial(system.log, lambda: self._sink.trouble)]
         self._commands = RoverCommands(
             self._supervisor, self._rover.motors, self._inspect, self._log,
-            {**about, **service.addresses, "last_mission": before and asdict(before)}, checks,
+            {**about, **service.addresses, "last_mission": before and asdict(before) | {"text": before.text}}, checks,
             lambda: {"log_dropped": self._field_log.dropped, **self._storage.status()}, self._storage.keep,
         )  # fmt: skip
 
@@ -301,7 +303,7 @@ class Daemon:
             self._service.socket,
             self._commands,
             declination_deg=self._service.config.declination_deg,
-            on_error=lambda error: self._log.event("control_error", self._loop.time(), error=repr(error)),
+            on_error=self._tell_of_error,
         )
         try:
             async with server, AsyncExitStack() as stack:
@@ -341,7 +343,7 @@ class Daemon:
         config = self._service.config.model_dump(mode="json")
         return {
             **about,
-            **({"world": self._setup.world} if self._setup.world else {}),
+            "world": msgspec.convert(self._setup.world, World | None),
             "seed": self._service.seed,
             "algorithm_seed": self._service.seed,
             "ladder_seed": self._ladder_seed,
@@ -359,7 +361,7 @@ class Daemon:
         def note() -> None:
             sync_ms = self._storage.take_health(self._loop.time(), card)
             log = {"log_dropped": self._field_log.dropped, "log_sync_ms": sync_ms}
-            self._field_log.note("computer", self._loop.time(), {**found, **card._asdict(), **log})
+            self._field_log.note(Computer, self._loop.time(), {**found, **card._asdict(), **log})
 
         self._loop.call_soon_threadsafe(note)
 
@@ -378,16 +380,12 @@ class Daemon:
 
     def _tell_of_last(self, before: LastMission) -> None:
         """Log how the last mission ended, also if it was cut off (fault catalogue, fault 33)."""
+        text = before.text
+        about = {("last_run" if key == "run" else key): value for key, value in asdict(before).items()}
         if before.mission_ended is None:
-            self._field_log.event(
-                "unclean_shutdown", self._loop.time(), run=before.run, armed_t_wall=before.armed_t_wall
-            )
+            self._field_log.logger.warning("unclean_shutdown", t_s=self._loop.time(), text=text, **about)
         else:
-            self._field_log.event(
-                "last_mission", self._loop.time(), run=before.run, armed_t_wall=before.armed_t_wall,
-                mission_s=before.mission_s, mission_m=before.mission_m, mission_anomalies=before.mission_anomalies,
-                mission_ended=before.mission_ended,
-            )  # fmt: skip
+            self._field_log.logger.info("last_mission", t_s=self._loop.time(), text=text, **about)
 
     def _inspect(self, motors_failed: DriverError | None) -> Inspection:
         service, known = self._service, self._setup.calibration or UNCALIBRATED
@@ -411,9 +409,14 @@ class Daemon:
         self._suspension = self._loop.call_later(STOP_DEADLINE_S, os.kill, os.getpid(), signal.SIGSTOP)
 
     def _tell_of_stall(self, stall_s: float, where: str) -> None:
-        self._log.event("loop_stalled", self._loop.time(), stall_s=round(stall_s, 3), where=where)
+        text = f"The control loop stood still for {stall_s:.1f} s in {where}"
+        self._log.logger.error("loop_stalled", t_s=self._loop.time(), text=text, stall_s=round(stall_s, 3), where=where)
+
+    def _tell_of_error(self, error: Exception) -> None:
+        text = f"An error inside wayfarer, in a command: {error!r}"
+        self._log.logger.error("control_error", t_s=self._loop.time(), text=text, error=repr(error))
 
 
 def _hash(config: dict[str, Any]) -> str:
     """Return a short hash of a rover's settings: BLAKE2b of their JSON with sorted keys."""
-    return hashlib.blake2b(orjson.dumps(config, option=orjson.OPT_SORT_KEYS), digest_size=8).hexdigest()
+    return hashlib.blake2b(msgspec.json.encode(config, order="deterministic"), digest_size=8).hexdigest()

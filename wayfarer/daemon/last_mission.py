@@ -7,11 +7,11 @@ leaves the old one or the new one. One that has no end was cut off: by a power c
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, ClassVar
 
-import orjson
+import msgspec
 from annotated_types import Interval, MaxLen
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
@@ -20,9 +20,10 @@ from wayfarer.control.status_light import LastEnd
 from wayfarer.control.tick import TickRecord
 from wayfarer.errors import BadInput
 from wayfarer.escape.api import Anomaly, Phase
-from wayfarer.fieldlog.clock import WallClock, wall_clock
+from wayfarer.fieldlog.clock import WallClock, local_time, wall_clock
 from wayfarer.fieldlog.folders import error_advice
 from wayfarer.files import read_own, write_atomically
+from wayfarer.vocabulary import disarmed_text
 from wayfarer.waiting_thread import OneCall
 
 FILE_NAME = ".last_mission.json"  # hidden, so that a shell's field_logs/* is all runs and nothing else
@@ -54,6 +55,24 @@ class LastMission:
     mission_m: Annotated[float, Interval(ge=-1e9, le=1e9)] | None = None
     mission_anomalies: Annotated[int, Interval(ge=0)] | None = None
     mission_ended: Annotated[str, MaxLen(1000)] | None = None
+
+    @property
+    def how(self) -> str:
+        """How it ended, as a clause behind "the mission"."""
+        if self.mission_ended is None:
+            return "was cut off: killed, or without power"
+        told = [
+            f"{self.mission_s:.0f} s" if self.mission_s else "",
+            f"{self.mission_m:.0f} m" if self.mission_m else "",
+        ]
+        told.append(f"anomalies: {self.mission_anomalies}" if self.mission_anomalies else "")
+        after = ", ".join(filter(None, told))
+        return f"is over{' after ' if after else ''}{after}: {disarmed_text(self.mission_ended)}"
+
+    @property
+    def text(self) -> str:
+        """How it ended, as a sentence that its next run tells."""
+        return f"The last mission of {local_time(self.armed_t_wall, '%Y-%m-%d %H:%M')} (run {self.run}) {self.how}"
 
     @property
     def end(self) -> LastEnd:
@@ -104,6 +123,7 @@ class MissionKeeper(PartialLog):
         self._mission: LastMission | None = None  # the one under way
         self._began_s = self._driven_s = self._driven_m = 0.0
         self._at_m: float | None = None  # of all that the run has commanded so far
+        self._number: object = 0  # of the mission in this run
         self._anomalies = 0
         self._before: tuple[Anomaly, ...] = ()
         self._newest = b""
@@ -124,6 +144,7 @@ class MissionKeeper(PartialLog):
     def event(self, name: str, t_s: float, **details: object) -> None:
         """Begin or end a mission."""
         if name == "armed":
+            self._number = details.get("mission", 0)
             self._began_s, self._driven_s, self._driven_m, self._at_m = t_s, 0.0, 0.0, None
             self._anomalies, self._before = 0, ()
             self._mission = LastMission(run=self._run, armed_t_wall=round(self._wall(t_s), 3))
@@ -148,9 +169,9 @@ class MissionKeeper(PartialLog):
         )
         self._mission = None
         self._keep(over)
-        self._log.event(
-            "mission_ended", t_s, mission_s=over.mission_s, mission_m=over.mission_m,
-            mission_anomalies=over.mission_anomalies, mission_ended=why,
+        self._log.logger.info(
+            "mission_ended", t_s=t_s, text=f"The mission {over.how}", mission_s=over.mission_s,
+            mission_m=over.mission_m, mission_anomalies=over.mission_anomalies, mission_ended=why, mission=self._number,
         )  # fmt: skip
 
     def _keep(self, mission: LastMission) -> None:
@@ -163,7 +184,7 @@ class MissionKeeper(PartialLog):
 
     @staticmethod
     def _line(mission: LastMission) -> bytes:
-        return orjson.dumps(asdict(mission), option=orjson.OPT_APPEND_NEWLINE)
+        return msgspec.json.encode(mission) + b"\n"
 
     def _write(self) -> None:
         try:

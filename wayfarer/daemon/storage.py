@@ -126,7 +126,8 @@ class Storage:
         self._card = [trouble.text for trouble in troubles]
         for trouble in troubles:
             if self._is_new(trouble.name):
-                self._log.event("card", t_s, text=f"{trouble.text}: {trouble.remedy}")
+                text = f"The card with the logs: {trouble.text}: {trouble.remedy}"
+                self._log.logger.warning("card", t_s=t_s, text=text)
         return sync_ms
 
     def keep(self) -> None:
@@ -154,12 +155,12 @@ class Storage:
         self._not_deleted = pruned.trouble
         self._deleted += len(pruned.deleted)
         if pruned.deleted:
-            left_mb = pruned.left_mb
-            self._log.event(
-                "runs_deleted", t_s, runs=list(pruned.deleted), deleted_mb=pruned.deleted_mb, left_mb=left_mb
-            )
+            runs, deleted_mb, left_mb = list(pruned.deleted), pruned.deleted_mb, pruned.left_mb
+            text = f"Old runs were deleted, {deleted_mb:.0f} MB, {left_mb:.0f} MB are left: {', '.join(runs)}"
+            self._log.logger.info("runs_deleted", t_s=t_s, text=text, runs=runs, deleted_mb=deleted_mb, left_mb=left_mb)
         if pruned.trouble is not None and self._is_new(pruned.trouble):
-            self._log.event("runs_not_deleted", t_s, text=pruned.trouble)
+            text = f"Old runs were not deleted: {pruned.trouble}"
+            self._log.logger.warning("runs_not_deleted", t_s=t_s, text=text)
 
     def _is_new(self, kind: str) -> bool:
         new = kind not in self._told

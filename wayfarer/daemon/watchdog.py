@@ -23,7 +23,6 @@ from traceback import walk_stack
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.tick import TickRecord
 from wayfarer.errors import one_line
-from wayfarer.fieldlog.wording import event_text
 from wayfarer.safety.gate import STALL_LIMIT_S
 
 WHERE_FRAMES = 4  # the innermost calls: the one that blocks, and its callers
@@ -173,7 +172,7 @@ class WatchdogFeed(PartialLog):
             self._guard.stop()
             self._notifier.tell("STOPPING=1")
         elif name in {"arming", "armed", "disarmed", "manual", "manual_ended", "health"}:
-            self._notifier.status(event_text({"record": "event", "name": name, **details}))
+            self._notifier.status(str(details.get("text", name)))
 
     def close(self, reason: str, text: str) -> None:  # noqa: ARG002
         """Show systemd how the run ended."""

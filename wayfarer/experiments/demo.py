@@ -27,9 +27,8 @@ from wayfarer.experiments.trial import TrialResult, run_watched
 from wayfarer.experiments.trial_log import field_log
 from wayfarer.fieldlog.folders import new_run_folder
 from wayfarer.fieldlog.log import FieldLog
-from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.fieldlog.run_state import RunState
-from wayfarer.fieldlog.schema import Record
+from wayfarer.fieldlog.record import AnyRecord
+from wayfarer.fieldlog.run_fold import RunFold, RunState
 from wayfarer.hal import DriveMotors, Rover
 from wayfarer.safety.permission import Asked
 from wayfarer.simhal.clock.paced_loop import Pace, PacedLoop
@@ -108,14 +107,14 @@ class Demo:
             loop.add_signal_handler(number, self._end_by, number.name)
         room, begun = Semaphore(AHEAD), asyncio.Event()
 
-        def take(record: Record) -> None:
+        def take(record: AnyRecord) -> None:
             begun.set()
             try:
                 page.show(record)
             finally:
                 room.release()
 
-        def show(record: Record) -> None:
+        def show(record: AnyRecord) -> None:
             """Hand a record to the page; called in the trial's thread."""
             room.acquire()
             loop.call_soon_threadsafe(take, record)
@@ -149,7 +148,7 @@ class Demo:
         if (running := self._running) is not None:
             running.finish("signal", f"ended by {name}")
 
-    def run_trial(self, show: Callable[[Record], None]) -> DemoTrial:
+    def run_trial(self, show: Callable[[AnyRecord], None]) -> DemoTrial:
         """Run the trial to its end, in a thread of its own; ``show`` is called there with each record of its log.
 
         Raises:
@@ -157,7 +156,7 @@ class Demo:
         """
         campaign = Campaign((self._algorithm,), self._trial + 1, load_rover(ROVER), self._seed)
         spec = campaign.spec(Task(self._algorithm, self._trial), campaign.make_forest(self._trial))
-        fold, folder = RunFold(reckons=False), new_run_folder(self._logs)
+        fold, folder = RunFold(), new_run_folder(self._logs)
         self._log = os.fsencode(folder.absolute()).decode(errors="replace")  # JSON has no bytes that are no text
         shown_to = (fold.take, Console("", self._lines.write).show, show)
         made: list[tuple[FieldLog, DriveMotors]] = []

@@ -12,7 +12,6 @@ from wayfarer.daemon.daemon import RoverSetup
 from wayfarer.experiments.outcome import OutcomeMonitor
 from wayfarer.experiments.trial_log import GroundTruthLog
 from wayfarer.fieldlog.log import FieldLog
-from wayfarer.fieldlog.vocabulary import outcome_in_words
 from wayfarer.simhal.build_rover import Depth, build
 from wayfarer.simhal.faults.injector import Injector
 from wayfarer.simhal.faults.kinds import Fault
@@ -21,6 +20,7 @@ from wayfarer.simhal.world.forest_file import as_row
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
+from wayfarer.vocabulary import outcome_in_words
 
 NO_BUDGET_M = 1e9  # a person may watch for as long as they like
 

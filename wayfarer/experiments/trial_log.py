@@ -7,11 +7,13 @@ from dataclasses import asdict
 from math import degrees, inf
 from pathlib import Path
 
+import msgspec
+
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.tick import TickRecord
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.fieldlog.log import FieldLog
-from wayfarer.fieldlog.schema import Record
+from wayfarer.fieldlog.record import AnyRecord, FaultInjected, Truth, World
 from wayfarer.fieldlog.sink import Sink
 from wayfarer.hal import Rover
 from wayfarer.simhal.faults.kinds import Fault
@@ -28,7 +30,7 @@ def field_log(
     folder: Path,
     world: SimulatedWorld,
     rover: Rover,
-    viewers: Sequence[Callable[[Record], object]] = (),
+    viewers: Sequence[Callable[[AnyRecord], object]] = (),
 ) -> tuple[FieldLog, GroundTruthLog]:
     """Return the log that a rover in the field writes, and who writes the truth beside it.
 
@@ -48,7 +50,7 @@ def field_log(
         "ladder_seed": RandomStreams(spec.seed).random_seed("ladder"),
         "simulated": True,
         "parts": {name: part.name for name, part in rover.parts.items()},
-        "world": as_row(forest),
+        "world": msgspec.convert(as_row(forest), World),
         "slip_mean_m": spec.slip_mean_m,
         "budget_m": spec.budget_m,
     }
@@ -60,7 +62,7 @@ def field_log(
         details["ground"] = spec.ground.value
     if of_world := changed(spec.physics):
         details["sim"] = of_world
-    log = FieldLog(Sink(folder.resolve()), details, wall=lambda t_s: t_s, viewers=viewers)
+    log = FieldLog(Sink(folder), details, wall=lambda t_s: t_s, viewers=viewers)
     return log, GroundTruthLog(log, world)
 
 
@@ -79,14 +81,14 @@ class GroundTruthLog(PartialLog):
     def event(self, name: str, t_s: float, **_details: object) -> None:
         """Look at the world once more when the wheels have stopped for good."""
         if name == "wheels_stopped":
-            self._log.note("truth", t_s, _truth(self._world))
+            self._log.note(Truth, t_s, _truth(self._world))
 
     def tick(self, record: TickRecord) -> None:
         """Look at the world at a control tick."""
         world = self._world
         happening = (world.slipping, world.touch is not None)
         if self._ticks % TICKS_A_RECORD == 0 or happening != self._last:
-            self._log.note("truth", record.t_s, _truth(world))
+            self._log.note(Truth, record.t_s, _truth(world))
         self._ticks += 1
         self._last = happening
 
@@ -94,7 +96,7 @@ class GroundTruthLog(PartialLog):
         """Take the beginning of a fault, or its end; implements ``simhal.faults.injector.NoteFault``."""
         about = {"target": fault.target, "kind": fault.kind, "begins": begins}
         lasting_s = fault.for_s if fault.for_s < inf else None
-        self._log.note("fault", t_s, {**about, "for_s": lasting_s, "params": asdict(fault.params)})
+        self._log.note(FaultInjected, t_s, {**about, "for_s": lasting_s, "params": asdict(fault.params)})
 
 
 def _truth(world: SimulatedWorld) -> dict[str, float | bool]:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
-from wayfarer.fieldlog.fields import MAX_PLAUSIBLE, number
+if TYPE_CHECKING:
+    from wayfarer.fieldlog.record import Record
 
 # The wall clock's time in seconds since 1970, given the loop's; a simulated run passes one that makes it reproducible.
 WallClock = Callable[[float], float]
 
-ELAPSED_DECIMALS = 6  # microseconds: a clock that has run for 31 years (``schema.SINCE_BOOT``) still counts them
+ELAPSED_DECIMALS = 6  # microseconds: a clock that has run for 31 years (``record.Seconds``) still counts them
+LONGEST_S = 1e10  # no duration of a run comes near it
 # 2024-01-01: a clock that was never set stands before, at 1970 or at the day its system image was made.
 CLOCK_SET_S = 1_704_067_200.0
 
@@ -23,7 +25,7 @@ def wall_clock(_t_s: float) -> float:
 
 def duration_text(seconds: float | None, decimals: int = 0) -> str:
     """Return a time since the beginning, or a duration, as ``1:23:45``; empty if it is not known."""
-    if seconds is None or not abs(seconds) < MAX_PLAUSIBLE:
+    if seconds is None or not abs(seconds) < LONGEST_S:
         return ""
     tick = 10**decimals
     ticks = int(abs(seconds) * tick + 0.5)
@@ -33,29 +35,13 @@ def duration_text(seconds: float | None, decimals: int = 0) -> str:
     return f"{sign}{minutes // 60}:{minutes % 60:02}:{rest / tick:0{width}.{decimals}f}"
 
 
-def seconds_since(first: Mapping[str, Any], record: Mapping[str, Any]) -> float:
-    """Return ``elapsed_s``, seconds since the first record of a log that can be read: by this all tools name a moment.
-
-    ``t_s`` counts from an unknown moment, mostly the start of the computer. A record that stands behind the first one
-    but has an earlier ``t_s`` gets a negative number.
-    """
-    return round(float(record["t_s"]) - float(first["t_s"]), ELAPSED_DECIMALS)
-
-
-def clock_zero_s(last: Mapping[str, Any]) -> float | None:
-    """Return the wall time, seconds since 1970, at which a log's ``t_s`` was zero; None if nothing tells.
+def began_wall_s(last: Record | None) -> float | None:
+    """Return the wall time at which a run began, seconds since 1970; None if the clock was never set.
 
     The last record says it best, because a rover's computer may find the right time only after a while.
     """
-    wall_s, t_s = number(last, "t_wall"), number(last, "t_s")
-    return None if wall_s is None or t_s is None else wall_s - t_s
-
-
-def began_wall_s(first: Mapping[str, Any], last: Mapping[str, Any]) -> float | None:
-    """Return the wall time at which a run began, seconds since 1970; None if the clock was never set."""
-    zero_s, first_t_s = clock_zero_s(last), number(first, "t_s")
-    began_s = None if zero_s is None or first_t_s is None else zero_s + first_t_s
-    return began_s if began_s is not None and began_s >= CLOCK_SET_S else None
+    began_s = 0.0 if last is None else last.t_wall - last.elapsed_s
+    return began_s if began_s >= CLOCK_SET_S else None
 
 
 def local_time(wall_s: float, form: str, *, utc: bool = False) -> str:

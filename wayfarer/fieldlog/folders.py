@@ -24,6 +24,7 @@ from wayfarer.config.rover_path import STATE_FOLDER
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.clock import wall_clock
 from wayfarer.fieldlog.fields import escape_control_chars
+from wayfarer.files import open_regular
 from wayfarer.waiting_thread import answer_within
 
 SYSTEM_LOGS = STATE_FOLDER / "field_logs"
@@ -34,7 +35,8 @@ LAST_NUMBER = 999_999_999  # a longer number is not taken for a run's
 LONGEST_NAME = 255  # of a file, in bytes
 LOCK_TRIES, LOCK_TRY_S = 100, 0.01  # a daemon holds the lock for some milliseconds
 LOOK_S = 2.0  # how long a daemon waits for the disk of its logs: it may hang for ever
-PART_NAME = re.compile(r"run\.(\d{1,9})\.jsonl\Z", re.ASCII)
+PART_NAME = re.compile(r"run\.(\d{1,9})\.jsonl(?:\.gz)?\Z", re.ASCII)
+LOG_BEGINS = (b"{", b"\xef\xbb\xbf{", b"\x1f\x8b")  # a record, also behind a byte-order mark; what gzip has packed
 MB = 1_000_000  # bytes
 ADVICE = {
     errno.ENOSPC: "delete old runs",
@@ -136,10 +138,10 @@ def _place(name: str) -> tuple[int, str]:
 
 
 def find_run(name: str | None, logs: Path) -> Path:
-    """Return the folder of a run.
+    """Return the folder of a run, or a file of a log that was copied or renamed.
 
     Args:
-        name: its number (``17``), its folder's name, or the path of its folder or of its ``run.00001.jsonl``; None or
+        name: its number (``17``), its folder's name, or the path of its folder, or of a file with records; None or
             ``last`` is the newest.
         logs: the folder of all runs.
 
@@ -170,6 +172,10 @@ def _run_at(path: Path, logs: Path, runs: list[Path]) -> Path:
             return path
         if path.is_dir():
             raise BadInput(f"{path} is no run: there is no {part_name(1)} in it")
+        if path.is_file():
+            with open_regular(path) as file:
+                if file.read(4).startswith(LOG_BEGINS):
+                    return path
         if path.exists():
             raise BadInput(f"{path} is no field log: a run is a folder with a {part_name(1)} in it")
     except OSError as error:

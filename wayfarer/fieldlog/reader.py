@@ -1,191 +1,224 @@
 """Reads a log back despite damage: power cuts, a full disk, a failing card.
 
-What a line is worth is judged by ``lines``, for the ends of logs and following as well; only here is it counted.
-Every record that is as it was written, holds what its kind may hold (``schema``) and is in its place is given; what is
-not is skipped, and counted by what is wrong with it. A line that was being written when the power went has no end, or
-is filled with NUL bytes; nothing after it is lost, because the next segment and the next run have files of their own.
-Memory does not grow with the log, nor with what is broken in it.
+Each line is judged alone, and what is wrong with it is counted. A line that was being written when the power went does
+not parse, or is filled with NUL bytes; nothing after it is lost, because the next part and the next run have files of
+their own. Memory does not grow with the log, nor with what is broken in it.
 """
 
 from __future__ import annotations
 
 import errno
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
+import gzip
+import os
+import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
+from io import BufferedReader, FileIO
 from itertools import islice
 from pathlib import Path
-from typing import BinaryIO
+from typing import IO, cast
+
+import msgspec
 
 from wayfarer import __version__
 from wayfarer.errors import BadInput, NothingReadable
+from wayfarer.fieldlog.fields import escape_document
 from wayfarer.fieldlog.folders import part_name, parts_of
-from wayfarer.fieldlog.lines import LINE_BYTES, LogLines, is_newer
-from wayfarer.fieldlog.schema import SCHEMA, Record
+from wayfarer.fieldlog.record import KINDS, SCHEMA, AnyRecord, Header, decode
 from wayfarer.files import open_regular
 
 READ_BYTES = 262_144  # read from the disk at once
-# What is read of a part of a log, at most: twice what ``part_mb`` may be, and more than a simulated trial writes.
-PART_BYTES = 4_000_000_000
-BROKEN_LINES = 200_000  # of a run are skipped, at most: a file of garbage is not read for hours
-FIRST_LINES = 16  # of a part are its beginning: where some of them are broken, the others still tell when it was
-OF_THE_WHOLE = ("unreadable", "headless", "missing")  # counts that are not of lines
-OF_A_PART = ("t_s", "t_wall", "part")  # what the headers of a run differ in
+PART_BYTES = 4_000_000_000  # of a part are read, at most: twice what ``part_mb`` may be, and no hole of a terabyte
+LINE_BYTES = 1_000_000  # far more than any record: the header of a simulated forest has 20,000
+PACKED_BYTES = 200_000_000  # unpacked, to find the end of a part: a second of work
+BROKEN_LINES = 20_000  # of a run are skipped, at most: a file of garbage is not read for hours
+FIRST_LINES = 16  # of a part are its beginning: if some of them are broken, the others still tell when it was
+CANNOT_BE_READ = (OSError, EOFError, zlib.error)  # the latter two: a packed file without its end, or a damaged one
+GZIP = b"\x1f\x8b"  # begins what gzip has packed
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"  # an editor may have put it there
 
 
 @dataclass
 class Damage:
     """What could not be read; its text says it to a person.
 
-    Lines: ``torn`` has no end, ``nul`` holds NUL bytes where the disk had nothing yet, ``oversized`` has more than
-    ``LINE_BYTES``, ``changed`` does not have its checksum, ``garbled`` is no JSON object with a known ``record``,
-    ``wrong`` holds a value that cannot be, ``foreign`` is a header that says that something else ran than the first one
-    says, and ``disordered`` has a number that does not grow, as a line that is there twice. ``unreadable`` segments
-    could not be read to their end. ``headless`` segments do not begin with what ran. ``missing`` counts the records
-    that are not there, by their numbers: those in skipped lines, those that the disk could not take, and those in
-    segments that were deleted.
+    ``torn`` lines are no JSON: they have no end, or hold NUL bytes. ``unknown`` ones are of no known kind. In ``wrong``
+    ones something cannot be, and ``first_wrong`` says what it was in the first of them. ``repeated`` ones have a number
+    that does not grow. ``headless`` is 1 if the log does not begin with its header. ``unreadable`` parts could not be
+    read to their end. ``missing`` records are not there, by their numbers: those in skipped lines, those that the disk
+    could not take, and those in parts that were deleted.
     """
 
     torn: int = 0
-    nul: int = 0
-    oversized: int = 0
-    changed: int = 0
-    garbled: int = 0
+    unknown: int = 0
     wrong: int = 0
-    foreign: int = 0
-    disordered: int = 0
-    unreadable: int = 0
+    repeated: int = 0
     headless: int = 0
+    unreadable: int = 0
     missing: int = 0
+    first_wrong: str = ""
 
     @property
     def lines(self) -> int:
         """How many lines were skipped."""
-        return sum(getattr(self, field.name) for field in fields(self) if field.name not in OF_THE_WHOLE)
+        return self.torn + self.unknown + self.wrong + self.repeated
 
     def __bool__(self) -> bool:
         return self != Damage()
 
     def __str__(self) -> str:
-        counts = [(getattr(self, field.name), SAID[field.name]) for field in fields(self)]
-        told = (one if count == 1 else f"{count} {many}" for count, (one, many) in counts if count)
+        told = []
+        for field in fields(self)[:-1]:
+            count, (one, many) = getattr(self, field.name), SAID[field.name]
+            if count:
+                first = f" (the first: {self.first_wrong})" if field.name == "wrong" and self.first_wrong else ""
+                told.append(f"1 {one}{first}" if count == 1 else f"{count} {many}{first}")
         return ", ".join(told) or "complete"
 
 
 SAID = {
-    "torn": ("1 line is torn", "lines are torn"),
-    "nul": ("1 line is filled with NUL bytes", "lines are filled with NUL bytes"),
-    "oversized": ("1 line is far too long", "lines are far too long"),
-    "changed": ("1 line was changed after it was written", "lines were changed after they were written"),
-    "garbled": ("1 line is no record", "lines are no records"),
-    "wrong": ("1 record holds an impossible value", "records hold impossible values"),
-    "foreign": ("1 header is of another run", "headers are of another run"),
-    "disordered": ("1 record is out of order", "records are out of order"),
-    "unreadable": ("1 part of the log cannot be read", "parts of the log cannot be read"),
-    "headless": ("1 part of the log does not begin with its header", "parts of the log do not begin with their header"),
-    "missing": ("1 record is missing", "records are missing"),
+    "torn": ("line is torn", "lines are torn"),
+    "unknown": ("record is of an unknown kind", "records are of an unknown kind"),
+    "wrong": ("record holds an impossible value", "records hold impossible values"),
+    "repeated": ("record is there twice or out of order", "records are there twice or out of order"),
+    "headless": ("header is missing", "headers are missing"),
+    "unreadable": ("part of the log cannot be read", "parts of the log cannot be read"),
+    "missing": ("record is missing", "records are missing"),
 }
+
+
+class Lines:
+    """Takes the lines of one log in their order; what is no record in its place is counted in ``damage``.
+
+    The log may begin in any line if it is ``whole`` no more, so that the end of a file can be read alone.
+    """
+
+    def __init__(self, *, whole: bool = False) -> None:
+        self.damage = Damage()
+        self._highest: int | None = 0 if whole else None
+        self._ours = False
+
+    def take(self, line: bytes) -> AnyRecord | None:
+        """Return the record of the next line, None if it is none in its place; a CR or a mark at its end is ignored.
+
+        Raises:
+            BadInput: it is the header of a log that another wayfarer has written, in another form.
+        """
+        begins = line.removeprefix(BYTE_ORDER_MARK)
+        if hole := b"\0" in begins:  # which may end at the beginning of a line
+            self.damage.torn += 1
+            begins = begins.rpartition(b"\0")[2]
+        if not begins.strip():
+            return None
+        try:
+            record = decode(begins)
+        except (ValueError, RecursionError) as error:
+            self._count(begins, str(error), of_a_hole=hole)
+            return None
+        if isinstance(record, Header) and not self._is_ours(record.schema):
+            return None
+        if b"\\" in begins or b"\x7f" in begins or not begins.isascii():
+            record = _printable(record)
+        return record if self._goes_on(record.n) else None
+
+    def _count(self, line: bytes, error: str, *, of_a_hole: bool) -> None:
+        """Count a line that is no record: torn, or JSON of an unknown kind or with a value that cannot be."""
+        try:
+            said = msgspec.json.decode(line)
+        except (ValueError, RecursionError):
+            self.damage.torn += not of_a_hole
+            return
+        kind, schema = (said.get("record"), said.get("schema")) if isinstance(said, dict) else (None, None)
+        if kind == "run" and isinstance(schema, int) and not self._is_ours(schema):
+            return
+        if isinstance(kind, str) and kind in KINDS:
+            self._count_wrong(f"{kind}: {error}")
+        else:
+            self.damage.unknown += 1
+
+    def _is_ours(self, schema: int) -> bool:
+        """Return whether a header has the form that is read here; in a log that began so, another one is damage."""
+        if schema == SCHEMA:
+            self._ours = True
+        elif self._ours:
+            self._count_wrong(f"run: schema {schema}")
+        else:
+            raise BadInput(
+                f"this log has schema {schema}, and wayfarer {__version__} reads {SCHEMA}: read it with the version "
+                "that has written it, which its first line names"
+            )
+        return schema == SCHEMA
+
+    def _count_wrong(self, what: str) -> None:
+        self.damage.wrong += 1
+        self.damage.first_wrong = self.damage.first_wrong or what
+
+    def _goes_on(self, number: int) -> bool:
+        """Return whether a record has a larger number than all before it: else it is there twice, or was moved."""
+        if number == 0:  # a header
+            return True
+        highest = number - 1 if self._highest is None else self._highest
+        if number <= highest:
+            self.damage.repeated += 1
+            return False
+        self.damage.missing += number - highest - 1
+        self._highest = number
+        return True
+
+
+def _printable(record: AnyRecord) -> AnyRecord:
+    """Return a record in which no text can command a terminal."""
+    return msgspec.convert(escape_document(msgspec.to_builtins(record)), type(record))
 
 
 class RunReader:
     """Reads the records of one run in their order; ``damage`` is complete once all of them were read.
 
-    Iterate it once. The header of a later segment of the log is given as well, as another ``run`` record.
+    Iterate it once. The header of a later part of the log is given as well, as another ``run`` record.
 
     Args:
-        run: a run's folder.
-        beginnings: read only the first lines of each segment, quickly whatever is in it.
+        run: a run's folder, or one file of a log.
+        beginnings: read only the first lines of each part, quickly whatever is in it.
 
     Raises:
-        BadInput: the folder cannot be read, or there is no log in it; while iterating, a newer wayfarer has written it.
+        BadInput: the folder cannot be read, or there is no log in it; while iterating, another wayfarer has written it,
+            in another form.
         NothingReadable: while iterating, there was no record that can be read.
     """
 
     def __init__(self, run: Path, *, beginnings: bool = False) -> None:
         self.run = run
-        self._part_bytes = LINE_BYTES if beginnings else PART_BYTES
-        self._part_lines = FIRST_LINES if beginnings else None
-        self.damage = Damage()
         self.segments = log_segments(run)
-        self._log_lines = LogLines()
-        self._ran: Record | None = None  # what the first header says
+        self._lines = Lines(whole=True)
+        self._most_lines: int | None = FIRST_LINES if beginnings else None
+        self._most_bytes = LINE_BYTES if beginnings else PART_BYTES
+        self.damage = self._lines.damage
 
-    def __iter__(self) -> Iterator[Record]:
-        empty = True
-        for record in self._whole():
-            if empty:
-                self.damage.headless = max(self.damage.headless, int(record["record"] != "run"))
-                empty = False
-            self.damage.missing = self._log_lines.missing
-            yield record
-        if empty:
-            lost = self.damage if self.damage else "it is empty"
-            raise NothingReadable(f"{self.run}: nothing in this log can be read ({lost})")
-
-    def _whole(self) -> Iterator[Record]:
-        """Give the records of all segments that are whole and in their place."""
-        readable = False
+    def __iter__(self) -> Iterator[AnyRecord]:
+        empty, skipped = True, 0
         for segment in self.segments:
-            begun = False
             try:
-                with open_regular(segment, READ_BYTES) as file:
-                    for line in islice(_lines(file, self._part_bytes), self._part_lines):
-                        if (record := self._record(line, segment)) is not None:
-                            if not begun:
-                                readable = begun = True
-                                self.damage.headless += record["record"] != "run"
+                with open_log(segment) as file:
+                    for line in islice(_lines(file, self._most_bytes), self._most_lines):
+                        if (record := self._lines.take(line)) is not None:
+                            self.damage.headless |= empty and not isinstance(record, Header)
+                            empty = False
                             yield record
-            except OSError as error:
+                        elif (skipped := skipped + 1) > BROKEN_LINES:
+                            raise OSError(errno.EFBIG, f"more than {BROKEN_LINES:,} of its lines are no records")
+            except BadInput as error:
+                raise BadInput(f"{segment}: {error}") from None
+            except CANNOT_BE_READ as error:
                 self.damage.unreadable += 1
-                if self.damage.unreadable == len(self.segments) and not readable:
-                    raise NothingReadable(f"{segment}: cannot be read: {error.strerror}") from None
-
-    def _record(self, line: bytes, segment: Path) -> Record | None:
-        """Return the record of a line, or count what is wrong with it; a hole of NULs may end where a line begins."""
-        record = self._log_lines.take(line)
-        if isinstance(record, dict):
-            return record if record["record"] != "run" else self._header(record, segment)
-        self._skip(record)
-        after = self._log_lines.take(line.rpartition(b"\0")[2]) if record == "nul" else None
-        return after if isinstance(after, dict) else None
-
-    def _header(self, header: Record, segment: Path) -> Record | None:
-        """Return a header of this run; where one has a known schema, one of a newer schema is damage."""
-        if is_newer(header):
-            if self._ran is None:
-                refuse_newer(header, segment, self.segments)
-            self._skip("wrong")
-            return None
-        ran = {key: value for key, value in header.items() if key not in OF_A_PART}
-        self._ran = self._ran or ran
-        if ran != self._ran:
-            self._skip("foreign")
-            return None
-        return header
-
-    def _skip(self, kind: str) -> None:
-        """Count a line that is left out.
-
-        Raises:
-            OSError: there are too many for a log; the rest of this segment counts as ``unreadable``.
-        """
-        setattr(self.damage, kind, getattr(self.damage, kind) + 1)
-        if self.damage.lines > BROKEN_LINES:
-            raise OSError(errno.EFBIG, f"more than {BROKEN_LINES:,} of its lines are no records")
+                last = getattr(error, "strerror", None) or str(error)
+        if empty:
+            why = (
+                last if self.damage.unreadable == len(self.segments) else self.damage if self.damage else "it is empty"
+            )
+            raise NothingReadable(f"{self.run}: nothing in this log can be read ({why})")
 
 
-def refuse_newer(header: Record, segment: Path, segments: Sequence[Path]) -> None:
-    """Refuse a log that a newer wayfarer has written: its keys may mean something else.
-
-    Raises:
-        BadInput: a header says so, and no segment of the log begins with one of a known schema.
-    """
-    if is_newer(header) and all(is_newer(each) for _, each in _headers(segments)):
-        known = f"wayfarer {__version__} knows up to {SCHEMA}"
-        raise BadInput(f"{segment}: this log has schema {header['schema']}, {known}: update wayfarer to read it")
-
-
-def first_record(run: Path) -> Record:
+def first_record(run: Path) -> AnyRecord:
     """Return the first record of a run; quickly, whatever is in its folder.
 
     Raises:
@@ -195,35 +228,24 @@ def first_record(run: Path) -> Record:
     return next(iter(RunReader(run, beginnings=True)))
 
 
-def read_header(run: Path) -> Record:
-    """Return the first record of a run: what ran. If it is damaged, a later segment of the log repeats it.
+def find_header(run: Path) -> Header | None:
+    """Return what ran, None if the log does not say. If the first header is damaged, a later part repeats it.
 
     Raises:
-        BadInput: there is no log, or no segment of it begins with such a record.
+        BadInput: as of ``RunReader``.
+        NothingReadable: as of ``first_record``.
     """
-    segments = log_segments(run)
-    for segment, header in _headers(segments):
-        refuse_newer(header, segment, segments)
-        if not is_newer(header):
-            return header
-    raise BadInput(f"{segments[0]} is no field log: its first record does not say what ran")
-
-
-def _headers(segments: Sequence[Path]) -> Iterator[tuple[Path, Record]]:
-    """Give the headers with which segments of a log begin."""
-    for segment in segments:
-        with suppress(OSError), open_regular(segment) as file:
-            first = LogLines().take(file.readline(LINE_BYTES))
-            if isinstance(first, dict) and first["record"] == "run":
-                yield segment, first
+    return next((record for record in RunReader(run, beginnings=True) if isinstance(record, Header)), None)
 
 
 def log_segments(run: Path) -> list[Path]:
-    """Return the files of a run's log, oldest first.
+    """Return the files of a run's log, oldest first; of a single file, that file.
 
     Raises:
         BadInput: the folder cannot be read, or there is no log in it.
     """
+    if run.is_file():
+        return [run]
     try:
         parts = parts_of(run)
     except OSError as error:
@@ -233,8 +255,31 @@ def log_segments(run: Path) -> list[Path]:
     return parts
 
 
-def _lines(file: BinaryIO, most_bytes: int) -> Iterator[bytes]:
-    """Give the lines of a file; of one that is too long its first bytes, or its last where NUL bytes fill it.
+def open_log(segment: Path) -> IO[bytes]:
+    """Open a file of a log, also one that was packed with gzip.
+
+    Raises:
+        OSError: it cannot be opened, or is a pipe or a device.
+    """
+    file = cast(BufferedReader, open_regular(segment, READ_BYTES))
+    if not file.peek(2).startswith(GZIP):
+        return file
+    packed = gzip.GzipFile(fileobj=file)
+    packed.myfileobj = cast(FileIO, file)  # closed with it
+    return cast(IO[bytes], packed)
+
+
+def go_to_last(file: IO[bytes], size_bytes: int) -> int:
+    """Go to the last so many bytes of a file, and return how many are before them.
+
+    Of a packed file at most ``PACKED_BYTES`` are looked through: a small one may hold any number.
+    """
+    end = file.seek(PACKED_BYTES) if isinstance(file, gzip.GzipFile) else file.seek(0, os.SEEK_END)
+    return file.seek(max(0, end - size_bytes))
+
+
+def _lines(file: IO[bytes], most_bytes: int) -> Iterator[bytes]:
+    """Give the lines of a file; of one that is too long its first bytes, or its last if NUL bytes fill it.
 
     Raises:
         OSError: it cannot be read, or goes on after so many bytes.

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
 from math import nan
-from typing import Any
 
-from wayfarer.fieldlog.fields import number
+from wayfarer.fieldlog.record import Compass, Contact, Fix, Motion
 
 WINDOW_S = 2.0  # for the rate now
 STALE_S = 0.5  # where the rover file gives no limit; PX4 and ArduPilot allow flow as much
@@ -33,15 +31,15 @@ class SensorStatus:
         self._gaps = 0
         self._spoken_s = 0.0
         self._times_s: deque[float] = deque(maxlen=400)
-        self._last: Mapping[str, Any] = {}
+        self._last: Compass | Motion | Contact | Fix | None = None
         self._unbroken = False
 
-    def take(self, reading: Mapping[str, Any]) -> bool:
-        """Take what the sensor said last, and return whether that is new; a tick repeats it until there is more."""
-        t_s, times_s = number(reading, "t_s"), self._times_s
+    def take(self, reading: Compass | Motion | Contact | Fix) -> None:
+        """Take what the sensor said last; a tick repeats it until there is more."""
+        t_s, times_s = reading.t_s, self._times_s
         before_s = times_s[-1] if times_s else None
         if t_s is None or t_s == before_s:
-            return False
+            return
         if before_s is not None and t_s < before_s:
             times_s.clear()  # the part's own clock began again
         elif before_s is not None and self._unbroken:
@@ -54,7 +52,6 @@ class SensorStatus:
         times_s.append(t_s)
         while t_s - times_s[0] > WINDOW_S:
             times_s.popleft()
-        return True
 
     def interrupted(self) -> None:
         """Note that records are missing: the next reading follows no other."""
@@ -89,9 +86,11 @@ class SensorStatus:
     @property
     def note(self) -> str:
         """Return how good the last reading is, in the sensor's own terms."""
-        quality, calibration, error_m = (number(self._last, key) for key in ("quality", "calibration", "error_m"))
-        if quality is not None:
-            return f"quality {quality:.0%}"
-        if calibration is not None:
-            return f"calibration {calibration:.0f} of 3"
-        return "" if error_m is None else f"error {error_m:.0f} m"
+        match self._last:
+            case Motion(quality=quality) if quality is not None:
+                return f"quality {quality:.0%}"
+            case Compass(calibration=calibration) if calibration is not None:
+                return f"calibration {calibration} of 3"
+            case Fix(error_m=error_m) if error_m is not None:
+                return f"error {error_m:.0f} m"
+        return ""

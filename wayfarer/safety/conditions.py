@@ -6,7 +6,7 @@ responds with a manoeuvre. A condition says that the rover itself is not well, a
 What is dangerous stops the wheels: wheels that turn unasked, that cannot be stopped, that nobody expects to turn.
 Ignorance is no danger. A rover that has lost a sense in a wood is lost if it stands, so it goes on with limits.
 
-``fieldlog.vocabulary`` has the words for each condition.
+``wayfarer.vocabulary`` has the words for each condition.
 """
 
 from __future__ import annotations

@@ -70,10 +70,32 @@ class RunEnd:
     text: str
 
 
-class Mission:
-    """One mission, from the moment at which the wheels may turn."""
+class Place:
+    """Where dead reckoning has the rover, metres from where the run began; ``path_m`` adds up both ways.
 
-    def __init__(self, settings: SafetySettings, t_s: float) -> None:
+    ``known`` is whether there has been a heading.
+    """
+
+    def __init__(self) -> None:
+        self.north_m = self.east_m = self.path_m = 0.0
+        self.known = False
+
+    def move(self, ahead_m: float, right_m: float, heading_deg: float) -> None:
+        """Add the displacement of the body since the last tick."""
+        north_m, east_m = displacement_m(heading_deg, ahead_m, right_m)
+        self.north_m += north_m
+        self.east_m += east_m
+        self.path_m += abs(ahead_m)
+        self.known = True
+
+
+class Mission:
+    """One mission, from the moment at which the wheels may turn, at a place that goes on to move.
+
+    ``north_m`` and ``east_m`` are those from the start.
+    """
+
+    def __init__(self, settings: SafetySettings, t_s: float, place: Place) -> None:
         self._settings = settings
         self.starts_s = t_s
         self._ends_s = t_s + settings.mission_time_s
@@ -81,6 +103,8 @@ class Mission:
         self._radius_m = settings.mission_radius_m
         self.travelled_m = 0.0
         self.north_m = self.east_m = 0.0
+        self.place = place
+        self._start_north_m, self._start_east_m = place.north_m, place.east_m
         self._home: PositionFix | None = None
         self._home_north_m = self._home_east_m = 0.0  # of that fix, from the start, by dead reckoning
         self._home_error_m = inf
@@ -88,12 +112,10 @@ class Mission:
         self._fix_t_s = -inf
         self._fixes_beyond = 0
 
-    def advance(self, commanded_m: float, ahead_m: float, heading_deg: float, right_m: float = 0.0) -> None:
-        """Add the distance commanded since the last tick, negative backwards, and the displacement of the body."""
+    def advance(self, commanded_m: float) -> None:
+        """Add the distance commanded since the last tick, negative backwards, and look where the body is now."""
         self.travelled_m += abs(commanded_m)
-        north_m, east_m = displacement_m(heading_deg, ahead_m, right_m)
-        self.north_m += north_m
-        self.east_m += east_m
+        self.north_m, self.east_m = self.place.north_m - self._start_north_m, self.place.east_m - self._start_east_m
 
     def wait(self, for_s: float) -> None:
         """Let the time limit wait, as long as a person drives; that person may also carry the rover."""

@@ -149,7 +149,7 @@ class SafetyRules(PartialLog):
         level = max(worst, record.level)
         not_armed_s = self._not_armed_since_s
         was_armed = not_armed_s is None or not_armed_s > t_s  # the board took its time, and somebody disarmed meanwhile
-        may_turn = controller.mode in MAY_TURN or any(name == "disarmed" for name, _ in record.concluded)
+        may_turn = controller.mode in MAY_TURN or any(name == "disarmed" for _, name, _ in record.concluded)
         if moves and not (was_armed and (not_armed_s is not None or may_turn)):
             self._break(t_s, f"rule 1: motion commanded while {controller.mode.value}")
         if moves and by_hand and not self._is_wanted(record):

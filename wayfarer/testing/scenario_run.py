@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.commissioning.checks import HostEnvironment, Inspection
-from wayfarer.control.run_log import RunLog, Tee
+from wayfarer.control.run_log import PartialLog, RunLog, Tee
 from wayfarer.control.supervisor import first_cause
 from wayfarer.control.tick import TickRecord
 from wayfarer.daemon.arming_check import running_inspection
@@ -55,8 +55,8 @@ class RecordedEvent(NamedTuple):
     details: dict[str, object]
 
 
-class RunRecorder:
-    """Keeps what a run reports; implements ``control.run_log.RunLog``. ``follow`` gives it the trial to watch."""
+class RunRecorder(PartialLog):
+    """Keeps what a run reports. ``follow`` gives it the trial to watch."""
 
     def __init__(self) -> None:
         self.ticks: list[RecordedTick] = []
@@ -208,7 +208,10 @@ async def _ask(setup: TrialSetup, commands: tuple[Command, ...], log: RunLog) ->
             else:
                 await getattr(rover, command.do)()
         except (RequestRefused, NotArmed) as error:
-            log.event("arming_refused" if command.do == "arm" else "refused", loop.time(), failed=[str(error)])
+            log.logger.warning(
+                "arming_refused" if command.do == "arm" else "refused", t_s=loop.time(), text=f"Refused: {error}",
+                failed=[str(error)],
+            )  # fmt: skip
 
 
 def _inspect(setup: TrialSetup, motors_failed: DriverError | None) -> Inspection:

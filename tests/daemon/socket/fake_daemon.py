@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import orjson
+import msgspec
 
 from tests.children import child
 from wayfarer.daemon.socket.protocol import Details, RequestRefused
@@ -126,7 +126,7 @@ class RawClient:
 
     async def reply(self) -> dict[str, Any]:
         line = await asyncio.wait_for(self.reader.readline(), 2.0)
-        reply: dict[str, Any] = orjson.loads(line)
+        reply: dict[str, Any] = msgspec.json.decode(line)
         return reply
 
     async def is_closed(self) -> bool:

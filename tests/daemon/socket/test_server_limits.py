@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import orjson
+import msgspec
 import pytest
 
 from tests.daemon.socket.fake_daemon import ARM, STATUS, FakeDaemon, RawClient, answers, open_files, serve, until
@@ -188,7 +188,7 @@ async def test_client_that_reads_late_gets_every_reply_whole(path: Path, daemon:
             received = b""
             while data := await asyncio.get_running_loop().sock_recv(late, 1_000_000):
                 received += data
-    assert [orjson.loads(line)["text"] for line in received.splitlines()] == ["x" * 60_000] * count
+    assert [msgspec.json.decode(line)["text"] for line in received.splitlines()] == ["x" * 60_000] * count
 
 
 async def test_request_that_is_there_is_answered_before_its_client_is_pushed_out(

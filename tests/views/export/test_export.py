@@ -7,10 +7,9 @@ from pathlib import Path
 import pytest
 
 from tests.fieldlog.disks import files_no_longer_than
-from tests.views.text.records import HEADER, drive, record, tick, write
+from tests.views.text.records import HEADER, Json, drive, record, tick, write
 from wayfarer.errors import BadInput
 from wayfarer.extras import NEEDS
-from wayfarer.fieldlog.schema import Record
 from wayfarer.views.export.export import ExportFormat, export
 
 
@@ -19,7 +18,7 @@ def run(tmp_path: Path) -> Path:
     return write(tmp_path / "run", [HEADER, fix(0.0), *drive(0.0, 1.0)])
 
 
-def fix(t_s: float) -> Record:
+def fix(t_s: float) -> Json:
     return record("position", t_s, latitude_deg=51.0, longitude_deg=0.0, error_m=3.0)
 
 
@@ -67,12 +66,6 @@ def test_output_that_is_refused_more_room_is_one_line_and_leaves_nothing_behind(
 def test_place_that_cannot_be_is_told_in_one_line(run: Path, tmp_path: Path, place: str, said: str) -> None:
     with pytest.raises(BadInput, match=rf"^[^\n]*{said}[^\n]*$"):
         export(run, ExportFormat.csv, tmp_path / place, overwrite=True)
-
-
-def test_log_without_a_wall_time_is_refused_where_a_message_needs_one(tmp_path: Path) -> None:
-    timeless = [{key: value for key, value in each.items() if key != "t_wall"} for each in (HEADER, tick(0.0))]
-    with pytest.raises(BadInput, match="no record of this log has a wall time"):
-        export(write(tmp_path / "run", timeless), ExportFormat.mcap, tmp_path / "out", overwrite=False)
 
 
 @pytest.mark.parametrize("form", ExportFormat)

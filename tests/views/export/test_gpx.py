@@ -16,17 +16,27 @@ from gpxpy.gpx import GPX
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, outcome, record, tick, write
+from tests.views.text.records import (
+    BEGAN_WALL_S,
+    HEADER,
+    Json,
+    drive,
+    event,
+    noted,
+    outcome,
+    record,
+    tick,
+    write,
+)
 from wayfarer.angles import METRES_PER_DEG
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.reader import Damage
-from wayfarer.fieldlog.schema import Record
 from wayfarer.views.export.export import ExportFormat
 
 BEGAN = datetime.fromtimestamp(BEGAN_WALL_S, UTC)
 
 
-def fix(t_s: float, north_m: float = 0.0, longitude_deg: float = 8.0, error_m: float | None = 4.0) -> Record:
+def fix(t_s: float, north_m: float = 0.0, longitude_deg: float = 8.0, error_m: float | None = 4.0) -> Json:
     place = {"latitude_deg": 47.0 + north_m / METRES_PER_DEG, "longitude_deg": longitude_deg}
     return record("position", t_s, **place, error_m=error_m)
 
@@ -38,7 +48,7 @@ EVENTFUL = [
     *drive(0.0, 1.0),
     fix(1.0, 0.5),
     *drive(1.0, 1.4),
-    event("mark", 1.4, text="hit <log> & stone"),
+    noted(1.4, "hit <log> & stone"),
     *drive(1.4, 2.0),
     fix(2.0, 1.0),
     *drive(2.0, 3.2),
@@ -46,7 +56,7 @@ EVENTFUL = [
     event("health", 4.0, level="hold", cause="compass_stale"),
     event("health", 4.0, level="degrade", cause="battery_low"),
     tick(4.0, anomalies=["immobilised", "nose_up"], applied_left=0.0, applied_right=0.0),
-    tick(5.0, applied_left=0.0, applied_right=0.0),
+    tick(5.0, north_m=2.0, applied_left=0.0, applied_right=0.0),
     outcome(5.0),
 ]
 
@@ -58,7 +68,7 @@ def schema() -> Any:
     return xmlschema.XMLSchema(Path(__file__).with_name("gpx.xsd"))
 
 
-def gpx(folder: Path, records: list[Record], origin: str | None = None) -> GPX:
+def gpx(folder: Path, records: list[Json], origin: str | None = None) -> GPX:
     text = io.StringIO()
     (folder / "17" / "run.00001.jsonl").unlink(missing_ok=True)
     assert ExportFormat.gpx.write(write(folder / "17", records), text, origin) == Damage()
@@ -122,7 +132,7 @@ def test_path_is_dead_reckoning_fitted_to_the_fixes(tmp_path: Path) -> None:
 
 
 def test_path_begins_at_the_given_origin_where_there_is_no_receiver(tmp_path: Path) -> None:
-    records = [HEADER, *drive(0.0, 4.0), event("mark", 4.0, text="here"), outcome(4.0)]
+    records = [HEADER, *drive(0.0, 4.0), noted(4.0, "here"), outcome(4.0)]
     told = gpx(tmp_path, records, origin="47.0,-8.0")
     (track,) = told.tracks
     assert (str(track.type), track.name) == ("reckoned", "17: dead reckoning from the given origin")
@@ -141,12 +151,12 @@ def test_path_begins_at_the_given_origin_where_there_is_no_receiver(tmp_path: Pa
         (ExportFormat.gpx, "47", EVENTFUL, "--origin 47: give latitude and longitude in degrees"),
         (ExportFormat.gpx, "8,190", EVENTFUL, "--origin 8,190: give latitude"),
         (ExportFormat.gpx, "nan,8", EVENTFUL, "--origin nan,8: give latitude"),
-        (ExportFormat.gpx, "47,8", [HEADER, event("mark", 1.0, text="x")], "has no heading, so no path leads away"),
+        (ExportFormat.gpx, "47,8", [HEADER, noted(1.0, "x")], "has no heading, so no path leads away"),
         (ExportFormat.csv, "47,8", EVENTFUL, "--origin is for gpx, and this is csv"),
     ],
 )
 def test_origin_that_is_of_no_use_is_refused(
-    tmp_path: Path, form: ExportFormat, origin: str, records: list[Record], refusal: str
+    tmp_path: Path, form: ExportFormat, origin: str, records: list[Json], refusal: str
 ) -> None:
     with pytest.raises(BadInput, match=rf"^[^\n]*{refusal}[^\n]*$"):
         form.write(write(tmp_path / "17", records), io.StringIO(), origin)
@@ -166,20 +176,22 @@ def test_track_is_cut_at_the_date_line(tmp_path: Path) -> None:
 
 
 def test_without_any_path_what_happened_is_at_the_nearest_fix(tmp_path: Path) -> None:
-    (mark,) = gpx(tmp_path, [HEADER, fix(0.0), fix(1.0, 5.0), fix(2.0), event("mark", 1.2, text="here")]).waypoints
+    (mark,) = gpx(tmp_path, [HEADER, fix(0.0), fix(1.0, 5.0), fix(2.0), noted(1.2, "here")]).waypoints
     assert (mark.latitude - 47.0) * METRES_PER_DEG == pytest.approx(5.0, abs=1e-3)
     assert mark.description == "the fix at 0:00:01.00 (error 4.0 m)"
 
 
 def test_receiver_that_tells_no_error_has_none(tmp_path: Path) -> None:
-    records = [HEADER, fix(0.0, error_m=None), fix(1.0, error_m=None), event("mark", 1.0, text="here")]
+    records = [HEADER, fix(0.0, error_m=None), fix(1.0, error_m=None), noted(1.0, "here")]
     told = gpx(tmp_path, records)
     assert [len(point.extensions) for point in told.tracks[0].segments[0].points] == [1, 1]
     assert told.waypoints[0].description == "the fix at 0:00:01.00"
 
 
 def test_run_without_a_position_is_refused_with_the_reason(tmp_path: Path) -> None:
-    run = write(tmp_path / "17", [HEADER, *drive(0.0, 1.0), record("position", 1.0, latitude_deg=None)])
+    run = write(
+        tmp_path / "17", [HEADER, *drive(0.0, 1.0), record("position", 1.0, latitude_deg=None, longitude_deg=1.0)]
+    )
     with pytest.raises(
         BadInput, match=r"^[^\n]*no GPS position, so there is no gpx: dead[^\n]*--origin LAT,LON[^\n]*$"
     ):
@@ -196,7 +208,7 @@ LIKELY = st.one_of(
         st.floats(-180.0, 180.0),
         st.none() | st.floats(0.0, 1e8),
     ),
-    st.builds(lambda text: event("mark", 0.0, text=text), NAMES),
+    st.builds(lambda text: noted(0.0, text), NAMES),
     st.builds(lambda found: tick(0.0, anomalies=[found]), NAMES),
     st.builds(lambda moved, degrees: tick(0.0, heading_deg=degrees, applied_left=moved), st.floats(-1.0, 1.0),
               st.floats(-360.0, 360.0)),
@@ -205,7 +217,7 @@ LIKELY = st.one_of(
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(said=st.lists(LIKELY, max_size=8), speed_m_s=st.floats(0.0, 1e9))
-def test_whatever_a_log_says_the_file_is_valid(tmp_path: Path, said: list[Record], speed_m_s: float) -> None:
+def test_whatever_a_log_says_the_file_is_valid(tmp_path: Path, said: list[Json], speed_m_s: float) -> None:
     header = HEADER | {"config": {"vehicle": {"max_speed_m_s": speed_m_s}}}
     records = [header, fix(0.0), *(each | {"t_s": 100.0 + 0.5 * count} for count, each in enumerate(said))]
     assert len(gpx(tmp_path, records).waypoints) <= len(said)

@@ -9,18 +9,22 @@ from foxglove.messages import FrameTransform, SceneUpdate, Timestamp
 
 from tests.views.export.readers import Descriptors
 from tests.views.test_enu import AHEAD, Vector, body_axis
+from wayfarer.fieldlog.record import World
 from wayfarer.views.export.mcap_scene import body_scene, forest_scene, orientation, transform
 
 UP = (0.0, 0.0, 1.0)
 TIME = Timestamp(1, 2)
-WORLD: dict[str, Any] = {
-    "start_m": [25.0, 12.5],
-    "goal_y_m": 50.0,
-    "trunk_diameter_m": 0.3,
-    "tree_radius_m": 0.25,
-    "trees_m": [[3.0, 4.0]],
-    "trunks_m": [[10.0, 20.0, 13.0, 24.0, "right"]],
-}
+WORLD = World(
+    forest=1,
+    noise=0,
+    start_m=(25.0, 12.5),
+    heading_deg=0.0,
+    goal_y_m=50.0,
+    trunk_diameter_m=0.3,
+    tree_radius_m=0.25,
+    trees_m=[(3.0, 4.0)],
+    trunks_m=[(10.0, 20.0, 13.0, 24.0, "right")],
+)
 
 
 def decoded(message: FrameTransform | SceneUpdate) -> dict[str, Any]:

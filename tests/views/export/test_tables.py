@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.views.text.records import HEADER, drive, event, outcome, record, tick, write
-from wayfarer.fieldlog.schema import Record
+from tests.views.text.records import HEADER, Json, drive, event, noted, outcome, record, tick, write
 from wayfarer.views.export.export import ExportFormat
 from wayfarer.views.export.tables import COLUMNS, without_formulas
 
@@ -17,7 +16,7 @@ COMPASS = {"t_s": 101.0, "heading_deg": 3.0, "pitch_deg": 1.0, "roll_deg": -1.0,
 CONTACT = {"t_s": 101.0, "sides": ["front", "left"], "obstacle_bearing_deg": 80.0}
 
 
-def table(folder: Path, *records: Record) -> str:
+def table(folder: Path, *records: Json) -> str:
     text = io.StringIO()
     ExportFormat.csv.write(write(folder / "run", [HEADER, *records]), text)
     return text.getvalue()
@@ -49,9 +48,9 @@ def test_what_others_say_stands_in_the_row_of_the_next_tick_and_only_there(tmp_p
         table(
             tmp_path,
             record("board", 0.5, battery_v=12.1, faults=[]),
-            event("armed", 0.6, goal_heading_deg=20.0),
-            event("mark", 0.7, text="hit\nlog"),
-            record("truth", 0.8, x_m=1.5, slipping=True),
+            event("armed", 0.6, "Armed: drives towards 20 degrees"),
+            noted(0.7, "hit\nlog"),
+            record("truth", 0.8, x_m=1.5, y_m=0.0, driven_m=0.0, slipping=True),
             tick(1.0),
             tick(2.0),
         )
@@ -71,15 +70,15 @@ def test_text_of_a_log_is_no_formula(tmp_path: Path, key: str) -> None:
 
 
 def test_neither_titles_lists_nor_events_are_formulas_and_numbers_stay(tmp_path: Path) -> None:
-    felt = tick(1.0, anomalies=[FORMULA], wanted_left=-0.5, memory=[-1.5], **{FORMULA: -1.5, "+x": {"y": "-2"}})
-    (row,) = rows(table(tmp_path, event("mark", 0.5, text=f"x;{FORMULA}"), event(FORMULA, 0.6), felt))
-    assert (row["anomalies"], row["wanted_left"], row["memory"]) == (f"'{FORMULA}", "-0.5", "-1.5")
+    felt = tick(1.0, anomalies=[FORMULA], wanted_left=-0.5, moods=[-1.5], **{FORMULA: -1.5, "+x": {"y": "-2"}})
+    (row,) = rows(table(tmp_path, noted(0.5, f"x;{FORMULA}"), event(FORMULA, 0.6), felt))
+    assert (row["anomalies"], row["wanted_left"], row["moods"]) == (f"'{FORMULA}", "-0.5", "-1.5")
     assert (row[f"'{FORMULA}"], row["'+x_y"]) == ("-1.5", "-2")
     assert row["event"] == f"Mark: x;'{FORMULA};' {FORMULA}"
 
 
 def test_what_comes_after_the_last_tick_has_a_row_of_its_own(tmp_path: Path) -> None:
-    *_, last = rows(table(tmp_path, tick(1.0), event("disarmed", 2.0, reason="enough"), outcome(3.0)))
+    *_, last = rows(table(tmp_path, tick(1.0), event("disarmed", 2.0, "Disarmed: enough"), outcome(3.0)))
     assert last["event"] == "Disarmed: enough; The run has ended: enough"
     assert (last["t_s"], last["heading_deg"]) == ("103.0", "")
 
@@ -90,10 +89,10 @@ def test_time_since_the_first_record_is_in_the_table(tmp_path: Path) -> None:
 
 
 def test_path_is_in_the_table(tmp_path: Path) -> None:
-    last = rows(table(tmp_path, *drive(0.0, 4.05, heading_deg=90.0)))[-1]
-    assert (last["reckoned_north_m"], last["reckoned_east_m"]) == ("0.0", "2.0")
-    (lost,) = rows(table(tmp_path / "2", tick(0.0, heading_deg=None)))
-    assert (lost["reckoned_north_m"], lost["reckoned_east_m"]) == ("", "")
+    last = rows(table(tmp_path, *drive(0.0, 4.05, north_m=0.0, east_m=2.0)))[-1]
+    assert (last["north_m"], last["east_m"]) == ("0.0", "2.0")
+    (lost,) = rows(table(tmp_path / "2", tick(0.0, heading_deg=None, north_m=None, east_m=None)))
+    assert (lost["north_m"], lost["east_m"]) == ("", "")
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,8 @@ from wayfarer.hal import STOP, CompassReading, MotionReading, MotorHealth, Wheel
 from wayfarer.safety.conditions import Condition, Level
 
 WORLD = {
-    "start_m": [25.0, 12.5], "heading_deg": 0.0, "goal_y_m": 50.0, "trunk_diameter_m": 0.3, "tree_radius_m": 0.25,
+    "forest": 1, "noise": 0, "start_m": [25.0, 12.5], "heading_deg": 0.0, "goal_y_m": 50.0,
+    "trunk_diameter_m": 0.3, "tree_radius_m": 0.25,
     "trees_m": [[8.9, 26.2]], "trunks_m": [[33.3, 5.5, 30.9, 18.4, "left"]],
 }  # fmt: skip
 
@@ -59,8 +60,11 @@ def tick(
     cause: Condition | None = None,
     memory: Any = None,
     wheels: WheelCommand = STOP,
+    north_m: float | None = None,
+    east_m: float | None = None,
+    **known: Any,
 ) -> TickRecord:
-    """Return one control tick."""
+    """Return one control tick; ``known`` are mode, mission and goal."""
     compass = None if heading_deg is None else CompassReading(t_s, heading_deg, 1.0, -1.0, 3)
     motion = None if moved_m is None else MotionReading(t_s, moved_m, 0.0, 0.8)
     seen = None
@@ -73,6 +77,9 @@ def tick(
     record.decision, record.applied = decision, wheels
     record.level, record.cause = level, cause
     record.memory = lambda: kept
+    record.north_m, record.east_m = north_m, east_m
+    for key, value in known.items():
+        setattr(record, key, value)
     return record
 
 

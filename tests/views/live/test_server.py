@@ -208,7 +208,8 @@ async def test_page_on_another_site_may_not_connect(site: Site) -> None:
 async def test_viewer_is_told_everything_and_then_what_happens(site: Site) -> None:
     async with site.connect() as connection:
         assert (await first(connection, "snapshot"))["state"]["mode"] == "disarmed"
-        site.log.event("arming", 100.0, start_delay_s=0.0)
+        site.log.event("arming", 100.0, text="Arming: it drives straight ahead")
+        site.log.tick(tick(100.0, mode="arming"))
         async for news in pieces(connection, "news"):
             assert news["lines"][0][1] == "Arming: it drives straight ahead"
             break

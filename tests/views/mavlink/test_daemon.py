@@ -134,7 +134,9 @@ def test_station_stops_under_loss_and_hostile_packets_start_nothing(tmp_path: Pa
     assert not any(each["applied_left"] or each["applied_right"] for each in attacked)
     events = [each for each in records if each["record"] == "event"]
     assert [each["name"] for each in events].count("armed") == 1
-    assert "the ground station is silent: held" in [each["text"] for each in events if each["name"] == "link_lost"]
+    assert "The link is lost: the ground station is silent: held" in [
+        each["text"] for each in events if each["name"] == "link_lost"
+    ]
     assert not any(each["name"] == "mark" for each in events), "which would keep the run for ever"
 
 

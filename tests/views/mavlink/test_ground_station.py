@@ -300,26 +300,25 @@ async def test_heartbeat_tells_mode_and_state(monkeypatch: pytest.MonkeyPatch) -
 
         standby, active = common.MAV_STATE_STANDBY, common.MAV_STATE_ACTIVE
         assert await now() == (MODE_HOLD, False, standby)
-        link.log.event("arming", 101.0)
+        link.log.tick(tick(101.0, mode="arming"))
         assert await now() == (MODE_INITIALISING, False, standby)
-        link.log.event("armed", 102.0, goal_heading_deg=0.0)
-        link.log.tick(tick(102.1))
+        link.log.tick(tick(102.0, mode="armed", goal_heading_deg=0.0))
         assert await now() == (MODE_AUTO, True, active)
-        link.log.event("hold", 103.0)
+        link.log.tick(tick(103.0, mode="armed", held=True))
         assert await now() == (MODE_HOLD, True, active)
-        link.log.event("disarmed", 104.0, reason="fault: compass_lost")
+        link.log.tick(tick(104.0))
         assert await now() == (MODE_HOLD, False, standby)
 
 
 @virtual
 async def test_texts_wait_for_a_station_and_come_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     async with linked(monkeypatch) as link:
-        link.log.event("unclean_shutdown", 100.5, run="00041")
+        link.log.event("unclean_shutdown", 100.5, text="The last mission (run 00041) was cut off")
         await asyncio.sleep(10.0)
         assert not texts(link.heard())
         await link.says(heartbeat())
         await asyncio.sleep(2.0)
-        assert texts(link.heard())[1] == "The last mission (run 00041) was cut off: killed, or without power"
+        assert texts(link.heard())[1] == "The last mission (run 00041) was cut off"
         for number in range(1000):
             link.log.event("mark", 101.0 + number, text=f"{number} " + "é" * 400)
         assert len(link.station._texts) < 30
@@ -361,7 +360,7 @@ async def test_lost_link_does_what_the_rover_file_says(
     settings = MavlinkSettings(on_link_lost=on_link_lost)  # type: ignore[arg-type]
     async with linked(monkeypatch, settings) as link:
         if armed:
-            link.log.event("armed", 101.0, goal_heading_deg=0.0)
+            link.log.tick(tick(101.0, mode="armed", goal_heading_deg=0.0))
         await asyncio.sleep(20.0)
         assert not link.rover.asked  # a station that was never there is not lost
         chance = random.Random(1)
@@ -383,7 +382,7 @@ async def test_lost_link_does_what_the_rover_file_says(
 @virtual
 async def test_station_that_comes_back_from_another_port_is_the_same_one(monkeypatch: pytest.MonkeyPatch) -> None:
     async with linked(monkeypatch, MavlinkSettings(on_link_lost="hold")) as link:
-        link.log.event("armed", 101.0, goal_heading_deg=0.0)
+        link.log.tick(tick(101.0, mode="armed", goal_heading_deg=0.0))
         for port in (14550, 40001, 40002, 14550):
             link.port.sender = ("192.168.1.5", port)
             for _ in range(8):
@@ -429,7 +428,7 @@ async def test_link_that_is_lost_while_the_computer_sleeps_is_noticed(monkeypatc
 @virtual
 async def test_bug_in_holding_ends_neither_the_watch_nor_the_telemetry(monkeypatch: pytest.MonkeyPatch) -> None:
     async with linked(monkeypatch, MavlinkSettings(on_link_lost="hold")) as link:
-        link.log.event("armed", 101.0, goal_heading_deg=0.0)
+        link.log.tick(tick(101.0, mode="armed", goal_heading_deg=0.0))
         noted = "link_lost: the ground station is silent"  # and not held
         for times in (1, 2):
             await link.says(heartbeat())

@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, Page
 
 from tests.browser import PHONE, SIZES, OpenPage, drag, opening_pages, plotted
 from tests.views.run_report.logs import ARMED, HEADER, OUTCOME, by_time, episode, fix, write_log
-from tests.views.text.records import event
+from tests.views.text.records import noted
 from wayfarer.views import palette
 from wayfarer.views.run_report.run import write_run_report
 
@@ -23,7 +23,7 @@ TEXT = "<b>a mark</b> without an end" + "d" * 120
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The page of a run with an episode and a mark."""
-    records = by_time(HEADER, ARMED, *episode(), fix(2.0, 2.0), event("mark", 4.5, text=TEXT), OUTCOME)
+    records = by_time(HEADER, ARMED, *episode(), fix(2.0, 2.0), noted(4.5, TEXT), OUTCOME)
     return write_run_report(write_log(tmp_path_factory.mktemp("runs") / "00017-20261121T061405Z", records))
 
 

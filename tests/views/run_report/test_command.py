@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import gzip
 from pathlib import Path
 
 import pytest
 
 from tests.conftest import Run, refusal
-from tests.views.run_report.logs import HEADER, OUTCOME, write_log
+from tests.views.run_report.logs import HEADER, OUTCOME, text_of, write_log
 from wayfarer.errors import BadInput
 from wayfarer.views.run_report.run import write_run_report
 
@@ -47,6 +48,15 @@ def test_folder_is_a_campaign_where_no_run_has_its_name(run: Run, logs: Path, wh
 
 def test_what_is_neither_run_nor_folder_is_refused_with_the_runs_there_are(run: Run, logs: Path) -> None:
     assert "00016-20261121T061405Z to 00017-20261121T061405Z" in refusal(run, "report", "19", "--log-dir", logs)
+
+
+def test_page_of_a_copied_file_is_beside_it(run: Run, logs: Path, tmp_path: Path) -> None:
+    (part,) = (logs / "00017-20261121T061405Z").glob("run.*")
+    copy = tmp_path / "mine" / "from the rover.jsonl.gz"
+    copy.parent.mkdir()
+    copy.write_bytes(gzip.compress(part.read_bytes()))
+    assert run("report", copy)[:2] == (0, f"the report is {copy.parent / 'report.html'}\n")
+    assert "log complete" in text_of((copy.parent / "report.html").read_text(encoding="utf-8"))
 
 
 def test_command_writes_the_page_where_it_is_told(run: Run, logs: Path, tmp_path: Path) -> None:

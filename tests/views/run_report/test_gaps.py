@@ -26,8 +26,8 @@ from tests.views.run_report.logs import (
     titles,
     without,
 )
-from tests.views.text.records import event, record
-from wayfarer.fieldlog.schema import Record
+from tests.views.text.records import Json, event, noted, record
+from wayfarer.fieldlog.record import SCHEMA
 from wayfarer.views.run_report.data import read_run
 from wayfarer.views.run_report.events import event_marks, is_trouble
 from wayfarer.views.run_report.map import map_plot
@@ -51,7 +51,7 @@ def test_log_without_a_heading_still_has_time_series(tmp_path: Path) -> None:
 
 
 def test_lost_beginning_is_no_start(tmp_path: Path) -> None:
-    def on_map(name: str, *records: Record) -> tuple[bool, bool]:
+    def on_map(name: str, *records: Json) -> tuple[bool, bool]:
         """Whether the map has a star at the start, and whether it says that something is lost."""
         track = track_of(data_of(tmp_path / name, *records))
         scatters: Any = map_plot(track).select({"type": Scatter})
@@ -64,8 +64,9 @@ def test_lost_beginning_is_no_start(tmp_path: Path) -> None:
 
 
 def test_ticks_that_are_few_or_say_nothing_make_a_page(tmp_path: Path) -> None:
-    bare = [{"record": "tick", "t_s": 100.0 + step} for step in range(3)]
-    header = {"record": "run", "t_s": 100.0, "schema": 2}
+    nothing = dict.fromkeys(("wanted_left", "wanted_right", "applied_left", "applied_right"))
+    bare = [record("tick", float(step), phase="", why="", **nothing) for step in range(3)]
+    header = {"record": "run", "t_s": 100.0, "t_wall": 0.0, "schema": SCHEMA}
     assert NO_TICKS in text_of(page_of(tmp_path / "even", header, *bare))
     check_page(page_of(tmp_path / "uneven", header, *bare, tick(3.01)))
     check_page(page_of(tmp_path / "one", HEADER, tick(0.0)))
@@ -97,7 +98,7 @@ def test_battery_is_not_drawn_across_a_silence_of_the_board(tmp_path: Path) -> N
 
 
 def test_goals_are_those_that_the_rover_took(tmp_path: Path) -> None:
-    def goal(name: str, *records: Record) -> str:
+    def goal(name: str, *records: Json) -> str:
         return dict(run_facts(data_of(tmp_path / name, HEADER, *records, OUTCOME), name))["goal"]
 
     ticks = drive()
@@ -127,7 +128,7 @@ def test_lost_records_are_no_late_tick(tmp_path: Path) -> None:
     assert "5 records are missing" in str(data.damage)
 
 
-ODD: list[Record] = [
+ODD: list[Json] = [
     {"heading_deg": "north", "phase": 7, "why": None, "anomalies": "touched", "level": ["hold"], "side": "left"},
     {"heading_deg": 1e300, "applied_left": None, "applied_right": "full", "counter_deg": {}, "travelled_m": None},
     {"compass": 5, "motion": [], "contact": {"t_s": None}, "anomalies": [None, "eaten", 3]},
@@ -138,13 +139,13 @@ ODD: list[Record] = [
 
 
 ODD_EVENTS = [
-    event("", 0.2), event("mark", 0.3), event("mark", 0.4, text="\x1b[2J\n林 $x$ " + "long " * 100),
+    event("", 0.2), event("mark", 0.3), noted(0.4, "\x1b[2J\n林 $x$ " + "long " * 100),
     event("goal", 0.5, goal_heading_deg=None), event("sensor_failed", 0.6), event("clock_step", 0.7, by_s="much"),
     event("armed", 0.8, goal_heading_deg="home"), {**event("x", 0.9), "name": None},
     {**fix(1.0, 0.0), "latitude_deg": None}, {**fix(1.1, 0.0), "latitude_deg": 99.0}, fix(1.2, 0.0, None),
     record("board", 1.0, battery_v=None, faults=None), record("truth", 1.0, x_m=None), record("computer", 1.0),
 ]  # fmt: skip
-ODD_HEADERS: list[Record] = [
+ODD_HEADERS: list[Json] = [
     {"config": None, "rover": "\x1b[31m\x00\uffff<b>", "seed": "\x07", "t_wall": None},
     {"config": {"vehicle": None, "safety": [], "board": 3, "control_hz": "fast"}, "t_wall": 1e300},
     {"config": {"control_hz": 0.0}, "rover": None, "algorithm": 3, "version": [], "seed": {}, "simulated": "yes"},
@@ -152,7 +153,7 @@ ODD_HEADERS: list[Record] = [
 
 
 @pytest.mark.parametrize("header", ODD_HEADERS, ids=str)
-def test_odd_values_never_break_the_page(tmp_path: Path, header: Record) -> None:
+def test_odd_values_never_break_the_page(tmp_path: Path, header: Json) -> None:
     """Many are in one log; which value breaks which reader is tried in ``tests/fuzz/on_logs.py``."""
     odd = [{**tick(1.0 + 0.05 * at), **each} for at, each in enumerate(ODD)]
     records = [*drive(1.0), *ODD_EVENTS, *odd, *drive(3.0)[30:]]

@@ -30,7 +30,7 @@ from tests.views.run_report.logs import (
     titles,
     write_log,
 )
-from tests.views.text.records import event, record
+from tests.views.text.records import event, noted, record
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.views.page.plots import Plots
 from wayfarer.views.run_report.data import RunData, read_run
@@ -68,12 +68,12 @@ def eventful(tmp_path_factory: pytest.TempPathFactory) -> tuple[RunData, str]:
     for held in ticks[20:40]:
         held["level"] = "hold"
     ticks[60]["anomalies"] = ["nose_up"]
-    ticks[70]["moon_deg"] = 1.0
+    ticks[70]["memory"]["moon_deg"] = 1.0
     told = [
-        event("health", 0.99, level="hold", cause="operator_hold"),
-        event("mark", 1.0, text="hit log"),
-        event("mark", 2.0, text=HOSTILE),
-        event("health", 2.0, level="hold", cause="compass_stale"),
+        event("health", 0.99, "Held", "warning", level="hold", cause="operator_hold"),
+        noted(1.0, "hit log"),
+        noted(2.0, HOSTILE),
+        event("health", 2.0, "Held: the compass is silent", "warning", level="hold", cause="compass_stale"),
         *(record("board", at_s, battery_v=12.0 - at_s) for at_s in (1.01, 2.01)),
         *(fix(at_s, at_s, 3.0 if at_s < 3.0 else None) for at_s in (1.0, 2.0, 3.0)),
     ]
@@ -92,14 +92,14 @@ def test_page_is_whole_needs_nothing_else_and_has_all_tables(eventful: tuple[Run
 
 def test_marks_are_numbered_in_list_map_and_time_series(eventful: tuple[RunData, str]) -> None:
     _, page = eventful
-    assert f"mark 1: hit log 0:00:02.0 mark 2: {HOSTILE}" in unescape(text_of(page))
-    assert drawn(page).count('["mark 1: hit log","mark 2: ') == 2
+    assert f"1. Mark: hit log 0:00:02.0 2. Mark: {HOSTILE}" in unescape(text_of(page))
+    assert drawn(page).count('["1. Mark: hit log","2. Mark: ') == 2
 
 
 def test_trouble_stands_out_and_an_operators_hold_does_not(eventful: tuple[RunData, str]) -> None:
     _, page = eventful
     (trouble,) = re.findall(r"<strong>(.*?)</strong>", page)
-    assert trouble.startswith("Wheels held until this clears: the compass is silent. This ends when ")
+    assert trouble == "Held: the compass is silent"
 
 
 def test_held_wheels_the_battery_and_a_new_key_are_in_the_time_series(eventful: tuple[RunData, str]) -> None:
@@ -150,7 +150,8 @@ def test_conditions_are_told_with_their_time_and_response_while_the_rover_was_ar
     ticks = [tick(0.05 * at, **(blind if at >= 20 else {})) for at in range(61)]
     told = text_of(conditions_table(data_of(tmp_path / "armed", HEADER, ARMED, *ticks)))
     assert "The motion sensor's picture is too poor 0:00:02.0 it drives a stride ahead" in told
-    told = text_of(conditions_table(data_of(tmp_path / "disarmed", HEADER, *ticks)))
+    disarmed = [{**each, "mode": "disarmed"} for each in ticks]
+    told = text_of(conditions_table(data_of(tmp_path / "disarmed", HEADER, *disarmed)))
     assert told == "While it was armed, nothing was wrong with the rover itself."
 
 
@@ -162,7 +163,7 @@ def test_a_hold_interrupts_an_episode_and_arming_ends_it(tmp_path: Path) -> None
     assert told.count("the heading is the goal heading again") == 1
     armed = [*ticks[:50], event("armed", 2.49, goal_heading_deg=0.0), *ticks[50:]]
     told = text_of(episodes_table(data_of(tmp_path / "armed", HEADER, *armed)))
-    assert "1 0:00:02.0 right 1 0.5 0.4 armed 2 0:00:03.0" in told
+    assert "1 0:00:02.0 right 1 0.5 0.5 armed 2 0:00:03.0" in told
 
 
 def test_sensors_are_told_by_rate_gap_and_failures(tmp_path: Path) -> None:
@@ -214,8 +215,12 @@ def test_simulated_run_shows_the_forest_and_how_far_dead_reckoning_drifted(tmp_p
     assert '"Rect"' in drawn(page)  # the fallen trunk
 
 
-@pytest.mark.parametrize("world", [None, [], {}, {**WORLD, "trunks_m": [[1, None]]}, {**WORLD, "start_m": "here"}])
+@pytest.mark.parametrize(
+    "world",
+    [None, {**WORLD, "trunks_m": [[20.0, 20.0, 30.0, 22.0, "askew"]]}, {**WORLD, "trunk_diameter_m": -1.0},
+     {**WORLD, "trees_m": [[1.0, 2.0, 3.0]]}],
+)  # fmt: skip
 def test_simulated_run_whose_forest_cannot_be_read_says_so(tmp_path: Path, world: object) -> None:
-    truth = record("truth", 0.0, x_m=25.0, y_m=12.5)
+    truth = record("truth", 0.0, x_m=25.0, y_m=12.5, driven_m=0.0)
     page = page_of(tmp_path, {**HEADER, "simulated": True, "world": world}, truth, *drive(), OUTCOME)
     assert NO_FOREST in text_of(page)

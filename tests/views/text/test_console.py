@@ -6,18 +6,29 @@ import time
 
 import pytest
 
-from tests.views.text.records import BEGAN_WALL_S, HEADER, drive, event, narrated, numbered, outcome, record, tick
-from wayfarer.fieldlog.schema import Record
+from tests.views.text.records import (
+    BEGAN_WALL_S,
+    HEADER,
+    Json,
+    drive,
+    event,
+    narrated,
+    numbered,
+    outcome,
+    read,
+    record,
+    tick,
+)
 from wayfarer.fieldlog.wording import Tone
 from wayfarer.views.text.console import Console
 from wayfarer.views.text.run_narrator import Verbosity
 
 
-def said(*records: Record) -> list[str]:
+def said(*records: Json) -> list[str]:
     lines: list[str] = []
     console = Console("Say go", lines.append)
     for each in numbered(records):
-        console.show(each)
+        console.show(read(each))
     return lines
 
 
@@ -26,7 +37,11 @@ def clock(t_s: float) -> str:
 
 
 def test_line_has_the_wall_time_and_the_words_of_the_log() -> None:
-    records = [HEADER, event("armed", 2.0, goal_heading_deg=123.456), tick(3.0, phase="back_off", why="anomaly")]
+    records = [
+        HEADER,
+        event("armed", 2.0, "Armed: drives towards 123 degrees"),
+        tick(3.0, phase="back_off", why="anomaly"),
+    ]
     words = [line.text for line in narrated(records, Verbosity.CHANGES)]
     assert said(*records) == [f"{clock(t_s)}  {text}" for t_s, text in zip((0.0, 2.0, 3.0), words, strict=True)]
     assert said(*records)[1] == f"{clock(2.0)}  Armed: drives towards 123 degrees"
@@ -51,7 +66,7 @@ def test_end_says_which_command_comes_next() -> None:
     lines: list[str] = []
     console = Console("Say go", lines.append, then="wayfarer logs summary")
     for each in (HEADER | {"log": "/my logs/00001"}, outcome(6.0)):
-        console.show(each)
+        console.show(read(each))
     assert lines[-1] == "Next: wayfarer logs summary '/my logs/00001'"
 
 

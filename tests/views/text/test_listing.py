@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import gzip
 import os
 import time
 from pathlib import Path
 
 import pytest
 
-from tests.views.text.records import BEGAN_WALL_S, HEADER, RUN, drive, numbered, outcome, tick, write
+from tests.views.text.records import BEGAN_WALL_S, HEADER, RUN, drive, line, numbered, outcome, tick, write
 from wayfarer.views.text.listing import CELLS, RunRow, lines, rows
 
 LONG_AGO_S = BEGAN_WALL_S - 1e6
@@ -55,7 +56,7 @@ def test_trial_has_a_time_of_its_own(tmp_path: Path) -> None:
 def test_run_in_parts_is_told_by_its_first_and_its_last(tmp_path: Path) -> None:
     write(tmp_path / RUN, [HEADER, tick(1.0)])
     write(tmp_path / RUN, [tick(7200.0)], "run.00004.jsonl")
-    write(tmp_path / RUN, [HEADER | {"part": 5, "t_s": 7300.0}], "run.00005.jsonl")
+    write(tmp_path / RUN, [HEADER | {"part": 5, "t_s": 7300.0, "elapsed_s": 7200.0}])
     assert cells(tmp_path)[2:7] == ("2:00:00", "minirover", "forest-pledge", "3600", "0")
 
 
@@ -84,6 +85,14 @@ def test_run_in_which_anything_may_stand_is_listed_at_once(tmp_path: Path, hosti
     assert row(tmp_path).outcome == "unreadable"
 
 
+@pytest.mark.timeout(15)  # a whole look through it takes a minute
+def test_packed_part_that_holds_more_than_any_disk_is_listed_at_once(tmp_path: Path) -> None:
+    (tmp_path / RUN).mkdir()
+    holes = gzip.compress(bytes(10**7)) * 2_000  # 20 GB
+    (tmp_path / RUN / "run.00001.jsonl.gz").write_bytes(gzip.compress(line(HEADER) + line(tick(1.0))) + holes)
+    assert (row(tmp_path).rover, row(tmp_path).outcome) == ("minirover", "cut off")
+
+
 def test_long_run_is_listed_from_its_ends(tmp_path: Path) -> None:
     file = write(tmp_path / RUN, [HEADER, tick(1.0)]) / "run.00001.jsonl"
     os.truncate(file, 10**12)
@@ -92,10 +101,9 @@ def test_long_run_is_listed_from_its_ends(tmp_path: Path) -> None:
 
 
 def test_run_whose_first_part_lost_its_header_is_told_by_a_later_one(tmp_path: Path) -> None:
-    write(tmp_path / RUN, [tick(1.0)])
-    later = [HEADER | {"part": 2, "t_s": 105.0, "simulated": True, "trial": 5}, tick(6.0)]
-    write(tmp_path / RUN, later, "run.00002.jsonl")
-    assert cells(tmp_path)[:5] == ("17", "trial 5", "0:00:05", "minirover (sim)", "forest-pledge")
+    write(tmp_path / RUN, [tick(1.0)], "run.00001.jsonl")
+    write(tmp_path / RUN, [HEADER | {"part": 2, "t_s": 105.0, "simulated": True, "trial": 5}, tick(6.0)])
+    assert cells(tmp_path)[:5] == ("17", "trial 5", "0:00:06", "minirover (sim)", "forest-pledge")
 
 
 def test_folders_without_a_number_are_listed_by_their_names(tmp_path: Path) -> None:

@@ -11,18 +11,21 @@ from tests.views.text.records import (
     BEGAN_WALL_S,
     HEADER,
     RUN,
+    Json,
     drive,
     event,
     narrated,
+    noted,
     numbered,
     outcome,
+    read,
     record,
     tick,
+    unarmed,
     write,
 )  # fmt: skip
 from wayfarer.fieldlog.reader import Damage
-from wayfarer.fieldlog.run_state import LowBattery
-from wayfarer.fieldlog.schema import Record
+from wayfarer.fieldlog.run_fold import LowBattery
 from wayfarer.views.text.listing import CELLS, rows
 from wayfarer.views.text.run_narrator import Verbosity
 from wayfarer.views.text.summary import Mark, RunSummary, summarise
@@ -30,11 +33,15 @@ from wayfarer.views.text.summary_text import distance_line, summary_text
 from wayfarer.views.text.verdict import NO_OUTCOME
 
 
-def summary(*records: Record) -> RunSummary:
-    return summarise(numbered([HEADER, *records]))
+def summarised(records: Iterable[Json]) -> RunSummary:
+    return summarise(map(read, records))
 
 
-def text(*records: Record) -> dict[str, list[str]]:
+def summary(*records: Json) -> RunSummary:
+    return summarised(numbered([HEADER, *records]))
+
+
+def text(*records: Json) -> dict[str, list[str]]:
     """The lines for people, by their titles."""
     found: dict[str, list[str]] = {}
     title = ""
@@ -53,13 +60,11 @@ def test_it_says_what_ran_and_how_it_ended() -> None:
 
 def test_time_is_total_armed_and_held_by_cause() -> None:
     found = summary(
-        *drive(0.0, 2.0),
-        event("armed", 2.0, goal_heading_deg=0.0),
+        *unarmed(0.0, 2.0),
         *drive(2.0, 5.0),
         *drive(5.0, 6.0, level="hold", cause="operator_hold"),
         *drive(6.0, 7.0, level="degrade", cause="battery_low"),
-        event("disarmed", 7.0, reason="asked for"),
-        *drive(7.0, 10.0, level="hold", cause="compass_stale"),
+        *unarmed(7.0, 10.0, level="hold", cause="compass_stale"),
     )
     assert found.lasted_s == pytest.approx(9.95)
     assert found.armed_s == pytest.approx(5.0)
@@ -69,9 +74,9 @@ def test_time_is_total_armed_and_held_by_cause() -> None:
 
 def test_run_began_when_the_clock_that_was_right_at_its_end_says() -> None:
     wrong = {"t_wall": 100.0}
-    assert summarise([HEADER | wrong, tick(1.0) | wrong, outcome(3.0)]).began_wall_s == pytest.approx(BEGAN_WALL_S)
-    assert summarise([HEADER | wrong, tick(1.0) | wrong]).began_wall_s is None
-    assert "clock was not set" in summary_text("1", summarise([HEADER | wrong]), Damage())
+    assert summarised([HEADER | wrong, tick(1.0) | wrong, outcome(3.0)]).began_wall_s == pytest.approx(BEGAN_WALL_S)
+    assert summarised([HEADER | wrong, tick(1.0) | wrong]).began_wall_s is None
+    assert "clock was not set" in summary_text("1", summarised([HEADER | wrong]), Damage())
 
 
 def test_way_is_commanded_and_reckoned() -> None:
@@ -84,7 +89,7 @@ def test_way_is_commanded_and_reckoned() -> None:
 def test_way_of_a_simulated_rover_is_the_true_one_in_summary_list_and_lines(tmp_path: Path) -> None:
     truth = record("truth", 1.0, x_m=25.0, y_m=13.0, driven_m=3.26)
     records = [HEADER, *drive(0.0, 1.0), truth, tick(1.0, phase="probe", travelled_m=7.0), outcome(1.05)]
-    found = summarise(records)
+    found = summarised(records)
     assert found.driven_m == 3.26
     assert distance_line(found).startswith("3.3 m driven, 7.0 m commanded, ")
     write(tmp_path / RUN, numbered(records))
@@ -128,11 +133,11 @@ def test_periods_are_measured_and_late_ticks_counted() -> None:
 
 @pytest.mark.parametrize(
     "between",
-    [[], [event("log_gap", 3.0, dropped=40)], [HEADER | {"part": 2}], [HEADER | {"part": 2}, event("log_gap", 3.0)]],
+    [[], [HEADER | {"part": 2}]],
 )
-def test_ticks_that_were_lost_are_no_late_ones(between: list[Record]) -> None:
+def test_ticks_that_were_lost_are_no_late_ones(between: list[Json]) -> None:
     records = numbered([HEADER, *drive(0.0, 5.0)])
-    found = summarise([*records[:20], *between, *records[60:]])
+    found = summarised([*records[:20], *between, *records[60:]])
     assert found.late_ticks == 0
     assert found.period is not None
     assert found.period.max_s == pytest.approx(0.05)
@@ -146,7 +151,7 @@ def test_failures_and_interventions_are_counted() -> None:
         event("hold", 4.0),
         event("resume", 5.0),
         event("goal", 6.0, goal_heading_deg=20.0),
-        event("mark", 7.0, text="hit log"),
+        noted(7.0, "hit log"),
     )
     assert found.sensor_failures == {"compass": 2, "motion": 1}
     assert found.failures == {"motors_failed": 1}
@@ -161,9 +166,8 @@ def test_times_that_a_person_drove_are_counted() -> None:
 
 def test_lost_rover_is_searched_from_where_it_was_armed() -> None:
     found = summary(
-        *drive(0.0, 4.0),  # carried about before it is armed
-        event("armed", 4.0, goal_heading_deg=90.0),
-        *drive(4.0, 44.0, heading_deg=90.0),
+        *unarmed(0.0, 4.0),  # carried about before it is armed
+        *(tick(4.0 + step, mission_s=step, north_m=2.0, east_m=0.5 * step, heading_deg=90.0) for step in range(41)),
     )
     assert found.where.by_reckoning is not None
     assert found.where.by_reckoning.distance_m == pytest.approx(20.0, abs=0.1)
@@ -171,19 +175,19 @@ def test_lost_rover_is_searched_from_where_it_was_armed() -> None:
     assert found.where.last_fix is None
 
 
-def place_text(records: Iterable[Record], missing: int = 0) -> list[str]:
+def place_text(records: Iterable[Json], missing: int = 0) -> list[str]:
     """What is said of where to search."""
-    lines = summary_text("1", summarise(records), Damage(missing=missing)).splitlines()
+    lines = summary_text("1", summarised(records), Damage(missing=missing)).splitlines()
     return lines[[line.startswith("where") for line in lines].index(True) :][: 2 if missing else 1]
 
 
 def test_place_is_called_partly_known_where_records_are_missing() -> None:
-    records = [HEADER, event("armed", 0.0), *drive(0.0, 10.05)]
+    records = [HEADER, *drive(0.0, 10.05)]
     assert place_text(records, missing=40) == [
         "where      5 m at bearing 0 degrees magnetic from the start (dead reckoning)",
         "           40 records are missing, so the path is only partly known",
     ]
-    assert "missing" not in summary_text("1", summarise(records), Damage())
+    assert "missing" not in summary_text("1", summarised(records), Damage())
 
 
 @pytest.mark.parametrize(
@@ -192,20 +196,24 @@ def test_place_is_called_partly_known_where_records_are_missing() -> None:
         [HEADER],  # it was armed in what is gone
         [],
         [HEADER | {"part": 2}],
-        [HEADER | {"part": 2}, *drive(-8.0, 0.0), event("armed", 0.0)],  # not for the first time
+        [HEADER | {"part": 2}, *unarmed(-8.0, 0.0), tick(0.0)],  # not for the first time
     ],
 )
-def test_place_counts_from_where_the_log_begins_if_that_is_not_the_start(before: list[Record]) -> None:
-    at = summarise([*before, *drive(0.0, 10.05, motion={"forward_m": 0.025, "right_m": 0.0, "quality": 1.0})]).where
+def test_place_counts_from_where_the_log_begins_if_that_is_not_the_start(before: list[Json]) -> None:
+    records = [*before, *(tick(0.05 * step, mission_s=60.0 + 0.05 * step) for step in range(1, 201))]
+    at = summarised(records).where
     assert at.by_reckoning is not None
     assert not at.from_start
-    (line,) = place_text([*before, *drive(0.0, 10.05, motion={"forward_m": 0.1, "right_m": 0.0, "quality": 1.0})])
+    (line,) = place_text(records)
     assert "magnetic from where the log begins (dead reckoning)" in line
 
 
 def test_rover_armed_before_it_knew_its_heading_is_searched_from_its_first_place() -> None:
     found = summary(
-        event("armed", 0.0), *drive(0.0, 20.05), event("disarmed", 20.0), event("armed", 21.0), *drive(20.1, 30.0)
+        tick(0.0, heading_deg=None, north_m=None, east_m=None),
+        *drive(0.05, 20.0),
+        *unarmed(20.0, 21.0),
+        *drive(21.0, 30.05, mission_s=0.0),
     )
     assert found.where.from_start
     assert found.where.by_reckoning is not None
@@ -215,12 +223,12 @@ def test_rover_armed_before_it_knew_its_heading_is_searched_from_its_first_place
 def test_receiver_says_where_and_how_long_ago() -> None:
     first = record("position", 0.0, latitude_deg=50.0, longitude_deg=179.9999, error_m=3.0)
     last = record("position", 5.0, latitude_deg=50.001, longitude_deg=-179.9999, error_m=None)
-    found = summary(first, last, record("position", 6.0, latitude_deg=None, longitude_deg=1.0), tick(9.0))
+    found = summary(first, last, tick(9.0, mission_s=0.0))
     assert found.where.by_receiver is not None
     assert found.where.by_receiver.distance_m == pytest.approx(112.2, abs=0.1)
     assert found.where.by_receiver.bearing_deg == pytest.approx(7.3, abs=0.1)
     assert found.where.fix_age_s == pytest.approx(4.0)
-    assert text(first, last, tick(9.0))["where"] == [
+    assert text(first, last, tick(9.0, mission_s=0.0))["where"] == [
         "50.001000, -179.999900, 4 s before the end",
         "112 m at bearing 7 degrees true from the first position",
         "0 m at bearing 0 degrees magnetic from the start (dead reckoning)",
@@ -228,10 +236,10 @@ def test_receiver_says_where_and_how_long_ago() -> None:
 
 
 def test_log_tells_how_many_of_the_missing_records_could_not_be_written() -> None:
-    found = summarise([HEADER, event("log_gap", 1.0, dropped=100), event("log_gap", 2.0, dropped=11), tick(3.0)])
-    assert found.dropped == 111
+    found = summarised([HEADER, *(record("computer", at_s, log_dropped=20 * at_s) for at_s in (1, 2)), tick(3.0)])
+    assert found.dropped == 40
     log = summary_text("1", found, Damage(missing=150)).splitlines()[-1]
-    assert log == f"log        150 records are missing, 111 of them could not be written; {NO_OUTCOME}"
+    assert log == f"log        150 records are missing, 40 of them could not be written; {NO_OUTCOME}"
 
 
 def test_text_tells_only_what_there_is_to_tell() -> None:
@@ -241,12 +249,12 @@ def test_text_tells_only_what_there_is_to_tell() -> None:
 def test_every_line_fits_a_terminal() -> None:
     records = [
         event("armed", 0.0), *drive(0.0, 30.0, anomalies=["immobilised"]), *drive(30.0, 40.0, level="hold", cause="x"),
-        record("board", 40.0, battery_v=12.0, faults=[]), event("mark", 41.0, text="hit log"), outcome(42.0),
+        record("board", 40.0, battery_v=12.0, faults=[]), noted(41.0, "hit log"), outcome(42.0),
     ]  # fmt: skip
     assert max(len(line) for lines in text(*records).values() for line in lines) <= 80 - 11
 
 
 def test_nothing_at_all_is_a_summary_too() -> None:
-    assert summary_text("1", summarise([]), Damage()).startswith(
+    assert summary_text("1", summarised([]), Damage()).startswith(
         "run        1\n           unknown rover: the log has no header\n"
     )

@@ -28,7 +28,7 @@ class Following:
         self.ended = False
         try:
             for path, record in tail.follow(logs, run, self._wait):
-                self.times.setdefault(path.name, []).append(record["t_s"] - HEADER["t_s"])
+                self.times.setdefault(path.name, []).append(record.t_s - HEADER["t_s"])
             self.ended = True
         except KeyboardInterrupt:
             pass

@@ -13,7 +13,7 @@ from pathlib import Path
 from time import CLOCK_BOOTTIME, clock_gettime
 from typing import Any
 
-import orjson
+import msgspec
 
 from wayfarer.daemon.socket.paths import known_sockets, no_session
 from wayfarer.daemon.socket.protocol import REPLY_BYTES, STARTING, RequestRefused, check, read_line
@@ -66,8 +66,8 @@ def _line_of(request: Mapping[str, object]) -> bytes:
         request = {"asked_s": clock_gettime(CLOCK_BOOTTIME), **request}
     check(request)
     try:
-        return orjson.dumps(dict(request)) + b"\n"
-    except TypeError:  # half a character: a terminal passes on invalid UTF-8 this way
+        return msgspec.json.encode(dict(request)) + b"\n"
+    except UnicodeEncodeError:  # half a character: a terminal passes on invalid UTF-8 this way
         raise BadInput(f"the request is no text in UTF-8: {dict(request)!a}") from None
 
 

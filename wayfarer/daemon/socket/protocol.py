@@ -20,7 +20,7 @@ import reprlib
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
 
-import orjson
+import msgspec
 
 from wayfarer.angles import wrap360
 from wayfarer.errors import BadInput, UnknownName, WayfarerError
@@ -149,8 +149,8 @@ def read_line(line: bytes) -> dict[str, object]:
         BadInput: it is something else.
     """
     try:
-        fields = orjson.loads(line)
-    except ValueError:  # no JSON, no UTF-8, NaN, nested without end
+        fields = msgspec.json.decode(line)
+    except (ValueError, RecursionError):  # no JSON, no UTF-8, NaN, nested without end
         fields = None
     if not isinstance(fields, dict):
         raise BadInput('this line is not a JSON object: send one such as {"do": "status"}')
@@ -222,7 +222,7 @@ def ok_reply(details: Details) -> bytes:
     Raises:
         RequestRefused: the line with the details is too long.
     """
-    line = orjson.dumps({"ok": True, **details})
+    line = msgspec.json.encode({"ok": True, **details})
     if len(line) > REPLY_BYTES:
         raise RequestRefused(f"it was done, but the answer has {len(line)} bytes and {REPLY_BYTES} is the limit")
     return line + b"\n"
@@ -230,7 +230,7 @@ def ok_reply(details: Details) -> bytes:
 
 def error_reply(why: str) -> bytes:
     """Return the line of a reply that says why the request failed."""
-    return orjson.dumps({"ok": False, "why": why}) + b"\n"
+    return msgspec.json.encode({"ok": False, "why": why}) + b"\n"
 
 
 def _is_number(value: object, low: float, high: float) -> bool:

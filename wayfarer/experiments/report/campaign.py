@@ -23,7 +23,6 @@ from wayfarer.experiments.report.load_results import CampaignResults, read_resul
 from wayfarer.experiments.report.paths_figure import SVG, escape_figure, grouped, lay_out, paths_figure, rows_plot
 from wayfarer.experiments.report.worst_trials import RerunTrial, Trajectory, TrajectoryPoint, choose, run_again
 from wayfarer.experiments.tables import lines_of
-from wayfarer.fieldlog.vocabulary import in_words
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.views import palette
 from wayfarer.views.page import html
@@ -34,6 +33,7 @@ from wayfarer.views.run_report.events import EDGE
 from wayfarer.views.run_report.map import draw_forest
 from wayfarer.views.run_report.series import pieces
 from wayfarer.views.text.terminal_table import known
+from wayfarer.vocabulary import in_words
 
 # -- comparison ------------------------------------------------------------------------------------------------------
 # The paired comparison of a campaign's algorithms: forest plots, table and words of ``wayfarer compare``.

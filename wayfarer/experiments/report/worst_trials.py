@@ -26,9 +26,9 @@ from wayfarer.experiments.outcome import SUCCESSES
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.trial import TrialResult, run_watched
 from wayfarer.experiments.trial_setup import TrialSpec
-from wayfarer.fieldlog.vocabulary import outcome_in_words
 from wayfarer.hal import Rover
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
+from wayfarer.vocabulary import outcome_in_words
 
 KEPT_EVERY_M = 0.2  # half a body: the tightest curve, the probe's, has a radius of 1.15 m
 

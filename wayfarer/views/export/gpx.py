@@ -11,30 +11,28 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import dist, nan
 from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple, TextIO
 from xml.etree.ElementTree import Element
 
+import msgspec
 from gpxpy.gpx import GPX, GPXTrack, GPXTrackPoint, GPXTrackSegment, GPXWaypoint
 
 from wayfarer import __version__
 from wayfarer.angles import Coordinates, clamp, coordinates_deg, wrap180
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.clock import duration_text
-from wayfarer.fieldlog.dead_reckoning import ReckonedPose
-from wayfarer.fieldlog.fields import or_nan, safe_text
 from wayfarer.fieldlog.folders import run_title
 from wayfarer.fieldlog.reader import Damage, RunReader
-from wayfarer.fieldlog.run_events import AnomalyBegan, Ended, Noted
-from wayfarer.fieldlog.run_fold import HELD, RunFold
-from wayfarer.fieldlog.typed import Fix, RunEvent, Tick
-from wayfarer.fieldlog.vocabulary import in_words
-from wayfarer.fieldlog.wording import event_text, outcome_text, run_text
+from wayfarer.fieldlog.record import Event, Fix, Outcome, ReckonedPose, Tick, or_nan
+from wayfarer.fieldlog.run_fold import HELD, AnomalyBegan, RunFold, Told
+from wayfarer.fieldlog.wording import outcome_text, run_text
 from wayfarer.views.export.wall_time import read_clock_zero_s, utc_time
 from wayfarer.views.receiver_fit import Fit, MapFix, believable, fit
+from wayfarer.vocabulary import in_words
 
 OURS = "urn:wayfarer:gpx"  # what makes the names of extensions unique; nothing is to be found there
 GAP_S = 10.0  # without a fix, and a track has a gap: ten readings at the usual ``rates.position_hz`` of 1
@@ -125,16 +123,14 @@ def read_places(run: Path, origin: Origin | None) -> Places:
     path = ReckonedPath()
     placed_events: list[PlacedEvent] = []
     for record in RunReader(run):
-        events = fold.take(record)
-        placed_events += _happened(events)
-        for event in events:
-            match event:
-                case Tick(place=place) if place is not None:
-                    poses.append(place)
-                    path.take(event.elapsed_s, place, fold.state.stretch)
-                case Fix():
-                    fixes.append(_on_globe(event))
-                    compared.append(_compared(event, fold.state.place))
+        placed_events += _happened(fold.take(record))
+        match record:
+            case Tick() if (place := record.place) is not None:
+                poses.append(place)
+                path.take(record.elapsed_s, place, fold.state.stretch)
+            case Fix():
+                fixes.append(_on_globe(record))
+                compared.append(_compared(record, fold.state.place))
     _check_origin(run, origin, fixes, poses)
     fixes.sort(key=_time)
     onto = onto_fixes(compared) if origin is None else from_origin(origin)
@@ -163,19 +159,19 @@ def _compared(fix: Fix, place: ReckonedPose | None) -> MapFix:
     return MapFix(fix.elapsed_s, fix.latitude_deg, fix.longitude_deg, or_nan(fix.error_m), *here_m)
 
 
-def _happened(events: Sequence[RunEvent]) -> Iterator[PlacedEvent]:
+def _happened(events: Sequence[Told]) -> Iterator[PlacedEvent]:
     """Give what has a place of what a record tells; anomalies that begin at the same tick are one."""
     begun = [in_words(event.kind) for event in events if isinstance(event, AnomalyBegan)]
     if begun:
         yield PlacedEvent("anomaly", ", ".join(begun), events[0].t_s, events[0].elapsed_s)
     for event in events:
         match event:
-            case Noted(name="mark", record=record):
-                yield PlacedEvent("mark", event_text(record), event.t_s, event.elapsed_s)
-            case Noted(name="health", record={"level": str(level), **told}) if level in HELD:
-                cause = safe_text(told, "cause") or "unknown"
+            case Event(name="mark"):
+                yield PlacedEvent("mark", event.text, event.t_s, event.elapsed_s)
+            case Event(name="health", data={"level": str(level)}) if level in HELD:
+                cause = event.word("cause") or "unknown"
                 yield PlacedEvent(level, f"{level}: {in_words(cause)}", event.t_s, event.elapsed_s)
-            case Ended():
+            case Outcome():
                 yield PlacedEvent("end", outcome_text(event), event.t_s, event.elapsed_s)
 
 
@@ -183,8 +179,9 @@ def _segments(fixes: Sequence[Fix]) -> Iterator[list[Fix]]:
     """Cut a track where fixes are missing, and at the date line, where maps draw a line around the world."""
     segment: list[Fix] = []
     for fix in fixes:
-        late = fix.period_s is not None and fix.period_s > GAP_S
-        if segment and (late or abs(fix.longitude_deg - segment[-1].longitude_deg) > 180.0):
+        if segment and (
+            fix.t_s - segment[-1].t_s > GAP_S or abs(fix.longitude_deg - segment[-1].longitude_deg) > 180.0
+        ):
             yield segment
             segment = []
         segment.append(fix)
@@ -207,7 +204,7 @@ def _placed(
 
 def _on_globe(fix: Fix) -> Fix:
     latitude_deg, longitude_deg = on_globe(fix.latitude_deg, fix.longitude_deg)
-    return replace(fix, latitude_deg=latitude_deg, longitude_deg=longitude_deg)
+    return msgspec.structs.replace(fix, latitude_deg=latitude_deg, longitude_deg=longitude_deg)
 
 
 # -- the path ----------------------------------------------------------------------------------------------------------

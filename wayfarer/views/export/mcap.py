@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple, Protocol
 
-import orjson
+import msgspec
 from foxglove import Channel, Context, open_mcap
 from foxglove.channels import FrameTransformChannel, LocationFixChannel, LogChannel, SceneUpdateChannel
 from foxglove.mcap import MCAPWriter
@@ -25,10 +25,8 @@ from foxglove.messages import (
 
 from wayfarer import __version__
 from wayfarer.fieldlog.reader import Damage, RunReader
-from wayfarer.fieldlog.run_events import Ended, RunBegan
-from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.fieldlog.schema import Record
-from wayfarer.fieldlog.typed import Fix, Header, RunEvent, Tick, Truth
+from wayfarer.fieldlog.record import AnyRecord, Fix, Header, Outcome, ReckonedPose, Tick, Truth
+from wayfarer.fieldlog.run_fold import RunBegan, RunFold, Told
 from wayfarer.fieldlog.wording import Tone
 from wayfarer.views.export.mcap_plots import FURTHER, PLOTS, Plot
 from wayfarer.views.export.mcap_scene import (
@@ -44,6 +42,7 @@ from wayfarer.views.export.mcap_scene import (
 )
 from wayfarer.views.export.wall_time import SECOND_NS, nanoseconds, read_clock_zero_s
 from wayfarer.views.text.log_lines import LOG_NAMES, log_lines
+from wayfarer.views.text.run_narrator import further
 
 LOG_LEVELS: Mapping[Tone, LogLevel] = {Tone.WARNING: LogLevel.Warning, Tone.FAULT: LogLevel.Error}
 
@@ -59,14 +58,14 @@ def write_mcap(run: Path, file: BinaryIO) -> Damage:
     """
     reader = RunReader(run)
     zero_s = read_clock_zero_s(reader)
-    began_ns = nanoseconds(zero_s + next(iter(RunReader(run)))["t_s"])
+    began_ns = nanoseconds(zero_s + next(iter(RunReader(run))).t_s)
     context = Context()
     channels = Channels(context)
     sink = _Sink(file)
     writer = open_mcap(sink, context=context)
     try:
         for record in RunReader(run):
-            channels.take(record, zero_s + record["t_s"])
+            channels.take(record, zero_s + record.t_s)
             sink.check()
         _describe(writer, channels.header, began_ns)
     finally:
@@ -109,7 +108,7 @@ class Channels:
         self._fold = RunFold()
         self._start_m = (0.0, 0.0)
         self._paths = {frame: DrawnPath() for frame in (ROVER, TRUTH)}
-        self._rows: defaultdict[type[RunEvent], Row] = defaultdict(list)
+        self._rows: defaultdict[type[Told], Row] = defaultdict(list)
         self._add_plots(context)
         self._add_log(context)
         self._add_scene(context)
@@ -119,18 +118,16 @@ class Channels:
         """Return what ran."""
         return self._fold.state.header
 
-    def take(self, record: Record, time_s: float) -> None:
+    def take(self, record: AnyRecord, time_s: float) -> None:
         """Send what a record says, at a time in seconds since 1970."""
         for event in self._fold.take(record):
             match event:
-                case Tick(place=place) if place is not None:
-                    east_m, north_m = place.east_m + self._start_m[0], place.north_m + self._start_m[1]
-                    event.place = place._replace(east_m=east_m, north_m=north_m)
-                    self._paths[ROVER].grow(east_m, north_m)
+                case Tick() if (place := event.place) is not None:
+                    self._paths[ROVER].grow(*self._on_map(place))
                 case Truth(x_m=x_m, y_m=y_m):
                     self._paths[TRUTH].grow(x_m, y_m)
                 case RunBegan(header=Header(world=world)) if world is not None:
-                    self._start_m = (float(world["start_m"][0]), float(world["start_m"][1]))
+                    self._start_m = world.start_m
             _send(self._rows[type(event)], event, time_s)
 
     def _add_plots(self, context: Context) -> None:
@@ -145,7 +142,7 @@ class Channels:
             self._rows[kind].append((channel, _lines))
 
     def _add_scene(self, context: Context) -> None:
-        self._rows[Tick].append((FrameTransformChannel("/pose", context=context), _pose))
+        self._rows[Tick].append((FrameTransformChannel("/pose", context=context), self._pose))
         self._rows[Truth].append((FrameTransformChannel("/truth", context=context), _true_pose))
         self._rows[Fix].append((LocationFixChannel("/location", context=context), _location))
         self._rows[RunBegan].append((SceneUpdateChannel("/forest", context=context), _forest))
@@ -153,18 +150,27 @@ class Channels:
         for topic, kind, frame in (("/track", Tick, ROVER), ("/truth_track", Truth, TRUTH)):
             channel = SceneUpdateChannel(topic, context=context)
             self._rows[kind].append((channel, partial(self._longer_path, frame)))
-            self._rows[Ended].append((channel, partial(self._path, frame)))
+            self._rows[Outcome].append((channel, partial(self._path, frame)))
 
-    def _longer_path(self, frame: str, event: RunEvent, at: MessageTime) -> Iterator[SceneUpdate]:
+    def _on_map(self, place: ReckonedPose) -> tuple[float, float]:
+        """Return metres east and north of the map's origin."""
+        return place.east_m + self._start_m[0], place.north_m + self._start_m[1]
+
+    def _pose(self, tick: Tick, at: MessageTime) -> Iterator[FrameTransform]:
+        if (place := tick.place) is not None:
+            rotation = orientation(place.heading_deg, tick.pitch_deg or 0.0, tick.roll_deg or 0.0)
+            yield transform(at.stamp, ROVER, *self._on_map(place), rotation)
+
+    def _longer_path(self, frame: str, event: Told, at: MessageTime) -> Iterator[SceneUpdate]:
         if self._paths[frame].is_due(event.t_s):
             yield from self._path(frame, event, at)
 
-    def _path(self, frame: str, _event: RunEvent, at: MessageTime) -> Iterator[SceneUpdate]:
+    def _path(self, frame: str, _event: Told, at: MessageTime) -> Iterator[SceneUpdate]:
         if points := self._paths[frame].points:
             yield path_scene(at.stamp, frame, [point(east_m, north_m) for east_m, north_m, _ in points])
 
 
-def _send(row: Row, event: RunEvent, time_s: float) -> None:
+def _send(row: Row, event: Told, time_s: float) -> None:
     """Send an event on a row of channels."""
     at = _moment(time_s)
     for channel, make in row:
@@ -177,25 +183,19 @@ def _moment(time_s: float) -> MessageTime:
     return MessageTime(time_ns, Timestamp(*divmod(time_ns, SECOND_NS)))
 
 
-def _values(plot: Plot, view: RunEvent, _at: MessageTime) -> Iterator[bytes]:
+def _values(plot: Plot, view: AnyRecord, _at: MessageTime) -> Iterator[bytes]:
     if message := plot.message(view):
-        yield orjson.dumps(message)
+        yield msgspec.json.encode(message)
 
 
 def _further(tick: Tick, _at: MessageTime) -> Iterator[bytes]:
-    if further := tick.further:
-        yield orjson.dumps(further)
+    if others := further(tick):
+        yield msgspec.json.encode(others)
 
 
-def _lines(event: RunEvent, at: MessageTime) -> Iterator[Log]:
+def _lines(event: Told, at: MessageTime) -> Iterator[Log]:
     for name, text, tone in log_lines(event):
         yield Log(timestamp=at.stamp, level=LOG_LEVELS.get(tone, LogLevel.Info), name=name, message=text)
-
-
-def _pose(tick: Tick, at: MessageTime) -> Iterator[FrameTransform]:
-    if (place := tick.place) is not None:
-        rotation = orientation(place.heading_deg, tick.pitch_deg or 0.0, tick.roll_deg or 0.0)
-        yield transform(at.stamp, ROVER, place.east_m, place.north_m, rotation)
 
 
 def _true_pose(truth: Truth, at: MessageTime) -> Iterator[FrameTransform]:
@@ -233,7 +233,7 @@ def _describe(writer: MCAPWriter, header: Header, began_ns: int) -> None:
     """Add what ran: as a metadata record, and the rover file's settings as an attachment."""
     writer.write_metadata("wayfarer", _metadata(header))
     if header.config is not None:
-        settings = orjson.dumps(header.config, option=orjson.OPT_INDENT_2)
+        settings = msgspec.json.format(msgspec.json.encode(header.config), indent=2)
         writer.attach(
             log_time=began_ns, create_time=began_ns, name="rover.json", media_type="application/json", data=settings
         )

@@ -12,10 +12,8 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 from wayfarer.angles import wrap180
-from wayfarer.fieldlog.lines import KEYS
-from wayfarer.fieldlog.schema import ANY_NUMBER
-from wayfarer.fieldlog.typed import Board, Computer, RunEvent, Tick, Truth
-from wayfarer.fieldlog.vocabulary import ANOMALY_TEXTS, response_text
+from wayfarer.fieldlog.record import AnyRecord, Board, Computer, Tick, Truth
+from wayfarer.vocabulary import ANOMALY_TEXTS, response_text
 
 NOTHING = "none"  # a separate state: in a strip of states, a missing value would look like the previous one
 
@@ -23,22 +21,32 @@ NOTHING = "none"  # a separate state: in a strip of states, a missing value woul
 class Plot(NamedTuple):
     """One channel: the view of the records that it shows, what it is about, and its fields with their meanings."""
 
-    view: type[RunEvent]
+    view: type[AnyRecord]
     meaning: str
     fields: Mapping[str, str]
 
     def schema(self, topic: str) -> dict[str, Any]:
         """Return the channel's JSON schema; of the types only plain ones, which every reader of schemas knows."""
         properties = {
-            name: {"type": _kind(KINDS[self.view], name), "description": meaning}
-            for name, meaning in self.fields.items()
+            name: {"type": _kind(self.view, name), "description": meaning} for name, meaning in self.fields.items()
         }
         name = f"wayfarer.{topic.removeprefix('/')}"
         return {"type": "object", "title": name, "description": self.meaning, "properties": properties}
 
-    def message(self, view: RunEvent) -> dict[str, object]:
+    def message(self, view: AnyRecord) -> dict[str, object]:
         """Return what a record says of the fields."""
-        values = ((name, _DERIVED[name](view) if name in _DERIVED else getattr(view, name)) for name in self.fields)
+        derived, kept = _DERIVED, view.__struct_fields__
+        values = (
+            (
+                name,
+                derived[name](view)
+                if name in derived
+                else getattr(view, name)
+                if name in kept
+                else _memory(view, name),
+            )
+            for name in self.fields
+        )
         return {name: value for name, value in values if _is_known(value)}
 
 
@@ -47,15 +55,19 @@ FURTHER: Mapping[str, Any] = {
     "title": "wayfarer.further",
     "description": "Other keys of a tick's record, such as the memory of another algorithm.",
 }
-KINDS: Mapping[type[RunEvent], str] = {Tick: "tick", Board: "board", Computer: "computer", Truth: "truth"}
 
 
-def _kind(record: str, name: str) -> str:
-    """Return the type of a field in JSON schema, from the log's schema; what an algorithm remembers are numbers."""
-    types = KEYS[record].get(name, ANY_NUMBER).types
-    if bool in types or name in ANOMALY_TEXTS:
+def _kind(view: type[AnyRecord], name: str) -> str:
+    """Return the type of a field in JSON schema, from the log's record; what an algorithm remembers are numbers."""
+    types = str(view.__annotations__.get(name, "float"))
+    if "bool" in types or name in ANOMALY_TEXTS:
         return "boolean"
-    return "string" if str in types or list in types or name == "response" else "number"
+    return "string" if "str" in types or name == "response" else "number"
+
+
+def _memory(tick: Any, name: str) -> float | None:
+    number: float | None = tick.remembered(name)
+    return number
 
 
 def _is_known(value: object) -> bool:

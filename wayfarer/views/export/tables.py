@@ -20,32 +20,48 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, TextIO
 
+import msgspec
+
 from wayfarer.fieldlog.fields import escape_control_chars
-from wayfarer.fieldlog.lines import KEYS, READINGS
 from wayfarer.fieldlog.reader import Damage, RunReader
-from wayfarer.fieldlog.run_events import Ended, FaultInjected, Noted
-from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.fieldlog.schema import STAMP, Record
-from wayfarer.fieldlog.typed import Tick
-from wayfarer.fieldlog.wording import event_text, fault_text, outcome_text
+from wayfarer.fieldlog.record import (
+    AnyRecord,
+    Board,
+    Compass,
+    Computer,
+    Contact,
+    Event,
+    FaultInjected,
+    Fix,
+    Motion,
+    Outcome,
+    Record,
+    Tick,
+    Truth,
+)
+from wayfarer.fieldlog.wording import fault_text, outcome_text
 from wayfarer.views.export.wall_time import utc_stamp
 
+STAMP = Record.__struct_fields__
+BESIDE: Mapping[type[AnyRecord], str] = {Board: "board", Fix: "position", Computer: "computer", Truth: "truth"}
+READINGS = {"compass": Compass, "motion": Motion, "contact": Contact}
+NO_COLUMNS = {*STAMP, *READINGS, "manual", "memory"}
 # What readings and other records say, under their names.
 PART_COLUMNS = tuple(
-    f"{kind}_{key}"
-    for kind in ("compass", "motion", "contact", "board", "position", "computer", "truth")
-    for key in {**KEYS, **READINGS}[kind]
+    f"{name}_{key}"
+    for name, kind in (*READINGS.items(), *((name, kind) for kind, name in BESIDE.items()))
+    for key in kind.__struct_fields__
+    if kind not in BESIDE or key not in STAMP
 )
 # Always there and in this order, so that the tables of two runs can be put below each other.
 COLUMNS = (
     "elapsed_s", "t_s", "t_wall", "n", "event",
     "phase", "why", "anomalies", "heading_deg", "goal_heading_deg", "pitch_deg", "roll_deg", "travelled_m",
-    "covered_m", "reckoned_north_m", "reckoned_east_m",
+    "covered_m", "mode", "held", "mission_s", "mission_m", "north_m", "east_m", "path_m",
     "wanted_left", "wanted_right", "applied_left", "applied_right", "level", "cause",
     "counter_deg", "side", "turn_deg", "episodes", "blocked_turns", "turn_from_duty", "decision_t_s",
     *PART_COLUMNS,
 )  # fmt: skip
-WORDS = {"run", "event", "fault", "outcome"}  # what is told in words, or is in every part of a log
 _NUMBER = r"[+-](?:[0-9]+\.?[0-9]*(?:e[+-]?[0-9]+)?|inf)"
 # Where the decimal separator is a comma, spreadsheets begin a cell after each semicolon, some after a tab. Full-width
 # signs count too.
@@ -67,7 +83,7 @@ def write_csv(run: Path, file: TextIO) -> Damage:
     return reader.damage
 
 
-def csv_rows(records: Iterable[Record], further: Iterable[str] = ()) -> Iterator[list[str]]:
+def csv_rows(records: Iterable[AnyRecord], further: Iterable[str] = ()) -> Iterator[list[str]]:
     """Give the titles, then a row for each tick; ``further`` are columns beyond those that every table has."""
     columns = dict.fromkeys([*COLUMNS, *further])
     yield [without_formulas(column) for column in columns]
@@ -75,13 +91,13 @@ def csv_rows(records: Iterable[Record], further: Iterable[str] = ()) -> Iterator
         yield [_spreadsheet_cell(row.get(column)) for column in columns]
 
 
-def further_columns(records: Iterable[Record]) -> list[str]:
+def further_columns(records: Iterable[AnyRecord]) -> list[str]:
     """Return the columns that only some tables have, as an algorithm's memory."""
     found = dict.fromkeys(column for record in records for column in _columns_of(record))
     return [column for column in found if column not in COLUMNS]
 
 
-def table_rows(records: Iterable[Record]) -> Iterator[Row]:
+def table_rows(records: Iterable[AnyRecord]) -> Iterator[Row]:
     """Give a row for each tick, with the values as they are; a column that is not in a row has none."""
     sheet = _Sheet()
     for record in records:
@@ -93,29 +109,24 @@ class _Sheet:
     """Collects what belongs in the row of the next tick."""
 
     def __init__(self) -> None:
-        self._fold = RunFold()
         self._stamp: Row = {}
         self._beside: Row = {}
         self._events: list[str] = []
 
-    def take(self, record: Record) -> Iterator[Row]:
+    def take(self, record: AnyRecord) -> Iterator[Row]:
         """Take a record, and give the row if it is a tick."""
-        events, said = self._fold.take(record), _columns_of(record)
-        self._stamp = {"elapsed_s": self._fold.state.elapsed_s, **{key: record.get(key) for key in STAMP}}
-        if (wall_s := record.get("t_wall")) is not None:
-            self._stamp["t_wall"] = utc_stamp(wall_s)
-        for event in events:
-            match event:
-                case Tick():
-                    yield self._row(said | _reckoned(event))
-                    return
-                case Noted(record=told):
-                    self._events.append(event_text(told))
-                case FaultInjected():
-                    self._events.append(fault_text(event))
-                case Ended():
-                    self._events.append(outcome_text(event))
-        self._beside |= said
+        self._stamp = {key: getattr(record, key) for key in STAMP} | {"t_wall": utc_stamp(record.t_wall)}
+        match record:
+            case Tick():
+                yield self._row(_columns_of(record))
+            case Event():
+                self._events.append(record.text)
+            case FaultInjected():
+                self._events.append(fault_text(record))
+            case Outcome():
+                self._events.append(outcome_text(record))
+            case _:
+                self._beside |= _columns_of(record)
 
     def rest(self) -> Iterator[Row]:
         """Give a last row, if there is anything that no tick came after."""
@@ -128,28 +139,24 @@ class _Sheet:
         return row
 
 
-def _reckoned(tick: Tick) -> Row:
-    if tick.place is None:
-        return {}
-    return {"reckoned_north_m": round(tick.place.north_m, 3), "reckoned_east_m": round(tick.place.east_m, 3)}
-
-
-def _columns_of(record: Record) -> Row:
+def _columns_of(record: AnyRecord) -> Row:
     """Return the columns of what a record says; none of one that is told in words, or that is in every part."""
-    kind = record["record"]
-    if kind in WORDS:
+    if isinstance(record, Tick):
+        return _flat(record.memory | msgspec.structs.asdict(record), "")  # a key of the log's own counts
+    if (name := BESIDE.get(type(record))) is None:
         return {}
-    said = {key: value for key, value in record.items() if key != "record" and key not in STAMP}
-    return _flat(said, "" if kind == "tick" else f"{kind}_")
+    return _flat(msgspec.structs.asdict(record), f"{name}_")
 
 
 def _flat(values: Mapping[str, Any], prefix: str) -> Row:
-    """Return values by column, those of a reading under its name."""
+    """Return values by column, those of a reading under its name; none of a sensor that has not spoken."""
     row: Row = {}
     for key, value in values.items():
-        if isinstance(value, dict):
-            row |= _flat(value, _title(prefix, f"{key}_"))
-        elif value is not None or key not in READINGS:  # null where a sensor has not spoken
+        if isinstance(value, msgspec.Struct):
+            row |= {_title(f"{key}_", each): its for each, its in msgspec.structs.asdict(value).items()}
+        elif isinstance(value, dict) and key != "memory":
+            row |= {_title(f"{key}_", str(each)): its for each, its in value.items()}
+        elif key not in NO_COLUMNS:
             row[_title(prefix, key)] = value
     return row
 
@@ -169,12 +176,12 @@ def cell(value: object) -> str:
         return str(int(value))
     if isinstance(value, datetime):
         return value.isoformat(timespec="microseconds").replace("+00:00", "Z")
-    return escape_control_chars("; ".join(map(str, value)) if isinstance(value, list) else str(value))
+    return escape_control_chars("; ".join(map(str, value)) if isinstance(value, list | tuple) else str(value))
 
 
 def _spreadsheet_cell(value: object) -> str:
     text = cell(value)
-    return without_formulas(text) if isinstance(value, str | list) else text
+    return without_formulas(text) if isinstance(value, str | list | tuple) else text
 
 
 @lru_cache(maxsize=1000)

@@ -5,13 +5,11 @@ They are right at the end of the log, where the rover's computer is most likely 
 
 from __future__ import annotations
 
+from collections import deque
 from datetime import UTC, datetime, timedelta
 
 from wayfarer.angles import clamp
-from wayfarer.errors import BadInput
-from wayfarer.fieldlog.clock import clock_zero_s
 from wayfarer.fieldlog.reader import RunReader
-from wayfarer.fieldlog.schema import Record
 
 SECOND_NS = 1_000_000_000
 LATEST_S = 2**32 - 1  # in the year 2106, where the seconds of Foxglove's times end
@@ -21,16 +19,10 @@ def read_clock_zero_s(reader: RunReader) -> float:
     """Read a run to its end, and return the time since 1970 at which its ``t_s`` was zero.
 
     Raises:
-        BadInput: the run cannot be read, or no record has a wall time.
+        BadInput: the run cannot be read.
     """
-    last: Record = {}
-    for record in reader:
-        if record.get("t_wall") is not None:
-            last = record
-    zero_s = clock_zero_s(last)
-    if zero_s is None:
-        raise BadInput(f"{reader.run}: no record of this log has a wall time (see wayfarer logs check)")
-    return zero_s
+    (last,) = deque(reader, maxlen=1)
+    return last.t_wall - last.t_s
 
 
 def nanoseconds(time_s: float) -> int:
@@ -44,5 +36,5 @@ def utc_time(wall_s: float) -> datetime:
 
 
 def utc_stamp(wall_s: float) -> datetime:
-    """Return a log's ``t_wall`` to the microsecond; it is from 1970 to 2286 (``schema.SINCE_1970``)."""
+    """Return a log's ``t_wall`` to the microsecond; it is from 1970 to 2286 (``record.Wall``)."""
     return datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=round(wall_s * 1e6))

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Awaitable, Callable
 from typing import Any, NamedTuple
 
-import orjson
+import msgspec
 
 from wayfarer.control.rate import ASKED_AT_ONCE, ASKED_HZ
 
@@ -147,4 +147,4 @@ class PageViewer:
 
 
 def _encoded(**piece: Any) -> str:
-    return orjson.dumps(piece).decode()
+    return msgspec.json.encode(piece).decode()

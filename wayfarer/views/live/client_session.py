@@ -14,7 +14,7 @@ import asyncio
 import logging
 from contextlib import suppress
 
-import orjson
+import msgspec
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from wayfarer.control.rate import RateLimiter
@@ -146,7 +146,7 @@ class ClientSession:
 
     async def _send(self, **piece: object) -> None:
         """Send it what is for this viewer only."""
-        await self._socket.send_str(orjson.dumps([piece]).decode())
+        await self._socket.send_str(msgspec.json.encode([piece]).decode())
 
     async def _do(self, fields: dict[str, object]) -> Details:
         """Do what is asked for, and return details for the page."""

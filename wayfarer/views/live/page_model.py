@@ -14,15 +14,12 @@ from typing import Any
 
 from wayfarer.angles import wrap180
 from wayfarer.fieldlog.clock import duration_text
-from wayfarer.fieldlog.fields import table
-from wayfarer.fieldlog.run_events import AnomalyBegan, Ended, PhaseChanged, RunBegan
-from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.fieldlog.schema import Record
+from wayfarer.fieldlog.record import AnyRecord, Event, Header, Outcome, Tick, Truth
+from wayfarer.fieldlog.run_fold import AnomalyBegan, PhaseChanged, RunBegan, RunFold, Told
 from wayfarer.fieldlog.sensor_status import SensorStatus
-from wayfarer.fieldlog.typed import Header, RunEvent, Tick, Truth
-from wayfarer.fieldlog.vocabulary import disarmed_text, in_words, level_text, response_text
 from wayfarer.views.text.run_narrator import RunNarrator, Verbosity, further_texts, reason_text
 from wayfarer.views.trail import Trail
+from wayfarer.vocabulary import disarmed_text, in_words, level_text, response_text
 
 LINES = 200  # about the run; half an hour of a rover that drives
 MARKS = 400  # anomalies that are drawn; the oldest go first
@@ -53,14 +50,16 @@ class PageModel:
         self._why = ""
         self._place: tuple[float, float, float] | None = None
 
-    def take(self, record: Record) -> bool:
+    def take(self, record: AnyRecord) -> bool:
         """Take a record; return whether people should see it at once, not at the next regular moment."""
+        run = self._fold.state
+        was = run.mode, run.tick.held
         events = self._fold.take(record)
         for event in events:
             self._take(event)
         for line in self._narrator.tell(events):
             self._tell("lines", self._lines, [duration_text(line.elapsed_s, 1), line.text, line.tone.value])
-        return record["record"] in {"event", "outcome"}
+        return isinstance(record, Event) or (run.mode, run.tick.held) != was
 
     def snapshot(self) -> dict[str, Any]:
         """Return everything that a page shows."""
@@ -87,12 +86,12 @@ class PageModel:
     def state(self) -> dict[str, Any]:
         """Return how things are now."""
         run = self._fold.state
-        tick, phase, level = run.tick, run.tick.phase or "", run.tick.level or ""
+        tick, phase, level = run.tick, run.tick.phase, run.tick.level
         return {
             "t_s": round(run.t_s, 3),
             "mode": run.mode,
             "why_disarmed": disarmed_text(run.why_disarmed),
-            "held": run.operator_hold,
+            "held": tick.held,
             "phase": phase,
             "phase_text": in_words(phase),
             "why_text": self._why,
@@ -104,16 +103,16 @@ class PageModel:
             "heading_deg": tick.heading_deg,
             "pitch_deg": tick.pitch_deg,
             "roll_deg": tick.roll_deg,
-            "counter_deg": tick.counter_deg,
-            "episodes": tick.episodes,
+            "counter_deg": tick.remembered("counter_deg"),
+            "episodes": tick.remembered("episodes"),
             "further": ", ".join(further_texts(tick))[:FURTHER_CHARS],
-            "goal_heading_deg": run.goal_heading_deg,
+            "goal_heading_deg": tick.goal_heading_deg,
             "anomalies": [in_words(kind) for kind in tick.anomalies],
             "counts": [[in_words(kind), count] for kind, count in run.anomalies.most_common()],
             "wheels": [tick.applied_left, tick.applied_right],
             **self._totals(),
-            "battery_v": run.board.battery_v,
-            "faults": list(run.board.faults),
+            "battery_v": None if run.board is None else run.board.battery_v,
+            "faults": [] if run.board is None else list(run.board.faults),
             "sensors": [[name, _sensor(sensor, run.t_s)] for name, sensor in run.sensors.items()],
             "place": self._place,
         }
@@ -131,36 +130,36 @@ class PageModel:
 
     # -- what happened -------------------------------------------------------------------------------------------
 
-    def _take(self, event: RunEvent) -> None:
+    def _take(self, event: Told) -> None:
         if isinstance(event, Tick):
             self._follow_course(event)
         match event:
-            case Tick(place=place) if place is not None and self._fold.state.header.world is None:
+            case Tick() if (place := event.place) is not None and self._fold.state.header.world is None:
                 self._move(place.east_m, place.north_m, place.heading_deg)
             case Truth():
                 self._move(event.x_m, event.y_m, event.heading_deg)
             case PhaseChanged():
                 self._why = reason_text(self._fold.state.tick)
-                self._tell("phases", self._phases, [round(event.t_s, 2), event.phase or ""])
+                self._tell("phases", self._phases, [round(event.t_s, 2), event.phase])
             case AnomalyBegan(kind=kind) if self._place is not None:
                 self._tell("marks", self._marks, [*self._place[:2], in_words(kind)])
             case RunBegan(header=header):
                 self._about = _about(header)
-            case Ended():
+            case Outcome():
                 self._news["outcome"] = _outcome(event)
 
     def _follow_course(self, tick: Tick) -> None:
         """Keep the heading relative to the goal, clockwise positive, and C; None for what is not known."""
         if self._course and 0.0 <= tick.t_s - self._course[-1][0] < COURSE_S:
             return
-        goal_deg, heading_deg, counter_deg = self._fold.state.goal_heading_deg, tick.heading_deg, tick.counter_deg
+        goal_deg, heading_deg, counter_deg = tick.goal_heading_deg, tick.heading_deg, tick.remembered("counter_deg")
         off_deg = None if goal_deg is None or heading_deg is None else round(wrap180(heading_deg - goal_deg), 1)
         told_c_deg = None if counter_deg is None else round(counter_deg, 1)
         self._tell("course", self._course, [round(tick.t_s, 2), off_deg, told_c_deg])
 
     def _move(self, east_m: float, north_m: float, heading_deg: float) -> None:
         self._place = (round(east_m, 3), round(north_m, 3), round(heading_deg, 1))
-        if self._trail.add(*self._place[:2], self._fold.state.tick.phase or ""):
+        if self._trail.add(*self._place[:2], self._fold.state.tick.phase):
             self._news.setdefault("track", []).append(self._trail.points[-1])
 
     def _tell(self, what: str, kept: deque[Any], told: list[Any]) -> None:
@@ -176,13 +175,13 @@ def _about(header: Header) -> dict[str, Any]:
         "version": header.version,
         "simulated": header.simulated,
         "dry_run": header.dry_run,
-        "manual": table(table(header.record, "config"), "manual").get("allowed") is True,
+        "manual": (header.config or {}).get("manual", {}).get("allowed") is True,
         "length_m": header.setting("vehicle", "length_m"),
         "width_m": header.setting("vehicle", "width_m"),
     }
 
 
-def _outcome(ended: Ended | None) -> dict[str, str | None] | None:
+def _outcome(ended: Outcome | None) -> dict[str, str | None] | None:
     return None if ended is None else {"reason": ended.reason, "text": ended.text}
 
 

@@ -19,14 +19,14 @@ from typing import Any, NamedTuple
 from aiohttp import web
 
 from wayfarer.daemon.socket.protocol import Commands, RequestRefused
-from wayfarer.fieldlog.schema import Record
-from wayfarer.fieldlog.vocabulary import PHASE_TEXTS
+from wayfarer.fieldlog.record import AnyRecord
 from wayfarer.views import palette
 from wayfarer.views.live.access import Access, address_to_open, bind, check_page
 from wayfarer.views.live.broadcaster import LIMITS, Broadcaster, PageViewer, ViewerLimits
 from wayfarer.views.live.client_session import ClientSession
 from wayfarer.views.live.demo_controls import DemoControls
 from wayfarer.views.live.page_model import PageModel
+from wayfarer.vocabulary import PHASE_TEXTS
 
 # -- the page --------------------------------------------------------------------------------------------------------
 # The HTML document of the live page, made of the files in ``page/``, and its security headers.
@@ -122,7 +122,7 @@ class LivePage:
         """Release the port of a page that was never served. Safe twice."""
         self._socket.close()
 
-    def show(self, record: Record) -> None:
+    def show(self, record: AnyRecord) -> None:
         """Take a record; see ``daemon.daemon.Viewer``."""
         if self._model.take(record):
             self._soon.set()

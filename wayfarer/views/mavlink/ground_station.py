@@ -21,7 +21,7 @@ from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.rate import Rate, RateLimiter
 from wayfarer.daemon.socket.protocol import Commands, RequestRefused
 from wayfarer.errors import WayfarerError
-from wayfarer.fieldlog.schema import Record
+from wayfarer.fieldlog.record import AnyRecord
 from wayfarer.views.mavlink.link import COMPONENT, Address, Link
 from wayfarer.views.mavlink.telemetry import MODE_HOLD, MODE_LOITER, Answers, Messages, StatusTexts, Telemetry, version
 
@@ -145,7 +145,7 @@ class GroundStation:
             Stream(telemetry.battery, 0.5),
         ]
 
-    def show(self, record: Record) -> None:
+    def show(self, record: AnyRecord) -> None:
         """Take a record."""
         self._texts.take(self._telemetry.take(record))
 

@@ -21,11 +21,8 @@ from wayfarer import __version__
 from wayfarer.angles import wrap180, wrap360
 from wayfarer.config.settings import MavlinkSettings
 from wayfarer.escape.api import Phase
-from wayfarer.fieldlog.run_events import PhaseChanged
-from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.fieldlog.run_state import RunState
-from wayfarer.fieldlog.schema import Record
-from wayfarer.fieldlog.typed import Board, Fix, RunEvent
+from wayfarer.fieldlog.record import AnyRecord, Board, Fix
+from wayfarer.fieldlog.run_fold import PhaseChanged, RunFold, RunState, Told
 from wayfarer.fieldlog.wording import Tone
 from wayfarer.safety.conditions import Level
 from wayfarer.views.text.log_lines import log_lines
@@ -65,7 +62,7 @@ class Telemetry:
         self._declination_deg = declination_deg or 0.0
         self.state = self._fold.state
 
-    def take(self, record: Record) -> Sequence[RunEvent]:
+    def take(self, record: AnyRecord) -> Sequence[Told]:
         """Take a record; return what it tells."""
         return self._fold.take(record)
 
@@ -107,9 +104,9 @@ class Telemetry:
         """Tell the measured speed, 0 if it is not known; the heading; and the larger duty as throttle."""
         tick = self.state.tick
         if tick.heading_deg is not None:
-            speed = tick.measured_m_s if isfinite(tick.measured_m_s) else 0.0
+            speed = self.state.measured_m_s if isfinite(self.state.measured_m_s) else 0.0
             heading = int(self._heading_deg(tick.heading_deg)) % 360
-            throttle = min(100, round(100.0 * (tick.duty or 0.0)))
+            throttle = min(100, round(100.0 * tick.duty))
             yield common.MAVLink_vfr_hud_message(0.0, speed, heading, throttle, 0.0, 0.0)
 
     def receiver(self) -> Messages:
@@ -122,7 +119,7 @@ class Telemetry:
             lat, lon, kind = round(fix.latitude_deg * 1e7), round(fix.longitude_deg * 1e7), common.GPS_FIX_TYPE_2D_FIX
         error_mm = min(2**32 - 1, round(1000.0 * fix.error_m)) if fix is not None and fix.error_m else 0
         yield common.MAVLink_gps_raw_int_message(
-            round(self.state.last["t_s"] * 1e6), kind, lat, lon, 0, NO_U16, NO_U16, NO_U16, NO_U16, 255, 0, error_mm
+            round(self.state.t_s * 1e6), kind, lat, lon, 0, NO_U16, NO_U16, NO_U16, NO_U16, 255, 0, error_mm
         )
 
     def health(self) -> Messages:
@@ -131,7 +128,9 @@ class Telemetry:
         present = sum(BITS[name] for name in state.sensors if name in BITS) | MOTORS | ARMING_CHECKS
         ill = sum(BITS[name] for name, each in state.sensors.items() if name in BITS and each.is_late(state.t_s))
         board = self._fresh(state.board)
-        ill |= (MOTORS if state.board.faults else 0) | (ARMING_CHECKS if state.tick.level == "fault" else 0)
+        ill |= (MOTORS if state.board is not None and state.board.faults else 0) | (
+            ARMING_CHECKS if state.tick.level == "fault" else 0
+        )
         if board is not None and board.battery_v is not None:
             present |= BATTERY
         yield common.MAVLink_sys_status_message(
@@ -152,10 +151,10 @@ class Telemetry:
         state, tick = self.state, self.state.tick
         if tick.phase in PHASES:
             yield self._number("phase", PHASES.index(tick.phase))
-        yield self._number("level", LEVELS.get(tick.level or "", -1))
+        yield self._number("level", LEVELS.get(tick.level, -1))
         named = (
-            ("C_deg", tick.counter_deg), ("goal_deg", state.goal_heading_deg), ("mission_m", state.mission_m),
-            ("episodes", tick.episodes),
+            ("C_deg", tick.remembered("counter_deg")), ("goal_deg", tick.goal_heading_deg),
+            ("mission_m", state.mission_m), ("episodes", tick.remembered("episodes")),
         )  # fmt: skip
         for name, value in named:
             # A third party's algorithm may say anything.
@@ -190,7 +189,7 @@ def custom_mode(run: RunState) -> int:
         return MODE_MANUAL
     if run.mode == "arming":
         return MODE_INITIALISING
-    return MODE_AUTO if run.mode == "armed" and not run.operator_hold else MODE_HOLD
+    return MODE_AUTO if run.mode == "armed" and not run.tick.held else MODE_HOLD
 
 
 def system_status(run: RunState) -> int:
@@ -199,7 +198,7 @@ def system_status(run: RunState) -> int:
         return int(common.MAV_STATE_EMERGENCY)
     if run.mode not in ("armed", "manual"):
         return int(common.MAV_STATE_STANDBY)
-    troubled = run.tick.level in ("degrade", "hold") and not run.operator_hold
+    troubled = run.tick.level in ("degrade", "hold") and not run.tick.held
     return int(common.MAV_STATE_CRITICAL if troubled else common.MAV_STATE_ACTIVE)
 
 
@@ -230,7 +229,7 @@ class StatusTexts:
     def __len__(self) -> int:
         return len(self._waiting)
 
-    def take(self, events: Iterable[RunEvent]) -> None:
+    def take(self, events: Iterable[Told]) -> None:
         """Queue a text for each event that has one."""
         for event in events:
             if not isinstance(event, PhaseChanged):

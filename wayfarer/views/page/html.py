@@ -12,8 +12,8 @@ from typing import NamedTuple
 from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
 
-from wayfarer.fieldlog.vocabulary import in_words
 from wayfarer.views import palette
+from wayfarer.vocabulary import in_words
 
 Block = Callable[..., Markup]
 _ENVIRONMENT = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined)

@@ -15,17 +15,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.escape.api import Anomaly, Phase
-from wayfarer.fieldlog.dead_reckoning import ReckonedPose
-from wayfarer.fieldlog.fields import number, or_nan
-from wayfarer.fieldlog.missions import Episode, EpisodeBegan
 from wayfarer.fieldlog.reader import Damage, RunReader
-from wayfarer.fieldlog.run_events import AnomalyBegan, Noted, Silence
-from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.fieldlog.schema import Record
+from wayfarer.fieldlog.record import Board, Event, Fix, Header, ReckonedPose, Tick, Truth, or_nan
+from wayfarer.fieldlog.run_fold import (
+    NO_HEADER,
+    AnomalyBegan,
+    Episode,
+    EpisodeBegan,
+    RunFold,
+    RunState,
+    Silence,
+    Told,
+)
 from wayfarer.fieldlog.sensor_status import SensorStatus
-from wayfarer.fieldlog.typed import Board, Fix, Header, RunEvent, Tick, Truth
 from wayfarer.safety.conditions import Level
 from wayfarer.views.receiver_fit import MapFix
+from wayfarer.views.text.run_narrator import further
 from wayfarer.views.text.summary import RunSummariser, RunSummary
 
 Floats = NDArray[np.float64]
@@ -35,23 +40,23 @@ PHASES = tuple(phase.value for phase in Phase)
 LEVEL_NUMBERS = {level.name.lower(): float(level) for level in Level}
 ANOMALY_KINDS = frozenset(anomaly.value for anomaly in Anomaly)
 PHASE_INDEX = {phase: float(index) for index, phase in enumerate(PHASES)}
-TICK: Mapping[str, Callable[[Tick], float | None]] = {
-    "t_s": lambda tick: tick.elapsed_s,
-    "phase": lambda tick: PHASE_INDEX.get(tick.phase or ""),
-    "level": lambda tick: LEVEL_NUMBERS.get(tick.level or ""),
-    "heading_deg": lambda tick: tick.heading_deg,
-    "goal_heading_deg": lambda tick: tick.goal_heading_deg,
-    "counter_deg": lambda tick: tick.counter_deg,
-    "pitch_deg": lambda tick: tick.pitch_deg,
-    "roll_deg": lambda tick: tick.roll_deg,
-    "wanted_left": lambda tick: number(tick.record, "wanted_left"),
-    "wanted_right": lambda tick: number(tick.record, "wanted_right"),
-    "left": lambda tick: tick.applied_left or 0.0,
-    "right": lambda tick: tick.applied_right or 0.0,
-    "measured_m_s": lambda tick: tick.measured_m_s,
-    "period_s": lambda tick: tick.period_s,
-    "north_m": lambda tick: tick.place.north_m if tick.place else nan,
-    "east_m": lambda tick: tick.place.east_m if tick.place else nan,
+TICK: Mapping[str, Callable[[Tick, RunState], float | None]] = {
+    "t_s": lambda tick, _: tick.elapsed_s,
+    "phase": lambda tick, _: PHASE_INDEX.get(tick.phase),
+    "level": lambda tick, _: LEVEL_NUMBERS.get(tick.level),
+    "heading_deg": lambda tick, _: tick.heading_deg,
+    "goal_heading_deg": lambda tick, _: tick.goal_heading_deg,
+    "counter_deg": lambda tick, _: tick.remembered("counter_deg"),
+    "pitch_deg": lambda tick, _: tick.pitch_deg,
+    "roll_deg": lambda tick, _: tick.roll_deg,
+    "wanted_left": lambda tick, _: tick.wanted_left,
+    "wanted_right": lambda tick, _: tick.wanted_right,
+    "left": lambda tick, _: tick.applied_left or 0.0,
+    "right": lambda tick, _: tick.applied_right or 0.0,
+    "measured_m_s": lambda _, state: state.measured_m_s,
+    "period_s": lambda _, state: state.period_s,
+    "north_m": lambda tick, _: tick.place and tick.north_m,
+    "east_m": lambda tick, _: tick.place and tick.east_m,
 }
 TRUTH = ("t_s", "x_m", "y_m", "phase", "stretch")
 FURTHER_MOST = 12  # keys that no view names, each with a panel: a damaged log may have any number of them
@@ -69,7 +74,7 @@ class RunData:
     tables have a column ``stretch``: the log breaks off between two rows that differ in it.
     """
 
-    header: Record = field(default_factory=dict)
+    header: Header = NO_HEADER
     summary: RunSummary = field(init=False)
     damage: Damage = field(init=False)
     ticks: Columns = field(default_factory=dict)
@@ -78,7 +83,7 @@ class RunData:
     sensors: Mapping[str, SensorStatus] = field(default_factory=dict)
     batteries: Columns = field(default_factory=dict)
     onsets: list[AnomalyBegan] = field(default_factory=list)
-    events: list[Noted | Silence] = field(default_factory=list)
+    events: list[Event | Silence] = field(default_factory=list)
     fixes: list[MapFix] = field(default_factory=list)
     episodes: list[Episode] = field(default_factory=list)
 
@@ -94,9 +99,9 @@ class RunData:
         Of a log that begins after the first one, it is that of the first tick in which an algorithm drives: the ticks
         of a disarmed rover, and of one that a person drives, have a goal that nobody gave.
         """
-        events = [event for event in self.events if isinstance(event, Noted) and event.name in {"armed", "goal"}]
+        events = [event for event in self.events if isinstance(event, Event) and event.name in {"armed", "goal"}]
         if events:
-            told = ((event.elapsed_s, number(event.record, "goal_heading_deg")) for event in events)
+            told = ((event.elapsed_s, event.number("goal_heading_deg")) for event in events)
             return [(t_s, goal_deg) for t_s, goal_deg in told if goal_deg is not None]
         nobody = [PHASE_INDEX[phase.value] for phase in (Phase.HALT, Phase.MANUAL)]
         known = ~np.isnan(self.ticks["goal_heading_deg"]) & ~np.isin(self.ticks["phase"], nobody)
@@ -104,7 +109,8 @@ class RunData:
 
     def setting(self, section: str, key: str) -> float:
         """Return a number of the rover file, NaN if the header does not have it."""
-        return or_nan(Header.of(self.header).setting(section, key))
+        value = self.header.setting(section, key)
+        return nan if value is None else value
 
 
 def read_run(run: Path) -> RunData:
@@ -115,56 +121,57 @@ def read_run(run: Path) -> RunData:
     """
     reader, fold, summariser = RunReader(run), RunFold(), RunSummariser()
     data, ticks, truths, batteries = RunData(), array("d"), array("d"), array("d")
-    further: dict[str, array[float]] = {}
+    more: dict[str, array[float]] = {}
+    state, board_t_s = fold.state, nan
     for record in reader:
-        events = fold.take(record)
-        summariser.take(events)
-        for event in events:
-            match event:
-                case Tick():
-                    ticks.extend(or_nan(column(event)) for column in TICK.values())
-                    ticks.append(fold.state.stretch)
-                    _add_further(event, fold.state.ticks, further)
-                case Truth():
-                    phase = or_nan(PHASE_INDEX.get(fold.state.tick.phase or ""))
-                    truths.extend((event.elapsed_s, event.x_m, event.y_m, phase, fold.state.stretch))
-                case Board(battery_v=battery_v) if battery_v is not None:
-                    batteries.extend((event.elapsed_s, battery_v, event.period_s, fold.state.stretch))
-                case _:
-                    _keep(event, fold.state.place, data)
-    state = fold.state
-    data.header, data.summary, data.damage = state.header.record, summariser.summary(state), reader.damage
+        told = fold.take(record)
+        summariser.take(record, state)
+        match record:
+            case Tick():
+                ticks.extend(or_nan(column(record, state)) for column in TICK.values())
+                ticks.append(state.stretch)
+                _add_further(record, state.ticks, more)
+            case Truth():
+                phase = or_nan(PHASE_INDEX.get(state.tick.phase))
+                truths.extend((record.elapsed_s, record.x_m, record.y_m, phase, state.stretch))
+            case Board():
+                since_s, board_t_s = record.t_s - board_t_s, record.t_s
+                if record.battery_v is not None:
+                    batteries.extend((record.elapsed_s, record.battery_v, since_s, state.stretch))
+        for each in told:
+            _keep(each, state.place, data)
+    data.header, data.summary, data.damage = state.header, summariser.summary(state), reader.damage
     data.ticks, data.truth = _columns([*TICK, "stretch"], ticks), _columns(TRUTH, truths)
     data.batteries = _columns(BATTERY, batteries)
-    data.further = {key: np.array(column) for key, column in further.items()}
+    data.further = {key: np.array(column) for key, column in more.items()}
     data.sensors = {name: each for name, each in sorted(state.sensors.items()) if each.readings or each.failures}
     for sensor in data.sensors.values():
         sensor.fell_silent(state.t_s)
     return data
 
 
-def _add_further(tick: Tick, count: int, further: dict[str, array[float]]) -> None:
+def _add_further(tick: Tick, count: int, more: dict[str, array[float]]) -> None:
     """Add to each column the number that a tick has under its key; one that is new has none in the ticks before."""
-    values = {key: value for key in tick.further if (value := number(tick.record, key)) is not None}
+    values = {key: value for key in further(tick) if (value := tick.remembered(key)) is not None}
     for key in values:
-        if len(further) < FURTHER_MOST:
-            further.setdefault(key, array("d", [nan]) * (count - 1))
-    for key, column in further.items():
+        if len(more) < FURTHER_MOST:
+            more.setdefault(key, array("d", [nan]) * (count - 1))
+    for key, column in more.items():
         column.append(values.get(key, nan))
 
 
-def _keep(event: RunEvent, place: ReckonedPose | None, data: RunData) -> None:
-    match event:
+def _keep(told: Told, place: ReckonedPose | None, data: RunData) -> None:
+    match told:
         case AnomalyBegan(kind=kind) if kind in ANOMALY_KINDS:
-            data.onsets.append(event)
-        case Noted() | Silence():
-            data.events.append(event)
+            data.onsets.append(told)
+        case Event() | Silence():
+            data.events.append(told)
         case Fix():
             here_m = (place.north_m, place.east_m) if place else (nan, nan)
-            where = event.latitude_deg, event.longitude_deg, or_nan(event.error_m)
-            data.fixes.append(MapFix(event.elapsed_s, *where, *here_m))
+            where = told.latitude_deg, told.longitude_deg, or_nan(told.error_m)
+            data.fixes.append(MapFix(told.elapsed_s, *where, *here_m))
         case EpisodeBegan():
-            data.episodes.append(event.episode)
+            data.episodes.append(told.episode)
 
 
 def _columns(names: Sequence[str], flat: array[float]) -> Columns:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import count
 from math import radians
 from typing import Any, NamedTuple
 
-from wayfarer.fieldlog.run_events import Noted, Silence
-from wayfarer.fieldlog.vocabulary import in_words
+from wayfarer.fieldlog.record import Event
+from wayfarer.fieldlog.run_fold import Silence
 from wayfarer.fieldlog.wording import Tone
 from wayfarer.views import palette
 from wayfarer.views.page.html import PlotLayer
 from wayfarer.views.run_report.data import RunData
 from wayfarer.views.text.run_narrator import happened
+from wayfarer.vocabulary import in_words
 
 LAYERS = (
     PlotLayer("anomaly", "anomalies", palette.ANOMALY),
@@ -55,9 +57,8 @@ def _anomalies(data: RunData) -> Iterator[EventMark]:
 
 
 def _events(data: RunData) -> Iterator[EventMark]:
-    for event in data.events:
+    for event, text in told_events(data):
         at_s = event.began_s if isinstance(event, Silence) else event.elapsed_s
-        text = event_words(event)
         if _is_mark(event):
             yield EventMark(at_s, "mark", text, "hex")
         elif is_trouble(event):
@@ -66,23 +67,24 @@ def _events(data: RunData) -> Iterator[EventMark]:
             yield EventMark(at_s, "person" if _told(event)[1] is Tone.PERSON else "other", text)
 
 
-def event_words(event: Noted | Silence) -> str:
-    """Return an event in the words of a terminal; a person's mark with its number."""
-    if isinstance(event, Noted) and _is_mark(event):
-        return f"mark {event.number}: {event.text}".rstrip(": ")
-    return _told(event)[0]
+def told_events(data: RunData) -> Iterator[tuple[Event | Silence, str]]:
+    """Give the events of a run, each with the words of a terminal; a person's marks with their numbers."""
+    marks = count(1)
+    for event in data.events:
+        text = _told(event)[0]
+        yield event, f"{next(marks)}. {text}" if _is_mark(event) else text
 
 
-def is_trouble(event: Noted | Silence) -> bool:
+def is_trouble(event: Event | Silence) -> bool:
     """Return whether an event tells of something that went wrong; a hold that an operator asked for did not."""
-    operator_hold = isinstance(event, Noted) and event.record.get("cause") == "operator_hold"
+    operator_hold = isinstance(event, Event) and event.data.get("cause") == "operator_hold"
     return _told(event)[1] in (Tone.WARNING, Tone.FAULT) and not operator_hold
 
 
-def _is_mark(event: Noted | Silence) -> bool:
-    return isinstance(event, Noted) and event.name == "mark"
+def _is_mark(event: Event | Silence) -> bool:
+    return isinstance(event, Event) and event.name == "mark"
 
 
-def _told(event: Noted | Silence) -> tuple[str, Tone]:
+def _told(event: Event | Silence) -> tuple[str, Tone]:
     ((text, tone),) = happened(event)  # of these two kinds always one line
     return text, tone

@@ -17,13 +17,13 @@ from bokeh.plotting import ColumnDataSource
 from markupsafe import Markup
 
 from wayfarer.fieldlog.fields import escape_control_chars
-from wayfarer.fieldlog.vocabulary import LEVEL_TEXTS, in_words
 from wayfarer.views import palette
 from wayfarer.views.page import html
 from wayfarer.views.page.plots import Figure, Plots, hover, layer, plot, source
 from wayfarer.views.run_report.data import LEVEL_NUMBERS, PHASES, RunData
 from wayfarer.views.run_report.events import LAYERS, LOOK, columns, event_marks
 from wayfarer.views.run_report.series import Line, around, at_ticks, breaks, broken, spans, thinned
+from wayfarer.vocabulary import LEVEL_TEXTS, in_words
 
 # -- quantities ------------------------------------------------------------------------------------------------------
 # What the time panels show: a table of quantities, and how each is got from the data of a run.

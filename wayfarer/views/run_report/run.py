@@ -76,7 +76,8 @@ def write_run_report(run: Path, out: Path | None = None) -> Path:
         html.section("Settings", own_settings_table(data)),
         html.section("Events", events_list(data)),  # the longest
     ]
-    return write_page(run / PAGE, _title(data), body, plots, _cursor_js(), out=out)
+    folder = run if run.is_dir() else run.parent
+    return write_page(folder / PAGE, _title(data), body, plots, _cursor_js(), out=out)
 
 
 def _title(data: RunData) -> str:

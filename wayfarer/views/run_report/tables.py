@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, fields
-from itertools import groupby
+from itertools import groupby, islice
 from math import isnan
 from typing import Any
 
@@ -14,15 +14,14 @@ from wayfarer import __version__
 from wayfarer.config.rover_file import RoverConfig, flat
 from wayfarer.escape.settings import Vehicle
 from wayfarer.fieldlog.clock import duration_text
-from wayfarer.fieldlog.fields import table
-from wayfarer.fieldlog.missions import Episode
+from wayfarer.fieldlog.run_fold import Episode
 from wayfarer.fieldlog.sensor_status import SensorStatus
-from wayfarer.fieldlog.vocabulary import in_words, response_text
-from wayfarer.fieldlog.wording import sentence, whole_deg
+from wayfarer.fieldlog.wording import sentence
 from wayfarer.views.page import html
 from wayfarer.views.run_report.data import RunData
-from wayfarer.views.run_report.events import event_words, is_trouble
+from wayfarer.views.run_report.events import is_trouble, told_events
 from wayfarer.views.text.summary_text import summary_facts
+from wayfarer.vocabulary import in_words, response_text, whole_deg
 
 # -- settings --------------------------------------------------------------------------------------------------------
 # What of a run's rover file is not as the defaults.
@@ -60,7 +59,7 @@ def default_settings() -> Mapping[str, Any]:
 
 
 def _settings(data: RunData) -> dict[str, Any]:
-    return flat(table(data.header, "config"))
+    return flat(data.header.config or {})
 
 
 def _text(value: Any) -> str:
@@ -142,7 +141,9 @@ def events_list(data: RunData) -> Markup:
     """Return everything that was reported, in its order; trouble is set in bold."""
     if not data.events:
         return html.paragraph("No events.")
-    told = [(duration_text(each.elapsed_s, 1), event_words(each), is_trouble(each)) for each in data.events[:ROWS]]
+    told = [
+        (duration_text(each.elapsed_s, 1), text, is_trouble(each)) for each, text in islice(told_events(data), ROWS)
+    ]
     return _events(told) + _rest(data.events)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import hypot, isnan, nan
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from wayfarer.angles import Coordinates, coordinates_deg
@@ -129,6 +130,6 @@ def _path(columns: Columns, east: str, north: str) -> TimedPath:
 def _forest_of(data: RunData) -> Forest | None:
     """Return the forest that a simulated run was in; None if the header has none that can be read."""
     try:
-        return from_row(data.header["world"])
+        return from_row(msgspec.to_builtins(data.header.world))
     except (BadForest, LookupError, TypeError):
         return None

@@ -7,10 +7,8 @@ from collections.abc import Callable
 from shlex import quote
 
 from wayfarer.fieldlog.clock import duration_text, local_time
-from wayfarer.fieldlog.fields import safe_text
-from wayfarer.fieldlog.run_events import event_name
+from wayfarer.fieldlog.record import AnyRecord, Event, Header, Outcome
 from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.fieldlog.schema import Record
 from wayfarer.views.text.colour import painted
 from wayfarer.views.text.run_narrator import RunNarrator, Verbosity
 
@@ -31,22 +29,21 @@ class Console:
         self._write = write
         self._then = then
         self._log = ""
-        self._fold, self._narrator = RunFold(reckons=False), RunNarrator(Verbosity.CHANGES)
+        self._fold, self._narrator = RunFold(), RunNarrator(Verbosity.CHANGES)
 
-    def show(self, record: Record) -> None:
-        """Take a record; where nothing has changed, nothing is written."""
-        kind = record["record"]
-        if kind == "outcome" and record["reason"] == "failed":
+    def show(self, record: AnyRecord) -> None:
+        """Take a record; if nothing has changed, nothing is written."""
+        if isinstance(record, Outcome) and record.reason == "failed":
             return  # the command itself tells of its error
         told = self._narrator.tell(self._fold.take(record))
-        state = self._fold.state
-        in_trial = state.header.trial is not None
-        at = duration_text(state.elapsed_s, 1) if in_trial else local_time(record["t_wall"], "%H:%M:%S")
+        in_trial = self._fold.state.header.trial is not None
+        at = duration_text(record.elapsed_s, 1) if in_trial else local_time(record.t_wall, "%H:%M:%S")
         for line in told:
             self._write(f"{at}  {painted(line.text, line.tone.value, sys.stderr)}")
-        if kind == "run":
-            self._log = safe_text(record, "log") or ""
-        elif kind == "event" and event_name(record) == "opened" and self._hint:
-            self._write(f"{at}  disarmed. {self._hint}")
-        elif kind == "outcome" and self._then:
-            self._write(f"Next: {self._then} {quote(self._log)}")
+        match record:
+            case Header(log=str(log)):
+                self._log = log
+            case Event(name="opened") if self._hint:
+                self._write(f"{at}  disarmed. {self._hint}")
+            case Outcome() if self._then:
+                self._write(f"Next: {self._then} {quote(self._log)}")

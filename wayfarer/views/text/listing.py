@@ -8,14 +8,12 @@ from typing import NamedTuple
 
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.clock import began_wall_s, duration_text, local_time
-from wayfarer.fieldlog.fields import escape_control_chars, integer, number, safe_text
+from wayfarer.fieldlog.fields import escape_control_chars
 from wayfarer.fieldlog.folders import MB, run_folders, run_number
-from wayfarer.fieldlog.lines import LogLines
-from wayfarer.fieldlog.reader import first_record, log_segments, read_header
-from wayfarer.fieldlog.schema import Record
-from wayfarer.fieldlog.typed import Header
-from wayfarer.fieldlog.vocabulary import outcome_in_words
-from wayfarer.files import open_regular
+from wayfarer.fieldlog.reader import CANNOT_BE_READ, Lines, find_header, go_to_last, log_segments, open_log
+from wayfarer.fieldlog.record import AnyRecord, Outcome, Tick, Truth
+from wayfarer.fieldlog.run_fold import NO_HEADER
+from wayfarer.vocabulary import outcome_in_words
 
 UNREADABLE, CUT_OFF = "unreadable", "cut off"
 TAIL_BYTES = 65_536  # about a hundred ticks: the last one, the outcome and what stood between them
@@ -117,65 +115,61 @@ def row_of(run: Path, now_wall_s: float) -> RunRow:
     try:
         segments = log_segments(run)
         size_bytes, written_s = sum(segment.stat().st_size for segment in segments), segments[-1].stat().st_mtime
-        first, last = first_record(run), _last(segments)
-    except (BadInput, OSError):
+        header, last = find_header(run) or NO_HEADER, _last(segments)
+    except (BadInput, *CANNOT_BE_READ):
         return RunRow(title, count)
-    header, end, tick = _header(run, first), last.get("any", {}), last.get("tick", {})
+    end, tick, truth, outcome = (last.get(kind) for kind in (None, Tick, Truth, Outcome))
     return RunRow(
         title,
         count,
         header.trial,
-        began_wall_s(first, end) if header.trial is None else None,
-        end["t_s"] - first["t_s"] if end else None,
+        began_wall_s(end) if header.trial is None else None,
+        None if end is None else end.elapsed_s,
         header.rover,
         header.algorithm,
         header.simulated,
         header.dry_run,
-        number(tick, "travelled_m"),
-        integer(tick, "episodes"),
-        _outcome(last.get("outcome"), alive=abs(now_wall_s - written_s) < ALIVE_S),
+        tick.travelled_m if isinstance(tick, Tick) else None,
+        _episodes(tick),
+        _outcome(outcome, alive=abs(now_wall_s - written_s) < ALIVE_S),
         size_bytes,
         header.version,
-        number(last.get("truth", {}), "driven_m"),
+        truth.driven_m if isinstance(truth, Truth) else None,
     )
 
 
-def _header(run: Path, first: Record) -> Header:
-    """Return what says what ran; where the first record does not, a later part of the log may."""
-    try:
-        return Header.of(first if first["record"] == "run" else read_header(run))
-    except BadInput:
-        return Header.of({})
+def _episodes(tick: AnyRecord | None) -> int | None:
+    episodes = tick.remembered("episodes") if isinstance(tick, Tick) else None
+    return None if episodes is None else round(episodes)
 
 
-def _outcome(outcome: Record | None, *, alive: bool) -> str:
-    if outcome is None:
-        return "running" if alive else CUT_OFF
-    return safe_text(outcome, "reason") or "unknown"
+def _outcome(outcome: AnyRecord | None, *, alive: bool) -> str:
+    if isinstance(outcome, Outcome):
+        return outcome.reason
+    return "running" if alive else CUT_OFF
 
 
-def _last(segments: Sequence[Path]) -> dict[str, Record]:
-    """Return the last record of each kind, and the last of ``any``, from the end of a log.
+def _last(segments: Sequence[Path]) -> dict[type[AnyRecord] | None, AnyRecord]:
+    """Return the last record of each kind, and under None the last of all, from the end of a log.
 
-    Where the newest segment has no tick, the end of the one before counts as well.
+    If the newest segment has no tick, the end of the one before counts as well.
     """
-    found: dict[str, Record] = {}
+    found: dict[type[AnyRecord] | None, AnyRecord] = {}
     lines: list[bytes] = []
     for segment in reversed(segments[-2:]):
         lines = _last_lines(segment) + lines
-        log_lines = LogLines()
+        log_lines = Lines()
         found = {}
         for record in map(log_lines.take, lines):
-            if isinstance(record, dict):
-                found["any"] = found[record["record"]] = record
-        if "tick" in found:
+            if record is not None:
+                found[None] = found[type(record)] = record
+        if Tick in found:
             break
     return found
 
 
 def _last_lines(segment: Path) -> list[bytes]:
-    with open_regular(segment) as file:
-        size_b = file.seek(0, 2)
-        file.seek(max(0, size_b - TAIL_BYTES))
+    with open_log(segment) as file:
+        go_to_last(file, TAIL_BYTES)
         tail = file.read(TAIL_BYTES) or b""  # None for a file of the kernel that would have to be waited for
     return tail.splitlines(keepends=True)

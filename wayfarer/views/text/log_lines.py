@@ -5,26 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from wayfarer.fieldlog.run_events import (
-    AnomalyBegan,
-    BoardFaults,
-    Ended,
-    FaultInjected,
-    Gap,
-    Noted,
-    PowerChanged,
-    RunBegan,
-    Silence,
-)
-from wayfarer.fieldlog.typed import RunEvent
-from wayfarer.fieldlog.vocabulary import met
+from wayfarer.fieldlog.record import Event, FaultInjected, Outcome
+from wayfarer.fieldlog.run_fold import AnomalyBegan, BoardFaults, Gap, PowerChanged, RunBegan, Silence, Told
 from wayfarer.fieldlog.wording import Tone, sentence
 from wayfarer.views.text.run_narrator import happened
+from wayfarer.vocabulary import met
 
 # The kinds of events that have lines, and the names of the lines; a noted event has its own name.
-LOG_NAMES: Mapping[type[RunEvent], str] = {
+LOG_NAMES: Mapping[type[Told], str] = {
     RunBegan: "run", AnomalyBegan: "anomaly", BoardFaults: "board", PowerChanged: "power", Gap: "gap",
-    Silence: "silence", FaultInjected: "fault", Ended: "outcome", Noted: "event",
+    Silence: "silence", FaultInjected: "fault", Outcome: "outcome", Event: "event",
 }  # fmt: skip
 
 
@@ -36,11 +26,11 @@ class LogLine(NamedTuple):
     tone: Tone
 
 
-def log_lines(event: RunEvent) -> Iterator[LogLine]:
+def log_lines(event: Told) -> Iterator[LogLine]:
     """Yield the lines of an event, in the words of a terminal; none for a kind that is not in ``LOG_NAMES``."""
     if type(event) not in LOG_NAMES:
         return
-    name = event.name if isinstance(event, Noted) else LOG_NAMES[type(event)]
+    name = event.name if isinstance(event, Event) else LOG_NAMES[type(event)]
     if isinstance(event, AnomalyBegan):  # a terminal tells it with its tick
         yield LogLine(name, sentence(met([event.kind], event.phase)), Tone.WARNING)
     for text, tone in happened(event):

@@ -33,7 +33,9 @@ def _plain(value: Any) -> Any:
         return value.value
     if isinstance(value, float):
         return value if isfinite(value) else None
-    if is_dataclass(value):
+    if (names := getattr(value, "__struct_fields__", None)) is not None:  # of a record of a log
+        value = {name: getattr(value, name) for name in names}
+    elif is_dataclass(value):
         value = {field.name: getattr(value, field.name) for field in fields(value)}
     elif isinstance(value, tuple) and hasattr(value, "_asdict"):
         value = value._asdict()

@@ -9,11 +9,8 @@ from math import hypot, isfinite, isnan
 
 from wayfarer.angles import bearing_deg, offset_m
 from wayfarer.fieldlog.clock import began_wall_s
-from wayfarer.fieldlog.run_events import Noted
-from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.fieldlog.run_state import LowBattery, RunState
-from wayfarer.fieldlog.schema import Record
-from wayfarer.fieldlog.typed import Fix, RunEvent, Tick
+from wayfarer.fieldlog.record import AnyRecord, Event, Fix, Tick
+from wayfarer.fieldlog.run_fold import LowBattery, RunFold, RunState
 from wayfarer.safety.settings import SafetySettings
 
 LATE_S = SafetySettings().tick_late_s  # where a header does not tell
@@ -117,11 +114,12 @@ class RunSummary:
     where: LastPosition
 
 
-def summarise(records: Iterable[Record]) -> RunSummary:
+def summarise(records: Iterable[AnyRecord]) -> RunSummary:
     """Return the summary of a run, as far as its records go."""
     fold, summariser = RunFold(), RunSummariser()
     for record in records:
-        summariser.take(fold.take(record))
+        fold.take(record)
+        summariser.take(record, fold.state)
     return summariser.summary(fold.state)
 
 
@@ -133,16 +131,15 @@ class RunSummariser:
         self._marks: list[Mark] = []
         self._clock_steps_s: list[float] = []
 
-    def take(self, events: Iterable[RunEvent]) -> None:
-        """Take what the fold yields for a record."""
-        for event in events:
-            match event:
-                case Tick(period_s=period_s) if not isnan(period_s):
-                    self._periods_s.append(period_s)
-                case Noted(name="mark"):
-                    self._marks.append(Mark(event.elapsed_s, event.text))
-                case Noted(name="clock_step"):
-                    self._clock_steps_s.append(event.by_s)
+    def take(self, record: AnyRecord, state: RunState) -> None:
+        """Take a record, and the state after it."""
+        match record:
+            case Tick() if not isnan(state.period_s):
+                self._periods_s.append(state.period_s)
+            case Event(name="mark"):
+                self._marks.append(Mark(record.elapsed_s, record.word("note") or ""))
+            case Event(name="clock_step"):
+                self._clock_steps_s.append(record.number("by_s") or 0.0)
 
     def summary(self, state: RunState) -> RunSummary:
         """Return the summary of a run with this state."""
@@ -156,14 +153,14 @@ class RunSummariser:
             trial=header.trial,
             simulated=header.simulated,
             dry_run=header.dry_run,
-            began_wall_s=began_wall_s(state.first, state.last),
+            began_wall_s=None if header.trial is not None else began_wall_s(state.last),
             lasted_s=state.lasted_s,
             armed_s=state.armed_s,
             held_s=dict(state.held_s),
             limited_s=dict(state.limited_s),
             driven_m=state.driven_m,
-            commanded_m=state.commanded_m,
-            reckoned_m=state.path_m,
+            commanded_m=state.tick.travelled_m,
+            reckoned_m=state.tick.path_m,
             anomalies=dict(state.anomalies),
             episodes=state.episodes,
             recoveries=state.recoveries,
@@ -180,7 +177,7 @@ class RunSummariser:
             manual=events["manual"],
             clock_steps_s=tuple(self._clock_steps_s),
             dropped=state.dropped,
-            reason=(ended.reason or "unknown") if ended else None,
+            reason=ended.reason if ended else None,
             text=ended.text if ended else None,
             where=_last_position(state),
         )

@@ -7,10 +7,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from wayfarer.escape.phases import PhaseEvent
 from wayfarer.fieldlog.clock import duration_text, local_time
 from wayfarer.fieldlog.reader import Damage
-from wayfarer.fieldlog.vocabulary import in_words, outcome_in_words
-from wayfarer.fieldlog.wording import place_text, plural, whole_deg
+from wayfarer.fieldlog.wording import place_text, plural
 from wayfarer.views.text.summary import LastPosition, RangeBearing, RunSummary
 from wayfarer.views.text.verdict import NO_OUTCOME
+from wayfarer.vocabulary import in_words, outcome_in_words, whole_deg
 
 
 def summary_text(run: str, summary: RunSummary, damage: Damage) -> str:
@@ -115,8 +115,8 @@ def _battery(summary: RunSummary) -> str:
     lowest = summary.low_battery
     if lowest is None:
         return ""
-    duty = "" if lowest.duty is None else f", with the wheels at {lowest.duty:.0%}"
-    return f"lowest {lowest.battery_v:.1f} V, at {duration_text(lowest.at_s)}{duty}"
+    at = duration_text(lowest.at_s)
+    return f"lowest {lowest.battery_v:.1f} V, at {at}, with the wheels at {lowest.duty:.0%}"
 
 
 def _sensors(summary: RunSummary) -> dict[str, int]:

@@ -9,20 +9,18 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import BinaryIO
+from typing import IO
 
 from wayfarer.errors import BadInput, NothingReadable
 from wayfarer.fieldlog.folders import newest_run
-from wayfarer.fieldlog.lines import LINE_BYTES, LogLines, is_newer
-from wayfarer.fieldlog.reader import first_record, log_segments, refuse_newer
-from wayfarer.fieldlog.schema import Record
-from wayfarer.files import open_regular
+from wayfarer.fieldlog.reader import CANNOT_BE_READ, LINE_BYTES, Lines, first_record, go_to_last, log_segments, open_log
+from wayfarer.fieldlog.record import AnyRecord, Outcome
 
 RECENT_BYTES = 65_536  # where following begins: some seconds back, however long the run is
 CHUNK_BYTES = 65_536
 
 
-def follow(logs: Path, run: Path | None, wait: Callable[[], None]) -> Iterator[tuple[Path, Record]]:
+def follow(logs: Path, run: Path | None, wait: Callable[[], None]) -> Iterator[tuple[Path, AnyRecord]]:
     """Give each record with the folder of its run, as they come; ``wait`` is called whenever there is none.
 
     Args:
@@ -40,7 +38,7 @@ def follow(logs: Path, run: Path | None, wait: Callable[[], None]) -> Iterator[t
             if tail is not None:
                 for record in tail.take():
                     yield tail.run, record
-                    if run is not None and record["record"] == "outcome":
+                    if run is not None and isinstance(record, Outcome):
                         return
             if newest is None or (tail is not None and newest == tail.run):
                 wait()
@@ -61,66 +59,68 @@ class RunTail:
 
     def __init__(self, run: Path) -> None:
         self.run = run
-        self._file: BinaryIO | None = None
+        self._file: IO[bytes] | None = None
         self._segment = run  # the open one
         self._rest = b""
-        self._lines = LogLines()
+        self._lines = Lines()
 
-    def take(self) -> Iterator[Record]:
+    def take(self) -> Iterator[AnyRecord]:
         """Give what has come since the last call.
 
         Raises:
             BadInput: the folder or the log in it cannot be read.
         """
-        if self._file is None:
-            yield from self._begin()
-        if self._file is None:
-            return
-        yield from self._read(self._file)
-        while (segment := self._next_segment()) is not None:
-            yield from self._read(self._file)  # what came between reading and looking
-            file = self._open(segment)
-            if file is None:
+        try:
+            if self._file is None:
+                yield from self._begin()
+            if self._file is None:
                 return
-            yield from self._read(file)
+            yield from self._read(self._file)
+            while (segment := self._next_segment()) is not None:
+                yield from self._read(self._file)  # what came between reading and looking
+                file = self._open(segment)
+                if file is None:
+                    return
+                yield from self._read(file)
+        except CANNOT_BE_READ as error:
+            raise BadInput(f"{self.run}: cannot be read: {error}") from None
 
     def close(self) -> None:
         """Close the file; safe twice."""
         if self._file is not None:
             self._file.close()
 
-    def _begin(self) -> Iterator[Record]:
+    def _begin(self) -> Iterator[AnyRecord]:
         segments = self._segments()
         if not segments:
             return
         file = self._open(segments[-1])
         if file is None:
             return
-        skipped = max(0, file.seek(0, os.SEEK_END) - RECENT_BYTES)
-        file.seek(skipped)
+        skipped = go_to_last(file, RECENT_BYTES)
         if skipped or len(segments) > 1:
             yield from self._first()
         if skipped:
             file.readline()  # only its end is there
 
-    def _first(self) -> Iterator[Record]:
+    def _first(self) -> Iterator[AnyRecord]:
         """Return the record that says what runs, at its place in the log."""
         with suppress(NothingReadable):  # not yet
             yield first_record(self.run)
 
-    def _read(self, file: BinaryIO) -> Iterator[Record]:
+    def _read(self, file: IO[bytes]) -> Iterator[AnyRecord]:
         """Give what has come, each number once."""
         while chunk := file.read(CHUNK_BYTES):
             *lines, self._rest = (self._rest + chunk).split(b"\n")
             if len(self._rest) > LINE_BYTES:
                 self._rest = b""  # no record is so long; the line's end will not be one either
             for line in lines:
-                record = self._lines.take(line + b"\n")
-                if isinstance(record, dict):
-                    if is_newer(record):
-                        refuse_newer(record, self.run, self._segments())
-                    else:
-                        yield record
+                try:
+                    record = self._lines.take(line)
+                except BadInput as error:
+                    raise BadInput(f"{self.run}: {error}") from None
+                if record is not None:
+                    yield record
 
     def _next_segment(self) -> Path | None:
         """Return the segment of the log that follows the open one, if it has begun."""
@@ -137,10 +137,10 @@ class RunTail:
                 raise
             return []  # not yet, or no more
 
-    def _open(self, segment: Path) -> BinaryIO | None:
+    def _open(self, segment: Path) -> IO[bytes] | None:
         """Open a segment in the place of the one before; None if it was deleted since it was listed."""
         try:
-            file = open_regular(segment)
+            file = open_log(segment)
         except FileNotFoundError:
             return None
         except OSError as error:

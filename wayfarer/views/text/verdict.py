@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog.reader import RunReader
+from wayfarer.fieldlog.record import Outcome
 from wayfarer.fieldlog.wording import plural
 
 NO_OUTCOME = "no outcome: the run was cut off, or is still running"
@@ -45,8 +46,8 @@ def check_log(run: Path) -> LogVerdict:
     try:
         reader = RunReader(run)
         for record in reader:
+            ended = ended or isinstance(record, Outcome)
             records += 1
-            ended = ended or record["record"] == "outcome"
     except BadInput as error:
         return LogVerdict(LogIntegrity.UNREADABLE, records, (str(error),))
     wrong = tuple(filter(None, (str(reader.damage) if reader.damage else "", "" if ended else NO_OUTCOME)))

@@ -18,10 +18,10 @@ from wayfarer.config.registry import find_algorithm
 from wayfarer.detector.detector import Detector, DetectorTick
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.escape.settings import EscapeSettings, Vehicle
-from wayfarer.fieldlog.vocabulary import in_words
 from wayfarer.hal import CompassReading
 from wayfarer.safety.conditions import HOLDING_LEVELS, Condition, Level, worst
 from wayfarer.safety.tick_interval import IntervalTimer
+from wayfarer.vocabulary import in_words
 from wayfarer_failsafe.messages import (
     STANDSTILL,
     OdometrySum,

@@ -318,10 +318,27 @@ def _said(level: object, cause: object, *, by_hand: bool = False) -> Said | None
         return None
 
 
+def health_text(level: str, cause: str | None) -> str:
+    """Say how the rover is: a level of health, the name of its cause, and what must happen for that to end."""
+    ends = ends_text(level, cause)
+    because_of = f": {in_words(cause)}" if cause else ""
+    return f"{level_text(level, cause)}{because_of}{f'. This ends when {ends}' if ends else ''}"
+
+
 def disarmed_text(reason: str) -> str:
     """Return why a rover was disarmed, as ``fault: compass_lost`` or ``mission_time``, with its names in words."""
     what, colon, conditions = reason.partition(": ")
-    return f"{outcome_in_words(what)}{colon}{', '.join(map(in_words, conditions.split(', ')))}"
+    return f"{outcome_in_words(what)}{colon}{', '.join(map(in_words, conditions.split(', ')))}".replace("_", " ")
+
+
+def goal_text(goal_heading_deg: float | None) -> str:
+    """Say where a rover drives: towards a heading, or straight ahead if it has not been told one."""
+    return "straight ahead" if goal_heading_deg is None else f"towards {whole_deg(goal_heading_deg)} degrees"
+
+
+def whole_deg(angle_deg: float) -> str:
+    """Return an angle in whole degrees; 359.7 is north, not 360."""
+    return f"{float(f'{angle_deg:.0f}') % 360.0:.0f}"
 
 
 def met(anomalies: Iterable[str], phase: str | None) -> str:
