@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from wayfarer.commissioning.checks.card import CardHealth
+from wayfarer.commissioning.checks.system import CardHealth
 from wayfarer.config.rover_file import LogSettings
 from wayfarer.control.run_log import PartialLog
 from wayfarer.daemon.storage import Storage

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from tests.fieldlog.disks import FailingCall, damage, ext4_image, files_no_longer_than, mounted, small_disk
 from tests.fieldlog.lines import FREE, SMALL, Log, event, header, numbers, read, tick
-from wayfarer.commissioning.checks.card import card_health
+from wayfarer.commissioning.checks.system import card_health
 from wayfarer.config.rover_file import LogSettings
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog import sink

@@ -108,7 +108,7 @@ def motor_devices(host: HostEnvironment) -> list[str]:
 def _usable(host: HostEnvironment, devices: list[str], none: str, found: Inventory) -> list[str]:
     """Return which of the device files this user may use, and note why others may not be, or that there are none."""
     troubles = {device: diagnose(host, device) for device in devices}
-    found.seen += [("skipped", f"{each.found}: {each.cause}; {each.remedy}") for each in troubles.values() if each]
+    found.seen += [("skipped", f"{each.text}: {each.remedy}") for each in troubles.values() if each]
     if not devices:
         enable = next(each.enable for each in DEVICE_KINDS if none.startswith(each.prefixes))
         found.seen.append(("nothing", f"{none}; to enable it: {enable}"))

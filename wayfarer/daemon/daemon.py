@@ -20,7 +20,7 @@ import msgspec
 
 from wayfarer import __version__
 from wayfarer.commissioning.checks import ARMING, Check, HostEnvironment, Inspection, system
-from wayfarer.commissioning.checks.card import card_health
+from wayfarer.commissioning.checks.system import card_health
 from wayfarer.config.calibration_file import Calibration
 from wayfarer.config.factory import UNCALIBRATED
 from wayfarer.config.rover_file import RoverConfig

@@ -9,8 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from wayfarer.commissioning.checks.card import CardHealth, card_troubles
-from wayfarer.commissioning.checks.system import THROTTLED, system_text
+from wayfarer.commissioning.checks.system import THROTTLED, CardHealth, card_troubles, system_text
 from wayfarer.config.rover_file import LogSettings
 from wayfarer.control.run_log import RunLog
 from wayfarer.fieldlog.folders import error_advice, free_mb

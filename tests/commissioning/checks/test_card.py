@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from tests.kit.rover import Rig
-from wayfarer.commissioning.checks import CheckVerdict, card
-from wayfarer.commissioning.checks.card import CardHealth, card_health, card_troubles
+from wayfarer.commissioning.checks import CheckVerdict, system
+from wayfarer.commissioning.checks.system import CardHealth, card_health, card_troubles
 
 ROOT = "22 1 179:2 / / rw,relatime shared:1 - ext4 /dev/mmcblk0p2 rw"
 # As Debian's overlayroot mounts it: https://manpages.debian.org/bookworm/overlayroot
@@ -74,12 +74,12 @@ def test_read_only_disk_and_a_slow_one_are_trouble(root: Path, line: str) -> Non
 
 def test_check_warns_of_the_worst_and_passes_a_card_that_is_well(rig: Rig, root: Path) -> None:
     rig.host = replace(rig.host, root=root / "none")
-    assert rig.look(card.card).verdict is CheckVerdict.SKIPPED
+    assert rig.look(system.card).verdict is CheckVerdict.SKIPPED
     rig.host = replace(rig.host, root=root)
-    finding = rig.look(card.card)
+    finding = rig.look(system.card)
     assert (finding.verdict, finding.text) == (CheckVerdict.OK, "it can be written and keeps the logs")
     mounts(root, OVERLAY, TMPFS)
-    finding = rig.look(card.card)
+    finding = rig.look(system.card)
     assert finding.verdict is CheckVerdict.WARN
     assert finding.text.startswith("the logs are in memory (an overlay, as it seems), lost at power-off")
     assert "partition that is written" in finding.remedy

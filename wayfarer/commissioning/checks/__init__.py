@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from wayfarer.commissioning.checks import calibrated, card, deadman, parts, system
+from wayfarer.commissioning.checks import calibrated, deadman, parts, system
 from wayfarer.commissioning.checks.api import (
     Ask,
     Check,
@@ -53,7 +53,7 @@ CALIBRATED: tuple[Check, ...] = (
 ARMING: tuple[Check, ...] = (
     system.power,
     system.disk,
-    card.card,
+    system.card,
     system.clock,
     parts.motor_board,
     parts.battery,

@@ -28,7 +28,7 @@ def part_failed(inspection: Inspection, name: str, part: str, error: DriverError
     where = inspection.rover.parts[part].name
     devices = (device for device in inspection.host.devices if device in where)
     if trouble := next((trouble for device in devices if (trouble := diagnose(inspection.host, device))), None):
-        return fail(name, f"{trouble.found}; {trouble.cause}", trouble.remedy)
+        return fail(name, *trouble)
     if isinstance(error, NotResponding) and error.remedy:
         return fail(name, error.what, error.remedy)
     cause, remedy = _advice(where, part, error)
