@@ -157,3 +157,28 @@ async def test_crowd_is_accepted_one_at_a_time_and_leaves_no_timer(monkeypatch: 
         assert len(site.page._open()) <= 4
         for each in crowd:
             each.close()
+
+
+@pytest.mark.parametrize("error", [OSError, MemoryError, ValueError])
+async def test_connection_that_cannot_be_begun_keeps_the_next_from_nothing(
+    monkeypatch: pytest.MonkeyPatch, error: type[Exception], caplog: pytest.LogCaptureFixture
+) -> None:
+    tried = 0
+    loop = asyncio.get_running_loop()
+    connect = loop.connect_accepted_socket
+
+    async def fails(*args: Any) -> Any:
+        nonlocal tried
+        tried += 1
+        if tried == 1:
+            raise error("at once")
+        return await connect(*args)
+
+    monkeypatch.setattr(loop, "connect_accepted_socket", fails)
+    async with serving() as site, asyncio.timeout(5.0):
+        with socket.create_connection(("127.0.0.1", site.port)):
+            while not tried:  # noqa: ASYNC110  (nothing there tells of it)
+                await asyncio.sleep(0.01)
+        async with site.client.get(site.url) as response:
+            assert response.status == 200
+    assert ("in accepting" in caplog.text) == (error is ValueError)

@@ -211,8 +211,10 @@ class LivePage:
             if len(self._open()) < self._limits.connections or self._make_place():
                 try:
                     await loop.connect_accepted_socket(self._http, connection)
-                except (OSError, MemoryError):  # it has gone already
+                except Exception as error:  # whatever it is, the next one gets in
                     connection.close()
+                    if not isinstance(error, OSError | MemoryError):  # it has gone already
+                        _bugs.exception("in accepting a connection")
             else:
                 connection.close()
             await asyncio.sleep(ACCEPT_S)
