@@ -42,12 +42,12 @@ class Run:
         handler = chosen.make(config.escape, config.vehicle, Random(0))
         self.supervisor = Supervisor(rig.rover, config, chosen, handler, self.log, ladder_seed=1)
         self.config = config
+        self.calibration = rig.kept  # as the daemon reads it, at its start
         self.commands = RoverCommands(self.supervisor, rig.motors, self.inspect, self.log, ABOUT, ARMING)
 
     def inspect(self, motors_failed: DriverError | None = None) -> Inspection:
-        return running_inspection(
-            self.config, self.rig.rover, self.rig.host, self.supervisor, motors_failed, self.rig.kept
-        )
+        rig = self.rig
+        return running_inspection(self.config, rig.rover, rig.host, self.supervisor, motors_failed, self.calibration)
 
     async def __aenter__(self) -> Run:
         self.running = asyncio.create_task(self.supervisor.run())

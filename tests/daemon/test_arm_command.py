@@ -16,7 +16,8 @@ from tests.kit.rover import T_WALL, Rig
 from tests.virtual import asked, virtual
 from wayfarer.commissioning.checks import ARMING
 from wayfarer.commissioning.checks.deadman import keep_proof
-from wayfarer.config.calibration_file import MotorsEntry, stamp
+from wayfarer.config import calibration_file
+from wayfarer.config.calibration_file import Calibration, MotorsEntry, stamp
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.daemon.socket.protocol import RequestRefused
 from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
@@ -157,7 +158,7 @@ async def test_arming_is_refused_with_what_a_check_found_and_what_to_do(
 ) -> None:
     """Fault catalogue, fault 12, and others."""
     if part == "calibration":
-        run.rig.keep(**state)
+        run.calibration = Calibration(**state)
     else:
         vars(getattr(run.rig, part)).update(state)
     await asyncio.sleep(0.1)
@@ -184,6 +185,7 @@ async def test_board_that_cannot_be_asked_is_armed_with_a_proof_or_a_reason_that
                 await run.commands.arm(asked(), 0.0)
             assert run.log.named("arming_refused") == [{"failed": ["deadman proved"]}]
             keep_proof(run.inspect(), tripped=True)
+            run.calibration = rig.kept  # as another daemon would find it
         warnings: Any = (await run.commands.arm(asked(), 0.0))["warnings"]
         told = [warning for warning in warnings if warning.startswith("deadman proved")]
         assert len(told) == bool(because)
@@ -216,6 +218,15 @@ async def test_board_that_turns_the_wheels_by_itself_is_refused_at_once(run: Run
     with pytest.raises(RequestRefused, match=r"board disagrees: .*no other program commands it"):
         await run.commands.arm(asked(), 0.0)
     assert not run.log.named("arming")
+
+
+@played
+async def test_arming_reads_no_calibration_file(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A card that hangs would hang the event loop, and with it a stop."""
+    reads: list[Path] = []
+    monkeypatch.setattr(calibration_file, "read_regular", lambda path, _: reads.append(path))
+    assert (await run.commands.arm(asked(), 0.0))["mode"] == "arming"
+    assert reads == []
 
 
 @pytest.mark.parametrize("checked", [True, False], ids=["checked", "unchecked"])
