@@ -10,17 +10,34 @@ import os
 import sys
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
+from functools import partial
 from types import ModuleType
 from typing import Any, NamedTuple
 
 import pytest
 
 from tests.kit.rover import Rig
-from wayfarer.commissioning.checks import CheckVerdict, Finding
+from tests.virtual import run_virtually
+from wayfarer.commissioning.checks import CheckVerdict, Finding, parts, run_checks, system
 from wayfarer.commissioning.checks.parts import part_failed
 from wayfarer.config.registry import BUILT_IN_DRIVERS, find_driver
 from wayfarer.drivers.linux import LinuxBuses, connected_cameras
 from wayfarer.errors import NotInstalled, NotResponding
+from wayfarer.hal import Colour
+
+
+class Light:
+    """A light that does not open."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    async def open(self) -> None:
+        raise NotResponding(f"{self.name}: no answer")
+
+    async def close(self) -> None: ...
+
+    async def show(self, colour: Colour) -> None: ...
 
 
 class Bus(NamedTuple):
@@ -143,6 +160,22 @@ async def test_missing_device_file_and_a_missing_permission_name_this_bus_s_own_
     forbidden = await failure_of(bus)
     monkeypatch.setattr(os, "access", lambda *_: False)
     assert f"sudo usermod -aG {bus.group} " in finding(rig, bus, forbidden, there=True).remedy
+
+
+@pytest.mark.parametrize("part", ["compass", "light"])
+def test_device_file_that_cannot_be_used_is_told_once_and_its_part_is_skipped(rig: Rig, part: str) -> None:
+    rig.rover = replace(rig.rover, light=Light(rig.compass.name)) if part == "light" else rig.rover
+    rig.compass.dead = True
+    (rig.host.root / "dev/i2c-1").unlink()
+    rig.host = replace(rig.host, devices=("/dev/i2c-1",))
+    look = getattr(parts, part)
+
+    async def both() -> list[Finding]:
+        return await run_checks(rig.inspection(), [partial(system.device, "/dev/i2c-1"), look])
+
+    told, skipped = run_virtually(both())
+    assert (told.verdict, told.remedy) == (CheckVerdict.FAIL, "sudo raspi-config nonint do_i2c 0 && sudo reboot")
+    assert (skipped.verdict, skipped.text) == (CheckVerdict.SKIPPED, "/dev/i2c-1 cannot be used: see there")
 
 
 @every_bus

@@ -72,7 +72,8 @@ class Inspection:
     """What checks may look at. They speak to parts through it only, and none of its methods turns a wheel.
 
     A part is opened once, when it is first needed; if it does not open, each request raises the same error. Leaving the
-    context stops the wheels and closes what was opened here.
+    context stops the wheels and closes what was opened here. ``unusable`` has the device files of which a finding has
+    said already that they cannot be used.
 
     Args:
         config: the rover file.
@@ -96,6 +97,7 @@ class Inspection:
         self.rover = rover
         self.host = host
         self.calibration = calibration
+        self.unusable: set[str] = set()
         self._read = read
         self._tried = dict(opened or {})
         self._ours: list[str] = []

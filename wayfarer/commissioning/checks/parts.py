@@ -22,13 +22,18 @@ NO_FIX = NoFix("no fix", "no free view of the sky, or just switched on", "wait s
 
 
 def part_failed(inspection: Inspection, name: str, part: str, error: DriverError) -> Finding:
-    """Return that a part failed: for want of a library or a device file, or as the kind of error tells."""
+    """Return that a part failed: for want of a library or a device file, or as the kind of error tells.
+
+    If the device file is a failure already, the part is skipped: one cause is told once.
+    """
     if isinstance(error, NotInstalled):  # whether there is a device file does not matter yet
         return fail(name, error.what, error.remedy)
     where = inspection.rover.parts[part].name
-    devices = (device for device in inspection.host.devices if device in where)
-    if trouble := next((trouble for device in devices if (trouble := diagnose(inspection.host, device))), None):
-        return fail(name, *trouble)
+    for device in (device for device in inspection.host.devices if device in where):
+        if device in inspection.unusable:
+            return skipped(name, f"{device} cannot be used: see there")
+        if trouble := diagnose(inspection.host, device):
+            return fail(name, *trouble)
     if isinstance(error, NotResponding) and error.remedy:
         return fail(name, error.what, error.remedy)
     cause, remedy = _advice(where, part, error)
@@ -104,7 +109,8 @@ async def contact(inspection: Inspection) -> Finding:
 
 def _helper_failed(inspection: Inspection, name: str, error: DriverError) -> Finding:
     """Return that a part failed that a rover can drive without: only a warning."""
-    return part_failed(inspection, name, name, error)._replace(verdict=CheckVerdict.WARN)
+    failed = part_failed(inspection, name, name, error)
+    return failed._replace(verdict=CheckVerdict.WARN) if failed.verdict is CheckVerdict.FAIL else failed
 
 
 async def light(inspection: Inspection) -> Finding:

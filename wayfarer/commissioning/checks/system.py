@@ -85,6 +85,7 @@ def diagnose(host: HostEnvironment, device: str) -> DeviceProblem | None:
 async def device(name: str, inspection: Inspection) -> Finding:
     """Check that a device file is there and may be used."""
     if trouble := diagnose(inspection.host, name):
+        inspection.unusable.add(name)
         return fail(name, trouble.text.removeprefix(f"{name} "), trouble.remedy)
     if inspection.host.path(name).resolve().name == PI5_DEBUG_PORT:
         return warn(
