@@ -173,15 +173,51 @@ def test_run_beyond_its_limit_keeps_its_first_part_and_the_newest(tmp_path: Path
 def test_file_of_somebody_else_is_neither_written_over_nor_deleted_nor_followed(tmp_path: Path) -> None:
     log = Log(tmp_path / "run", SMALL)
     (tmp_path / "passwd").write_bytes(b"precious")
-    (log.folder / "run.00002.jsonl").symlink_to(tmp_path / "passwd")
-    (log.folder / "run.00003.jsonl").symlink_to(tmp_path / "nothing")
-    (log.folder / "run.00005.jsonl").write_bytes(b"precious")
+    (log.folder / "run.00002.jsonl").write_bytes(b"precious")
+    (log.folder / "run.00003.jsonl").symlink_to(tmp_path / "passwd")
+    (log.folder / "run.00004.jsonl").symlink_to(tmp_path / "nothing")
     log.write(*range(1, 31))
     log.sink.close()
-    assert (tmp_path / "passwd").read_bytes() == (log.folder / "run.00005.jsonl").read_bytes() == b"precious"
+    assert (tmp_path / "passwd").read_bytes() == (log.folder / "run.00002.jsonl").read_bytes() == b"precious"
     assert not (tmp_path / "nothing").exists()
+    own = [part for part in log_segments(log.folder) if not part.is_symlink() and part.name != "run.00002.jsonl"]
+    assert [part.name for part in own[:2]] == ["run.00001.jsonl", "run.00005.jsonl"]
+    assert sum(part.read_bytes().count(b'"event"') for part in own) == 30
     assert log.sink.dropped == 0
-    assert sum(file.read_bytes().count(b'"event"') for file in log.folder.iterdir() if file.exists()) == 30
+
+
+def test_what_stands_in_a_part_is_on_the_disk_before_the_next_begins_and_when_the_log_ends(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real, synced = os.fdatasync, dict[int, int]()
+
+    def sync(file: int) -> None:
+        real(file)
+        its = os.fstat(file)
+        synced[its.st_ino] = its.st_size
+
+    def on_disk() -> list[bool]:
+        files = [part.stat() for part in log_segments(tmp_path)]
+        return [synced.get(its.st_ino) == its.st_size for its in files]
+
+    monkeypatch.setattr(os, "fdatasync", sync)
+    log = Log(tmp_path, SMALL)
+    assert on_disk() == [True], "its header"
+    for number in range(1, 31):
+        log.write(number)
+        assert all(on_disk()[:-1])
+    log.sink.close()
+    assert all(on_disk())
+
+
+def test_thread_has_everything_on_the_disk_when_the_log_is_closed(tmp_path: Path, disk: Disk) -> None:
+    rover = Rover(tmp_path).begin()
+    while disk.synced.acquire(blocking=False):
+        pass
+    rover.sink.put(tick(1))
+    rover.sink.close()
+    assert disk.synced.acquire(blocking=False)
+    assert numbers(tmp_path) == [1]
 
 
 def test_folder_is_held_whatever_becomes_of_its_name(tmp_path: Path) -> None:
@@ -359,6 +395,8 @@ def test_closing_leaves_a_disk_that_does_not_answer_and_says_what_is_missing(
     rover.sink.put(event(32), urgent=True)
     assert rover.sink.dropped == 31
     disk.well.set()
+    rover.sink._join(PATIENCE_S)
+    assert len(rover.told) == 1, "what the disk took after all is no trouble"
 
 
 def test_error_inside_wayfarer_ends_no_log(tmp_path: Path) -> None:

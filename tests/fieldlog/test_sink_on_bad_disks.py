@@ -30,8 +30,8 @@ CALLS = ("open", "write", "fdatasync", "mkdir")
 
 @pytest.fixture
 def small(tmp_path: Path) -> Iterator[Path]:
-    """A disk of 256 kB."""
-    with small_disk(tmp_path / "card", kb=256) as mounted:
+    """A disk of 512 kB."""
+    with small_disk(tmp_path / "card", kb=512) as mounted:
         if not mounted:
             pytest.skip("mounting a small disk takes root")
         yield tmp_path / "card"
@@ -121,6 +121,7 @@ def test_disk_that_failed_is_asked_once_a_second_and_not_with_every_event(
     log = threaded(tmp_path)
     for number in range(1, 31):
         log.put(event(number), urgent=True)
+        time.sleep(0.005)
     assert 1_000_000 - writing.failures == 1
     writing.failures = 0
     log.close()
@@ -133,22 +134,58 @@ def test_disk_that_is_full_at_any_byte_costs_no_record_and_half_a_line_at_most(
     tmp_path_factory: pytest.TempPathFactory, more: int, batch: int
 ) -> None:
     log = Log(tmp_path_factory.mktemp("run"))
-    with files_no_longer_than(len(header(1)) + 1 + more), pytest.MonkeyPatch.context() as patch:
-        patch.setattr(os, "unlink", lambda *_, **__: None)
-        patch.setattr(sink.Parts, "_begin", lambda _: FailingCall.fail(errno.ENOSPC))  # nor is there room for a header
-        for number in range(1, 31):
-            log.put(number)
-            if number % batch == 0:
-                log.sink._store(sync=True)
-        log.sink._store(sync=True)
-        fitted = len(numbers(log.folder))
-        assert fitted == min(30, (more + 1) // (len(tick(10)) + 1)) or fitted > 8  # the last one may lack its end
-    log.write(31)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sink.Parts, "_begin", lambda _: FailingCall.fail(errno.ENOSPC))  # no room for another header
+        with files_no_longer_than(len(header(1)) + 1 + more):
+            for number in range(1, 31):
+                log.put(number)
+                if number % batch == 0:
+                    log.sink._store(sync=True)
+            log.sink._store(sync=True)
+            fitted = len(numbers(log.folder))
+            assert fitted == min(30, (more + 1) // (len(tick(10)) + 1)) or fitted > 8  # the last one may lack its end
+        log.write(31)
     log.sink.close()
     found, its = read(log.folder)
     assert [record.n for record in found if record.n] == list(range(1, 32))
-    assert (its.damage.lines <= 1, log.sink.dropped) == (True, 0)
+    assert (its.damage.lines <= 1, its.damage.missing, log.sink.dropped) == (True, 0, 0)
     assert len(log.told) in {0, 2}
+
+
+def test_disk_that_takes_no_header_leaves_nothing_behind(tmp_path: Path) -> None:
+    with files_no_longer_than(10), pytest.raises(BadInput, match="cannot be written: No space left on device"):
+        Log(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_trouble_that_comes_again_is_told_again_with_what_is_missing_since(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = Log(tmp_path)
+    syncing = FailingCall(monkeypatch, "fdatasync")
+    for round_ in range(2):
+        log.write(*range(10 * round_ + 1, 10 * round_ + 4))
+        syncing.failures = 1
+        log.sink._store(sync=True)
+        log.sink._store(sync=True)
+    assert log.told == [log.told[0], "the field log is written again; records missing: 3"] * 2
+    log.sink.close()
+
+
+def test_full_queue_hides_no_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[str] = []
+    log = Sink(tmp_path, FREE, told.append, lambda: 0.0, 100)
+    log.open(header)
+    FailingCall(monkeypatch, "write").failures = 1_000_000
+    log.put(event(1), urgent=True)
+    ends_s = time.monotonic() + 20.0
+    while log.trouble is None and time.monotonic() < ends_s:
+        time.sleep(0.001)
+    for number in range(2, 10):
+        log.put(tick(number))
+    assert log.dropped > 0
+    assert "Input/output error" in str(log.trouble)
+    log.close()
 
 
 def test_nearly_full_disk_takes_no_ticks_but_events(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -185,6 +222,33 @@ def test_what_somebody_deleted_is_made_again_and_what_was_lost_is_counted(tmp_pa
     log.sink.close()
     assert (numbers(log.folder), log.sink.dropped) == ([4, 5, 6, 7], 2)
     assert read(log.folder)[1].damage == Damage(missing=3)
+
+
+def test_file_that_takes_no_more_is_left_for_a_new_part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = Log(tmp_path)
+    log.write(1)
+    broken, real = (tmp_path / "run.00001.jsonl").stat().st_ino, os.write
+
+    def write(file: int, data: bytes) -> int:
+        if os.fstat(file).st_ino == broken:
+            FailingCall.fail(errno.EIO)
+        return real(file, data)
+
+    monkeypatch.setattr(os, "write", write)
+    log.write(2, 3)
+    log.sink.close()
+    assert (numbers(tmp_path), log.parts(), log.sink.dropped) == ([1, 2, 3], [1, 2], 0)
+
+
+def test_file_that_somebody_puts_in_the_place_of_an_empty_part_stays(tmp_path: Path) -> None:
+    log = Log(tmp_path)
+    (tmp_path / "run.00001.jsonl").unlink()
+    (tmp_path / "run.00001.jsonl").write_bytes(b"precious")
+    log.sink._store(sync=True)
+    log.write(1)
+    log.sink.close()
+    assert (tmp_path / "run.00001.jsonl").read_bytes() == b"precious"
+    assert log.parts() == [1, 2]
 
 
 def test_part_that_cannot_be_made_is_no_trouble_while_the_one_before_takes_lines(
@@ -231,7 +295,7 @@ def test_disk_that_fails_for_long_leaves_no_trail_of_parts(
 def test_real_disk_runs_full_and_is_freed(small: Path) -> None:
     log = Log(small / "logs" / "run", LogSettings(part_mb=0.05, free_mb=0.0))
     ballast = small / "ballast"
-    ballast.write_bytes(bytes(150_000))
+    ballast.write_bytes(bytes(350_000))
     log.put(*range(1, 2001))
     log.sink._store(sync=True)
     assert "No space left on device: delete old runs" in str(log.sink.trouble)

@@ -79,7 +79,7 @@ class Parts:
         if not (done := os.write(self._file, data)):
             raise OSError(errno.EIO, os.strerror(errno.EIO))
         self._fit, self._size, self._torn = True, self._size + done, not data.endswith(b"\n", 0, done)
-        whole = data.count(b"\n", 0, done) - torn
+        whole = data.count(b"\n", 0, done + 1) - torn  # a line of which only the end is missing gets it next time
         self._empty = None if whole else self._empty
         return whole
 
@@ -323,7 +323,7 @@ class Sink(WaitingThread):
         if self._scarce:
             text = f"the field log takes only events and positions: less than {self._free_mb:g} MB are free"
             self._begin_trouble(f"{self._folder}: {text}: delete old runs")
-        elif self.trouble is not None and self._queued_bytes <= self._most_bytes // 2:
+        elif self.trouble is not None:
             self.trouble = None
             self._told.clear()
             self._tell(f"the field log is written again; records missing: {self.dropped - self._dropped_before}")

@@ -228,7 +228,7 @@ async def clock(inspection: Inspection) -> Finding:
 
 
 # -- the card or disk of the logs -------------------------------------------------------------------------------------
-# SD cards do not say how worn they are. What shows it is slow writing, which the log's writer measures, and a file
+# SD cards do not say how worn they are. What shows it is slow writing, measured while the log is written, and a file
 # system that the kernel has made read-only after an error.
 
 MOUNTS = "/proc/self/mountinfo"  # man 5 proc
