@@ -15,6 +15,7 @@ from tests.fieldlog.disks import FailingCall
 from wayfarer.errors import BadInput
 from wayfarer.fieldlog import folders
 from wayfarer.fieldlog.folders import find_run, new_run_folder, run_folders, run_number, short_name
+from wayfarer.fieldlog.reader import log_segments
 
 TIME = "20261121T061405Z"
 
@@ -139,6 +140,15 @@ def test_run_is_found_by_number_name_or_path(tmp_path: Path) -> None:
         find_run("5", tmp_path)
     with pytest.raises(BadInput, match="holds no run"):
         find_run(None, tmp_path / "none")
+
+
+def test_log_of_an_older_wayfarer_is_refused_in_one_line(tmp_path: Path) -> None:
+    old = tmp_path / f"00003-{TIME}"
+    old.mkdir()
+    (old / "run.jsonl").touch()
+    for attempt in (lambda: find_run(str(old), tmp_path), lambda: log_segments(old)):
+        with pytest.raises(BadInput, match=r"its log is of an older wayfarer \(run\.jsonl\): read it with that one"):
+            attempt()
 
 
 def test_folder_that_only_begins_with_a_number_is_not_called_by_it() -> None:

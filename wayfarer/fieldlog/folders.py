@@ -171,7 +171,7 @@ def _run_at(path: Path, logs: Path, runs: list[Path]) -> Path:
         if path.is_dir() and is_run(path):
             return path
         if path.is_dir():
-            raise BadInput(f"{path} is no run: there is no {part_name(1)} in it")
+            raise BadInput(no_run(path))
         if path.is_file():
             with open_regular(path) as file:
                 if file.read(4).startswith(LOG_BEGINS):
@@ -182,6 +182,13 @@ def _run_at(path: Path, logs: Path, runs: list[Path]) -> Path:
         raise BadInput(f"{str(path)[:40]} cannot be a run: {error.strerror}") from None
     there = " to ".join(dict.fromkeys(run.name for run in (*runs[:1], *runs[-1:]))) or "none"
     raise BadInput(f"there is no run and no folder '{path}': {logs} holds {there} (see wayfarer logs list)")
+
+
+def no_run(folder: Path) -> str:
+    """Return why a folder is no run."""
+    if (folder / "run.jsonl").exists():
+        return f"{folder}: its log is of an older wayfarer (run.jsonl): read it with that one"
+    return f"{folder} is no run: there is no {part_name(1)} in it"
 
 
 def part_name(number: int) -> str:

@@ -23,7 +23,7 @@ import msgspec
 from wayfarer import __version__
 from wayfarer.errors import BadInput, NothingReadable
 from wayfarer.fieldlog.fields import escape_document
-from wayfarer.fieldlog.folders import part_name, parts_of
+from wayfarer.fieldlog.folders import no_run, parts_of
 from wayfarer.fieldlog.record import KINDS, SCHEMA, AnyRecord, Header, decode
 from wayfarer.files import open_regular
 
@@ -251,7 +251,7 @@ def log_segments(run: Path) -> list[Path]:
     except OSError as error:
         raise BadInput(f"{run}: cannot be read: {error.strerror}") from None
     if not parts:
-        raise BadInput(f"{run} is no run: there is no {part_name(1)} in it")
+        raise BadInput(no_run(run))
     return parts
 
 
