@@ -14,13 +14,14 @@ from collections.abc import Iterator
 from itertools import chain, pairwise, repeat
 from pathlib import Path
 from random import Random
-from typing import Any
 
 from aiohttp import ClientSession, ClientWebSocketResponse
 
 from benchmarks.daemon import daemon
 from benchmarks.figures import Figure
 from wayfarer.daemon.socket.client import ask
+from wayfarer.fieldlog.reader import RunReader
+from wayfarer.fieldlog.record import Manual, Tick
 
 STOPS = 5
 STOPS_WITHIN_MS = 350.0  # the deadman of the rover file as shipped, and a tick
@@ -85,23 +86,23 @@ async def _send_samples(page: _Page, for_s: float) -> None:
         await asyncio.sleep(period_s)
 
 
-def _ticks(folder: Path) -> Iterator[dict[str, Any]]:
-    (log,) = folder.glob("logs/*/run.00001.jsonl")
-    for record in map(json.loads, log.read_text().splitlines()):
-        if record["record"] == "tick" and "manual_seq" in record:
-            yield record
+def _ticks(folder: Path) -> Iterator[tuple[Tick, Manual]]:
+    (run,) = folder.glob("logs/0*")  # beside the last mission's file
+    for record in RunReader(run):
+        if isinstance(record, Tick) and record.manual is not None:
+            yield record, record.manual
 
 
-def _reactions_ms(ticks: list[dict[str, Any]]) -> list[float]:
+def _reactions_ms(ticks: list[tuple[Tick, Manual]]) -> list[float]:
     """Return how long each sample took that a tick acted on."""
-    first = {tick["manual_seq"]: tick for tick in reversed(ticks)}
-    return [1000.0 * (tick["t_s"] - tick["manual_sent_s"]) for tick in first.values()]
+    first = {manual.seq: (tick, manual) for tick, manual in reversed(ticks)}
+    return [1000.0 * (tick.t_s - manual.sent_s) for tick, manual in first.values()]
 
 
-def _stops_ms(ticks: list[dict[str, Any]]) -> list[float]:
+def _stops_ms(ticks: list[tuple[Tick, Manual]]) -> list[float]:
     """Return how long after its newest sample each stop came that nobody asked for."""
     return [
-        1000.0 * (tick["t_s"] - tick["manual_sent_s"])
-        for before, tick in pairwise(ticks)
-        if before["applied_left"] and not tick["applied_left"] and tick["manual_forward"]
+        1000.0 * (tick.t_s - manual.sent_s)
+        for (before, _), (tick, manual) in pairwise(ticks)
+        if before.applied_left and not tick.applied_left and manual.forward
     ]

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from fractions import Fraction
+from math import isnan
 from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 import pytest
 import structlog
 from structlog.testing import capture_logs
@@ -15,12 +18,16 @@ from structlog.testing import capture_logs
 from tests.fieldlog.lines import standing
 from tests.kit.logs import read_log
 from wayfarer.config.rover_file import load_rover
+from wayfarer.daemon.socket.protocol import WHOLE_MAX, check
+from wayfarer.escape.api import Decision, Phase
 from wayfarer.experiments.trial import run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.record import AnyRecord, Event, Tick
 from wayfarer.fieldlog.sink import Sink
+from wayfarer.hal import CompassReading, MotionReading, WheelCommand
+from wayfarer.safety.manual import ManualSample
 from wayfarer.simhal.world.generate import generate_forest
 
 SPEC = TrialSpec(3, "cv-pledge", generate_forest(1, 0, 0), 5, load_rover("sim"), budget_m=10.0)
@@ -130,6 +137,73 @@ def test_memory_with_keys_of_the_log_costs_no_record(tmp_path: Path) -> None:
     assert reader.damage == Damage()
     assert isinstance(tick, Tick)
     assert (tick.n, tick.level, tick.memory) == (1, "well", kept)
+
+
+def nested(depth: int) -> dict[str, Any]:
+    memory: dict[str, Any] = {"why": "Größe"}
+    for _ in range(depth):
+        memory = {"deeper": memory}
+    return memory
+
+
+@pytest.mark.parametrize("depth", [10, 300, 500, 700, 900, 2000])
+def test_memory_of_any_depth_raises_nothing_into_the_tick_nor_into_a_reader(tmp_path: Path, depth: int) -> None:
+    shown: list[AnyRecord] = []
+    log = FieldLog(Sink(tmp_path), {}, wall=lambda t_s: t_s, viewers=[shown.append])
+    log.tick(standing(memory=lambda: nested(depth)))
+    log.tick(standing())
+    log.close("requested", "enough")
+    reader = RunReader(tmp_path)
+    assert list(reader) == shown
+    assert sum(isinstance(record, Tick) for record in shown) == 2 - reader.damage.missing
+
+
+class Own(str):
+    """A third party's text."""
+
+
+@pytest.mark.parametrize("value", [np.float32(0.5), np.float64(0.5), np.int64(1), Fraction(1, 2), 1, float("nan")])
+def test_number_of_another_library_is_a_number_in_the_log(tmp_path: Path, value: Any) -> None:
+    """An algorithm, or the driver of a camera, may compute with NumPy."""
+    tick = standing(memory=lambda: {"x": value})
+    tick.decision = Decision(WheelCommand(value, value), Phase.FOLLOW, Own("follow"))
+    tick.motion, tick.compass = MotionReading(1.0, value, value, value), CompassReading(1.0, value, value, value, None)
+    log = FieldLog(Sink(tmp_path), {})
+    log.tick(tick)
+    log.close("requested", "enough")
+    reader = RunReader(tmp_path)
+    _, told, _ = reader
+    assert isinstance(told, Tick) and told.motion is not None and told.compass is not None
+    wanted = None if isnan(value) else float(value)
+    assert [told.wanted_left, told.motion.forward_m, told.compass.heading_deg, told.memory["x"]] == [wanted] * 4
+    assert told.why == "follow"
+
+
+def test_text_with_half_a_character_costs_no_record(tmp_path: Path) -> None:
+    """The name of a file need not be UTF-8, and an error names it."""
+    log = FieldLog(Sink(tmp_path), {})
+    log.logger.warning("sensor_failed", t_s=1.0, text="The camera failed: \udcff", error="\udcff", counts={"\ud800": 1})
+    log.tick(standing(memory=lambda: {"\ud800": "\ud800"}))
+    log.close("requested", "\ud800")
+    reader = RunReader(tmp_path)
+    _, failed, tick, _ = reader
+    assert reader.damage == Damage()
+    assert isinstance(failed, Event) and failed.data == {"error": r"\udcff", "counts": {r"\ud800": 1}}
+    assert isinstance(tick, Tick) and tick.memory == {r"\ud800": r"\ud800"}
+
+
+@pytest.mark.parametrize("sent_s", [0.0, 1e9, 1e12])
+def test_sample_of_any_time_that_a_client_may_send_costs_no_tick(tmp_path: Path, sent_s: float) -> None:
+    tick = standing()
+    fields = {"lease": 1, "seq": WHOLE_MAX, "forward": -1.0, "turn": 1.0, "sent_s": sent_s}
+    sample = check({"do": "manual_drive", **fields}).keys
+    tick.manual = ManualSample(*(sample[key] for key in ManualSample._fields))
+    log = FieldLog(Sink(tmp_path), {})
+    log.tick(tick)
+    log.close("requested", "enough")
+    _, told, _ = RunReader(tmp_path)
+    assert isinstance(told, Tick) and told.manual is not None
+    assert told.manual.sent_s == sent_s
 
 
 @pytest.mark.parametrize("text", ["\x1b[2J", "\u202e", "a\x9bb", "\x07"])

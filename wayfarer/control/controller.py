@@ -274,8 +274,8 @@ class Controller:
         self._lost_tick_s = t_s
         if t_s - self._lost_since_s > LOST_TICKS_S or (self.mission is None and self.mode is not _MANUAL):
             raise error
-        self.motors_lost(t_s, "no memory was left for a control tick", "tick")
         self._begins_anew = True
+        self.motors_lost(t_s, "no memory was left for a control tick", "tick")
 
     # -- the tick ------------------------------------------------------------------------------------------------
 

@@ -172,7 +172,7 @@ def tick_fields(tick: TickRecord) -> dict[str, Any]:
         "mode": tick.mode,
         "held": tick.held,
         "phase": decision.phase.value,
-        "why": decision.why,
+        "why": str(decision.why),
         "compass": compass and Compass(*compass),
         "motion": motion and Motion(*motion),
         "contact": contact

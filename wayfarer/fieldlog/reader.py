@@ -112,13 +112,13 @@ class Lines:
             return None
         try:
             record = decode(begins)
+            if b"\\" in begins or b"\x7f" in begins or not begins.isascii():
+                record = _printable(record)
         except (ValueError, RecursionError) as error:
             self._count(begins, str(error), of_a_hole=hole)
             return None
         if isinstance(record, Header) and not self._is_ours(record.schema):
             return None
-        if b"\\" in begins or b"\x7f" in begins or not begins.isascii():
-            record = _printable(record)
         return record if self._goes_on(record.n) else None
 
     def _count(self, line: bytes, error: str, *, of_a_hole: bool) -> None:

@@ -14,11 +14,13 @@ Not compiled: a compiled ``Struct`` loses its tag, which is how a record says it
 from __future__ import annotations
 
 from math import nan
+from numbers import Integral, Real
 from typing import Annotated, Any, NamedTuple
 
 import msgspec
 from msgspec import Meta, Struct
 
+from wayfarer.fieldlog.fields import escape_document
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, Side
 
 SCHEMA = 4
@@ -163,12 +165,12 @@ class Contact(Struct):
 
 
 class Manual(Struct):
-    """``manual.ManualSample``: what the person wants who drives."""
+    """``manual.ManualSample``: what the person wants who drives; ``sent_s`` is what the client says."""
 
     seq: Count
     forward: Duty
     turn: Duty
-    sent_s: Seconds
+    sent_s: float
 
 
 # -- the kinds ---------------------------------------------------------------------------------------------------------
@@ -322,18 +324,28 @@ class Outcome(Record, kw_only=True, tag="outcome"):
 AnyRecord = Header | Tick | Event | Fix | Board | Computer | Truth | FaultInjected | Outcome
 KINDS = {kind.__struct_config__.tag: kind for kind in AnyRecord.__args__}
 
+
+def _as_json(value: object) -> object:
+    """Return a value of another library: a number as one, anything else by its repr."""
+    if isinstance(value, Integral):
+        return int(value)
+    return float(value) if isinstance(value, Real) else repr(value)
+
+
 _decoder: msgspec.json.Decoder[Any] = msgspec.json.Decoder(AnyRecord)
-# What is no JSON is told by its repr: a third party's algorithm may remember anything.
-_encoder = msgspec.json.Encoder(enc_hook=lambda value: float(value) if isinstance(value, float) else repr(value))
+_encoder = msgspec.json.Encoder(enc_hook=_as_json)
 
 
 def encode(record: Record) -> bytes:
-    """Return the line of a record, without its end.
+    """Return the line of a record, without its end. A third party's algorithm or driver may say anything.
 
     Raises:
         Exception: a third party's value breaks while it is written.
     """
-    return _encoder.encode(record)
+    try:
+        return _encoder.encode(record)
+    except UnicodeEncodeError:  # half a character, as in the name of a file that is no UTF-8
+        return _encoder.encode(escape_document(msgspec.to_builtins(record, enc_hook=_as_json)))
 
 
 def decode(line: bytes) -> AnyRecord:
