@@ -109,3 +109,25 @@ async def test_single_ticks_without_memory_that_are_far_apart_end_no_mission() -
         bench.controller.motors_opened(bench.t_s)
         await bench.tick(200)
         assert bench.wheels != STOP
+
+
+async def test_tick_without_memory_ends_no_mission_though_its_log_finds_none_either() -> None:
+    class LostLog(EventLog):
+        def event(self, name: str, t_s: float, **details: object) -> None:
+            if name == "motors_failed":
+                raise MemoryError
+
+    handler = Short()
+    bench = Bench(handler, log=LostLog())
+    await bench.tick()
+    bench.controller.arm(bench.t_s, 0.0)
+    await bench.tick(5)
+    handler.is_short = True
+    await bench.tick()
+    assert bench.motors.halts == 1
+    handler.is_short = False
+    await bench.tick()
+    assert (bench.controller.mode, bench.wheels) == (Mode.ARMED, STOP)
+    bench.controller.motors_opened(bench.t_s)
+    await bench.tick(200)
+    assert bench.wheels != STOP

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from unittest.mock import Mock, call
 
+from tests.fieldlog.lines import standing
 from wayfarer.control.run_log import RunLog, Tee
 from wayfarer.control.tick import TickRecord
+from wayfarer.fieldlog.log import FieldLog
+from wayfarer.fieldlog.reader import RunReader
+from wayfarer.fieldlog.record import Event
+from wayfarer.fieldlog.sink import Sink
 from wayfarer.hal import PositionFix
 
 RECORD = TickRecord(1.0)
@@ -28,3 +34,20 @@ def test_tee_tells_every_log_everything_in_turn() -> None:
     assert told.first.mock_calls == expected
     assert told.second.mock_calls == expected
     assert [name.partition(".")[0] for name, _, _ in told.mock_calls] == ["first", "second"] * len(expected)
+
+
+def test_context_of_a_run_is_that_of_all_events_of_its_logs(tmp_path: Path) -> None:
+    """A clock that is set during a mission is an event of the field log only."""
+    offset_s = 0.0
+    log = FieldLog(Sink(tmp_path), {}, wall=lambda t_s: t_s + offset_s)
+    tee = Tee(log)
+    tee.bind(run="00017-now", mission=2)
+    log.tick(standing(1.0))
+    offset_s = 3600.0
+    log.tick(standing(2.0))
+    tee.logger.info("mark", t_s=3.0, text="Mark")
+    tee.close("requested", "enough")
+    events = [record for record in RunReader(tmp_path) if isinstance(record, Event)]
+    assert [(event.name, event.run, event.mission) for event in events] == [
+        ("clock_step", "00017-now", 2), ("mark", "00017-now", 2),
+    ]  # fmt: skip

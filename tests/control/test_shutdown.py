@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import Coroutine
 from contextlib import nullcontext, suppress
 from typing import Any
+from unittest.mock import AsyncMock, Mock
 
 import pytest
 
@@ -21,12 +22,28 @@ from tests.kit.workshop import (
     drive,
 )
 from tests.virtual import virtual
+from wayfarer.control import shutdown
+from wayfarer.control.run_log import PartialLog
 from wayfarer.control.shutdown import run_uncancellable
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import NotResponding
 from wayfarer.hal import STOP, CompassReading, WheelCommand
+from wayfarer.safety.mission import RunEnd
 
 ENDS_WITHIN_S = 2.0  # after a request, a signal or a bug: what systemd and a person may rely on
+
+
+async def test_nothing_that_fails_in_the_words_for_the_end_keeps_the_wheels_from_being_stopped(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def no_memory(_reason: str) -> str:
+        raise MemoryError
+
+    monkeypatch.setattr(shutdown, "disarmed_text", no_memory)
+    motors = AsyncMock(halt=Mock(), read_back=AsyncMock(return_value=STOP))
+    with pytest.raises(MemoryError):
+        await shutdown.Shutdown(motors, (motors,), PartialLog()).end(RunEnd("requested", "enough"))
+    assert [name for name, *_ in motors.mock_calls] == ["stop", "read_back", "close"]
 
 
 # -- the end, whatever hangs -------------------------------------------------------------------------------------

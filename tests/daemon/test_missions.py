@@ -33,6 +33,7 @@ def test_missions_in_one_daemon_leave_nothing_behind(folder: Path) -> None:
     run = newest_run(folder / "logs")
     assert run is not None
     told = [record for record in read_log(run) if record.get("name") == "mission_ended"]
+    assert [record["mission"] for record in told] == list(range(1, len(told) + 1))
     assert [record["mission_ended"] for record in told[:3]] == ["mission_distance"] * 2 + ["requested by a person"]
     assert len(told) == MISSIONS
     replayed = replay(run)

@@ -89,12 +89,18 @@ def test_event_has_its_sentence_its_severity_and_the_context_that_was_bound(tmp_
     )  # fmt: skip
 
 
-def test_events_can_be_captured_as_those_of_any_structlog_logger(tmp_path: Path) -> None:
-    log = FieldLog(Sink(tmp_path), {})
+def test_events_of_a_tick_can_be_captured_as_those_of_any_structlog_logger(tmp_path: Path) -> None:
+    hour_s = 0.0
+    log = FieldLog(Sink(tmp_path), {}, wall=lambda t_s: t_s + hour_s)
     log.logger = structlog.get_logger()
+    log.bind(mission=2)
+    hour_s = 3600.0
     with capture_logs() as captured:
-        log.logger.warning("clock_step", t_s=1.0, text="set")
-    assert captured == [{"event": "clock_step", "t_s": 1.0, "text": "set", "log_level": "warning"}]
+        log.tick(standing())
+    text = "The computer's clock was set by +3600 s"
+    assert captured == [
+        {"event": "clock_step", "t_s": 1.0, "text": text, "by_s": 3600.0, "mission": 2, "log_level": "warning"}
+    ]
 
 
 def test_what_cannot_be_written_is_dropped_and_counted(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ a time limit continues where it was.
 from __future__ import annotations
 
 from collections import deque
+from contextlib import suppress
 from math import inf, radians
 from random import Random
 from typing import Final
@@ -275,7 +276,8 @@ class Controller:
         if t_s - self._lost_since_s > LOST_TICKS_S or (self.mission is None and self.mode is not _MANUAL):
             raise error
         self._begins_anew = True
-        self.motors_lost(t_s, "no memory was left for a control tick", "tick")
+        with suppress(MemoryError):  # for its event; the wheels are held all the same
+            self.motors_lost(t_s, "no memory was left for a control tick", "tick")
 
     # -- the tick ------------------------------------------------------------------------------------------------
 

@@ -90,6 +90,12 @@ class Tee(PartialLog):
     def __init__(self, *logs: RunLog) -> None:
         self._logs = logs
 
+    def bind(self, **context: object) -> None:
+        """Add to the context of each further event, also of those that only one of the logs has."""
+        super().bind(**context)
+        for log in self._logs:
+            log.bind(**context)
+
     def event(self, name: str, t_s: float, **details: object) -> None:
         """Take something that happened."""
         for log in self._logs:

@@ -52,9 +52,12 @@ class Shutdown:
             last_things.callback(self._log.close, end.reason, end.text)
             for part in self._parts:
                 last_things.push_async_callback(self._close_part, part)
-            text = f"The wheels are stopped: {disarmed_text(end.reason)}"
-            last_things.callback(self._log.logger.info, "wheels_stopped", t_s=t_s, text=text, reason=end.reason)
+            last_things.callback(self._tell_of_stop, t_s, end.reason)  # nothing may fail before the wheels are stopped
             last_things.push_async_callback(self.stop_wheels)
+
+    def _tell_of_stop(self, t_s: float, reason: str) -> None:
+        text = f"The wheels are stopped: {disarmed_text(reason)}"
+        self._log.logger.info("wheels_stopped", t_s=t_s, text=text, reason=reason)
 
     def _not_confirmed(self, why: str) -> None:
         self._motors.halt()

@@ -271,13 +271,12 @@ class Daemon:
         if service.console is not None:
             shown_to.append(service.console(self._lines.write))
         self._field_log = FieldLog(self._sink, self._header(about), t_s=self._loop.time(), viewers=shown_to)
-        self._field_log.bind(run=folder.name)
-        if before is not None:
-            self._tell_of_last(before)
         ground_truth_logs = [rover_setup.ground_truth_log(self._field_log)] if rover_setup.ground_truth_log else []
         keeper = MissionKeeper(folder, self._field_log, self._lines.write)
         self._log = Tee(keeper, self._field_log, *ground_truth_logs, WatchdogFeed(self._notifier, self._guard))
         self._log.bind(run=folder.name)
+        if before is not None:
+            self._tell_of_last(before)
         handler = service.algorithm.make(config.escape, config.vehicle, Random(service.seed))
         self._supervisor = Supervisor(
             self._rover, config, service.algorithm, handler, self._log,

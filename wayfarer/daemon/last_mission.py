@@ -105,8 +105,6 @@ def read_last_mission(logs: Path) -> LastMission | None:
 class MissionKeeper(PartialLog):
     """Follows a run, keeps its latest mission in the file, and logs an event at the end of each.
 
-    What a person drives during a mission counts as time only, as in ``wayfarer status``.
-
     Args:
         run: the folder of the run, among all others.
         log: takes the event; must be told of the run after this, because it takes none after the outcome.
@@ -121,31 +119,26 @@ class MissionKeeper(PartialLog):
         self._tell = tell
         self._wall = wall
         self._mission: LastMission | None = None  # the one under way
-        self._began_s = self._driven_s = self._driven_m = 0.0
-        self._at_m: float | None = None  # of all that the run has commanded so far
-        self._number: object = 0  # of the mission in this run
+        self._t_s = self._driven_s = self._driven_m = 0.0  # at its latest tick
         self._anomalies = 0
         self._before: tuple[Anomaly, ...] = ()
         self._newest = b""
         self._writing = OneCall(self._write)
 
     def tick(self, record: TickRecord) -> None:
-        """Count a tick of a mission."""
+        """Take a tick of a mission, and count the anomalies that no person drove into."""
         seen = record.observation
-        if self._mission is None or seen is None:
+        if self._mission is None or seen is None or record.mission_s is None or record.mission_m is None:
             return
-        moved_m = 0.0 if self._at_m is None else seen.travelled_m - self._at_m
         if record.decision.phase is not Phase.MANUAL:
-            self._driven_m += moved_m
             self._anomalies += len(set(seen.anomalies).difference(self._before))
-        self._at_m, self._before = seen.travelled_m, seen.anomalies
-        self._driven_s = record.t_s - self._began_s
+        self._before = seen.anomalies
+        self._t_s, self._driven_s, self._driven_m = record.t_s, record.mission_s, record.mission_m
 
     def event(self, name: str, t_s: float, **details: object) -> None:
         """Begin or end a mission."""
         if name == "armed":
-            self._number = details.get("mission", 0)
-            self._began_s, self._driven_s, self._driven_m, self._at_m = t_s, 0.0, 0.0, None
+            self._t_s, self._driven_s, self._driven_m = t_s, 0.0, 0.0
             self._anomalies, self._before = 0, ()
             self._mission = LastMission(run=self._run, armed_t_wall=round(self._wall(t_s), 3))
             self._keep(self._mission)
@@ -154,7 +147,7 @@ class MissionKeeper(PartialLog):
 
     def close(self, reason: str, text: str) -> None:  # noqa: ARG002 - as any RunLog
         """End a mission that goes on until the end of the run, and wait until the disk has it, at most ``CLOSE_S``."""
-        self._end(self._began_s + self._driven_s, reason)
+        self._end(self._t_s, reason)
         self._writing.join(CLOSE_S)
 
     def _end(self, t_s: float, why: str) -> None:
@@ -171,7 +164,7 @@ class MissionKeeper(PartialLog):
         self._keep(over)
         self._log.logger.info(
             "mission_ended", t_s=t_s, text=f"The mission {over.how}", mission_s=over.mission_s,
-            mission_m=over.mission_m, mission_anomalies=over.mission_anomalies, mission_ended=why, mission=self._number,
+            mission_m=over.mission_m, mission_anomalies=over.mission_anomalies, mission_ended=why,
         )  # fmt: skip
 
     def _keep(self, mission: LastMission) -> None:

@@ -106,7 +106,7 @@ def test_goals_are_those_that_the_rover_took(tmp_path: Path) -> None:
     armed += [event("goal", 2.5, goal_heading_deg=0.0), *ticks[60:]]
     assert goal("whole", *ticks[:20], *armed) == "20°, then 0°"
     assert goal("late", *ticks) == "0°"
-    assert goal("never armed", *({**each, "phase": "halt", "why": "halt"} for each in ticks)) == "none"
+    assert goal("never armed", *({**each, "goal_heading_deg": None} for each in ticks)) == "none"
 
 
 def test_further_numbers_are_columns_of_all_ticks_and_only_so_many(tmp_path: Path) -> None:

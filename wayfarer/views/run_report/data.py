@@ -96,15 +96,13 @@ class RunData:
     def goals(self) -> list[tuple[float, float]]:
         """Return when the rover took each goal, and its heading in degrees.
 
-        Of a log that begins after the first one, it is that of the first tick in which an algorithm drives: the ticks
-        of a disarmed rover, and of one that a person drives, have a goal that nobody gave.
+        Of a log that begins after the first one, it is that of the first tick that has a goal.
         """
         events = [event for event in self.events if isinstance(event, Event) and event.name in {"armed", "goal"}]
         if events:
             told = ((event.elapsed_s, event.number("goal_heading_deg")) for event in events)
             return [(t_s, goal_deg) for t_s, goal_deg in told if goal_deg is not None]
-        nobody = [PHASE_INDEX[phase.value] for phase in (Phase.HALT, Phase.MANUAL)]
-        known = ~np.isnan(self.ticks["goal_heading_deg"]) & ~np.isin(self.ticks["phase"], nobody)
+        known = ~np.isnan(self.ticks["goal_heading_deg"])
         return list(zip(*(self.ticks[name][known][:1].tolist() for name in ("t_s", "goal_heading_deg")), strict=True))
 
     def setting(self, section: str, key: str) -> float:
