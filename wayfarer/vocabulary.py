@@ -299,7 +299,7 @@ def level_text(level: str, cause: str | None) -> str:
 def response_text(level: object, cause: object, *, by_hand: bool = False) -> str:
     """Return what an armed rover does because of a condition, and until when: "it stands, until a tick comes in time".
 
-    ``by_hand``: what it does while a person drives. Empty where the names are unknown, as they may be in a log.
+    ``by_hand``: what it does while a person drives. Empty if the names are unknown, as they may be in a log.
     """
     said = _said(level, cause, by_hand=by_hand)
     return "" if said is None else f"it {said.does}, until {said.ends_when}"

@@ -6,7 +6,7 @@ from pathlib import Path
 from unittest.mock import Mock, call
 
 from tests.fieldlog.lines import standing
-from wayfarer.control.run_log import RunLog, Tee
+from wayfarer.control.run_log import DriverCounters, PartialLog, RunLog, Tee
 from wayfarer.control.tick import TickRecord
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.reader import RunReader
@@ -34,6 +34,21 @@ def test_tee_tells_every_log_everything_in_turn() -> None:
     assert told.first.mock_calls == expected
     assert told.second.mock_calls == expected
     assert [name.partition(".")[0] for name, _, _ in told.mock_calls] == ["first", "second"] * len(expected)
+
+
+class Told(PartialLog):
+    def __init__(self) -> None:
+        self.severities: list[tuple[str, object]] = []
+
+    def event(self, name: str, t_s: float, **details: object) -> None:
+        self.severities.append((name, details["severity"]))
+
+
+def test_errors_that_a_driver_has_recovered_from_are_no_warning() -> None:
+    """A wire that is a little loose has some each second, and nothing is wrong with the run."""
+    log, part = Told(), Mock(error_counts={"reads retried": 1})
+    DriverCounters([part], log).note(1.0)
+    assert log.severities == [("part_troubles", "info")]
 
 
 def test_context_of_a_run_is_that_of_all_events_of_its_logs(tmp_path: Path) -> None:

@@ -141,7 +141,7 @@ class DriverCounters:
             if counts != noted:
                 self.counting[part] = counts
                 told = ", ".join(f"{count} {what.replace('_', ' ')}" for what, count in counts.items())
-                self._log.logger.warning(
+                self._log.logger.info(  # nothing is wrong: the driver has helped itself
                     "part_troubles", t_s=t_s, text=f"The {part.name} carried on after {told}",
                     part=part.name, counts=counts,
                 )  # fmt: skip

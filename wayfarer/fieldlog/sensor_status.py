@@ -8,7 +8,7 @@ from math import nan
 from wayfarer.fieldlog.record import Compass, Contact, Fix, Motion
 
 WINDOW_S = 2.0  # for the rate now
-STALE_S = 0.5  # where the rover file gives no limit; PX4 and ArduPilot allow flow as much
+STALE_S = 0.5  # if the rover file gives no limit; PX4 and ArduPilot allow flow as much
 PERIODS = 4.0  # of a slow sensor, such as a receiver at 1 Hz, before it counts as late
 
 

@@ -13,7 +13,7 @@ from wayfarer.fieldlog.record import AnyRecord, Event, Fix, Tick
 from wayfarer.fieldlog.run_fold import LowBattery, RunFold, RunState
 from wayfarer.safety.settings import SafetySettings
 
-LATE_S = SafetySettings().tick_late_s  # where a header does not tell
+LATE_S = SafetySettings().tick_late_s  # if a header does not tell
 # The events that tell of something that failed; ``sensor_failed`` is counted by sensor.
 FAILURES = {
     "board_silent", "light_failed", "part_failed", "motors_failed", "motors_not_opened", "loop_stalled",
