@@ -32,6 +32,7 @@ PART_BYTES = 4_000_000_000  # of a part are read, at most: twice what ``part_mb`
 LINE_BYTES = 1_000_000  # far more than any record: the header of a simulated forest has 20,000
 PACKED_BYTES = 200_000_000  # unpacked, to find the end of a part: a second of work
 BROKEN_LINES = 20_000  # of a run are skipped, at most: a file of garbage is not read for hours
+DEPTH = 100  # of a record: what is nested without an end can neither be shown nor written again
 FIRST_LINES = 16  # of a part are its beginning: if some of them are broken, the others still tell when it was
 CANNOT_BE_READ = (OSError, EOFError, zlib.error)  # the latter two: a packed file without its end, or a damaged one
 GZIP = b"\x1f\x8b"  # begins what gzip has packed
@@ -112,7 +113,8 @@ class Lines:
             return None
         try:
             record = decode(begins)
-            if b"\\" in begins or b"\x7f" in begins or not begins.isascii():
+            brackets = begins.count(b"{") + begins.count(b"[")
+            if brackets > DEPTH or b"\\" in begins or b"\x7f" in begins or not begins.isascii():
                 record = _printable(record)
         except (ValueError, RecursionError) as error:
             self._count(begins, str(error), of_a_hole=hole)
@@ -167,8 +169,12 @@ class Lines:
 
 
 def _printable(record: AnyRecord) -> AnyRecord:
-    """Return a record in which no text can command a terminal."""
-    return msgspec.convert(escape_document(msgspec.to_builtins(record)), type(record))
+    """Return a record in which no text can command a terminal.
+
+    Raises:
+        RecursionError: it is nested deeper than ``DEPTH``.
+    """
+    return msgspec.convert(escape_document(msgspec.to_builtins(record), DEPTH), type(record))
 
 
 class RunReader:
