@@ -50,7 +50,7 @@ def test_start_after_a_brown_out_is_disarmed(site: Site) -> None:
     cut_off = run_folders(site.logs)[-1].name
     site.daemon()
     event = site.told("unclean_shutdown")
-    assert event["run"] == cut_off
+    assert event["last_run"] == cut_off
     assert site.status()["mode"] == "disarmed"
     assert not told_to_turn(site.commands(stopped_s)), "wheels turned before anybody asked to arm"
     site.ask("arm", heading_deg=0.0)

@@ -92,7 +92,7 @@ def test_maps_put_each_point_where_its_keys_are() -> None:
 @pytest.mark.parametrize("spl", [True, False])
 @pytest.mark.parametrize("values", [2, 8, 40])
 def test_maps_of_many_values_name_some(spl: bool, values: int) -> None:
-    axis = Axis("escape.turn_angle_deg", tuple(range(2, 2 * values + 1, 2)))
+    axis = Axis("escape.turn_angle_deg", tuple(range(6, 2 * values + 5, 2)))
     figures = drawn(maps_figures(results_of(SLIPS, axis, spl=spl), "pledge"))
     assert len(figures) == len(IN_A_FOREST) - (not spl)
     assert all(len(figure.xaxis[0].major_label_overrides) <= 8 for figure in figures)
