@@ -36,6 +36,20 @@ def test_tee_tells_every_log_everything_in_turn() -> None:
     assert [name.partition(".")[0] for name, _, _ in told.mock_calls] == ["first", "second"] * len(expected)
 
 
+class LooseWire:
+    """A compass whose wire is a little loose."""
+
+    name = "compass"
+
+    async def open(self) -> None: ...
+
+    async def close(self) -> None: ...
+
+    @property
+    def error_counts(self) -> dict[str, int]:
+        return {"reads retried": 1}
+
+
 class Told(PartialLog):
     def __init__(self) -> None:
         self.severities: list[tuple[str, object]] = []
@@ -46,8 +60,8 @@ class Told(PartialLog):
 
 def test_errors_that_a_driver_has_recovered_from_are_no_warning() -> None:
     """A wire that is a little loose has some each second, and nothing is wrong with the run."""
-    log, part = Told(), Mock(error_counts={"reads retried": 1})
-    DriverCounters([part], log).note(1.0)
+    log = Told()
+    DriverCounters([LooseWire()], log).note(1.0)
     assert log.severities == [("part_troubles", "info")]
 
 
