@@ -1,4 +1,4 @@
-"""What careless or hostile programs of this computer do to a daemon without end, each as a process of its own.
+"""What careless or hostile programs of this computer do to a daemon without end, each as a separate process.
 
 ::
 

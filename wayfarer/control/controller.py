@@ -276,7 +276,7 @@ class Controller:
         if t_s - self._lost_since_s > LOST_TICKS_S or (self.mission is None and self.mode is not _MANUAL):
             raise error
         self._begins_anew = True
-        with suppress(MemoryError):  # for its event; the wheels are held all the same
+        with suppress(MemoryError):  # for its event: the wheels are held already
             self.motors_lost(t_s, "no memory was left for a control tick", "tick")
 
     # -- the tick ------------------------------------------------------------------------------------------------
@@ -330,7 +330,7 @@ class Controller:
 
     def _tell_where(self, tick: TickRecord) -> None:
         """Fill in what the rover knows of itself, for the log; no decision comes from it."""
-        tick.mode, tick.held = self.mode.value, self.held
+        tick.mode, tick.held = self.mode, self.held
         place, mission = self._place, self.mission
         tick.path_m = place.path_m
         if place.known:

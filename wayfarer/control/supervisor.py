@@ -286,7 +286,7 @@ class Supervisor:
                 beside.append(group.create_task(self._show_state(self._rover.light), name="light"))
             await self._wait_for_sensors()
             try:
-                # A task of its own: a tick wakes only its coroutine, not those that wait for the end of the run.
+                # In a separate task: a tick wakes only its coroutine, not those that wait for the end of the run.
                 end = await asyncio.create_task(self.loop.run(self._control_hz), name="control")
             finally:  # the wheels first: a sensor may take long to end
                 await run_uncancellable(self._stopping.stop_wheels())

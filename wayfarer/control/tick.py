@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from math import isfinite
 from typing import Final, NamedTuple
 
+from wayfarer.control.modes import Mode
 from wayfarer.detector.detector import DetectorTick
 from wayfarer.escape.api import Decision, Observation, Phase
 from wayfarer.hal import (
@@ -144,7 +145,7 @@ class TickRecord(DetectorTick):
     cause: Condition | None = None
     manual: ManualSample | None = None
     memory: Callable[[], Mapping[str, float | str]] = dict
-    mode: str = "disarmed"
+    mode: Mode = Mode.DISARMED
     held: bool = False
     north_m: float | None = None
     east_m: float | None = None

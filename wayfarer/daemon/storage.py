@@ -41,7 +41,7 @@ class Watch(NamedTuple):
 
 @contextmanager
 def watching(*watches: Watch) -> Iterator[None]:
-    """Call each in a thread of its own while entered: none waits for another that a hanging card holds."""
+    """Call each in a separate thread while entered: none waits for another that a hanging card holds."""
     ended = threading.Event()
 
     def work(watch: Watch) -> None:

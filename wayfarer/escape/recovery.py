@@ -6,7 +6,7 @@ each rung the algorithm has its turn again. After the last one the rover rests, 
 begins again; each rest is longer than the one before. A rover that makes progress begins with the first rung the next
 time.
 
-Pure: time comes in as ``t_s``, chance from a generator of its own. Its seed is in the log, so that a replay draws the
+Pure: time comes in as ``t_s``, chance from a separate generator. Its seed is in the log, so that a replay draws the
 same.
 """
 

@@ -149,7 +149,7 @@ class Demo:
             running.finish("signal", f"ended by {name}")
 
     def run_trial(self, show: Callable[[AnyRecord], None]) -> DemoTrial:
-        """Run the trial to its end, in a thread of its own; ``show`` is called there with each record of its log.
+        """Run the trial to its end, in a separate thread; ``show`` is called there with each record of its log.
 
         Raises:
             MissingPart, BadInput: as ``run``.

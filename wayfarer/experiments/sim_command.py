@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from wayfarer.experiments.dask_cluster import Cluster
 
 FAULT_FILE = "fault.txt"
-LEGEND = "success: escaped or left the map; path: of these; time, anomalies: mean a trial"
+LEGEND = "success: escaped or left the map; path: of these; time, anomalies: per trial"
 SITE_LEGEND = """time: from arming to the destination line, of the successes
 interventions (overturned/off its wheels)"""
 

@@ -44,7 +44,7 @@ class AlgorithmSummary:
     Path lengths are in metres, over the successes (escaped or left the map), as in the paper. ``spl`` is the
     mean over all trials whose shortest path is known, where a failure counts 0. Time (simulated, in seconds)
     and anomalies are means a trial, faults left out; ``escape_..._s`` is the time of the successes. Interventions are
-    the mean a trial, where they are counted, ``overturned`` and ``off_wheels`` those of each kind.
+    the mean per trial, if they are counted, ``overturned`` and ``off_wheels`` those of each kind.
     """
 
     algorithm: str

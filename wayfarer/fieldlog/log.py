@@ -168,8 +168,8 @@ def tick_fields(tick: TickRecord) -> dict[str, Any]:
     """
     compass, motion, contact, manual = tick.compass, tick.motion, tick.contact, tick.manual
     decision, seen = tick.decision, tick.observation
-    fields = {
-        "mode": tick.mode,
+    fields: dict[str, Any] = {
+        "mode": tick.mode.value,
         "held": tick.held,
         "phase": decision.phase.value,
         "why": str(decision.why),

@@ -167,10 +167,10 @@ NO_HEADER = Header(schema=SCHEMA, t_s=nan, t_wall=0.0)
 class RunState:
     """The state of a run. Bounded: it does not grow with the log.
 
-    ``first`` and ``last`` are the records at both ends, ``elapsed_s`` that of the last one, and ``lasted_s`` the
-    latest of all: a position is a little older than the record before it. Before the first header or tick, those are
-    records without values. ``period_s`` is the time between the last two ticks, NaN if records are missing between
-    them; ``measured_m_s`` the speed by the last reading of the motion sensor that could tell, NaN after ``GAP_S``.
+    ``last`` is the newest record, ``elapsed_s`` its time, and ``lasted_s`` the latest of all: a position is a little
+    older than the record before it. Before the first header or tick, those are records without values. ``period_s`` is
+    the time between the last two ticks, NaN if records are missing between them; ``measured_m_s`` the speed by the last
+    reading of the motion sensor that could tell, NaN after ``GAP_S``.
 
     ``place`` is the latest by dead reckoning, and ``start`` where the rover was first armed, if that is in the log
     (``from_start``; None: it was not armed yet). ``driven_m`` is the true way of a simulated rover, None of any other.
@@ -184,7 +184,6 @@ class RunState:
     """
 
     header: Header = NO_HEADER
-    first: AnyRecord | None = None
     last: AnyRecord | None = None
     elapsed_s: float = 0.0
     lasted_s: float = 0.0
@@ -245,7 +244,7 @@ class RunFold:
     def take(self, record: AnyRecord) -> list[Told]:
         """Take the next record, and return what it tells: first what was read, then what changed."""
         state = self.state
-        state.first, state.last = state.first or record, record
+        state.last = record
         state.elapsed_s = record.elapsed_s
         state.lasted_s = max(state.lasted_s, record.elapsed_s)
         told: list[Told] = []

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from wayfarer.config.rover_file import load_rover
+from wayfarer.control.modes import Mode
 from wayfarer.control.tick import TickRecord
 from wayfarer.escape.api import Anomaly, Decision, Observation, Phase
 from wayfarer.fieldlog.log import FieldLog
@@ -60,11 +61,12 @@ def tick(
     cause: Condition | None = None,
     memory: Any = None,
     wheels: WheelCommand = STOP,
+    mode: str = "disarmed",
     north_m: float | None = None,
     east_m: float | None = None,
     **known: Any,
 ) -> TickRecord:
-    """Return one control tick; ``known`` are mode, mission and goal."""
+    """Return one control tick; ``known`` are hold, mission and goal."""
     compass = None if heading_deg is None else CompassReading(t_s, heading_deg, 1.0, -1.0, 3)
     motion = None if moved_m is None else MotionReading(t_s, moved_m, 0.0, 0.8)
     seen = None
@@ -77,7 +79,7 @@ def tick(
     record.decision, record.applied = decision, wheels
     record.level, record.cause = level, cause
     record.memory = lambda: kept
-    record.north_m, record.east_m = north_m, east_m
+    record.mode, record.north_m, record.east_m = Mode(mode), north_m, east_m
     for key, value in known.items():
         setattr(record, key, value)
     return record

@@ -81,7 +81,7 @@ def facts(settings: CampaignSettings, runs: Sequence[RecordedRun] = ()) -> Itera
 def table_caption(results: CampaignResults) -> str:
     """Explain the table of results."""
     time = "time: of the successes too; anomalies" if results.settings.scenario else "time and anomalies"
-    return f"Success with its 95 % interval; path: of the successes; {time}: mean a trial."
+    return f"Success with its 95 % interval; path: of the successes; {time}: mean per trial."
 
 
 def paths_caption(results: CampaignResults) -> str:
