@@ -35,18 +35,7 @@ class Plot(NamedTuple):
 
     def message(self, view: AnyRecord) -> dict[str, object]:
         """Return what a record says of the fields."""
-        derived, kept = _DERIVED, view.__struct_fields__
-        values = (
-            (
-                name,
-                derived[name](view)
-                if name in derived
-                else getattr(view, name)
-                if name in kept
-                else _memory(view, name),
-            )
-            for name in self.fields
-        )
+        values = ((name, _value(view, name)) for name in self.fields)
         return {name: value for name, value in values if _is_known(value)}
 
 
@@ -65,9 +54,11 @@ def _kind(view: type[AnyRecord], name: str) -> str:
     return "string" if "str" in types or name == "response" else "number"
 
 
-def _memory(tick: Any, name: str) -> float | None:
-    number: float | None = tick.remembered(name)
-    return number
+def _value(view: Any, name: str) -> object:
+    """Return a field: worked out, a key of the record, or else what the algorithm remembers."""
+    if name in _DERIVED:
+        return _DERIVED[name](view)
+    return getattr(view, name) if name in view.__struct_fields__ else view.remembered(name)
 
 
 def _is_known(value: object) -> bool:
