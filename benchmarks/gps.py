@@ -11,8 +11,8 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.commands import at_site
 from wayfarer.experiments.executors import TrialRunner, field_trial
-from wayfarer.views.run_report.data import read_run
-from wayfarer.views.run_report.track import track_of
+from wayfarer.reports.data import read_run
+from wayfarer.reports.track import track_of
 
 HEADER = ("trial", "path, m", "fixes", "turned, degrees", "stretched", "from the first fix, m", "fitted, m")
 ALGORITHM = "forest-pledge"

@@ -28,13 +28,13 @@ from wayfarer.config.rover_file import RoverConfig, laid_over, load_rover
 from wayfarer.daemon.daemon import Daemon, RoverSetup, Service
 from wayfarer.daemon.socket.protocol import STARTING
 from wayfarer.escape.catalogue import CATALOGUE
+from wayfarer.remote.live.server import LivePage
 from wayfarer.simhal.build_rover import Depth, build
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
-from wayfarer.views.live.server import LivePage
 
 TOKEN = "of the benchmark"
 SEED = 0

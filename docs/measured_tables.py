@@ -22,7 +22,7 @@ from wayfarer.experiments.report.load_results import read_results
 from wayfarer.experiments.report.sweep import point_rows, point_titles
 from wayfarer.experiments.report.sweep_results import read_sweep
 from wayfarer.experiments.tables import lines_of
-from wayfarer.views.text.terminal_table import known
+from wayfarer.logview.terminal_table import known
 
 PLACE = re.compile(
     r"^<!-- measured (?P<kind>\w+): (?P<names>[^\n]+) -->\n(?P<content>.*?)^<!-- end of measured -->$", re.M | re.S

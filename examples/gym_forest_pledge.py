@@ -14,7 +14,7 @@ given = dict(enumerate(sys.argv))
 trial, name = int(given.get(1, "7")), given.get(2, "forest-pledge")
 rover = wayfarer.load_rover("sim")
 handler = wayfarer.make_handler(name, vehicle=rover.vehicle, settings=rover.escape, seed=0)
-env = gymnasium.make("wayfarer.experiments.gym:Wayfarer-Forest-v0")
+env = gymnasium.make("wayfarer.gym:Wayfarer-Forest-v0")
 
 _, info = env.reset(options={"trial": trial})
 earned = 0.0

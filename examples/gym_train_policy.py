@@ -76,7 +76,7 @@ def play(env: Any, agent: Agent, trial: int) -> Score:
 
 def scores(numbers: Floats | None, trials: list[int]) -> list[Score]:
     """Return the scores of a policy, or of Forest-Pledge for None."""
-    env = gymnasium.make("wayfarer.experiments.gym:Wayfarer-Forest-v0", budget_m=BUDGET_M)
+    env = gymnasium.make("wayfarer.gym:Wayfarer-Forest-v0", budget_m=BUDGET_M)
     agents = (forest_pledge() if numbers is None else Policy(numbers) for _ in trials)
     found = [play(env, agent, trial) for agent, trial in zip(agents, trials, strict=True)]
     env.close()

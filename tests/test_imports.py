@@ -25,9 +25,10 @@ MODULES = {
 PICTURE = """
     __main__
     cli
-    api         testing
+    api         testing     demo    gym     run_sim
     experiments
-    views
+    remote      reports     export
+    logview
     simhal
     daemon
     commissioning
@@ -50,7 +51,7 @@ PURE = [
 IMPURE = {"asyncio", "time", "datetime", "io", "os", "pathlib", "logging", "structlog", "socket", "threading", "numpy"}
 BUS_LIBRARIES = {"cv2", "smbus2", "spidev", "serial", "gpiozero", "picamera2"}
 # Figures are made of arrays.
-ARRAYS_IN = ("views.page", "views.run_report", "views.receiver_fit")
+ARRAYS_IN = ("reports", "logview.receiver_fit")
 HEAVY = {"numpy", "scipy", "skfmm", "bokeh"} | BUS_LIBRARIES
 
 
@@ -104,7 +105,8 @@ def modules_of(*parts: str) -> list[str]:
 
 
 def outside_simhal() -> list[str]:
-    return [module for module in MODULES if not within(module, "simhal", "experiments", "api", "testing")]
+    simulating = ("simhal", "experiments", "api", "testing", "demo", "gym", "run_sim")
+    return [module for module in MODULES if not within(module, *simulating)]
 
 
 def wayfarer_modules(module: str) -> set[str]:
@@ -146,7 +148,7 @@ def test_no_module_imports_itself_in_a_circle() -> None:
 def test_no_field_code_imports_the_simulator() -> None:
     users = {module for module in outside_simhal() if any(within(name, "simhal") for name in wayfarer_modules(module))}
     assert users
-    assert users <= set(modules_of("cli", "views.run_report"))
+    assert users <= set(modules_of("cli", "reports"))
 
 
 def test_of_the_simulator_only_what_builds_a_rover_knows_the_drivers() -> None:
@@ -192,7 +194,7 @@ def test_arrays_and_bus_libraries_are_loaded_by_drivers_when_they_are_used_and_b
 
 
 def test_only_the_demo_arms_a_rover_by_itself_and_gives_a_page_buttons_for_the_clock() -> None:
-    users = {module for module in MODULES if any(within(name, "experiments.demo") for name in wayfarer_modules(module))}
+    users = {module for module in MODULES if any(within(name, "demo") for name in wayfarer_modules(module))}
     assert users == {"wayfarer.cli.demo"}
 
 
@@ -205,7 +207,7 @@ def test_only_the_demo_arms_a_rover_by_itself_and_gives_a_page_buttons_for_the_c
         (["wayfarer.api.campaigns", "wayfarer.api.trials", "wayfarer.api.runs"], {"numpy"}),
         (
             ["wayfarer.cli"],
-            {"numpy", "scipy", "pydantic", "asyncio", "aiohttp", "msgspec", "wayfarer.views.live.server"},
+            {"numpy", "scipy", "pydantic", "asyncio", "aiohttp", "msgspec", "wayfarer.remote.live.server"},
         ),
         (["wayfarer.experiments.sim_command"], {"numpy"}),
         (["wayfarer.control.supervisor"], HEAVY),

@@ -31,7 +31,7 @@ RERUNS = 2
 LIMIT_S = {"unit": 120, "process": 300, "long": 3600}
 # Drawing takes most of the time of the tests of pages, and is the same on every Python: not a unit test's.
 PROCESS_FOLDERS = {
-    Path(__file__).parent / folder for folder in ("system", "experiments/report", "views/page", "views/run_report")
+    Path(__file__).parent / folder for folder in ("system", "experiments/report", "reports", "reports/page")
 }
 
 _STARTS = {"subprocess.Popen", "os.fork", "os.forkpty", "os.posix_spawn", "os.system"}

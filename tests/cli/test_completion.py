@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.views.text.records import HEADER, write
+from tests.logview.records import HEADER, write
 from wayfarer import cli
 
 # Asks bash's own registered function, as readline does when TAB is pressed.

@@ -61,7 +61,7 @@ def shown(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
         self._lines.close()
 
     kept.signal = ""
-    monkeypatch.setattr("wayfarer.experiments.demo.Demo.run", run)
+    monkeypatch.setattr("wayfarer.demo.Demo.run", run)
     return kept
 
 

@@ -15,7 +15,7 @@ from tests.cli.json_schema import keys_of, keys_of_class, read_tables, wrong
 from tests.conftest import Run
 from tests.daemon import played
 from tests.kit.rover import Rig
-from tests.views.text.records import HEADER, drive, event, noted, numbered, outcome, write
+from tests.logview.records import HEADER, drive, event, noted, numbered, outcome, write
 from wayfarer import cli
 from wayfarer.cli.listing import Described
 from wayfarer.commissioning.checks import Finding
@@ -28,9 +28,9 @@ from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.record import Fix
 from wayfarer.fieldlog.replay import DecisionDifference, Replay
 from wayfarer.fieldlog.run_fold import LowBattery
-from wayfarer.views.text.listing import RunRow
-from wayfarer.views.text.scripting import print_json
-from wayfarer.views.text.summary import LastPosition, Mark, PeriodPercentiles, RangeBearing, RunSummary
+from wayfarer.logview.listing import RunRow
+from wayfarer.logview.scripting import print_json
+from wayfarer.logview.summary import LastPosition, Mark, PeriodPercentiles, RangeBearing, RunSummary
 
 FIELD_LOGS = Path(cli.__file__).parents[2] / "field_logs"
 tables = cache(read_tables)

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.views.export.readers import read
-from tests.views.text.records import SAMPLE_LOGS, line
+from tests.export.readers import read
+from tests.logview.records import SAMPLE_LOGS, line
 from wayfarer import cli
 
 (SAMPLE,) = SAMPLE_LOGS.glob("0*")

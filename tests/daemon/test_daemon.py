@@ -22,7 +22,7 @@ from tests.daemon.conftest import Listener
 from tests.fieldlog.disks import FailingCall
 from tests.kit.logs import read_log
 from tests.kit.workshop import Overriding
-from tests.views.text.records import HEADER, drive, numbered, write
+from tests.logview.records import HEADER, drive, numbered, write
 from wayfarer.commissioning.checks import Check, Finding, Inspection, system
 from wayfarer.commissioning.checks.api import fail
 from wayfarer.config.rover_file import laid_over, load_rover
@@ -31,14 +31,14 @@ from wayfarer.daemon.socket.client import ask
 from wayfarer.daemon.socket.paths import AlreadyRunning, single_daemon
 from wayfarer.errors import NotResponding, WayfarerError
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.experiments.live_rover import live_rover_setup
 from wayfarer.fieldlog import sink
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.hal import STOP, WheelCommand
+from wayfarer.logview.console import Console
+from wayfarer.run_sim import simulated_rover_setup
 from wayfarer.safety.mission import RunEnd
 from wayfarer.safety.settings import ManualSettings
 from wayfarer.simhal.build_rover import Depth
-from wayfarer.views.text.console import Console
 
 LONG_S = 10.0
 
@@ -67,7 +67,7 @@ class Site:
 
     def make_rover(self, finish: Finish) -> RoverSetup:
         self.finish = finish
-        rover_setup = live_rover_setup(self.service.config, Depth.DEVICE, 7, finish)
+        rover_setup = simulated_rover_setup(self.service.config, Depth.DEVICE, 7, finish)
         checks = [*rover_setup.checks, *self.checks]
         motors = rover_setup.rover.motors
 

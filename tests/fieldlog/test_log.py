@@ -27,9 +27,9 @@ from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.record import AnyRecord, Event, Tick
 from wayfarer.fieldlog.sink import Sink
 from wayfarer.hal import CompassReading, MotionReading, WheelCommand
+from wayfarer.logview.scripting import print_json
 from wayfarer.safety.manual import ManualSample
 from wayfarer.simhal.world.generate import generate_forest
-from wayfarer.views.text.scripting import print_json
 
 SPEC = TrialSpec(3, "cv-pledge", generate_forest(1, 0, 0), 5, load_rover("sim"), budget_m=10.0)
 BOOT_S = 1.7e9  # what a computer without a clock of its own believes until it finds the right time

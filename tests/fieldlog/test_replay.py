@@ -17,7 +17,7 @@ import pytest
 
 from tests.kit.logs import read_log
 from tests.kit.workshop import Overriding
-from tests.views.text.records import SAMPLE_LOGS
+from tests.logview.records import SAMPLE_LOGS
 from tests.virtual import asked, virtual
 from wayfarer import cli
 from wayfarer.cli.replay import replay_text
@@ -29,7 +29,6 @@ from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import BadInput, NotResponding, PowerLost
 from wayfarer.escape.catalogue import BUILT_IN, CATALOGUE
 from wayfarer.experiments.campaign import Campaign, Task
-from wayfarer.experiments.live_rover import live_rover_setup
 from wayfarer.experiments.trial import run_trial
 from wayfarer.fieldlog.clock import duration_text
 from wayfarer.fieldlog.log import FieldLog
@@ -38,12 +37,13 @@ from wayfarer.fieldlog.record import KINDS, Manual
 from wayfarer.fieldlog.replay import Replay, replay
 from wayfarer.fieldlog.sink import Sink
 from wayfarer.hal import MotorHealth, Rover, WheelCommand
+from wayfarer.logview.summary import summarise
+from wayfarer.run_sim import simulated_rover_setup
 from wayfarer.safety.manual import LEASE_S, ManualSample
 from wayfarer.safety.mission import PATIENCE
 from wayfarer.safety.power import DIPS, DIPS_S
 from wayfarer.safety.settings import BoardSettings
 from wayfarer.simhal.build_rover import Depth
-from wayfarer.views.text.summary import summarise
 
 SIM = load_rover("sim")
 
@@ -322,7 +322,7 @@ async def drive_by_hand(controller: Controller, for_s: float) -> None:
 async def eventful_run(folder: Path, config: RoverConfig) -> None:
     """Everything that comes from outside, once: each step is told how long it lasts."""
     await asyncio.sleep(12345.678)
-    rover_setup = live_rover_setup(config, Depth.DEVICE, 5, lambda reason, text: supervisor.finish(reason, text))
+    rover_setup = simulated_rover_setup(config, Depth.DEVICE, 5, lambda reason, text: supervisor.finish(reason, text))
     assert rover_setup.ground_truth_log is not None
     now = asyncio.get_running_loop().time
     about = {

@@ -16,11 +16,11 @@ from tests.virtual import asked, virtual
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import DriverError, NotArmed
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.experiments.live_rover import live_rover_setup
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.replay import replay
 from wayfarer.fieldlog.sink import Sink
 from wayfarer.hal import MotorHealth, Rover, WheelCommand
+from wayfarer.run_sim import simulated_rover_setup
 from wayfarer.safety.manual import ManualSample
 from wayfarer.simhal.build_rover import Depth
 
@@ -96,7 +96,7 @@ async def ask(run: Supervisor, what: str, rng: Random) -> None:
 async def any_order(folder: Path, seed: int, *, loses: bool) -> None:
     """Let everything happen at random times; if the run ``loses`` a tick, one that waits for a board that failed."""
     rng, now = Random(seed), asyncio.get_running_loop().time
-    setup = live_rover_setup(ROVER, Depth.DEVICE, seed, lambda reason, text: run.finish(reason, text))
+    setup = simulated_rover_setup(ROVER, Depth.DEVICE, seed, lambda reason, text: run.finish(reason, text))
     about = {
         "algorithm": "pledge",
         "algorithm_seed": seed,

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.views.text.records import HEADER, Json, drive, event, numbered, outcome, read, record, tick
+from tests.logview.records import HEADER, Json, drive, event, numbered, outcome, read, record, tick
 from wayfarer.fieldlog.record import Event, Tick
 from wayfarer.fieldlog.run_fold import (
     AnomalyBegan,

@@ -18,7 +18,7 @@ import pytest
 
 import wayfarer
 from tests.kit.logs import read_log
-from tests.views.text.outing import outing
+from tests.logview.outing import outing
 from wayfarer.config.rover_file import load_rover
 from wayfarer.control.tick import TickRecord
 from wayfarer.experiments.trial import run_trial
@@ -30,6 +30,7 @@ from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.record import KINDS, SCHEMA, Compass, Contact, Manual, Motion, Record
 from wayfarer.fieldlog.sink import Sink
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, PositionFix
+from wayfarer.logview import summary
 from wayfarer.safety.manual import ManualSample
 from wayfarer.simhal.build_rover import device_depth
 from wayfarer.simhal.drawn_ranges import Range
@@ -41,7 +42,6 @@ from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import GroundName, Physics
 from wayfarer.simhal.world.slope import Slopes
 from wayfarer.simhal.world.world import World
-from wayfarer.views.text import summary
 
 README = Path(__file__).resolve().parents[2] / "docs" / "reference" / "log.md"
 CODE = Path(wayfarer.__file__).parent

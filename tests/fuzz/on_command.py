@@ -17,7 +17,7 @@ from tests.fuzz.damage import TEXTS, as_json, json_of
 from tests.fuzz.on_control import HostileServer
 from tests.fuzz.on_files import MEMORY
 from tests.fuzz.target import Target, Try, reading, shape
-from tests.views.text.records import SAMPLE_LOGS
+from tests.logview.records import SAMPLE_LOGS
 from wayfarer import cli
 from wayfarer.config.calibration_file import calibration_file
 from wayfarer.daemon.socket.paths import known_sockets

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from tests.fuzz.damage import Choices, as_json, bytes_of, json_of
 from tests.fuzz.target import Case, Target, Try, reading, shape
-from tests.views.live.records import run_log
-from tests.views.live.test_server import TOKEN, Rover
-from wayfarer.views.live.access import Access
-from wayfarer.views.live.broadcaster import LIMITS
-from wayfarer.views.live.server import LivePage
+from tests.remote.live.records import run_log
+from tests.remote.live.test_server import TOKEN, Rover
+from wayfarer.remote.live.access import Access
+from wayfarer.remote.live.broadcaster import LIMITS
+from wayfarer.remote.live.server import LivePage
 
 KEY = base64.b64encode(b"0123456789abcdef")
 PAGE = b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"
@@ -74,7 +74,7 @@ class Bugs(logging.Handler):
 
 @contextmanager
 def _shown() -> Iterator[Try]:
-    bugs, logger = Bugs(), logging.getLogger("wayfarer.views.live")
+    bugs, logger = Bugs(), logging.getLogger("wayfarer.remote.live")
     logger.addHandler(bugs)
     with asyncio.Runner() as runner:
         runner.get_loop().set_exception_handler(lambda _, context: bugs.said.append(str(context)))

@@ -17,23 +17,23 @@ from hypothesis import strategies as st
 from tests.fuzz.damage import as_json, bytes_of, json_of
 from tests.fuzz.on_files import MEMORY, check_finite
 from tests.fuzz.target import Case, Target, Try, reading
-from tests.views.text.records import RUN, SAMPLE_LOGS, event, narrated, numbered, record
+from tests.logview.records import RUN, SAMPLE_LOGS, event, narrated, numbered, record
 from wayfarer.errors import BadInput
+from wayfarer.export.export import ExportFormat, export
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.replay import replay
-from wayfarer.views.export.export import ExportFormat, export
-from wayfarer.views.run_report.data import read_run
-from wayfarer.views.text.listing import lines, rows
-from wayfarer.views.text.run_narrator import Verbosity
-from wayfarer.views.text.summary import summarise
-from wayfarer.views.text.summary_text import summary_text
-from wayfarer.views.text.tail import RunTail
-from wayfarer.views.text.verdict import check_log
+from wayfarer.logview.listing import lines, rows
+from wayfarer.logview.run_narrator import Verbosity
+from wayfarer.logview.summary import summarise
+from wayfarer.logview.summary_text import summary_text
+from wayfarer.logview.tail import RunTail
+from wayfarer.logview.verdict import check_log
+from wayfarer.reports.data import read_run
 
 (SAMPLE,) = SAMPLE_LOGS.glob("00001-*")
 WHOLE = [msgspec.json.decode(line) for line in (SAMPLE / "run.00001.jsonl").read_bytes().splitlines()]
 DRIVEN = next(count for count, each in enumerate(WHOLE) if each.get("phase") == "back_off")
-BEGAN_S = WHOLE[0]["t_s"] - 100.0  # where tests.views.text.records begin
+BEGAN_S = WHOLE[0]["t_s"] - 100.0  # where tests.logview.records begin
 TOLD = [
     {**each, "t_s": each["t_s"] + BEGAN_S}
     for each in (
@@ -180,7 +180,7 @@ RUN_READING = Target(
 
 
 def _report(run: Path) -> str:
-    from wayfarer.views.run_report.run import write_run_report  # and Bokeh with it, which few fuzz
+    from wayfarer.reports.run import write_run_report  # and Bokeh with it, which few fuzz
 
     write_run_report(run, run.parent / "report.html")
     return "a page"

@@ -14,9 +14,9 @@ from pymavlink.dialects.v20 import common
 
 from tests.fuzz.damage import bytes_of
 from tests.fuzz.target import Case, Target, Try
-from tests.views.mavlink.station import Encoder, arming, heartbeat, kinds, linked, mode, stick
+from tests.remote.mavlink.station import Encoder, arming, heartbeat, kinds, linked, mode, stick
 from tests.virtual import run_virtually
-from wayfarer.views.mavlink.frames import LONGEST_BYTES, FrameReader
+from wayfarer.remote.mavlink.frames import LONGEST_BYTES, FrameReader
 
 SPOKEN = [
     Encoder(signs=signs).frame(message)
@@ -82,7 +82,7 @@ def _linked() -> Iterator[Try]:
     logger = SimpleNamespace(exception=lambda *_: errors.append(traceback.format_exc()))
     with pytest.MonkeyPatch.context() as monkeypatch:
         for module in ("link", "ground_station"):
-            monkeypatch.setattr(f"wayfarer.views.mavlink.{module}._log", logger)
+            monkeypatch.setattr(f"wayfarer.remote.mavlink.{module}._log", logger)
 
         def attempt(case: Case) -> str:
             is_near, spoken = case

@@ -11,12 +11,12 @@ from wayfarer_failsafe.guard import Guard, GuardSettings, Output, State
 from wayfarer_failsafe.messages import STANDSTILL, Speeds, wheels_of, write_speeds
 
 from wayfarer.config.rover_file import load_rover
+from wayfarer.export.mcap_scene import enu_rotation
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSensorModel, HeadingSensorModel
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
-from wayfarer.views.export.mcap_scene import enu_rotation
 
 PERIOD_S = 0.05
 VEHICLE = load_rover("sim").vehicle

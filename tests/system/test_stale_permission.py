@@ -20,8 +20,8 @@ from tests.system.measures import now_s, told_to_turn
 from tests.system.subprocesses import MAIN, WAYFARER, command, python
 from wayfarer.daemon.socket.client import ask
 from wayfarer.errors import WayfarerError
+from wayfarer.remote.live.broadcaster import LIMITS
 from wayfarer.safety.permission import PERMISSION_S
-from wayfarer.views.live.broadcaster import LIMITS
 
 LOOKS_S = 1.0  # the start delay is 0 here
 FROZEN_S = 6.0

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from wayfarer.fieldlog.folders import default_log_folder, find_run, run_title
 from wayfarer.fieldlog.reader import Damage, RunReader
-from wayfarer.views.text.summary import RunSummary, summarise
+from wayfarer.logview.summary import RunSummary, summarise
 
 if TYPE_CHECKING:
     from wayfarer.config.rover_file import RoverConfig
@@ -46,7 +46,7 @@ class Run:
 
         What the log says after the last tick is in one more row.
         """
-        from wayfarer.views.export.tables import COLUMNS, table_rows
+        from wayfarer.export.tables import COLUMNS, table_rows
 
         for row in table_rows(RunReader(self.folder)):
             yield dict.fromkeys(COLUMNS) | row

@@ -16,7 +16,7 @@ from wayfarer.cli.viewer_options import LivePort, live_page
 from wayfarer.extras import require
 
 if TYPE_CHECKING:
-    from wayfarer.experiments.demo import DemoTrial
+    from wayfarer.demo import DemoTrial
 
 EXAMPLES = examples(
     "wayfarer demo",
@@ -31,7 +31,7 @@ SPEED = 6.0
 
 
 def _speed(value: float) -> float:
-    from wayfarer.views.live.demo_controls import checked_speed
+    from wayfarer.remote.live.demo_controls import checked_speed
 
     return checked_speed(value)
 
@@ -68,7 +68,7 @@ def demo(
     import asyncio
 
     from wayfarer.config.registry import find_algorithm
-    from wayfarer.experiments.demo import Demo
+    from wayfarer.demo import Demo
 
     find_algorithm(algorithm)  # before there is a page
     folder = log_dir or Path(tempfile.mkdtemp(prefix="wayfarer-demo-"))

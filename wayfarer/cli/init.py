@@ -11,8 +11,8 @@ import typer
 from wayfarer.cli.options import examples, log_folder
 from wayfarer.errors import BadInput
 from wayfarer.files import write_new
-from wayfarer.views.text.colour import painted
-from wayfarer.views.text.scripting import say_next
+from wayfarer.logview.colour import painted
+from wayfarer.logview.scripting import say_next
 
 if TYPE_CHECKING:
     from wayfarer.commissioning.first_rover import Inventory

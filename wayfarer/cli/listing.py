@@ -44,7 +44,7 @@ def list_names(
 
     from wayfarer.config.registry import algorithm_names, driver_names
     from wayfarer.config.rover_file import rover_names
-    from wayfarer.views.text.scripting import print_json
+    from wayfarer.logview.scripting import print_json
 
     check_together(ctx, excludes=(("conditions", "faults"),))
     if faults:
@@ -65,7 +65,7 @@ def list_names(
 
 
 def _algorithm_table(algorithms: Iterable[Described]) -> Table:
-    from wayfarer.views.text.terminal_table import Column, table
+    from wayfarer.logview.terminal_table import Column, table
 
     columns: list[Column[Described]] = [
         Column("algorithm", lambda each: each.name, left=True),
@@ -92,9 +92,9 @@ def _print_conditions(*, as_json: bool) -> None:
     """Print the table of conditions, the dangers first."""
     from rich.console import Console
 
+    from wayfarer.logview.scripting import print_json
+    from wayfarer.logview.terminal_table import Column, table
     from wayfarer.safety.conditions import TABLE, Condition
-    from wayfarer.views.text.scripting import print_json
-    from wayfarer.views.text.terminal_table import Column, table
     from wayfarer.vocabulary import KIND_TEXTS
 
     if as_json:
@@ -147,10 +147,10 @@ def _print_faults(*, as_json: bool) -> None:
     require("simulating")
     from rich.console import Console
 
+    from wayfarer.logview.scripting import print_json
+    from wayfarer.logview.terminal_table import Column, table
     from wayfarer.simhal.faults.kinds import KINDS
     from wayfarer.simhal.faults.process import PROCESS
-    from wayfarer.views.text.scripting import print_json
-    from wayfarer.views.text.terminal_table import Column, table
 
     kinds = [_fault_in_words(*item) for item in KINDS.items()]
     if as_json:

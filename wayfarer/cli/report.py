@@ -11,7 +11,7 @@ from wayfarer.cli.options import AllowCode, LogDir, check_together, complete_run
 from wayfarer.cli.trial_options import Jobs
 from wayfarer.errors import BadInput
 from wayfarer.extras import require
-from wayfarer.views.text.scripting import say_next
+from wayfarer.logview.scripting import say_next
 
 EXAMPLES = examples(
     "wayfarer report",
@@ -70,7 +70,7 @@ def report(
     if figure:
         require("--figure")
     from wayfarer.fieldlog.fields import escape_control_chars
-    from wayfarer.views.run_report.run import write_run_report
+    from wayfarer.reports.run import write_run_report
 
     folder = log_folder(log_dir)
     run = _run(what, folder)

@@ -72,7 +72,7 @@ def run(
     from wayfarer.config.rover_file import laid_over, load_rover
     from wayfarer.daemon.daemon import Service, serve
     from wayfarer.daemon.socket.paths import daemon_socket
-    from wayfarer.views.text.console import Console
+    from wayfarer.logview.console import Console
 
     check_together(ctx, needs=(("depth", "sim"), ("seed", "sim"), ("fault", "sim"), *NEEDS))
     name = chosen_rover(rover, default="sim" if sim else None)
@@ -164,7 +164,7 @@ def simulated(
     require("simulating")
     from wayfarer.experiments.commands import check_rover
     from wayfarer.experiments.commands import faults as checked
-    from wayfarer.experiments.live_rover import live_rover_setup
+    from wayfarer.run_sim import simulated_rover_setup
     from wayfarer.simhal import build_rover
     from wayfarer.simhal.faults.kinds import parse_fault
     from wayfarer.simhal.faults.process import PROCESS
@@ -174,4 +174,4 @@ def simulated(
     for each in parsed:
         if each.target == PROCESS:
             raise BadInput(f"--fault {each.kind} happens to the process, in virtual time only: use wayfarer sim")
-    return lambda finish: live_rover_setup(config, build_rover.Depth(depth), seed, finish, parsed)
+    return lambda finish: simulated_rover_setup(config, build_rover.Depth(depth), seed, finish, parsed)

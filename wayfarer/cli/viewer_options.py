@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wayfarer.extras import require
-from wayfarer.views.live import HOST, PORT
+from wayfarer.remote.live import HOST, PORT
 
 if TYPE_CHECKING:
     from wayfarer.config.rover_file import RoverConfig
-    from wayfarer.views.live.demo_controls import DemoControls
-    from wayfarer.views.live.server import LivePage
-    from wayfarer.views.mavlink.ground_station import GroundStation
+    from wayfarer.remote.live.demo_controls import DemoControls
+    from wayfarer.remote.live.server import LivePage
+    from wayfarer.remote.mavlink.ground_station import GroundStation
 
 LOOKING_ON = "Viewers"
 
@@ -59,8 +59,8 @@ def ground_station(address: str, config: RoverConfig) -> GroundStation:
     """
     require("--mavlink")
     from wayfarer.commissioning.checks.system import device_files
-    from wayfarer.views.mavlink.ground_station import GroundStation
-    from wayfarer.views.mavlink.link import check_not_a_part, parse_address
+    from wayfarer.remote.mavlink.ground_station import GroundStation
+    from wayfarer.remote.mavlink.link import check_not_a_part, parse_address
 
     where = parse_address(address)
     check_not_a_part(where, device_files(config))
@@ -78,6 +78,6 @@ def live_page(host: str | None, port: int | None, demo: DemoControls | None = No
     require("the live page")
     from secrets import token_urlsafe
 
-    from wayfarer.views.live.server import LivePage
+    from wayfarer.remote.live.server import LivePage
 
     return LivePage(HOST if host is None else host, PORT if port is None else port, token_urlsafe(16), demo=demo)

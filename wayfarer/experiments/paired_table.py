@@ -10,7 +10,7 @@ from wayfarer.experiments.outcome import SUCCESSES
 from wayfarer.experiments.paired_statistics import Comparison, Difference
 from wayfarer.experiments.statistics import Estimate
 from wayfarer.experiments.tables import number_text, spl_hint
-from wayfarer.views.text.terminal_table import Column, known, print_in_full, table
+from wayfarer.logview.terminal_table import Column, known, print_in_full, table
 
 LEGEND = """change: against the baseline, mean over pairs of the same forest and noise
 [95 %]: of changes by bootstrap of {} layouts, of shares exact

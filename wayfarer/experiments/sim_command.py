@@ -21,8 +21,8 @@ from wayfarer.experiments.rows import columns_of, csv_line
 from wayfarer.experiments.run_campaign import CampaignRun
 from wayfarer.experiments.site_table import layout_of
 from wayfarer.experiments.tables import print_table, spl_hint
+from wayfarer.logview.scripting import print_json, say_next
 from wayfarer.simhal.world.forest_file import content_of
-from wayfarer.views.text.scripting import print_json, say_next
 
 if TYPE_CHECKING:
     from wayfarer.experiments.dask_cluster import Cluster

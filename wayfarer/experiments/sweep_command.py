@@ -17,8 +17,8 @@ from wayfarer.experiments.sim_command import run_shown
 from wayfarer.experiments.statistics import AlgorithmSummary
 from wayfarer.experiments.sweep import Sweep, Value
 from wayfarer.experiments.tables import number_text, spl_hint
-from wayfarer.views.text.scripting import print_json, say_next
-from wayfarer.views.text.terminal_table import Column, known, table
+from wayfarer.logview.scripting import print_json, say_next
+from wayfarer.logview.terminal_table import Column, known, table
 
 LEGEND = """success: escaped or left the map; path, time: mean of the successes
 the report has the 95 % intervals"""

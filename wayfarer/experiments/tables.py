@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from wayfarer.experiments.statistics import AlgorithmSummary
-from wayfarer.views.text.terminal_table import Column, add_row, known, print_in_full, table
+from wayfarer.logview.terminal_table import Column, add_row, known, print_in_full, table
 
 if TYPE_CHECKING:
     from wayfarer.experiments.paired_statistics import Comparison

@@ -6,7 +6,7 @@ from typing import Any
 
 from bokeh.models.annotations import Legend
 
-from wayfarer.views.page.plots import Figure
+from wayfarer.reports.page.plots import Figure
 
 
 def columns(figure: Figure, name: str) -> dict[str, list[Any]]:

@@ -15,12 +15,12 @@ import pytest
 
 from tests.experiments import fake_trials
 from tests.experiments.report.campaigns import ALGORITHMS, TRIALS, run_campaign
-from tests.views.page.outline import Outline
+from tests.reports.page.outline import Outline
 from wayfarer import __version__, cli
 from wayfarer.experiments.provenance import RUNS
 from wayfarer.experiments.report.campaign import write_report
 from wayfarer.experiments.results_folder import TRIALS as TABLE
-from wayfarer.views.page.frame import PAGE
+from wayfarer.reports.page.frame import PAGE
 
 GALLERY = 2
 

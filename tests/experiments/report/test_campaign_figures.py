@@ -20,9 +20,9 @@ from wayfarer.experiments.report.worst_trials import Trajectory, TrajectoryPoint
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import summarise
 from wayfarer.experiments.tables import PAPER_FIGURES
+from wayfarer.logview import palette
+from wayfarer.reports.page.plots import Figure, Plots
 from wayfarer.simhal.world.generate import generate_forest
-from wayfarer.views import palette
-from wayfarer.views.page.plots import Figure, Plots
 
 Rows = Mapping[str, Sequence[TrialRow]]
 

@@ -15,7 +15,7 @@ from tests.conftest import Run, refusal
 from tests.experiments.report.campaigns import ALGORITHMS, STRANGERS, row, rows_of
 from wayfarer.experiments.report.load_results import CampaignResults, read_results
 from wayfarer.experiments.report.paper_figure import paper_figure, write_paper_figure
-from wayfarer.views import palette
+from wayfarer.logview import palette
 
 SAMPLE = next(each for each in sorted((Path(__file__).parents[3] / "field_logs").iterdir()) if each.is_dir())
 

@@ -15,7 +15,7 @@ from bokeh.models.annotations import Span
 from tests.experiments import fake_trials
 from tests.experiments.report.campaigns import STRANGERS
 from tests.experiments.report.reading_plots import columns
-from tests.views.page.outline import Outline
+from tests.reports.page.outline import Outline
 from wayfarer import cli
 from wayfarer.errors import BadInput
 from wayfarer.experiments.report.sweep import curves_figures, maps_figures, write_sweep_report
@@ -25,7 +25,7 @@ from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import MEASURES, estimated_mean, spl_difference
 from wayfarer.experiments.sweep import Axis, make_sweep
 from wayfarer.experiments.sweep_command import run_all
-from wayfarer.views.page.plots import Figure, Plots
+from wayfarer.reports.page.plots import Figure, Plots
 
 ANGLES = Axis("escape.turn_angle_deg", (50, 10, 30))
 SLIPS = Axis("slip_mean_m", (2, 10))

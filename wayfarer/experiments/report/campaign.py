@@ -23,16 +23,16 @@ from wayfarer.experiments.report.load_results import CampaignResults, read_resul
 from wayfarer.experiments.report.paths_figure import SVG, escape_figure, grouped, lay_out, paths_figure, rows_plot
 from wayfarer.experiments.report.worst_trials import RerunTrial, Trajectory, TrajectoryPoint, choose, run_again
 from wayfarer.experiments.tables import lines_of
+from wayfarer.logview import palette
+from wayfarer.logview.terminal_table import known
+from wayfarer.reports.data import Floats
+from wayfarer.reports.events import EDGE
+from wayfarer.reports.map import draw_forest
+from wayfarer.reports.page import html
+from wayfarer.reports.page.frame import PAGE, write_page
+from wayfarer.reports.page.plots import Figure, Plots, hover, layer, plot, source
+from wayfarer.reports.series import pieces
 from wayfarer.simhal.world.forest import Forest
-from wayfarer.views import palette
-from wayfarer.views.page import html
-from wayfarer.views.page.frame import PAGE, write_page
-from wayfarer.views.page.plots import Figure, Plots, hover, layer, plot, source
-from wayfarer.views.run_report.data import Floats
-from wayfarer.views.run_report.events import EDGE
-from wayfarer.views.run_report.map import draw_forest
-from wayfarer.views.run_report.series import pieces
-from wayfarer.views.text.terminal_table import known
 from wayfarer.vocabulary import in_words
 
 # -- comparison ------------------------------------------------------------------------------------------------------

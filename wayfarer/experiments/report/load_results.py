@@ -31,11 +31,11 @@ from wayfarer.experiments.statistics import AlgorithmSummary, summarise
 from wayfarer.experiments.sweep import MOST_TRIALS
 from wayfarer.experiments.tables import NAME_COLUMN, PAPER_FIGURES, Layout, PaperColumn, PaperFigures, fault_columns
 from wayfarer.files import open_regular, read_regular
+from wayfarer.logview.terminal_table import known
 from wayfarer.simhal.faults.kinds import parse_fault
 from wayfarer.simhal.mujoco.terrain import terrains_of
 from wayfarer.simhal.world.physics import GroundName, Physics
 from wayfarer.simhal.world.slope import slopes_of
-from wayfarer.views.text.terminal_table import known
 
 T = TypeVar("T")
 ModelT = TypeVar("ModelT", bound=BaseModel)

@@ -19,7 +19,7 @@ from wayfarer.errors import BadInput
 from wayfarer.experiments.report.load_results import CampaignResults
 from wayfarer.experiments.report.paths_figure import grouped, short
 from wayfarer.files import write_atomically
-from wayfarer.views import palette
+from wayfarer.logview import palette
 
 SIZE_IN = (7.16, 3.2)  # as wide as a page of IEEE's two columns, 181.9 mm
 DPI = 300

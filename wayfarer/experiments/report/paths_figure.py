@@ -17,8 +17,8 @@ from wayfarer.experiments.outcome import SUCCESSES
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.statistics import AlgorithmSummary
 from wayfarer.experiments.tables import PaperFigures, mean_and_sd
-from wayfarer.views import palette
-from wayfarer.views.page.plots import Figure, hover, plot, source
+from wayfarer.logview import palette
+from wayfarer.reports.page.plots import Figure, hover, plot, source
 
 # -- escapes ---------------------------------------------------------------------------------------------------------
 # Figure: cumulative escapes over distance, a curve for each algorithm.

@@ -17,10 +17,10 @@ from wayfarer.experiments.report import words
 from wayfarer.experiments.report.paths_figure import SVG, colour_of, curve_look
 from wayfarer.experiments.report.sweep_results import SweepResults, SweptAxis, read_sweep
 from wayfarer.experiments.statistics import MEASURES, Estimate, Measure, spl_difference
-from wayfarer.views import palette
-from wayfarer.views.page import html
-from wayfarer.views.page.frame import PAGE, write_page
-from wayfarer.views.page.plots import Figure, Plots, hover, layer, plot, source
+from wayfarer.logview import palette
+from wayfarer.reports.page import html
+from wayfarer.reports.page.frame import PAGE, write_page
+from wayfarer.reports.page.plots import Figure, Plots, hover, layer, plot, source
 
 # -- figures ---------------------------------------------------------------------------------------------------------
 # Figures of a sweep: over one key a curve per algorithm with 95 % intervals, over two keys a heat map per algorithm.

@@ -1,0 +1,70 @@
+"""The scene of the 3D panel; ``tests/export/test_enu.py`` has its orientations."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from foxglove.messages import FrameTransform, SceneUpdate, Timestamp
+
+from tests.export.readers import Descriptors
+from tests.export.test_enu import AHEAD, Vector, body_axis
+from wayfarer.export.mcap_scene import body_scene, forest_scene, orientation, transform
+from wayfarer.fieldlog.record import World
+
+UP = (0.0, 0.0, 1.0)
+TIME = Timestamp(1, 2)
+WORLD = World(
+    forest=1,
+    noise=0,
+    start_m=(25.0, 12.5),
+    heading_deg=0.0,
+    goal_y_m=50.0,
+    trunk_diameter_m=0.3,
+    tree_radius_m=0.25,
+    trees_m=[(3.0, 4.0)],
+    trunks_m=[(10.0, 20.0, 13.0, 24.0, "right")],
+)
+
+
+def decoded(message: FrameTransform | SceneUpdate) -> dict[str, Any]:
+    schema = message.get_schema()
+    return Descriptors(schema.data).decode(f".{schema.name}", message.encode())
+
+
+def turned(rotation: dict[str, float], vector: Vector) -> Vector:
+    return body_axis([rotation[axis] for axis in "xyzw"], vector)
+
+
+def test_transform_says_where_the_rover_is_in_the_map() -> None:
+    message = decoded(transform(TIME, "rover", 3.0, -4.0, orientation(90.0)))
+    assert (message["parent_frame_id"], message["child_frame_id"]) == ("map", "rover")
+    assert message["translation"] == {"x": 3.0, "y": -4.0, "z": 0.0}
+    assert message["rotation"] == pytest.approx({"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0})
+    assert message["timestamp"] == {"seconds": 1, "nanos": 2}
+
+
+def test_trunk_lies_between_its_ends_and_a_tree_stands() -> None:
+    forest, _goal = decoded(forest_scene(TIME, WORLD))["entities"]
+    trunk, tree = forest["cylinders"]
+    assert trunk["size"] == pytest.approx({"x": 0.3, "y": 0.3, "z": 5.0})
+    middle, rotation = trunk["pose"]["position"], trunk["pose"]["orientation"]
+    assert (middle["x"], middle["y"]) == (11.5, 22.0)
+    assert turned(rotation, UP) == pytest.approx((0.6, 0.8, 0.0))
+    assert (tree["pose"]["position"]["x"], tree["pose"]["position"]["y"]) == (3.0, 4.0)
+    assert (tree["size"]["x"], tree["size"]["y"]) == (0.5, 0.5)
+    assert turned(tree["pose"]["orientation"], UP) == pytest.approx(UP)
+
+
+def test_goal_is_a_line_to_the_north_of_the_start() -> None:
+    _forest, goal = decoded(forest_scene(TIME, WORLD))["entities"]
+    assert [(point["x"], point["y"]) for point in goal["lines"][0]["points"]] == [(0.0, 50.0), (50.0, 50.0)]
+
+
+def test_body_has_the_rovers_size_and_moves_with_its_frame() -> None:
+    (body,) = decoded(body_scene(TIME, 0.5, 0.4, ["rover"]))["entities"]
+    assert (body["frame_id"], body["frame_locked"]) == ("rover", True)
+    assert (body["cubes"][0]["size"]["x"], body["cubes"][0]["size"]["y"]) == (0.5, 0.4)
+    nose = body["arrows"][0]["pose"]
+    assert nose["position"]["x"] == 0.25
+    assert turned(nose["orientation"], AHEAD) == pytest.approx(AHEAD)

@@ -1,0 +1,1 @@
+"""What a field log says, as text (list, events, summary, damage), and what all viewers share: path and colours."""

@@ -1,0 +1,183 @@
+"""The map of a run: metres east and north."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from math import atan2, cos, hypot, isnan, radians, sin
+from typing import Any
+
+import numpy as np
+from bokeh.models.annotations import Arrow, NormalHead
+from bokeh.plotting import ColumnDataSource
+
+from wayfarer.logview import palette
+from wayfarer.reports.data import PHASES, Floats
+from wayfarer.reports.events import EDGE, LOOK, columns, event_marks
+from wayfarer.reports.page.plots import Figure, hover, layer, plot, source
+from wayfarer.reports.series import pieces
+from wayfarer.reports.track import TimedPath, Track
+from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
+
+# -- forest ----------------------------------------------------------------------------------------------------------
+# A forest seen from above, to scale.
+
+Row = tuple[float, ...]
+
+
+def draw_forest(map_: Figure, forest: Forest) -> None:
+    """Draw trunks with their round ends, trees, the goal line, and the edges of the world."""
+    trunk: Any = {"color": palette.TRUNK, "line_color": None}
+    trunks = _columns(_trunks(forest), "x", "y", "length", "thick", "angle")
+    map_.rect("x", "y", "length", "thick", "angle", source=trunks, **trunk)
+    map_.circle("x", "y", "radius", source=_columns(_trunk_ends(forest), "x", "y", "radius"), **trunk)
+    trees = _columns(((*tree_m, forest.tree_radius_m) for tree_m in forest.trees_m), "x", "y", "radius")
+    map_.circle("x", "y", "radius", source=trees, color=palette.TREE, line_color=None)
+    goal_m = forest.goal_y_m
+    map_.segment([0.0], [goal_m], [WORLD_SIZE_M], [goal_m], line_color=palette.GOAL_LINE, line_width=3)
+    middle_m = [WORLD_SIZE_M / 2.0]
+    map_.rect(middle_m, middle_m, WORLD_SIZE_M, WORLD_SIZE_M, fill_color=None, line_color=palette.GREY)
+
+
+def _columns(rows: Iterable[Row], *names: str) -> ColumnDataSource:
+    table = np.array(list(rows), dtype=np.float64).reshape(-1, len(names))
+    return source(**dict(zip(names, table.T, strict=True)))
+
+
+def _trunks(forest: Forest) -> Iterator[Row]:
+    for trunk, diameter_m in forest.thick_trunks:
+        east_m, north_m = trunk.x1_m - trunk.x0_m, trunk.y1_m - trunk.y0_m
+        middle_m = trunk.x0_m + east_m / 2.0, trunk.y0_m + north_m / 2.0
+        yield *middle_m, hypot(east_m, north_m), diameter_m, atan2(north_m, east_m)
+
+
+def _trunk_ends(forest: Forest) -> Iterator[Row]:
+    for trunk, diameter_m in forest.thick_trunks:
+        yield trunk.x0_m, trunk.y0_m, diameter_m / 2.0
+        yield trunk.x1_m, trunk.y1_m, diameter_m / 2.0
+
+
+POINTS = 8000  # of a path: an hour at 0.2 m/s has one for each 9 cm
+SMALLEST_M = 4.0
+GOAL: Mapping[str, Any] = {"line_color": palette.GOAL_LINE, "line_width": 2}  # Bokeh's stubs say "body_line_..."
+NUMBER: Mapping[str, Any] = {"text_align": "center", "text_baseline": "middle", "text_font_size": "9px"}
+ARROW = 0.12  # of the map's side: length of an arrow to the goal
+CROSSES, CIRCLES = 1000, 24  # at most, for the receiver's fixes and for their error: more of them bury the path
+ASPECT = 1.15  # of the map: its width is half a screen's, and its height leaves room for what stands above it
+END: Mapping[str, Any] = {"marker": "x", "size": 11, "line_width": 3}
+START: Mapping[str, Any] = {"marker": "star", "size": 14, "line_width": 1}
+
+
+def map_plot(track: Track) -> Figure:
+    """Return the map, with the path in the colours of its phases."""
+    map_ = plot("map", None, "map", sizing_mode="scale_width", aspect_ratio=ASPECT, match_aspect=True)
+    map_.min_border_left = 40  # as wide as its numbers, whichever they are
+    map_.xaxis.axis_label = "metres east; upwards: metres north"
+    if track.forest:
+        draw_forest(map_, track.forest)
+    side_m = _leave_room(map_, track)
+    _draw_fixes(map_, track)
+    _draw_event_marks(map_, track, "anomaly", palette.ANOMALY, 8)  # beneath the path: hundreds of them cover it
+    _draw_path(map_, track)
+    _draw_goals(map_, track, side_m)
+    _draw_event_marks(map_, track, "mark", palette.MARK, 16)
+    _draw_ends(map_, track.path, from_start=track.data.summary.where.from_start)
+    _draw_cursor(map_, track.path)
+    return map_
+
+
+def _leave_room(map_: Figure, track: Track) -> float:
+    """Make the map so large that everything is on it, and return its side in metres."""
+    paths = [path for path in (track.path, track.reckoned) if path is not None]
+    x_m = np.concatenate([*(path.east_m for path in paths), track.fixes_m.real])
+    y_m = np.concatenate([*(path.north_m for path in paths), track.fixes_m.imag])
+    x_m, y_m = (each[~np.isnan(each)] if not np.isnan(each).all() else np.zeros(1) for each in (x_m, y_m))
+    side_m = max(SMALLEST_M, float(np.ptp(x_m)), float(np.ptp(y_m)))
+    corners_m = [(each.min() + each.max()) / 2.0 + np.array([-0.55, 0.55]) * side_m for each in (x_m, y_m)]
+    map_.scatter(*corners_m, alpha=0.0)
+    return side_m
+
+
+def _draw_fixes(map_: Figure, track: Track) -> None:
+    """Draw what the receiver said, with circles of its error: not all of it in a long run."""
+    if not track.fixes:
+        return
+    every = -(-len(track.fixes) // CROSSES)
+    fixes, places_m = track.fixes[::every], track.fixes_m[::every]
+    told = source(
+        x=places_m.real, y=places_m.imag, t=[fix.t_s for fix in fixes],
+        latitude=[f"{fix.latitude_deg:.6f}" for fix in fixes], longitude=[f"{fix.longitude_deg:.6f}" for fix in fixes],
+        error=["unknown" if isnan(fix.error_m) else f"{fix.error_m:.1f} m" for fix in fixes],
+    )  # fmt: skip
+    every = -(-len(fixes) // CIRCLES)
+    circles = source(x=places_m.real[::every], y=places_m.imag[::every], r=[fix.error_m for fix in fixes[::every]])
+    thin: Any = {"fill_color": None, "line_color": palette.RECEIVER, "line_alpha": 0.3, "line_width": 0.75}
+    rings = map_.circle("x", "y", radius="r", source=circles, **thin)
+    dots = map_.scatter("x", "y", source=told, marker="cross", size=4, color=palette.RECEIVER, alpha=0.5)
+    layer("fixes", rings, dots)
+    rows = (("fix", "@latitude @longitude"), ("error", "@error"), ("time", "@t{0.0} s"))
+    map_.add_tools(hover([dots], *rows))
+
+
+def _draw_path(map_: Figure, track: Track) -> None:
+    if track.reckoned is not None:
+        _line(map_, _thinned(track.reckoned)[1:3], palette.RECKONED, "reckoned", line_dash=[6, 3])
+    path = _thinned(track.path)
+    for phase, colour in palette.PHASE_COLOURS.items():
+        inside = path.phase == PHASES.index(phase)
+        if inside.any():
+            _line(map_, pieces(inside, path.east_m, path.north_m), colour, phase, line_width=2.5)
+    if np.isnan(path.phase).all():
+        _line(map_, (path.east_m, path.north_m), palette.GREY, "unknown")
+
+
+def _draw_goals(map_: Figure, track: Track, side_m: float) -> None:
+    for (east_m, north_m), heading_deg in track.goals():
+        along, length_m = radians(heading_deg), ARROW * side_m
+        head = NormalHead(size=9, fill_color=palette.GOAL_LINE, line_color=palette.GOAL_LINE)
+        tip: dict[str, Any] = {"x_end": east_m + length_m * sin(along), "y_end": north_m + length_m * cos(along)}
+        map_.add_layout(Arrow(end=head, x_start=east_m, y_start=north_m, **tip, **GOAL))
+
+
+def _draw_event_marks(map_: Figure, track: Track, name: str, colour: str, size: int) -> None:
+    """Draw the events of a layer; Bokeh leaves out those whose place is not known. Marks have numbers."""
+    found = [each for each in event_marks(track.data) if each.layer == name]
+    x_m, y_m = np.array([track.path.at(each.t_s) for each in found]).reshape(-1, 2).T
+    numbers = [f"{number}" for number, _ in enumerate(found, start=1)]
+    marks = source(x=x_m, y=y_m, number=numbers, **columns(found))
+    drawn = map_.scatter("x", "y", source=marks, size=size, fill_color=colour, **LOOK)
+    layer(name, drawn)
+    if name == "mark":
+        layer(name, map_.text("x", "y", text="number", source=marks, **NUMBER))
+    map_.add_tools(hover([drawn], ("what", "@what"), ("time", "@t{0.0} s")))
+
+
+def _draw_ends(map_: Figure, path: TimedPath, *, from_start: bool) -> None:
+    """Mark where the path begins again after a gap, its start if the log has it, and its end."""
+    behind = np.flatnonzero(np.isnan(path.east_m)) + 1
+    map_.scatter(path.east_m[behind], path.north_m[behind], marker="diamond", size=9, fill_color=palette.PAPER, **EDGE)
+    if path.t_s.size:
+        ends = [(START, 0)] if from_start else []
+        for style, at in [*ends, (END, -1)]:
+            map_.scatter(path.east_m[[at]], path.north_m[[at]], color=palette.BLUE, **style)
+
+
+def _draw_cursor(map_: Figure, path: TimedPath) -> None:
+    """Put in what the cursor needs: the path over time, unseen, and a ring on it at the time of the cursor."""
+    path = _thinned(path)
+    over_time = source(t=path.t_s, x=path.east_m, y=path.north_m)
+    map_.line("x", "y", source=over_time, line_alpha=0.0, name="path")
+    ring: Any = {"size": 16, "fill_color": None, "line_width": 3, "color": palette.VERMILION}
+    map_.scatter("x", "y", source=source(x=[], y=[]), name="here", **ring)
+
+
+def _thinned(path: TimedPath) -> TimedPath:
+    """Return every so many points of a path, with its gaps and its end."""
+    every = max(1, -(-path.t_s.size // POINTS))
+    kept = np.arange(path.t_s.size) % every == 0
+    kept[-1:] = True
+    return TimedPath(*(column[kept | np.isnan(path.east_m)] for column in path))
+
+
+def _line(map_: Figure, places_m: Sequence[Floats], colour: str, name: str, **look: Any) -> None:
+    east_m, north_m = places_m
+    layer(name, map_.line("x", "y", source=source(x=east_m, y=north_m), line_color=colour, **look))

@@ -1,1 +1,0 @@
-"""Text views of field logs: lists, events, summaries, integrity checks and tables."""
