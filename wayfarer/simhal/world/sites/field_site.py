@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import count
 from math import atan2, cos, degrees, hypot, radians, sin
+from zlib import crc32
 
 from wayfarer.angles import axis_offset_deg, clamp
 from wayfarer.config.rover_file import RoverConfig
@@ -99,8 +100,9 @@ class FieldSite:
         """
         width_m = max(vehicle.width_m, WIDEST.width_m) + SPARE_M
         reach_m = hypot(width_m, max(vehicle.length_m, WIDEST.length_m)) / 2.0
+        stream = crc32(self.name.encode())  # no two sites share one
         for attempt in count():
-            forest = self.lay(draw_from(seed, SITE_STREAM, len(self.name), number, attempt)).as_forest(number)
+            forest = self.lay(draw_from(seed, SITE_STREAM, stream, number, attempt)).as_forest(number)
             can_turn = all(gap_m > reach_m for gap_m in forest.gaps_m(*forest.start_m))
             if can_turn and has_path(forest, width_m):
                 return forest
