@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from tests.experiments import fake_trials
 from tests.experiments.dask_processes import UP_S, eventually
 from tests.experiments.fake_trials import campaign_of
+from wayfarer.config.rover_file import laid_over
 from wayfarer.errors import WayfarerError
 from wayfarer.experiments import run_campaign
 from wayfarer.experiments.campaign import Campaign, ForestFile, Task
@@ -31,6 +32,8 @@ from wayfarer.experiments.executors import (
 )
 from wayfarer.experiments.results_folder import TRIALS, ResultsFolder, tasks_of
 from wayfarer.experiments.rows import TrialRow
+from wayfarer.simhal.world.generate import generate_forest
+from wayfarer.simhal.world.shortest_path import shortest_path_m
 
 
 def run_into(
@@ -81,11 +84,19 @@ def test_trial_seed_never_changes() -> None:
 def test_spl_computes_the_shortest_paths_that_are_not_known() -> None:
     pytest.importorskip("skfmm", reason="scikit-fmm is not installed: pip install '.[hardware]'")
     plan = replace(campaign_of(1), spl=True)
-    shortest_path_m = plan.make_forest(0).shortest_path_m
-    assert shortest_path_m is not None
-    assert 37.5 <= shortest_path_m < 80
-    known = replace(plan.make_forest(0), shortest_path_m=41.5)
-    assert replace(plan, forests=ForestFile("f", "", (known,))).make_forest(0).shortest_path_m == 41.5
+    length_m = plan.make_forest(0).shortest_path_m
+    assert length_m is not None
+    assert 37.5 <= length_m < 80
+
+
+def test_shortest_path_of_a_file_counts_only_for_a_body_of_its_width() -> None:
+    """The reference forests give that of a body 0.4 m wide: a wider one must go round what that one fits through."""
+    pytest.importorskip("skfmm", reason="scikit-fmm is not installed: pip install '.[hardware]'")
+    forest = replace(generate_forest(0, 0, 0), shortest_path_m=41.5)
+    plan = replace(campaign_of(1), forests=ForestFile("f", "", (forest,)))
+    wide = replace(plan, rover=laid_over(plan.rover, {"vehicle": {"width_m": 0.8}}))
+    assert [each.make_forest(0).shortest_path_m for each in (plan, replace(plan, spl=True), wide)] == [41.5, 41.5, None]
+    assert replace(wide, spl=True).make_forest(0).shortest_path_m == shortest_path_m(forest, 0.8) != 41.5
 
 
 def test_one_forest_serves_all_algorithms() -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from wayfarer import __version__
-from wayfarer.simhal.world.forest import TREES_PER_HA, Forest
+from wayfarer.simhal.world.forest import ROVER_WIDTH_M, TREES_PER_HA, Forest
 from wayfarer.simhal.world.physics import PHYSICS, GroundName, Physics
 
 if TYPE_CHECKING:  # a trial needs the whole simulator: only the workers pay for importing it
@@ -121,7 +121,14 @@ class Campaign:
             forest = generate_forest(number, noise, self.seed, self.trees_per_ha)
         else:
             forest = replace(self.forests.forests[trial % len(self.forests.forests)], noise=noise)
-        return self._with_shortest_path(forest) if self.spl and forest.shortest_path_m is None else forest
+        width_m = self.rover.vehicle.width_m
+        if forest.shortest_path_m is not None and width_m != ROVER_WIDTH_M:
+            forest = replace(forest, shortest_path_m=None)  # a file's is that of another body
+        if self.spl and forest.shortest_path_m is None:
+            from wayfarer.simhal.world.shortest_path import shortest_path_m
+
+            forest = replace(forest, shortest_path_m=shortest_path_m(forest, width_m))
+        return forest
 
     def spec(self, task: Task, forest: Forest) -> TrialSpec:
         """Return everything that decides one trial."""
@@ -156,11 +163,6 @@ class Campaign:
             "sim": asdict(self.physics),
             "faults": list(self.faults),
         }
-
-    def _with_shortest_path(self, forest: Forest) -> Forest:
-        from wayfarer.simhal.world.shortest_path import shortest_path_m
-
-        return replace(forest, shortest_path_m=shortest_path_m(forest, self.rover.vehicle.width_m))
 
 
 class Plan(Protocol):

@@ -61,8 +61,9 @@ class Forest:
 
     ``forest`` numbers the layout of fallen trunks, ``noise`` the draw of standing trees (and of all noise) in
     it. A trunk reaches half of ``trunk_diameter_m`` from its centre line, around its ends too.
-    ``shortest_path_m`` is the geodesic for a rover 0.4 m wide, None if it was not computed. ``diameters_m`` has a
-    thickness for each trunk where they differ, and nothing if all have ``trunk_diameter_m``.
+    ``shortest_path_m`` is the geodesic for the rover of a trial, and in a file for one ``ROVER_WIDTH_M`` wide; None if
+    it was not computed. ``diameters_m`` has a thickness for each trunk if they differ, and nothing if all have
+    ``trunk_diameter_m``.
     """
 
     forest: int

@@ -2,8 +2,9 @@
 
 Keys: ``forest``, ``noise`` (whole numbers, a pair occurs once), ``start_m`` [x, y], ``heading_deg``,
 ``goal_y_m``, ``trunk_diameter_m``, ``tree_radius_m``, ``trunks_m`` [[x0, y0, x1, y1, lean], ...], ``trees_m``
-[[x, y], ...], ``shortest_path_m`` where it is known, and ``diameters_m`` [d, ...], one a trunk, where they differ.
-Blank lines do not count.
+[[x, y], ...], ``shortest_path_m`` if it is known, and ``diameters_m`` [d, ...], one per trunk, if they differ.
+Blank lines do not count. ``shortest_path_m`` is that of a body 0.4 m wide, as the released simulator of the paper has
+it; a campaign uses it for a rover of this width only, and computes the others' own with ``--spl``.
 
 One such file comes with wayfarer, beside this module, and has a word for its name: ``reference``. Its 500 forests (250
 layouts with 2 noise seeds each) are those that the simulator of the Blind-Wayfarer paper generates
