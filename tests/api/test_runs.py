@@ -18,7 +18,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def trial(folder: Path) -> wayfarer.Trial:
-    return wayfarer.run_trial(7, budget_m=60.0, log_dir=folder)
+    return wayfarer.run_trial(1, budget_m=60.0, log_dir=folder)
 
 
 def test_log_of_a_trial_is_a_run_with_its_ticks_and_events(folder: Path, trial: wayfarer.Trial) -> None:

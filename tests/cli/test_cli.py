@@ -214,7 +214,7 @@ def test_faults_are_told_with_how_to_look_into_them(run: Run, monkeypatch: pytes
     )
     assert "faults" in out
     code, out, err = run("sim", "--trial", 3, "--log-dir", tmp_path / "log")
-    assert (code, out.splitlines()[1][:17]) == (1, "3,forest-pledge,1")
+    assert (code, out.splitlines()[1][:17]) == (1, "3,forest-pledge,3")
     assert "third_fails" in (tmp_path / "log" / "fault.txt").read_text()
 
 

@@ -46,7 +46,7 @@ def test_each_algorithm_has_one_line_and_the_one_compared_with_comes_first(
     lines = told(out)
     assert [line[0] for line in lines] == ["forest-pledge", "pledge", "levy-pledge"]
     assert [line[1] for line in lines] == ["6"] * 3
-    assert "bootstrap of 3 layouts" in out, "two noises each"
+    assert "bootstrap of 6 layouts" in out
 
 
 def test_a_path_that_is_two_metres_shorter_in_every_pair_is_told_as_such(

@@ -96,7 +96,7 @@ def test_demo_shows_the_trial_that_it_is_asked_for_and_keeps_its_log_where_it_is
     header = find_header(folder)
     assert header is not None
     campaign = Campaign(("forest-pledge",), 18, load_rover("sim"), 5)
-    assert (header.trial, header.forest, header.simulated) == (17, 8, True)
+    assert (header.trial, header.forest, header.simulated) == (17, 17, True)
     assert header.seed == campaign.trial_seed(17)
 
 

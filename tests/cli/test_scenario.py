@@ -34,7 +34,7 @@ def test_ordinary_campaign_counts_no_interventions(run: Run) -> None:
 
 
 def test_trial_ends_at_the_sites_time_limit(run: Run) -> None:
-    code, out, _ = run(*MAZE, "--algorithm", "levy-walk", "--trial", "2")
+    code, out, _ = run(*MAZE, "--algorithm", "levy-walk", "--trial", "4")
     row = dict(zip(*(line.split(",") for line in out.splitlines()), strict=True))
     assert code == 0
     assert (row["outcome"], row["time_s"]) == ("entrapped", "300.000")

@@ -228,7 +228,7 @@ def test_rover_that_gives_up_by_itself_is_terminated_at_once() -> None:
 
 
 def test_rover_that_climbs_a_trunk_tips_over(env: ForestEnv) -> None:
-    episode = play(env, ahead, options={"trial": 8})
+    episode = play(env, ahead, options={"trial": 0})
     assert (episode.terminated, episode.truncated, episode.ending.outcome) == (True, False, "tipped")
     assert episode.rewards[-1] < -9.0
 

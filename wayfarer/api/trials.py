@@ -83,7 +83,7 @@ def run_trial(
     """Run one trial of the campaign that ``run_campaign`` runs with the same arguments, and keep its trajectory.
 
     Args:
-        number: of the trial, from 0. Trials 0 and 1 are in the first layout with two noises, and so on.
+        number: of the trial, from 0, and of its layout if the forests are generated or of a site.
         algorithm: a name that ``wayfarer list`` prints, or one of your own as ``"module:attribute"``.
         log_dir: a new or empty folder for the full field log, which ``open_run`` reads.
         options: the others of ``run_campaign``, from ``rover`` to ``faults``.
@@ -95,7 +95,7 @@ def run_trial(
 
     >>> trial = run_trial(7)
     >>> trial.outcome, trial.row.path_m
-    ('escaped', 38.646)
+    ('escaped', 78.962)
     >>> {tick["phase"] for tick in trial.track} >= {"follow", "back_off", "turn_away", "probe"}
     True
     """

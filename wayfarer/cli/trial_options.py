@@ -39,7 +39,7 @@ Forests = Annotated[
     typer.Option(
         metavar="FILE|reference",
         help="Forest file, used in file order; 'reference': the 500 of the paper's released simulator. "
-        "(default: generated layouts, each with two noise seeds)",
+        "(default: generated, another layout in each trial)",
     ),
 ]
 SiteOption = Annotated[

@@ -23,8 +23,6 @@ if TYPE_CHECKING:  # a trial needs the whole simulator: only the workers pay for
     from wayfarer.simhal.world.sites.field_site import FieldSite
     from wayfarer.simhal.world.slope import Slopes
 
-NOISES_PER_LAYOUT = 2  # the paper's 1,000 trials are 500 layouts x 2 noise seeds
-
 
 class Task(NamedTuple):
     """One trial of one algorithm, at one point of a sweep; trials and points count from 0."""
@@ -97,10 +95,11 @@ class Campaign:
 
     def forest_and_noise(self, trial: int) -> tuple[int, int]:
         """Return the numbers of a trial's layout and noise."""
-        if self.scenario is not None:
-            return trial, 0
         if self.forests is None:
-            return divmod(trial, NOISES_PER_LAYOUT)
+            return (
+                trial,
+                0,
+            )  # a second noise in the same layout would say little more: how trials go in it is correlated
         passes, index = divmod(trial, len(self.forests.forests))
         forest = self.forests.forests[index]
         return forest.forest, forest.noise + passes * self.forests.noise_span
