@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from wayfarer.config.rover_file import load_rover
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.commands import at_site
-from wayfarer.experiments.executors import TrialRunner, field_trial
+from wayfarer.experiments.run import TrialRunner
 from wayfarer.reports.data import read_run
 from wayfarer.reports.track import track_of
 
@@ -23,7 +22,7 @@ def rows(trials: int) -> Iterator[tuple[str, ...]]:
     campaign = at_site(Campaign((ALGORITHM,), trials, load_rover("forestrover")), "forest-escape")
     for trial in range(trials):
         with TemporaryDirectory() as folder:
-            TrialRunner(campaign, partial(field_trial, log_dir=Path(folder))).run(Task(ALGORITHM, trial))
+            TrialRunner(campaign, log_dir=Path(folder))(Task(ALGORITHM, trial))
             track = track_of(read_run(Path(folder)))
         assert track.fit is not None, "the scenario has a receiver"
         found, missed_m = track.fit, track.missed_m(true=True)

@@ -18,6 +18,7 @@
     ├── NotArmed                  the wheels were asked to start and do not; nothing has changed
     ├── MissingPart               an algorithm needs a part that this rover does not have
     ├── MissingPackage            something needs a package that is not installed
+    ├── TrialNotRun               a simulated trial could not be run: no failure of its rover
     └── NothingScheduled          virtual time cannot continue: every task waits for an event that cannot occur
 
 The control socket's own (``RequestRefused``, ``NoDaemon``, ``AlreadyRunning``) stand beside its code.
@@ -32,8 +33,7 @@ code  meaning
 0     done, and nothing is wrong; a run that a signal or ``wayfarer stop`` ended also has it
 1     any other ``WayfarerError``, such as ``NotThereYet``, or the system refused something (``cli``); or the result is
       negative: a check failed (``cli.commissioning``), a replay differs (``cli.replay``), a log is
-      unreadable (``logview.verdict``), a single trial had a fault (``experiments.sim_command``), a board was not
-      stopped (``daemon.stop_motors``)
+      unreadable (``logview.verdict``), a board was not stopped (``daemon.stop_motors``)
 2     input that cannot be used: ``BadInput``, ``MissingPart``, ``MissingPackage``, or a wrong option (``cli``)
 3     records are missing: ``wayfarer logs check`` (``logview.verdict``), ``wayfarer replay`` (``cli.replay``)
 75    another daemon runs already, or drives these motors: ``AlreadyRunning`` (``daemon.socket.paths``)
@@ -169,6 +169,17 @@ class MissingPackage(WayfarerError):
     """Something needs a package that is not installed; the text says how to get it."""
 
     exit_code = 2
+
+
+class TrialNotRun(WayfarerError):
+    """A simulated trial could not be run: its algorithm, a driver, the disk or a worker process failed, not its rover.
+
+    The error that ended it is the cause (``__cause__``); one from another process has its traceback as a note.
+    """
+
+    def __init__(self, text: str, exit_code: int = 1) -> None:
+        super().__init__(text)
+        self.exit_code = exit_code
 
 
 class NothingScheduled(WayfarerError):

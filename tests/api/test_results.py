@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,9 +19,9 @@ import pytest
 
 import wayfarer
 from tests.conftest import Run
-from tests.experiments.fake_trials import quick, third_fails
+from tests.experiments.fake_trials import quick
 from wayfarer.escape.catalogue import BUILT_IN
-from wayfarer.experiments import run_campaign as runner
+from wayfarer.experiments import run as runner
 from wayfarer.experiments.trial import TrialResult
 from wayfarer.experiments.trial_setup import TrialSpec
 
@@ -141,7 +142,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"anomaly_source": "sight"}, "key 'anomaly_source' = 'sight': input should be 'motion' or 'contact'"),
     ({"resume": True}, "name it with out"),
     ({"jobs": 0}, "one process at least"),
-    ({"algorithms": "__main__:mine", "jobs": 2}, "put the algorithm in another file"),
+    ({"algorithms": "__main__:mine", "jobs": 2}, "put it in a file of its own and name it"),
 ]
 
 
@@ -162,11 +163,20 @@ def test_folder_in_use_is_not_written_over_and_can_be_resumed(results: wayfarer.
     assert short(out=out, resume=True).rows == results.rows
 
 
-def test_trial_that_ends_in_a_fault_is_warned_of(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runner, "run", partial(runner.run, run_trial=third_fails))
-    with pytest.warns(UserWarning, match=r"trial 3 of pledge ended in a fault: KeyError: 'no such\\nphase'"):
-        results = wayfarer.run_campaign("pledge", trials=4)
-    assert [row["outcome"] for row in results.trials].count("fault") >= 1
+@pytest.mark.parametrize("call", [wayfarer.run_campaign, wayfarer.run_trial])
+def test_trial_that_could_not_be_run_is_an_error_with_its_cause(call: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object) -> None:
+        raise KeyError("no such phase")
+
+    monkeypatch.setattr("wayfarer.escape.handler.PhasedHandler.decide", broken)
+    with pytest.raises(wayfarer.WayfarerError, match=r"trial 0 of forest-pledge could not be run: KeyError") as raised:
+        call()
+    assert isinstance(raised.value.__cause__, KeyError)
+
+
+def test_any_executor_runs_the_trials(results: wayfarer.Results) -> None:
+    with ThreadPoolExecutor(2) as threads:
+        assert short(executor=threads, jobs=2).rows == results.rows
 
 
 def interrupted(spec: TrialSpec) -> TrialResult:

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from importlib.metadata import EntryPoint
@@ -203,19 +204,21 @@ def test_progress_goes_to_stderr_in_plain_lines_and_the_table_to_stdout(run: Run
     assert "81.3 ± 29.3" in out
 
 
-def test_faults_are_told_with_how_to_look_into_them(run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_trial_that_could_not_be_run_ends_the_campaign_in_one_line(
+    run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.setattr("wayfarer.experiments.trial.run_trial", fake_trials.third_fails)
-    code, out, err = run("sim", "--trials", 5, "--jobs", 1)
-    assert code == 0
-    (line,) = [line for line in err.splitlines() if "fault" in line]
-    assert line.startswith("trial 3 of forest-pledge ended in a fault: KeyError")
-    assert line.endswith(
-        "look into it with --algorithm forest-pledge --trial 3 --log-dir DIR in place of --trials and --out"
-    )
-    assert "faults" in out
+    code, out, err = run("sim", "--trials", 5, "--jobs", 1, "--out", tmp_path / "out")
+    assert (code, out) == (1, "")
+    said = r"wayfarer: trial 3 of forest-pledge could not be run: KeyError: 'no such\\nphase' \(fake_trials.py:\d+\); "
+    assert re.fullmatch(said + ".*--resume: 3 of 5 trials are kept in .*", err.splitlines()[-1])
+    code, out, err = run("sim", "--trial", 3)
+    assert (code, out) == (1, "")
+    assert re.fullmatch(said + "correct that and run it again; with --log-dir DIR .*\n", err)
     code, out, err = run("sim", "--trial", 3, "--log-dir", tmp_path / "log")
-    assert (code, out.splitlines()[1][:17]) == (1, "3,forest-pledge,3")
-    assert "third_fails" in (tmp_path / "log" / "fault.txt").read_text()
+    assert (code, out) == (1, "")
+    assert re.fullmatch(said + f"correct that; its log and the traceback are in {tmp_path / 'log'}\n", err)
+    assert "third_fails" in (tmp_path / "log" / "traceback.txt").read_text()
 
 
 @pytest.mark.process

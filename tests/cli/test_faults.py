@@ -65,6 +65,16 @@ def test_trial_from_python_keeps_its_faults_in_its_log(tmp_path: Path) -> None:
     assert [each.begins for each in faults] == [True, False]
 
 
+@pytest.mark.parametrize("depth", ["device", "bus"])
+@pytest.mark.parametrize("kind", ["silent", "task_crash"])
+@pytest.mark.parametrize("part", ["compass", "motors"])
+def test_fault_on_purpose_has_an_outcome_although_it_ends_the_run(depth: str, kind: str, part: str) -> None:
+    """An error of the same kind that nobody asked for ends the campaign."""
+    ended = wayfarer.run_trial(0, budget_m=2.0, rover="forestrover", depth=depth, faults=[f"{kind}:{part}@0"])
+    assert ended.outcome == "fault"
+    assert (ended.row.path_m, ended.row.spl) == (0.0, None)
+
+
 def test_report_says_which_faults_were_on(tmp_path: Path, run: Run) -> None:
     assert run(*QUICK, *FAULT, "--out", tmp_path / "out")[0] == 0
     assert run("report", tmp_path / "out", "--gallery", 1)[0] == 0

@@ -22,7 +22,7 @@ from wayfarer.commissioning.checks import Finding
 from wayfarer.daemon.last_mission import LastMission
 from wayfarer.experiments.paired_statistics import Comparison, Difference
 from wayfarer.experiments.rows import TrialRow
-from wayfarer.experiments.run_campaign import ComputeCost
+from wayfarer.experiments.run import ComputeCost
 from wayfarer.experiments.statistics import AlgorithmSummary, Estimate
 from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.record import Fix

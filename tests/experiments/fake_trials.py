@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from contextlib import AbstractContextManager
@@ -53,15 +54,38 @@ def early_ones_last(spec: TrialSpec) -> TrialResult:
     return quick(spec)
 
 
+class TwoArguments(Exception):  # it can be sent to another process, and not be unpacked there
+    def __init__(self, one: str, two: str) -> None:
+        super().__init__(f"{one} {two}")
+
+
 def third_fails(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
     if spec.trial == 3:
         raise KeyError("no such\nphase")
     return quick(spec)
 
 
+def third_fails_oddly(spec: TrialSpec) -> TrialResult:
+    if spec.trial == 3:
+        raise ExceptionGroup("of a task", [TwoArguments("out of", "phase")])
+    return quick(spec)
+
+
+def third_exits(spec: TrialSpec) -> TrialResult:
+    if spec.trial == 3:
+        sys.exit("enough")
+    return quick(spec)
+
+
 def third_kills_its_worker(spec: TrialSpec) -> TrialResult:
     if spec.trial == 3:
         os._exit(9)
+    return quick(spec)
+
+
+def third_is_killed(spec: TrialSpec) -> TrialResult:
+    if spec.trial == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
     return quick(spec)
 
 

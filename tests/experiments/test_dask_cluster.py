@@ -13,7 +13,7 @@ import pytest
 from tests.conftest import Run, refusal
 from tests.experiments.dask_processes import STRANGER, UP_S, DaskProcesses, eventually, kill
 from tests.experiments.fake_trials import MANY, campaign_of, started
-from tests.experiments.test_run_campaign import lines_in, run_into
+from tests.experiments.test_run import lines_in, run_into
 from wayfarer.errors import BadInput
 from wayfarer.experiments.results_folder import TRIALS
 

@@ -6,16 +6,14 @@ from io import StringIO
 
 from rich.console import Console
 
-from wayfarer.experiments.executors import Done
 from wayfarer.experiments.progress_bar import shown_progress
-from wayfarer.experiments.rows import TrialRow
 
 
 def test_terminal_shows_how_many_are_done_and_is_left_clean() -> None:
     shown = StringIO()
     console = Console(file=shown, force_terminal=True, color_system=None, width=80)
-    with shown_progress(console, 3, 10) as take:
-        take(Done(TrialRow(3, "pledge", 1, 1, 7, "escaped")))
+    with shown_progress(console, 3, 10) as advance:
+        advance("a trial")
     said = shown.getvalue()
     assert " 4/10 trials" in said
     assert "of 10 trials" not in said, "no lines beside the bar"

@@ -8,8 +8,8 @@ import pytest
 from tests.experiments import fake_trials
 from wayfarer.errors import BadInput
 from wayfarer.experiments import sweep_command
-from wayfarer.experiments.executors import RunTrial, TrialRunner
 from wayfarer.experiments.results_folder import SWEEP_SETTINGS, TRIALS, ResultsFolder, tasks_of
+from wayfarer.experiments.run import RunTrial, TrialRunner
 from wayfarer.experiments.sweep import Axis, Sweep, make_sweep
 from wayfarer.experiments.trial import TrialResult
 from wayfarer.experiments.trial_setup import TrialSpec
@@ -63,10 +63,10 @@ def test_jobs_change_nothing(tmp_path: Path) -> None:
 
 def test_interrupted_sweep_goes_on_to_the_same_table(tmp_path: Path) -> None:
     assert run(tmp_path / "whole") == 0
-    some, runner = tasks_of(SMALL.settings())[5:30:3], TrialRunner(SMALL, angle_matters)
+    some, runner = tasks_of(SMALL.settings())[5:30:3], TrialRunner(SMALL, run_trial=angle_matters)
     with ResultsFolder(tmp_path / "out", SMALL.settings()) as folder:
         for task in some:
-            folder.append(runner.run(task).row)
+            folder.append(runner(task).row)
     unfinished = tmp_path / "out" / TRIALS
     unfinished.write_text(unfinished.read_text()[:-9])  # the last line is torn
     asked: list[TrialSpec] = []
@@ -91,8 +91,8 @@ def test_each_point_has_its_forests_although_algorithms_share_one() -> None:
         met.append((spec.trial, len(spec.forest.trees_m)))
         return fake_trials.quick(spec)
 
-    runner = TrialRunner(plan, remembered)
-    rows = [runner.run(task).row for task in tasks_of(plan.settings())]
+    runner = TrialRunner(plan, run_trial=remembered)
+    rows = [runner(task).row for task in tasks_of(plan.settings())]
     assert met == [(trial, trees) for trial in range(2) for trees in (10, 100) for _ in range(2)]
     assert [row.point for row in rows] == [0, 0, 1, 1] * 2
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
@@ -14,6 +13,8 @@ from wayfarer.errors import BadInput
 from wayfarer.extras import require
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from wayfarer.config.rover_file import RoverConfig
     from wayfarer.experiments.campaign import Plan
     from wayfarer.experiments.make_campaign import CampaignOptions
@@ -43,7 +44,8 @@ def run_campaign(
     depth: Literal["device", "bus"] = "device",
     spl: bool = False,
     faults: Sequence[str] = (),
-    jobs: int = 1,
+    jobs: int | None = 1,
+    executor: Executor | None = None,
     out: str | Path | None = None,
     resume: bool = False,
     progress: bool = False,
@@ -76,7 +78,9 @@ def run_campaign(
         spl: compute shortest paths, for the SPL (success weighted by path length); slower.
         faults: on purpose, each as ``KIND[:PART][@SECONDS[+SECONDS]]``: ``"silent:compass@20+5"`` takes the compass
             away from each rover for 5 s, 20 s after the start.
-        jobs: number of processes.
+        jobs: number of processes; None is one per core, as of the command.
+        executor: any ``concurrent.futures.Executor`` that is to run the trials instead, such as a Dask client's
+            ``get_executor(pure=False)``; ``jobs`` is then how many it runs at a time. It is not shut down.
         out: a new or empty folder for ``trials.csv``.
         resume: continue what was interrupted in ``out``.
         progress: show a progress bar on stderr.
@@ -84,7 +88,9 @@ def run_campaign(
     Raises:
         BadInput: something that cannot be used; the text names it and says what is allowed.
         MissingPackage: the extra ``sim`` is not installed, or ``spl`` for shortest paths, or ``physics`` for MuJoCo.
-        WayfarerError: a worker process died, or ``out`` cannot be written any more; finished trials are kept there.
+        TrialNotRun: a trial raised an error, which is the cause, or its worker process died; finished trials are kept
+            in ``out``.
+        WayfarerError: ``out`` cannot be written any more; finished trials are kept there.
         KeyboardInterrupt: Ctrl-C; finished trials are kept in ``out``.
 
     >>> results = run_campaign("forest-pledge", trials=2, slip_mean_m=5.0)
@@ -100,7 +106,7 @@ def run_campaign(
         physics=physics, friction=friction, roughness_m=roughness_m, torque_scale=torque_scale, slope_deg=slope_deg,
         slope_direction_deg=slope_direction_deg, faults=faults,
     )  # fmt: skip
-    return _run(campaign, forests, jobs, out, resume=resume, progress=progress)
+    return _run(campaign, forests, jobs, executor, out, resume=resume, progress=progress)
 
 
 def run_sweep(
@@ -108,7 +114,8 @@ def run_sweep(
     algorithms: str | Sequence[str] = "forest-pledge",
     trials: int = 100,
     *,
-    jobs: int = 1,
+    jobs: int | None = 1,
+    executor: Executor | None = None,
     out: str | Path | None = None,
     resume: bool = False,
     progress: bool = False,
@@ -124,7 +131,8 @@ def run_sweep(
             ``sim.trees_per_ha``, or ``sim.`` and any number of the simulated world, as ``"sim.friction"`` in MuJoCo.
         algorithms: as of ``run_campaign``.
         trials: of each algorithm at each point.
-        jobs: number of processes.
+        jobs: as of ``run_campaign``.
+        executor: as of ``run_campaign``.
         out: a new or empty folder for the results.
         resume: continue what was interrupted in ``out``.
         progress: show a progress bar on stderr.
@@ -145,7 +153,7 @@ def run_sweep(
     campaign = make_campaign(algorithms, trials=trials, **options)
     sweep = make_sweep(campaign, [Axis(key, tuple(dict.fromkeys(map(_plain, each)))) for key, each in values.items()])
     check_points(sweep.points, campaign.rover.name)
-    return _run(sweep, None, jobs, out, resume=resume, progress=progress)
+    return _run(sweep, None, jobs, executor, out, resume=resume, progress=progress)
 
 
 def _plain(value: Value) -> Value:
@@ -154,38 +162,33 @@ def _plain(value: Value) -> Value:
 
 
 def _run(
-    plan: Plan, forests: str | Path | None, jobs: int, out: str | Path | None, *, resume: bool, progress: bool
+    plan: Plan,
+    forests: str | Path | None,
+    jobs: int | None,
+    executor: Executor | None,
+    out: str | Path | None,
+    *,
+    resume: bool,
+    progress: bool,
 ) -> Results:
-    from wayfarer.experiments.executors import Done, field_trial
-    from wayfarer.experiments.progress_bar import fault_line
+    from wayfarer.experiments.pool import cores
     from wayfarer.experiments.results_folder import ResultsFolder
-    from wayfarer.experiments.run_campaign import run
+    from wayfarer.experiments.run import run
     from wayfarer.experiments.sim_command import run_shown
-    from wayfarer.fieldlog.wording import plural
     from wayfarer.simhal.world.forest_file import content_of
 
-    if jobs < 1:
+    if jobs is not None and jobs < 1:
         raise BadInput(f"jobs = {jobs}: a campaign needs one process at least")
     if resume and out is None:
         raise BadInput("resume = True continues the results in a folder: name it with out")
-    if jobs > 1 and any(name.startswith("__main__:") for name in plan.points[0].algorithms):
-        raise BadInput("processes do not import this script: put the algorithm in another file, or use jobs=1")
-    faults: list[Done] = []
-
-    def note(done: Done) -> None:
-        if done.fault:
-            faults.append(done)
-
-    settings = plan.settings()
+    settings, at_a_time = plan.settings(), jobs or cores()
     with nullcontext() if out is None else ResultsFolder(Path(out), settings, resume=resume) as folder:
         if folder and forests:
             folder.keep_forests(content_of(forests))
         if progress:
-            finished = run_shown(plan, folder, jobs=jobs, run_trial=field_trial)
+            finished = run_shown(plan, folder, jobs=at_a_time, executor=executor)
         else:
-            finished = run(plan, folder, jobs=jobs, progress=note)
+            finished = run(plan, folder, jobs=at_a_time, executor=executor)
     if finished.interrupted:
         raise KeyboardInterrupt
-    if faults:
-        warnings.warn(f"{plural(len(faults), 'trial')} ended in a fault: {fault_line(faults[0])}", stacklevel=3)
     return Results(json.loads(json.dumps(settings)), finished.rows)

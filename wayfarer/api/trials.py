@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
 
 from wayfarer.control.run_log import PartialLog, Tee
-from wayfarer.errors import BadInput
+from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.experiments.rows import TrialRow, row_of
 from wayfarer.extras import require
 
@@ -91,6 +91,7 @@ def run_trial(
     Raises:
         BadInput: something that cannot be used; the text names it and says what is allowed.
         MissingPart: the rover does not have what the algorithm needs.
+        TrialNotRun: the algorithm or a driver raised an error, which is the cause.
         MissingPackage: as of ``run_campaign``.
 
     >>> trial = run_trial(7)
@@ -103,6 +104,8 @@ def run_trial(
     from wayfarer.experiments.campaign import Task
     from wayfarer.experiments.commands import make_empty_folder
     from wayfarer.experiments.make_campaign import make_campaign
+    from wayfarer.experiments.pool import task_failed
+    from wayfarer.experiments.run import not_run
     from wayfarer.experiments.trial import run_watched
 
     if number < 0:
@@ -113,7 +116,8 @@ def run_trial(
     folder = None if log_dir is None else Path(log_dir)
     if folder:
         make_empty_folder(folder, "the log")
-    spec = campaign.spec(Task(campaign.algorithms[0], number), campaign.make_forest(number))
+    task = Task(campaign.algorithms[0], number)
+    spec = campaign.spec(task, campaign.make_forest(number))
     track = _Track()
     notes: list[NoteFault] = []
 
@@ -127,7 +131,13 @@ def run_trial(
         notes.append(truth.note)
         return Tee(track, log, truth)
 
-    return Trial(row_of(run_watched(spec, make_log, notes)), track.ticks)
+    try:
+        return Trial(row_of(run_watched(spec, make_log, notes)), track.ticks)
+    except WayfarerError:
+        raise
+    except (Exception, SystemExit) as error:  # an algorithm of a third party may raise anything
+        failed = task_failed(task, error)
+        raise not_run(failed, "correct that and run it again") from failed.error
 
 
 class _Track(PartialLog):

@@ -123,4 +123,4 @@ def sim(
             command=command_line(ctx),
         )  # fmt: skip
         raise typer.Exit(code)
-    raise typer.Exit(sim_command.run_alone(campaign, trial, log_dir, as_json=as_json))
+    sim_command.run_alone(campaign, trial, log_dir, as_json=as_json)

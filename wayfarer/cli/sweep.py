@@ -64,8 +64,9 @@ def sweep(
     """Run the same trials at each point of a grid of settings, and show how the results change."""
     check_together(ctx, needs=options.WORLD_NEEDS, excludes=options.WORLD_EXCLUDES)
     require("simulating")
-    from wayfarer.experiments.commands import check_points, cores
+    from wayfarer.experiments.commands import check_points
     from wayfarer.experiments.make_campaign import make_campaign
+    from wayfarer.experiments.pool import cores
     from wayfarer.experiments.sweep import make_sweep, parse_axis
     from wayfarer.experiments.sweep_command import run_all
 

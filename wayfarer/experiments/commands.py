@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
 from pathlib import Path
@@ -246,11 +245,6 @@ def at_site(campaign: Campaign, scenario: str) -> Campaign:
         )
     here = replace(campaign, scenario=scenario)
     return replace(here, rover=here.site.equip(campaign.rover)) if here.site else here
-
-
-def cores() -> int:
-    """Count the cores that this process may use."""
-    return len(os.sched_getaffinity(0))
 
 
 def make_empty_folder(path: Path, what: str) -> None:

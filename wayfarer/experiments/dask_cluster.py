@@ -1,7 +1,7 @@
 """Executor on a Dask cluster: one campaign on many machines.
 
 All workers must run the same wayfarer, so each worker is asked first, and again with each chunk, for workers
-come and go. The campaign is sent once a worker, as a plugin that the scheduler also gives to those that come later.
+come and go. The campaign goes to the cluster once, and each worker fetches it before its first chunk.
 Trials are pure: what a lost worker had not finished, the scheduler gives to another one.
 """
 
@@ -15,19 +15,17 @@ import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Executor, Future
 from contextlib import contextmanager, suppress
-from functools import cache, partial
+from functools import cache
 from hashlib import blake2b
 from pathlib import Path
-from types import TracebackType
 from typing import Any, NamedTuple, NoReturn, ParamSpec, TypeVar
 
 import wayfarer
 from wayfarer.errors import BadInput, WayfarerError
-from wayfarer.experiments.executors import MakeExecutor, forget
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
-    from distributed import Client, KilledWorker, Worker, WorkerPlugin, get_worker, rpc
+    from distributed import Client, KilledWorker, get_worker, rpc
     from distributed.comm.addressing import get_address_host_port, normalize_address
 
 P = ParamSpec("P")
@@ -56,52 +54,29 @@ def version() -> str:
 
 
 class Cluster(NamedTuple):
-    """The workers of a scheduler: what makes an executor over them, and how many trials they run at a time."""
+    """The workers of a scheduler: an executor over them, and how many trials they run at a time."""
 
-    executor: MakeExecutor
+    executor: Executor
     jobs: int
 
 
-class WorkerSetup(WorkerPlugin):
-    """What each worker does before anything else, whenever it comes."""
-
-    def __init__(self, initializer: Callable[..., object], initargs: tuple[Any, ...]) -> None:
-        self.name = f"wayfarer-{initargs[0]}"
-        self._initializer = initializer
-        self._initargs = initargs
-
-    def setup(self, worker: Worker) -> None:  # noqa: ARG002
-        """Prepare the worker."""
-        self._initializer(*self._initargs)
-
-    def teardown(self, worker: Worker) -> None:  # noqa: ARG002
-        """Leave nothing behind."""
-        forget(self._initargs[0])
-
-
 class ClusterExecutor(Executor):
-    """Runs what is submitted on workers that have been prepared; leaving it frees them.
+    """Runs chunks of trials on workers that have the same wayfarer."""
 
-    What a lost worker had is run by another one.
-    """
-
-    def __init__(self, client: Client, *, initializer: Callable[..., object], initargs: tuple[Any, ...]) -> None:
+    def __init__(self, client: Client) -> None:
         self._client = client
-        self._plugin = WorkerSetup(initializer, initargs)
-        client.register_plugin(self._plugin)
         self._executor = client.get_executor(pure=False)
+        self._payload: bytes | None = None
+        self._shared: Any = None
 
-    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
-        """Return a future; it fails where a worker runs another version."""
-        future: Future[T] = self._executor.submit(_run_checked, version(), fn, *args, **kwargs)
+    def submit(self, fn: Callable[P, T], /, *args: P.args, **_: P.kwargs) -> Future[T]:
+        """Return a future; it fails if the worker runs another version."""
+        payload: Any
+        payload, tasks = args
+        if payload is not self._payload:  # it goes to the cluster once, where it is made again if its worker is lost
+            self._payload, self._shared = payload, self._client.submit(bytes, payload, pure=False)
+        future: Future[T] = self._executor.submit(_run_checked, version(), fn, self._shared, tasks)
         return future
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._executor.shutdown(wait=error is None)
-        with suppress(OSError):  # the scheduler is gone, and with it what was there
-            self._client.unregister_worker_plugin(self._plugin.name)
 
 
 @contextmanager
@@ -116,7 +91,7 @@ def connected(address: str) -> Iterator[Cluster]:
     with _client(address) as client:
         try:
             _check_workers(client, address)
-            yield Cluster(partial(ClusterExecutor, client), sum(client.nthreads().values()))
+            yield Cluster(ClusterExecutor(client), sum(client.nthreads().values()))
         except KilledWorker as error:
             raise WayfarerError(
                 f"a group of trials ended several workers of {address}, most likely for lack of memory; "

@@ -23,7 +23,7 @@ Drawn = float | str | None  # a number, or ``MIN:MAX`` to draw one for each tria
 
 
 class CampaignOptions(TypedDict, total=False):
-    """The options of ``make_campaign`` beside its algorithms and trials; ``wayfarer.run_campaign`` describes them."""
+    """Options of ``make_campaign`` beside its algorithms and trials: see ``api.campaigns.run_campaign``."""
 
     rover: str | Path | RoverConfig
     anomaly_source: AnomalySource | None

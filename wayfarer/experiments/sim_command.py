@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager, nullcontext, suppress
 from functools import partial
 from pathlib import Path
+from threading import Event
+from traceback import format_exception
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 
 from wayfarer.errors import BadInput
-from wayfarer.experiments import run_campaign
 from wayfarer.experiments.campaign import Campaign, Plan, Task
-from wayfarer.experiments.commands import INTERRUPTED, cores, make_empty_folder
-from wayfarer.experiments.executors import MakeExecutor, RunTrial, TrialRunner, field_trial, logged_trial
-from wayfarer.experiments.progress_bar import fault_line, say, shown_progress
+from wayfarer.experiments.commands import INTERRUPTED, make_empty_folder
+from wayfarer.experiments.pool import TaskFailed, cores, run_tasks
+from wayfarer.experiments.progress_bar import say, shown_progress
 from wayfarer.experiments.results_folder import ResultsFolder, count_of
 from wayfarer.experiments.rows import columns_of, csv_line
-from wayfarer.experiments.run_campaign import CampaignRun
+from wayfarer.experiments.run import CampaignRun, RunTrial, TrialRunner, not_run, run
 from wayfarer.experiments.site_table import layout_of
 from wayfarer.experiments.tables import print_table, spl_hint
 from wayfarer.logview.scripting import print_json, say_next
@@ -27,7 +29,7 @@ from wayfarer.simhal.world.forest_file import content_of
 if TYPE_CHECKING:
     from wayfarer.experiments.dask_cluster import Cluster
 
-FAULT_FILE = "fault.txt"
+TRACEBACK_FILE = "traceback.txt"
 LEGEND = "success: escaped or left the map; path: of these; time, anomalies: per trial"
 SITE_LEGEND = """time: from arming to the destination line, of the successes
 interventions (overturned/off its wheels)"""
@@ -44,7 +46,7 @@ def run_all(
     log: Path | None = None,
     as_json: bool = False,
     command: Sequence[str] | None = None,
-    run_trial: RunTrial = field_trial,
+    run_trial: RunTrial | None = None,
 ) -> int:
     """Run a campaign, show it, print its table, or with ``as_json`` an object, and return the exit code.
 
@@ -55,12 +57,11 @@ def run_all(
 
     Raises:
         BadInput: ``out`` cannot be used, there is no such cluster, or ``log`` is not new or empty.
-        WayfarerError: a worker died, the cluster was lost, or ``out`` cannot be written any more; finished trials are
-            kept.
+        TrialNotRun: a trial raised an error, or ended its worker; finished trials are kept.
+        WayfarerError: the cluster was lost, or ``out`` cannot be written any more; finished trials are kept.
     """
     if log:
         make_empty_folder(log, "the log")
-        run_trial = partial(logged_trial, log)
     with (
         connected(cluster) as workers,
         ResultsFolder(out, campaign.settings(), resume=resume, command=command) if out else nullcontext() as folder,
@@ -72,6 +73,7 @@ def run_all(
             folder,
             jobs=workers.jobs if workers else jobs or cores(),
             executor=workers.executor if workers else None,
+            logs=log,
             run_trial=run_trial,
         )
     if finished.interrupted:
@@ -98,52 +100,58 @@ def run_shown(
     folder: ResultsFolder | None,
     *,
     jobs: int,
-    run_trial: RunTrial,
-    executor: MakeExecutor | None = None,
+    executor: Executor | None = None,
+    logs: Path | None = None,
+    run_trial: RunTrial | None = None,
 ) -> CampaignRun:
     """Run a campaign or a sweep with its progress on stderr, where an interruption is told too.
 
     Raises:
-        WayfarerError: as of ``run_campaign.run``.
+        WayfarerError: as of ``run.run``.
     """
     aside, kept, total = Console(stderr=True), len(folder.rows) if folder else 0, count_of(plan.settings())
     if folder and kept:
         say(aside, f"{kept} of {total} trials are in {folder.path} already")
     with shown_progress(aside, kept, total) as progress:
-        finished = run_campaign.run(plan, folder, jobs=jobs, progress=progress, executor=executor, run_trial=run_trial)
+        finished = run(
+            plan, folder, jobs=jobs, executor=executor, progress=progress, notice=partial(say, aside), logs=logs,
+            run_trial=run_trial,
+        )  # fmt: skip
     if finished.interrupted:
         where = f"kept in {folder.path}; continue with --resume" if folder else "done; with --out DIR they are kept"
         say(aside, f"interrupted: {len(finished.rows)} of {total} trials are {where}")
     return finished
 
 
-def run_alone(campaign: Campaign, trial: int, log: Path | None, *, as_json: bool = False) -> int:
-    """Run one trial, print its row as in ``trials.csv`` or as JSON, and return the exit code: 1 after a fault.
+def run_alone(campaign: Campaign, trial: int, log: Path | None, *, as_json: bool = False) -> None:
+    """Run one trial, and print its row as in ``trials.csv`` or as JSON.
 
-    With ``log`` the full field log goes there, and after a fault the traceback.
+    With ``log`` the full field log goes there, and the traceback of an error.
 
     Raises:
         BadInput: the campaign has several algorithms, or ``log`` is not new or empty.
+        TrialNotRun: the trial raised an error.
     """
     if len(campaign.algorithms) > 1:
         raise BadInput(f"--trial runs one trial of one algorithm; choose one of {', '.join(campaign.algorithms)}")
     if log:
         make_empty_folder(log, "the log")
-    runner = TrialRunner(campaign, partial(field_trial, log_dir=log))
-    done = runner.run(Task(campaign.algorithms[0], trial))
+    try:
+        (done,) = run_tasks(TrialRunner(campaign, log_dir=log), [Task(campaign.algorithms[0], trial)], stop=Event())
+    except TaskFailed as failed:
+        remedy = "correct that and run it again; with --log-dir DIR its log and the traceback are written there"
+        if log:
+            with suppress(OSError):  # such as of a disk that is full
+                (log / TRACEBACK_FILE).write_text("".join(format_exception(failed.error)), encoding="utf-8")
+            remedy = f"correct that; its log and the traceback are in {log}"
+        raise not_run(failed, remedy) from failed.error
     columns = columns_of(campaign.settings())
     if as_json:
         print_json({name: getattr(done.row, name) for name in columns})
     else:
         print(csv_line(columns) + csv_line(columns, done.row), end="")
-    if log and not as_json:
-        say_next("wayfarer", "report", log)
-    if done.fault is None:
-        return 0
-    say(Console(stderr=True), fault_line(done))
-    if log:
-        (log / FAULT_FILE).write_text(done.fault.traceback, encoding="utf-8")
-    return 1
+        if log:
+            say_next("wayfarer", "report", log)
 
 
 def connected(cluster: str | None) -> AbstractContextManager[Cluster | None]:

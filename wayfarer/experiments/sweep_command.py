@@ -10,9 +10,9 @@ from typing import NamedTuple
 from rich.console import Console
 
 from wayfarer.experiments.commands import INTERRUPTED
-from wayfarer.experiments.executors import RunTrial, field_trial
 from wayfarer.experiments.progress_bar import say
 from wayfarer.experiments.results_folder import ResultsFolder
+from wayfarer.experiments.run import RunTrial
 from wayfarer.experiments.sim_command import run_shown
 from wayfarer.experiments.statistics import AlgorithmSummary
 from wayfarer.experiments.sweep import Sweep, Value
@@ -39,7 +39,7 @@ def run_all(
     jobs: int = 1,
     as_json: bool = False,
     command: Sequence[str] | None = None,
-    run_trial: RunTrial = field_trial,
+    run_trial: RunTrial | None = None,
 ) -> int:
     """Run a sweep, show it, print its table or the same as JSON, and return the exit code.
 
@@ -47,7 +47,8 @@ def run_all(
 
     Raises:
         BadInput: ``out`` cannot be used.
-        WayfarerError: a worker died, or ``out`` cannot be written any more; finished trials are kept.
+        TrialNotRun: a trial raised an error, or ended its worker; finished trials are kept.
+        WayfarerError: ``out`` cannot be written any more; finished trials are kept.
     """
     with ResultsFolder(out, sweep.settings(), resume=resume, command=command) as folder:
         finished = run_shown(sweep, folder, jobs=jobs, run_trial=run_trial)

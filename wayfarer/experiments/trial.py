@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from wayfarer.control.run_log import PartialLog, Tee
-from wayfarer.control.supervisor import Supervisor
+from wayfarer.control.supervisor import Supervisor, first_cause
 from wayfarer.control.tick import TickRecord
+from wayfarer.errors import DriverError
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.outcome import SUCCESSES, Outcome, OutcomeMonitor
 from wayfarer.experiments.trial_setup import MakeLog, TrialSetup, TrialSpec
@@ -144,10 +145,15 @@ async def _run(
     begin(setup.supervisor)
     try:
         end = await setup.supervisor.run()
+        outcome = outcome_of(setup.outcome_monitor, counters, end)
+    except Exception as error:
+        if not _injected(setup, first_cause(error)):
+            raise
+        outcome = "fault"
     finally:
         if setup.injector is not None:
             setup.injector.end()
-    result = _result(spec, outcome_of(setup.outcome_monitor, counters, end), setup, counters)
+    result = _result(spec, outcome, setup, counters)
     if helped := setup.intervention_counter:
         result = result._replace(
             interventions=helped.interventions, overturned=helped.flips, off_wheels=helped.high_centred
@@ -156,6 +162,15 @@ async def _run(
         if drawn:
             result = result._replace(**drawn._asdict())
     return result
+
+
+def _injected(setup: TrialSetup, error: BaseException) -> bool:
+    """Return whether a fault on purpose has ended the run: a part did not open, or its driver had a bug."""
+    if setup.injector is None:
+        return False
+    from wayfarer.simhal.faults.faulty_part import Bug
+
+    return isinstance(error, DriverError | Bug)
 
 
 def outcome_of(outcome_monitor: OutcomeMonitor, counters: TrialCounters, end: RunEnd) -> Outcome:

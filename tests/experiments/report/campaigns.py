@@ -11,9 +11,9 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments import sim_command
 from wayfarer.experiments.campaign import Campaign, read_forest_file
-from wayfarer.experiments.executors import RunTrial, field_trial
 from wayfarer.experiments.outcome import SUCCESSES
 from wayfarer.experiments.rows import TrialRow
+from wayfarer.experiments.run import RunTrial
 from wayfarer.simhal.world.generate import generate_forest
 
 ALGORITHMS = ("forest-pledge", "levy-walk", "cv-react")
@@ -40,7 +40,7 @@ def run_campaign(
     *,
     forests: Path | None = None,
     algorithms: Sequence[str] = ALGORITHMS,
-    run_trial: RunTrial = field_trial,
+    run_trial: RunTrial | None = None,
 ) -> None:
     campaign, command = campaign_of(forests, algorithms), ["wayfarer", "sim", "--out", f"{Path.home()}/results"]
     assert sim_command.run_all(campaign, out, jobs=1, forests=forests, run_trial=run_trial, command=command) == 0

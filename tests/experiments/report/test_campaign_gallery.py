@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.experiments.report.campaigns import campaign_of, row
-from wayfarer.experiments.executors import Done
 from wayfarer.experiments.outcome import SUCCESSES
 from wayfarer.experiments.report.load_results import read_results
 from wayfarer.experiments.report.worst_trials import RerunTrial, choose, ending, run_again
@@ -82,11 +81,11 @@ def test_way_is_that_of_the_trial_in_the_table(finished: Path, worst: list[Rerun
         assert (end.y_m >= 50.0) is escaped
 
 
-def test_a_pool_gives_the_same_ways_and_tells_of_each_trial(finished: Path, worst: list[RerunTrial]) -> None:
-    told: list[Done] = []
+def test_processes_give_the_same_paths_and_progress_of_each_trial(finished: Path, worst: list[RerunTrial]) -> None:
+    done: list[Any] = []
     rows = [each.row for each in worst]
-    assert run_again(read_results(finished).rebuild(), rows, 2, told.append) == worst
-    assert {done.row.key for done in told} == {row.key for row in rows}
+    assert run_again(read_results(finished).rebuild(), rows, 2, done.append) == worst
+    assert {again.row.key for again in done} == {row.key for row in rows}
 
 
 @pytest.mark.parametrize(

@@ -8,22 +8,21 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import BrokenExecutor
 from contextlib import closing
 from functools import partial
 from itertools import chain, zip_longest
 from math import hypot
-from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.tick import TickRecord
-from wayfarer.errors import WayfarerError
+from wayfarer.errors import kind_and_text
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.campaign import Campaign, Task
-from wayfarer.experiments.executors import Done, TrialRunner, stream
 from wayfarer.experiments.outcome import SUCCESSES
+from wayfarer.experiments.pool import TaskFailed, run_tasks
 from wayfarer.experiments.rows import TrialRow
+from wayfarer.experiments.run import TrialRunner, not_run
 from wayfarer.experiments.trial import TrialResult, run_watched
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.hal import Rover
@@ -73,46 +72,40 @@ def _worst(row: TrialRow) -> tuple[bool, float, int]:
 
 
 def run_again(
-    campaign: Campaign, rows: Sequence[TrialRow], jobs: int, progress: Callable[[Done], object]
+    campaign: Campaign, rows: Sequence[TrialRow], jobs: int, progress: Callable[[object], object]
 ) -> list[RerunTrial]:
     """Run these trials of a campaign again, and return them with their trajectories, in the same order.
 
-    ``progress`` is told each trial when it is done.
+    ``progress`` is called with each trial when it is done.
 
     Raises:
-        WayfarerError: a worker process died.
+        TrialNotRun: a worker process died.
     """
     found: dict[tuple[str, int, int], RerunTrial] = {}
     try:
-        with closing(stream(partial(_rerun, campaign), rows, jobs, threading.Event())) as finished:
-            for row, done, trajectory in finished:
-                found[row.key] = _compare(row, done, trajectory)
-                progress(done)
-    except BrokenExecutor as error:
-        raise WayfarerError(
-            "a worker process died while trials were run again, most likely for lack of memory; try --jobs 1"
-        ) from error
+        with closing(run_tasks(partial(_rerun, campaign), rows, jobs=jobs, stop=threading.Event())) as finished:
+            for again in finished:
+                found[again.row.key] = again
+                progress(again)
+    except TaskFailed as failed:
+        raise not_run(failed, "use --jobs 1, or --gallery 0 for a report without it") from failed.error
     return [found[row.key] for row in rows]
 
 
-def _rerun(campaign: Campaign, row: TrialRow) -> tuple[TrialRow, Done, Trajectory | None]:
-    """Run a trial and return its trajectory too, if it did not end in a fault."""
+def _rerun(campaign: Campaign, row: TrialRow) -> RerunTrial:
+    """Run a trial; give its path only if it has the result of the table, in every column."""
     trajectories: list[Trajectory] = []
 
-    def run_trial(spec: TrialSpec, _log_dir: Path | None = None) -> TrialResult:
+    def run_trial(spec: TrialSpec) -> TrialResult:
         result, trajectory = run_with_trajectory(spec)
         trajectories.append(trajectory)
         return result
 
-    done = TrialRunner(campaign, run_trial).run(Task(*row.key))
-    return row, done, trajectories[0] if trajectories else None
-
-
-def _compare(row: TrialRow, done: Done, trajectory: Trajectory | None) -> RerunTrial:
-    """Return the path only if the trial gave the result of the table, in every column."""
-    if done.fault is not None:
-        return RerunTrial(row, None, f"cannot be run again: {done.fault.text}")
-    return RerunTrial(row, trajectory) if done.row == row else RerunTrial(row, None, _difference(row, done.row))
+    try:
+        done = TrialRunner(campaign, run_trial=run_trial)(Task(*row.key))
+    except (Exception, SystemExit) as error:  # an algorithm of a third party may raise anything
+        return RerunTrial(row, None, f"cannot be run again: {kind_and_text(error)}")
+    return RerunTrial(row, trajectories[0]) if done.row == row else RerunTrial(row, None, _difference(row, done.row))
 
 
 def _difference(row: TrialRow, again: TrialRow) -> str:

@@ -4,9 +4,9 @@ import json
 import os
 import re
 import signal
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
-from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -18,30 +18,20 @@ from tests.experiments import fake_trials
 from tests.experiments.dask_processes import UP_S, eventually
 from tests.experiments.fake_trials import campaign_of
 from wayfarer.config.rover_file import laid_over
-from wayfarer.errors import WayfarerError
-from wayfarer.experiments import run_campaign
+from wayfarer.errors import TrialNotRun
 from wayfarer.experiments.campaign import Campaign, ForestFile, Task
-from wayfarer.experiments.executors import (
-    LARGEST_CHUNK,
-    LAST_SINGLY,
-    Done,
-    RunTrial,
-    TrialRunner,
-    field_trial,
-    in_chunks,
-)
 from wayfarer.experiments.results_folder import TRIALS, ResultsFolder, tasks_of
-from wayfarer.experiments.rows import TrialRow
+from wayfarer.experiments.run import Done, RunTrial, TrialRunner, log_name, run
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.shortest_path import shortest_path_m
 
 
 def run_into(
-    path: Path, plan: Campaign, run_trial: RunTrial = fake_trials.quick, *, resume: bool = False, **options: Any
+    path: Path, plan: Campaign, run_trial: RunTrial | None = fake_trials.quick, *, resume: bool = False, **options: Any
 ) -> bytes:
     """Run a campaign into a folder; return what its ``trials.csv`` holds."""
     with ResultsFolder(path, plan.settings(), resume=resume) as folder:
-        run_campaign.run(plan, folder, run_trial=run_trial, **options)
+        run(plan, folder, run_trial=run_trial, **options)
     return (path / TRIALS).read_bytes()
 
 
@@ -108,9 +98,9 @@ def test_one_forest_serves_all_algorithms() -> None:
             return super().make_forest(trial)
 
     plan = CountingCampaign(("pledge", "levy-walk", "cv-react"), 3, campaign_of(1).rover)
-    runner = TrialRunner(plan, fake_trials.quick)
+    runner = TrialRunner(plan, run_trial=fake_trials.quick)
     for task in tasks_of(plan.settings()):
-        runner.run(task)
+        runner(task)
     assert made == [0, 1, 2]
 
 
@@ -123,28 +113,22 @@ def test_results_do_not_depend_on_workers_or_order_of_completion(tmp_path: Path)
     alone = run_into(tmp_path / "1", plan)
     assert run_into(tmp_path / "2", plan, fake_trials.early_ones_last, jobs=2) == alone
     seen: list[Done] = []
-    in_threads: dict[str, Any] = {"jobs": 4, "executor": partial(ThreadPoolExecutor, 4), "progress": seen.append}
-    assert run_into(tmp_path / "4", plan, fake_trials.early_ones_last, **in_threads) == alone
+    with ThreadPoolExecutor(4) as threads:
+        options: dict[str, Any] = {"jobs": 4, "executor": threads, "progress": seen.append}
+        assert run_into(tmp_path / "4", plan, fake_trials.early_ones_last, **options) == alone
+        assert threads.submit(int, "7").result() == 7, "who made it shuts it down"
     assert [done.row.key for done in seen] != list(tasks_of(plan.settings()))
+    with ProcessPoolExecutor(2, get_context("spawn")) as processes:
+        assert run_into(tmp_path / "p", plan, jobs=2, executor=processes) == alone
 
 
 def test_real_trials_do_not_mind_each_other_in_threads(tmp_path: Path) -> None:
     """A Dask worker may have several."""
     plan = replace(campaign_of(4, "pledge", "levy-walk"), budget_m=10.0)
-    alone = run_into(tmp_path / "1", plan, field_trial)
-    assert run_into(tmp_path / "3", plan, field_trial, jobs=3, executor=partial(ThreadPoolExecutor, 3)) == alone
+    alone = run_into(tmp_path / "1", plan, None)
+    with ThreadPoolExecutor(3) as threads:
+        assert run_into(tmp_path / "3", plan, None, jobs=3, executor=threads) == alone
     assert b"fault" not in alone
-
-
-@given(st.integers(0, 300), st.integers(1, 8))
-def test_every_trial_is_in_one_chunk_and_the_last_ones_come_singly(trials: int, jobs: int) -> None:
-    tasks = range(2 * trials)
-    chunks = list(in_chunks(tasks, jobs))
-    assert [task for chunk in chunks for task in chunk] == [*tasks]
-    sizes = [len(chunk) for chunk in chunks]
-    assert set(sizes) <= {1, LARGEST_CHUNK}
-    assert sizes == sorted(sizes, reverse=True)
-    assert sizes.count(1) >= min(len(tasks), LAST_SINGLY * jobs)
 
 
 def test_resuming_runs_only_what_is_missing_and_ends_in_the_same_bytes(tmp_path: Path) -> None:
@@ -152,7 +136,7 @@ def test_resuming_runs_only_what_is_missing_and_ends_in_the_same_bytes(tmp_path:
     whole = run_into(tmp_path / "whole", plan)
     with ResultsFolder(tmp_path / "cut", plan.settings()) as folder:
         for trial in (4, 17, 2):
-            folder.append(TrialRunner(plan, fake_trials.quick).run(Task("forest-pledge", trial)).row)
+            folder.append(TrialRunner(plan, run_trial=fake_trials.quick)(Task("forest-pledge", trial)).row)
     seen: list[Done] = []
     assert run_into(tmp_path / "cut", plan, resume=True, progress=seen.append) == whole
     assert {done.row.trial for done in seen} == set(range(20)) - {4, 17, 2}
@@ -161,7 +145,7 @@ def test_resuming_runs_only_what_is_missing_and_ends_in_the_same_bytes(tmp_path:
 def test_summary_says_all_that_was_asked_and_never_nan(tmp_path: Path) -> None:
     plan = campaign_of(12, "pledge", "levy-walk")
     with ResultsFolder(tmp_path, plan.settings()) as folder:
-        finished = run_campaign.run(plan, folder, run_trial=fake_trials.quick)
+        finished = run(plan, folder, run_trial=fake_trials.quick)
     assert not finished.interrupted
     assert finished.effort.ticks == 2400
     summary = json.loads(json.dumps(finished.as_json()), parse_constant=pytest.fail)
@@ -175,52 +159,98 @@ def test_summary_says_all_that_was_asked_and_never_nan(tmp_path: Path) -> None:
 # --- what goes wrong
 
 
+FAILING: list[tuple[RunTrial, str]] = [
+    (fake_trials.third_fails, r"KeyError: 'no such\\nphase' \(fake_trials\.py:\d+\)"),
+    (fake_trials.third_fails_oddly, r"(TwoArguments|RuntimeError: TwoArguments): out of phase \(fake_trials\.py:\d+\)"),
+    (fake_trials.third_exits, r"SystemExit: enough \(fake_trials\.py:\d+\)"),
+    (fake_trials.third_kills_its_worker, r"its process ended itself with exit code 9, as by os\._exit"),
+    (fake_trials.third_is_killed, r"its process was killed, most likely for lack of memory \(then use fewer jobs\)"),
+]
+
+
 @pytest.mark.process
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_trial_that_raises_becomes_a_fault_and_the_others_go_on(tmp_path: Path, jobs: int) -> None:
-    plan = campaign_of(8)
-    seen: list[Done] = []
-    with ResultsFolder(tmp_path, plan.settings()) as folder:
-        finished = run_campaign.run(plan, folder, jobs=jobs, progress=seen.append, run_trial=fake_trials.third_fails)
-    assert len(finished.rows) == 8
-    assert finished.rows[3] == TrialRow(3, "forest-pledge", 1, 1, plan.trial_seed(3), "fault")
-    (fault,) = [done.fault for done in seen if done.fault]
-    assert re.fullmatch(r"KeyError: 'no such\\nphase' \(fake_trials\.py:\d+\)", fault.text)
-    assert "Traceback" in fault.traceback
+@pytest.mark.parametrize(
+    ("run_trial", "what", "jobs"),
+    [(*failing, jobs) for failing in FAILING for jobs in (1, 2) if jobs == 2 or failing in FAILING[:3]],
+)
+def test_trial_that_could_not_be_run_has_no_row_and_is_run_again(
+    tmp_path: Path, run_trial: RunTrial, what: str, jobs: int
+) -> None:
+    """Whatever it raises says nothing of the rover."""
+    plan = campaign_of(12)
+    with pytest.raises(TrialNotRun) as raised:
+        run_into(tmp_path / "out", plan, run_trial, jobs=jobs)
+    kept = lines_in(tmp_path / "out" / TRIALS) - 1
+    assert re.fullmatch(
+        rf"trial 3 of forest-pledge could not be run: {what}; correct that and continue with --resume: "
+        rf"{kept} of 12 trials are kept in {re.escape(str(tmp_path / 'out'))}",
+        str(raised.value),
+    )
+    assert (raised.value.exit_code, kept >= 2) == (1, True)
+    assert raised.value.__cause__ is not None
+    assert b"fault" not in (tmp_path / "out" / TRIALS).read_bytes()
+    assert run_into(tmp_path / "out", plan, resume=True) == run_into(tmp_path / "other", plan)
 
 
-def test_forest_that_cannot_be_made_is_a_fault_of_its_trial(monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(layout: int, noise: int, seed: int) -> None:
+@pytest.mark.process
+def test_error_of_another_process_is_the_cause_with_its_traceback() -> None:
+    with pytest.raises(TrialNotRun, match="correct that and run it again") as raised:
+        run(campaign_of(12), jobs=2, run_trial=fake_trials.third_fails)
+    assert isinstance(raised.value.__cause__, KeyError)
+    (note,) = raised.value.__cause__.__notes__
+    assert "third_fails" in note
+
+
+@pytest.mark.process
+def test_executor_that_broke_says_which_trials_it_had() -> None:
+    with ProcessPoolExecutor(1, get_context("spawn")) as processes, pytest.raises(TrialNotRun) as raised:
+        run(campaign_of(40), executor=processes, run_trial=fake_trials.third_kills_its_worker)
+    assert str(raised.value).startswith("trial 0 of forest-pledge, or one of the 3 after it, could not be run: A proc")
+
+
+def test_forest_that_cannot_be_made_is_no_fault_of_the_rover(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(layout: int, noise: int, seed: int, trees_per_ha: float) -> None:
         raise ValueError(f"layout {layout}")
 
     monkeypatch.setattr("wayfarer.simhal.world.generate.generate_forest", broken)
-    done = TrialRunner(campaign_of(1), fake_trials.quick).run(Task("forest-pledge", 0))
-    assert done.row.outcome == "fault"
-    assert done.fault is not None
+    with pytest.raises(TrialNotRun, match="trial 0 of forest-pledge could not be run: ValueError: layout 0"):
+        run(campaign_of(1), run_trial=fake_trials.quick)
 
 
-@pytest.mark.process
-def test_worker_that_dies_is_told_and_finished_trials_are_kept(tmp_path: Path) -> None:
-    plan = campaign_of(12)
-    with pytest.raises(WayfarerError, match=r"a worker process died after \d+ trials.*--resume"):
-        run_into(tmp_path, plan, fake_trials.third_kills_its_worker, jobs=2)
-    assert 1 <= lines_in(tmp_path / TRIALS) < 12
-    assert run_into(tmp_path, plan, resume=True) == run_into(tmp_path / "other", plan)
+def test_logs_of_two_trials_never_share_a_folder() -> None:
+    names = {log_name(Task(name, trial)) for name in ("a:b", "a-b", "a.b", "a/b") for trial in (0, 1)}
+    assert len(names) == 8
+    assert log_name(Task("forest-pledge", 17)) == "forest-pledge-00017"
+
+
+def test_stop_cancels_what_waits_and_keeps_what_runs_on_an_executor() -> None:
+    rows: list[Done] = []
+
+    def progress(done: Done) -> None:
+        rows.append(done)
+        if len(rows) == 1:
+            signal.raise_signal(signal.SIGINT)
+
+    with ThreadPoolExecutor(2) as threads:
+        ended = run(campaign_of(400), jobs=2, executor=threads, run_trial=fake_trials.slow, progress=progress)
+    assert ended.interrupted
+    assert len(ended.rows) == len(rows)
+    assert len(rows) in {8, 12, 16}, "two chunks that had ended, and up to two that ran"
 
 
 def lines_in(path: Path) -> int:
     return path.read_text().count("\n") if path.exists() else 0
 
 
-def running_in_group(group: int) -> list[str]:
-    """The processes of a group that are more than a corpse waiting to be buried."""
+def running_in_session(session: int) -> list[str]:
+    """The processes of a session that are more than a corpse waiting to be buried."""
     stats = []
     for path in Path("/proc").glob("[0-9]*/stat"):
         try:
             stats.append(path.read_text().rsplit(")", 1)[1].split())
         except OSError:
             continue
-    return [fields[0] for fields in stats if int(fields[2]) == group and fields[0] not in "ZX"]
+    return [fields[0] for fields in stats if int(fields[3]) == session and fields[0] not in "ZX"]
 
 
 @pytest.mark.process
@@ -235,12 +265,12 @@ def test_signal_keeps_finished_trials_and_resuming_ends_in_the_same_bytes(
         stdout, stderr = process.communicate(timeout=UP_S)
     *_, last = stderr.splitlines()
     count = rf"(\d+) of {fake_trials.MANY} trials"
-    told = re.fullmatch(rf"interrupted: {count} are kept in {re.escape(str(out))}; continue with --resume", last)
-    assert told, stderr
-    assert int(told[1]) == lines_in(out / TRIALS) - 1
+    said = re.fullmatch(rf"interrupted: {count} are kept in {re.escape(str(out))}; continue with --resume", last)
+    assert said, stderr
+    assert int(said[1]) == lines_in(out / TRIALS) - 1
     assert (process.returncode, stdout) == (130, "")
     assert "Traceback" not in stderr
-    assert eventually(lambda: not running_in_group(process.pid))
+    assert eventually(lambda: not running_in_session(process.pid))
     plan = campaign_of(fake_trials.MANY)
     assert run_into(out, plan, resume=True) == run_into(tmp_path / "whole", plan)
 
@@ -251,4 +281,4 @@ def test_workers_of_a_killed_campaign_end_too(tmp_path: Path) -> None:
     with fake_trials.started(out, "2") as process:
         assert eventually(lambda: lines_in(out / TRIALS) > 1)
         process.kill()
-    assert eventually(lambda: not running_in_group(process.pid))
+    assert eventually(lambda: not running_in_session(process.pid))
