@@ -27,11 +27,10 @@ PICTURE = """
     cli
     api         testing     demo    gym     run_sim
     experiments
-    remote      reports     export
-    logview
-    simhal
+    remote      reports     export  simhal
     daemon
     commissioning
+    logview
     fieldlog
     control
     config
@@ -145,10 +144,10 @@ def test_no_module_imports_itself_in_a_circle() -> None:
     assert set(lowest_first) >= set(MODULES)
 
 
-def test_no_field_code_imports_the_simulator() -> None:
+def test_no_field_code_and_no_viewer_of_a_log_imports_the_simulator() -> None:
     users = {module for module in outside_simhal() if any(within(name, "simhal") for name in wayfarer_modules(module))}
     assert users
-    assert users <= set(modules_of("cli", "reports"))
+    assert users <= set(modules_of("cli"))
 
 
 def test_of_the_simulator_only_what_builds_a_rover_knows_the_drivers() -> None:
@@ -224,3 +223,26 @@ def test_importing_stays_light(modules: list[str], kept_out: set[str]) -> None:
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     assert set(modules) <= set(loaded)
     assert kept_out & set(loaded) == set()
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(
+    "command",
+    ["logs list", "logs summary 1", "logs show 1", "logs check 1", "logs export 1 --format csv --out {0}/run.csv",
+     "logs export 1 --format gpx --origin 51,0 --out {0}/run.gpx", "logs export 1 --format mcap --out {0}/run.mcap",
+     "report 1 --out {0}/page.html", "replay 1"],
+)  # fmt: skip
+def test_a_log_is_shown_without_the_simulator(command: str, tmp_path: Path) -> None:
+    """``None`` in ``sys.modules`` lets an import of it fail."""
+    arguments = [*command.format(tmp_path).split(), "--log-dir", str(ROOT.parent / "field_logs")]
+    blocked = "import sys; sys.modules['wayfarer.simhal'] = sys.modules['wayfarer.experiments'] = None"
+    code = f"{blocked}; from wayfarer.cli import main; sys.argv[1:] = {arguments}; main()"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (ran.returncode, ran.stderr.count("Traceback")) == (0, 0), ran.stderr
+
+
+@pytest.mark.process
+def test_live_page_and_ground_station_need_no_simulator() -> None:
+    modules = modules_of("remote", "logview", "export", "reports")
+    code = f"import sys; sys.modules['wayfarer.simhal'] = None; import {', '.join(modules)}; print(len(sys.modules))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0

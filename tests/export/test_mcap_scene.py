@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 from foxglove.messages import FrameTransform, SceneUpdate, Timestamp
+from msgspec.structs import replace
 
 from tests.export.readers import Descriptors
 from tests.export.test_enu import AHEAD, Vector, body_axis
@@ -42,6 +43,12 @@ def test_transform_says_where_the_rover_is_in_the_map() -> None:
     assert message["translation"] == {"x": 3.0, "y": -4.0, "z": 0.0}
     assert message["rotation"] == pytest.approx({"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0})
     assert message["timestamp"] == {"seconds": 1, "nanos": 2}
+
+
+def test_trunk_is_as_thick_as_it_is_even_if_others_are_not() -> None:
+    world = replace(WORLD, diameters_m=[0.1])
+    (forest, _) = decoded(forest_scene(TIME, world))["entities"]
+    assert forest["cylinders"][0]["size"] == pytest.approx({"x": 0.1, "y": 0.1, "z": 5.0})
 
 
 def test_trunk_lies_between_its_ends_and_a_tree_stands() -> None:

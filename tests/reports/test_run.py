@@ -215,12 +215,18 @@ def test_simulated_run_shows_the_forest_and_how_far_dead_reckoning_drifted(tmp_p
     assert '"Rect"' in drawn(page)  # the fallen trunk
 
 
-@pytest.mark.parametrize(
-    "world",
-    [None, {**WORLD, "trunks_m": [[20.0, 20.0, 30.0, 22.0, "askew"]]}, {**WORLD, "trunk_diameter_m": -1.0},
-     {**WORLD, "trees_m": [[1.0, 2.0, 3.0]]}],
-)  # fmt: skip
-def test_simulated_run_whose_forest_cannot_be_read_says_so(tmp_path: Path, world: object) -> None:
+def simulated_page(folder: Path, world: object) -> str:
     truth = record("truth", 0.0, x_m=25.0, y_m=12.5, driven_m=0.0)
-    page = page_of(tmp_path, {**HEADER, "simulated": True, "world": world}, truth, *drive(), OUTCOME)
-    assert NO_FOREST in text_of(page)
+    return page_of(folder, {**HEADER, "simulated": True, "world": world}, truth, *drive(), OUTCOME)
+
+
+def test_simulated_run_without_its_forest_says_so(tmp_path: Path) -> None:
+    assert NO_FOREST in text_of(simulated_page(tmp_path, None))
+
+
+def test_forest_is_drawn_as_far_as_its_log_tells(tmp_path: Path) -> None:
+    odd = {"trunks_m": [[20.0, 20.0, 30.0, 22.0, "askew"]], "trees_m": [[1.0, 2.0, 3.0]], "diameters_m": [0.2, 0.4]}
+    page = simulated_page(tmp_path, WORLD | odd)
+    check_page(page)
+    assert '"Rect"' in drawn(page)
+    assert NO_FOREST not in text_of(page)

@@ -15,8 +15,9 @@ from tests.simhal.clearing import STEADY, VEHICLE, steady_world
 from tests.virtual import virtual
 from wayfarer.angles import offset_m
 from wayfarer.config.rover_file import RoverConfig
+from wayfarer.fieldlog.record import WORLD_CORNER
 from wayfarer.hal import STOP, Side, WheelCommand
-from wayfarer.simhal.parts import FIX_ERROR_M, ORIGIN, SimBumper, SimCompass, SimFlow, SimMotors, SimReceiver
+from wayfarer.simhal.parts import FIX_ERROR_M, SimBumper, SimCompass, SimFlow, SimMotors, SimReceiver
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, HeadingSensorModel
 from wayfarer.simhal.world.forest import CLEARING, Trunk
@@ -147,7 +148,7 @@ async def test_receiver_tells_where_the_rover_is_as_well_as_receivers_do() -> No
     receiver = SimReceiver(world, RandomStreams(0))
     await receiver.open()
     fixes = [await receiver.read() for _ in range(400)]
-    north_m, east_m = zip(*(offset_m(ORIGIN, fix) for fix in fixes), strict=True)
+    north_m, east_m = zip(*(offset_m(WORLD_CORNER, fix) for fix in fixes), strict=True)
     assert fmean(north_m) == pytest.approx(world.y_m, abs=4 * FIX_ERROR_M / 20)
     assert fmean(east_m) == pytest.approx(world.x_m, abs=4 * FIX_ERROR_M / 20)
     assert pstdev(north_m) == pytest.approx(FIX_ERROR_M, rel=0.2)

@@ -112,8 +112,8 @@ def transform(time: Timestamp, child: str, x_m: float, y_m: float, rotation: Qua
 
 def forest_scene(time: Timestamp, world: World) -> SceneUpdate:
     """Return a simulated forest, given as a line of a forest file: fallen trunks, standing trees and the goal line."""
-    diameter_m, tree_m = world.trunk_diameter_m, 2.0 * world.tree_radius_m
-    trunks = [_trunk(x0_m, y0_m, x1_m, y1_m, diameter_m) for x0_m, y0_m, x1_m, y1_m, *_ in world.trunks_m]
+    tree_m = 2.0 * world.tree_radius_m
+    trunks = [_trunk(x0_m, y0_m, x1_m, y1_m, wide_m) for (x0_m, y0_m, x1_m, y1_m, _), wide_m in world.thick_trunks]
     trees = [_tree(x_m, y_m, tree_m) for x_m, y_m, *_ in world.trees_m]
     start_x_m, goal_y_m = world.start_m[0], world.goal_y_m
     ends = [point(start_x_m + side * GOAL_HALF_LENGTH_M, goal_y_m) for side in (-1.0, 1.0)]

@@ -21,7 +21,7 @@ import msgspec
 from msgspec import Meta, Struct
 
 from wayfarer.fieldlog.fields import escape_document
-from wayfarer.hal import CompassReading, ContactReading, MotionReading, Side
+from wayfarer.hal import CompassReading, ContactReading, MotionReading, PositionFix, Side
 
 SCHEMA = 4
 
@@ -61,6 +61,10 @@ class Record(Struct, kw_only=True, omit_defaults=True, tag_field="record"):
     t_wall: Wall
 
 
+WORLD_SIZE_M = 50.0  # paper, section IV-A: a simulated forest is 50 x 50 m
+WORLD_CORNER = PositionFix(0.0, 51.0, 0.0, None)  # its south-west corner; nothing depends on where on the globe it is
+
+
 class World(Struct, kw_only=True, omit_defaults=True):
     """The forest of a simulated run, as a line of a forest file."""
 
@@ -75,6 +79,12 @@ class World(Struct, kw_only=True, omit_defaults=True):
     trees_m: list[Numbers]
     shortest_path_m: float | None = None
     diameters_m: list[float] = []
+
+    @property
+    def thick_trunks(self) -> list[tuple[tuple[float, float, float, float, str], float]]:
+        """Each trunk with its diameter, metres."""
+        diameters_m = self.diameters_m or [self.trunk_diameter_m] * len(self.trunks_m)
+        return list(zip(self.trunks_m, diameters_m, strict=False))  # a file may lack some
 
 
 class Header(Record, kw_only=True, tag="run"):

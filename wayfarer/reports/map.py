@@ -10,13 +10,13 @@ import numpy as np
 from bokeh.models.annotations import Arrow, NormalHead
 from bokeh.plotting import ColumnDataSource
 
+from wayfarer.fieldlog.record import WORLD_SIZE_M, World
 from wayfarer.logview import palette
 from wayfarer.reports.data import PHASES, Floats
 from wayfarer.reports.events import EDGE, LOOK, columns, event_marks
 from wayfarer.reports.page.plots import Figure, hover, layer, plot, source
 from wayfarer.reports.series import pieces
 from wayfarer.reports.track import TimedPath, Track
-from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 
 # -- forest ----------------------------------------------------------------------------------------------------------
 # A forest seen from above, to scale.
@@ -24,13 +24,13 @@ from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 Row = tuple[float, ...]
 
 
-def draw_forest(map_: Figure, forest: Forest) -> None:
+def draw_forest(map_: Figure, forest: World) -> None:
     """Draw trunks with their round ends, trees, the goal line, and the edges of the world."""
     trunk: Any = {"color": palette.TRUNK, "line_color": None}
     trunks = _columns(_trunks(forest), "x", "y", "length", "thick", "angle")
     map_.rect("x", "y", "length", "thick", "angle", source=trunks, **trunk)
     map_.circle("x", "y", "radius", source=_columns(_trunk_ends(forest), "x", "y", "radius"), **trunk)
-    trees = _columns(((*tree_m, forest.tree_radius_m) for tree_m in forest.trees_m), "x", "y", "radius")
+    trees = _columns(((x_m, y_m, forest.tree_radius_m) for x_m, y_m, *_ in forest.trees_m), "x", "y", "radius")
     map_.circle("x", "y", "radius", source=trees, color=palette.TREE, line_color=None)
     goal_m = forest.goal_y_m
     map_.segment([0.0], [goal_m], [WORLD_SIZE_M], [goal_m], line_color=palette.GOAL_LINE, line_width=3)
@@ -43,17 +43,17 @@ def _columns(rows: Iterable[Row], *names: str) -> ColumnDataSource:
     return source(**dict(zip(names, table.T, strict=True)))
 
 
-def _trunks(forest: Forest) -> Iterator[Row]:
-    for trunk, diameter_m in forest.thick_trunks:
-        east_m, north_m = trunk.x1_m - trunk.x0_m, trunk.y1_m - trunk.y0_m
-        middle_m = trunk.x0_m + east_m / 2.0, trunk.y0_m + north_m / 2.0
+def _trunks(forest: World) -> Iterator[Row]:
+    for (x0_m, y0_m, x1_m, y1_m, _), diameter_m in forest.thick_trunks:
+        east_m, north_m = x1_m - x0_m, y1_m - y0_m
+        middle_m = x0_m + east_m / 2.0, y0_m + north_m / 2.0
         yield *middle_m, hypot(east_m, north_m), diameter_m, atan2(north_m, east_m)
 
 
-def _trunk_ends(forest: Forest) -> Iterator[Row]:
-    for trunk, diameter_m in forest.thick_trunks:
-        yield trunk.x0_m, trunk.y0_m, diameter_m / 2.0
-        yield trunk.x1_m, trunk.y1_m, diameter_m / 2.0
+def _trunk_ends(forest: World) -> Iterator[Row]:
+    for (x0_m, y0_m, x1_m, y1_m, _), diameter_m in forest.thick_trunks:
+        yield x0_m, y0_m, diameter_m / 2.0
+        yield x1_m, y1_m, diameter_m / 2.0
 
 
 POINTS = 8000  # of a path: an hour at 0.2 m/s has one for each 9 cm

@@ -7,17 +7,13 @@ from dataclasses import dataclass
 from math import hypot, isnan, nan
 from typing import NamedTuple
 
-import msgspec
 import numpy as np
 
 from wayfarer.angles import Coordinates, coordinates_deg
-from wayfarer.errors import BadForest
+from wayfarer.fieldlog.record import WORLD_CORNER, World
 from wayfarer.logview.receiver_fit import Fit, MapFix, Places, believable, fit, paired, places_of
 from wayfarer.reports.data import Columns, Floats, RunData
 from wayfarer.reports.series import breaks
-from wayfarer.simhal.parts import ORIGIN
-from wayfarer.simhal.world.forest import Forest
-from wayfarer.simhal.world.forest_file import from_row
 
 Point = tuple[float, float]  # metres east and north
 
@@ -58,7 +54,7 @@ class Track:
     data: RunData
     path: TimedPath
     reckoned: TimedPath | None = None
-    forest: Forest | None = None
+    forest: World | None = None
     origin: Coordinates | None = None
     fixes: Sequence[MapFix] = ()
     fit: Fit | None = None
@@ -107,12 +103,12 @@ class Track:
 
 def track_of(data: RunData) -> Track:
     """Return what the map shows of a run; with a receiver, zero is at its first fix."""
-    path, fixes, forest = _path(data.ticks, "east_m", "north_m"), believable(data.fixes), _forest_of(data)
+    path, fixes, forest = _path(data.ticks, "east_m", "north_m"), believable(data.fixes), data.header.world
     if forest is not None and data.truth["x_m"].size:
-        found = fit(fixes, ORIGIN)
+        found = fit(fixes, WORLD_CORNER)
         true = _path(data.truth, "x_m", "y_m")
         beside = path.mapped(found) if found else path.beginning_at(*true.at(path.t_s[:1].sum()))
-        return Track(data, true, beside, forest, ORIGIN if fixes else None, fixes, found)
+        return Track(data, true, beside, forest, WORLD_CORNER if fixes else None, fixes, found)
     if not fixes:
         return Track(data, path)
     found = fit(fixes, fixes[0])
@@ -125,11 +121,3 @@ def _path(columns: Columns, east: str, north: str) -> TimedPath:
     t_s, *others = (known[name] for name in ("t_s", east, north, "phase"))
     at = np.flatnonzero(breaks(known)) + 1
     return TimedPath(np.insert(t_s, at, t_s[at]), *(np.insert(each, at, nan) for each in others))
-
-
-def _forest_of(data: RunData) -> Forest | None:
-    """Return the forest that a simulated run was in; None if the header has none that can be read."""
-    try:
-        return from_row(msgspec.to_builtins(data.header.world))
-    except (BadForest, LookupError, TypeError):
-        return None

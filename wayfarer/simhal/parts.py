@@ -12,6 +12,7 @@ from typing import Final
 from mypy_extensions import mypyc_attr
 
 from wayfarer.angles import coordinates_deg
+from wayfarer.fieldlog.record import WORLD_CORNER
 from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, MotorHealth, PositionFix, WheelCommand
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, SQUAL_FULL, FlowSensorModel, HeadingSensorModel
@@ -19,7 +20,6 @@ from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 DEADMAN_S: Final = 0.3  # as forestrover.toml sets its Sabertooth's
 FIX_ERROR_M: Final = 3.0  # standard deviation of each axis under trees; chosen by us
-ORIGIN: Final = PositionFix(0.0, 51.0, 0.0, FIX_ERROR_M)  # the forest's corner; nothing depends on where it is
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -128,7 +128,7 @@ class SimReceiver(SimPart):
         world.tick_chips()
         world.advance_to(t_s)
         north_m, east_m = world.y_m + self._error_m(), world.x_m + self._error_m()
-        return PositionFix(t_s, *coordinates_deg(ORIGIN, north_m, east_m), FIX_ERROR_M)
+        return PositionFix(t_s, *coordinates_deg(WORLD_CORNER, north_m, east_m), FIX_ERROR_M)
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)

@@ -7,6 +7,7 @@ from math import radians
 from pathlib import Path
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from bokeh.models.annotations import Span
 from rich.console import Console
@@ -23,6 +24,7 @@ from wayfarer.experiments.report.load_results import CampaignResults, read_resul
 from wayfarer.experiments.report.paths_figure import SVG, escape_figure, grouped, lay_out, paths_figure, rows_plot
 from wayfarer.experiments.report.worst_trials import RerunTrial, Trajectory, TrajectoryPoint, choose, run_again
 from wayfarer.experiments.tables import lines_of
+from wayfarer.fieldlog.record import World
 from wayfarer.logview import palette
 from wayfarer.logview.terminal_table import known
 from wayfarer.reports.data import Floats
@@ -33,6 +35,7 @@ from wayfarer.reports.page.frame import PAGE, write_page
 from wayfarer.reports.page.plots import Figure, Plots, hover, layer, plot, source
 from wayfarer.reports.series import pieces
 from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.forest_file import as_row
 from wayfarer.vocabulary import in_words
 
 # -- comparison ------------------------------------------------------------------------------------------------------
@@ -214,7 +217,7 @@ def trial_map(name: str, forest: Forest, trajectory: Trajectory) -> Figure:
     """Return the map of a trial, metres, north up; ``name`` is the figure's."""
     made = plot(name, None, "map", output_backend=SVG, sizing_mode="scale_width", aspect_ratio=1.0, match_aspect=True)
     made.xaxis.axis_label, made.yaxis.axis_label = "east, m", "north, m"
-    draw_forest(made, forest)
+    draw_forest(made, msgspec.convert(as_row(forest), World))
     for phase in Phase:
         if phase.value in palette.PHASE_COLOURS:
             x_m, y_m, t_s = path_in(trajectory.points, phase)

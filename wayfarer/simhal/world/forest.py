@@ -14,8 +14,9 @@ from annotated_types import Interval
 
 from wayfarer.angles import axis_offset_deg
 from wayfarer.errors import BadForest
+from wayfarer.fieldlog import record
 
-WORLD_SIZE_M = 50.0  # paper, section IV-A: 50 x 50 m
+WORLD_SIZE_M = record.WORLD_SIZE_M
 TREES_PER_HA = 80.0  # paper, section IV-A
 SHORTEST_TRUNK_M = 0.0005  # half of the millimetre that files are rounded to
 ROVER_WIDTH_M = 0.4  # paper, section IV-A: the footprint is a square of 0.4 m
