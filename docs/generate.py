@@ -164,7 +164,7 @@ def _one_of(drivers: list[dict[str, Any]]) -> dict[str, Any]:
 
 def _described(schema: dict[str, Any], table: type) -> dict[str, Any]:
     """Add to the schema of a table what its docstring says, without examples, and what those of its fields say."""
-    schema["description"] = inspect.cleandoc(table.__doc__ or "").partition("\n\n>>>")[0]
+    schema["description"] = inspect.cleandoc(table.__doc__ or "").partition("\n\n>>>")[0].partition("\n\nRaises:")[0]
     for key, text in field_docstrings(table).items():
         schema["properties"][key]["description"] = text
     return schema

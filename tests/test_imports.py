@@ -40,7 +40,8 @@ PICTURE = """
     escape
     safety
     hal         files   extras
-    setting_ranges  waiting_thread  angles  errors  version
+    setting_ranges  waiting_thread
+    angles      errors  version
 """
 LAYERS = [line.split() for line in PICTURE.split("\n") if line.strip()]
 PURE = [

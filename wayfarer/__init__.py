@@ -16,7 +16,7 @@ from wayfarer.version import __version__ as __version__
 TYPE_CHECKING = False  # as in ``typing``, which takes longer to import than all of this
 if TYPE_CHECKING:  # for type checkers and editors; ``_MODULES`` says the same to Python
     from wayfarer.api.campaigns import run_campaign, run_sweep
-    from wayfarer.api.failsafe import FailSafe
+    from wayfarer.api.failsafe import FailSafe, StuckDetector
     from wayfarer.api.handlers import make_handler
     from wayfarer.api.results import Results, compare, open_results
     from wayfarer.api.runs import Run, open_run, replay
@@ -33,6 +33,7 @@ __all__ = [  # first what does something, then the types that it takes and gives
     "Observation",
     "Results",
     "Run",
+    "StuckDetector",
     "Trial",
     "Vehicle",
     "WayfarerError",
@@ -49,7 +50,7 @@ __all__ = [  # first what does something, then the types that it takes and gives
 
 _MODULES = {
     "wayfarer.api.campaigns": ["run_campaign", "run_sweep"],
-    "wayfarer.api.failsafe": ["FailSafe"],
+    "wayfarer.api.failsafe": ["FailSafe", "StuckDetector"],
     "wayfarer.api.handlers": ["make_handler"],
     "wayfarer.api.results": ["Results", "compare", "open_results"],
     "wayfarer.api.runs": ["Run", "open_run", "replay"],

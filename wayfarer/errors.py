@@ -78,6 +78,10 @@ class BadConfig(BadInput):
     """A configuration that cannot be used; the text names the file and the key."""
 
 
+class OutOfRange(BadInput, ValueError):
+    """A number that a program gave is none, or outside of its range; the text names both."""
+
+
 class BadForest(BadInput):
     """A forest that cannot be used; the text names the file, the line and the reason."""
 

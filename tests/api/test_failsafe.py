@@ -1,16 +1,21 @@
-"""The escape handler under another stack's planner: who has the wheels, and when."""
+"""Under another stack's planner: whether the rover is stuck, who has the wheels, and when."""
 
 from __future__ import annotations
 
-from math import inf, nan
+from collections.abc import Callable
+from math import cos, inf, nan, radians, sin
+from random import Random
+from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.escape.walk import TICK_S, VEHICLE, make
-from wayfarer.api.failsafe import NO_HEADING, FailSafe
-from wayfarer.escape.api import Decision, Phase
+from wayfarer.api.failsafe import NO_HEADING, FailSafe, StuckDetector
+from wayfarer.api.handlers import make_handler
+from wayfarer.escape.api import Anomaly, Decision, Phase
 from wayfarer.hal import STOP
 
 
@@ -181,6 +186,17 @@ def test_goal_that_is_not_finite_stands_the_wheels_too() -> None:
     assert decision.wheels == STOP
 
 
+@pytest.mark.parametrize(("stuck", "takes_over"), [(np.True_, True), (np.False_, False), (1, True), ((), False)])
+@pytest.mark.parametrize("number", [float, np.float32, np.float64, np.int64])
+def test_whatever_is_true_counts_and_numbers_of_numpy_are_numbers(
+    stuck: Any, takes_over: bool, number: Callable[[int], Any]
+) -> None:
+    failsafe = FailSafe(make_handler("levy-walk", vehicle=VEHICLE), VEHICLE, free_run_m=number(1))
+    decision = failsafe.update(number(1), number(370), number(5), stuck=stuck, blind=np.False_)
+    assert (decision is not None) is takes_over
+    assert failsafe.drives is takes_over
+
+
 def test_same_time_gives_the_same_answer() -> None:
     ride = Ride()
     first = ride.tick(stuck=True)
@@ -216,3 +232,127 @@ def test_whatever_it_is_told_the_planner_has_its_wheels_or_the_handler_gives_dut
             assert t_s == last_t_s or not (stuck or blind)
         else:
             assert all(abs(duty) <= 1.0 for duty in decision.wheels)
+
+
+# -- whether it is stuck -----------------------------------------------------------------------------------------------
+
+Measure = Callable[[float, float, float], dict[str, Any]]  # from metres ahead since the last tick, east and north
+
+
+class Body:
+    """Moves as it is commanded, with a lag of 0.3 s, unless it is held; its odometry has noise."""
+
+    def __init__(self, measure: Measure | None = None, **settings: float) -> None:
+        self.detector = StuckDetector(VEHICLE, **settings)
+        self._measure = measure or (lambda ahead_m, _east_m, _north_m: {"forward_m": ahead_m})
+        self._rng = Random(1)
+        self.t_s = self.speed_m_s = self.east_m = self.north_m = self.pitch_deg = 0.0
+        self.heading_deg = 40.0
+        self.held = False
+
+    def tick(self, speed_m_s: float = 0.5, turn_deg_s: float = 0.0) -> bool:
+        self.t_s += TICK_S
+        self.speed_m_s += 0.15 * ((0.0 if self.held else speed_m_s) - self.speed_m_s)
+        self.heading_deg += 0.0 if self.held else turn_deg_s * TICK_S
+        ahead_m = self.speed_m_s * TICK_S + self._rng.gauss(0.0, 0.001)
+        self.east_m += ahead_m * sin(radians(self.heading_deg))
+        self.north_m += ahead_m * cos(radians(self.heading_deg))
+        return self.detector.update(
+            self.t_s, self.heading_deg + self._rng.gauss(0.0, 0.3), speed_m_s=speed_m_s, turn_deg_s=turn_deg_s,
+            pitch_deg=self.pitch_deg, **self._measure(ahead_m, self.east_m, self.north_m),
+        )  # fmt: skip
+
+    def stuck_after_s(self, for_s: float = 5.0, speed_m_s: float = 0.5, turn_deg_s: float = 0.0) -> float:
+        """How long it takes to be found stuck; infinity if it is not."""
+        ticks = round(for_s / TICK_S)
+        return next((n * TICK_S for n in range(1, ticks + 1) if self.tick(speed_m_s, turn_deg_s)), inf)
+
+
+MEASURES: dict[str, Measure] = {
+    "odometry": lambda ahead_m, _east_m, _north_m: {"forward_m": ahead_m},
+    "NumPy's": lambda ahead_m, _east_m, _north_m: {"forward_m": np.float32(ahead_m)},
+    "position": lambda _ahead_m, east_m, north_m: {"position_m": (east_m, north_m)},
+}
+
+
+@pytest.mark.parametrize("measure", MEASURES.values(), ids=MEASURES)
+def test_body_that_is_held_is_stuck_and_one_that_moves_is_not(measure: Measure) -> None:
+    body = Body(measure)
+    assert body.stuck_after_s(20.0, turn_deg_s=20.0) == inf, "in a curve"
+    assert body.stuck_after_s(5.0, -0.5) == inf, "in reverse"
+    body.held = True
+    assert body.stuck_after_s() <= 1.5
+    assert body.detector.anomalies == (Anomaly.IMMOBILISED,)
+    assert body.detector.trouble == ""
+    body.held = False
+    body.stuck_after_s(1.0, -0.5)
+    assert body.stuck_after_s() == inf
+
+
+def test_nothing_is_claimed_of_a_body_that_is_not_commanded_to_drive() -> None:
+    body = Body()
+    body.held = True
+    assert body.stuck_after_s(30.0, 0.0) == inf
+    assert body.stuck_after_s(30.0, 0.05) == inf
+    assert body.stuck_after_s(30.0, 0.0, 60.0) == inf, "a turn on the spot"
+    assert body.stuck_after_s(30.0, nan) == inf
+
+
+def test_motion_that_nobody_measured_is_no_standstill_and_is_said() -> None:
+    body = Body(lambda *_: {})
+    assert body.stuck_after_s(2.0) == inf
+    assert body.detector.trouble == "the motion sensor is silent"
+    unknown = Body(lambda *_: {"forward_m": nan})
+    assert unknown.stuck_after_s(2.0) == inf
+    assert unknown.detector.conditions == ("motion_unknown",)
+    body = Body(lambda *_: {})
+    assert 2.0 < body.stuck_after_s(10.0) < 8.0, "something may have held it for three metres"
+
+
+def test_tilt_counts_from_the_ground_on_which_it_was_put() -> None:
+    body = Body(tilt_deg=15.0)
+    assert body.stuck_after_s() == inf
+    body.pitch_deg = 22.0
+    assert body.stuck_after_s() < 0.5
+    assert body.detector.anomalies == (Anomaly.NOSE_UP,)
+    body.detector.reset()
+    assert body.stuck_after_s() == inf, "somebody has put it on a steeper slope"
+
+
+def test_heading_that_is_silent_is_said() -> None:
+    detector = StuckDetector(VEHICLE)
+    assert detector.heading_deg is None
+    for tick in range(20):
+        detector.update(tick * TICK_S, 370.0 + tick * 0.1 if tick < 10 else None, speed_m_s=0.5, forward_m=0.025)
+    assert detector.heading_deg == pytest.approx(10.9)
+    assert detector.trouble == "the compass is silent"
+
+
+def test_position_that_was_put_elsewhere_is_no_motion() -> None:
+    body = Body(MEASURES["position"])
+    body.stuck_after_s(2.0)
+    body.east_m += 100.0
+    body.detector.reset()
+    body.held = True
+    assert body.stuck_after_s() <= 1.5
+
+
+def test_same_time_is_the_same_tick() -> None:
+    body = Body()
+    body.held = True
+    body.stuck_after_s()
+    for t_s in (body.t_s, body.t_s - 1.0, nan):
+        assert body.detector.update(t_s, 0.0, speed_m_s=0.5, forward_m=0.5)
+
+
+@given(st.lists(st.tuples(*[st.floats(allow_nan=True, allow_infinity=True)] * 7), max_size=40))
+def test_detector_answers_whatever_the_numbers_are(ticks: list[tuple[float, ...]]) -> None:
+    detector = StuckDetector(VEHICLE)
+    for n, (dt_s, heading_deg, speed_m_s, turn_deg_s, forward_m, pitch_deg, measured_t_s) in enumerate(ticks):
+        position_m = (forward_m, pitch_deg) if n % 5 == 4 else None
+        stuck = detector.update(
+            n + (dt_s if abs(dt_s) < 1.0 else 0.0), heading_deg, speed_m_s=speed_m_s, turn_deg_s=turn_deg_s,
+            forward_m=forward_m, position_m=position_m, pitch_deg=pitch_deg, measured_t_s=measured_t_s,
+        )  # fmt: skip
+        assert stuck is bool(detector.anomalies)
+        assert isinstance(detector.trouble, str)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import doctest
+import inspect
 import re
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,12 @@ ROOT = Path(wayfarer.__file__).parent
 
 def source_of(module: str) -> ast.Module:
     return ast.parse((ROOT.parent / f"{module.replace('.', '/')}.py").read_text(encoding="utf-8"))
+
+
+def definition(name: str) -> ast.ClassDef | ast.FunctionDef:
+    found = next(node for node in source_of(wayfarer._MODULE_OF[name]).body if getattr(node, "name", "") == name)
+    assert isinstance(found, ast.ClassDef | ast.FunctionDef)
+    return found
 
 
 def test_type_checkers_are_told_the_names_that_there_are() -> None:
@@ -35,14 +42,29 @@ def test_names_are_offered_and_others_are_refused_in_a_line() -> None:
 
 
 @pytest.mark.parametrize("name", wayfarer.__all__)
+def test_help_of_a_public_name_says_all_that_its_source_says(name: str) -> None:
+    """What is compiled keeps no docstrings, so nothing that a user asks ``help`` about may be compiled."""
+    source, public = definition(name), getattr(wayfarer, name)
+    assert inspect.getdoc(public) == ast.get_docstring(source)
+    for each in source.body if isinstance(source, ast.ClassDef) else ():
+        if isinstance(each, ast.FunctionDef) and not each.name.startswith("_"):
+            method = inspect.getattr_static(public, each.name)
+            assert inspect.getdoc(method) == ast.get_docstring(each), each.name
+            told: Any = method.fget if isinstance(method, property) else getattr(method, "__func__", method)
+            names = [*each.args.posonlyargs, *each.args.args, *each.args.kwonlyargs]
+            assert [argument.arg for argument in names] == [
+                parameter.name
+                for parameter in inspect.signature(told).parameters.values()
+                if parameter.kind not in {parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD}
+            ]
+
+
+@pytest.mark.parametrize("name", wayfarer.__all__)
 def test_example_in_the_docstring_holds(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The text is that of the source: what is compiled keeps no docstrings."""
     (tmp_path / "field_logs").symlink_to(Path(__file__).parents[2] / "field_logs")
     monkeypatch.chdir(tmp_path)
-    found = next(node for node in source_of(wayfarer._MODULE_OF[name]).body if getattr(node, "name", "") == name)
-    assert isinstance(found, ast.ClassDef | ast.FunctionDef)
     names: dict[str, Any] = {each: getattr(wayfarer, each) for each in wayfarer.__all__}
-    example = doctest.DocTestParser().get_doctest(ast.get_docstring(found) or "", names, name, None, None)
+    example = doctest.DocTestParser().get_doctest(inspect.getdoc(names[name]) or "", names, name, None, None)
     assert example.examples
     said: list[str] = []
     doctest.DocTestRunner().run(example, out=said.append)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from operator import index
 from random import Random
+from typing import SupportsIndex
 
 from wayfarer.config.registry import find_algorithm
+from wayfarer.errors import BadInput, MissingPart
 from wayfarer.escape.api import EscapeHandler
+from wayfarer.escape.catalogue import BUILT_IN, CONTACT, NOTHING
 from wayfarer.escape.settings import EscapeSettings, Vehicle
 
 
@@ -14,7 +18,8 @@ def make_handler(
     *,
     vehicle: Vehicle,
     settings: EscapeSettings | None = None,
-    seed: int | None = None,
+    seed: SupportsIndex | None = None,
+    contact: bool = False,
 ) -> EscapeHandler:
     """Return an escape algorithm that is ready for its first tick.
 
@@ -26,9 +31,11 @@ def make_handler(
         vehicle: the measures of the body, metres, and its top speed, metres a second.
         settings: distances, angles and speeds of the manoeuvres; the paper's by default.
         seed: of the algorithms that draw at random. Without it each handler draws differently.
+        contact: whether your observations have a ``contact``, which some algorithms need. A ``FailSafe``'s have not.
 
     Raises:
-        BadInput: no such algorithm; the text offers the nearest names.
+        BadInput: no such algorithm (the text offers the nearest names), or something else that is none of these.
+        MissingPart: the algorithm needs a contact sensor, or another part that ``Observation`` does not have.
 
     >>> vehicle = Vehicle(length_m=0.6, width_m=0.5, track_m=0.6, max_speed_m_s=1.2)
     >>> handler = make_handler("forest-pledge", vehicle=vehicle)
@@ -37,4 +44,18 @@ def make_handler(
     >>> decision.phase.value, decision.wheels.left < 0.0
     ('back_off', True)
     """
-    return find_algorithm(algorithm).make(settings or EscapeSettings(), vehicle, Random(seed))
+    for name, value, kind in (("algorithm", algorithm, str), ("vehicle", vehicle, Vehicle)):
+        if not isinstance(value, kind):
+            raise BadInput(f"make_handler: {name} = {value!r:.80} is no {kind.__name__}")
+    if not isinstance(settings, EscapeSettings | None):
+        raise BadInput(f"make_handler: settings = {settings!r:.80} is no EscapeSettings")
+    try:
+        rng = Random(seed if seed is None else index(seed))
+    except TypeError:
+        raise BadInput(f"make_handler: seed = {seed!r:.80} is no whole number") from None
+    found = find_algorithm(algorithm)
+    if missing := sorted(found.requires - (CONTACT if contact else NOTHING)):
+        others = ", ".join(name for name, row in BUILT_IN.items() if not row.requires)
+        hint = "pass contact=True if your observations have one, or choose" if missing == ["contact"] else "choose"
+        raise MissingPart(f"algorithm '{algorithm}' needs a {missing[0]} sensor: {hint} one of {others}")
+    return found.make(settings or EscapeSettings(), vehicle, rng)

@@ -8,13 +8,26 @@ from typing import Annotated
 
 from annotated_types import Interval
 
+from wayfarer.errors import OutOfRange
 from wayfarer.hal import WheelCommand
-from wayfarer.setting_ranges import Angle, BodyMetres, DegreesPerSecond, Gain, MetresPerSecond, SmallAngle, StrideMetres
+from wayfarer.setting_ranges import (
+    Angle,
+    BodyMetres,
+    DegreesPerSecond,
+    Gain,
+    MetresPerSecond,
+    SmallAngle,
+    StrideMetres,
+    check_fields,
+)
 
 
 @dataclass(frozen=True, slots=True)
 class Vehicle:
     """What the decision logic knows of the body.
+
+    Raises:
+        OutOfRange: a measure is no number, or outside of its range, which the text says.
 
     >>> Vehicle(length_m=0.6, width_m=0.5, track_m=0.6, max_speed_m_s=1.2).mix(speed_m_s=0.6, turn_rad_s=0.0)
     WheelCommand(left=0.5, right=0.5)
@@ -32,6 +45,9 @@ class Vehicle:
     turn_from_duty: Annotated[float, Interval(ge=0, lt=1)] = 0.0
     """Half the difference of the two sides' duties from which the body begins to turn on the spot, as a share of full
     duty. 0 = not measured; it is learnt while driving, from this value on."""
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     @property
     def full_turn_deg_s(self) -> float:
@@ -56,6 +72,10 @@ class EscapeSettings:
     The distances are those of the paper's released simulator, so that its results can be compared: reverse 0.15 m,
     straight 0.6 m, then an arc of 5 degrees every 0.1 m (radius 1.15 m), strides of the Lévy walk 0.6 to 10 m.
     The turn angle, the 5 degree reset and the 20 degree compatibility are from the paper, section III.
+
+    Raises:
+        OutOfRange: one is no number, or outside of its range, which the text says; or a smallest one is above its
+            largest one.
 
     >>> EscapeSettings(cruise_m_s=0.5).turn_angle_deg
     30.0
@@ -101,5 +121,6 @@ class EscapeSettings:
     """Its derivative gain: deg/s per deg/s of error."""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if self.levy_stride_min_m > self.levy_stride_max_m or self.levy_turn_min_deg > self.levy_turn_max_deg:
-            raise ValueError("levy_stride_min_m and levy_turn_min_deg must not exceed their _max_")
+            raise OutOfRange("levy_stride_min_m and levy_turn_min_deg must not exceed their _max_")

@@ -9,31 +9,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from math import isfinite, nan
-from random import Random
+from math import degrees, isfinite, nan
 from typing import Any, NamedTuple
 
-from wayfarer.api.failsafe import FailSafe
-from wayfarer.config.registry import find_algorithm
-from wayfarer.detector.detector import Detector, DetectorTick
-from wayfarer.detector.settings import DetectorSettings
-from wayfarer.escape.settings import EscapeSettings, Vehicle
+from wayfarer import EscapeSettings, FailSafe, StuckDetector, Vehicle, make_handler
 from wayfarer.hal import CompassReading
-from wayfarer.safety.conditions import HOLDING_LEVELS, Condition, Level, worst
-from wayfarer.safety.tick_interval import IntervalTimer
-from wayfarer.vocabulary import in_words
-from wayfarer_failsafe.messages import (
-    STANDSTILL,
-    OdometrySum,
-    Speeds,
-    compass_reading,
-    speeds_from,
-    speeds_of,
-    wheels_of,
-)
+from wayfarer_failsafe.messages import STANDSTILL, OdometrySum, Speeds, compass_reading, speeds_from, speeds_of
 
-LATE_S = 0.2  # after a longer time between ticks, the base's own timeout has stopped the wheels
 FORGIVEN_S = 60.0  # that the planner must drive before the time of earlier rescues is forgotten; chosen by us
+NO_IMU = CompassReading(nan, nan, 0.0, 0.0, None)
 STRAIGHT_RAD_S = 0.2  # a planner that turns more slowly than this goes where it wants to
 
 
@@ -91,21 +75,17 @@ class Guard:
         self._settings = settings
         self.vehicle = Vehicle(settings.length_m, settings.width_m, settings.track_m, settings.max_speed_m_s)
         escape = EscapeSettings(cruise_m_s=settings.cruise_m_s, reverse_m_s=min(0.6, settings.cruise_m_s))
-        self._handler = find_algorithm(settings.algorithm).make(escape, self.vehicle, Random(0))
+        self._handler = make_handler(settings.algorithm, vehicle=self.vehicle, settings=escape, seed=0)
         self._failsafe = FailSafe(self._handler, self.vehicle)
-        detection = DetectorSettings(
-            immobilised_s=settings.stuck_s,
-            tilt_deg=settings.tilt_deg,
-            compass_stale_s=settings.imu_timeout_s,
-            motion_stale_s=settings.odom_timeout_s,
-        )
-        self._detector = Detector(detection, self.vehicle, may_reckon=False)
-        self._timer = IntervalTimer(LATE_S, settings.max_speed_m_s)
+        self._detector = StuckDetector(
+            self.vehicle, stuck_s=settings.stuck_s, tilt_deg=settings.tilt_deg,
+            heading_stale_s=settings.imu_timeout_s, motion_stale_s=settings.odom_timeout_s,
+        )  # fmt: skip
         self._odometry = OdometrySum()
-        self._compass: CompassReading | None = None
+        self._compass = NO_IMU
         self._command, self._command_t_s = STANDSTILL, float("-inf")
         self._applied, self._state = STANDSTILL, State.IDLE
-        self._enabled, self._on_ground = True, False
+        self._enabled, self._t_s = True, float("inf")
         self._goal_deg = settings.goal_heading_deg
         self._rescue_s, self._rescued_t_s = 0.0, float("-inf")
         self.takeovers = 0
@@ -125,65 +105,61 @@ class Guard:
     def enable(self, enabled: bool) -> None:
         """Let the fail-safe take over, or never; from false to true it tries again after it gave up."""
         if enabled and not self._enabled:
-            self._on_ground = False  # a person may have put it elsewhere
+            self._detector.reset()  # a person may have put it elsewhere
             self._failsafe, self._rescue_s = FailSafe(self._handler, self.vehicle), 0.0
         self._enabled = enabled
 
     def tick(self, t_s: float) -> Output:
         """Decide; at about 20 Hz."""
-        tick = DetectorTick(t_s, wheels_of(self._applied, self.vehicle))
-        self._timer.measure(tick)
-        tick.compass, tick.motion = self._compass, self._odometry.take()
-        self._detector.update(tick, armed=True)
-        if not self._on_ground and self._detector.compass is not None:
-            self._on_ground = True
-            self._detector.begin_mission(tick)  # it may stand on a slope: that is no trunk
-        speeds, state, text = self._decide(tick)
+        dt_s, self._t_s = max(0.0, t_s - self._t_s), t_s
+        imu, moved = self._compass, self._odometry.take()
+        self._detector.update(
+            t_s, imu.heading_deg, pitch_deg=imu.pitch_deg, roll_deg=imu.roll_deg,
+            speed_m_s=self._applied.ahead_m_s, turn_deg_s=-degrees(self._applied.turn_rad_s),
+            forward_m=None if moved is None else moved.forward_m if moved.quality else nan,
+            right_m=moved.right_m if moved else 0.0, measured_t_s=moved.t_s if moved else None,
+        )  # fmt: skip
+        self._compass = NO_IMU  # until the next message
+        speeds, state, text = self._decide(t_s, dt_s, moves=moved is not None and moved.forward_m > 0.0)
         self._applied, self._state = speeds, state
-        return Output(speeds, state, text or state.text, self._values(tick))
+        return Output(speeds, state, text or state.text, self._values())
 
-    def _decide(self, tick: DetectorTick) -> tuple[Speeds, State, str]:
+    def _decide(self, t_s: float, dt_s: float, *, moves: bool) -> tuple[Speeds, State, str]:
         """Return who drives and how, as long as nothing speaks against that anybody does."""
-        silent = tick.t_s - self._command_t_s > self._settings.cmd_timeout_s
+        silent = t_s - self._command_t_s > self._settings.cmd_timeout_s
         if not self._enabled:
             return (STANDSTILL, State.IDLE, "") if silent else (self._command, State.DISABLED, "")
-        if trouble := self._trouble(tick):
+        if trouble := self._trouble():
             return STANDSTILL, State.STOPPED, f"stopped: {trouble}"
         if silent and not (self._settings.alone and isfinite(self._command_t_s)):  # it has spoken once, at least
             return STANDSTILL, State.IDLE, ""
         if self._rescue_s > self._settings.give_up_s:
             return STANDSTILL, State.GAVE_UP, ""
-        return self._drive(tick, silent=silent)
-
-    def _drive(self, tick: DetectorTick, *, silent: bool) -> tuple[Speeds, State, str]:
-        """Let the planner drive, or the escape handler where the planner is stuck or silent."""
-        assert self._detector.compass is not None
-        heading_deg = self._detector.compass.heading_deg
-        self._note_goal(tick, heading_deg)
-        drove, stuck = self._failsafe.drives, bool(tick.anomalies)
-        decision = self._failsafe.update(tick.t_s, heading_deg, self._goal_deg, stuck=stuck, blind=silent)
+        # The planner drives, or the escape handler where the planner is stuck or silent.
+        heading_deg, anomalies, drove = self._detector.heading_deg, self._detector.anomalies, self._failsafe.drives
+        assert heading_deg is not None  # else it is trouble
+        self._note_goal(heading_deg, moves=moves and not anomalies)
+        decision = self._failsafe.update(t_s, heading_deg, self._goal_deg, stuck=bool(anomalies), blind=silent)
         self.takeovers += self._failsafe.drives and not drove
         if decision is None:
-            if tick.t_s - self._rescued_t_s > FORGIVEN_S:
+            if t_s - self._rescued_t_s > FORGIVEN_S:
                 self._rescue_s = 0.0
             return self._command, State.PLANNER, ""
-        self._rescued_t_s = tick.t_s
-        self._rescue_s += tick.dt_s
-        found = ", ".join(anomaly.value for anomaly in tick.anomalies)
+        self._rescued_t_s = t_s
+        self._rescue_s += dt_s
+        found = ", ".join(anomaly.value for anomaly in anomalies)
         text = f"{State.RESCUE.text}: {decision.phase.value}{found and f' ({found})'}"
         return speeds_from(decision.wheels, self.vehicle), State.RESCUE, text
 
-    def _trouble(self, tick: DetectorTick) -> str:
+    def _trouble(self) -> str:
         """Say which sense is missing or wrong, or that the rover lies on its side; empty if nothing is."""
-        if self._detector.compass is None or not self._odometry.heard:
-            return "no orientation from the IMU yet" if self._detector.compass is None else "no odometry yet"
-        found = [each for each in tick.conditions if each is not Condition.RUNAWAY]  # nothing to stop there
-        cause = worst(found, HOLDING_LEVELS)
-        if cause is None or HOLDING_LEVELS[cause] < Level.HOLD:
-            return ""
-        return in_words(cause.value).replace("compass", "IMU").replace("motion sensor", "odometry")
+        if self._detector.heading_deg is None:
+            return "no orientation from the IMU yet"
+        if not self._odometry.heard:
+            return "no odometry yet"
+        return self._detector.trouble.replace("compass", "IMU").replace("motion sensor", "odometry")
 
-    def _note_goal(self, tick: DetectorTick, heading_deg: float) -> None:
+    def _note_goal(self, heading_deg: float, *, moves: bool) -> None:
         """Without a given goal, take the heading in which the planner drives straight on and the rover moves.
 
         Before there is one, it is the heading at the time.
@@ -191,18 +167,17 @@ class Guard:
         if isfinite(self._settings.goal_heading_deg) or self._failsafe.drives:
             return
         straight = self._applied.ahead_m_s > 0.1 and abs(self._applied.turn_rad_s) < STRAIGHT_RAD_S
-        moves = tick.motion is not None and tick.motion.forward_m > 0.0 and not tick.anomalies
         if (straight and moves) or not isfinite(self._goal_deg):
             self._goal_deg = heading_deg
 
-    def _values(self, tick: DetectorTick) -> dict[str, str]:
+    def _values(self) -> dict[str, str]:
         """Return what diagnostics show."""
         return {
             "state": self._state.name.lower(),
             "takeovers": str(self.takeovers),
             "rescue_s": f"{self._rescue_s:.1f}",
-            "anomalies": " ".join(anomaly.value for anomaly in tick.anomalies),
-            "conditions": " ".join(condition.value for condition in tick.conditions),
-            "heading_deg": "" if tick.compass is None else f"{tick.compass.heading_deg:.1f}",
+            "anomalies": " ".join(anomaly.value for anomaly in self._detector.anomalies),
+            "conditions": " ".join(self._detector.conditions),
+            "heading_deg": f"{heading_deg:.1f}" if (heading_deg := self._detector.heading_deg) is not None else "",
             "goal_heading_deg": f"{self._goal_deg:.1f}" if isfinite(self._goal_deg) else "",
         }
