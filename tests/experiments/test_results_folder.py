@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import errno
+import fcntl
 import os
 import sys
 import tempfile
@@ -323,10 +325,30 @@ def test_folder_without_write_permission_is_refused(tmp_path: Path) -> None:
 
 
 def test_full_disk_ends_in_one_line_that_says_what_to_do(tmp_path: Path) -> None:
+    """It is still full when the folder is left, and a line that was cut short does not count."""
     said = r"cannot be written any more: File too large.*--resume"
+    kept: list[TrialRow] = []
     with (
-        ResultsFolder(tmp_path, SETTINGS_HERE) as folder,
-        files_no_longer_than(0),
+        files_no_longer_than(4000),
         pytest.raises(WayfarerError, match=said),
+        ResultsFolder(tmp_path, LARGE) as folder,
     ):
-        folder.append(ROWS[0])
+        for trial in range(1000):
+            folder.append(ROWS[0]._replace(trial=trial))
+            kept.append(ROWS[0]._replace(trial=trial))
+    with ResultsFolder(tmp_path, LARGE, resume=True) as folder:
+        assert folder.rows == kept
+
+
+LARGE = {**SETTINGS_HERE, "trials": 1000}
+
+
+def test_filesystem_without_locks_is_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuses(_descriptor: int, _operation: int) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr(fcntl, "flock", refuses)
+    with pytest.warns(
+        UserWarning, match=r"cannot be locked \(No locks available\): let no other campaign write into it"
+    ):
+        ResultsFolder(tmp_path, SETTINGS_HERE).close()

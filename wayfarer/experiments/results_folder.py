@@ -14,7 +14,8 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from itertools import count, product
 from pathlib import Path
@@ -41,7 +42,8 @@ class ResultsFolder:
     """The folder of a campaign or sweep with these ``settings`` (``Campaign.settings``), locked while it is open.
 
     ``rows`` are the trials that were in it when it was opened, and ``finished`` says that all are there, in
-    the final order. ``command``, the command line, is noted if that is not so.
+    the final order. ``command``, the command line, is noted if that is not so. ``notice`` gets a sentence if nothing
+    keeps another campaign out.
 
     Raises:
         BadInput: the folder is not empty and not to be resumed, belongs to another campaign, is in use, damaged or
@@ -55,6 +57,7 @@ class ResultsFolder:
         *,
         resume: bool = False,
         command: Sequence[str] | None = None,
+        notice: Callable[[str], object] = warnings.warn,
     ) -> None:
         self.path = path
         self._settings = settings
@@ -63,7 +66,7 @@ class ResultsFolder:
             path.mkdir(parents=True, exist_ok=True)
             self._open = ExitStack()
             with self._open:
-                self._open.callback(os.close, _locked(path, kind_of(settings)))
+                self._open.callback(os.close, _locked(path, kind_of(settings), notice))
                 self._claim(resume)
                 self._file = self._open.enter_context(open_to_append(path / TRIALS))
                 self.rows = self._kept()
@@ -99,8 +102,7 @@ class ResultsFolder:
             WayfarerError: the folder cannot be written any more.
         """
         with self._writing():
-            self._file.write(self._line(row))
-            self._file.flush()
+            self._write(self._line(row))
 
     def finish(self, rows: Sequence[TrialRow]) -> None:
         """Write all ``rows``, which are in their final order.
@@ -125,12 +127,16 @@ class ResultsFolder:
     def _kept(self) -> list[TrialRow]:
         """Read what is there; the next row is to come behind its last whole line."""
         rows, end = read_rows(self._file, self._settings, str(self.path / TRIALS))
-        self._file.seek(end)
-        self._file.truncate()  # nothing of a torn line may stay behind the next one
+        os.truncate(self._file.fileno(), end)  # nothing of a torn line may stay behind the next one
+        os.lseek(self._file.fileno(), end, os.SEEK_SET)
         if not end:
-            self._file.write(csv_line(self._columns).encode())
-            self._file.flush()
+            self._write(csv_line(self._columns).encode())
         return rows
+
+    def _write(self, line: bytes) -> None:
+        """Write a line at once: a buffer would try again when it is closed, on a disk that is still full."""
+        while line:
+            line = line[os.write(self._file.fileno(), line) :]
 
     def _line(self, row: TrialRow) -> bytes:
         return csv_line(self._columns, row, self._swept[row.point]).encode()
@@ -203,13 +209,15 @@ def _one_line_errors(path: Path) -> Iterator[None]:
         raise BadInput(f"{where} cannot be used for the output: {error.strerror or error}") from error
 
 
-def _locked(path: Path, kind: str) -> int:
+def _locked(path: Path, kind: str, notice: Callable[[str], object]) -> int:
     descriptor = os.open(path, os.O_RDONLY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         os.close(descriptor)
         raise BadInput(f"{path} is in use by another {kind}; wait for it, or give another folder") from None
+    except OSError as error:  # some network filesystems have no locks
+        notice(f"{path} cannot be locked ({error.strerror or error}): let no other {kind} write into it meanwhile")
     return descriptor
 
 

@@ -64,7 +64,7 @@ def run_all(
         make_empty_folder(log, "the log")
     with (
         connected(cluster) as workers,
-        ResultsFolder(out, campaign.settings(), resume=resume, command=command) if out else nullcontext() as folder,
+        kept_in(out, campaign, resume=resume, command=command) if out else nullcontext() as folder,
     ):
         if folder and forests:
             folder.keep_forests(content_of(forests))
@@ -93,6 +93,12 @@ def run_all(
     elif log:
         say_next("wayfarer", "logs", "list", "--log-dir", log)
     return 0
+
+
+def kept_in(out: Path, plan: Plan, *, resume: bool, command: Sequence[str] | None) -> ResultsFolder:
+    """Return the folder that keeps what a command runs."""
+    notice = partial(say, Console(stderr=True))
+    return ResultsFolder(out, plan.settings(), resume=resume, command=command, notice=notice)
 
 
 def run_shown(

@@ -11,9 +11,8 @@ from rich.console import Console
 
 from wayfarer.experiments.commands import INTERRUPTED
 from wayfarer.experiments.progress_bar import say
-from wayfarer.experiments.results_folder import ResultsFolder
 from wayfarer.experiments.run import RunTrial
-from wayfarer.experiments.sim_command import run_shown
+from wayfarer.experiments.sim_command import kept_in, run_shown
 from wayfarer.experiments.statistics import AlgorithmSummary
 from wayfarer.experiments.sweep import Sweep, Value
 from wayfarer.experiments.tables import number_text, spl_hint
@@ -50,7 +49,7 @@ def run_all(
         TrialNotRun: a trial raised an error, or ended its worker; finished trials are kept.
         WayfarerError: ``out`` cannot be written any more; finished trials are kept.
     """
-    with ResultsFolder(out, sweep.settings(), resume=resume, command=command) as folder:
+    with kept_in(out, sweep, resume=resume, command=command) as folder:
         finished = run_shown(sweep, folder, jobs=jobs, run_trial=run_trial)
     if finished.interrupted:
         return INTERRUPTED
