@@ -11,7 +11,7 @@ from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.commands import at_site
 from wayfarer.experiments.run import TrialRunner
 from wayfarer.reports.data import read_run
-from wayfarer.reports.track import track_of
+from wayfarer.reports.map import track_of
 
 HEADER = ("trial", "path, m", "fixes", "turned, degrees", "stretched", "from the first fix, m", "fitted, m")
 ALGORITHM = "forest-pledge"

@@ -23,7 +23,7 @@ from wayfarer.experiments.trial import TrialResult, run_trial
 from wayfarer.fieldlog.clock import duration_text
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.record import AnyRecord, Event, Outcome
-from wayfarer.logview.console import Console
+from wayfarer.logview.narrator import Console
 
 pytest.importorskip("aiohttp", reason="the live page needs aiohttp")
 from wayfarer.remote.live.server import LivePage
@@ -109,8 +109,7 @@ def test_demo_is_the_trial_to_the_last_byte_at_any_speed(tmp_path: Path, speed: 
 
 
 def test_page_console_and_log_tell_one_way_and_one_time(site: Site, capfd: pytest.CaptureFixture[str]) -> None:
-    from wayfarer.logview.summary import summarise
-    from wayfarer.logview.summary_text import distance_line
+    from wayfarer.logview.summary import distance_line, summarise
 
     site.run(see)
     (ended,) = site.ended

@@ -30,8 +30,8 @@ from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.record import AnyRecord
 from wayfarer.fieldlog.run_fold import RunFold, RunState
 from wayfarer.hal import DriveMotors, Rover
-from wayfarer.logview.console import Console
-from wayfarer.remote.live.demo_controls import DemoState
+from wayfarer.logview.narrator import Console
+from wayfarer.remote.live import DemoState
 from wayfarer.safety.permission import Asked
 from wayfarer.simhal.clock.paced_loop import Pace, PacedLoop
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
@@ -69,7 +69,7 @@ class _Running(NamedTuple):
 
 
 class Demo:
-    """One trial and its page; implements ``remote.live.demo_controls.DemoControls``.
+    """One trial and its page; implements ``remote.live.DemoControls``.
 
     Args:
         algorithm: its name.

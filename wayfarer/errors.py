@@ -33,9 +33,9 @@ code  meaning
 0     done, and nothing is wrong; a run that a signal or ``wayfarer stop`` ended also has it
 1     any other ``WayfarerError``, such as ``NotThereYet``, or the system refused something (``cli``); or the result is
       negative: a check failed (``cli.commissioning``), a replay differs (``cli.replay``), a log is
-      unreadable (``logview.verdict``), a board was not stopped (``daemon.stop_motors``)
+      unreadable (``logview.summary``), a board was not stopped (``daemon.stop_motors``)
 2     input that cannot be used: ``BadInput``, ``MissingPart``, ``MissingPackage``, or a wrong option (``cli``)
-3     records are missing: ``wayfarer logs check`` (``logview.verdict``), ``wayfarer replay`` (``cli.replay``)
+3     records are missing: ``wayfarer logs check`` (``logview.summary``), ``wayfarer replay`` (``cli.replay``)
 75    another daemon runs already, or drives these motors: ``AlreadyRunning`` (``daemon.socket.paths``)
 129+  128 and the number of the signal that ended the command: 130 after Ctrl-C (``experiments.commands``, Typer); 129,
       130 or 143 of ``wayfarer check`` and ``calibrate`` (``cli.terminal``)

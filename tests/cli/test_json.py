@@ -29,8 +29,8 @@ from wayfarer.fieldlog.record import Fix
 from wayfarer.fieldlog.replay import DecisionDifference, Replay
 from wayfarer.fieldlog.run_fold import LowBattery
 from wayfarer.logview.listing import RunRow
-from wayfarer.logview.scripting import print_json
 from wayfarer.logview.summary import LastPosition, Mark, PeriodPercentiles, RangeBearing, RunSummary
+from wayfarer.logview.terminal import print_json
 
 FIELD_LOGS = Path(cli.__file__).parents[2] / "field_logs"
 tables = cache(read_tables)

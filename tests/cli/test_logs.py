@@ -21,7 +21,7 @@ from tests.children import child
 from tests.conftest import Run, refusal
 from tests.logview.records import HEADER, drive, event, line, noted, numbered, outcome, record, tick, write
 from wayfarer import cli
-from wayfarer.logview.verdict import NO_OUTCOME
+from wayfarer.logview.summary import NO_OUTCOME
 
 FIRST, SECOND = "00001-20261121T061405Z", "00002-20261121T071405Z"
 LONG_S = 20.0

@@ -34,7 +34,7 @@ from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.fieldlog import sink
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.logview.console import Console
+from wayfarer.logview.narrator import Console
 from wayfarer.run_sim import simulated_rover_setup
 from wayfarer.safety.mission import RunEnd
 from wayfarer.safety.settings import ManualSettings

@@ -9,7 +9,7 @@ import pytest
 from tests.fieldlog.disks import files_no_longer_than
 from tests.logview.records import HEADER, Json, drive, record, tick, write
 from wayfarer.errors import BadInput
-from wayfarer.export.export import ExportFormat, export
+from wayfarer.export import ExportFormat, export
 from wayfarer.extras import NEEDS
 
 

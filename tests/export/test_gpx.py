@@ -16,21 +16,10 @@ from gpxpy.gpx import GPX
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tests.logview.records import (
-    BEGAN_WALL_S,
-    HEADER,
-    Json,
-    drive,
-    event,
-    noted,
-    outcome,
-    record,
-    tick,
-    write,
-)
+from tests.logview.records import BEGAN_WALL_S, HEADER, Json, drive, event, noted, outcome, record, tick, write
 from wayfarer.angles import METRES_PER_DEG
 from wayfarer.errors import BadInput
-from wayfarer.export.export import ExportFormat
+from wayfarer.export import ExportFormat
 from wayfarer.fieldlog.reader import Damage
 
 BEGAN = datetime.fromtimestamp(BEGAN_WALL_S, UTC)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.logview.records import HEADER, Json, drive, event, noted, outcome, record, tick, write
-from wayfarer.export.export import ExportFormat
+from wayfarer.export import ExportFormat
 from wayfarer.export.tables import COLUMNS, without_formulas
 
 COMPASS = {"t_s": 101.0, "heading_deg": 3.0, "pitch_deg": 1.0, "roll_deg": -1.0, "calibration": None}

@@ -27,7 +27,7 @@ from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.record import AnyRecord, Event, Tick
 from wayfarer.fieldlog.sink import Sink
 from wayfarer.hal import CompassReading, MotionReading, WheelCommand
-from wayfarer.logview.scripting import print_json
+from wayfarer.logview.terminal import print_json
 from wayfarer.safety.manual import ManualSample
 from wayfarer.simhal.world.generate import generate_forest
 

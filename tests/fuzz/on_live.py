@@ -15,7 +15,7 @@ from tests.fuzz.target import Case, Target, Try, reading, shape
 from tests.remote.live.records import run_log
 from tests.remote.live.test_server import TOKEN, Rover
 from wayfarer.remote.live.access import Access
-from wayfarer.remote.live.broadcaster import LIMITS
+from wayfarer.remote.live.model import LIMITS
 from wayfarer.remote.live.server import LivePage
 
 KEY = base64.b64encode(b"0123456789abcdef")

@@ -19,15 +19,13 @@ from tests.fuzz.on_files import MEMORY, check_finite
 from tests.fuzz.target import Case, Target, Try, reading
 from tests.logview.records import RUN, SAMPLE_LOGS, event, narrated, numbered, record
 from wayfarer.errors import BadInput
-from wayfarer.export.export import ExportFormat, export
+from wayfarer.export import ExportFormat, export
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.replay import replay
 from wayfarer.logview.listing import lines, rows
-from wayfarer.logview.run_narrator import Verbosity
-from wayfarer.logview.summary import summarise
-from wayfarer.logview.summary_text import summary_text
+from wayfarer.logview.narrator import Verbosity
+from wayfarer.logview.summary import check_log, summarise, summary_text
 from wayfarer.logview.tail import RunTail
-from wayfarer.logview.verdict import check_log
 from wayfarer.reports.data import read_run
 
 (SAMPLE,) = SAMPLE_LOGS.glob("00001-*")

@@ -16,7 +16,7 @@ from tests.fuzz.damage import bytes_of
 from tests.fuzz.target import Case, Target, Try
 from tests.remote.mavlink.station import Encoder, arming, heartbeat, kinds, linked, mode, stick
 from tests.virtual import run_virtually
-from wayfarer.remote.mavlink.frames import LONGEST_BYTES, FrameReader
+from wayfarer.remote.mavlink.link import LONGEST_BYTES, FrameReader
 
 SPOKEN = [
     Encoder(signs=signs).frame(message)

@@ -10,7 +10,7 @@ import msgspec
 
 from wayfarer.fieldlog.record import SCHEMA, AnyRecord, Tick, decode
 from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.logview.run_narrator import Line, RunNarrator, Verbosity
+from wayfarer.logview.narrator import Line, RunNarrator, Verbosity
 
 Json = dict[str, Any]  # a record as it stands in a line
 SAMPLE_LOGS = Path(__file__).resolve().parents[2] / "field_logs"

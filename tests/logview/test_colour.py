@@ -7,7 +7,7 @@ from io import StringIO
 import pytest
 
 from wayfarer.fieldlog.wording import Tone
-from wayfarer.logview.colour import COLOURS, painted
+from wayfarer.logview.terminal import COLOURS, painted
 
 
 class Terminal(StringIO):

@@ -20,8 +20,7 @@ from tests.logview.records import (
     tick,
 )
 from wayfarer.fieldlog.wording import Tone
-from wayfarer.logview.console import Console
-from wayfarer.logview.run_narrator import Verbosity
+from wayfarer.logview.narrator import Console, Verbosity
 
 
 def said(*records: Json) -> list[str]:

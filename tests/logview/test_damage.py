@@ -28,10 +28,8 @@ from wayfarer.errors import BadInput
 from wayfarer.fieldlog.folders import find_run
 from wayfarer.fieldlog.reader import Damage, RunReader, find_header
 from wayfarer.logview.listing import rows
-from wayfarer.logview.summary import RunSummary, summarise
-from wayfarer.logview.summary_text import summary_text
+from wayfarer.logview.summary import NO_OUTCOME, LogIntegrity, RunSummary, check_log, summarise, summary_text
 from wayfarer.logview.tail import RunTail
-from wayfarer.logview.verdict import NO_OUTCOME, LogIntegrity, check_log
 
 WHOLE = numbered([HEADER, event("armed", 0.0), *drive(0.0, 1.0), outcome(1.0)])
 
@@ -107,10 +105,7 @@ HALF = {"t_s": 1.0, "forward_m": 2.0, "quality": 1.0}
     [
         ([*LONG[: MIDDLE + 1], *LONG[50:100], *LONG[MIDDLE + 1 :]], Damage(repeated=50)),
         ([*LONG, *LONG], Damage(repeated=len(LONG) - 1)),
-        (
-            [*LONG[:MIDDLE], LONG[MIDDLE + 1], LONG[MIDDLE], *LONG[MIDDLE + 2 :]],
-            Damage(repeated=1, missing=1),
-        ),
+        ([*LONG[:MIDDLE], LONG[MIDDLE + 1], LONG[MIDDLE], *LONG[MIDDLE + 2 :]], Damage(repeated=1, missing=1)),
         (
             changed(LONG[MIDDLE], t_s=LONG[MIDDLE]["t_s"] + 1e9),
             wrong("tick: Expected `float` <= 1000000000.0 - at `$.t_s`"),

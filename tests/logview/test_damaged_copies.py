@@ -20,7 +20,7 @@ from wayfarer.export.mcap import write_mcap
 from wayfarer.fieldlog.reader import RunReader
 from wayfarer.fieldlog.record import Outcome
 from wayfarer.logview.summary import summarise
-from wayfarer.remote.live.page_model import PageModel
+from wayfarer.remote.live.model import PageModel
 from wayfarer.reports.data import read_run
 
 (SAMPLE,) = SAMPLE_LOGS.glob("00001-*")

@@ -10,10 +10,8 @@ import pytest
 from tests.logview.records import HEADER, Json, event, narrated, read, record, tick, write
 from wayfarer.export.tables import csv_rows, further_columns
 from wayfarer.fieldlog.run_fold import RunFold
-from wayfarer.logview.console import Console
-from wayfarer.logview.log_lines import log_lines
-from wayfarer.logview.run_narrator import Verbosity
-from wayfarer.remote.live.page_model import PageModel
+from wayfarer.logview.narrator import Console, Verbosity, log_lines
+from wayfarer.remote.live.model import PageModel
 from wayfarer.reports.data import read_run
 from wayfarer.reports.panels import panels_of
 

@@ -6,7 +6,7 @@ import pytest
 
 from tests.logview.records import HEADER, Json, drive, event, narrated, noted, numbered, outcome, record, tick
 from wayfarer.fieldlog.wording import Tone
-from wayfarer.logview.run_narrator import Verbosity
+from wayfarer.logview.narrator import Verbosity
 
 
 def told(*records: Json, verbosity: Verbosity = Verbosity.STATUS) -> list[str]:

@@ -27,10 +27,8 @@ from tests.logview.records import (
 from wayfarer.fieldlog.reader import Damage
 from wayfarer.fieldlog.run_fold import LowBattery
 from wayfarer.logview.listing import CELLS, rows
-from wayfarer.logview.run_narrator import Verbosity
-from wayfarer.logview.summary import Mark, RunSummary, summarise
-from wayfarer.logview.summary_text import distance_line, summary_text
-from wayfarer.logview.verdict import NO_OUTCOME
+from wayfarer.logview.narrator import Verbosity
+from wayfarer.logview.summary import NO_OUTCOME, Mark, RunSummary, distance_line, summarise, summary_text
 
 
 def summarised(records: Iterable[Json]) -> RunSummary:
@@ -131,10 +129,7 @@ def test_periods_are_measured_and_late_ticks_counted() -> None:
     assert (found.ticks, found.late_ticks) == (196, 2)
 
 
-@pytest.mark.parametrize(
-    "between",
-    [[], [HEADER | {"part": 2}]],
-)
+@pytest.mark.parametrize("between", [[], [HEADER | {"part": 2}]])
 def test_ticks_that_were_lost_are_no_late_ones(between: list[Json]) -> None:
     records = numbered([HEADER, *drive(0.0, 5.0)])
     found = summarised([*records[:20], *between, *records[60:]])

@@ -11,10 +11,9 @@ from typing import Any
 from tests.logview import records
 from tests.logview.records import Json, event, numbered, outcome, record, write
 from tests.reports.page.outline import Outline
-from wayfarer.reports.data import RunData, read_run
+from wayfarer.reports.data import Line, RunData, read_run
 from wayfarer.reports.panels import PANELS
 from wayfarer.reports.run import write_run_report
-from wayfarer.reports.series import Line
 
 HEADER: Json = records.HEADER | {
     "config": {

@@ -28,13 +28,10 @@ from tests.reports.logs import (
     without,
 )
 from wayfarer.fieldlog.record import SCHEMA
-from wayfarer.reports.data import read_run
-from wayfarer.reports.events import event_marks, is_trouble
-from wayfarer.reports.map import map_plot
+from wayfarer.reports.data import event_marks, is_trouble, read_run
+from wayfarer.reports.map import map_plot, track_of
 from wayfarer.reports.panels import panels_of
-from wayfarer.reports.run import GAPS, NO_TICKS, NO_WAY, track_caption
-from wayfarer.reports.tables import run_facts
-from wayfarer.reports.track import track_of
+from wayfarer.reports.run import GAPS, NO_TICKS, NO_WAY, run_facts, track_caption
 
 
 def test_log_without_ticks_says_so(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from wayfarer.angles import coordinates_deg
 from wayfarer.logview.receiver_fit import MapFix, Places, believable, fit
 from wayfarer.reports.data import RunData
-from wayfarer.reports.track import TimedPath, Track
+from wayfarer.reports.map import TimedPath, Track
 
 ORIGIN = MapFix(0.0, 47.0, 8.0, 3.0, 0.0, 0.0)
 LOOP_M = 30.0 * np.exp(1j * np.linspace(0.0, 5.0, 200))  # a way of 150 m

@@ -32,13 +32,12 @@ from tests.reports.logs import (
     write_log,
 )
 from wayfarer.fieldlog.reader import RunReader
-from wayfarer.logview.summary import summarise
-from wayfarer.logview.summary_text import summary_facts
+from wayfarer.logview.summary import summarise, summary_facts
 from wayfarer.reports.data import RunData, read_run
 from wayfarer.reports.page.plots import Plots
 from wayfarer.reports.panels import draw_panels
-from wayfarer.reports.run import NO_FOREST, write_run_report
-from wayfarer.reports.tables import (
+from wayfarer.reports.run import (
+    NO_FOREST,
     NO_SETTINGS,
     anomalies_table,
     conditions_table,
@@ -47,6 +46,7 @@ from wayfarer.reports.tables import (
     events_list,
     own_settings_table,
     sensors_table,
+    write_run_report,
 )
 
 HOSTILE = "</script><script>alert('&')</script>"

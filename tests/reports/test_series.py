@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wayfarer.reports.data import Columns, Floats
-from wayfarer.reports.series import ValueSpan, around, at_ticks, pieces, spans, thinned
+from wayfarer.reports.data import Columns, Floats, ValueSpan, around, at_ticks, pieces, spans, thinned
 
 
 def times(values: Floats) -> Floats:

@@ -20,7 +20,7 @@ from tests.system.measures import now_s, told_to_turn
 from tests.system.subprocesses import MAIN, WAYFARER, command, python
 from wayfarer.daemon.socket.client import ask
 from wayfarer.errors import WayfarerError
-from wayfarer.remote.live.broadcaster import LIMITS
+from wayfarer.remote.live.model import LIMITS
 from wayfarer.safety.permission import PERMISSION_S
 
 LOOKS_S = 1.0  # the start delay is 0 here

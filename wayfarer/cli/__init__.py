@@ -38,7 +38,7 @@ from wayfarer.cli.options import examples
 from wayfarer.control import is_compiled
 from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.fields import escape_control_chars
-from wayfarer.logview.colour import painted
+from wayfarer.logview.terminal import painted
 
 BAD_INPUT = 2
 READER_GONE = 128 + signal.SIGPIPE  # what a shell reports of a program that SIGPIPE has ended

@@ -11,8 +11,7 @@ import typer
 
 from wayfarer.cli.options import LogDir, Rover, examples, log_folder
 from wayfarer.cli.rover import chosen_rover
-from wayfarer.logview.colour import painted
-from wayfarer.logview.scripting import print_json, say_next
+from wayfarer.logview.terminal import painted, print_json, say_next
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Iterable

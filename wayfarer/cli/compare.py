@@ -36,7 +36,7 @@ def compare(
     from wayfarer.experiments.paired_statistics import compare as compared
     from wayfarer.experiments.paired_table import print_comparison
     from wayfarer.experiments.report.load_results import read_results
-    from wayfarer.logview.scripting import print_json
+    from wayfarer.logview.terminal import print_json
 
     algorithms = compared(read_results(results).rows, against)
     if as_json:

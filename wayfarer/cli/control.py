@@ -12,7 +12,7 @@ from wayfarer.angles import wrap360
 from wayfarer.cli.options import AsJson, examples
 from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.fields import escape_document
-from wayfarer.logview.scripting import print_json, say_next
+from wayfarer.logview.terminal import print_json, say_next
 
 ANSWER_S = 5.0  # above ``safety.permission.PERMISSION_S``: what is not answered by then does not happen later
 

@@ -31,7 +31,7 @@ SPEED = 6.0
 
 
 def _speed(value: float) -> float:
-    from wayfarer.remote.live.demo_controls import checked_speed
+    from wayfarer.remote.live import checked_speed
 
     return checked_speed(value)
 

@@ -11,8 +11,7 @@ import typer
 from wayfarer.cli.options import examples, log_folder
 from wayfarer.errors import BadInput
 from wayfarer.files import write_new
-from wayfarer.logview.colour import painted
-from wayfarer.logview.scripting import say_next
+from wayfarer.logview.terminal import painted, say_next
 
 if TYPE_CHECKING:
     from wayfarer.commissioning.first_rover import Inventory

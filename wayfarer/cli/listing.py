@@ -44,7 +44,7 @@ def list_names(
 
     from wayfarer.config.registry import algorithm_names, driver_names
     from wayfarer.config.rover_file import rover_names
-    from wayfarer.logview.scripting import print_json
+    from wayfarer.logview.terminal import print_json
 
     check_together(ctx, excludes=(("conditions", "faults"),))
     if faults:
@@ -92,7 +92,7 @@ def _print_conditions(*, as_json: bool) -> None:
     """Print the table of conditions, the dangers first."""
     from rich.console import Console
 
-    from wayfarer.logview.scripting import print_json
+    from wayfarer.logview.terminal import print_json
     from wayfarer.logview.terminal_table import Column, table
     from wayfarer.safety.conditions import TABLE, Condition
     from wayfarer.vocabulary import KIND_TEXTS
@@ -147,7 +147,7 @@ def _print_faults(*, as_json: bool) -> None:
     require("simulating")
     from rich.console import Console
 
-    from wayfarer.logview.scripting import print_json
+    from wayfarer.logview.terminal import print_json
     from wayfarer.logview.terminal_table import Column, table
     from wayfarer.simhal.faults.kinds import KINDS
     from wayfarer.simhal.faults.process import PROCESS

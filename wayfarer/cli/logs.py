@@ -17,16 +17,16 @@ import typer
 from wayfarer.cli.help_texts import HelpCommand, HelpGroup
 from wayfarer.cli.options import AsJson, LogDir, examples, log_folder, run_argument
 from wayfarer.errors import BadInput
-from wayfarer.export.export import ExportFormat
-from wayfarer.export.export import export as export_run
+from wayfarer.export import ExportFormat
+from wayfarer.export import export as export_run
 from wayfarer.extras import require
 from wayfarer.fieldlog.folders import find_run, newest_run, run_title
-from wayfarer.logview.colour import painted
+from wayfarer.logview.terminal import painted
 
 if TYPE_CHECKING:
     from wayfarer.fieldlog.reader import Damage
-    from wayfarer.logview.run_narrator import Line
-    from wayfarer.logview.verdict import LogVerdict
+    from wayfarer.logview.narrator import Line
+    from wayfarer.logview.summary import LogVerdict
 
 POLL_S = 0.3  # how long a line waits until it is shown, at most
 STDOUT = Path("-")
@@ -66,7 +66,7 @@ def list_runs(*, log_dir: LogDir = None, as_json: AsJson = False) -> None:
     """List all runs, the newest last."""
     from wayfarer.fieldlog.clock import wall_clock
     from wayfarer.logview.listing import lines, rows
-    from wayfarer.logview.scripting import print_json
+    from wayfarer.logview.terminal import print_json
 
     folder = log_folder(log_dir)
     found = rows(folder, wall_clock(0.0))
@@ -86,9 +86,9 @@ def list_runs(*, log_dir: LogDir = None, as_json: AsJson = False) -> None:
 def follow(run: Run = None, *, log_dir: LogDir = None) -> None:
     """Show events as they happen, of this run and the next ones; with RUN until that run ends. Ctrl-C ends it."""
     from wayfarer.fieldlog.run_fold import RunFold
-    from wayfarer.logview.run_narrator import RunNarrator, Verbosity
+    from wayfarer.logview.narrator import RunNarrator, Verbosity
+    from wayfarer.logview.summary import NO_OUTCOME
     from wayfarer.logview.tail import follow as follow_records
-    from wayfarer.logview.verdict import NO_OUTCOME
 
     folder = log_folder(log_dir)
     chosen = None if run in (None, "last") else find_run(run, folder)
@@ -132,9 +132,9 @@ def show(
 
     from wayfarer.fieldlog.reader import RunReader
     from wayfarer.fieldlog.run_fold import RunFold
-    from wayfarer.logview.run_narrator import RunNarrator, Verbosity
-    from wayfarer.logview.scripting import print_json
-    from wayfarer.logview.verdict import NO_OUTCOME
+    from wayfarer.logview.narrator import RunNarrator, Verbosity
+    from wayfarer.logview.summary import NO_OUTCOME
+    from wayfarer.logview.terminal import print_json
 
     fold, narrator = RunFold(), RunNarrator(Verbosity.TICKS if ticks else Verbosity.STATUS)
     notes = sys.stderr if as_json else sys.stdout
@@ -162,9 +162,8 @@ def summary(
 ) -> None:
     """Summarise a run: distance, duration, anomalies, and where the rover is likely to be."""
     from wayfarer.fieldlog.reader import RunReader
-    from wayfarer.logview.scripting import print_json
-    from wayfarer.logview.summary import summarise
-    from wayfarer.logview.summary_text import summary_text
+    from wayfarer.logview.summary import summarise, summary_text
+    from wayfarer.logview.terminal import print_json
 
     reader = RunReader(find_run(run, log_folder(log_dir)))
     found = summarise(reader)
@@ -214,8 +213,8 @@ def check(
     as_json: AsJson = False,
 ) -> None:
     """Read logs completely, and report lost or damaged records."""
-    from wayfarer.logview.scripting import print_json
-    from wayfarer.logview.verdict import check_log
+    from wayfarer.logview.summary import check_log
+    from wayfarer.logview.terminal import print_json
 
     folder = log_folder(log_dir)
     found = [find_run(name, folder) for name in runs or ["last"]]
@@ -246,7 +245,7 @@ def export(
     log_dir: LogDir = None,
 ) -> None:
     """Convert a run's log to a file for other tools."""
-    from wayfarer.logview.scripting import say_next
+    from wayfarer.logview.terminal import say_next
 
     found = find_run(run, log_folder(log_dir))
     form = _form(form, out)

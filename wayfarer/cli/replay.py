@@ -45,8 +45,7 @@ def replay(
     """
     from wayfarer.config.rover_file import load_rover
     from wayfarer.fieldlog.replay import replay as replay_run
-    from wayfarer.logview.colour import painted
-    from wayfarer.logview.scripting import print_json
+    from wayfarer.logview.terminal import painted, print_json
 
     settings = load_rover(rover) if rover else None
     folders = [find_run(run, log_folder(log_dir)) for run in runs or ["last"]]

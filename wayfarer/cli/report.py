@@ -11,7 +11,7 @@ from wayfarer.cli.options import AllowCode, LogDir, check_together, complete_run
 from wayfarer.cli.trial_options import Jobs
 from wayfarer.errors import BadInput
 from wayfarer.extras import require
-from wayfarer.logview.scripting import say_next
+from wayfarer.logview.terminal import say_next
 
 EXAMPLES = examples(
     "wayfarer report",

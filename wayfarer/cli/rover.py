@@ -72,7 +72,7 @@ def run(
     from wayfarer.config.rover_file import laid_over, load_rover
     from wayfarer.daemon.daemon import Service, serve
     from wayfarer.daemon.socket.paths import daemon_socket
-    from wayfarer.logview.console import Console
+    from wayfarer.logview.narrator import Console
 
     check_together(ctx, needs=(("depth", "sim"), ("seed", "sim"), ("fault", "sim"), *NEEDS))
     name = chosen_rover(rover, default="sim" if sim else None)

@@ -7,7 +7,7 @@ from typing import Any
 
 from wayfarer.fieldlog.clock import duration_text
 from wayfarer.fieldlog.wording import marks, plural
-from wayfarer.logview.colour import painted
+from wayfarer.logview.terminal import painted
 from wayfarer.vocabulary import disarmed_text, in_words, level_text, whole_deg
 
 WELL = level_text("well", None)

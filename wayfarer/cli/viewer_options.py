@@ -11,7 +11,7 @@ from wayfarer.remote.live import HOST, PORT
 
 if TYPE_CHECKING:
     from wayfarer.config.rover_file import RoverConfig
-    from wayfarer.remote.live.demo_controls import DemoControls
+    from wayfarer.remote.live import DemoControls
     from wayfarer.remote.live.server import LivePage
     from wayfarer.remote.mavlink.ground_station import GroundStation
 

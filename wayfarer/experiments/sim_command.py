@@ -23,7 +23,7 @@ from wayfarer.experiments.rows import columns_of, csv_line
 from wayfarer.experiments.run import CampaignRun, RunTrial, TrialRunner, not_run, run
 from wayfarer.experiments.site_table import layout_of
 from wayfarer.experiments.tables import print_table, spl_hint
-from wayfarer.logview.scripting import print_json, say_next
+from wayfarer.logview.terminal import print_json, say_next
 from wayfarer.simhal.world.forest_file import content_of
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from wayfarer.experiments.sim_command import kept_in, run_shown
 from wayfarer.experiments.statistics import AlgorithmSummary
 from wayfarer.experiments.sweep import Sweep, Value
 from wayfarer.experiments.tables import number_text, spl_hint
-from wayfarer.logview.scripting import print_json, say_next
+from wayfarer.logview.terminal import print_json, say_next
 from wayfarer.logview.terminal_table import Column, known, table
 
 LEGEND = """success: escaped or left the map; path, time: mean of the successes

@@ -24,7 +24,7 @@ from gpxpy.gpx import GPX, GPXTrack, GPXTrackPoint, GPXTrackSegment, GPXWaypoint
 from wayfarer import __version__
 from wayfarer.angles import Coordinates, clamp, coordinates_deg, wrap180
 from wayfarer.errors import BadInput
-from wayfarer.export.wall_time import read_clock_zero_s, utc_time
+from wayfarer.export import read_clock_zero_s, utc_time
 from wayfarer.fieldlog.clock import duration_text
 from wayfarer.fieldlog.folders import run_title
 from wayfarer.fieldlog.reader import Damage, RunReader

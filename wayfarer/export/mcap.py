@@ -24,6 +24,7 @@ from foxglove.messages import (
 )
 
 from wayfarer import __version__
+from wayfarer.export import SECOND_NS, nanoseconds, read_clock_zero_s
 from wayfarer.export.mcap_plots import FURTHER, PLOTS, Plot
 from wayfarer.export.mcap_scene import (
     ROVER,
@@ -36,13 +37,11 @@ from wayfarer.export.mcap_scene import (
     point,
     transform,
 )
-from wayfarer.export.wall_time import SECOND_NS, nanoseconds, read_clock_zero_s
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.record import AnyRecord, Fix, Header, Outcome, ReckonedPose, Tick, Truth
 from wayfarer.fieldlog.run_fold import RunBegan, RunFold, Told
 from wayfarer.fieldlog.wording import Tone
-from wayfarer.logview.log_lines import LOG_NAMES, log_lines
-from wayfarer.logview.run_narrator import further
+from wayfarer.logview.narrator import LOG_NAMES, further, log_lines
 
 LOG_LEVELS: Mapping[Tone, LogLevel] = {Tone.WARNING: LogLevel.Warning, Tone.FAULT: LogLevel.Error}
 

@@ -98,9 +98,7 @@ PLOTS: Mapping[str, Plot] = {
         },
     ),
     "/tilt": Plot(
-        Tick,
-        "Tilt of the body.",
-        {"pitch_deg": "positive: nose up", "roll_deg": "positive: right side down"},
+        Tick, "Tilt of the body.", {"pitch_deg": "positive: nose up", "roll_deg": "positive: right side down"}
     ),
     "/phase": Plot(
         Tick,

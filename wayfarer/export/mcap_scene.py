@@ -102,11 +102,7 @@ def orientation(heading_deg: float, pitch_deg: float = 0.0, roll_deg: float = 0.
 def transform(time: Timestamp, child: str, x_m: float, y_m: float, rotation: Quaternion) -> FrameTransform:
     """Return where a frame is in the map."""
     return FrameTransform(
-        timestamp=time,
-        parent_frame_id=MAP,
-        child_frame_id=child,
-        translation=Vector3(x=x_m, y=y_m),
-        rotation=rotation,
+        timestamp=time, parent_frame_id=MAP, child_frame_id=child, translation=Vector3(x=x_m, y=y_m), rotation=rotation
     )
 
 

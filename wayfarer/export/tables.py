@@ -22,7 +22,7 @@ from typing import Any, TextIO
 
 import msgspec
 
-from wayfarer.export.wall_time import utc_stamp
+from wayfarer.export import utc_stamp
 from wayfarer.fieldlog.fields import escape_control_chars
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.record import (

@@ -1,18 +1,27 @@
-"""The summary of a run: distance, duration, anomalies, and where the rover is likely to be. Pure."""
+"""A run in a few facts and as text, the most important line first; and how much of its log is left."""
 
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from enum import IntEnum
 from math import hypot, isfinite, isnan
+from pathlib import Path
+from typing import NamedTuple
 
 from wayfarer.angles import bearing_deg, offset_m
-from wayfarer.fieldlog.clock import began_wall_s
-from wayfarer.fieldlog.record import AnyRecord, Event, Fix, Tick
+from wayfarer.errors import BadInput
+from wayfarer.escape.phases import PhaseEvent
+from wayfarer.fieldlog.clock import began_wall_s, duration_text, local_time
+from wayfarer.fieldlog.reader import Damage, RunReader
+from wayfarer.fieldlog.record import AnyRecord, Event, Fix, Outcome, Tick
 from wayfarer.fieldlog.run_fold import LowBattery, RunFold, RunState
+from wayfarer.fieldlog.wording import place_text, plural
 from wayfarer.safety.settings import SafetySettings
+from wayfarer.vocabulary import in_words, outcome_in_words, whole_deg
 
+NO_OUTCOME = "no outcome: the run was cut off, or is still running"
 LATE_S = SafetySettings().tick_late_s  # if a header does not tell
 # The events that tell of something that failed; ``sensor_failed`` is counted by sensor.
 FAILURES = {
@@ -27,6 +36,9 @@ class RangeBearing:
 
     distance_m: float
     bearing_deg: float
+
+    def __str__(self) -> str:
+        return f"{self.distance_m:.0f} m at bearing {whole_deg(self.bearing_deg)} degrees"
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +157,8 @@ class RunSummariser:
         """Return the summary of a run with this state."""
         header, ended, events = state.header, state.ended, state.events
         late_s = header.setting("safety", "tick_late_s") or LATE_S
+        ordered, last = sorted(self._periods_s), len(self._periods_s) - 1
+        period = PeriodPercentiles(*(ordered[round(part * last)] for part in (0.5, 0.99, 1.0))) if ordered else None
         return RunSummary(
             rover=header.rover,
             algorithm=header.algorithm,
@@ -167,7 +181,7 @@ class RunSummariser:
             exhausted=dict(state.exhausted),
             low_battery=state.low_battery,
             ticks=state.ticks,
-            period=self._spread(),
+            period=period,
             late_ticks=sum(period_s > late_s for period_s in self._periods_s),
             sensor_failures={name: sensor.failures for name, sensor in state.sensors.items() if sensor.failures},
             failures={name: count for name, count in events.items() if name in FAILURES},
@@ -182,38 +196,185 @@ class RunSummariser:
             where=_last_position(state),
         )
 
-    def _spread(self) -> PeriodPercentiles | None:
-        """Return how the control periods spread; None if there is none."""
-        ordered, last = sorted(self._periods_s), len(self._periods_s) - 1
-        return PeriodPercentiles(*(ordered[round(part * last)] for part in (0.5, 0.99, 1.0))) if ordered else None
-
 
 def _last_position(state: RunState) -> LastPosition:
     """Return where the rover is now."""
-    reckoned, fix = _by_reckoning(state), state.fix
+    place, first, fix = state.place, state.first_fix, state.fix
+    start_m = (state.start.north_m, state.start.east_m) if state.start else (0.0, 0.0)
+    reckoned = None if place is None else _offset(place.north_m - start_m[0], place.east_m - start_m[1])
     drove = reckoned is not None and reckoned.distance_m > 0.0
     return LastPosition(
         by_reckoning=reckoned,
-        by_receiver=_by_receiver(state),
+        by_receiver=None if first is None or fix is None else _offset(*offset_m(first, fix)),
         last_fix=fix,
         fix_age_s=None if fix is None else max(0.0, state.t_s - fix.t_s),
         from_start=not drove if state.from_start is None else state.from_start,
     )
 
 
-def _by_reckoning(state: RunState) -> RangeBearing | None:
-    place, start = state.place, state.start
-    if place is None:
-        return None
-    start_north_m, start_east_m = (start.north_m, start.east_m) if start else (0.0, 0.0)
-    return _offset(place.north_m - start_north_m, place.east_m - start_east_m)
-
-
-def _by_receiver(state: RunState) -> RangeBearing | None:
-    first, last = state.first_fix, state.fix
-    return None if first is None or last is None else _offset(*offset_m(first, last))
-
-
 def _offset(north_m: float, east_m: float) -> RangeBearing | None:
     distance_m = hypot(north_m, east_m)
     return RangeBearing(distance_m, bearing_deg(north_m, east_m)) if isfinite(distance_m) else None
+
+
+def summary_text(run: str, summary: RunSummary, damage: Damage) -> str:
+    """Return the summary of a run as lines, without empty parts."""
+    return "\n".join(
+        f"{title if first else '':<11}{text}"
+        for title, texts in summary_facts(run, summary, damage)
+        for first, text in zip([True, *[False] * len(texts)], texts, strict=False)
+    )
+
+
+def summary_facts(run: str, summary: RunSummary, damage: Damage, *, utc: bool = False) -> list[tuple[str, list[str]]]:
+    """Return the titles of what there is to tell of a run, each with its lines; ``utc``: not in the local time."""
+    silent = {f"{sensor} did not answer": count for sensor, count in summary.sensor_failures.items()}
+    facts: list[tuple[str, Iterable[str]]] = [
+        ("run", [run, _about(summary)]),
+        ("outcome", [_outcome(summary)]),
+        ("where", where_lines(summary.where, damage.missing)),
+        ("time", _time(summary, utc=utc)),
+        ("distance", [distance_line(summary)]),
+        ("anomalies", [counted({in_words(kind): count for kind, count in summary.anomalies.items()})]),
+        ("escapes", [_escapes(summary)]),
+        ("battery", [_battery(summary)]),
+        ("failures", [counted({**silent, **summary.failures})]),
+        ("operator", _operator(summary)),
+        ("clock", [", ".join(f"set by {step_s:+.0f} s" for step_s in summary.clock_steps_s)]),
+        ("ticks", [_ticks(summary)]),
+        ("log", [_log(summary, damage)]),
+    ]
+    filled = ((title, list(filter(None, lines))) for title, lines in facts)
+    return [(title, lines) for title, lines in filled if lines]
+
+
+def _about(summary: RunSummary) -> str:
+    if summary.version is None and summary.simulated is None:
+        return "unknown rover: the log has no header"
+    about = [summary.rover or "unknown rover", summary.algorithm, "simulated" if summary.simulated else None]
+    about += [None if summary.trial is None else f"trial {summary.trial}"]
+    about += ["dry run" if summary.dry_run else None, f"wayfarer {summary.version}" if summary.version else None]
+    return ", ".join(text for text in about if text)
+
+
+def _outcome(summary: RunSummary) -> str:
+    if summary.reason is None:
+        return NO_OUTCOME
+    word, text = outcome_in_words(summary.reason), summary.text or ""
+    return text if text.startswith(word) else ": ".join(filter(None, [word, text]))
+
+
+def where_lines(where: LastPosition, missing: int) -> Iterator[str]:
+    """Say where to search for the rover; the receiver first, if there is one."""
+    fix = where.last_fix
+    if fix is not None:
+        yield f"{place_text(fix)}, {where.fix_age_s:.0f} s before the end"
+    if where.by_receiver is not None:
+        yield f"{where.by_receiver} true from the first position"
+    if where.by_reckoning is not None:
+        origin = "the start" if where.from_start else "where the log begins"
+        yield f"{where.by_reckoning} magnetic from {origin} (dead reckoning)"
+        if missing:
+            yield f"{Damage(missing=missing)}, so the path is only partly known"
+
+
+def _time(summary: RunSummary, *, utc: bool) -> Iterator[str]:
+    lasted, armed = duration_text(summary.lasted_s), duration_text(summary.armed_s)
+    if summary.began_wall_s is not None:
+        began = f" from {local_time(summary.began_wall_s, '%Y-%m-%d %H:%M:%S', utc=utc)}{' UTC' if utc else ''}"
+    else:
+        began = "" if summary.trial is not None else " (start time unknown: the clock was not set)"
+    yield f"{lasted} in all{began}; armed for {armed}"
+    for how, times_s in (("held", summary.held_s), ("drove with limits", summary.limited_s)):
+        yield from (f"{how} for {duration_text(for_s, 1)}: {in_words(cause)}" for cause, for_s in times_s.items())
+
+
+def distance_line(summary: RunSummary) -> str:
+    """Say how far the rover went."""
+    if summary.commanded_m is None:
+        return ""
+    driven = "" if summary.driven_m is None else f"{summary.driven_m:.1f} m driven, "
+    return f"{driven}{summary.commanded_m:.1f} m commanded, {summary.reckoned_m:.1f} m by dead reckoning"
+
+
+def counted(counts: Mapping[str, int]) -> str:
+    """Return names with how often each was counted, the most frequent first."""
+    return ", ".join(f"{what} {count}" for what, count in sorted(counts.items(), key=lambda item: -item[1]) if count)
+
+
+def _escapes(summary: RunSummary) -> str:
+    if not summary.ticks:
+        return ""
+    ended = {in_words(f"{phase}.{PhaseEvent.EXHAUSTED.value}"): count for phase, count in summary.exhausted.items()}
+    return "; ".join(filter(None, [f"episodes {summary.episodes}, backed off {summary.recoveries}", counted(ended)]))
+
+
+def _battery(summary: RunSummary) -> str:
+    if (low := summary.low_battery) is None:
+        return ""
+    return f"lowest {low.battery_v:.1f} V, at {duration_text(low.at_s)}, with the wheels at {low.duty:.0%}"
+
+
+def _operator(summary: RunSummary) -> Iterator[str]:
+    marks, drives = len(summary.marks), summary.manual
+    yield counted({"marks": marks, "holds": summary.holds, "new goals": summary.goals, "drives by hand": drives})
+    yield from (f"{duration_text(mark.at_s)} {mark.text}" for mark in summary.marks)
+
+
+def _ticks(summary: RunSummary) -> str:
+    period = summary.period
+    if period is None:
+        return ""
+    p50_ms, p99_ms, max_ms = (1e3 * period_s for period_s in (period.p50_s, period.p99_s, period.max_s))
+    return f"{summary.ticks}, every {p50_ms:.1f} ms (p99 {p99_ms:.1f}, longest {max_ms:.1f}); {summary.late_ticks} late"
+
+
+def _log(summary: RunSummary, damage: Damage) -> str:
+    lost = [str(damage)] if damage else []
+    if summary.dropped and damage.missing:
+        lost = [f"{damage}, {min(summary.dropped, damage.missing)} of them could not be written"]
+    elif summary.dropped:
+        lost.append(f"{plural(summary.dropped, 'record')} could not be written")
+    if summary.reason is None:
+        lost.append(NO_OUTCOME)
+    return "; ".join(lost) or "complete"
+
+
+class LogIntegrity(IntEnum):
+    """How much of a log is left; the later, the worse."""
+
+    COMPLETE = 0
+    PARTIAL = 1
+    UNREADABLE = 2
+
+    @property
+    def exit_code(self) -> int:
+        """0 for complete, 3 for partial, 1 for unreadable: as ``mcap recover`` has it."""
+        return (0, 3, 1)[self]
+
+
+class LogVerdict(NamedTuple):
+    """What was found in one log; ``wrong`` says what is not as it should be."""
+
+    integrity: LogIntegrity
+    records: int
+    wrong: tuple[str, ...]
+
+    def __str__(self) -> str:
+        readable = "" if self.integrity is LogIntegrity.COMPLETE else "readable "
+        records = plural(self.records, f"{readable}record")
+        return "; ".join([f"{self.integrity.name.lower()}: {records}", *self.wrong])
+
+
+def check_log(run: Path) -> LogVerdict:
+    """Read a whole run and return its integrity; an unfinished run has no outcome, and is at best partial."""
+    records, ended = 0, False
+    try:
+        reader = RunReader(run)
+        for record in reader:
+            ended = ended or isinstance(record, Outcome)
+            records += 1
+    except BadInput as error:
+        return LogVerdict(LogIntegrity.UNREADABLE, records, (str(error),))
+    wrong = tuple(filter(None, (str(reader.damage) if reader.damage else "", "" if ended else NO_OUTCOME)))
+    return LogVerdict(LogIntegrity.PARTIAL if wrong else LogIntegrity.COMPLETE, records, wrong)

@@ -18,11 +18,24 @@ from markupsafe import Markup
 
 from wayfarer.fieldlog.fields import escape_control_chars
 from wayfarer.logview import palette
-from wayfarer.reports.data import LEVEL_NUMBERS, PHASES, RunData
-from wayfarer.reports.events import LAYERS, LOOK, columns, event_marks
+from wayfarer.reports.data import (
+    LAYERS,
+    LEVEL_NUMBERS,
+    LOOK,
+    PHASES,
+    Line,
+    RunData,
+    around,
+    at_ticks,
+    breaks,
+    broken,
+    columns,
+    event_marks,
+    spans,
+    thinned,
+)
 from wayfarer.reports.page import html
 from wayfarer.reports.page.plots import Figure, Plots, hover, layer, plot, source
-from wayfarer.reports.series import Line, around, at_ticks, breaks, broken, spans, thinned
 from wayfarer.vocabulary import LEVEL_TEXTS, in_words
 
 # -- quantities ------------------------------------------------------------------------------------------------------

@@ -2,35 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import MISSING, fields
 from importlib.resources import files
+from itertools import groupby, islice
 from math import isnan
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
+from wayfarer import __version__
+from wayfarer.config.rover_file import RoverConfig, flat
+from wayfarer.escape.settings import Vehicle
 from wayfarer.fieldlog.clock import duration_text
 from wayfarer.fieldlog.folders import run_title
+from wayfarer.fieldlog.run_fold import Episode
+from wayfarer.fieldlog.sensor_status import SensorStatus
+from wayfarer.fieldlog.wording import sentence
 from wayfarer.logview import palette
-from wayfarer.reports.data import RunData, read_run
-from wayfarer.reports.events import LAYERS
-from wayfarer.reports.map import map_plot
+from wayfarer.logview.summary import summary_facts
+from wayfarer.reports.data import LAYERS, RunData, is_trouble, read_run, told_events
+from wayfarer.reports.map import Track, map_plot, track_of
 from wayfarer.reports.page import html
 from wayfarer.reports.page.frame import PAGE, write_page
 from wayfarer.reports.page.plots import Plots
 from wayfarer.reports.panels import draw_panels
-from wayfarer.reports.tables import (
-    anomalies_table,
-    conditions_table,
-    episodes_table,
-    events_list,
-    lead,
-    own_settings_table,
-    run_facts,
-    sensors_table,
-)
-from wayfarer.reports.track import Track, track_of
+from wayfarer.vocabulary import in_words, response_text, whole_deg
 
 _run, _place = html.macros("wayfarer.reports", "run", "place")
 
@@ -156,3 +155,159 @@ def _layers(track: Track) -> Iterator[html.PlotLayer]:
 
 def _cursor_js() -> str:
     return (files("wayfarer.reports") / "cursor.js").read_text(encoding="utf-8")
+
+
+# -- settings --------------------------------------------------------------------------------------------------------
+# What of a run's rover file is not as the defaults.
+
+NO_SETTINGS = "The log does not tell the rover file."
+ALL_DEFAULTS = "Everything in the rover file is as wayfarer has it by default."
+
+
+def own_settings_table(data: RunData) -> Markup:
+    """Return the keys of a run's rover file whose values are not the defaults, or which have none."""
+    settings, usual = _settings(data), default_settings()
+    if not settings:
+        return html.paragraph(NO_SETTINGS)
+    rows = [
+        ("setting", (key, _text(value), _text(usual[key])))
+        for key, value in settings.items()
+        if key in usual and usual[key] != value
+    ]
+    rows += [("setting", (key, _text(value), "")) for key, value in settings.items() if key not in usual]
+    if not rows:
+        return html.paragraph(ALL_DEFAULTS)
+    caption = (
+        f"Keys of the rover file whose value is not the default of wayfarer {__version__}; below them those without a "
+        "default, as of body and parts."
+    )
+    return html.table(caption, ("key", "value", "default"), rows)
+
+
+def default_settings() -> Mapping[str, Any]:
+    """Return what a rover file need not say, by its dotted keys: all but the name, the body and the parts."""
+    asked = [field.name for field in fields(Vehicle) if field.default is MISSING]
+    usual = RoverConfig(name="any", vehicle=Vehicle(**dict.fromkeys(asked, 1.0)))
+    needed = {"name", "parts", *(f"vehicle.{name}" for name in asked)}
+    return {key: value for key, value in flat(usual.model_dump(mode="json")).items() if key not in needed}
+
+
+def _settings(data: RunData) -> dict[str, Any]:
+    return flat(data.header.config or {})
+
+
+def _text(value: Any) -> str:
+    return "none" if value is None else str(value)
+
+
+(_events,) = html.macros("wayfarer.reports", "events")
+
+ROWS = 500  # of a table; the log has all of them
+LAST_GOALS = 5  # as many stand in the header
+LEAD = ("outcome", "distance", "anomalies")  # of the facts: what stands above the map
+
+
+def run_facts(data: RunData, folder: str) -> Iterator[tuple[str, str]]:
+    """Yield what ran, when, how far and how it ended, as ``wayfarer logs summary`` tells it. Times are UTC."""
+    for title_, lines in summary_facts(folder, data.summary, data.damage, utc=True):
+        yield title_, "\n".join(lines)
+    yield "goal", _goal(data)
+    yield "seed", "unknown" if data.summary.seed is None else f"{data.summary.seed}"
+
+
+def lead(data: RunData) -> str:
+    """Return the most important of the facts in one line."""
+    facts = dict(run_facts(data, ""))
+    return "; ".join(facts[title].replace("\n", ", ") for title in LEAD if title in facts)
+
+
+def _goal(data: RunData) -> str:
+    goals = [goal for goal, _ in groupby(f"{whole_deg(goal_deg)}°" for _, goal_deg in data.goals)]
+    return ", then ".join(goals[-LAST_GOALS:]) or "none"
+
+
+def anomalies_table(data: RunData) -> Markup:
+    """Return the anomalies by cause."""
+    counts = data.summary.anomalies
+    if not counts:
+        return html.paragraph("There were no anomalies.")
+    total, hundred_m = sum(counts.values()), data.summary.reckoned_m / 100.0
+    rows = []
+    for kind, count in sorted(counts.items(), key=lambda item: -item[1]):
+        often = f"{count / hundred_m:.1f}" if hundred_m > 0.0 else ""
+        rows.append(("", (in_words(kind), f"{count}", f"{count / total:.0%}", often)))
+    caption = "Anomalies by cause. Each is counted when it begins."
+    return html.table(caption, ("cause", "times", "share", "in 100 m"), rows)
+
+
+def episodes_table(data: RunData) -> Markup:
+    """Return the episodes, in their order."""
+    if not data.episodes:
+        return html.paragraph("There was no escape episode: the rover followed its goal all the time.")
+    rows = [("", _episode(number, each)) for number, each in enumerate(data.episodes[:ROWS], start=1)]
+    caption = "Episodes: from an anomaly until the goal was followed again."
+    head = ("no.", "began", "first turn", "turns", "lasted, s", "distance, m", "how it ended")
+    return html.table(caption, head, rows) + _rest(data.episodes)
+
+
+def _episode(number: int, episode: Episode) -> Sequence[str]:
+    ended = in_words(episode.ended_by or "the end of the log").replace("_", " ")
+    lasted_s = episode.end_s - episode.start_s
+    began = duration_text(episode.start_s, 1)
+    return f"{number}", began, episode.side, f"{episode.turns}", f"{lasted_s:.1f}", f"{episode.metres:.1f}", ended
+
+
+def conditions_table(data: RunData) -> Markup:
+    """Return for how long which condition limited or stopped an armed rover, and what it did about that."""
+    times_s = [("hold", data.summary.held_s), ("degrade", data.summary.limited_s)]
+    rows = [
+        ("", (sentence(in_words(cause)), duration_text(for_s, 1), response_text(level, cause)))
+        for level, by_cause in times_s
+        for cause, for_s in by_cause.items()
+    ]
+    if not rows:
+        return html.paragraph("While it was armed, nothing was wrong with the rover itself.")
+    caption = "What was wrong with the rover itself while it was armed, for how long in all, and what it did about it."
+    return html.table(caption, ("condition", "for", "response"), rows)
+
+
+def events_list(data: RunData) -> Markup:
+    """Return everything that was reported, in its order; trouble is set in bold."""
+    if not data.events:
+        return html.paragraph("No events.")
+    told = [
+        (duration_text(each.elapsed_s, 1), text, is_trouble(each)) for each, text in islice(told_events(data), ROWS)
+    ]
+    return _events(told) + _rest(data.events)
+
+
+def sensors_table(data: RunData) -> Markup:
+    """Return how well each sensor spoke."""
+    if not data.sensors:
+        return html.paragraph("The log has no sensor readings.")
+    rows = [("", (sensor, *_health(data, sensor, health))) for sensor, health in data.sensors.items()]
+    caption = (
+        "Sensors, as the control loop saw them: it looks at each once a tick. Unsure: readings of motion whose quality "
+        "is too low to be used."
+    )
+    head = ("sensor", "readings", "rate, Hz", "set, Hz", "longest gap, s", "unsure", "failures")
+    return html.table(caption, head, rows)
+
+
+def _health(data: RunData, sensor: str, health: SensorStatus) -> Sequence[str]:
+    rate_hz, set_hz = health.rate_hz, data.setting("rates", f"{sensor}_hz")
+    unsure = f"{health.doubtful / health.readings:.1%}" if sensor == "motion" and health.readings else ""
+    return (
+        f"{health.readings}",
+        "" if isnan(rate_hz) else f"{rate_hz:.1f}",
+        "" if isnan(set_hz) else f"{set_hz:g}",
+        f"{health.longest_gap_s:.2f}" if health.readings else "",
+        unsure,
+        f"{health.failures}",
+    )
+
+
+def _rest(rows: Sequence[object]) -> Markup:
+    """Say how many rows are left out, if any."""
+    more = len(rows) - ROWS
+    return html.paragraph(f"{more} more are in the log: wayfarer logs show." if more > 0 else "")

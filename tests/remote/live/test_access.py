@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from wayfarer.daemon.socket.protocol import RequestRefused
-from wayfarer.remote.live.access import Access, check_page, host_name, is_local
+from wayfarer.remote.live.access import Access, check_page, is_local
 
 TOKEN = "s3cret"
 WRONG = ("s3cre", "s3crets", "S3CRET", "sécret", "\udcff\udcfe")
@@ -67,8 +67,6 @@ def test_proxy_that_would_make_everybody_local_is_refused(header: str) -> None:
         check_page("127.0.0.1", {**HOME, header: "203.0.113.9"})
 
 
-def test_addresses_and_names_are_told_apart() -> None:
+def test_addresses_of_this_computer_are_known() -> None:
     assert [is_local(peer) for peer in ("127.0.0.1", "127.8.9.1", "::1", "::ffff:127.0.0.1")] == [True] * 4
     assert [is_local(peer) for peer in ("10.0.0.1", "::", "0.0.0.0", "localhost", "")] == [False] * 5
-    assert host_name("rover.local:8088") == "rover.local"
-    assert host_name("") is None

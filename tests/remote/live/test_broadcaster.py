@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from tests.virtual import virtual
-from wayfarer.remote.live.broadcaster import Broadcaster, PageViewer, TooSlow, ViewerLimits
+from wayfarer.remote.live.model import Broadcaster, PageViewer, TooSlow, ViewerLimits
 
 LIMITS = ViewerLimits(news=5, unseen=3, silent_s=10.0)
 SNAPSHOT = {"everything": True}

@@ -8,10 +8,10 @@ from collections.abc import AsyncIterator
 from typing import Any
 
 from tests.remote.live.test_server import Site, first, serving
-from wayfarer.remote.live.broadcaster import LIMITS
-from wayfarer.remote.live.demo_controls import VERBS, DemoState
+from wayfarer.remote.live import DEMO_VERBS, DemoState
+from wayfarer.remote.live.model import LIMITS
 
-REQUESTS = [{"do": verb} for verb in VERBS if verb != "speed"] + [{"do": "speed", "times": 20}]
+REQUESTS = [{"do": verb} for verb in DEMO_VERBS if verb != "speed"] + [{"do": "speed", "times": 20}]
 
 
 class Demo:
@@ -68,7 +68,7 @@ async def test_demo_needs_no_token_on_this_computer() -> None:
 async def test_demo_is_asked_for_each() -> None:
     async with demonstrated() as (site, demo):
         replies = await replies_to(site, *REQUESTS)
-        assert [reply["ok"] for reply in replies] == [True] * len(VERBS)
+        assert [reply["ok"] for reply in replies] == [True] * len(DEMO_VERBS)
         assert demo.asked == [("pause", True), ("pause", False), ("speed", 20.0)]
         assert site.rover.asked == [], "no part of the rover takes part"
 

@@ -13,7 +13,7 @@ import pytest
 
 from tests.remote.live.test_server import TOKEN, first, pieces, serving
 from wayfarer.remote.live.access import RECEIVED_BYTES, address_to_open, bind
-from wayfarer.remote.live.broadcaster import LIMITS
+from wayfarer.remote.live.model import LIMITS
 
 ENDS = {aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSING, aiohttp.WSMsgType.CLOSED}
 

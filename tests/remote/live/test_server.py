@@ -17,10 +17,10 @@ from tests.remote.live.records import run_log, tick
 from wayfarer.daemon.socket.protocol import Details, RequestRefused
 from wayfarer.errors import BadInput, NotThereYet, WayfarerError
 from wayfarer.fieldlog.log import FieldLog
-from wayfarer.remote.live.broadcaster import LIMITS, ViewerLimits
-from wayfarer.remote.live.client_session import TURN_S
-from wayfarer.remote.live.demo_controls import DemoControls
+from wayfarer.remote.live import DemoControls
+from wayfarer.remote.live.model import LIMITS, ViewerLimits
 from wayfarer.remote.live.server import LivePage
+from wayfarer.remote.live.session import TURN_S
 from wayfarer.safety.permission import Asked
 
 TOKEN = "s3cret"
@@ -91,10 +91,7 @@ class Site:
 
 @contextlib.asynccontextmanager
 async def serving(
-    host: str = "127.0.0.1",
-    limits: ViewerLimits = LIMITS,
-    demo: DemoControls | None = None,
-    rover: Rover | None = None,
+    host: str = "127.0.0.1", limits: ViewerLimits = LIMITS, demo: DemoControls | None = None, rover: Rover | None = None
 ) -> AsyncIterator[Site]:
     page, rover = LivePage(host, 0, TOKEN, limits, demo), rover or Rover()
     log = run_log(page.show)
@@ -263,7 +260,7 @@ async def test_nonsense_is_refused_and_the_connection_goes_on(site: Site) -> Non
 async def test_error_inside_is_told_to_the_terminal_and_ends_nothing(
     site: Site, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("wayfarer.remote.live.client_session.VERBS", ("disarm",))
+    monkeypatch.setattr("wayfarer.remote.live.session.VERBS", ("disarm",))
     async with site.connect() as connection:
         await connection.send_json({"do": "disarm"})
         assert "an error inside wayfarer" in (await first(connection, "reply"))["why"]

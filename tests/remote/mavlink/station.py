@@ -15,9 +15,8 @@ from tests.remote.live.records import run_log
 from wayfarer.config.rover_file import load_rover
 from wayfarer.config.settings import MavlinkSettings
 from wayfarer.daemon.socket.protocol import Commands, Details, RequestRefused
-from wayfarer.remote.mavlink.frames import FrameReader
 from wayfarer.remote.mavlink.ground_station import GroundStation
-from wayfarer.remote.mavlink.link import Address
+from wayfarer.remote.mavlink.link import Address, FrameReader
 
 STATION = Address("udpout", "127.0.0.1", 14550)
 USUAL = MavlinkSettings()

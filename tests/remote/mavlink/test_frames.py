@@ -6,7 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import common
 
 from tests.remote.mavlink.station import Encoder, heartbeat, stick
-from wayfarer.remote.mavlink.frames import INPUT_BYTES, LONGEST_BYTES, FrameReader
+from wayfarer.remote.mavlink.link import INPUT_BYTES, LONGEST_BYTES, FrameReader
 
 
 def read(data: bytes, size: int, gap_s: float = 0.001) -> list[int]:

@@ -394,8 +394,7 @@ async def test_station_that_comes_back_from_another_port_is_the_same_one(monkeyp
 
 
 @pytest.mark.parametrize(
-    ("host", "port", "system"),
-    [("192.168.1.5", 14550, 254), ("192.168.1.6", 14550, 255), ("192.168.1.5", 14551, 254)],
+    ("host", "port", "system"), [("192.168.1.5", 14550, 254), ("192.168.1.6", 14550, 255), ("192.168.1.5", 14551, 254)]
 )
 @virtual
 async def test_heartbeats_of_another_station_do_not_tell_that_the_served_one_is_there(

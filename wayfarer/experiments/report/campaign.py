@@ -27,13 +27,11 @@ from wayfarer.experiments.tables import lines_of
 from wayfarer.fieldlog.record import World
 from wayfarer.logview import palette
 from wayfarer.logview.terminal_table import known
-from wayfarer.reports.data import Floats
-from wayfarer.reports.events import EDGE
+from wayfarer.reports.data import EDGE, Floats, pieces
 from wayfarer.reports.map import draw_forest
 from wayfarer.reports.page import html
 from wayfarer.reports.page.frame import PAGE, write_page
 from wayfarer.reports.page.plots import Figure, Plots, hover, layer, plot, source
-from wayfarer.reports.series import pieces
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.forest_file import as_row
 from wayfarer.vocabulary import in_words

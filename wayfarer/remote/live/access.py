@@ -24,12 +24,11 @@ from urllib.parse import urlsplit
 from wayfarer.daemon.socket.protocol import RequestRefused
 from wayfarer.errors import BadInput, NotThereYet
 
-# -- address ---------------------------------------------------------------------------------------------------------
-# Address of the live page: binds its socket early, and makes the URL to open.
-
 # Of a connection, in bytes: as much is read in one turn of the loop, and two-byte frames take their time. The kernel
 # doubles it (socket(7)), so that the longest message fits.
 RECEIVED_BYTES = 8_192
+
+OF_PROXIES = ("Forwarded", "Via", "X-Forwarded-For", "X-Real-IP")
 
 _SOMEWHERE = ("192.0.2.1", 9)  # reserved for documentation (RFC 5737); nothing is sent there
 
@@ -57,16 +56,12 @@ def bind(host: str, port: int) -> socket.socket:
 
 
 def _why_not(host: str, port: int, error: OSError) -> str:
-    if error.errno == errno.EADDRINUSE:
-        why, remedy = "is in use, perhaps by another wayfarer", "choose another port with --live-port"
-    elif error.errno == errno.EACCES:
-        why, remedy = "is for root only", "choose a port from 1024 up with --live-port"
-    else:
-        why, remedy = (
-            f"cannot be used: {error.strerror or error}",
-            "choose an address of this computer with --live-host",
-        )
-    return f"port {port} on {host} {why}: {remedy}"
+    why = {
+        errno.EADDRINUSE: "is in use, perhaps by another wayfarer: choose another port with --live-port",
+        errno.EACCES: "is for root only: choose a port from 1024 up with --live-port",
+    }
+    other = f"cannot be used: {error.strerror or error}: choose an address of this computer with --live-host"
+    return f"port {port} on {host} {why.get(error.errno or 0, other)}"
 
 
 def address_to_open(bound: socket.socket, token: str) -> str:
@@ -74,7 +69,7 @@ def address_to_open(bound: socket.socket, token: str) -> str:
     host, port = bound.getsockname()[:2]
     if ip_address(host).is_unspecified:
         host = _own_address()
-    return f"http://{_bracketed(host)}:{port}/{token and f'?token={token}'}"
+    return f"http://{f'[{host}]' if ':' in host else host}:{port}/{token and f'?token={token}'}"
 
 
 def _own_address() -> str:
@@ -85,13 +80,6 @@ def _own_address() -> str:
         except OSError:
             return os.uname().nodename
         return str(probe.getsockname()[0])
-
-
-def _bracketed(host: str) -> str:
-    return f"[{host}]" if ":" in host else host
-
-
-OF_PROXIES = ("Forwarded", "Via", "X-Forwarded-For", "X-Real-IP")
 
 
 class Access:
@@ -131,7 +119,10 @@ def check_page(peer: str, headers: Mapping[str, str]) -> None:
     if any(header in headers for header in OF_PROXIES):
         raise RequestRefused("this page does not work through a proxy: open it at the address that wayfarer printed")
     if is_local(peer):
-        name = host_name(headers.get("Host", "")) or ""
+        try:
+            name = urlsplit(f"//{headers.get('Host', '')}").hostname or ""
+        except ValueError:
+            name = ""
         if name != "localhost" and not is_local(name):
             raise RequestRefused("on this computer the page is at localhost or 127.0.0.1, and at no other name")
 
@@ -149,11 +140,3 @@ def is_local(peer: str) -> bool:
 
 def _bytes(token: str) -> bytes:
     return token.encode(errors="surrogatepass")  # bytes that are no UTF-8 become surrogates
-
-
-def host_name(host: str) -> str | None:
-    """Return the name in a ``Host`` header, without the port; None if there is none."""
-    try:
-        return urlsplit(f"//{host}").hostname
-    except ValueError:
-        return None

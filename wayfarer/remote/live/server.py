@@ -1,7 +1,7 @@
 """Web server of the live page, on the daemon's loop: the page at ``/`` and a WebSocket at ``/ws``.
 
 It costs the control tick little, whatever its clients do: states go out ten times a second at most, each is encoded
-once for all, and all that clients can use up is bounded (``broadcaster.ViewerLimits``).
+once for all, and all that clients can use up is bounded (``model.ViewerLimits``).
 """
 
 from __future__ import annotations
@@ -21,15 +21,11 @@ from aiohttp import web
 from wayfarer.daemon.socket.protocol import Commands, RequestRefused
 from wayfarer.fieldlog.record import AnyRecord
 from wayfarer.logview import palette
+from wayfarer.remote.live import DemoControls
 from wayfarer.remote.live.access import Access, address_to_open, bind, check_page
-from wayfarer.remote.live.broadcaster import LIMITS, Broadcaster, PageViewer, ViewerLimits
-from wayfarer.remote.live.client_session import ClientSession
-from wayfarer.remote.live.demo_controls import DemoControls
-from wayfarer.remote.live.page_model import PageModel
+from wayfarer.remote.live.model import LIMITS, Broadcaster, PageModel, PageViewer, ViewerLimits
+from wayfarer.remote.live.session import ClientSession
 from wayfarer.vocabulary import PHASE_TEXTS
-
-# -- the page --------------------------------------------------------------------------------------------------------
-# The HTML document of the live page, made of the files in ``page/``, and its security headers.
 
 # In this order they make one script; each is about one thing.
 SCRIPTS = (
@@ -46,7 +42,7 @@ class Document(NamedTuple):
 
 
 def document() -> Document:
-    """Put the page together. Its own style and script are all that a browser may run, this server all it may ask."""
+    """Make the page of the files in ``page/``; its own style and script are all that a browser may run."""
     folder = files("wayfarer.remote.live") / "page"
     style = palette.css() + (folder / "page.css").read_text(encoding="utf-8")
     scripts = ((folder / name).read_text(encoding="utf-8") for name in SCRIPTS)
@@ -123,7 +119,7 @@ class LivePage:
         self._socket.close()
 
     def show(self, record: AnyRecord) -> None:
-        """Take a record; see ``daemon.daemon.Viewer``."""
+        """Show a record; see ``daemon.daemon.Viewer``."""
         if self._model.take(record):
             self._soon.set()
 

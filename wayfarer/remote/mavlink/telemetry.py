@@ -24,7 +24,7 @@ from wayfarer.escape.api import Phase
 from wayfarer.fieldlog.record import AnyRecord, Board, Fix
 from wayfarer.fieldlog.run_fold import PhaseChanged, RunFold, RunState, Told
 from wayfarer.fieldlog.wording import Tone
-from wayfarer.logview.log_lines import log_lines
+from wayfarer.logview.narrator import log_lines
 from wayfarer.safety.conditions import Level
 
 Messages = Iterator[common.MAVLink_message]

@@ -1,14 +1,16 @@
-"""The events of a run as lines of text, with its state now and then. Pure."""
+"""What happens in a run, as lines of text: for ``wayfarer logs``, the daemon's terminal or journal, and log panels."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from enum import Enum
+from shlex import quote
 from typing import Any, NamedTuple
 
-from wayfarer.fieldlog.clock import duration_text
+from wayfarer.fieldlog.clock import duration_text, local_time
 from wayfarer.fieldlog.reader import Damage
-from wayfarer.fieldlog.record import Board, Event, FaultInjected, Fix, Outcome, Tick, Truth
+from wayfarer.fieldlog.record import AnyRecord, Board, Event, FaultInjected, Fix, Header, Outcome, Tick, Truth
 from wayfarer.fieldlog.run_fold import (
     AnomalyBegan,
     BatteryChanged,
@@ -17,6 +19,7 @@ from wayfarer.fieldlog.run_fold import (
     PhaseChanged,
     PowerChanged,
     RunBegan,
+    RunFold,
     Silence,
     Told,
 )
@@ -30,6 +33,7 @@ from wayfarer.fieldlog.wording import (
     run_text,
     sentence,
 )
+from wayfarer.logview.terminal import painted
 from wayfarer.vocabulary import PHASE_TEXTS, because, in_words, met, whole_deg
 
 STATUS_S = 5.0  # a line at least so often while the rover drives
@@ -196,3 +200,65 @@ def _tick_text(tick: Tick) -> str:
 
 def _duties(*duties: float | None) -> str:
     return "/".join("?" if duty is None else f"{duty:+.2f}" for duty in duties)
+
+
+# The kinds of events that have lines, and the names of the lines; a noted event has its own name.
+LOG_NAMES: Mapping[type[Told], str] = {
+    RunBegan: "run", AnomalyBegan: "anomaly", BoardFaults: "board", PowerChanged: "power", Gap: "gap",
+    Silence: "silence", FaultInjected: "fault", Outcome: "outcome", Event: "event",
+}  # fmt: skip
+
+
+class LogLine(NamedTuple):
+    """One line; a ``tone`` of WARNING means that the rover drives on, FAULT that it stops."""
+
+    name: str
+    text: str
+    tone: Tone
+
+
+def log_lines(event: Told) -> Iterator[LogLine]:
+    """Yield the lines of an event, in the words of a terminal; none for a kind that is not in ``LOG_NAMES``."""
+    if type(event) not in LOG_NAMES:
+        return
+    name = event.name if isinstance(event, Event) else LOG_NAMES[type(event)]
+    if isinstance(event, AnomalyBegan):  # a terminal tells it with its tick
+        yield LogLine(name, sentence(met([event.kind], event.phase)), Tone.WARNING)
+    for text, tone in happened(event):
+        yield LogLine(name, text, tone)
+
+
+class Console:
+    """Takes the records of a run and writes a line with the wall time for each thing that happens.
+
+    A trial has virtual time: its lines have the time since it began, as everywhere else.
+
+    Args:
+        hint: what to do with a rover that is ready; told once it is. Empty for none.
+        write: takes a line for stderr, and must not wait.
+        then: the command that comes next, told with the run's folder at its end; empty for none.
+    """
+
+    def __init__(self, hint: str, write: Callable[[str], None], then: str = "") -> None:
+        self._hint = hint
+        self._write = write
+        self._then = then
+        self._log = ""
+        self._fold, self._narrator = RunFold(), RunNarrator(Verbosity.CHANGES)
+
+    def show(self, record: AnyRecord) -> None:
+        """Take a record; if nothing has changed, nothing is written."""
+        if isinstance(record, Outcome) and record.reason == "failed":
+            return  # the command itself tells of its error
+        told = self._narrator.tell(self._fold.take(record))
+        in_trial = self._fold.state.header.trial is not None
+        at = duration_text(record.elapsed_s, 1) if in_trial else local_time(record.t_wall, "%H:%M:%S")
+        for line in told:
+            self._write(f"{at}  {painted(line.text, line.tone.value, sys.stderr)}")
+        match record:
+            case Header(log=str(log)):
+                self._log = log
+            case Event(name="opened") if self._hint:
+                self._write(f"{at}  disarmed. {self._hint}")
+            case Outcome() if self._then:
+                self._write(f"Next: {self._then} {quote(self._log)}")

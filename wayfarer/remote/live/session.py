@@ -1,17 +1,22 @@
 """One viewer's connection: sends updates, and receives a few commands.
 
 Requests are handled as those of the control socket. A page cannot arm: wheels must not start from a web page. Only one
-with the token can resume or drive by hand (``manual_lease``), because every user of the rover's computer can open the
+with the token can resume or drive by hand (``ManualLease``), because every user of the rover's computer can open the
 page (``access``). Nor can an old page: the request may have waited in a network, or for a blocked daemon, until the
 viewer has gone. So its ``asked_s`` is the newest time that the page had from the daemon (``now_s`` of a state). A demo,
-where no wheels turn, asks for neither. Only its page can pause, change the speed or begin another run
-(``demo_controls``).
+where no wheels turn, asks for neither. Only its page can pause or change the speed.
+
+A page that drives is never told its lease. It is kept here, with the connection: no other page can use it, and it ends
+when the connection ends. A sample of the pad says when it was taken, on the daemon's clock as the page knows it from
+the answers to earlier samples (``page/rover_clock.js``). That is late by what a message takes to the page, and never
+ahead. So the daemon can refuse what waited in a network or in a busy browser.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 
 import msgspec
@@ -22,15 +27,68 @@ from wayfarer.daemon.socket import protocol
 from wayfarer.daemon.socket.protocol import Commands, Details, RequestRefused, check, perform, read_line
 from wayfarer.daemon.socket.server import has_gone
 from wayfarer.errors import WayfarerError
-from wayfarer.remote.live import demo_controls, manual_lease
-from wayfarer.remote.live.broadcaster import PageViewer, TooSlow, ViewerLimits
+from wayfarer.remote.live import DEMO_VERBS, DemoControls, checked_speed
+from wayfarer.remote.live.model import PageViewer, TooSlow, ViewerLimits
 
 VERBS = ("hold", "resume", "stop", "mark")
 STOPPING = ("hold", "stop")  # never limited
 STARTING = ("resume",)  # what can make wheels turn: only with the token, and from a page that is not old
+BY_HAND = ("manual_begin", "manual_drive", "manual_end")
 TURN_S = 0.001  # chosen by us
 
 _bugs = logging.getLogger("wayfarer.remote.live")
+
+
+class ManualLease:
+    """What one viewer may drive: nothing before ``begin``, and nothing after ``end``.
+
+    Args:
+        commands: what the daemon can do.
+        is_there: returns whether the viewer has the page open.
+    """
+
+    def __init__(self, commands: Commands, is_there: Callable[[], bool]) -> None:
+        self._commands = commands
+        self._is_there = is_there
+        self._lease: object = None
+        self._asking = False
+
+    async def begin(self, asked_s: object) -> Details:
+        """Ask for the wheels, and return ``deadman_s``; ``asked_s`` is when the person asked, on the daemon's clock.
+
+        Raises:
+            RequestRefused: they cannot be had now, or this viewer has asked already.
+        """
+        if self._asking:
+            raise RequestRefused("this page has asked to drive by hand already: wait for the answer")
+        self._asking = True
+        try:
+            details = await self._perform({"do": "manual_begin", "asked_s": asked_s, "driver": "page"})
+        finally:
+            self._asking = False
+        self._lease = details["lease"]
+        return {"deadman_s": details["deadman_s"]}
+
+    async def drive(self, fields: Mapping[str, object]) -> Details:
+        """Drive by a sample: ``seq``, ``forward``, ``turn`` and ``sent_s``, as ``Commands.manual_drive`` takes them.
+
+        Raises:
+            WayfarerError: this viewer does not drive, or the daemon refuses the sample.
+        """
+        if self._lease is None:
+            raise RequestRefused("this page does not drive the rover: press Drive by hand first")
+        sample = {key: fields.get(key) for key in ("seq", "forward", "turn", "sent_s")}
+        return await self._perform({"do": "manual_drive", "lease": self._lease, **sample})
+
+    async def end(self) -> None:
+        """Let go of the wheels; safe if this viewer does not drive."""
+        lease, self._lease = self._lease, None
+        if lease is not None:
+            with suppress(WayfarerError):  # it has ended already: somebody stopped the rover, or it fell silent
+                await self._perform({"do": "manual_end", "lease": lease})
+
+    async def _perform(self, fields: Mapping[str, object]) -> Details:
+        return await perform(check(fields), self._commands, None, self._is_there)
 
 
 class ClientSession:
@@ -50,7 +108,7 @@ class ClientSession:
 
     def __init__(
         self, socket: web.WebSocketResponse, request: web.BaseRequest, viewer: PageViewer, commands: Commands,
-        turn: asyncio.Lock, limits: ViewerLimits, demo: demo_controls.DemoControls | None, may_start: bool,
+        turn: asyncio.Lock, limits: ViewerLimits, demo: DemoControls | None, may_start: bool,
     ) -> None:  # fmt: skip
         self._socket = socket
         self._request = request
@@ -61,7 +119,7 @@ class ClientSession:
         self._rate_limiter = RateLimiter(limits.requests, limits.requests_hz)
         self._demo = demo
         self.may_start = may_start
-        self._lease = manual_lease.ManualLease(commands, self._is_there)
+        self._lease = ManualLease(commands, self._is_there)
         self._beginning: asyncio.Task[None] | None = None
 
     async def run(self) -> None:
@@ -102,18 +160,19 @@ class ClientSession:
         try:
             fields = read_line(text.encode())
         except WayfarerError as refusal:
-            await self._reply({}, {"ok": False, "why": str(refusal)})
+            await self._send(reply={"do": None, "ok": False, "why": str(refusal)})
             return
         if "seen" in fields:
             self._viewer.acknowledge(fields["seen"])
             if self._demo is not None:
                 self._demo.seen()
-        elif fields.get("do") == manual_lease.BEGIN and (self._beginning is None or self._beginning.done()):
+        elif fields.get("do") == "manual_begin" and (self._beginning is None or self._beginning.done()):
             self._beginning = asyncio.create_task(self._begin(fields), name="live viewer begins to drive")
         else:
             await self._answer(fields)
 
     async def _answer(self, fields: dict[str, object]) -> None:
+        """Do what is asked for, and say what became of it."""
         try:
             reply: dict[str, object] = {"ok": True, **await self._do(fields)}
         except WayfarerError as refusal:
@@ -121,16 +180,10 @@ class ClientSession:
         except Exception:
             _bugs.exception("in doing what a page asked for")
             reply = {"ok": False, "why": "an error inside wayfarer: look at its terminal before you go on"}
-        await self._reply(fields, reply)
-
-    async def _reply(self, fields: dict[str, object], reply: dict[str, object]) -> None:
-        """Say what became of a request; what is no verb may be too deep to be sent back."""
-        do = fields.get("do")
-        told = {"do": do if isinstance(do, str) else None, **reply}
-        if do in manual_lease.VERBS:  # its page must know which sample this is for, and what time it is
-            seq = fields.get("seq")
-            told |= {"seq": seq if isinstance(seq, int) else None, "t_s": asyncio.get_running_loop().time()}
-        await self._send(reply=told)
+        do, seq = fields.get("do"), fields.get("seq")
+        if do in BY_HAND:  # its page must know which sample this is for, and what time it is
+            reply |= {"seq": seq if isinstance(seq, int) else None, "t_s": asyncio.get_running_loop().time()}
+        await self._send(reply={"do": do if isinstance(do, str) else None, **reply})  # another one may be too deep
 
     async def _begin(self, fields: dict[str, object]) -> None:
         """Answer beside other requests: checks and motors take a while, and a stop must not wait for them."""
@@ -151,9 +204,14 @@ class ClientSession:
     async def _do(self, fields: dict[str, object]) -> Details:
         """Do what is asked for, and return details for the page."""
         do = fields.get("do")
-        if do in demo_controls.VERBS:
-            self._do_in_demo(fields)
-        elif do in manual_lease.VERBS:
+        if do in DEMO_VERBS:
+            if self._demo is None:
+                raise RequestRefused(f"{do} is only for wayfarer demo: the clock of this run is the real one")
+            if do == "speed":  # what only a demo can is not limited: it writes nothing into the log
+                self._demo.run_at(checked_speed(fields.get("times")))
+            else:
+                self._demo.pause(do == "pause")
+        elif do in BY_HAND:
             return await self._do_by_hand(fields)
         else:
             if do not in VERBS and isinstance(do, str) and do in protocol.VERBS:
@@ -175,11 +233,11 @@ class ClientSession:
         if self._demo is not None:
             raise RequestRefused("the rover of a demo cannot be driven by hand: use wayfarer run --sim --live --manual")
         match fields["do"]:
-            case manual_lease.BEGIN:
+            case "manual_begin":
                 self._check_rate()
                 self._check_start("to drive by hand", fields.get("asked_s"))
                 return await self._lease.begin(fields.get("asked_s"))
-            case manual_lease.DRIVE:
+            case "manual_drive":
                 return await self._lease.drive(fields)
             case _:
                 await self._let_go()
@@ -208,9 +266,3 @@ class ClientSession:
             raise RequestRefused(
                 "the page showed an old state: look at the new one, and press again if it is still right"
             )
-
-    def _do_in_demo(self, fields: dict[str, object]) -> None:
-        """Do what only a demo can; it writes nothing into the log, and so is not limited."""
-        if self._demo is None:
-            raise RequestRefused(f"{fields['do']} is only for wayfarer demo: the clock of this run is the real one")
-        demo_controls.perform(fields, self._demo)

@@ -15,7 +15,7 @@ from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.record import Truth
 from wayfarer.hal import PositionFix, WheelCommand
-from wayfarer.remote.live.page_model import COURSE_POINTS, LINES, MARKS, PageModel
+from wayfarer.remote.live.model import COURSE_POINTS, LINES, MARKS, PageModel
 from wayfarer.safety.conditions import Condition, Level
 
 

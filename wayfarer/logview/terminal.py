@@ -1,4 +1,4 @@
-"""What commands print for scripts, and for the person who goes on: JSON, and the next command.
+"""What commands print: JSON for scripts, the next command for a person, and colour if it means something.
 
 JSON is one document on a line of stdout, or a document a line where a run is shown record by record;
 ``docs/reference/json.md`` describes each. Notes, progress and the next command go to stderr.
@@ -7,15 +7,30 @@ JSON is one document on a line of stdout, or a document a line where a run is sh
 from __future__ import annotations
 
 import json
+import os
 import shlex
 import sys
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from math import isfinite
-from typing import Any
+from typing import Any, TextIO
 
 from wayfarer.fieldlog.fields import escape_control_chars
+
+# The terminal's colours (SGR codes), by the tone of a text; they follow the user's colour scheme.
+COLOURS = {
+    "quiet": "2", "phase": "36", "person": "1", "good": "32", "warning": "33", "fault": "1;31", "end": "1;32",
+}  # fmt: skip
+
+
+def painted(text: str, tone: str, stream: TextIO | None = None) -> str:
+    """Return a text in the colour of its tone, if ``stream`` (None: stdout) is a terminal whose owner wants colours.
+
+    ``NO_COLOR`` (no-color.org) and ``TERM=dumb`` say that nobody does.
+    """
+    wanted = (stream or sys.stdout).isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    return f"\x1b[{COLOURS[tone]}m{text}\x1b[0m" if wanted and tone in COLOURS else text
 
 
 def print_json(document: object) -> None:
