@@ -31,8 +31,7 @@ def test_foxgloves_scene_and_log_are_exported() -> None:
 
     from wayfarer.export.mcap import Channels
 
-    channels = Channels(Context())
-    topics = {channel.topic() for row in channels._rows.values() for channel, _ in row}  # type: ignore[attr-defined]
+    topics = Channels(Context()).by_topic.keys()
     panels = json.loads((LAYOUTS / "foxglove.json").read_text(encoding="utf-8"))["configById"]
     assert {*panels["3D!map"]["topics"], panels["RosOut!log"]["topicToRender"]} <= topics
 

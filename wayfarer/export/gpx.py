@@ -10,12 +10,13 @@ reckoned, it is at the fix nearest in time. A track's ``type`` is ``fixes``, ``f
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from math import dist, nan
-from operator import attrgetter
+from itertools import groupby
+from math import dist, inf
+from operator import attrgetter, itemgetter
 from pathlib import Path
-from typing import NamedTuple, TextIO
+from typing import NamedTuple, TextIO, TypeVar
 from xml.etree.ElementTree import Element
 
 import msgspec
@@ -28,7 +29,7 @@ from wayfarer.export import read_clock_zero_s, utc_time
 from wayfarer.fieldlog.clock import duration_text
 from wayfarer.fieldlog.folders import run_title
 from wayfarer.fieldlog.reader import Damage, RunReader
-from wayfarer.fieldlog.record import Event, Fix, Outcome, ReckonedPose, Tick, or_nan
+from wayfarer.fieldlog.record import Event, Fix, Outcome, ReckonedPose, Tick
 from wayfarer.fieldlog.run_fold import HELD, AnomalyBegan, RunFold, Told
 from wayfarer.fieldlog.wording import outcome_text, run_text
 from wayfarer.logview.receiver_fit import Fit, MapFix, believable, fit
@@ -39,6 +40,7 @@ GAP_S = 10.0  # without a fix, and a track has a gap: ten readings at the usual 
 SPACING_M = 0.2  # of the path's points: half a rover's length; an hour at 0.5 m/s has 9,000
 DECIMALS = 8  # of a degree: a millimetre
 _time = attrgetter("t_s")
+AnyPlace = TypeVar("AnyPlace", Fix, "PathPoint")
 
 
 def write_gpx(run: Path, file: TextIO, origin: str | None = None) -> Damage:
@@ -110,34 +112,31 @@ class Places(NamedTuple):
 
 
 def read_places(run: Path, origin: Origin | None) -> Places:
-    """Read where a run was; ``origin`` is where one without fixes began.
-
-    Raises:
-        BadInput: the run cannot be read, has neither fixes nor an origin, or has both.
-    """
+    """Read where a run was; ``origin`` is where one without fixes began."""
     reader = RunReader(run)
     zero_s, fold = read_clock_zero_s(reader), RunFold()
     fixes: list[Fix] = []
     compared: list[MapFix] = []
-    poses: list[ReckonedPose] = []
-    path = ReckonedPath()
+    moments: list[tuple[float, int, ReckonedPose]] = []
     placed_events: list[PlacedEvent] = []
     for record in RunReader(run):
         placed_events += _happened(fold.take(record))
         match record:
             case Tick() if (place := record.place) is not None:
-                poses.append(place)
-                path.take(record.elapsed_s, place, fold.state.stretch)
+                moments.append((record.elapsed_s, fold.state.stretch, place))
             case Fix():
-                fixes.append(_on_globe(record))
-                compared.append(_compared(record, fold.state.place))
+                latitude_deg, longitude_deg = on_globe(record.latitude_deg, record.longitude_deg)
+                fixes.append(msgspec.structs.replace(record, latitude_deg=latitude_deg, longitude_deg=longitude_deg))
+                compared.append(MapFix.of(record, fold.state.place))
+    poses = [place for _, _, place in moments]
     _check_origin(run, origin, fixes, poses)
     fixes.sort(key=_time)
-    onto = onto_fixes(compared) if origin is None else from_origin(origin)
-    laid, how = (path.laid(onto), onto.how) if onto else ([], "")
+    given = OnGlobe(Fit(1.0, 0.0), origin, "dead reckoning from the given origin") if origin else None
+    onto = given or onto_fixes(compared)
+    laid, how = (path_of(moments, onto), onto.how) if onto else ([], "")
     waypoints = [_placed(each, fixes, poses, onto) for each in placed_events]
     title, about = run_title(run), run_text(fold.state.header)
-    return Places(title, about, zero_s, list(_segments(fixes)), laid, how, waypoints, reader.damage)
+    return Places(title, about, zero_s, cut(fixes, GAP_S), laid, how, waypoints, reader.damage)
 
 
 def _check_origin(run: Path, origin: Origin | None, fixes: Sequence[Fix], poses: Sequence[ReckonedPose]) -> None:
@@ -151,12 +150,6 @@ def _check_origin(run: Path, origin: Origin | None, fixes: Sequence[Fix], poses:
         )
     if origin is not None and not poses:
         raise BadInput(f"{run} has no heading, so no path leads away from --origin: see wayfarer logs check")
-
-
-def _compared(fix: Fix, place: ReckonedPose | None) -> MapFix:
-    """Return a fix with where dead reckoning had the rover then."""
-    here_m = (place.north_m, place.east_m) if place else (nan, nan)
-    return MapFix(fix.elapsed_s, fix.latitude_deg, fix.longitude_deg, or_nan(fix.error_m), *here_m)
 
 
 def _happened(events: Sequence[Told]) -> Iterator[PlacedEvent]:
@@ -175,18 +168,16 @@ def _happened(events: Sequence[Told]) -> Iterator[PlacedEvent]:
                 yield PlacedEvent("end", outcome_text(event), event.t_s, event.elapsed_s)
 
 
-def _segments(fixes: Sequence[Fix]) -> Iterator[list[Fix]]:
-    """Cut a track where fixes are missing, and at the date line, where maps draw a line around the world."""
-    segment: list[Fix] = []
-    for fix in fixes:
-        if segment and (
-            fix.t_s - segment[-1].t_s > GAP_S or abs(fix.longitude_deg - segment[-1].longitude_deg) > 180.0
-        ):
-            yield segment
-            segment = []
-        segment.append(fix)
-    if segment:
-        yield segment
+def cut(places: Iterable[AnyPlace], gap_s: float = inf) -> list[list[AnyPlace]]:
+    """Cut a track at gaps in time, and at the date line, where maps draw a line around the world."""
+    segments: list[list[AnyPlace]] = []
+    last: AnyPlace | None = None
+    for place in places:
+        if last is None or place.t_s - last.t_s > gap_s or abs(place.longitude_deg - last.longitude_deg) > 180.0:
+            segments.append([])
+        segments[-1].append(place)
+        last = place
+    return segments
 
 
 def _placed(
@@ -202,11 +193,6 @@ def _placed(
     return Waypoint(placed_event, fix.latitude_deg, fix.longitude_deg, placed)
 
 
-def _on_globe(fix: Fix) -> Fix:
-    latitude_deg, longitude_deg = on_globe(fix.latitude_deg, fix.longitude_deg)
-    return msgspec.structs.replace(fix, latitude_deg=latitude_deg, longitude_deg=longitude_deg)
-
-
 # -- the path ----------------------------------------------------------------------------------------------------------
 
 
@@ -218,11 +204,7 @@ class Origin(NamedTuple):
 
     @classmethod
     def of(cls, text: str) -> Origin:
-        """Return the place of a text such as ``50.937,-1.397``: latitude, longitude.
-
-        Raises:
-            BadInput: it is no such text.
-        """
+        """Return the place of a text such as ``50.937,-1.397``: latitude, longitude."""
         try:
             latitude_deg, longitude_deg = map(float, text.split(","))
         except ValueError:
@@ -254,11 +236,6 @@ def onto_fixes(fixes: Sequence[MapFix]) -> OnGlobe | None:
     return OnGlobe(found, believed[0], "dead reckoning fitted to the fixes") if found else None
 
 
-def from_origin(origin: Origin) -> OnGlobe:
-    """Return what lets the path begin at a given place."""
-    return OnGlobe(Fit(1.0, 0.0), origin, "dead reckoning from the given origin")
-
-
 @dataclass(frozen=True, slots=True)
 class PathPoint:
     """A place of the path, degrees."""
@@ -269,38 +246,21 @@ class PathPoint:
     longitude_deg: float
 
 
-class ReckonedPath:
-    """Collects the path of a run, as points that are ``SPACING_M`` apart; a gap in the log cuts it."""
+def path_of(moments: Iterable[tuple[float, int, ReckonedPose]], onto: OnGlobe) -> list[list[PathPoint]]:
+    """Return the path on the globe as points ``SPACING_M`` apart, cut at gaps in the log and at the date line.
 
-    def __init__(self) -> None:
-        self._segments: list[list[tuple[float, ReckonedPose]]] = []
-        self._stretch = -1
-
-    def take(self, elapsed_s: float, place: ReckonedPose, stretch: int) -> None:
-        """Take where the rover was; ``stretch`` is another number after missing records."""
-        if stretch != self._stretch:
-            self._stretch = stretch
-            self._segments.append([])
-        segment = self._segments[-1]
-        if segment:
-            before = segment[-1][1]
-            if dist((before.north_m, before.east_m), (place.north_m, place.east_m)) < SPACING_M:
-                return
-        segment.append((elapsed_s, place))
-
-    def laid(self, onto: OnGlobe) -> list[list[PathPoint]]:
-        """Return the path on the globe, cut at the date line as well."""
-        found: list[list[PathPoint]] = []
-        for segment in self._segments:
-            points: list[PathPoint] = []
-            for elapsed_s, place in segment:
-                latitude_deg, longitude_deg = onto(place)
-                if points and abs(longitude_deg - points[-1].longitude_deg) > 180.0:
-                    found.append(points)
-                    points = []
-                points.append(PathPoint(place.t_s, elapsed_s, latitude_deg, longitude_deg))
-            found.append(points)
-        return [points for points in found if len(points) > 1]
+    ``moments`` are a time in seconds, a number that is another one after missing records, and where the rover was.
+    """
+    segments: list[list[PathPoint]] = []
+    for _, stretch in groupby(moments, key=itemgetter(1)):
+        segments.append([])
+        last_m = (inf, inf)
+        for elapsed_s, _, place in stretch:
+            here_m = place.north_m, place.east_m
+            if dist(last_m, here_m) >= SPACING_M:
+                last_m = here_m
+                segments[-1].append(PathPoint(place.t_s, elapsed_s, *onto(place)))
+    return [points for segment in segments for points in cut(segment) if len(points) > 1]
 
 
 def on_globe(latitude_deg: float, longitude_deg: float) -> tuple[float, float]:

@@ -36,7 +36,11 @@ class Plot(NamedTuple):
     def message(self, view: AnyRecord) -> dict[str, object]:
         """Return what a record says of the fields."""
         values = ((name, _value(view, name)) for name in self.fields)
-        return {name: value for name, value in values if _is_known(value)}
+        return {
+            name: value
+            for name, value in values
+            if value is not None and not (isinstance(value, float) and not isfinite(value))
+        }
 
 
 FURTHER: Mapping[str, Any] = {
@@ -59,10 +63,6 @@ def _value(view: Any, name: str) -> object:
     if name in _DERIVED:
         return _DERIVED[name](view)
     return getattr(view, name) if name in view.__struct_fields__ else view.remembered(name)
-
-
-def _is_known(value: object) -> bool:
-    return value is not None and not (isinstance(value, float) and not isfinite(value))
 
 
 def _error_deg(tick: Any) -> float | None:

@@ -1,10 +1,13 @@
-"""The scene of the 3D panel: poses, forest, bodies and paths; metres, in the axes of ``enu``."""
+"""The scene of the 3D panel: poses, forest, bodies and paths.
+
+Axes are those of Foxglove and ROS (REP 103), metres: x east, y north, z up; of a body x ahead, y left, z up.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from math import atan2, cos, degrees, hypot, radians, sin
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from foxglove.messages import (
     ArrowPrimitive,
@@ -25,9 +28,6 @@ from foxglove.messages import (
 from wayfarer.fieldlog.record import World
 from wayfarer.logview import palette
 from wayfarer.logview.trail import Trail
-
-# -- east, north, up -------------------------------------------------------------------------------------------------
-# Orientations as in Foxglove and ROS (REP 103): x east, y north, z up; of a body x ahead, y left, z up. Pure.
 
 
 class Rotation(NamedTuple):
@@ -95,8 +95,7 @@ class DrawnPath(Trail):
 
 def orientation(heading_deg: float, pitch_deg: float = 0.0, roll_deg: float = 0.0) -> Quaternion:
     """Return a body's rotation in the map, as ``enu_rotation`` has it."""
-    rotation = enu_rotation(heading_deg, pitch_deg, roll_deg)
-    return Quaternion(x=rotation.x, y=rotation.y, z=rotation.z, w=rotation.w)
+    return Quaternion(**enu_rotation(heading_deg, pitch_deg, roll_deg)._asdict())
 
 
 def transform(time: Timestamp, child: str, x_m: float, y_m: float, rotation: Quaternion) -> FrameTransform:
@@ -110,9 +109,12 @@ def forest_scene(time: Timestamp, world: World) -> SceneUpdate:
     """Return a simulated forest, given as a line of a forest file: fallen trunks, standing trees and the goal line."""
     tree_m = 2.0 * world.tree_radius_m
     trunks = [_trunk(x0_m, y0_m, x1_m, y1_m, wide_m) for (x0_m, y0_m, x1_m, y1_m, _), wide_m in world.thick_trunks]
-    trees = [_tree(x_m, y_m, tree_m) for x_m, y_m, *_ in world.trees_m]
+    trees = [
+        _cylinder(Vector3(x=x_m, y=y_m, z=TREE_HEIGHT_M / 2.0), _LEVEL, tree_m, TREE_HEIGHT_M, palette.TREE)
+        for x_m, y_m, *_ in world.trees_m
+    ]
     start_x_m, goal_y_m = world.start_m[0], world.goal_y_m
-    ends = [point(start_x_m + side * GOAL_HALF_LENGTH_M, goal_y_m) for side in (-1.0, 1.0)]
+    ends = [Point3(x=start_x_m + side * GOAL_HALF_LENGTH_M, y=goal_y_m) for side in (-1.0, 1.0)]
     return SceneUpdate(
         entities=[
             SceneEntity(timestamp=time, frame_id=MAP, id="forest", cylinders=[*trunks, *trees]),
@@ -126,6 +128,8 @@ def body_scene(time: Timestamp, length_m: float, width_m: float, frames: Sequenc
     size = Vector3(x=length_m, y=width_m, z=BODY_HEIGHT_M)
     middle = Pose(position=Vector3(z=BODY_HEIGHT_M / 2.0), orientation=_LEVEL)
     nose = Pose(position=Vector3(x=length_m / 2.0, z=BODY_HEIGHT_M / 2.0), orientation=_LEVEL)
+    shaft: Any = {"shaft_length": length_m / 2.0, "shaft_diameter": length_m / 8.0}
+    head: Any = {"head_length": length_m / 4.0, "head_diameter": length_m / 4.0}
     return SceneUpdate(
         entities=[
             SceneEntity(
@@ -134,16 +138,11 @@ def body_scene(time: Timestamp, length_m: float, width_m: float, frames: Sequenc
                 id=frame,
                 frame_locked=True,
                 cubes=[CubePrimitive(pose=middle, size=size, color=COLOURS[frame])],
-                arrows=[_arrow(nose, length_m, COLOURS[frame])],
+                arrows=[ArrowPrimitive(pose=nose, color=COLOURS[frame], **shaft, **head)],
             )
             for frame in frames
         ]
     )
-
-
-def point(x_m: float, y_m: float) -> Point3:
-    """Return a point on the ground."""
-    return Point3(x=x_m, y=y_m)
 
 
 def path_scene(time: Timestamp, frame: str, points: list[Point3]) -> SceneUpdate:
@@ -160,33 +159,14 @@ def _trunk(x0_m: float, y0_m: float, x1_m: float, y1_m: float, diameter_m: float
     east_m, north_m = x1_m - x0_m, y1_m - y0_m
     lying = orientation(degrees(atan2(east_m, north_m)), pitch_deg=-90.0)
     middle = Vector3(x=(x0_m + x1_m) / 2.0, y=(y0_m + y1_m) / 2.0, z=diameter_m / 2.0)
-    return _cylinder(Pose(position=middle, orientation=lying), diameter_m, hypot(east_m, north_m), palette.TRUNK)
+    return _cylinder(middle, lying, diameter_m, hypot(east_m, north_m), palette.TRUNK)
 
 
-def _tree(x_m: float, y_m: float, diameter_m: float) -> CylinderPrimitive:
-    middle = Vector3(x=x_m, y=y_m, z=TREE_HEIGHT_M / 2.0)
-    return _cylinder(Pose(position=middle, orientation=_LEVEL), diameter_m, TREE_HEIGHT_M, palette.TREE)
-
-
-def _cylinder(pose: Pose, diameter_m: float, length_m: float, colour: str) -> CylinderPrimitive:
-    return CylinderPrimitive(
-        pose=pose,
-        size=Vector3(x=diameter_m, y=diameter_m, z=length_m),
-        bottom_scale=1.0,
-        top_scale=1.0,
-        color=_colour(colour),
-    )
-
-
-def _arrow(pose: Pose, length_m: float, colour: Color) -> ArrowPrimitive:
-    return ArrowPrimitive(
-        pose=pose,
-        shaft_length=length_m / 2.0,
-        shaft_diameter=length_m / 8.0,
-        head_length=length_m / 4.0,
-        head_diameter=length_m / 4.0,
-        color=colour,
-    )
+def _cylinder(
+    middle: Vector3, turned: Quaternion, diameter_m: float, length_m: float, colour: str
+) -> CylinderPrimitive:
+    size, pose = Vector3(x=diameter_m, y=diameter_m, z=length_m), Pose(position=middle, orientation=turned)
+    return CylinderPrimitive(pose=pose, size=size, bottom_scale=1.0, top_scale=1.0, color=_colour(colour))
 
 
 def _line(points: list[Point3], colour: Color) -> LinePrimitive:

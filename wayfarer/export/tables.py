@@ -72,11 +72,7 @@ Row = dict[str, Any]  # by column: a number, a flag, a text, a list of these, a 
 
 
 def write_csv(run: Path, file: TextIO) -> Damage:
-    """Write a run with a row for each tick, and return what of it could not be read.
-
-    Raises:
-        BadInput: the run cannot be read.
-    """
+    """Write a run with a row for each tick, and return what of it could not be read."""
     reader = RunReader(run)
     further = further_columns(reader)
     csv.writer(file, lineterminator="\n").writerows(csv_rows(RunReader(run), further))
@@ -98,45 +94,29 @@ def further_columns(records: Iterable[AnyRecord]) -> list[str]:
 
 
 def table_rows(records: Iterable[AnyRecord]) -> Iterator[Row]:
-    """Give a row for each tick, with the values as they are; a column that is not in a row has none."""
-    sheet = _Sheet()
+    """Give a row for each tick, with the values as they are; a column that is not in a row has none.
+
+    What is said between two ticks is in the row of the second; what no tick came after, in a last row.
+    """
+    stamp: Row = {}
+    beside: Row = {}
+    events: list[str] = []
     for record in records:
-        yield from sheet.take(record)
-    yield from sheet.rest()
-
-
-class _Sheet:
-    """Collects what belongs in the row of the next tick."""
-
-    def __init__(self) -> None:
-        self._stamp: Row = {}
-        self._beside: Row = {}
-        self._events: list[str] = []
-
-    def take(self, record: AnyRecord) -> Iterator[Row]:
-        """Take a record, and give the row if it is a tick."""
-        self._stamp = {key: getattr(record, key) for key in STAMP} | {"t_wall": utc_stamp(record.t_wall)}
+        stamp = {key: getattr(record, key) for key in STAMP} | {"t_wall": utc_stamp(record.t_wall)}
         match record:
             case Tick():
-                yield self._row(_columns_of(record))
+                yield {**_columns_of(record), **beside, **stamp, "event": "; ".join(events)}
+                beside, events = {}, []
             case Event():
-                self._events.append(record.text)
+                events.append(record.text)
             case FaultInjected():
-                self._events.append(fault_text(record))
+                events.append(fault_text(record))
             case Outcome():
-                self._events.append(outcome_text(record))
+                events.append(outcome_text(record))
             case _:
-                self._beside |= _columns_of(record)
-
-    def rest(self) -> Iterator[Row]:
-        """Give a last row, if there is anything that no tick came after."""
-        if self._events or self._beside:
-            yield self._row({})
-
-    def _row(self, tick: Row) -> Row:
-        row = {**tick, **self._beside, **self._stamp, "event": "; ".join(self._events)}
-        self._beside, self._events = {}, []
-        return row
+                beside |= _columns_of(record)
+    if events or beside:
+        yield {**beside, **stamp, "event": "; ".join(events)}
 
 
 def _columns_of(record: AnyRecord) -> Row:

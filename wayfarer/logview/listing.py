@@ -54,11 +54,6 @@ def _began(row: RunRow) -> str:
     return local_time(row.began_wall_s, "%Y-%m-%d %H:%M")
 
 
-def _whole_metres(distance_m: float | None) -> str:
-    """Return a distance in a few characters; empty if it is not known."""
-    return "" if distance_m is None else f"{distance_m:.0f}"
-
-
 # The columns by their titles.
 CELLS: Mapping[str, Callable[[RunRow], str]] = {
     "run": lambda row: row.run if row.number is None else str(row.number),
@@ -66,7 +61,7 @@ CELLS: Mapping[str, Callable[[RunRow], str]] = {
     "lasted": lambda row: duration_text(row.lasted_s),
     "rover": lambda row: "".join([row.rover or "", " (sim)" * bool(row.simulated), " (dry)" * bool(row.dry_run)]),
     "algorithm": lambda row: row.algorithm or "",
-    "m": lambda row: _whole_metres(row.commanded_m if row.driven_m is None else row.driven_m),
+    "m": lambda row: "" if (m := row.commanded_m if row.driven_m is None else row.driven_m) is None else f"{m:.0f}",
     "episodes": lambda row: "" if row.episodes is None else str(row.episodes),
     "outcome": lambda row: outcome_in_words(row.outcome),
     "MB": lambda row: "" if row.size_bytes is None else f"{row.size_bytes / MB:.1f}",
@@ -76,37 +71,25 @@ SPARED = ("MB", "rover", "algorithm", "episodes")  # what a narrow terminal goes
 
 
 def rows(logs: Path, now_wall_s: float) -> list[RunRow]:
-    """Return a row for each run, in the order of ``run_folders``.
+    """Return a row for each run in the folder of all runs, in the order of ``run_folders``.
 
-    Args:
-        logs: the folder of all runs.
-        now_wall_s: the wall time, which tells a run that goes on from one that was cut off.
-
-    Raises:
-        BadInput: the logs' folder cannot be read.
+    ``now_wall_s`` is the wall time, which tells a run that goes on from one that was cut off.
     """
     return [row_of(run, now_wall_s) for run in run_folders(logs)]
 
 
 def lines(table: Sequence[RunRow], width: int | None) -> list[str]:
     """Return rows as lines under their titles, with as many columns as ``width`` characters hold (None: all)."""
-    shown = dict(CELLS)
+    columns = {title: [title, *map(cell, table)] for title, cell in CELLS.items()}
+    for title, texts in columns.items():
+        widest = max(map(len, texts))
+        columns[title] = [text.rjust(widest) if title in RIGHT else text.ljust(widest) for text in texts]
     for spared in ("", *SPARED):
-        shown.pop(spared, None)
-        laid_out = _laid_out([list(shown), *([cell(row) for cell in shown.values()] for row in table)])
+        columns.pop(spared, None)
+        laid_out = ["  ".join(cells).rstrip() for cells in zip(*columns.values(), strict=True)]
         if width is None or max(map(len, laid_out)) <= width:
             break
     return laid_out
-
-
-def _laid_out(table: Sequence[Sequence[str]]) -> list[str]:
-    """Return cells as lines; the first are the titles."""
-    titles, widths = table[0], [max(map(len, column)) for column in zip(*table, strict=True)]
-    return ["  ".join(map(_cell, row, titles, widths)).rstrip() for row in table]
-
-
-def _cell(text: str, title: str, width: int) -> str:
-    return text.rjust(width) if title in RIGHT else text.ljust(width)
 
 
 def row_of(run: Path, now_wall_s: float) -> RunRow:
@@ -119,34 +102,19 @@ def row_of(run: Path, now_wall_s: float) -> RunRow:
     except (BadInput, *CANNOT_BE_READ):
         return RunRow(title, count)
     end, tick, truth, outcome = (last.get(kind) for kind in (None, Tick, Truth, Outcome))
-    return RunRow(
-        title,
-        count,
-        header.trial,
-        began_wall_s(end) if header.trial is None else None,
-        None if end is None else end.elapsed_s,
-        header.rover,
-        header.algorithm,
-        header.simulated,
-        header.dry_run,
-        tick.travelled_m if isinstance(tick, Tick) else None,
-        _episodes(tick),
-        _outcome(outcome, alive=abs(now_wall_s - written_s) < ALIVE_S),
-        size_bytes,
-        header.version,
-        truth.driven_m if isinstance(truth, Truth) else None,
-    )
-
-
-def _episodes(tick: AnyRecord | None) -> int | None:
     episodes = tick.remembered("episodes") if isinstance(tick, Tick) else None
-    return None if episodes is None else round(episodes)
-
-
-def _outcome(outcome: AnyRecord | None, *, alive: bool) -> str:
-    if isinstance(outcome, Outcome):
-        return outcome.reason
-    return "running" if alive else CUT_OFF
+    without_end = "running" if abs(now_wall_s - written_s) < ALIVE_S else CUT_OFF
+    return RunRow(
+        title, count, header.trial,
+        began_wall_s=began_wall_s(end) if header.trial is None else None,
+        lasted_s=None if end is None else end.elapsed_s,
+        rover=header.rover, algorithm=header.algorithm, simulated=header.simulated, dry_run=header.dry_run,
+        commanded_m=tick.travelled_m if isinstance(tick, Tick) else None,
+        episodes=None if episodes is None else round(episodes),
+        outcome=outcome.reason if isinstance(outcome, Outcome) else without_end,
+        size_bytes=size_bytes, version=header.version,
+        driven_m=truth.driven_m if isinstance(truth, Truth) else None,
+    )  # fmt: skip
 
 
 def _last(segments: Sequence[Path]) -> dict[type[AnyRecord] | None, AnyRecord]:
@@ -154,22 +122,18 @@ def _last(segments: Sequence[Path]) -> dict[type[AnyRecord] | None, AnyRecord]:
 
     If the newest segment has no tick, the end of the one before counts as well.
     """
-    found: dict[type[AnyRecord] | None, AnyRecord] = {}
+    newest: dict[type[AnyRecord] | None, AnyRecord] = {}
     lines: list[bytes] = []
     for segment in reversed(segments[-2:]):
-        lines = _last_lines(segment) + lines
+        with open_log(segment) as file:
+            go_to_last(file, TAIL_BYTES)
+            tail = file.read(TAIL_BYTES) or b""  # None for a file of the kernel that would have to be waited for
+        lines = tail.splitlines(keepends=True) + lines
         log_lines = Lines()
-        found = {}
+        newest = {}
         for record in map(log_lines.take, lines):
             if record is not None:
-                found[None] = found[type(record)] = record
-        if Tick in found:
+                newest[None] = newest[type(record)] = record
+        if Tick in newest:
             break
-    return found
-
-
-def _last_lines(segment: Path) -> list[bytes]:
-    with open_log(segment) as file:
-        go_to_last(file, TAIL_BYTES)
-        tail = file.read(TAIL_BYTES) or b""  # None for a file of the kernel that would have to be waited for
-    return tail.splitlines(keepends=True)
+    return newest

@@ -42,7 +42,7 @@ WIDEST = max(map(len, PHASE_TEXTS.values()))  # characters
 
 TextAndTone = tuple[str, Tone]
 Change = PhaseChanged | AnomalyBegan
-# What algorithms of the catalogue remember has names in views; what another one remembers is told as it is.
+# What algorithms of the catalogue remember, which has names of its own in all viewers.
 NAMED = {"counter_deg", "side", "turn_deg", "episodes", "blocked_turns", "turn_from_duty"}
 
 
@@ -81,23 +81,23 @@ class RunNarrator:
     def tell(self, events: Sequence[Told]) -> list[Line]:
         """Return the lines for what a record tells; most records have none."""
         change = next((event for event in events if isinstance(event, Change)), None) if len(events) > 1 else None
-        lines = [Line(event.elapsed_s, *told) for event in events for told in self._told(event, change)]
+        lines = [Line(event.elapsed_s, *text) for event in events for text in self._texts(event, change)]
         return [line for line in lines if line.tone is not Tone.QUIET or self._verbosity is not Verbosity.CHANGES]
 
-    def _told(self, event: Told, change: Change | None) -> Iterable[TextAndTone]:
+    def _texts(self, event: Told, change: Change | None) -> Iterable[TextAndTone]:
         match event:
             case Tick():
                 return self._tick(event, change)
             case Board(battery_v=battery_v):
                 self._battery_v = battery_v
-                return ()
             case Truth(driven_m=driven_m):
                 self._driven_m = driven_m
-                return ()
-            case Fix():
-                return self._fix(event)
+            case Fix(t_s=t_s) if t_s - self._position_t_s >= STANDING_S:
+                self._position_t_s = t_s
+                return [(f"position {place_text(event)}", Tone.QUIET)]
             case _:
                 return happened(event)
+        return ()
 
     def _tick(self, tick: Tick, change: Change | None) -> Iterable[TextAndTone]:
         if self._verbosity is Verbosity.TICKS:
@@ -106,21 +106,17 @@ class RunNarrator:
         if change is None and tick.t_s - self._status_t_s < due_s:
             return []
         self._status_t_s = tick.t_s
-        return [(self._status(tick), Tone.QUIET)] if change is None else [(self._changed(change, tick), Tone.PHASE)]
+        if change is None:  # how the rover is doing
+            goal = "" if tick.goal_heading_deg is None else f"goal {whole_deg(tick.goal_heading_deg)}"
+            battery = "" if self._battery_v is None else f"{self._battery_v:.1f} V"
+            status = ", ".join(filter(None, [self._placed(in_words(tick.phase), tick), goal, battery]))
+            return [(status, Tone.QUIET)]
+        text = sentence(met(tick.anomalies, tick.phase))  # what it meets, if that changes nothing
+        if isinstance(change, PhaseChanged):  # what it does from this tick on, and why
+            text = ": ".join(filter(None, [in_words(tick.phase), reason_text(tick)]))
+        return [(self._placed(text, tick), Tone.PHASE)]
 
-    def _status(self, tick: Tick) -> str:
-        """Say how the rover is doing, with the goal heading and the battery as far as they are known."""
-        goal = "" if tick.goal_heading_deg is None else f"goal {whole_deg(tick.goal_heading_deg)}"
-        battery = "" if self._battery_v is None else f"{self._battery_v:.1f} V"
-        return ", ".join(filter(None, [self._placed(_doing(tick), tick), goal, battery]))
-
-    def _changed(self, change: Change, tick: Tick) -> str:
-        """Say what the rover does from this tick on, and why; or what it meets, if that changes nothing."""
-        if isinstance(change, PhaseChanged):
-            return self._placed(": ".join(filter(None, [_doing(tick), reason_text(tick)])), tick)
-        return self._placed(sentence(met(tick.anomalies, tick.phase)), tick)
-
-    def _placed(self, told: str, tick: Tick) -> str:
+    def _placed(self, text: str, tick: Tick) -> str:
         """Add the heading, the counter C and the way, as far as they are known: the true or else the commanded one."""
         counter_deg = tick.remembered("counter_deg")
         heading = "" if tick.heading_deg is None else f"heading {whole_deg(tick.heading_deg)}"
@@ -128,13 +124,7 @@ class RunNarrator:
         way_m = tick.travelled_m if self._driven_m is None else self._driven_m
         way = "" if way_m is None else f"{way_m:.1f} m"
         known = ", ".join(filter(None, [heading, counter, way]))
-        return f"{told} ({known})" if known else told
-
-    def _fix(self, fix: Fix) -> Iterable[TextAndTone]:
-        if fix.t_s - self._position_t_s < STANDING_S:
-            return ()
-        self._position_t_s = fix.t_s
-        return [(f"position {place_text(fix)}", Tone.QUIET)]
+        return f"{text} ({known})" if known else text
 
 
 def happened(event: Told) -> Iterator[TextAndTone]:
@@ -164,9 +154,6 @@ def happened(event: Told) -> Iterator[TextAndTone]:
             yield outcome_text(event), Tone.END
 
 
-# -- control ticks ---------------------------------------------------------------------------------------------------
-
-
 def reason_text(tick: Tick) -> str:
     """Return why the rover does something else from this tick on, and the anomalies that it meets."""
     why = tick.why if tick.why != tick.phase else ""  # in later ticks of a phase it is the phase's name
@@ -174,18 +161,14 @@ def reason_text(tick: Tick) -> str:
 
 
 def further_texts(tick: Tick) -> list[str]:
-    """Return what an algorithm remembers under keys that no view names."""
+    """Return what an algorithm remembers under other keys than ``NAMED``, as text."""
     return [memory_text(key, value) for key, value in further(tick).items()]
 
 
 def further(tick: Tick) -> dict[str, Any]:
-    """Return what an algorithm remembers, as far as it is anything, but the numbers that views have names for."""
+    """Return what else an algorithm remembers, as far as it is anything."""
     named = {key for key in NAMED if tick.remembered(key) is not None}
     return {key: value for key, value in tick.memory.items() if key not in named and value not in (None, "", [], {})}
-
-
-def _doing(tick: Tick) -> str:
-    return in_words(tick.phase)
 
 
 def _tick_text(tick: Tick) -> str:
@@ -194,8 +177,8 @@ def _tick_text(tick: Tick) -> str:
     wanted, applied = _duties(tick.wanted_left, tick.wanted_right), _duties(tick.applied_left, tick.applied_right)
     wheels = f"wanted {wanted}, applied {applied}"
     held = f"{tick.level}: {in_words(tick.cause)}" if tick.cause else ""
-    told = filter(None, [reason_text(tick), held, *further_texts(tick)])
-    return ", ".join([f"{_doing(tick):<{WIDEST}}  {heading:<11}  {wheels}", *told])
+    more = filter(None, [reason_text(tick), held, *further_texts(tick)])
+    return ", ".join([f"{in_words(tick.phase):<{WIDEST}}  {heading:<11}  {wheels}", *more])
 
 
 def _duties(*duties: float | None) -> str:
@@ -250,10 +233,10 @@ class Console:
         """Take a record; if nothing has changed, nothing is written."""
         if isinstance(record, Outcome) and record.reason == "failed":
             return  # the command itself tells of its error
-        told = self._narrator.tell(self._fold.take(record))
+        lines = self._narrator.tell(self._fold.take(record))
         in_trial = self._fold.state.header.trial is not None
         at = duration_text(record.elapsed_s, 1) if in_trial else local_time(record.t_wall, "%H:%M:%S")
-        for line in told:
+        for line in lines:
             self._write(f"{at}  {painted(line.text, line.tone.value, sys.stderr)}")
         match record:
             case Header(log=str(log)):

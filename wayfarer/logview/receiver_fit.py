@@ -6,7 +6,7 @@ Places are complex numbers, metres east + 1j * metres north.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import degrees, isnan
+from math import degrees, isnan, nan
 from statistics import median
 from typing import NamedTuple
 
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.angles import Coordinates, offset_m, wrap180
+from wayfarer.fieldlog.record import Fix, ReckonedPose, or_nan
 
 Places = NDArray[np.complex128]
 
@@ -38,6 +39,12 @@ class MapFix(NamedTuple):
     error_m: float
     north_m: float
     east_m: float
+
+    @classmethod
+    def of(cls, fix: Fix, place: ReckonedPose | None) -> MapFix:
+        """Return a fix of the log, with where dead reckoning had the rover then."""
+        here_m = (place.north_m, place.east_m) if place else (nan, nan)
+        return cls(fix.elapsed_s, fix.latitude_deg, fix.longitude_deg, or_nan(fix.error_m), *here_m)
 
 
 class Fit(NamedTuple):

@@ -23,13 +23,8 @@ CHUNK_BYTES = 65_536
 def follow(logs: Path, run: Path | None, wait: Callable[[], None]) -> Iterator[tuple[Path, AnyRecord]]:
     """Give each record with the folder of its run, as they come; ``wait`` is called whenever there is none.
 
-    Args:
-        logs: the folder of all runs.
-        run: follow this one to its outcome; None follows the newest and each later run, without end.
-        wait: waits a moment for more.
-
-    Raises:
-        BadInput: the logs' folder, a run's folder or the log in it cannot be read.
+    ``logs`` is the folder of all runs. ``run`` is followed to its outcome; None follows the newest and each later run,
+    without end.
     """
     tail = None if run is None else RunTail(run)
     try:
@@ -65,11 +60,7 @@ class RunTail:
         self._lines = Lines()
 
     def take(self) -> Iterator[AnyRecord]:
-        """Give what has come since the last call.
-
-        Raises:
-            BadInput: the folder or the log in it cannot be read.
-        """
+        """Give what has come since the last call."""
         try:
             if self._file is None:
                 yield from self._begin()
@@ -99,14 +90,10 @@ class RunTail:
             return
         skipped = go_to_last(file, RECENT_BYTES)
         if skipped or len(segments) > 1:
-            yield from self._first()
+            with suppress(NothingReadable):  # not yet
+                yield first_record(self.run)  # it says what runs
         if skipped:
             file.readline()  # only its end is there
-
-    def _first(self) -> Iterator[AnyRecord]:
-        """Return the record that says what runs, at its place in the log."""
-        with suppress(NothingReadable):  # not yet
-            yield first_record(self.run)
 
     def _read(self, file: IO[bytes]) -> Iterator[AnyRecord]:
         """Give what has come, each number once."""

@@ -98,8 +98,8 @@ class RunData:
         """
         events = [event for event in self.events if isinstance(event, Event) and event.name in {"armed", "goal"}]
         if events:
-            told = ((event.elapsed_s, event.number("goal_heading_deg")) for event in events)
-            return [(t_s, goal_deg) for t_s, goal_deg in told if goal_deg is not None]
+            taken = ((event.elapsed_s, event.number("goal_heading_deg")) for event in events)
+            return [(t_s, goal_deg) for t_s, goal_deg in taken if goal_deg is not None]
         known = ~np.isnan(self.ticks["goal_heading_deg"])
         return list(zip(*(self.ticks[name][known][:1].tolist() for name in ("t_s", "goal_heading_deg")), strict=True))
 
@@ -110,17 +110,13 @@ class RunData:
 
 
 def read_run(run: Path) -> RunData:
-    """Read what a report shows of the run in a folder.
-
-    Raises:
-        BadInput: there is no log in it, or nothing of it can be read.
-    """
+    """Read what a report shows of the run in a folder."""
     reader, fold, summariser = RunReader(run), RunFold(), RunSummariser()
     data, ticks, truths, batteries = RunData(), array("d"), array("d"), array("d")
     more: dict[str, array[float]] = {}
     state, board_t_s = fold.state, nan
     for record in reader:
-        told = fold.take(record)
+        events = fold.take(record)
         summariser.take(record, state)
         match record:
             case Tick():
@@ -134,8 +130,8 @@ def read_run(run: Path) -> RunData:
                 since_s, board_t_s = record.t_s - board_t_s, record.t_s
                 if record.battery_v is not None:
                     batteries.extend((record.elapsed_s, record.battery_v, since_s, state.stretch))
-        for each in told:
-            _keep(each, state.place, data)
+        for event in events:
+            _keep(event, state.place, data)
     data.header, data.summary, data.damage = state.header, summariser.summary(state), reader.damage
     data.ticks, data.truth = _columns([*TICK, "stretch"], ticks), _columns(TRUTH, truths)
     data.batteries = _columns(BATTERY, batteries)
@@ -156,18 +152,16 @@ def _add_further(tick: Tick, count: int, more: dict[str, array[float]]) -> None:
         column.append(values.get(key, nan))
 
 
-def _keep(told: Told, place: ReckonedPose | None, data: RunData) -> None:
-    match told:
+def _keep(event: Told, place: ReckonedPose | None, data: RunData) -> None:
+    match event:
         case AnomalyBegan(kind=kind) if kind in ANOMALY_KINDS:
-            data.onsets.append(told)
+            data.onsets.append(event)
         case Event() | Silence():
-            data.events.append(told)
+            data.events.append(event)
         case Fix():
-            here_m = (place.north_m, place.east_m) if place else (nan, nan)
-            where = told.latitude_deg, told.longitude_deg, or_nan(told.error_m)
-            data.fixes.append(MapFix(told.elapsed_s, *where, *here_m))
+            data.fixes.append(MapFix.of(event, place))
         case EpisodeBegan():
-            data.episodes.append(told.episode)
+            data.episodes.append(event.episode)
 
 
 def _columns(names: Sequence[str], flat: array[float]) -> Columns:
@@ -235,9 +229,9 @@ def spans(ticks: Columns, values: Floats, most: int = BINS) -> list[ValueSpan]:
     if not t_s.size:
         return []
     ends_s = np.append(np.where(breaks(ticks), t_s[:-1], t_s[1:]), t_s[-1])
-    found = list(_runs(t_s, ends_s, values))
-    if len(found) <= most:
-        return found
+    all_spans = list(_runs(t_s, ends_s, values))
+    if len(all_spans) <= most:
+        return all_spans
     grid_s = np.linspace(t_s[0], t_s[-1], most + 1)
     at = np.clip(np.searchsorted(t_s, grid_s[:-1], side="right") - 1, 0, t_s.size - 1)
     return list(_runs(grid_s[:-1], grid_s[1:], values[at]))
@@ -286,54 +280,51 @@ class EventMark(NamedTuple):
     turned_deg: float = 0.0
 
 
-def columns(found: Sequence[EventMark]) -> dict[str, Any]:
+def columns(marks: Sequence[EventMark]) -> dict[str, Any]:
     """Return what marks show, by column of Bokeh's; ``LOOK`` reads them."""
     return {
-        "t": [each.t_s for each in found], "what": [each.text for each in found],
-        "shape": [each.shape for each in found], "turned": [radians(each.turned_deg) for each in found],
+        "t": [mark.t_s for mark in marks], "what": [mark.text for mark in marks],
+        "shape": [mark.shape for mark in marks], "turned": [radians(mark.turned_deg) for mark in marks],
     }  # fmt: skip
 
 
 def event_marks(data: RunData) -> list[EventMark]:
     """Return all that a run's panels mark, by time."""
-    return sorted([*_anomalies(data), *_events(data)])
+    return sorted(_marks(data))
 
 
-def _anomalies(data: RunData) -> Iterator[EventMark]:
+def _marks(data: RunData) -> Iterator[EventMark]:
     for onset in data.onsets:
         shape, turned_deg = palette.ANOMALY_MARKERS[onset.kind]
         yield EventMark(onset.elapsed_s, "anomaly", in_words(onset.kind), shape, turned_deg)
-
-
-def _events(data: RunData) -> Iterator[EventMark]:
-    for event, text in told_events(data):
+    for event, text in worded_events(data):
         at_s = event.began_s if isinstance(event, Silence) else event.elapsed_s
         if _is_mark(event):
             yield EventMark(at_s, "mark", text, "hex")
         elif is_trouble(event):
             yield EventMark(at_s, "trouble", text)
         else:
-            yield EventMark(at_s, "person" if _told(event)[1] is Tone.PERSON else "other", text)
+            yield EventMark(at_s, "person" if _line(event)[1] is Tone.PERSON else "other", text)
 
 
-def told_events(data: RunData) -> Iterator[tuple[Event | Silence, str]]:
+def worded_events(data: RunData) -> Iterator[tuple[Event | Silence, str]]:
     """Give the events of a run, each with the words of a terminal; a person's marks with their numbers."""
     marks = count(1)
     for event in data.events:
-        text = _told(event)[0]
+        text = _line(event)[0]
         yield event, f"{next(marks)}. {text}" if _is_mark(event) else text
 
 
 def is_trouble(event: Event | Silence) -> bool:
     """Return whether an event tells of something that went wrong; a hold that an operator asked for did not."""
     operator_hold = isinstance(event, Event) and event.data.get("cause") == "operator_hold"
-    return _told(event)[1] in (Tone.WARNING, Tone.FAULT) and not operator_hold
+    return _line(event)[1] in (Tone.WARNING, Tone.FAULT) and not operator_hold
 
 
 def _is_mark(event: Event | Silence) -> bool:
     return isinstance(event, Event) and event.name == "mark"
 
 
-def _told(event: Event | Silence) -> tuple[str, Tone]:
+def _line(event: Event | Silence) -> tuple[str, Tone]:
     ((text, tone),) = happened(event)  # of these two kinds always one line
     return text, tone

@@ -129,18 +129,22 @@ def _path(columns: Columns, east: str, north: str) -> TimedPath:
     return TimedPath(np.insert(t_s, at, t_s[at]), *(np.insert(each, at, nan) for each in others))
 
 
-# -- forest ----------------------------------------------------------------------------------------------------------
-# A forest seen from above, to scale.
-
 Row = tuple[float, ...]
 
 
 def draw_forest(map_: Figure, forest: World) -> None:
-    """Draw trunks with their round ends, trees, the goal line, and the edges of the world."""
+    """Draw a forest from above, to scale: trunks with round ends, trees, the goal line, and the edges of the world."""
     trunk: Any = {"color": palette.TRUNK, "line_color": None}
-    trunks = _columns(_trunks(forest), "x", "y", "length", "thick", "angle")
-    map_.rect("x", "y", "length", "thick", "angle", source=trunks, **trunk)
-    map_.circle("x", "y", "radius", source=_columns(_trunk_ends(forest), "x", "y", "radius"), **trunk)
+    trunks: list[Row] = []
+    ends: list[Row] = []
+    for (x0_m, y0_m, x1_m, y1_m, _), diameter_m in forest.thick_trunks:
+        east_m, north_m = x1_m - x0_m, y1_m - y0_m
+        box_m = x0_m + east_m / 2.0, y0_m + north_m / 2.0, hypot(east_m, north_m), diameter_m
+        trunks.append((*box_m, atan2(north_m, east_m)))
+        ends += [(x0_m, y0_m, diameter_m / 2.0), (x1_m, y1_m, diameter_m / 2.0)]
+    box = ("x", "y", "length", "thick", "angle")
+    map_.rect(*box, source=_columns(trunks, *box), **trunk)
+    map_.circle("x", "y", "radius", source=_columns(ends, "x", "y", "radius"), **trunk)
     trees = _columns(((x_m, y_m, forest.tree_radius_m) for x_m, y_m, *_ in forest.trees_m), "x", "y", "radius")
     map_.circle("x", "y", "radius", source=trees, color=palette.TREE, line_color=None)
     goal_m = forest.goal_y_m
@@ -152,19 +156,6 @@ def draw_forest(map_: Figure, forest: World) -> None:
 def _columns(rows: Iterable[Row], *names: str) -> ColumnDataSource:
     table = np.array(list(rows), dtype=np.float64).reshape(-1, len(names))
     return source(**dict(zip(names, table.T, strict=True)))
-
-
-def _trunks(forest: World) -> Iterator[Row]:
-    for (x0_m, y0_m, x1_m, y1_m, _), diameter_m in forest.thick_trunks:
-        east_m, north_m = x1_m - x0_m, y1_m - y0_m
-        middle_m = x0_m + east_m / 2.0, y0_m + north_m / 2.0
-        yield *middle_m, hypot(east_m, north_m), diameter_m, atan2(north_m, east_m)
-
-
-def _trunk_ends(forest: World) -> Iterator[Row]:
-    for (x0_m, y0_m, x1_m, y1_m, _), diameter_m in forest.thick_trunks:
-        yield x0_m, y0_m, diameter_m / 2.0
-        yield x1_m, y1_m, diameter_m / 2.0
 
 
 POINTS = 8000  # of a path: an hour at 0.2 m/s has one for each 9 cm
@@ -189,10 +180,18 @@ def map_plot(track: Track) -> Figure:
     _draw_fixes(map_, track)
     _draw_event_marks(map_, track, "anomaly", palette.ANOMALY, 8)  # beneath the path: hundreds of them cover it
     _draw_path(map_, track)
-    _draw_goals(map_, track, side_m)
+    for (east_m, north_m), heading_deg in track.goals():
+        along, length_m = radians(heading_deg), ARROW * side_m
+        head = NormalHead(size=9, fill_color=palette.GOAL_LINE, line_color=palette.GOAL_LINE)
+        tip: dict[str, Any] = {"x_end": east_m + length_m * sin(along), "y_end": north_m + length_m * cos(along)}
+        map_.add_layout(Arrow(end=head, x_start=east_m, y_start=north_m, **tip, **GOAL))
     _draw_event_marks(map_, track, "mark", palette.MARK, 16)
     _draw_ends(map_, track.path, from_start=track.data.summary.where.from_start)
-    _draw_cursor(map_, track.path)
+    path = _thinned(track.path)  # what the cursor needs: the path over time, unseen, and a ring at the cursor's time
+    over_time = source(t=path.t_s, x=path.east_m, y=path.north_m)
+    map_.line("x", "y", source=over_time, line_alpha=0.0, name="path")
+    ring: Any = {"size": 16, "fill_color": None, "line_width": 3, "color": palette.VERMILION}
+    map_.scatter("x", "y", source=source(x=[], y=[]), name="here", **ring)
     return map_
 
 
@@ -214,7 +213,7 @@ def _draw_fixes(map_: Figure, track: Track) -> None:
         return
     every = -(-len(track.fixes) // CROSSES)
     fixes, places_m = track.fixes[::every], track.fixes_m[::every]
-    told = source(
+    shown = source(
         x=places_m.real, y=places_m.imag, t=[fix.t_s for fix in fixes],
         latitude=[f"{fix.latitude_deg:.6f}" for fix in fixes], longitude=[f"{fix.longitude_deg:.6f}" for fix in fixes],
         error=["unknown" if isnan(fix.error_m) else f"{fix.error_m:.1f} m" for fix in fixes],
@@ -223,7 +222,7 @@ def _draw_fixes(map_: Figure, track: Track) -> None:
     circles = source(x=places_m.real[::every], y=places_m.imag[::every], r=[fix.error_m for fix in fixes[::every]])
     thin: Any = {"fill_color": None, "line_color": palette.RECEIVER, "line_alpha": 0.3, "line_width": 0.75}
     rings = map_.circle("x", "y", radius="r", source=circles, **thin)
-    dots = map_.scatter("x", "y", source=told, marker="cross", size=4, color=palette.RECEIVER, alpha=0.5)
+    dots = map_.scatter("x", "y", source=shown, marker="cross", size=4, color=palette.RECEIVER, alpha=0.5)
     layer("fixes", rings, dots)
     rows = (("fix", "@latitude @longitude"), ("error", "@error"), ("time", "@t{0.0} s"))
     map_.add_tools(hover([dots], *rows))
@@ -241,24 +240,15 @@ def _draw_path(map_: Figure, track: Track) -> None:
         _line(map_, (path.east_m, path.north_m), palette.GREY, "unknown")
 
 
-def _draw_goals(map_: Figure, track: Track, side_m: float) -> None:
-    for (east_m, north_m), heading_deg in track.goals():
-        along, length_m = radians(heading_deg), ARROW * side_m
-        head = NormalHead(size=9, fill_color=palette.GOAL_LINE, line_color=palette.GOAL_LINE)
-        tip: dict[str, Any] = {"x_end": east_m + length_m * sin(along), "y_end": north_m + length_m * cos(along)}
-        map_.add_layout(Arrow(end=head, x_start=east_m, y_start=north_m, **tip, **GOAL))
-
-
 def _draw_event_marks(map_: Figure, track: Track, name: str, colour: str, size: int) -> None:
     """Draw the events of a layer; Bokeh leaves out those whose place is not known. Marks have numbers."""
-    found = [each for each in event_marks(track.data) if each.layer == name]
-    x_m, y_m = np.array([track.path.at(each.t_s) for each in found]).reshape(-1, 2).T
-    numbers = [f"{number}" for number, _ in enumerate(found, start=1)]
-    marks = source(x=x_m, y=y_m, number=numbers, **columns(found))
-    drawn = map_.scatter("x", "y", source=marks, size=size, fill_color=colour, **LOOK)
+    marks = [mark for mark in event_marks(track.data) if mark.layer == name]
+    x_m, y_m = np.array([track.path.at(mark.t_s) for mark in marks]).reshape(-1, 2).T
+    shown = source(x=x_m, y=y_m, number=[f"{number}" for number in range(1, len(marks) + 1)], **columns(marks))
+    drawn = map_.scatter("x", "y", source=shown, size=size, fill_color=colour, **LOOK)
     layer(name, drawn)
     if name == "mark":
-        layer(name, map_.text("x", "y", text="number", source=marks, **NUMBER))
+        layer(name, map_.text("x", "y", text="number", source=shown, **NUMBER))
     map_.add_tools(hover([drawn], ("what", "@what"), ("time", "@t{0.0} s")))
 
 
@@ -270,15 +260,6 @@ def _draw_ends(map_: Figure, path: TimedPath, *, from_start: bool) -> None:
         ends = [(START, 0)] if from_start else []
         for style, at in [*ends, (END, -1)]:
             map_.scatter(path.east_m[[at]], path.north_m[[at]], color=palette.BLUE, **style)
-
-
-def _draw_cursor(map_: Figure, path: TimedPath) -> None:
-    """Put in what the cursor needs: the path over time, unseen, and a ring on it at the time of the cursor."""
-    path = _thinned(path)
-    over_time = source(t=path.t_s, x=path.east_m, y=path.north_m)
-    map_.line("x", "y", source=over_time, line_alpha=0.0, name="path")
-    ring: Any = {"size": 16, "fill_color": None, "line_width": 3, "color": palette.VERMILION}
-    map_.scatter("x", "y", source=source(x=[], y=[]), name="here", **ring)
 
 
 def _thinned(path: TimedPath) -> TimedPath:

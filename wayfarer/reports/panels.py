@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from math import isnan
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from bokeh.models import AdaptiveTicker, CustomJSTickFormatter, DataRange1d, Range1d
@@ -23,6 +23,7 @@ from wayfarer.reports.data import (
     LEVEL_NUMBERS,
     LOOK,
     PHASES,
+    Floats,
     Line,
     RunData,
     around,
@@ -37,9 +38,6 @@ from wayfarer.reports.data import (
 from wayfarer.reports.page import html
 from wayfarer.reports.page.plots import Figure, Plots, hover, layer, plot, source
 from wayfarer.vocabulary import LEVEL_TEXTS, in_words
-
-# -- quantities ------------------------------------------------------------------------------------------------------
-# What the time panels show: a table of quantities, and how each is got from the data of a run.
 
 BOARD_SILENT_S = 10.0  # a board is asked each second or so
 EVEN_S = 1e-4  # a loop whose periods differ by less runs on virtual time
@@ -77,10 +75,6 @@ def _tick(name: str, factor: float = 1.0) -> Callable[[RunData], Line | None]:
     return line
 
 
-def _further(name: str) -> Callable[[RunData], Line | None]:
-    return lambda data: at_ticks(data.ticks, data.further[name])
-
-
 def _commanded(data: RunData) -> Line | None:
     speed_m_s = data.setting("vehicle", "max_speed_m_s") * (data.ticks["left"] + data.ticks["right"]) / 2.0
     return None if np.isnan(speed_m_s).all() else at_ticks(data.ticks, speed_m_s)
@@ -97,10 +91,10 @@ def _applied(name: str) -> Callable[[RunData], Line | None]:
 
 
 def _battery(data: RunData) -> Line | None:
-    told = data.batteries
-    if not told["t_s"].size:
+    battery = data.batteries
+    if not battery["t_s"].size:
         return None
-    return broken(told["t_s"], told["battery_v"], breaks(told) | (told["period_s"][1:] > BOARD_SILENT_S))
+    return broken(battery["t_s"], battery["battery_v"], breaks(battery) | (battery["period_s"][1:] > BOARD_SILENT_S))
 
 
 def _period(data: RunData) -> Line | None:
@@ -120,14 +114,13 @@ def _settings(*keys: tuple[str, str], factor: float = 1.0) -> Callable[[RunData]
     return lambda data: [factor * data.setting(*key) for key in keys]
 
 
-def _tilt_limits(data: RunData) -> list[float]:
-    return [sign * data.setting("detector", "tilt_deg") for sign in (-1.0, 1.0)]
-
-
 def panels_of(data: RunData) -> list[Panel]:
     """Return all panels of a run: those of the table, and one for each further number of the log."""
-    further = ((escape_control_chars(name), _further(name)) for name in data.further)
-    return [*PANELS, *(Panel(title, "", 2, (Quantity(title, line),)) for title, line in further)]
+
+    def panel(title: str, values: Floats) -> Panel:
+        return Panel(title, "", 2, (Quantity(title, lambda _: at_ticks(data.ticks, values)),))
+
+    return [*PANELS, *(panel(escape_control_chars(name), values) for name, values in data.further.items())]
 
 
 DASHED: Mapping[str, Any] = {"line_dash": [5, 3]}
@@ -142,7 +135,7 @@ PANELS = (
     Panel(
         "tilt", "°", 1,
         (Quantity("pitch", _tick("pitch_deg")), Quantity("roll", _tick("roll_deg"), palette.GREEN, DASHED)),
-        limits=_tilt_limits,
+        limits=lambda data: [sign * data.setting("detector", "tilt_deg") for sign in (-1.0, 1.0)],
     ),
     Panel(
         "speed", "m/s", 2,
@@ -191,25 +184,30 @@ class PanelLine(NamedTuple):
 
 def draw_panels(data: RunData, plots: Plots) -> Iterator[Markup]:
     """Yield the HTML of all panels for which there is something in the log, the first from the top."""
-    found = [(panel, lines) for panel in panels_of(data) if (lines := list(_lines_of(panel, data)))]
-    if not found:
+    filled: list[tuple[Panel, list[PanelLine]]] = []
+    for panel in panels_of(data):
+        lines = [
+            PanelLine(quantity.name, line, {"line_width": 1.5, **quantity.look, "line_color": quantity.colour})
+            for quantity in panel.quantities
+            if (line := quantity.line(data)) is not None
+        ]
+        filled += [(panel, lines)] if lines else []
+    if not filled:
         return
-    time, behind = _time_range(data), _panel_background(data)
+    end_s = max(1.0, data.summary.lasted_s)
+    time = Range1d(start=0.0, end=end_s, bounds=(0.0, end_s), min_interval=min(end_s, NARROWEST_S))
+    behind = _panel_background(data)
     yield html.key("events", []) + plots.place(_events_panel(data, time, behind))
-    for panel, lines in found:
+    for panel, lines in filled:
         key = [(each.name, each.look["line_color"]) for each in lines]
         title = f"{panel.title}, {panel.unit}" if panel.unit else panel.title
         yield html.key(title, key) + plots.place(_draw(panel, lines, data, time, behind))
 
 
-def _lines_of(panel: Panel, data: RunData) -> Iterator[PanelLine]:
-    for quantity in panel.quantities:
-        if (line := quantity.line(data)) is not None:
-            yield PanelLine(quantity.name, line, {"line_width": 1.5, **quantity.look, "line_color": quantity.colour})
-
-
 def _draw(panel: Panel, lines: Sequence[PanelLine], data: RunData, time: Range1d, behind: PanelBackground) -> Figure:
-    made = _time_panel(panel.title, HEIGHT_PX, time, y_axis_type=_axis_type(panel, lines))
+    all_values = np.concatenate([line for _, (_, line), _ in lines])
+    is_log = panel.unit == "ms" and np.nanmax(all_values) > LOG_FROM * np.nanmedian(all_values)
+    made = _time_panel(panel.title, HEIGHT_PX, time, y_axis_type="log" if is_log else "linear")
     _background(made, behind)
     renderers = []
     for name, line, look in lines:
@@ -236,18 +234,7 @@ def _draw(panel: Panel, lines: Sequence[PanelLine], data: RunData, time: Range1d
     return made
 
 
-def _axis_type(panel: Panel, lines: Sequence[PanelLine]) -> Literal["linear", "log"]:
-    values = np.concatenate([each.line[1] for each in lines])
-    return "log" if panel.unit == "ms" and np.nanmax(values) > LOG_FROM * np.nanmedian(values) else "linear"
-
-
 # -- what all panels have, and the panel of events ------------------------------------------------------------------
-
-
-def _time_range(data: RunData) -> Range1d:
-    """Return the range that all panels share: the whole run."""
-    end_s = max(1.0, data.summary.lasted_s)
-    return Range1d(start=0.0, end=end_s, bounds=(0.0, end_s), min_interval=min(end_s, NARROWEST_S))
 
 
 def _time_panel(name: str, height_px: int, time: Range1d, **settings: Any) -> Figure:
@@ -273,12 +260,12 @@ def _panel_background(data: RunData) -> PanelBackground:
     """Return what all panels show behind their lines."""
     bands = spans(data.ticks, data.ticks["phase"])
     inside = {phase: [each for each in bands if PHASES[int(each.value)] == phase] for phase in palette.PHASE_COLOURS}
-    told = event_marks(data)
-    found = {layer.name: [each for each in told if each.layer == layer.name] for layer in LAYERS}
+    marks = event_marks(data)
+    by_layer = {layer.name: [mark for mark in marks if mark.layer == layer.name] for layer in LAYERS}
     return PanelBackground(
         {phase: source(x0=[each.start_s for each in spans_], x1=[each.end_s for each in spans_])
          for phase, spans_ in inside.items() if spans_},
-        {layer: source(**columns(each)) for layer, each in found.items() if each},
+        {layer: source(**columns(each)) for layer, each in by_layer.items() if each},
     )  # fmt: skip
 
 
@@ -298,7 +285,8 @@ def _background(made: Figure, behind: PanelBackground) -> None:
 def _events_panel(data: RunData, time: Range1d, behind: PanelBackground) -> Figure:
     """Return the panel of all events: a row for each layer that has any, and for when the wheels were held."""
     shown = [each for each in LAYERS if each.name in behind.events]
-    names = [*(each.text for each in shown), *["held"] * _was_held(data)]
+    was_held = bool((data.ticks["level"] >= LEVEL_NUMBERS["degrade"]).any())
+    names = [*(each.text for each in shown), *["held"] * was_held]
     made = _time_panel(
         "events", ROW_PX * max(1, len(names)) + AXIS_PX, time, y_range=Range1d(start=len(names) - 0.5, end=-0.5)
     )
@@ -315,10 +303,6 @@ def _events_panel(data: RunData, time: Range1d, behind: PanelBackground) -> Figu
     made.add_tools(hover(drawn, ("what", "@what"), ("time", "@t{0.0} s")))
     _states(made, data)
     return made
-
-
-def _was_held(data: RunData) -> bool:
-    return bool((data.ticks["level"] >= LEVEL_NUMBERS["degrade"]).any())
 
 
 def _held(made: Figure, data: RunData, row: int) -> Iterator[GlyphRenderer[Any]]:
@@ -339,11 +323,5 @@ def _states(made: Figure, data: RunData) -> None:
     levels = {int(value): LEVEL_TEXTS[level] for level, value in LEVEL_NUMBERS.items()}
     for name, words in (("phase", phases), ("level", levels)):
         bands = spans(data.ticks, data.ticks[name])
-        _read(made, name, [(band.start_s, words[int(band.value)]) for band in bands])
-
-
-def _read(made: Figure, name: str, texts: Sequence[tuple[float, str]]) -> None:
-    """Put in texts for the cursor, each with the time from which on it counts."""
-    changes = source(x=[t_s for t_s, _ in texts], value=[text for _, text in texts])
-    read = {"name": name, "unit": "", "decimals": 0}
-    made.scatter("x", 0, source=changes, alpha=0.0).tags = [read]
+        changes = source(x=[band.start_s for band in bands], value=[words[int(band.value)] for band in bands])
+        made.scatter("x", 0, source=changes, alpha=0.0).tags = [{"name": name, "unit": "", "decimals": 0}]

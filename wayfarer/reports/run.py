@@ -23,7 +23,7 @@ from wayfarer.fieldlog.sensor_status import SensorStatus
 from wayfarer.fieldlog.wording import sentence
 from wayfarer.logview import palette
 from wayfarer.logview.summary import summary_facts
-from wayfarer.reports.data import LAYERS, RunData, is_trouble, read_run, told_events
+from wayfarer.reports.data import LAYERS, RunData, is_trouble, read_run, worded_events
 from wayfarer.reports.map import Track, map_plot, track_of
 from wayfarer.reports.page import html
 from wayfarer.reports.page.frame import PAGE, write_page
@@ -31,8 +31,11 @@ from wayfarer.reports.page.plots import Plots
 from wayfarer.reports.panels import draw_panels
 from wayfarer.vocabulary import in_words, response_text, whole_deg
 
-_run, _place = html.macros("wayfarer.reports", "run", "place")
+_run, _place, _events = html.macros("wayfarer.reports", "run", "place", "events")
 
+ROWS = 500  # of a table; the log has all of them
+LAST_GOALS = 5  # as many stand in the header
+LEAD = ("outcome", "distance", "anomalies")  # of the facts: what stands above the map
 NO_WAY = "The log has no heading, so the path of the rover is unknown."
 NO_TICKS = "No time series: the log has no control ticks, or ticks without values."
 NO_FOREST = "The log is of a simulated run, but its forest or its true path is missing or cannot be read."
@@ -76,15 +79,10 @@ def write_run_report(run: Path, out: Path | None = None) -> Path:
         html.section("Events", events_list(data)),  # the longest
     ]
     folder = run if run.is_dir() else run.parent
-    return write_page(folder / PAGE, _title(data), body, plots, _cursor_js(), out=out)
-
-
-def _title(data: RunData) -> str:
-    """Name the page."""
-    summary = data.summary
+    summary, cursor_js = data.summary, (files("wayfarer.reports") / "cursor.js").read_text(encoding="utf-8")
     rover, algorithm = summary.rover or "unknown rover", summary.algorithm or "unknown algorithm"
-    how = "simulated run" if summary.simulated else "run"
-    return f"{rover}, {algorithm}: {duration_text(summary.lasted_s)} {how}"
+    title = f"{rover}, {algorithm}: {duration_text(summary.lasted_s)} {'simulated run' if summary.simulated else 'run'}"
+    return write_page(folder / PAGE, title, body, plots, cursor_js, out=out)
 
 
 def _drawn(data: RunData, plots: Plots) -> Markup:
@@ -102,21 +100,19 @@ def _map(track: Track, plots: Plots) -> Iterator[Markup]:
     yield html.layers("Shown on the map and in the time series", _layers(track))
     yield html.figure(plots.place(map_plot(track)), track_caption(track))
     yield html.paragraph(_fitted(track))
-    yield _where_link(track)
+    if track.end_deg is not None:  # who says so, with links that the map of a telephone, or a browser, opens
+        latitude, longitude = (f"{degrees:.6f}" for degrees in track.end_deg)
+        whose = "End of the fitted path (the last fix is above, under “where”)" if track.fit else "The last fix"
+        yield _place(whose, latitude, longitude)
     if track.data.summary.simulated and track.forest is None:
         yield html.paragraph(NO_FOREST)
 
 
 def track_caption(track: Track) -> str:
     """Explain the map."""
-    told = [TRUE] if track.reckoned else [RECKONED, f"{'True' if track.origin else 'Magnetic'} north is up."]
-    if track.forest:
-        told.append(FOREST)
-    if track.fixes:
-        told.append(FIXES)
-    if np.isnan(track.path.east_m).any():
-        told.append(GAPS)
-    return " ".join(told)
+    path = TRUE if track.reckoned else f"{RECKONED} {'True' if track.origin else 'Magnetic'} north is up."
+    more = ((track.forest, FOREST), (track.fixes, FIXES), (np.isnan(track.path.east_m).any(), GAPS))
+    return " ".join([path, *(text for is_there, text in more if is_there)])
 
 
 def _fitted(track: Track) -> str:
@@ -134,15 +130,6 @@ def _fitted(track: Track) -> str:
     return " ".join(parts)
 
 
-def _where_link(track: Track) -> Markup:
-    """Return where the run ended, and who says so, with links that the map of a telephone, or a browser, opens."""
-    if track.end_deg is None:
-        return Markup("")
-    latitude, longitude = (f"{degrees:.6f}" for degrees in track.end_deg)
-    whose = "End of the fitted path (the last fix is above, under “where”)" if track.fit else "The last fix"
-    return _place(whose, latitude, longitude)
-
-
 def _layers(track: Track) -> Iterator[html.PlotLayer]:
     """Yield what can be switched off."""
     yield from html.phase_layers()
@@ -153,22 +140,11 @@ def _layers(track: Track) -> Iterator[html.PlotLayer]:
     yield from LAYERS
 
 
-def _cursor_js() -> str:
-    return (files("wayfarer.reports") / "cursor.js").read_text(encoding="utf-8")
-
-
-# -- settings --------------------------------------------------------------------------------------------------------
-# What of a run's rover file is not as the defaults.
-
-NO_SETTINGS = "The log does not tell the rover file."
-ALL_DEFAULTS = "Everything in the rover file is as wayfarer has it by default."
-
-
 def own_settings_table(data: RunData) -> Markup:
     """Return the keys of a run's rover file whose values are not the defaults, or which have none."""
-    settings, usual = _settings(data), default_settings()
+    settings, usual = flat(data.header.config or {}), default_settings()
     if not settings:
-        return html.paragraph(NO_SETTINGS)
+        return html.paragraph("The log does not tell the rover file.")
     rows = [
         ("setting", (key, _text(value), _text(usual[key])))
         for key, value in settings.items()
@@ -176,7 +152,7 @@ def own_settings_table(data: RunData) -> Markup:
     ]
     rows += [("setting", (key, _text(value), "")) for key, value in settings.items() if key not in usual]
     if not rows:
-        return html.paragraph(ALL_DEFAULTS)
+        return html.paragraph("Everything in the rover file is as wayfarer has it by default.")
     caption = (
         f"Keys of the rover file whose value is not the default of wayfarer {__version__}; below them those without a "
         "default, as of body and parts."
@@ -192,26 +168,16 @@ def default_settings() -> Mapping[str, Any]:
     return {key: value for key, value in flat(usual.model_dump(mode="json")).items() if key not in needed}
 
 
-def _settings(data: RunData) -> dict[str, Any]:
-    return flat(data.header.config or {})
-
-
 def _text(value: Any) -> str:
     return "none" if value is None else str(value)
 
 
-(_events,) = html.macros("wayfarer.reports", "events")
-
-ROWS = 500  # of a table; the log has all of them
-LAST_GOALS = 5  # as many stand in the header
-LEAD = ("outcome", "distance", "anomalies")  # of the facts: what stands above the map
-
-
 def run_facts(data: RunData, folder: str) -> Iterator[tuple[str, str]]:
     """Yield what ran, when, how far and how it ended, as ``wayfarer logs summary`` tells it. Times are UTC."""
-    for title_, lines in summary_facts(folder, data.summary, data.damage, utc=True):
-        yield title_, "\n".join(lines)
-    yield "goal", _goal(data)
+    for title, lines in summary_facts(folder, data.summary, data.damage, utc=True):
+        yield title, "\n".join(lines)
+    goals = [goal for goal, _ in groupby(f"{whole_deg(goal_deg)}°" for _, goal_deg in data.goals)]
+    yield "goal", ", then ".join(goals[-LAST_GOALS:]) or "none"
     yield "seed", "unknown" if data.summary.seed is None else f"{data.summary.seed}"
 
 
@@ -219,11 +185,6 @@ def lead(data: RunData) -> str:
     """Return the most important of the facts in one line."""
     facts = dict(run_facts(data, ""))
     return "; ".join(facts[title].replace("\n", ", ") for title in LEAD if title in facts)
-
-
-def _goal(data: RunData) -> str:
-    goals = [goal for goal, _ in groupby(f"{whole_deg(goal_deg)}°" for _, goal_deg in data.goals)]
-    return ", then ".join(goals[-LAST_GOALS:]) or "none"
 
 
 def anomalies_table(data: RunData) -> Markup:
@@ -275,10 +236,11 @@ def events_list(data: RunData) -> Markup:
     """Return everything that was reported, in its order; trouble is set in bold."""
     if not data.events:
         return html.paragraph("No events.")
-    told = [
-        (duration_text(each.elapsed_s, 1), text, is_trouble(each)) for each, text in islice(told_events(data), ROWS)
+    lines = [
+        (duration_text(event.elapsed_s, 1), text, is_trouble(event))
+        for event, text in islice(worded_events(data), ROWS)
     ]
-    return _events(told) + _rest(data.events)
+    return _events(lines) + _rest(data.events)
 
 
 def sensors_table(data: RunData) -> Markup:

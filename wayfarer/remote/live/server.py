@@ -112,7 +112,6 @@ class LivePage:
         self._soon = asyncio.Event()
         self._turn = asyncio.Lock()
         self._sessions: dict[web.RequestHandler, ClientSession] = {}
-        self._routes = {"/": self._answer_page, "/ws": self._answer_socket}
 
     def close(self) -> None:
         """Release the port of a page that was never served. Safe twice."""
@@ -240,9 +239,15 @@ class LivePage:
 
     async def _answer(self, request: web.BaseRequest) -> web.StreamResponse:
         try:
-            if request.method != "GET" or request.path not in self._routes:
-                return _plain(404, "only the page at / and its WebSocket at /ws are served here")
-            return await self._routes[request.path](request)
+            match request.method, request.path:
+                case "GET", "/ws":
+                    return await self._answer_socket(request)
+                case "GET", "/":
+                    check_page(request.remote or "", request.headers)
+                    response = web.Response(body=self._page.html, headers=self._page.headers)
+                    response.force_close()
+                    return response
+            return _plain(404, "only the page at / and its WebSocket at /ws are served here")
         except RequestRefused as refusal:
             return _plain(403, str(refusal))
         except web.HTTPBadRequest:
@@ -252,12 +257,6 @@ class LivePage:
         except Exception:
             _bugs.exception("in answering %s", request.path)
             return _plain(500, "an error inside wayfarer")
-
-    async def _answer_page(self, request: web.BaseRequest) -> web.StreamResponse:
-        check_page(request.remote or "", request.headers)
-        response = web.Response(body=self._page.html, headers=self._page.headers)
-        response.force_close()
-        return response
 
     async def _answer_socket(self, request: web.BaseRequest) -> web.StreamResponse:
         has_token = self._access.check_socket(request.remote or "", request.headers, request.query.get("token", ""))
@@ -272,7 +271,10 @@ class LivePage:
             socket, request, viewer, self._commands, self._turn, limits, self._demo, has_token or self._demo is not None
         )
         try:
-            await _shake_hands(socket, request)
+            try:
+                await socket.prepare(request)
+            except ValueError as error:  # aiohttp does not expect headers that are no text
+                raise web.HTTPBadRequest from error
             self._broadcaster.viewers.add(viewer)
             await session.run()
         finally:
@@ -295,18 +297,6 @@ class LivePage:
 def _abort(connection: web.RequestHandler) -> None:
     if connection.transport is not None:
         connection.transport.abort()
-
-
-async def _shake_hands(socket: web.WebSocketResponse, request: web.BaseRequest) -> None:
-    """Begin a WebSocket.
-
-    Raises:
-        web.HTTPBadRequest: it is not asked for as it must be; aiohttp does not expect headers that are no text.
-    """
-    try:
-        await socket.prepare(request)
-    except ValueError as error:
-        raise web.HTTPBadRequest from error
 
 
 def _plain(status: int, text: str) -> web.Response:

@@ -152,14 +152,8 @@ def parse_address(text: str) -> Address:
 def check_not_a_part(address: Address, devices: Iterable[str]) -> None:
     """Refuse a serial line that a part of the rover is on: what a motor board is sent could turn the wheels.
 
-    Asked at each opening: an adapter that is plugged in again may get the name that another one had.
-
-    Args:
-        address: of the link.
-        devices: the device files of the rover's parts.
-
-    Raises:
-        BadInput: the text names the device.
+    Asked at each opening: an adapter that is plugged in again may get the name that another one had. ``devices`` are
+    the device files of the rover's parts.
     """
     if address.kind == "serial" and os.path.realpath(address.where) in map(os.path.realpath, devices):
         raise BadInput(
@@ -357,7 +351,7 @@ class Link:
     async def run(self) -> None:
         """Keep the link open until cancelled."""
         loop = asyncio.get_running_loop()
-        told, told_s = "", 0.0
+        warned, warned_s = "", 0.0
         while True:
             self._broken: asyncio.Future[OSError] = loop.create_future()
             try:
@@ -369,8 +363,8 @@ class Link:
                 raise await self._broken
             except (OSError, BadInput) as error:
                 why = getattr(error, "strerror", None) or str(error)
-                if told != why or self.heard_s > told_s:  # once, not every two seconds
-                    told, told_s = why, loop.time()
+                if warned != why or self.heard_s > warned_s:  # once, not every two seconds
+                    warned, warned_s = why, loop.time()
                     _log.warning("MAVLink at %s is not open (tried again every %g s): %s", self._address, AGAIN_S, why)
             finally:
                 self._close()
@@ -426,20 +420,14 @@ class Link:
         try:
             message = self._coder.decode(bytearray(frame))
             # Only a station's: another vehicle may be there, and an enemy may send our own messages back to us.
-            is_beat = isinstance(message, common.MAVLink_heartbeat_message) and message.type == common.MAV_TYPE_GCS
-            if is_beat:
-                self._take_heartbeat(
-                    port, Sender(*port.sender, message.get_srcSystem(), message.get_srcComponent()), now_s
-                )
+            if isinstance(message, common.MAVLink_heartbeat_message) and message.type == common.MAV_TYPE_GCS:
+                sender = Sender(*port.sender, message.get_srcSystem(), message.get_srcComponent())
+                station = self._station or sender
+                has_moved = now_s - self.heard_s > MOVED_S and sender._replace(port=station.port) == station
+                if (sender == station or has_moved) and port.serve():
+                    self._station, self.heard_s = sender, now_s
             self._on_message(message, is_near)
         except common.MAVError:
             return  # a text that is no UTF-8
         except Exception:  # a bug must not lose the next frame, which may be a stop
             _log.exception("in taking what a ground station sent")
-
-    def _take_heartbeat(self, port: UdpPort | SerialPort, sender: Sender, now_s: float) -> None:
-        """Note a heartbeat of the station that is served; serve its sender if none is, or if it is that one, moved."""
-        station = self._station or sender
-        has_moved = now_s - self.heard_s > MOVED_S and sender._replace(port=station.port) == station
-        if (sender == station or has_moved) and port.serve():
-            self._station, self.heard_s = sender, now_s

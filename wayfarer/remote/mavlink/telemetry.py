@@ -12,6 +12,7 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from math import isfinite, radians
 from typing import Final, TypeVar
 
@@ -91,9 +92,8 @@ class Telemetry:
         """Tell where the rover is: by the receiver, if it speaks, and by dead reckoning from where the log begins."""
         state = self.state
         if (fix := self._fresh(state.fix)) is not None:
-            heading = (
-                NO_U16 if state.tick.heading_deg is None else _hundredths(self._heading_deg(state.tick.heading_deg))
-            )
+            magnetic_deg = state.tick.heading_deg  # sent in hundredths of a degree
+            heading = NO_U16 if magnetic_deg is None else round(100.0 * self._heading_deg(magnetic_deg)) % 36_000
             lat, lon = round(fix.latitude_deg * 1e7), round(fix.longitude_deg * 1e7)
             yield common.MAVLink_global_position_int_message(self._ms(), lat, lon, 0, 0, 0, 0, 0, heading)
         if state.place is not None:
@@ -179,10 +179,6 @@ class Telemetry:
         return None if said is None or not self.state.t_s - said.t_s <= FRESH_S else said
 
 
-def _hundredths(heading_deg: float) -> int:
-    return round(100.0 * heading_deg) % 36_000
-
-
 def custom_mode(run: RunState) -> int:
     """Return the number of the mode that a run is in: a rover that is disarmed is in HOLD."""
     if run.mode == "manual":
@@ -244,17 +240,11 @@ class StatusTexts:
             self._number = number = self._number % LAST_NUMBER + 1
             # A chunk that is not full ends a text: an empty one does, if the others are all full.
             pieces = [data[begin : begin + CHUNK_BYTES] for begin in range(0, len(data) + 1, CHUNK_BYTES)]
-        chunks = [
-            common.MAVLink_statustext_message(severity, piece, number, place) for place, piece in enumerate(pieces)
-        ]
-        self._waiting.append(chunks)
+        chunk = partial(common.MAVLink_statustext_message, severity)
+        self._waiting.append([chunk(piece, number, place) for place, piece in enumerate(pieces)])
 
     def pop(self) -> list[common.MAVLink_message]:
-        """Return the chunks of the oldest text.
-
-        Raises:
-            IndexError: none waits.
-        """
+        """Return the chunks of the oldest text that waits."""
         return self._waiting.popleft()
 
 
