@@ -14,15 +14,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from wayfarer.experiments.measures import compare
 from wayfarer.experiments.outcome import SUCCESSES
-from wayfarer.experiments.paired_statistics import compare
-from wayfarer.experiments.paired_table import COLUMNS
 from wayfarer.experiments.provenance import read_runs
 from wayfarer.experiments.report.load_results import read_results
 from wayfarer.experiments.report.sweep import point_rows, point_titles
 from wayfarer.experiments.report.sweep_results import read_sweep
-from wayfarer.experiments.tables import lines_of
-from wayfarer.logview.terminal_table import known
+from wayfarer.experiments.tables import comparison_table
 
 PLACE = re.compile(
     r"^<!-- measured (?P<kind>\w+): (?P<names>[^\n]+) -->\n(?P<content>.*?)^<!-- end of measured -->$", re.M | re.S
@@ -87,20 +85,17 @@ class Measured:
 
 def outcomes(folder: Path) -> Lines:
     """Yield the table of ``wayfarer sim``, with the paper's figures."""
-    results = read_results(folder)
-    yield [column.title for column in results.columns]
-    for summary in results.summaries.values():
-        for whose, cells in lines_of(summary, results.columns, results.layout.paper):
-            yield cells if whose == "ours" else [f"*{cell.strip()}*" if cell else "" for cell in cells]
+    table = read_results(folder).table(full=False)
+    yield table.titles
+    for kind, cells in table.rows:
+        yield [f"*{cell.strip()}*" if cell else "" for cell in cells] if kind else cells
 
 
 def gains(folder: Path) -> Lines:
     """Yield the table of ``wayfarer compare``."""
-    compared = compare(read_results(folder).rows)
-    columns = known(COLUMNS, compared)
-    yield [column.title for column in columns]
-    for one in compared:
-        yield [str(column.cell(one)) for column in columns]
+    table = comparison_table(compare(read_results(folder).rows))
+    yield table.titles
+    yield from (cells for _, cells in table.rows)
 
 
 def points(folder: Path) -> Lines:

@@ -10,5 +10,5 @@ results = wayfarer.run_campaign("forest-pledge", trials=4, site="dense-obstructi
 for row in results.trials:
     print(f"trial {row['trial']}: {row['outcome']} after {row['time_s']:.0f} s, helped {row['interventions']} times")
 for row in results.summary:
-    low, high = row["success_low_percent"], row["success_high_percent"]
+    low, high = row["success_percent_low"], row["success_percent_high"]
     print(f"{row['algorithm']}: {row['success_percent']:.0f} % [{low:.0f}, {high:.0f}] got out")

@@ -122,14 +122,15 @@ def confirm(best: Factors, layouts: int) -> None:
     rows = []
     for name, rover in {"present": wayfarer.load_rover(ROVER), "tuned": rover_with(best)}.items():
         results = wayfarer.run_campaign(
-            ALGORITHM, 2 * layouts, rover=rover, seed=HELD_OUT, jobs=os.cpu_count() or 1, **OPTIONS
+            ALGORITHM, layouts, rover=rover, seed=HELD_OUT, jobs=os.cpu_count() or 1, **OPTIONS
         )
         rows += [row._replace(algorithm=name) for row in results.rows]
     _, tuned = wayfarer.compare(wayfarer.Results(results.settings, rows), against="present")
-    for name, unit in (("success_gain{}", "percentage points"), ("path_gain{}_m", "m where both got out")):
-        value, low, high = (tuned[name.format(end)] or 0.0 for end in ("", "_low", "_high"))
-        print(f"held out: {name.format('')} {value:+.2f} [{low:+.2f}, {high:+.2f}] {unit}")
-    gain = layouts >= LEAST_LAYOUTS and (tuned["path_gain_high_m"] or 0.0) < 0.0 <= tuned["success_gain"]
+    for name, unit in (("success_percent_change", "percentage points"), ("path_m_change", "m if both got out")):
+        value, low, high = (tuned[name + end] or 0.0 for end in ("", "_low", "_high"))
+        print(f"held out: {name} {value:+.2f} [{low:+.2f}, {high:+.2f}] {unit}")
+    shorter = (tuned["path_m_change_high"] or 0.0) < 0.0 <= tuned["success_percent_change"]
+    gain = layouts >= LEAST_LAYOUTS and shorter
     print("a gain; for the rover file:" if gain else "no gain is shown; what was tried:")
     for table, values in tables_of(best).items():
         print(f"[{table}]", *(f"{name} = {value:g}" for name, value in values.items()), sep="\n")

@@ -19,7 +19,6 @@ NEEDS = {
     "simulating": OptionalExtra("sim", {"numpy": "numpy"}),
     "--spl": OptionalExtra("spl", {"skfmm": "scikit-fmm"}),
     "--site": OptionalExtra("sim", {"scipy": "scipy"}),
-    "comparing": OptionalExtra("sim", {"numpy": "numpy", "scipy": "scipy"}),
     "a cluster": OptionalExtra("cluster", {"distributed": "distributed"}),
     "--physics mujoco": OptionalExtra("physics", {"mujoco": "mujoco"}),
     "--figure": OptionalExtra("figures", {"matplotlib": "matplotlib"}),

@@ -1,17 +1,14 @@
-"""What commands print on a terminal of 80 columns: whole, and on lines that fit."""
+"""What commands print on a terminal of 60 and of 80 columns: whole, and on lines that fit."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from tests.cli.test_compare import out_at_once
 from tests.conftest import Run
 from wayfarer import cli
-from wayfarer.experiments import paired_table, site_table, tables
-from wayfarer.vocabulary import outcome_in_words
 
 FIELD_LOGS = Path(cli.__file__).parents[2] / "field_logs"
 
@@ -55,9 +52,3 @@ def test_output_fits_80_columns_and_nothing_is_cut_off(
     code, out, err = run(*arguments)
     assert code == 0, err
     assert [line for line in out.splitlines() if len(line) > 80 or "…" in line] == []
-
-
-@pytest.mark.parametrize("columns", [tables, site_table, paired_table], ids=lambda module: module.__name__)
-def test_tables_call_an_outcome_by_its_one_word(columns: Any) -> None:
-    titles = " ".join(each.title for each in columns.OUTCOME_COLUMNS).replace("\n", " ")
-    assert all(outcome_in_words(name) in titles for name in ("entrapped", "left_bounds"))

@@ -84,10 +84,10 @@ def installed(run: Run, monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
         (
             "outcomes",
             "sim --algorithm pledge --trials 9",
-            "| pledge | 4 | 100.0 [51.0, 100.0] | 0 | 0 | 0 |",
+            "| pledge | 100.0 [51.0, 100.0] | 0.0 | 0.0 |",
         ),
         ("limits", "sim --algorithm pledge,levy-walk --trials 9", "| levy-walk | 25 | 50 | 75 | 100 |"),
-        ("gains", "sim --algorithm forest-pledge,pledge --trials 9", "| pledge | 4 | +0.0 [+0.0, +0.0] |"),
+        ("gains", "sim --algorithm forest-pledge,pledge --trials 9", "| pledge | 0, at most 75.0 | +0.0 |"),
         ("points", "sweep slip_mean_m=2,10 --trials 9", "| 10 | 100.0 [51.0, 100.0] | 0.750"),
     ],
 )

@@ -271,7 +271,7 @@ def _report_of(folder: Path) -> str:
     results = read_results(folder)
     check_finite(results.rows)
     made = reading(lambda: f"{len(dict(facts_of(read_runs(folder))))} facts")
-    return f"{len(results.summaries)} algorithms, {reading(lambda: str(results.rebuild().trials))} trials, {made}"
+    return f"{len(results.by_algorithm)} algorithms, {reading(lambda: str(results.rebuild().trials))} trials, {made}"
 
 
 def _read_folder(files: dict[str, bytes]) -> str:

@@ -2,11 +2,10 @@ from __future__ import annotations
 
 import io
 
-import pytest
 from rich.console import Console
 from rich.table import Table
 
-from wayfarer.logview.terminal_table import Column, add_row, print_in_full, table
+from wayfarer.logview.terminal_table import Column, add_row, table
 
 NAME: Column[tuple[str, float]] = Column("name", lambda row: row[0], left=True)
 PATH: Column[tuple[str, float]] = Column("path\nm", lambda row: f"{row[1]:.1f}")
@@ -41,12 +40,3 @@ def test_gap_is_that_between_columns() -> None:
 def test_only_what_may_be_wrapped_is() -> None:
     narrow = lines(table([NAME, WORDS], ROWS[1:]), width=24)
     assert narrow[2:] == [" pledge  pledge went far", "         and farther"]
-
-
-@pytest.mark.parametrize(("width", "tables"), [(14, 1), (13, 2)])
-def test_table_is_printed_in_parts_where_it_is_too_wide(width: int, tables: int) -> None:
-    console = Console(file=io.StringIO(), width=width)
-    print_in_full(console, table([NAME, PATH], ROWS), [table([NAME], ROWS), table([PATH], ROWS)])
-    assert isinstance(console.file, io.StringIO)
-    assert console.file.getvalue().count("──\n") == tables
-    assert "…" not in console.file.getvalue()

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from wayfarer.errors import BadInput
+from wayfarer.experiments.measures import compare as compared
+from wayfarer.experiments.measures import summarise
 from wayfarer.experiments.results_folder import swept_values
 from wayfarer.experiments.rows import TrialRow, columns_of
-from wayfarer.experiments.statistics import Estimate, summarise
-from wayfarer.extras import require
 from wayfarer.fieldlog.wording import plural
-
-if TYPE_CHECKING:
-    from wayfarer.experiments.paired_statistics import Comparison, Difference
 
 
 @dataclass(frozen=True, repr=False)
@@ -53,64 +50,36 @@ class Results:
 
     @property
     def summary(self) -> list[dict[str, Any]]:
-        """A row for each algorithm, of a sweep for each at each point: success with its 95 % interval, path, SPL, time.
+        """A row for each algorithm, of a sweep for each at each point: success, path, SPL, time and others.
 
-        The columns are those that ``wayfarer sim --json`` prints, in per cent, metres and seconds.
+        The columns are those that ``wayfarer sim --json`` prints, with their units in their names. Beside a value are
+        the ends of its 95 % interval: ``path_m``, ``path_m_low``, ``path_m_high``. Layouts are the sampling unit.
         """
         points, cells = swept_values(self.settings), groupby(self.rows, lambda row: (row.point, row.algorithm))
-        return [points[point] | asdict(summarise(name, rows)) for (point, name), rows in cells]
+        return [points[point] | summarise(name, list(rows)) for (point, name), rows in cells]
 
 
 def compare(results: Results, against: str | None = None) -> list[dict[str, Any]]:
     """Compare the algorithms of a campaign in pairs: each met the same forests with the same noise.
 
     All are compared with ``against``: without it with Forest-Pledge, or the first one if that is not among them.
-    Gives a row for each algorithm, the one that the others are compared with first; its own gains are None.
-    ``path_gain_m`` is the mean difference of the paths over the pairs in which both got out, metres, negative where
-    this algorithm's path is shorter; ``success_gain`` is that of the success over all pairs, percentage points;
-    ``spl_gain`` is that of the SPL, where shortest paths are known. ``_low`` and ``_high`` are the ends of the 95 %
-    interval, ``_p`` is the two-sided p-value (both by bootstrap over layouts), and ``_pairs`` how many pairs there
-    were. ``entrapped`` and ``left_bounds`` are shares of the trials, 0 to 1. ``worst_trial`` is the number of a trial
-    that failed, else of the longest path.
+    Gives a row for each algorithm, the one that the others are compared with first; its own changes are None.
+    ``path_m_change`` is the mean difference of the paths over the pairs in which both got out, metres, negative if
+    this algorithm's path is shorter; ``success_percent_change`` is that of the success over all pairs, percentage
+    points; ``spl_change`` is that of the SPL, if shortest paths are known. ``_low`` and ``_high`` are the ends of the
+    95 % interval, over layouts, and ``_pairs`` is the number of pairs. ``path_m``, ``success_percent`` and ``spl`` are
+    the algorithm's own. ``worst_trial`` is the number of a trial that failed, else of the longest path.
 
     Raises:
         BadInput: no trial of ``against``, or of no other algorithm; or the results are those of a sweep.
 
     >>> results = run_campaign(["forest-pledge", "pledge"], trials=2)
-    >>> [(row["algorithm"], row["path_gain_pairs"]) for row in compare(results)]
+    >>> [(row["algorithm"], row["path_m_change_pairs"]) for row in compare(results)]
     [('forest-pledge', 0), ('pledge', 2)]
     """
-    require("comparing")
-    from wayfarer.experiments.paired_statistics import compare as compared
-
     if "axes" in results.settings:
         raise BadInput("the results of a sweep have a campaign at each point; compare those of one campaign")
-    return [_paired_row(one) for one in compared(results.rows, against)]
-
-
-def _paired_row(one: Comparison) -> dict[str, Any]:
-    return {
-        "algorithm": one.algorithm,
-        "trials": one.trials,
-        "layouts": one.layouts,
-        "spl": one.spl,
-        **_gain("success_gain", one.success_gain),
-        **_gain("spl_gain", one.spl_gain),
-        **_gain("path_gain", one.path_gain_m, "_m"),
-        **_interval("entrapped", one.entrapped),
-        **_interval("left_bounds", one.left_bounds),
-        "worst_trial": one.worst.trial,
-    }
-
-
-def _gain(name: str, gain: Difference | None, unit: str = "") -> dict[str, float | None]:
-    pairs = {f"{name}_p": gain.p if gain else None, f"{name}_pairs": gain.pairs if gain else 0}
-    return _interval(name, gain.estimate if gain else None, unit) | pairs
-
-
-def _interval(name: str, estimate: Estimate | None, unit: str = "") -> dict[str, float | None]:
-    value, low, high = estimate or (None, None, None)
-    return {f"{name}{unit}": value, f"{name}_low{unit}": low, f"{name}_high{unit}": high}
+    return [one.as_json() for one in compared(results.rows, against)]
 
 
 def open_results(folder: str | Path) -> Results:

@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from wayfarer.cli.options import AsJson, complete_algorithm, examples
-from wayfarer.extras import require
 
 EXAMPLES = examples(
     "wayfarer compare results --against pledge",
@@ -30,16 +29,19 @@ def compare(
     as_json: AsJson = False,
 ) -> None:
     """Compare the algorithms of a campaign in pairs (same forest, same noise), with 95 % intervals."""
-    require("comparing")
     from rich.console import Console
 
-    from wayfarer.experiments.paired_statistics import compare as compared
-    from wayfarer.experiments.paired_table import print_comparison
+    from wayfarer.experiments.measures import compare as compared
     from wayfarer.experiments.report.load_results import read_results
+    from wayfarer.experiments.tables import comparison_table, sentences
     from wayfarer.logview.terminal import print_json
+    from wayfarer.logview.terminal_table import print_whole
 
     algorithms = compared(read_results(results).rows, against)
     if as_json:
-        print_json({"against": algorithms[0].algorithm, "algorithms": algorithms})
-    else:
-        print_comparison(Console(), algorithms)
+        print_json({"against": algorithms[0].algorithm, "algorithms": [each.as_json() for each in algorithms]})
+        return
+    console = Console()
+    print_whole(console, comparison_table(algorithms))
+    for sentence in sentences(algorithms):
+        console.print(sentence, highlight=False, markup=False)

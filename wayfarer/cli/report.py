@@ -86,7 +86,7 @@ def report(
 
 def _of_trials(folder: Path, out: Path | None, gallery: int | None, jobs: int | None, *, allow_code: bool) -> Path:
     """Write the report of a sweep or a campaign, and return the page's path."""
-    require("comparing")
+    require("a report")
     from wayfarer.experiments.pool import cores
     from wayfarer.experiments.report.campaign import write_report
     from wayfarer.experiments.report.sweep import write_sweep_report

@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor
 from contextlib import closing, contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -21,10 +21,10 @@ from urllib.parse import quote
 
 from wayfarer.errors import TrialNotRun, WayfarerError, kind_and_text
 from wayfarer.experiments.campaign import Plan, Task
+from wayfarer.experiments.measures import summarise
 from wayfarer.experiments.pool import TaskFailed, run_tasks
 from wayfarer.experiments.results_folder import ResultsFolder, count_of, in_table_order, missing, swept_values
 from wayfarer.experiments.rows import TrialRow, rounded_values, row_of
-from wayfarer.experiments.statistics import AlgorithmSummary, summarise
 
 if TYPE_CHECKING:
     from wayfarer.experiments.trial import TrialResult
@@ -115,21 +115,16 @@ class ComputeCost(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class CampaignRun:
-    """How a run ended: the ``rows`` there are, what this run took, and what they say once none is missing.
-
-    ``summaries`` has one line an algorithm, and in a sweep one at each point: the points one after the other. There are
-    none while trials are missing.
-    """
+    """How a run ended: the ``rows`` that there are, in the table's order once none is missing, and what it took."""
 
     plan: Plan
     rows: Sequence[TrialRow]
     effort: ComputeCost
-    summaries: Sequence[AlgorithmSummary] = ()
 
     @property
     def interrupted(self) -> bool:
         """Return whether trials are missing."""
-        return not self.summaries
+        return len(self.rows) < count_of(self.plan.settings())
 
     @property
     def simulated_s(self) -> float:
@@ -137,16 +132,18 @@ class CampaignRun:
         return sum(row.time_s or 0.0 for row in self.rows)
 
     @property
-    def points(self) -> list[dict[str, Any]]:
-        """The swept values of each summary, by their keys; none in a campaign."""
-        return [point for point in swept_values(self.plan.settings()) for _ in self.plan.points[0].algorithms]
+    def cells(self) -> list[tuple[dict[str, Any], str, list[TrialRow]]]:
+        """The trials of each algorithm, in a sweep at each point: with the swept values by their keys, and its name."""
+        points, cells = swept_values(self.plan.settings()), groupby(self.rows, lambda row: (row.point, row.algorithm))
+        return [(points[point], name, list(rows)) for (point, name), rows in cells]
 
     def as_json(self) -> dict[str, Any]:
         """Return what ``--json`` prints; ``last_run`` is this run, without what was kept before."""
-        lines = zip(self.points, self.summaries, strict=True)
         return {
             **self.plan.settings(),
-            "table": [({"point": at} if at else {}) | rounded_values(asdict(summary)) for at, summary in lines],
+            "table": [
+                ({"point": at} if at else {}) | rounded_values(summarise(name, rows)) for at, name, rows in self.cells
+            ],
             "simulated_s": round(self.simulated_s, 3),
             "last_run": rounded_values({**self.effort._asdict(), "cpu_us_per_tick": self.effort.cpu_us_per_tick}),
         }
@@ -192,14 +189,11 @@ def run(
             remedy = f"correct that and continue with --resume: {kept}" if kept else "correct that and run it again"
             raise not_run(failed, remedy) from failed.error
         effort = _effort(began, ticks, elsewhere=executor is not None)
-        if len(rows) < count_of(settings):
-            return CampaignRun(plan, rows, effort)
-        rows = in_table_order(rows, settings)
-        cells = groupby(rows, lambda row: (row.point, row.algorithm))
-        ended = CampaignRun(plan, rows, effort, [summarise(name, its_rows) for (_, name), its_rows in cells])
-        if folder and not folder.finished:
-            folder.finish(rows)
-    return ended
+        if len(rows) == count_of(settings):
+            rows = in_table_order(rows, settings)
+            if folder and not folder.finished:
+                folder.finish(rows)
+    return CampaignRun(plan, rows, effort)
 
 
 def _effort(began: os.times_result, ticks: int, *, elsewhere: bool) -> ComputeCost:

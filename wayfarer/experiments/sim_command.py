@@ -16,23 +16,21 @@ from rich.console import Console
 from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Campaign, Plan, Task
 from wayfarer.experiments.commands import INTERRUPTED, make_empty_folder
+from wayfarer.experiments.paper import reported
 from wayfarer.experiments.pool import TaskFailed, cores, run_tasks
 from wayfarer.experiments.progress_bar import say, shown_progress
 from wayfarer.experiments.results_folder import ResultsFolder, count_of
 from wayfarer.experiments.rows import columns_of, csv_line
 from wayfarer.experiments.run import CampaignRun, RunTrial, TrialRunner, not_run, run
-from wayfarer.experiments.site_table import layout_of
-from wayfarer.experiments.tables import print_table, spl_hint
+from wayfarer.experiments.tables import campaign_table
 from wayfarer.logview.terminal import print_json, say_next
+from wayfarer.logview.terminal_table import print_whole
 from wayfarer.simhal.world.forest_file import content_of
 
 if TYPE_CHECKING:
     from wayfarer.experiments.dask_cluster import Cluster
 
 TRACEBACK_FILE = "traceback.txt"
-LEGEND = "success: escaped or left the map; path: of these; time, anomalies: per trial"
-SITE_LEGEND = """time: from arming to the destination line, of the successes
-interventions (overturned/off its wheels)"""
 
 
 def run_all(
@@ -82,10 +80,9 @@ def run_all(
         print_json(finished.as_json())
         return 0
     console = Console()
-    print_table(console, finished.summaries, layout_of(campaign.scenario, campaign.rover.name))
-    say(console, SITE_LEGEND if campaign.scenario else LEGEND)
-    if hint := spl_hint(finished.summaries):
-        say(console, hint)
+    by_algorithm = {name: rows for _, name, rows in finished.cells}
+    papers = reported(campaign.settings())
+    print_whole(console, campaign_table(by_algorithm, papers, site=campaign.scenario is not None))
     say(console, _effort(finished))
     if out:
         say(Console(stderr=True), f"the results are in {out}")

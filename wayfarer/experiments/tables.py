@@ -1,131 +1,213 @@
-"""The result table of a campaign, with the paper's figures."""
+"""The tables of results, as texts: a terminal prints them, a page shows the same ones."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Literal, NamedTuple
 
-from rich.console import Console
-from rich.table import Table
+from wayfarer.experiments.measures import COMPARED, MEASURES, METHODS, WHAT_COUNTS, Comparison, Estimate, estimate
+from wayfarer.experiments.paper import Reported
+from wayfarer.experiments.results_folder import swept_values
+from wayfarer.experiments.rows import TrialRow
+from wayfarer.fieldlog.wording import plural
+from wayfarer.logview.terminal_table import TextTable
 
-from wayfarer.experiments.statistics import AlgorithmSummary
-from wayfarer.logview.terminal_table import Column, add_row, known, print_in_full, table
-
-if TYPE_CHECKING:
-    from wayfarer.experiments.paired_statistics import Comparison
-
-
-class PaperFigures(NamedTuple):
-    """What the paper reports of an algorithm over its 1,000 trials; None if it does not."""
-
-    path_mean_m: float
-    path_sd_m: float
-    success_percent: float | None = None
+INTERVAL = "[95 %]"
+NO_SPL = "no SPL: the shortest paths are not known; run the trials with --spl"
 
 
-# The paper, section IV: path lengths as mean and SD of the successes, and the success of Forest-Pledge alone.
-PAPER_FIGURES: Mapping[str, PaperFigures] = {
-    "pledge": PaperFigures(82.5, 30.8),
-    "forest-pledge": PaperFigures(81.3, 29.3, success_percent=99.7),
-    "levy-pledge": PaperFigures(88.3, 46.3),
-    "levy-walk": PaperFigures(247.5, 223.7),
-}
+class Shown(NamedTuple):
+    """A measure as a column: with its interval in a terminal too, and when there is such a column.
+
+    ``if_known``: some row has a value; ``if_any``: some value is not 0; ``beside_paper``: the paper has figures;
+    ``on_page``: never in a terminal, which is too narrow for all.
+    """
+
+    name: str
+    interval: bool = False
+    when: Literal["always", "if_known", "if_any", "beside_paper", "on_page"] = "always"
 
 
-@dataclass(frozen=True, slots=True)
-class PaperColumn(Column[AlgorithmSummary]):
-    """One column: how it reads for a summary, and for the paper's figures."""
-
-    papers: Callable[[Any], str] = lambda _: ""
-
-
-class Layout(NamedTuple):
-    """What a table shows: its columns in two groups, and the paper's figures by algorithm."""
-
-    outcomes: tuple[PaperColumn, ...]
-    measures: tuple[PaperColumn, ...]
-    paper: Mapping[str, Any]
-
-
-def number_text(value: float | None, decimals: int = 1) -> str:
-    """Return a number with so many decimals, nothing if it is not known."""
-    return "" if value is None else f"{value:.{decimals}f}"
-
-
-def mean_and_sd(mean: float | None, sd: float | None) -> str:
-    """Return a mean with its standard deviation, as far as they are known."""
-    return number_text(mean) if sd is None else f"{number_text(mean)} ± {sd:.1f}"
-
-
-def success(summary: AlgorithmSummary) -> str:
-    """Return the share of successes with its interval, in per cent."""
-    low, high = summary.success_low_percent, summary.success_high_percent
-    return f"{summary.success_percent:.1f} [{low:.1f}, {high:.1f}]"
-
-
-NAME_COLUMN = PaperColumn("algorithm", lambda s: s.algorithm, left=True, papers=lambda _: "  paper")
-OUTCOME_COLUMNS = (
-    PaperColumn("trials", lambda s: str(s.trials)),
-    PaperColumn("success %\n[95 %]", success, papers=lambda p: number_text(p.success_percent)),
-    PaperColumn("entrapped", lambda s: str(s.entrapped)),
-    PaperColumn("left\nthe map", lambda s: str(s.left_bounds)),
-    PaperColumn("tipped", lambda s: str(s.tipped)),
+FOREST_COLUMNS = (
+    Shown("success_percent", interval=True),
+    Shown("left_bounds_percent"),
+    Shown("entrapped_percent"),
+    Shown("tipped_percent", when="if_any"),
+    Shown("fault_percent", when="if_any"),
+    Shown("path_m", interval=True),
+    Shown("path_sd_m", when="beside_paper"),
+    Shown("path_median_m", when="on_page"),
+    Shown("spl", when="if_known"),
+    Shown("time_s"),
+    Shown("anomalies", when="on_page"),
 )
-FAULTS = PaperColumn("faults", lambda s: str(s.fault))
-SPL_COLUMN = PaperColumn("SPL", lambda s: number_text(s.spl, 3), if_known=True)
-PATH_COLUMNS = (
-    PaperColumn(
-        "path m\nmean ± SD",
-        lambda s: mean_and_sd(s.path_mean_m, s.path_sd_m),
-        papers=lambda p: mean_and_sd(p.path_mean_m, p.path_sd_m),
-    ),
-    PaperColumn("median\nm", lambda s: number_text(s.path_median_m)),
-    SPL_COLUMN,
-    PaperColumn("time\ns", lambda s: number_text(s.time_mean_s)),
-    PaperColumn("anomalies", lambda s: number_text(s.anomalies_mean)),
+SITE_COLUMNS = (
+    Shown("success_percent", interval=True),
+    Shown("entrapped_percent"),
+    Shown("fault_percent", when="if_any"),
+    Shown("escape_s", interval=True),
+    Shown("escape_sd_s", when="beside_paper"),
+    Shown("interventions"),
+    Shown("overturned", when="on_page"),
+    Shown("off_wheels", when="on_page"),
+    Shown("path_m"),
+    Shown("spl", when="if_known"),
+    Shown("anomalies", when="on_page"),
+)
+SWEEP_COLUMNS = (
+    Shown("success_percent", interval=True),
+    Shown("spl", when="if_known"),
+    Shown("path_m"),
+    Shown("escape_s"),
+    Shown("left_bounds_percent", when="if_any"),
+    Shown("interventions", when="if_known"),
 )
 
+Line = tuple[tuple[str, ...], Sequence[TrialRow]]  # what names a row, and the trials that it is about
 
-FOREST_LAYOUT = Layout(OUTCOME_COLUMNS, PATH_COLUMNS, PAPER_FIGURES)
+
+def campaign_table(
+    by_algorithm: Mapping[str, Sequence[TrialRow]], papers: Reported, *, site: bool, full: bool = False
+) -> TextTable:
+    """Return the table of a campaign, with the paper's figures below ours; ``full`` with all intervals, for a page."""
+    lines = [((name,), rows) for name, rows in by_algorithm.items()]
+    return results_table(("algorithm",), lines, SITE_COLUMNS if site else FOREST_COLUMNS, papers, full=full)
 
 
-def print_table(console: Console, summaries: Sequence[AlgorithmSummary], layout: Layout = FOREST_LAYOUT) -> None:
-    """Print one table, or where the console is too narrow for it outcomes and measures below each other."""
-    outcomes = (*layout.outcomes, *fault_columns(summaries))
-    measures = known(layout.measures, summaries)
-    whole, *parts = (
-        _table(summaries, (NAME_COLUMN, *columns), layout.paper)
-        for columns in ((*outcomes, *measures), outcomes, measures)
+def results_table(
+    names: tuple[str, ...], lines: Sequence[Line], columns: Sequence[Shown], papers: Reported, *, full: bool
+) -> TextTable:
+    """Return a table with a row for each of these groups of trials; ``names`` are the titles of what names a row."""
+    found = [{each.name: estimate(rows, MEASURES[each.name]) for each in columns} for _, rows in lines]
+    shown = [each for each in columns if _has_column(each, [row[each.name] for row in found], papers, full=full)]
+    methods = [row[each.name] for row in found for each in shown if full or each.interval]
+    table = []
+    for (labels, _), estimates in zip(lines, found, strict=True):
+        table.append(("", [*labels, *(_cell(each, estimates[each.name], full=full) for each in shown)]))
+        paper = papers.get(labels[0], {})
+        cells = [f"{paper[s.name]:.{MEASURES[s.name].decimals}f}" if s.name in paper else "" for s in shown]
+        if any(cells):
+            table.append(("paper", ["  paper", *labels[1:], *cells]))
+    most = max(lines, key=lambda line: len(line[1]))[1]
+    notes = [f"{plural(len(most), 'trial')} in {plural(len({row.forest for row in most}), 'layout')} for each row."]
+    notes += [WHAT_COUNTS, methods_note(methods)]
+    if papers:
+        notes.append("SD: of the trials. The paper's figures are of its own trials: 1,000 in a forest, ten at a site.")
+    if not any(row.get("spl") for row in found):
+        notes.append(NO_SPL)
+    titles = (*names, *(_title(each, interval=full or each.interval) for each in shown))
+    return TextTable(titles, table, [note for note in notes if note], len(names))
+
+
+# -- sweeps ------------------------------------------------------------------------------------------------------------
+
+
+def layouts_of_points(settings: Mapping[str, Any]) -> list[object]:
+    """Return for each point of a sweep what its layouts depend on: two points with the same met the same layouts.
+
+    ``settings`` are those of ``Sweep.settings``. In forests all points meet the same trunks with the same noise. At a
+    site a way is kept open for the rover, so one that is wider or longer than both of the paper has layouts of its own.
+    """
+    points, campaign = swept_values(settings), settings["campaign"]
+    if campaign["scenario"] is None:
+        return [None] * len(points)
+    from wayfarer.experiments.sweep import BODY, FOOTPRINT
+    from wayfarer.simhal.world.sites.field_site import WIDEST
+
+    sizes: list[object] = []
+    for point in points:
+        body = {key: campaign["rover"]["vehicle"][key.partition(".")[2]] for key in BODY}
+        body |= dict.fromkeys(BODY, point[FOOTPRINT]) if FOOTPRINT in point else point
+        length_m, width_m = (body[key] for key in BODY)
+        sizes.append((max(length_m, WIDEST.length_m), max(width_m, WIDEST.width_m)))
+    return sizes
+
+
+def layouts_note(settings: Mapping[str, Any]) -> str:
+    """Say which points of a sweep met the same layouts."""
+    groups: dict[object, list[str]] = {}
+    for layouts, point in zip(layouts_of_points(settings), swept_values(settings), strict=True):
+        groups.setdefault(layouts, []).append(", ".join(f"{key}={value}" for key, value in point.items()))
+    if len(groups) == 1:
+        return "All points met the same layouts with the same noise, so they can be compared trial by trial."
+    return (
+        "A rover of another size met other layouts of the site. The same ones, and only these are compared in pairs: "
+        f"{'; '.join(' and '.join(group) for group in groups.values())}."
     )
-    print_in_full(console, whole, parts)
 
 
-def spl_hint(rows: Iterable[AlgorithmSummary | Comparison]) -> str:
-    """Return how to get an SPL where a table has none."""
-    known_anywhere = any(row.spl is not None for row in rows)
-    return "" if known_anywhere else "no SPL: the shortest paths are not known; run the trials with --spl"
+# -- comparisons -------------------------------------------------------------------------------------------------------
 
 
-def fault_columns(summaries: Iterable[AlgorithmSummary]) -> tuple[PaperColumn, ...]:
-    """Return the column of faults where there are any."""
-    return (FAULTS,) if any(summary.fault for summary in summaries) else ()
+def comparison_table(algorithms: Sequence[Comparison]) -> TextTable:
+    """Return the table of ``wayfarer compare``: how each algorithm differs from the first one, and its worst trial."""
+    base, *others = algorithms
+    shown = [each for each in COMPARED if any(one.changes[each.name] for one in others)]
+    changes = [f"{each.title} change\n{each.points} {INTERVAL}".replace("\n ", "\n") for each in shown]
+    rows = []
+    for one in algorithms:
+        found = [(one.changes.get(each.name), each.decimals) for each in shown]
+        cells = ["" if change is None else change.text(decimals, "+") for change, decimals in found]
+        rows.append(("", [one.algorithm, *cells, f"{one.worst.forest}/{one.worst.noise}"]))
+    notes = [
+        f"Change: against {base.algorithm}, mean over pairs of the same forest and noise; path: pairs in which both "
+        "got out, a shorter path is negative. Worst: a failed trial, else the longest path.",
+        methods_note([change for one in others for change in one.changes.values()]),
+    ]
+    if not any(row.counted_spl is not None for one in algorithms for row in one.rows):
+        notes.append(NO_SPL)
+    return TextTable(("algorithm", *changes, "worst trial\nforest/noise"), rows, notes)
 
 
-def lines_of(
-    summary: AlgorithmSummary, columns: Sequence[PaperColumn], papers: Mapping[str, Any]
-) -> Iterator[tuple[str, list[str]]]:
-    """Yield an algorithm's line (``ours``), and below it the ``paper`` one where the paper has any of these columns."""
-    yield "ours", [str(column.cell(summary)) for column in columns]
-    if paper := papers.get(summary.algorithm):
-        cells = [column.papers(paper) for column in columns]
-        if any(cells[1:]):
-            yield "paper", cells
+def sentences(algorithms: Sequence[Comparison]) -> Iterator[str]:
+    """Yield in words how each algorithm differs from the first one."""
+    base, *others = algorithms
+    for one in others:
+        parts = [_in_words(each.name, change) for each in COMPARED if (change := one.changes[each.name])]
+        yield f"{one.algorithm} against {base.algorithm}: {'; '.join(parts) or 'no pair to compare'}"
 
 
-def _table(summaries: Sequence[AlgorithmSummary], columns: Sequence[PaperColumn], papers: Mapping[str, Any]) -> Table:
-    made = table(columns)
-    for summary in summaries:
-        for whose, cells in lines_of(summary, columns, papers):
-            add_row(made, cells, style="dim" if whose == "paper" else "")
-    return made
+def _in_words(name: str, change: Estimate) -> str:
+    """Say a difference without a sign, and its interval in the same direction: below 0 is the other one."""
+    measure = MEASURES[name]
+    less, more = ("shorter", "longer") if name == "path_m" else ("lower", "higher")
+    unit, pairs = measure.points and f" {measure.points}", plural(change.trials, "pair")
+    if change.method == "no pair differs":
+        return f"{measure.title} the same in {pairs} (at most {change.high:.{measure.decimals}f}{unit} either way)"
+    sign = -1.0 if change.value < 0.0 else 1.0
+    value, *ends = (sign * end for end in change[:3] if end is not None)
+    text = f"{measure.title} {value:.{measure.decimals}f}{unit} {less if sign < 0.0 else more}"
+    interval = ", ".join(f"{end:.{measure.decimals}f}" for end in sorted(ends))
+    return f"{text}{interval and f' [{interval}]'} ({pairs})"
+
+
+def methods_note(found: Sequence[Estimate | None]) -> str:
+    """Return how the intervals among these were made."""
+    used = {each.method for each in found if each}
+    ways = "; ".join(text for name, text in METHODS.items() if name in used and text)
+    return f"95 % intervals: {ways}." if ways else ""
+
+
+def _has_column(shown: Shown, found: Sequence[Estimate | None], papers: Reported, *, full: bool) -> bool:
+    if shown.when == "beside_paper":
+        return bool(papers) or full
+    if shown.when == "always":
+        return True
+    if shown.when == "on_page":
+        return full and any(found)
+    return any(each and (each.value or shown.when == "if_known") for each in found)
+
+
+def _title(shown: Shown, *, interval: bool) -> str:
+    measure = MEASURES[shown.name]
+    below = [measure.unit, INTERVAL if interval and measure.kind != "sd" else ""]
+    lines = [*textwrap.wrap(measure.title, 9, break_long_words=False), " ".join(filter(None, below))]
+    return "\n".join(filter(None, lines))
+
+
+def _cell(shown: Shown, found: Estimate | None, *, full: bool) -> str:
+    if found is None:
+        return ""
+    decimals = MEASURES[shown.name].decimals
+    return found.text(decimals) if full or shown.interval else f"{found.value:.{decimals}f}"

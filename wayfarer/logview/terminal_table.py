@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 from rich import box
 from rich.console import Console
@@ -12,7 +12,6 @@ from rich.table import Table
 from rich.text import Text
 
 T = TypeVar("T")
-ColumnT = TypeVar("ColumnT", bound="Column[Any]")
 UNBOUNDED = 1000  # columns: wider than any table
 
 
@@ -21,19 +20,24 @@ class Column(Generic[T]):
     """One column: its title, and how it reads for a row.
 
     Figures stand at the right. With ``left`` words stand at the left, and with ``wraps`` they may be broken into lines.
-    With ``if_known`` a table in which no row has a value has no such column (``known``).
     """
 
     title: str
     cell: Callable[[T], str | Text]
     left: bool = False
     wraps: bool = False
-    if_known: bool = False
 
 
-def known(columns: Iterable[ColumnT], rows: Sequence[Any]) -> tuple[ColumnT, ...]:
-    """Return the columns that a table of these rows has."""
-    return tuple(each for each in columns if not each.if_known or any(each.cell(row) for row in rows))
+class TextTable(NamedTuple):
+    """A table of results as texts, for a terminal and a page: titles, rows of a kind and its cells, and notes below.
+
+    The first ``names`` columns say what a row is; a kind other than ``""`` is a row beside ours, such as the paper's.
+    """
+
+    titles: Sequence[str]
+    rows: Sequence[tuple[str, Sequence[str]]]
+    notes: Sequence[str] = ()
+    names: int = 1
 
 
 def table(columns: Sequence[Column[T]], rows: Iterable[T] = (), *, gap: int = 2) -> Table:
@@ -51,14 +55,46 @@ def add_row(made: Table, cells: Iterable[str | Text], style: str = "") -> None:
     made.add_row(*(cell if isinstance(cell, Text) else Text(cell) for cell in cells), style=style)
 
 
-def print_in_full(console: Console, whole: Table, parts: Sequence[Table]) -> None:
-    """Print a table, or where the console is too narrow for it its parts below each other, closer if they must be."""
-    for each in [whole] if _fits(console, whole) else parts:
-        if not _fits(console, each):
-            each.padding = 0  # leaves one blank between two columns
-        console.print(each)
+def print_whole(console: Console, whole: TextTable) -> None:
+    """Print a table and its notes; no number is ever cut off.
+
+    If the console is too narrow, columns go into tables below each other, each with the names of the rows; if it is too
+    narrow for that too, each row becomes a list under its name.
+    """
+    titles, rows, notes, names = whole
+    groups: list[list[int]] = [[]]
+    for column in range(names, len(titles)):
+        if groups[-1] and not _fitting(console, whole, [*range(names), *groups[-1], column]):
+            groups.append([])
+        groups[-1].append(column)
+    parts = [_fitting(console, whole, [*range(names), *group]) for group in groups]
+    for part in parts if all(parts) else ():
+        console.print(part)
         console.print()
+    for _, cells in () if all(parts) else rows:
+        _say(console, ", ".join(cell.strip() for cell in cells[:names]))
+        for title, cell in zip(titles[names:], cells[names:], strict=True):
+            if cell:
+                _say(console, f"  {title.replace(chr(10), ' ')}: {cell}")
+        console.print()
+    for note in notes:
+        _say(console, note)
 
 
-def _fits(console: Console, made: Table) -> bool:
-    return console.measure(made, options=console.options.update(max_width=UNBOUNDED)).maximum <= console.width
+def _fitting(console: Console, whole: TextTable, columns: Sequence[int]) -> Table | None:
+    """Return a table of these columns, closer if it must be; None if the console is too narrow for it."""
+    for gap in (2, 1):
+        made = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 0, 0, gap - 1))
+        for at in columns:
+            made.add_column(Text(whole.titles[at]), justify="left" if at == 0 else "right", no_wrap=True)
+        for kind, cells in whole.rows:
+            if kind and not any(cells[at] for at in columns[whole.names :]):
+                continue
+            add_row(made, [cells[at] for at in columns], style="dim" if kind else "")
+        if console.measure(made, options=console.options.update(max_width=UNBOUNDED)).maximum <= console.width:
+            return made
+    return None
+
+
+def _say(console: Console, text: str) -> None:
+    console.print(text, markup=False, highlight=False)

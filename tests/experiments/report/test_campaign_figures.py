@@ -12,14 +12,13 @@ import pytest
 from tests.experiments.report.campaigns import STRANGERS, names, row, rows_of
 from tests.experiments.report.reading_plots import columns, names_of_rows
 from wayfarer.escape.api import Phase
-from wayfarer.experiments.paired_statistics import compare
-from wayfarer.experiments.paired_table import GAIN_COLUMNS
-from wayfarer.experiments.report.campaign import GAINS, gain_figure, path_in, trial_map
+from wayfarer.experiments.measures import COMPARED, compare
+from wayfarer.experiments.paper import FORESTS
+from wayfarer.experiments.report.campaign import gain_figure, path_in, trial_map
 from wayfarer.experiments.report.paths_figure import escape_figure, grouped, lay_out, paths_figure
 from wayfarer.experiments.report.worst_trials import Trajectory, TrajectoryPoint
 from wayfarer.experiments.rows import TrialRow
-from wayfarer.experiments.statistics import summarise
-from wayfarer.experiments.tables import PAPER_FIGURES
+from wayfarer.experiments.tables import comparison_table
 from wayfarer.logview import palette
 from wayfarer.reports.page.plots import Figure, Plots
 from wayfarer.simhal.world.generate import generate_forest
@@ -28,8 +27,7 @@ Rows = Mapping[str, Sequence[TrialRow]]
 
 
 def paths_of(rows: Rows) -> Figure:
-    summaries = {name: summarise(name, own) for name, own in rows.items()}
-    return paths_figure(rows, summaries, [39.0, 41.0], PAPER_FIGURES)
+    return paths_figure(rows, [39.0, 41.0], FORESTS)
 
 
 FIGURES: dict[str, Callable[[Rows], Figure]] = {"paths": paths_of, "escape": escape_figure}
@@ -97,14 +95,13 @@ def test_papers_mean_and_shortest_path_are_in_view_however_far_off() -> None:
 
 def test_forest_plot_shows_the_numbers_of_the_table_beside_zero() -> None:
     base, *others = compare([each for own in rows_of(names(4)).values() for each in own], "forest-pledge")
-    columns_of_table = {column.title.partition(" change")[0]: column for column in GAIN_COLUMNS}
-    for gain in GAINS:
-        found = gain.known(others)
-        figure: Any = gain_figure(gain, found)
-        drawn = columns(figure, gain.name)
+    table = comparison_table([base, *others])
+    for column, measure in enumerate(COMPARED, start=1):
+        found = {one.algorithm: change for one in others if (change := one.changes[measure.name])}
+        figure: Any = gain_figure(measure, found)
+        drawn = columns(figure, measure.name)
         assert drawn["algorithm"] == names_of_rows(figure) == ["pledge", "rand-pledge", "cv-pledge"]
-        assert drawn["text"] == [columns_of_table[gain.name].cell(one) for one in others]
-        assert gain.of(base) is None
+        assert drawn["text"] == [cells[column] for _, cells in table.rows[1:]]
         assert figure.x_range.start < min(0.0, *drawn["low"]) <= max(0.0, *drawn["high"]) < figure.x_range.end
 
 

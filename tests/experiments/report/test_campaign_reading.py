@@ -8,7 +8,6 @@ import os
 import shutil
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,6 @@ from wayfarer.experiments.report.campaign import write_report
 from wayfarer.experiments.report.load_results import read_results
 from wayfarer.experiments.results_folder import FORESTS, SETTINGS, ResultsFolder
 from wayfarer.experiments.results_folder import TRIALS as TABLE
-from wayfarer.experiments.tables import PAPER_FIGURES
 
 
 @pytest.fixture
@@ -229,12 +227,3 @@ def test_algorithm_of_a_module_is_run_again_only_if_a_person_allows_it(finished:
     with pytest.raises(BadInput, match=r"names code to run, 'tests\.somewhere:ALGORITHM'"):
         results.rebuild()
     assert results.rebuild(allow_code=True).algorithms[0] == "tests.somewhere:ALGORITHM"
-
-
-def test_results_at_a_site_stand_beside_the_papers_field_trials_and_not_beside_its_forests(finished: Path) -> None:
-    results = read_results(finished)
-    assert (results.papers_paths, results.layout.paper) == (PAPER_FIGURES, PAPER_FIGURES)
-    site = results.settings.model_copy(update={"scenario": "extended-maze", "rover": {"name": "minirover"}})
-    at_site = replace(results, settings=site)
-    assert at_site.papers_paths == {}
-    assert at_site.layout.paper["forest-pledge"].mean_s == 51.0

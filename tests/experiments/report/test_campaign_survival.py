@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 
 from tests.experiments.report.campaigns import row
 from tests.experiments.report.reading_plots import columns, legend
+from wayfarer.experiments.measures import summarise
 from wayfarer.experiments.outcome import OUTCOMES, SUCCESSES
 from wayfarer.experiments.report.paths_figure import escape_curve, escape_figure
 from wayfarer.experiments.rows import TrialRow
-from wayfarer.experiments.statistics import summarise
 
 # Few different values, so that many are equal; a multiple of 0.25 is exact.
 PATHS_M = st.integers(1, 40).map(lambda quarter: quarter / 4)
@@ -34,7 +34,7 @@ def test_curve_is_the_share_of_all_trials_that_has_escaped(rows: list[TrialRow])
 
 @given(TRIALS)
 def test_legend_and_last_corner_say_the_success_of_the_table(rows: list[TrialRow]) -> None:
-    success = summarise("levy-walk", rows).success_percent
+    success = summarise("levy-walk", rows)["success_percent"]
     figure = escape_figure({"levy-walk": rows})
     assert legend(figure) == [f"levy-walk, {success:.1f} %"]
     assert columns(figure, "levy-walk")["y"][-1] == pytest.approx(success, rel=1e-6)

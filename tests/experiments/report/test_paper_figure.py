@@ -13,6 +13,7 @@ from matplotlib.patches import Rectangle
 
 from tests.conftest import Run, refusal
 from tests.experiments.report.campaigns import ALGORITHMS, STRANGERS, row, rows_of
+from wayfarer.experiments.measures import summarise
 from wayfarer.experiments.report.load_results import CampaignResults, read_results
 from wayfarer.experiments.report.paper_figure import paper_figure, write_paper_figure
 from wayfarer.logview import palette
@@ -31,17 +32,21 @@ def of(results: CampaignResults, *names: str, **changes: Any) -> CampaignResults
     return replace(results, rows=rows, settings=results.settings.model_copy(update={"algorithms": list(names)}))
 
 
+def summary(results: CampaignResults, name: str) -> dict[str, Any]:
+    return summarise(name, results.by_algorithm[name])
+
+
 def test_boxes_bars_and_line_are_those_of_the_rows(results: CampaignResults) -> None:
     shown = of(results, "levy-walk", "forest-pledge", STRANGERS[1])
     boxes, bars = paper_figure(shown).axes
     assert [text.get_text() for text in boxes.get_xticklabels()] == ["forest-pledge", "levy-walk", STRANGERS[1]]
     assert [text.get_text() for text in boxes.texts] == ["Pledge-inspired", "Stochastic", "Others"]
     drawn = [bar.get_height() for bar in bars.patches if isinstance(bar, Rectangle)]
-    assert drawn == pytest.approx([100.0 - shown.summaries[name].success_percent for name in
+    assert drawn == pytest.approx([100.0 - summary(shown, name)["success_percent"] for name in
                                    ("forest-pledge", "levy-walk", STRANGERS[1])])  # fmt: skip
     assert drawn == pytest.approx([2.5, 0.0, 5.0])
     medians = [line.get_ydata()[0] for line in boxes.lines if line.get_linewidth() == 1.6]  # type: ignore[index]
-    assert medians == pytest.approx([shown.summaries[name].path_median_m for name in
+    assert medians == pytest.approx([summary(shown, name)["path_median_m"] for name in
                                      ("forest-pledge", "levy-walk", STRANGERS[1])])  # fmt: skip
     level, *between = [line for line in boxes.lines if line.get_linestyle() == "--"]
     assert (level.get_color(), list(level.get_ydata())) == (palette.RED, [39.0, 39.0])  # type: ignore[arg-type]

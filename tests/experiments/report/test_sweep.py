@@ -19,17 +19,16 @@ from tests.reports.page.outline import Outline
 from wayfarer import cli
 from wayfarer.errors import BadInput
 from wayfarer.experiments.report.sweep import curves_figures, maps_figures, write_sweep_report
-from wayfarer.experiments.report.sweep_results import SweepResults, SweepSettings, read_sweep
+from wayfarer.experiments.report.sweep_results import SweepResults, SweepSettings, SweptAxis, read_sweep
 from wayfarer.experiments.results_folder import TRIALS, in_table_order, tasks_of
 from wayfarer.experiments.rows import TrialRow
-from wayfarer.experiments.statistics import MEASURES, estimated_mean, spl_difference
 from wayfarer.experiments.sweep import Axis, make_sweep
 from wayfarer.experiments.sweep_command import run_all
 from wayfarer.reports.page.plots import Figure, Plots
 
 ANGLES = Axis("escape.turn_angle_deg", (50, 10, 30))
 SLIPS = Axis("slip_mean_m", (2, 10))
-IN_A_FOREST = [each.title for each in MEASURES if each.name != "interventions"]  # which are counted at sites only
+IN_A_FOREST = ["success, %", "SPL", "path, m", "time to escape, s"]
 WORDS = Axis("anomaly_source", ("motion", "contact"))
 
 
@@ -41,7 +40,7 @@ def results_of(*axes: Axis, algorithms: tuple[str, ...] = ("pledge",), spl: bool
         out = task.trial >= task.point
         path_m = 60.0 + 10 * task.point + task.trial if out else 1000.0
         shortest_m, share = (36.0, 36.0 / path_m if out else 0.0) if spl else (None, None)
-        row = TrialRow(task.trial, task.algorithm, 0, 0, 1, "escaped" if out else "entrapped", path_m)
+        row = TrialRow(task.trial, task.algorithm, task.trial, 0, 1, "escaped" if out else "entrapped", path_m)
         rows.append(row._replace(time_s=2.0 * path_m, shortest_path_m=shortest_m, spl=share, point=task.point))
     settings = SweepSettings.model_validate_json(json.dumps(sweep.settings()))
     return SweepResults(settings, in_table_order(rows, sweep.settings()))
@@ -57,14 +56,13 @@ def drawn(figures: Iterator[Figure]) -> list[Any]:
 
 
 def test_curves_show_what_the_rows_say_in_the_order_of_the_values() -> None:
-    success, spl, path, time, left = drawn(curves_figures(results_of(ANGLES)))
+    success, spl, path, time = drawn(curves_figures(results_of(ANGLES)))
     assert columns(success, "pledge")["x"] == [10, 30, 50]
     assert columns(success, "pledge")["value"] == pytest.approx([87.5, 75.0, 100.0])
     assert columns(success, "pledge")["text"][0] == "87.5 [52.9, 97.8]"
     assert [line.location for line in success.select(Span)] == [30], "the value without a sweep"
     assert columns(path, "pledge")["value"] == pytest.approx([74.0, 84.5, 63.5])
     assert columns(time, "pledge")["value"] == pytest.approx([148.0, 169.0, 127.0])
-    assert columns(left, "pledge")["value"] == [0, 0, 0]
     assert np.all(np.diff(np.array(columns(spl, "pledge")["value"])[[1, 0, 2]]) > 0)
 
 
@@ -98,21 +96,18 @@ def test_maps_of_many_values_name_some(spl: bool, values: int) -> None:
     assert all(len(figure.xaxis[0].major_label_overrides) <= 8 for figure in figures)
 
 
-def test_interval_of_a_mean_is_that_of_its_standard_error() -> None:
-    estimate = estimated_mean([1.0, 2.0, 3.0, 4.0])
-    assert estimate is not None
-    assert estimate == pytest.approx((2.5, 2.5 - 1.96 * 0.6455, 2.5 + 1.96 * 0.6455), abs=1e-3)
-    assert estimated_mean([1.0]) is None
-
-
-def test_difference_is_taken_trial_by_trial() -> None:
+def test_change_is_taken_trial_by_trial_and_only_in_the_same_layouts() -> None:
     results = results_of(ANGLES)
-    same = spl_difference(results.cells[0, "pledge"], results.cells[0, "pledge"])
-    assert same == (0.0, 0.0, 0.0)
-    worse = spl_difference(results.cells[1, "pledge"], results.cells[0, "pledge"])
-    assert worse is not None
-    assert worse.value == pytest.approx(np.mean([(36 / (70 + n) if n else 0.0) - 36 / (60 + n) for n in range(8)]))
-    assert worse.low < worse.value < worse.high < 0
+    assert results.now == 2
+    assert results.change(2, "pledge") is None
+    change = results.change(1, "pledge")
+    assert change is not None
+    gains = [(36 / (70 + n) if n else 0.0) - (36 / (80 + n) if n > 1 else 0.0) for n in range(8)]
+    assert change[::4] == pytest.approx((np.mean(gains), 8))
+    at_site = results.settings.campaign.model_copy(update={"scenario": "extended-maze"})
+    widths = SweptAxis(key="vehicle.width_m", values=[0.2, 0.4, 0.6], now=0.6)
+    settings = results.settings.model_copy(update={"campaign": at_site, "axes": [widths]})
+    assert [SweepResults(settings, results.rows).change(point, "pledge") for point in range(3)] == [None] * 3
 
 
 @pytest.mark.parametrize("axes", [(ANGLES,), (ANGLES, SLIPS)], ids=["curves", "maps"])

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from tests.simhal.forest_lines import lines_of
 from wayfarer.cli.trial_options import SiteName
 from wayfarer.config.rover_file import load_rover
-from wayfarer.experiments.site_table import FIELD_TRIALS
+from wayfarer.experiments.paper import FIELD_TRIALS
 from wayfarer.simhal.world.forest import Forest, check_forest
 from wayfarer.simhal.world.forest_file import forests_in
 from wayfarer.simhal.world.generate import Draw
@@ -136,4 +136,4 @@ def test_layout_is_the_same_after_a_file() -> None:
 
 def test_command_and_table_know_the_same_scenarios() -> None:
     assert get_args(SiteName) == tuple(SITES)
-    assert {site for site, _, _ in FIELD_TRIALS} < set(SITES)
+    assert {site for site, _ in FIELD_TRIALS} < set(SITES)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from math import radians
 from pathlib import Path
-from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -15,18 +14,17 @@ from rich.console import Console
 from wayfarer.errors import BadInput
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.campaign import Campaign
-from wayfarer.experiments.paired_statistics import Comparison, Difference, compare
-from wayfarer.experiments.paired_table import COLUMNS, LEGEND, sentences
+from wayfarer.experiments.measures import COMPARED, Estimate, Measure, compare
 from wayfarer.experiments.progress_bar import shown_progress
 from wayfarer.experiments.provenance import read_runs
 from wayfarer.experiments.report import words
 from wayfarer.experiments.report.load_results import CampaignResults, read_results
 from wayfarer.experiments.report.paths_figure import SVG, escape_figure, grouped, lay_out, paths_figure, rows_plot
 from wayfarer.experiments.report.worst_trials import RerunTrial, Trajectory, TrajectoryPoint, choose, run_again
-from wayfarer.experiments.tables import lines_of
+from wayfarer.experiments.tables import comparison_table, sentences
 from wayfarer.fieldlog.record import World
 from wayfarer.logview import palette
-from wayfarer.logview.terminal_table import known
+from wayfarer.logview.terminal_table import TextTable
 from wayfarer.reports.data import EDGE, Floats, pieces
 from wayfarer.reports.map import draw_forest
 from wayfarer.reports.page import html
@@ -47,26 +45,6 @@ CAPTION = (
 )
 
 
-class Gain(NamedTuple):
-    """A difference that can be drawn: its name, what its axis says, its decimals, and where it is in a comparison."""
-
-    name: str
-    label: str
-    decimals: int
-    of: Callable[[Comparison], Difference | None]
-
-    def known(self, others: Sequence[Comparison]) -> dict[str, Difference]:
-        """Return the difference of each algorithm that has one."""
-        return {one.algorithm: gain for one in others if (gain := self.of(one))}
-
-
-GAINS = (
-    Gain("success", "success, %-points (right: more)", 1, lambda one: one.success_gain),
-    Gain("path", "path, m (left: shorter)", 1, lambda one: one.path_gain_m),
-    Gain("SPL", "SPL (right: better)", 3, lambda one: one.spl_gain),
-)
-
-
 def comparison_section(results: CampaignResults, plots: Plots) -> Iterator[str]:
     """Yield how the algorithms, at least two, differ from one of them; or why they cannot be compared."""
     try:
@@ -75,35 +53,40 @@ def comparison_section(results: CampaignResults, plots: Plots) -> Iterator[str]:
         yield html.paragraph(f"The trials cannot be compared: {reason}.")
         return
     yield html.paragraph(f"Against {base.algorithm}. {CAPTION}")
+    known = {
+        each: found
+        for each in COMPARED
+        if (found := {one.algorithm: change for one in others if (change := one.changes[each.name])})
+    }
     yield html.panels(
-        html.figure(plots.place(gain_figure(gain, found)), alt=f"Difference to {base.algorithm}: {gain.label}")
-        for gain in GAINS
-        if (found := gain.known(others))
+        html.figure(plots.place(gain_figure(each, found)), alt=f"Difference to {base.algorithm}: {each.title}")
+        for each, found in known.items()
     )
-    columns = known(COLUMNS, [base, *others])
-    rows = [("", [str(column.cell(one)) for column in columns]) for one in (base, *others)]
-    yield html.table("The table of wayfarer compare", [column.title for column in columns], rows)
+    table = comparison_table([base, *others])
+    yield html.table("The table of wayfarer compare", table.titles, table.rows)
     yield from map(html.paragraph, sentences([base, *others]))
-    yield html.bullets(LEGEND.format(base.layouts).splitlines())
+    yield html.bullets(table.notes)
 
 
-def gain_figure(gain: Gain, found: dict[str, Difference]) -> Figure:
+def gain_figure(measure: Measure, found: dict[str, Estimate]) -> Figure:
     """Return a forest plot: an algorithm a row, its mean difference with the 95 % interval, and a line at 0."""
     layout = lay_out(grouped(found))
-    low = min(0.0, *(each.estimate.low for each in found.values()))
-    high = max(0.0, *(each.estimate.high for each in found.values()))
+    ends = {name: each.ends for name, each in found.items()}
+    low, high = min(0.0, *(each[0] for each in ends.values())), max(0.0, *(each[1] for each in ends.values()))
     room = ROOM * (high - low) or 1.0
-    made = rows_plot(f"comparison, {gain.name}", layout, ROW_PX, gain.label, low - room, high + room)
+    better = "right: better" if measure.better == "more" else "left: better"
+    label = f"{measure.title}{measure.points and f', {measure.points}'} ({better})"
+    made = rows_plot(f"comparison, {measure.title}", layout, ROW_PX, label, low - room, high + room)
     made.add_layout(Span(location=0.0, dimension="height", line_color=palette.GREY, line_dash=[5, 3]))
     points = source(
-        algorithm=list(found), y=[layout.at[name] for name in found], pairs=[each.pairs for each in found.values()],
-        mean=[each.estimate.value for each in found.values()], low=[each.estimate.low for each in found.values()],
-        high=[each.estimate.high for each in found.values()], p=[f"{each.p:.4f}" for each in found.values()],
-        text=[each.estimate.text(gain.decimals, "+") for each in found.values()],
+        algorithm=list(found), y=[layout.at[name] for name in found], pairs=[each.trials for each in found.values()],
+        mean=[each.value for each in found.values()], low=[each[0] for each in ends.values()],
+        high=[each[1] for each in ends.values()],
+        text=[each.text(measure.decimals, "+") for each in found.values()],
     )  # fmt: skip
     line = made.segment("low", "y", "high", "y", source=points, line_color=palette.BLUE, line_width=3)
-    mean = made.scatter("mean", "y", source=points, marker="square", size=9, color=palette.BLUE, name=gain.name)
-    told = (("algorithm", "@algorithm"), ("difference [95 %]", "@text"), ("p", "@p"), ("pairs", "@pairs"))
+    mean = made.scatter("mean", "y", source=points, marker="square", size=9, color=palette.BLUE, name=measure.name)
+    told = (("algorithm", "@algorithm"), ("difference [95 %]", "@text"), ("pairs", "@pairs"))
     made.add_tools(hover([line, mean], *told))
     return made
 
@@ -132,7 +115,7 @@ def write_report(
 
 def _overview(results: CampaignResults, plots: Plots) -> Iterator[str]:
     """Yield all sections that need no trial to be run again."""
-    rows, summaries = results.by_algorithm, results.summaries
+    rows = results.by_algorithm
 
     def drawn(figure: Figure, caption: str = "", alt: str = "") -> str:
         return html.figure(plots.place(figure), caption, alt)
@@ -141,13 +124,14 @@ def _overview(results: CampaignResults, plots: Plots) -> Iterator[str]:
     yield html.section(
         "Path length",
         drawn(
-            paths_figure(rows, summaries, results.shortest_paths_m, results.papers_paths),
+            paths_figure(rows, results.shortest_paths_m, results.reported),
             words.paths_caption(results),
             "Path length by algorithm",
         ),
     )
-    legend = (words.SUCCESS, words.SPL if results.shortest_paths_m else words.NO_SHORTEST_PATHS)
-    yield html.section("Results beside the paper's", _results_table(results), *map(html.paragraph, legend))
+    table = results.table(full=True)
+    heading = "Results beside the paper's" if results.reported else "Results"
+    yield html.section(heading, _results_table(results, table), html.bullets(table.notes))
     if len(rows) > 1:
         yield html.section("Paired comparison", *comparison_section(results, plots))
     yield html.section(
@@ -156,18 +140,16 @@ def _overview(results: CampaignResults, plots: Plots) -> Iterator[str]:
     )
 
 
-def _results_table(results: CampaignResults) -> str:
-    """Return a row for each algorithm, under its group, with a row of the paper's below where the paper has one."""
-    titles = [column.title for column in results.columns]
-    return html.table(words.table_caption(results), titles, _results_rows(results))
-
-
-def _results_rows(results: CampaignResults) -> Iterator[tuple[str, list[str]]]:
+def _results_table(results: CampaignResults, table: TextTable) -> str:
+    """Return a row for each algorithm, under its group, with a row of the paper's below if the paper has one."""
+    ours = [at for at, (kind, _) in enumerate(table.rows) if not kind]
+    rows: list[tuple[str, Sequence[str]]] = []
     for group in grouped(results.settings.algorithms):
-        yield "group", [group.title, *[""] * (len(results.columns) - 1)]
-        for name in group.algorithms:
-            for whose, cells in lines_of(results.summaries[name], results.columns, results.layout.paper):
-                yield whose, [cell.strip() for cell in cells]
+        rows.append(("group", [group.title, *[""] * (len(table.titles) - 1)]))
+        for at, after in zip(ours, [*ours[1:], len(table.rows)], strict=True):  # its row, and one of the paper's
+            if table.rows[at][1][0] in group.algorithms:
+                rows += [(kind, [cell.strip() for cell in cells]) for kind, cells in table.rows[at:after]]
+    return html.table("Value [95 % interval]", table.titles, rows)
 
 
 def _worst(results: CampaignResults, plots: Plots, count: int, jobs: int, *, allow_code: bool) -> Iterator[str]:

@@ -16,6 +16,7 @@ from wayfarer.config.registry import refuse_code
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Campaign, ForestFile, read_forest_file
+from wayfarer.experiments.paper import Reported, reported
 from wayfarer.experiments.results_folder import (
     FORESTS,
     MOST_BYTES,
@@ -26,12 +27,10 @@ from wayfarer.experiments.results_folder import (
     read_rows,
 )
 from wayfarer.experiments.rows import TrialRow
-from wayfarer.experiments.site_table import layout_of
-from wayfarer.experiments.statistics import AlgorithmSummary, summarise
 from wayfarer.experiments.sweep import MOST_TRIALS
-from wayfarer.experiments.tables import NAME_COLUMN, PAPER_FIGURES, Layout, PaperColumn, PaperFigures, fault_columns
+from wayfarer.experiments.tables import campaign_table
 from wayfarer.files import open_regular, read_regular
-from wayfarer.logview.terminal_table import known
+from wayfarer.logview.terminal_table import TextTable
 from wayfarer.simhal.faults.kinds import parse_fault
 from wayfarer.simhal.mujoco.terrain import terrains_of
 from wayfarer.simhal.world.physics import GroundName, Physics
@@ -115,25 +114,13 @@ class CampaignResults:
         return by_name
 
     @cached_property
-    def summaries(self) -> dict[str, AlgorithmSummary]:
-        """What the rows say of each algorithm."""
-        return {name: summarise(name, rows) for name, rows in self.by_algorithm.items()}
+    def reported(self) -> Reported:
+        """What the paper reports of such a campaign, by algorithm."""
+        return reported(self.settings.model_dump(mode="json"))
 
-    @property
-    def layout(self) -> Layout:
-        """What a table of these results shows, with the paper's figures."""
-        return layout_of(self.settings.scenario, str(self.settings.rover.get("name", "")))
-
-    @property
-    def columns(self) -> tuple[PaperColumn, ...]:
-        """The columns of such a table."""
-        summaries, layout = list(self.summaries.values()), self.layout
-        return known((NAME_COLUMN, *layout.outcomes, *fault_columns(summaries), *layout.measures), summaries)
-
-    @property
-    def papers_paths(self) -> Mapping[str, PaperFigures]:
-        """The paper's path lengths by algorithm; it has those of the abstract forests alone."""
-        return {} if self.settings.scenario else PAPER_FIGURES
+    def table(self, *, full: bool) -> TextTable:
+        """Return the table of the results, with the paper's figures; ``full`` as of ``campaign_table``."""
+        return campaign_table(self.by_algorithm, self.reported, site=self.settings.scenario is not None, full=full)
 
     @property
     def shortest_paths_m(self) -> list[float]:

@@ -16,6 +16,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from wayfarer.errors import BadInput
+from wayfarer.experiments.measures import MEASURES, estimate
 from wayfarer.experiments.report.load_results import CampaignResults
 from wayfarer.experiments.report.paths_figure import grouped, short
 from wayfarer.files import write_atomically
@@ -61,7 +62,8 @@ def paper_figure(results: CampaignResults) -> Figure:
     groups = grouped(results.settings.algorithms)
     names = [name for group in groups for name in group.algorithms]
     paths_m = [[row.escape_path_m for row in results.by_algorithm[name] if row.escape_path_m] for name in names]
-    failed = [100.0 - results.summaries[name].success_percent for name in names]
+    success = [estimate(results.by_algorithm[name], MEASURES["success_percent"]) for name in names]
+    failed = [100.0 - found.value if found else 0.0 for found in success]
     figure, at = Figure(figsize=SIZE_IN), range(len(names))
     boxes = figure.add_subplot(ylabel="path to the destination line, m", xlim=(-0.5, len(names) - 0.5))
     bars = boxes.twinx()

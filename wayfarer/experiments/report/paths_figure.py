@@ -14,9 +14,8 @@ from bokeh.plotting import ColumnDataSource
 
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.outcome import SUCCESSES
+from wayfarer.experiments.paper import Reported
 from wayfarer.experiments.rows import TrialRow
-from wayfarer.experiments.statistics import AlgorithmSummary
-from wayfarer.experiments.tables import PaperFigures, mean_and_sd
 from wayfarer.logview import palette
 from wayfarer.reports.page.plots import Figure, hover, plot, source
 
@@ -259,26 +258,28 @@ def _box_of(rows: list[TrialRow]) -> Box:
     return Box(min(within_m), first_m, median_m, third_m, max(within_m), beyond, rows)
 
 
-def paths_figure(
-    by_algorithm: ByAlgorithm, summaries: Mapping[str, AlgorithmSummary], shortest_paths_m: Sequence[float],
-    papers: Mapping[str, PaperFigures],
-) -> Figure:  # fmt: skip
+def paths_figure(by_algorithm: ByAlgorithm, shortest_paths_m: Sequence[float], papers: Reported) -> Figure:
     """Return the successes' paths as histogram and box plot, with mean and standard deviation beside the paper's."""
     layout = lay_out(grouped(by_algorithm))
     boxes = boxes_of(by_algorithm)
     paths = {name: box.successes for name, box in boxes.items()}
     shortest_m = [statistics.fmean(shortest_paths_m)] if shortest_paths_m else []
-    papers = {name: papers[name] for name in layout.at if name in papers}
+    theirs = {
+        name: (paper["path_m"], paper["path_sd_m"]) for name in layout.at if "path_m" in (paper := papers.get(name, {}))
+    }
     seen_m = [row.path_m or 0.0 for rows in paths.values() for row in rows]
-    low_m, high_m = span_of([*seen_m, *shortest_m, *(paper.path_mean_m for paper in papers.values())])
+    low_m, high_m = span_of([*seen_m, *shortest_m, *(mean_m for mean_m, _ in theirs.values())])
     made = rows_plot(
         "paths", layout, ROW_PX, "path to the destination line, m (logarithmic)", low_m, high_m, x_axis_type="log"
     )
     plain_numbers(made)
     _histograms(made, layout, paths, np.geomspace(low_m, high_m, BINS + 1))
     _boxes(made, layout, boxes)
-    ours = {name: (summaries[name].path_mean_m, summaries[name].path_sd_m) for name in paths}
-    theirs = {name: (paper.path_mean_m, paper.path_sd_m) for name, paper in papers.items()}
+    ours = {
+        name: (statistics.fmean(found_m), statistics.stdev(found_m) if len(found_m) > 1 else 0.0)
+        for name, rows in paths.items()
+        if (found_m := _paths_m(rows).tolist())
+    }
     _means(made, layout, ours, OURS, "ours", palette.BLUE, low_m)
     _means(made, layout, theirs, PAPERS, "the paper's", palette.VERMILION, low_m)
     for at_m in shortest_m:
@@ -345,11 +346,11 @@ def _outliers(made: Figure, layout: Rows, rows: Sequence[TrialRow]) -> None:
 
 
 def _means(
-    made: Figure, layout: Rows, means: Mapping[str, tuple[float | None, float | None]], below: float, whose: str,
-    colour: str, low_m: float,
+    made: Figure, layout: Rows, means: Mapping[str, tuple[float, float]], below: float, whose: str, colour: str,
+    low_m: float,
 ) -> None:  # fmt: skip
     """Draw means with one standard deviation to each side, as far as the axis goes."""
-    known = [(name, mean, sd or 0.0, mean_and_sd(mean, sd)) for name, (mean, sd) in means.items() if mean is not None]
+    known = [(name, mean, sd, f"{mean:.1f} ± {sd:.1f}") for name, (mean, sd) in means.items()]
     points = source(
         algorithm=[name for name, *_ in known], y=[layout.at[name] + below for name, *_ in known],
         mean=[mean for _, mean, _, _ in known], low=[max(low_m, mean - sd) for _, mean, sd, _ in known],

@@ -12,11 +12,12 @@ from bokeh.models.annotations import ColorBar, Span
 from bokeh.palettes import Cividis256
 from bokeh.plotting import ColumnDataSource
 
+from wayfarer.experiments.measures import WHAT_COUNTS, Measure
 from wayfarer.experiments.provenance import RecordedRun, read_runs
 from wayfarer.experiments.report import words
 from wayfarer.experiments.report.paths_figure import SVG, colour_of, curve_look
 from wayfarer.experiments.report.sweep_results import SweepResults, SweptAxis, read_sweep
-from wayfarer.experiments.statistics import MEASURES, Estimate, Measure, spl_difference
+from wayfarer.experiments.tables import INTERVAL, NO_SPL, layouts_note, methods_note
 from wayfarer.logview import palette
 from wayfarer.reports.page import html
 from wayfarer.reports.page.frame import PAGE, write_page
@@ -30,7 +31,7 @@ from wayfarer.reports.page.plots import Figure, Plots, hover, layer, plot, sourc
 CURVES_PX, MAP_PX = 240, 300
 MOST_NAMES = 8  # along an axis; of more values every n-th is named
 MOST_NUMBERS = 80  # cells; with more there is no room for a number in each
-UNKNOWN = Estimate(math.nan, math.nan, math.nan)
+NAN = math.nan
 
 
 def curves_figures(results: SweepResults) -> Iterator[Figure]:
@@ -46,11 +47,11 @@ def curves_figures(results: SweepResults) -> Iterator[Figure]:
             CURVES_PX,
             "both",
             output_backend=SVG,
-            title=measure.title,
+            title=measure.heading,
             **x_range,
         )
         x_range = {"x_range": made.x_range}
-        made.xaxis.axis_label, made.yaxis.axis_label = axis.key, measure.title
+        made.xaxis.axis_label, made.yaxis.axis_label = axis.key, measure.heading
         for number in range(len(results.algorithms)):
             _curve(made, results, measure, number)
         if results.now is not None:
@@ -70,11 +71,12 @@ def _curve(made: Figure, results: SweepResults, measure: Measure, number: int) -
     order = list(range(len(places)))
     if results.axes[0].numeric:
         order.sort(key=lambda point: places[point])
-    estimates = {point: measure.of(results.cells[point, name]) for point in order}
-    drawn = [estimates[point] or UNKNOWN for point in order]
+    estimates = {point: results.estimates[measure.name][point, name] for point in order}
+    ends = [(each.value, *each.ends) if (each := estimates[point]) else (NAN, NAN, NAN) for point in order]
+    value, low, high = zip(*ends, strict=True)
     told: ColumnDataSource = source(
         x=[places[point] for point in order], key=[str(results.points[point][0]) for point in order],
-        value=[each.value for each in drawn], low=[each.low for each in drawn], high=[each.high for each in drawn],
+        value=value, low=low, high=high,
         text=[each.text(measure.decimals) if (each := estimates[point]) else "" for point in order],
     )  # fmt: skip
     colour = colour_of(number)
@@ -82,7 +84,7 @@ def _curve(made: Figure, results: SweepResults, measure: Measure, number: int) -
     line = made.line("x", "value", source=told, **curve_look(number))
     points = made.scatter("x", "value", source=told, size=6, color=colour, name=name)
     layer(name, band, line, points)
-    rows = (("algorithm", "$name"), (results.axes[0].key, "@key"), (f"{measure.title} [95 %]", "@text"))
+    rows = (("algorithm", "$name"), (results.axes[0].key, "@key"), (f"{measure.heading} {INTERVAL}", "@text"))
     made.add_tools(hover([points], *rows))
 
 
@@ -92,7 +94,7 @@ def maps_figures(results: SweepResults, algorithm: str) -> Iterator[Figure]:
     for measure in results.measures:
         made = plot(
             f"{measure.name}, {algorithm}", MAP_PX, "both", output_backend=SVG,
-            title=measure.title,
+            title=measure.heading,
             x_range=(-0.5, len(right.values) - 0.5), y_range=(-0.5, len(up.values) - 0.5),
         )  # fmt: skip
         _name_values(made.xaxis, right)
@@ -106,7 +108,7 @@ def _cells(made: Figure, results: SweepResults, algorithm: str, measure: Measure
     """Draw a cell for each point, with its number where there is room."""
     up, right = results.axes
     mapper = _colours(results, measure)
-    estimates = [measure.of(results.cells[point, algorithm]) for point in range(len(results.points))]
+    estimates = [results.estimates[measure.name][point, algorithm] for point in range(len(results.points))]
     values = [math.nan if each is None else each.value for each in estimates]
     middle = (mapper.low + mapper.high) / 2.0
     cells = source(
@@ -126,7 +128,7 @@ def _cells(made: Figure, results: SweepResults, algorithm: str, measure: Measure
             "x", "y", "number", source=cells, text_color={"field": "ink"}, text_font_size="10px", text_align="center",
             text_baseline="middle",
         )  # fmt: skip
-    made.add_tools(hover([drawn], (up.key, "@up"), (right.key, "@right"), (f"{measure.title} [95 %]", "@text")))
+    made.add_tools(hover([drawn], (up.key, "@up"), (right.key, "@right"), (f"{measure.heading} {INTERVAL}", "@text")))
     bar = ColorBar(
         color_mapper=mapper, width=10, padding=4, ticker=BasicTicker(desired_num_ticks=4), background_fill_color=None
     )
@@ -135,7 +137,7 @@ def _cells(made: Figure, results: SweepResults, algorithm: str, measure: Measure
 
 def _colours(results: SweepResults, measure: Measure) -> Any:
     """Return colours over all values of a measure; cividis is read alike by colour-blind readers."""
-    known = [each.value for rows in results.cells.values() if (each := measure.of(rows))]
+    known = [each.value for each in results.estimates[measure.name].values() if each]
     low, high = min(known), max(known)
     return LinearColorMapper(
         palette=Cividis256, low=low, high=high if high > low else low + 1.0, nan_color=palette.GREY
@@ -151,18 +153,9 @@ def _name_values(axis: Any, swept: SweptAxis) -> None:
     axis.axis_label = swept.key
 
 
-PAIRED = "All points met the same forests and noise, so they can be compared trial by trial."
-SPL = (
-    "SPL: mean over all trials of shortest path divided by path driven, a failure counting 0. The last column is the "
-    "mean difference of a trial's SPL to the same trial without a sweep."
-)
-NO_SPL = "SPL is not known: run the sweep with --spl."
+CHANGE = "SPL change\nto no sweep"
 CURVES = "Bands: 95 % intervals. Broken line: the value without a sweep."
 MAPS = "Colours mean the same for every algorithm; grey: not known."
-INTERVALS = (
-    "Intervals are at 95 %: Wilson's for shares, 1.96 standard errors for means. Success: the rover reached the line, "
-    "or left the map over another edge; path and time: mean of the successes; interventions: mean of all trials."
-)
 
 
 def write_sweep_report(folder: Path, out: Path | None = None) -> Path:
@@ -189,7 +182,10 @@ def _body(results: SweepResults, plots: Plots, runs: Sequence[RecordedRun]) -> I
             "Show", [html.PlotLayer(name, name, colour_of(at)) for at, name in enumerate(results.algorithms)]
         )
         yield html.section("What changes", html.paragraph(caption), key, _panels(curves_figures(results), plots))
-    texts = [INTERVALS, PAIRED, SPL if results.has_spl else NO_SPL]
+    estimates = [each for cells in results.estimates.values() for each in cells.values()]
+    settings = results.settings.model_dump(mode="json")
+    change = "SPL change: to the same trials without a sweep." if _has_spl(results) else f"{NO_SPL}."
+    texts = [WHAT_COUNTS, change, layouts_note(settings), methods_note(estimates)]
     yield html.section("Each point", _table(results), *map(html.paragraph, texts))
 
 
@@ -199,9 +195,13 @@ def _panels(figures: Iterable[Figure], plots: Plots) -> str:
 
 def _ends(results: SweepResults, name: str) -> str:
     """Say in words how far an algorithm's success goes."""
-    found = [MEASURES[0].of(results.cells[point, name]) for point in range(len(results.points))]
-    shares = [estimate.value for estimate in found if estimate]
+    found = results.estimates["success_percent"]
+    shares = [each.value for (_, algorithm), each in found.items() if each and algorithm == name]
     return f"{name}: success from {min(shares):.1f} to {max(shares):.1f} %"
+
+
+def _has_spl(results: SweepResults) -> bool:
+    return any(measure.name == "spl" for measure in results.measures)
 
 
 def point_titles(results: SweepResults) -> list[str]:
@@ -209,21 +209,19 @@ def point_titles(results: SweepResults) -> list[str]:
     return [
         "algorithm",
         *(axis.key for axis in results.axes),
-        *(measure.title for measure in results.measures),
-        *(["SPL, difference"] if results.has_spl else []),
+        *(f"{measure.heading}\n{INTERVAL}" for measure in results.measures),
+        *([CHANGE] if _has_spl(results) else []),
     ]
 
 
 def point_rows(results: SweepResults, name: str) -> Iterator[list[str]]:
     """Yield the cells of an algorithm's row at each point, from the second column on."""
     for point, values in enumerate(results.points):
-        rows = results.cells[point, name]
-        found = ((measure.of(rows), measure.decimals) for measure in results.measures)
-        cells = ["" if estimate is None else estimate.text(decimals) for estimate, decimals in found]
-        if results.has_spl:
-            others = None if results.now in {None, point} else results.cells[results.now, name]
-            difference = spl_difference(rows, others) if others else None
-            cells.append("" if difference is None else difference.text(3, "+"))
+        found = [(results.estimates[measure.name][point, name], measure.decimals) for measure in results.measures]
+        cells = ["" if each is None else each.text(decimals) for each, decimals in found]
+        if _has_spl(results):
+            change = results.change(point, name)
+            cells.append("" if change is None else change.text(3, "+"))
         yield [*map(str, values), *cells]
 
 

@@ -11,11 +11,12 @@ from typing import Annotated, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
+from wayfarer.experiments.measures import MEASURES, Estimate, Measure, difference, estimate
 from wayfarer.experiments.report.load_results import CampaignSettings, read_settings, read_trials
 from wayfarer.experiments.results_folder import SWEEP_SETTINGS
 from wayfarer.experiments.rows import TrialRow
-from wayfarer.experiments.statistics import MEASURES, Measure
 from wayfarer.experiments.sweep import MOST_AXES, MOST_DIGITS, MOST_TRIALS, Value
+from wayfarer.experiments.tables import SWEEP_COLUMNS, layouts_of_points
 
 
 def _drawable(value: Value) -> Value:
@@ -86,13 +87,28 @@ class SweepResults:
 
     @cached_property
     def measures(self) -> list[Measure]:
-        """The measures that some point has; SPL needs shortest paths."""
-        return [measure for measure in MEASURES if any(measure.of(rows) for rows in self.cells.values())]
+        """The measures of a sweep that some point has: SPL needs shortest paths, some things never happen."""
+        found = {each: self.estimates[each.name].values() for each in SWEEP_COLUMNS}
+        return [
+            MEASURES[each.name]
+            for each, estimates in found.items()
+            if any(one and (one.value or each.when != "if_any") for one in estimates)
+        ]
 
-    @property
-    def has_spl(self) -> bool:
-        """Return whether shortest paths are known."""
-        return any(measure.name == "spl" for measure in self.measures)
+    @cached_property
+    def estimates(self) -> dict[str, dict[tuple[int, str], Estimate | None]]:
+        """Each measure of a sweep at each point, of each algorithm."""
+        return {
+            each.name: {cell: estimate(rows, MEASURES[each.name]) for cell, rows in self.cells.items()}
+            for each in SWEEP_COLUMNS
+        }
+
+    def change(self, point: int, algorithm: str) -> Estimate | None:
+        """Return the difference in SPL to the same trials without a sweep; None if these met other layouts."""
+        layouts = layouts_of_points(self.settings.model_dump(mode="json"))
+        if self.now in {None, point} or layouts[point] != layouts[self.now or 0]:
+            return None
+        return difference(self.cells[point, algorithm], self.cells[self.now or 0, algorithm], MEASURES["spl"])
 
     @cached_property
     def now(self) -> int | None:

@@ -15,22 +15,10 @@ from wayfarer.fieldlog.wording import plural
 from wayfarer.simhal.faults.kinds import parse_fault
 from wayfarer.simhal.world.physics import changed
 
-SUCCESS = (
-    "Success: the rover reached the destination line or left the map over another edge, which the paper counts as an "
-    "escape too, with the distance that then remains to the line added to its path."
-)
-SPL = (
-    "SPL, success weighted by path length: the mean over all trials of shortest path divided by path driven, a failure "
-    "counting 0."
-)
 ESCAPE = (
     "Share of all trials that have escaped by a path of that length; one that was entrapped, tipped or faulty counts "
     "as not escaped at any length (a tick marks the longest of them). The percentage is where the curve ends, as in "
     "the table. A click on a name hides its curve."
-)
-NO_SHORTEST_PATHS = (
-    "The shortest paths of these forests are not known, and so neither is SPL, success weighted by path length. Run "
-    "the campaign again with --spl, which computes them, or with a file of forests that gives shortest_path_m."
 )
 GALLERY = (
     "Failures first, then the longest paths; each algorithm is drawn once before one is drawn again. These are "
@@ -78,16 +66,12 @@ def facts(settings: CampaignSettings, runs: Sequence[RecordedRun] = ()) -> Itera
     yield "algorithms", ", ".join(settings.algorithms)
 
 
-def table_caption(results: CampaignResults) -> str:
-    """Explain the table of results."""
-    time = "time: of the successes too; anomalies" if results.settings.scenario else "time and anomalies"
-    return f"Success with its 95 % interval; path: of the successes; {time}: mean per trial."
-
-
 def paths_caption(results: CampaignResults) -> str:
     """Explain the figure of paths."""
     shortest_m = results.shortest_paths_m
-    paper = ", vermilion: the paper's (section IV)" if results.papers_paths else ""
+    paper = (
+        ", vermilion: the paper's (section IV)" if any("path_m" in paper for paper in results.reported.values()) else ""
+    )
     line = f" Broken line: mean shortest path, {statistics.fmean(shortest_m):.1f} m." if shortest_m else ""
     return (
         "Path length of the successes: how many trials had which path; box with quartiles and median, whiskers to the "
