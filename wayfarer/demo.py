@@ -158,7 +158,7 @@ class Demo:
         spec = campaign.spec(Task(self._algorithm, self._trial), campaign.make_forest(self._trial))
         fold, folder = RunFold(), new_run_folder(self._logs)
         self._log = os.fsencode(folder.absolute()).decode(errors="replace")  # JSON has no bytes that are no text
-        shown_to = (fold.take, Console("", self._lines.write).show, show)
+        shown_to = (fold.add, Console("", self._lines.write).show, show)
         made: list[tuple[FieldLog, DriveMotors]] = []
 
         def make_log(world: SimulatedWorld, rover: Rover) -> Tee:

@@ -27,7 +27,7 @@ LINES = [header(1), *map(tick, range(1, 6)), event(6)]
 LOG = b"".join(line + b"\n" for line in LINES)
 LAST = len(LINES[-1]) + 1
 HEAD = LOG[:-LAST]
-WHOLE = [cast(AnyRecord, Lines().take(line)) for line in LINES]
+WHOLE = [cast(AnyRecord, Lines().parse(line)) for line in LINES]
 
 
 def read_bytes(*parts: bytes) -> tuple[list[AnyRecord], Damage]:

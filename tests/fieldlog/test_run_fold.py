@@ -24,7 +24,7 @@ from wayfarer.fieldlog.run_fold import (
 def folded(*records: Json) -> tuple[list[Told], RunFold]:
     """What the records behind a header tell, ticks themselves left out, and the fold."""
     fold = RunFold()
-    told = [each for every in [HEADER, *records] for each in fold.take(read(every))]
+    told = [each for every in [HEADER, *records] for each in fold.add(read(every))]
     return [each for each in told if not isinstance(each, Tick | RunBegan)], fold
 
 
@@ -68,7 +68,7 @@ def test_reading_counts_if_its_quality_is_what_the_rover_file_asks_for(quality_m
         tick(0.0),
         tick(0.05, motion={"t_s": 100.05, "forward_m": 0.0, "right_m": 0.0, "quality": 0.4}),
     ]:
-        list(fold.take(read(each)))
+        list(fold.add(read(each)))
     assert fold.state.sensors["motion"].doubtful == doubtful
 
 
@@ -82,7 +82,7 @@ def test_missing_records_are_told_once_and_break_what_they_are_between() -> None
 def test_silence_of_the_loop_is_told_with_its_beginning_before_the_tick_that_ends_it() -> None:
     fold = RunFold()
     late = [tick(0.0), tick(1.0), tick(2.5), tick(2.55)]
-    told = [each for every in [HEADER, *late] for each in fold.take(read(every)) if isinstance(each, Silence | Tick)]
+    told = [each for every in [HEADER, *late] for each in fold.add(read(every)) if isinstance(each, Silence | Tick)]
     silence = Silence(2.5, 102.5, began_s=1.0)
     assert [each.elapsed_s for each in told] == [0.0, 1.0, 2.5, 2.5, pytest.approx(2.55)]
     assert told[2] == silence
@@ -99,7 +99,7 @@ def test_period_is_unknown_for_the_first_tick_and_behind_missing_records() -> No
     fold, periods_s = RunFold(), []
     whole = numbered([*drive(0.0, 1.0)])
     for each in [*whole[:3], *whole[6:9]]:
-        fold.take(read(each))
+        fold.add(read(each))
         periods_s.append(fold.state.period_s)
     assert periods_s == pytest.approx([nan, 0.05, 0.05, nan, 0.05, 0.05], nan_ok=True)
 
@@ -108,12 +108,12 @@ def test_measured_speed_is_that_between_two_readings_and_is_forgotten_after_a_wh
     fold, speeds_m_s = RunFold(), []
     for at_s, forward_m in ((0.0, 0.1), (0.1, 0.05), (0.2, None), (0.3, -0.02), (0.35, 0.01), (1.4, None)):
         moved = {"t_s": 100.0 + at_s, "forward_m": forward_m, "right_m": 0.0, "quality": 1.0, "signed": True}
-        fold.take(read(tick(at_s, motion=moved if at_s < 1.0 else None)))
+        fold.add(read(tick(at_s, motion=moved if at_s < 1.0 else None)))
         speeds_m_s.append(fold.state.measured_m_s)
     assert speeds_m_s == pytest.approx([nan, 0.5, 0.5, -0.2, 0.2, nan], nan_ok=True)
     unsigned = {"t_s": 101.5, "forward_m": 0.1, "right_m": 0.0, "quality": 1.0, "signed": False}
     for at_s in (1.4, 1.5):
-        fold.take(read(tick(at_s, motion=unsigned | {"t_s": 100.0 + at_s}, applied_left=-0.5, applied_right=-0.5)))
+        fold.add(read(tick(at_s, motion=unsigned | {"t_s": 100.0 + at_s}, applied_left=-0.5, applied_right=-0.5)))
     assert fold.state.measured_m_s == pytest.approx(-1.0), "a sensor that cannot tell which way: the wheels do"
 
 
@@ -128,11 +128,11 @@ def test_episode_goes_from_the_first_manoeuvre_until_the_goal_is_followed_again(
 def test_mode_is_what_the_tick_says_until_the_run_has_ended() -> None:
     fold = RunFold()
     for mode, held in (("arming", False), ("armed", True), ("manual", False), ("disarmed", False)):
-        fold.take(read(tick(1.0, mode=mode, held=held)))
+        fold.add(read(tick(1.0, mode=mode, held=held)))
         assert (fold.state.mode, fold.state.tick.held) == (mode, held)
-    fold.take(read(event("disarmed", 1.0, reason="enough")))
+    fold.add(read(event("disarmed", 1.0, reason="enough")))
     assert fold.state.why_disarmed == "enough"
-    fold.take(read(outcome(2.0)))
+    fold.add(read(outcome(2.0)))
     assert fold.state.mode == "ended"
 
 
@@ -155,6 +155,6 @@ def test_state_does_not_grow_with_the_log() -> None:
     _, fold = folded(*drive(0.0, 60.0, motion={"t_s": 1.0, "forward_m": 0.1, "right_m": 0.0, "quality": 1.0}))
     before = len(repr(fold.state))
     for each in drive(60.0, 120.0):
-        fold.take(read(each))
-    fold.take(read(record("board", 120.0, battery_v=12.0, faults=[])))
+        fold.add(read(each))
+    fold.add(read(record("board", 120.0, battery_v=12.0, faults=[])))
     assert len(repr(fold.state)) < before + 200

@@ -114,7 +114,7 @@ def _tell(run: Path) -> str:
 def _followed(run: Path) -> Iterator[Any]:
     tail = RunTail(run)
     try:
-        yield from tail.take()
+        yield from tail.read()
     finally:
         tail.close()
 

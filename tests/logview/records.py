@@ -93,7 +93,7 @@ def narrated(records: Iterable[Json | AnyRecord], verbosity: Verbosity = Verbosi
     """Return what is told of a run in lines."""
     fold, narrator = RunFold(), RunNarrator(verbosity)
     return [
-        line for each in records for line in narrator.tell(fold.take(read(each) if isinstance(each, dict) else each))
+        line for each in records for line in narrator.tell(fold.add(read(each) if isinstance(each, dict) else each))
     ]
 
 

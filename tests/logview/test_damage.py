@@ -164,7 +164,7 @@ def test_one_damaged_header_costs_that_header_only(tmp_path: Path) -> None:
     assert (verdict.integrity, verdict.records) == (LogIntegrity.PARTIAL, len(LONG))
     assert "1 record holds an impossible value (the first: run: " in str(verdict)
     tail = RunTail(run)
-    assert list(tail.take())
+    assert list(tail.read())
     tail.close()
     header = find_header(run)
     assert header is not None
@@ -197,7 +197,7 @@ def test_log_of_another_form_is_refused_in_one_line(tmp_path: Path, records: lis
         list(RunReader(run))
     tail = RunTail(run)
     with pytest.raises(BadInput, match=f"schema {schema}"):
-        list(tail.take())
+        list(tail.read())
     tail.close()
     verdict = check_log(run)
     assert verdict.integrity.exit_code == 1
@@ -224,10 +224,10 @@ def test_log_of_which_nothing_is_left_is_unreadable(tmp_path: Path, content: byt
 def test_following_has_one_order_from_its_first_look_to_its_last(tmp_path: Path) -> None:
     """Lines that come a second time with a later look are not told again, and are no gap."""
     tail = RunTail(write(tmp_path, WHOLE[:9]))
-    looks = [list(tail.take())]
+    looks = [list(tail.read())]
     for further in ([*WHOLE[5:9], *WHOLE[9:12]], WHOLE[5:9], WHOLE[12:]):
         write(tmp_path, further)
-        looks.append(list(tail.take()))
+        looks.append(list(tail.read()))
     tail.close()
     assert looks == [list(map(read, part)) for part in (WHOLE[:9], WHOLE[9:12], [], WHOLE[12:])]
 

@@ -112,7 +112,7 @@ def test_every_view_has_the_same_losses_and_the_same_distance(run: Path, tmp_pat
     with (tmp_path / "run.mcap").open("wb") as file:
         assert write_mcap(run, file) == damage
     for record in RunReader(run):
-        model.take(record)
+        model.add(record)
     exported = read(tmp_path / "run.mcap").messages
     assert (report.damage, report.summary) == (damage, found)
     assert exported["/motion"][-1].value["path_m"] == found.reckoned_m

@@ -38,14 +38,14 @@ def console(*records: Json) -> str:
 def live_page(*records: Json) -> str:
     model = PageModel()
     for each in map(read, records):
-        model.take(each)
+        model.add(each)
     text: str = model.snapshot()["lines"][-1][1]
     return text
 
 
 def log_panel(*records: Json) -> str:
     fold = RunFold()
-    return [line.text for taken in map(read, records) for each in fold.take(taken) for line in log_lines(each)][-1]
+    return [line.text for taken in map(read, records) for each in fold.add(taken) for line in log_lines(each)][-1]
 
 
 def csv(*records: Json) -> str:
@@ -87,8 +87,8 @@ def test_every_view_has_a_new_key_of_a_tick(tmp_path: Path) -> None:
     assert [row[titles.index("moon_deg")] for row in rows] == ["12.0", "13.0"]
     model = PageModel()
     for each in map(read, records):
-        model.take(each)
+        model.add(each)
     assert model.state()["further"] == "moon deg 13"
-    model.take(read(tick(0.6, stars="x" * 10_000)))
+    model.add(read(tick(0.6, stars="x" * 10_000)))
     assert len(model.state()["further"]) == 500, "a page is for a telephone"
     assert panels_of(read_run(write(tmp_path, records)))[-1].title == "moon_deg"

@@ -109,7 +109,7 @@ def follow(run: Run = None, *, log_dir: LogDir = None) -> None:
             if path != told:
                 told, fold, narrator = path, RunFold(), RunNarrator(Verbosity.STATUS)
                 print(run_title(path), flush=True)
-            _tell(narrator.tell(fold.take(record)), flush=True)
+            _tell(narrator.tell(fold.add(record)), flush=True)
         if chosen is not None:
             _tell_damage(_damage_of(chosen))
 
@@ -140,7 +140,7 @@ def show(
     notes = sys.stderr if as_json else sys.stdout
     reader = RunReader(find_run(run, log_folder(log_dir)))
     for record in reader:
-        lines = narrator.tell(fold.take(record))
+        lines = narrator.tell(fold.add(record))
         if as_json:
             for line in lines:
                 told = {"elapsed_s": line.elapsed_s, "tone": line.tone, "text": line.text}

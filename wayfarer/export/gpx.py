@@ -120,7 +120,7 @@ def read_places(run: Path, origin: Origin | None) -> Places:
     moments: list[tuple[float, int, ReckonedPose]] = []
     placed_events: list[PlacedEvent] = []
     for record in RunReader(run):
-        placed_events += _happened(fold.take(record))
+        placed_events += _happened(fold.add(record))
         match record:
             case Tick() if (place := record.place) is not None:
                 moments.append((record.elapsed_s, fold.state.stretch, place))
@@ -232,8 +232,8 @@ class OnGlobe(NamedTuple):
 def onto_fixes(fixes: Sequence[MapFix]) -> OnGlobe | None:
     """Return what lays the path onto the fixes that can be believed; None if dead reckoning knows of none."""
     believed = believable(fixes)
-    found = fit(believed, believed[0]) if believed else None
-    return OnGlobe(found, believed[0], "dead reckoning fitted to the fixes") if found else None
+    laid = fit(believed, believed[0]) if believed else None
+    return OnGlobe(laid, believed[0], "dead reckoning fitted to the fixes") if laid else None
 
 
 @dataclass(frozen=True, slots=True)

@@ -57,7 +57,7 @@ def write_mcap(run: Path, file: BinaryIO) -> Damage:
     writer = open_mcap(sink, context=context)
     try:
         for record in RunReader(run):
-            channels.take(record, zero_s + record.t_s)
+            channels.send(record, zero_s + record.t_s)
             sink.check()
         _describe(writer, channels.header, began_ns)
     finally:
@@ -105,11 +105,11 @@ class Channels:
         """Return what ran."""
         return self._fold.state.header
 
-    def take(self, record: AnyRecord, time_s: float) -> None:
+    def send(self, record: AnyRecord, time_s: float) -> None:
         """Send what a record says, at a time in seconds since 1970."""
         time_ns = nanoseconds(time_s)
         stamp = Timestamp(*divmod(time_ns, SECOND_NS))
-        for event in self._fold.take(record):
+        for event in self._fold.add(record):
             for topic, message in self._messages(event, stamp):
                 self.by_topic[topic].log(message, log_time=time_ns)
 

@@ -89,8 +89,8 @@ def csv_rows(records: Iterable[AnyRecord], further: Iterable[str] = ()) -> Itera
 
 def further_columns(records: Iterable[AnyRecord]) -> list[str]:
     """Return the columns that only some tables have, as an algorithm's memory."""
-    found = dict.fromkeys(column for record in records for column in _columns_of(record))
-    return [column for column in found if column not in COLUMNS]
+    columns = dict.fromkeys(column for record in records for column in _columns_of(record))
+    return [column for column in columns if column not in COLUMNS]
 
 
 def table_rows(records: Iterable[AnyRecord]) -> Iterator[Row]:

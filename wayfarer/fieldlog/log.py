@@ -147,7 +147,7 @@ class FieldLog(PartialLog):
 
     def _show(self, line: bytes) -> None:
         """Show a record; a failing viewer must not end the log."""
-        if not self._viewers or (shown := self._shown.take(line)) is None:
+        if not self._viewers or (shown := self._shown.parse(line)) is None:
             return
         failed: list[Exception] = []
         for viewer in list(self._viewers):

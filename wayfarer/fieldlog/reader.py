@@ -99,7 +99,7 @@ class Lines:
         self._highest: int | None = 0 if whole else None
         self._ours = False
 
-    def take(self, line: bytes) -> AnyRecord | None:
+    def parse(self, line: bytes) -> AnyRecord | None:
         """Return the record of the next line, None if it is none in its place; a CR or a mark at its end is ignored.
 
         Raises:
@@ -206,7 +206,7 @@ class RunReader:
             try:
                 with open_log(segment) as file:
                     for line in islice(_lines(file, self._most_bytes), self._most_lines):
-                        if (record := self._lines.take(line)) is not None:
+                        if (record := self._lines.parse(line)) is not None:
                             self.damage.headless |= empty and not isinstance(record, Header)
                             empty = False
                             yield record

@@ -78,7 +78,7 @@ def replay(run: Path, config: RoverConfig | None = None, *, allow_code: bool = F
         raise BadInput(f"{run} cannot be replayed: {error}") from None
     ticks = 0
     for record in records:
-        if reader.damage.missing or not rerun.take(record):
+        if reader.damage.missing or not rerun.add(record):
             return Replay(ticks, None, cut_elapsed_s=record.elapsed_s)
         if not isinstance(record, Tick):
             continue
@@ -113,7 +113,7 @@ class Rerun:
         self._controller = Controller(config, detector, handler, PartialLog(), ladder_seed=header.ladder_seed or 0)
         self._compass: tuple[Compass | None, CompassReading | None] = (None, None)
 
-    def take(self, record: AnyRecord) -> bool:
+    def add(self, record: AnyRecord) -> bool:
         """Take what came from outside, at a tick or between two; return whether the record can be what was written."""
         try:
             match record:
@@ -138,7 +138,7 @@ class Rerun:
         """
         tick = self._controller.step(self._inbox.take(logged.t_s))
         tick.applied = self._inbox.next.applied = self._applied
-        again = Lines().take(encode(Tick(t_s=logged.t_s, t_wall=logged.t_wall, **tick_fields(tick))))
+        again = Lines().parse(encode(Tick(t_s=logged.t_s, t_wall=logged.t_wall, **tick_fields(tick))))
         return again if isinstance(again, Tick) else None
 
     def _sense(self, tick: Tick) -> None:

@@ -241,7 +241,7 @@ class RunFold:
         self._read_t_s = nan  # of the last reading of the motion sensor
         self._measured_t_s = nan
 
-    def take(self, record: AnyRecord) -> list[Told]:
+    def add(self, record: AnyRecord) -> list[Told]:
         """Take the next record, and return what it tells: first what was read, then what changed."""
         state = self.state
         state.last = record
@@ -308,7 +308,7 @@ class RunFold:
         state.ticks += 1
         for name in ("compass", "motion", "contact"):
             if (reading := getattr(tick, name)) is not None:
-                self._sensor(name).take(reading)
+                self._sensor(name).add(reading)
         self._place(tick)
         passed_s = tick.t_s - before.t_s
         state.period_s = passed_s if self._unbroken else nan
@@ -399,7 +399,7 @@ class RunFold:
         return [event]
 
     def _fix(self, fix: Fix) -> list[Told]:
-        self._sensor("position").take(fix)
+        self._sensor("position").add(fix)
         self.state.fix, self.state.first_fix = fix, self.state.first_fix or fix
         return [fix]
 

@@ -34,7 +34,7 @@ class SensorStatus:
         self._last: Compass | Motion | Contact | Fix | None = None
         self._unbroken = False
 
-    def take(self, reading: Compass | Motion | Contact | Fix) -> None:
+    def add(self, reading: Compass | Motion | Contact | Fix) -> None:
         """Take what the sensor said last; a tick repeats it until there is more."""
         t_s, times_s = reading.t_s, self._times_s
         before_s = times_s[-1] if times_s else None

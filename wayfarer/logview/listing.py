@@ -131,7 +131,7 @@ def _last(segments: Sequence[Path]) -> dict[type[AnyRecord] | None, AnyRecord]:
         lines = tail.splitlines(keepends=True) + lines
         log_lines = Lines()
         newest = {}
-        for record in map(log_lines.take, lines):
+        for record in map(log_lines.parse, lines):
             if record is not None:
                 newest[None] = newest[type(record)] = record
         if Tick in newest:

@@ -233,7 +233,7 @@ class Console:
         """Take a record; if nothing has changed, nothing is written."""
         if isinstance(record, Outcome) and record.reason == "failed":
             return  # the command itself tells of its error
-        lines = self._narrator.tell(self._fold.take(record))
+        lines = self._narrator.tell(self._fold.add(record))
         in_trial = self._fold.state.header.trial is not None
         at = duration_text(record.elapsed_s, 1) if in_trial else local_time(record.t_wall, "%H:%M:%S")
         for line in lines:

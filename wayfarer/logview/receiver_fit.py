@@ -88,8 +88,8 @@ def places_of(fixes: Sequence[MapFix], origin: Coordinates) -> Places:
 
 def paired(fixes: Sequence[MapFix]) -> tuple[list[MapFix], Places]:
     """Return the fixes at which dead reckoning had the rover somewhere, and where."""
-    found = [fix for fix in fixes if not isnan(fix.north_m + fix.east_m)]
-    return found, np.array([complex(fix.east_m, fix.north_m) for fix in found], dtype=np.complex128)
+    both = [fix for fix in fixes if not isnan(fix.north_m + fix.east_m)]
+    return both, np.array([complex(fix.east_m, fix.north_m) for fix in both], dtype=np.complex128)
 
 
 def fit(fixes: Sequence[MapFix], origin: Coordinates) -> Fit | None:
@@ -105,9 +105,9 @@ def fit(fixes: Sequence[MapFix], origin: Coordinates) -> Fit | None:
     # Fixes that come often repeat the same error: each counts as this part of an independent one.
     independent = min(1.0, (1.0 + lasted_s / WANDER_S) / len(compared))
     apart_m = fixed_m - reckoned_m
-    found = Fit(1.0, complex(np.median(apart_m.real), np.median(apart_m.imag)))
+    best = Fit(1.0, complex(np.median(apart_m.real), np.median(apart_m.imag)))
     for _ in range(ROUNDS):
-        missed_m = np.abs(fixed_m - found(reckoned_m))
+        missed_m = np.abs(fixed_m - best(reckoned_m))
         sigma_m = max(float(np.median(missed_m)) / RAYLEIGH, 1e-3)
         weights = 1.0 / (1.0 + (missed_m / (CAUCHY * sigma_m)) ** 2)
         from_m, to_m = (np.average(places_m, weights=weights) for places_m in (reckoned_m, fixed_m))
@@ -115,5 +115,5 @@ def fit(fixes: Sequence[MapFix], origin: Coordinates) -> Fit | None:
         # The normal equation of one complex factor. Its prior is 1 (neither turned nor stretched): FREEDOM**-2 in both.
         along = np.sum(information * np.conj(reckoned_m - from_m) * (fixed_m - to_m)) + 1.0 / FREEDOM**2
         factor = along / (np.sum(information * np.abs(reckoned_m - from_m) ** 2) + 1.0 / FREEDOM**2)
-        found = Fit(complex(factor), complex(to_m - factor * from_m))
-    return found
+        best = Fit(complex(factor), complex(to_m - factor * from_m))
+    return best

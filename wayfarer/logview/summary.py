@@ -130,8 +130,8 @@ def summarise(records: Iterable[AnyRecord]) -> RunSummary:
     """Return the summary of a run, as far as its records go."""
     fold, summariser = RunFold(), RunSummariser()
     for record in records:
-        fold.take(record)
-        summariser.take(record, fold.state)
+        fold.add(record)
+        summariser.add(record, fold.state)
     return summariser.summary(fold.state)
 
 
@@ -143,8 +143,8 @@ class RunSummariser:
         self._marks: list[Mark] = []
         self._clock_steps_s: list[float] = []
 
-    def take(self, record: AnyRecord, state: RunState) -> None:
-        """Take a record, and the state after it."""
+    def add(self, record: AnyRecord, state: RunState) -> None:
+        """Add a record, and the state after it."""
         match record:
             case Tick() if not isnan(state.period_s):
                 self._periods_s.append(state.period_s)

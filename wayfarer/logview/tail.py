@@ -31,7 +31,7 @@ def follow(logs: Path, run: Path | None, wait: Callable[[], None]) -> Iterator[t
         while True:
             newest = newest_run(logs) if run is None else None
             if tail is not None:
-                for record in tail.take():
+                for record in tail.read():
                     yield tail.run, record
                     if run is not None and isinstance(record, Outcome):
                         return
@@ -59,7 +59,7 @@ class RunTail:
         self._rest = b""
         self._lines = Lines()
 
-    def take(self) -> Iterator[AnyRecord]:
+    def read(self) -> Iterator[AnyRecord]:
         """Give what has come since the last call."""
         try:
             if self._file is None:
@@ -103,7 +103,7 @@ class RunTail:
                 self._rest = b""  # no record is so long; the line's end will not be one either
             for line in lines:
                 try:
-                    record = self._lines.take(line)
+                    record = self._lines.parse(line)
                 except BadInput as error:
                     raise BadInput(f"{self.run}: {error}") from None
                 if record is not None:

@@ -116,8 +116,8 @@ def read_run(run: Path) -> RunData:
     more: dict[str, array[float]] = {}
     state, board_t_s = fold.state, nan
     for record in reader:
-        events = fold.take(record)
-        summariser.take(record, state)
+        events = fold.add(record)
+        summariser.add(record, state)
         match record:
             case Tick():
                 ticks.extend(or_nan(column(record, state)) for column in TICK.values())

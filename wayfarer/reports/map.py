@@ -111,14 +111,14 @@ def track_of(data: RunData) -> Track:
     """Return what the map shows of a run; with a receiver, zero is at its first fix."""
     path, fixes, forest = _path(data.ticks, "east_m", "north_m"), believable(data.fixes), data.header.world
     if forest is not None and data.truth["x_m"].size:
-        found = fit(fixes, WORLD_CORNER)
+        laid = fit(fixes, WORLD_CORNER)
         true = _path(data.truth, "x_m", "y_m")
-        beside = path.mapped(found) if found else path.beginning_at(*true.at(path.t_s[:1].sum()))
-        return Track(data, true, beside, forest, WORLD_CORNER if fixes else None, fixes, found)
+        beside = path.mapped(laid) if laid else path.beginning_at(*true.at(path.t_s[:1].sum()))
+        return Track(data, true, beside, forest, WORLD_CORNER if fixes else None, fixes, laid)
     if not fixes:
         return Track(data, path)
-    found = fit(fixes, fixes[0])
-    return Track(data, path.mapped(found) if found else path, None, None, fixes[0], fixes, found)
+    laid = fit(fixes, fixes[0])
+    return Track(data, path.mapped(laid) if laid else path, None, None, fixes[0], fixes, laid)
 
 
 def _path(columns: Columns, east: str, north: str) -> TimedPath:
@@ -213,7 +213,7 @@ def _draw_fixes(map_: Figure, track: Track) -> None:
         return
     every = -(-len(track.fixes) // CROSSES)
     fixes, places_m = track.fixes[::every], track.fixes_m[::every]
-    shown = source(
+    crosses = source(
         x=places_m.real, y=places_m.imag, t=[fix.t_s for fix in fixes],
         latitude=[f"{fix.latitude_deg:.6f}" for fix in fixes], longitude=[f"{fix.longitude_deg:.6f}" for fix in fixes],
         error=["unknown" if isnan(fix.error_m) else f"{fix.error_m:.1f} m" for fix in fixes],
@@ -222,7 +222,7 @@ def _draw_fixes(map_: Figure, track: Track) -> None:
     circles = source(x=places_m.real[::every], y=places_m.imag[::every], r=[fix.error_m for fix in fixes[::every]])
     thin: Any = {"fill_color": None, "line_color": palette.RECEIVER, "line_alpha": 0.3, "line_width": 0.75}
     rings = map_.circle("x", "y", radius="r", source=circles, **thin)
-    dots = map_.scatter("x", "y", source=shown, marker="cross", size=4, color=palette.RECEIVER, alpha=0.5)
+    dots = map_.scatter("x", "y", source=crosses, marker="cross", size=4, color=palette.RECEIVER, alpha=0.5)
     layer("fixes", rings, dots)
     rows = (("fix", "@latitude @longitude"), ("error", "@error"), ("time", "@t{0.0} s"))
     map_.add_tools(hover([dots], *rows))
@@ -244,11 +244,11 @@ def _draw_event_marks(map_: Figure, track: Track, name: str, colour: str, size: 
     """Draw the events of a layer; Bokeh leaves out those whose place is not known. Marks have numbers."""
     marks = [mark for mark in event_marks(track.data) if mark.layer == name]
     x_m, y_m = np.array([track.path.at(mark.t_s) for mark in marks]).reshape(-1, 2).T
-    shown = source(x=x_m, y=y_m, number=[f"{number}" for number in range(1, len(marks) + 1)], **columns(marks))
-    drawn = map_.scatter("x", "y", source=shown, size=size, fill_color=colour, **LOOK)
+    places = source(x=x_m, y=y_m, number=[f"{number}" for number in range(1, len(marks) + 1)], **columns(marks))
+    drawn = map_.scatter("x", "y", source=places, size=size, fill_color=colour, **LOOK)
     layer(name, drawn)
     if name == "mark":
-        layer(name, map_.text("x", "y", text="number", source=shown, **NUMBER))
+        layer(name, map_.text("x", "y", text="number", source=places, **NUMBER))
     map_.add_tools(hover([drawn], ("what", "@what"), ("time", "@t{0.0} s")))
 
 

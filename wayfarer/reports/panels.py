@@ -284,9 +284,9 @@ def _background(made: Figure, behind: PanelBackground) -> None:
 
 def _events_panel(data: RunData, time: Range1d, behind: PanelBackground) -> Figure:
     """Return the panel of all events: a row for each layer that has any, and for when the wheels were held."""
-    shown = [each for each in LAYERS if each.name in behind.events]
+    layers = [layer_ for layer_ in LAYERS if layer_.name in behind.events]
     was_held = bool((data.ticks["level"] >= LEVEL_NUMBERS["degrade"]).any())
-    names = [*(each.text for each in shown), *["held"] * was_held]
+    names = [*(each.text for each in layers), *["held"] * was_held]
     made = _time_panel(
         "events", ROW_PX * max(1, len(names)) + AXIS_PX, time, y_range=Range1d(start=len(names) - 0.5, end=-0.5)
     )
@@ -295,11 +295,11 @@ def _events_panel(data: RunData, time: Range1d, behind: PanelBackground) -> Figu
     made.yaxis.ticker = list(range(len(names)))
     made.yaxis.major_label_overrides = dict(enumerate(names))
     drawn: list[GlyphRenderer[Any]] = []
-    for at, each in enumerate(shown):
+    for at, each in enumerate(layers):
         events = behind.events[each.name]
         drawn.append(made.scatter("t", at, source=events, size=9, fill_color=each.colour, **LOOK))
         layer(each.name, drawn[-1])
-    drawn += _held(made, data, len(shown))
+    drawn += _held(made, data, len(layers))
     made.add_tools(hover(drawn, ("what", "@what"), ("time", "@t{0.0} s")))
     _states(made, data)
     return made

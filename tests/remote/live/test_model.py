@@ -25,7 +25,7 @@ def model() -> PageModel:
 
 
 def shown(model: PageModel, **about: Any) -> FieldLog:
-    return run_log(model.take, **about)
+    return run_log(model.add, **about)
 
 
 def sensor(model: PageModel, name: str) -> dict[str, Any]:
@@ -98,7 +98,7 @@ def test_mode_hold_and_goal_are_those_of_the_tick_and_why_that_of_the_event(mode
 
 def test_change_of_mode_or_hold_is_for_at_once() -> None:
     model, at_once = PageModel(), []
-    log = run_log(lambda record: at_once.append(model.take(record)))
+    log = run_log(lambda record: at_once.append(model.add(record)))
     for mode, held in (("disarmed", False), ("armed", False), ("armed", False), ("armed", True), ("disarmed", False)):
         log.tick(tick(101.0, mode=mode, held=held))
     assert at_once == [False, False, True, False, True, True]
@@ -187,7 +187,7 @@ def test_failures_of_a_sensor_and_fixes_of_a_receiver_are_counted(model: PageMod
 
 def test_events_are_for_at_once_and_ticks_are_not() -> None:
     model, at_once = PageModel(), []
-    log = run_log(lambda record: at_once.append(model.take(record)))
+    log = run_log(lambda record: at_once.append(model.add(record)))
     log.tick(tick(100.0))
     log.event("hold", 100.0)
     log.close("escaped", "out")

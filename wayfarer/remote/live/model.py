@@ -59,13 +59,13 @@ class PageModel:
         self._why = ""
         self._place: tuple[float, float, float] | None = None
 
-    def take(self, record: AnyRecord) -> bool:
-        """Take a record; return whether people should see it at once, not at the next regular moment."""
+    def add(self, record: AnyRecord) -> bool:
+        """Add a record; return whether people should see it at once, not at the next regular moment."""
         run = self._fold.state
         was = run.mode, run.tick.held
-        events = self._fold.take(record)
+        events = self._fold.add(record)
         for event in events:
-            self._take(event)
+            self._show(event)
         for line in self._narrator.tell(events):
             self._tell("lines", self._lines, [duration_text(line.elapsed_s, 1), line.text, line.tone.value])
         return isinstance(record, Event) or (run.mode, run.tick.held) != was
@@ -139,7 +139,7 @@ class PageModel:
 
     # -- what happened -------------------------------------------------------------------------------------------
 
-    def _take(self, event: Told) -> None:
+    def _show(self, event: Told) -> None:
         if isinstance(event, Tick):
             self._follow_course(event)
         match event:
@@ -171,9 +171,9 @@ class PageModel:
         if self._trail.add(*self._place[:2], self._fold.state.tick.phase):
             self._news.setdefault("track", []).append(self._trail.points[-1])
 
-    def _tell(self, what: str, kept: deque[Any], told: list[Any]) -> None:
-        kept.append(told)
-        self._news.setdefault(what, []).append(told)
+    def _tell(self, what: str, kept: deque[Any], piece: list[Any]) -> None:
+        kept.append(piece)
+        self._news.setdefault(what, []).append(piece)
 
 
 def _about(header: Header) -> dict[str, Any]:

@@ -119,7 +119,7 @@ class LivePage:
 
     def show(self, record: AnyRecord) -> None:
         """Show a record; see ``daemon.daemon.Viewer``."""
-        if self._model.take(record):
+        if self._model.add(record):
             self._soon.set()
 
     @property

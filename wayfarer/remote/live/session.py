@@ -132,7 +132,7 @@ class ClientSession:
                     await asyncio.sleep(TURN_S)
                 if message.type is not WSMsgType.TEXT:
                     break
-                await self._take(message.data)
+                await self._receive(message.data)
         except ConnectionError:
             pass  # it went away while it was being answered
         finally:
@@ -155,7 +155,7 @@ class ClientSession:
         except Exception:
             _bugs.exception("in telling a viewer what is new")
 
-    async def _take(self, text: str) -> None:
+    async def _receive(self, text: str) -> None:
         """Take an acknowledgement, or do what is asked for and reply."""
         try:
             fields = read_line(text.encode())

@@ -126,7 +126,7 @@ class GroundStation:
 
     def __init__(self, address: Address, config: RoverConfig) -> None:
         self._settings = settings = config.mavlink
-        self._link = Link(address, settings.system_id, device_files(config), self._take)
+        self._link = Link(address, settings.system_id, device_files(config), self._receive)
         self._telemetry = telemetry = Telemetry(config.declination_deg)
         self._texts = StatusTexts()
         self._answers = Answers(settings)
@@ -146,8 +146,8 @@ class GroundStation:
         ]
 
     def show(self, record: AnyRecord) -> None:
-        """Take a record."""
-        self._texts.take(self._telemetry.take(record))
+        """Show a record."""
+        self._texts.add_events(self._telemetry.add(record))
 
     @asynccontextmanager
     async def serving(self, commands: Commands) -> AsyncIterator[None]:
@@ -212,7 +212,7 @@ class GroundStation:
 
     # -- from the station ----------------------------------------------------------------------------------------
 
-    def _take(self, message: common.MAVLink_message, is_near: bool) -> None:
+    def _receive(self, message: common.MAVLink_message, is_near: bool) -> None:
         """Take a message; ``is_near``: of a program on this computer, or of a serial line."""
         is_for_us = (  # 0: for everybody; a message that names no component is for all of a system
             getattr(message, "target_system", None) in (self._settings.system_id, 0)

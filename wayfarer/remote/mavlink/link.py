@@ -412,11 +412,11 @@ class Link:
         now_s = asyncio.get_running_loop().time()
         try:
             for frame, is_near in port.read(now_s):
-                self._take(port, frame, is_near, now_s)
+                self._receive(port, frame, is_near, now_s)
         except OSError as error:
             self._break(error)
 
-    def _take(self, port: UdpPort | SerialPort, frame: bytes, is_near: bool, now_s: float) -> None:
+    def _receive(self, port: UdpPort | SerialPort, frame: bytes, is_near: bool, now_s: float) -> None:
         try:
             message = self._coder.decode(bytearray(frame))
             # Only a station's: another vehicle may be there, and an enemy may send our own messages back to us.

@@ -63,9 +63,9 @@ class Telemetry:
         self._declination_deg = declination_deg or 0.0
         self.state = self._fold.state
 
-    def take(self, record: AnyRecord) -> Sequence[Told]:
-        """Take a record; return what it tells."""
-        return self._fold.take(record)
+    def add(self, record: AnyRecord) -> Sequence[Told]:
+        """Add a record; return what it tells."""
+        return self._fold.add(record)
 
     def heartbeat(self) -> Messages:
         """Tell mode and state."""
@@ -225,7 +225,7 @@ class StatusTexts:
     def __len__(self) -> int:
         return len(self._waiting)
 
-    def take(self, events: Iterable[Told]) -> None:
+    def add_events(self, events: Iterable[Told]) -> None:
         """Queue a text for each event that has one."""
         for event in events:
             if not isinstance(event, PhaseChanged):
