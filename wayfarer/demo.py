@@ -33,7 +33,7 @@ from wayfarer.hal import DriveMotors, Rover
 from wayfarer.logview.narrator import Console
 from wayfarer.remote.live import DemoState
 from wayfarer.safety.permission import Asked
-from wayfarer.simhal.clock.paced_loop import Pace, PacedLoop
+from wayfarer.simhal.clock.virtual_loop import Pace, PacedLoop
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 if TYPE_CHECKING:

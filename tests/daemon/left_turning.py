@@ -8,8 +8,7 @@ from typing import ClassVar
 from tests.simhal.clearing import steady_world
 from wayfarer.daemon.stop_motors import stop_motors
 from wayfarer.simhal.buses import FakeBuses
-from wayfarer.simhal.chips.sabertooth import SabertoothChip
-from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
+from wayfarer.simhal.chips.motor_boards import SabertoothChip, ThunderBorgChip
 
 AHEAD = (1.0, 1.0)
 STILL = (0.0, 0.0)

@@ -25,7 +25,7 @@ from wayfarer.errors import NotResponding, WayfarerError
 from wayfarer.hal import STOP, MotorHealth, WheelCommand
 from wayfarer.safety.settings import ManualSettings
 from wayfarer.simhal.buses import FakeBuses
-from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
+from wayfarer.simhal.chips.motor_boards import ThunderBorgChip
 
 
 @played

@@ -12,7 +12,7 @@ from wayfarer.config.rover_path import SHIPPED
 from wayfarer.daemon.stop_motors import stop_motors
 from wayfarer.drivers.gpio import GpioPart
 from wayfarer.errors import BadInput, NotResponding, WayfarerError
-from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
+from wayfarer.simhal.chips.motor_boards import ThunderBorgChip
 
 pytestmark = pytest.mark.usefixtures("left_turning")
 

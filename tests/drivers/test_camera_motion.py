@@ -26,8 +26,8 @@ from wayfarer.errors import BadReading, NotResponding
 from wayfarer.hal import MotionReading, MotionSensor
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.sensor_models import TILE_PX, GroundCamera, texture
 from wayfarer.simhal.world.forest import CLEARING
-from wayfarer.simhal.world.ground_camera import TILE_PX, GroundCamera, texture
 from wayfarer.simhal.world.world import World
 from wayfarer.testing import check_motion_sensor
 

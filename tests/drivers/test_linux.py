@@ -27,7 +27,7 @@ from wayfarer.drivers.linux import LinuxBuses
 from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
 from wayfarer.errors import NotResponding
 from wayfarer.hal import WheelCommand
-from wayfarer.simhal.chips.sabertooth import SabertoothChip
+from wayfarer.simhal.chips.motor_boards import SabertoothChip
 
 WIDTH, HEIGHT, STRIDE = 60, 40, 64
 LONG_S = 5.0  # a test that needs as long has failed

@@ -12,8 +12,7 @@ from wayfarer.drivers.thunderborg_board import ThunderBorgLight, ThunderBorgLigh
 from wayfarer.errors import NotResponding
 from wayfarer.hal import DriveMotors
 from wayfarer.simhal.buses import FakeBuses, FakeSerial
-from wayfarer.simhal.chips.sabertooth import SabertoothChip
-from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
+from wayfarer.simhal.chips.motor_boards import SabertoothChip, ThunderBorgChip
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 WIRING = ("left", "reverse_left", "reverse_right")

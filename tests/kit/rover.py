@@ -35,8 +35,7 @@ from wayfarer.hal import (
 )
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chips.cmps14 import CMPS14Chip
-from wayfarer.simhal.chips.sabertooth import SabertoothChip
-from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
+from wayfarer.simhal.chips.motor_boards import SabertoothChip, ThunderBorgChip
 from wayfarer.simhal.parts import SimBumper, SimCompass, SimFlow, SimMotors
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import HeadingSensorModel

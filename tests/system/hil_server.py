@@ -44,8 +44,7 @@ from wayfarer.escape.settings import Vehicle
 from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.chip_wiring import ChipWiring
 from wayfarer.simhal.faults.kinds import KINDS
-from wayfarer.simhal.faults.wired_part import wired_part
-from wayfarer.simhal.faults.wires import FaultyBuses
+from wayfarer.simhal.faults.wires import FaultyBuses, wired_part
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import CLEARING, Forest
 from wayfarer.simhal.world.physics import Physics

@@ -19,7 +19,7 @@ from wayfarer.config.factory import assemble
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.errors import NotResponding
 from wayfarer.hal import WheelCommand
-from wayfarer.simhal.chips.thunderborg import FAILSAFE_S
+from wayfarer.simhal.chips.motor_boards import FAILSAFE_S
 
 I2C = "/dev/i2c-1"
 FLOW = {"driver": "pmw3901", "bus": "/dev/spidev0.1"}

@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # a trial needs the whole simulator: only the workers pay for
     from wayfarer.config.rover_file import RoverConfig
     from wayfarer.experiments.trial_setup import TrialSpec
     from wayfarer.simhal.mujoco.terrain import Terrains
-    from wayfarer.simhal.world.sites.field_site import FieldSite
+    from wayfarer.simhal.world.sites import FieldSite
     from wayfarer.simhal.world.slope import Slopes
 
 

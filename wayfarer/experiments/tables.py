@@ -113,7 +113,7 @@ def layouts_of_points(settings: Mapping[str, Any]) -> list[object]:
     if campaign["scenario"] is None:
         return [None] * len(points)
     from wayfarer.experiments.sweep import BODY, FOOTPRINT
-    from wayfarer.simhal.world.sites.field_site import WIDEST
+    from wayfarer.simhal.world.sites import WIDEST
 
     sizes: list[object] = []
     for point in points:

@@ -168,7 +168,7 @@ def _injected(setup: TrialSetup, error: BaseException) -> bool:
     """Return whether a fault on purpose has ended the run: a part did not open, or its driver had a bug."""
     if setup.injector is None:
         return False
-    from wayfarer.simhal.faults.faulty_part import Bug
+    from wayfarer.simhal.faults.readings import Bug
 
     return isinstance(error, DriverError | Bug)
 

@@ -26,7 +26,7 @@ from wayfarer.simhal.world.world import World
 if TYPE_CHECKING:
     from wayfarer.simhal.faults.kinds import Fault
     from wayfarer.simhal.mujoco.terrain import Terrain, Terrains
-    from wayfarer.simhal.world.sites.field_site import FieldSite
+    from wayfarer.simhal.world.sites import FieldSite
     from wayfarer.simhal.world.slope import Slopes
 
 MakeLog = Callable[[SimulatedWorld, Rover], RunLog]

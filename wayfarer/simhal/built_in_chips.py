@@ -16,11 +16,10 @@ from wayfarer.drivers.sabertooth import SabertoothSettings
 from wayfarer.drivers.thunderborg import ThunderBorgSettings
 from wayfarer.simhal.chip_wiring import ChipWiring, SimulatedChip
 from wayfarer.simhal.chips.cmps14 import CMPS14Chip
+from wayfarer.simhal.chips.motor_boards import SabertoothChip, ThunderBorgChip
 from wayfarer.simhal.chips.pmw3901 import PMW3901Chip
-from wayfarer.simhal.chips.sabertooth import SabertoothChip
-from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.sensor_models import FlowSensorModel, HeadingSensorModel
+from wayfarer.simhal.sensor_models import FlowSensorModel, GroundCamera, HeadingSensorModel
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 GROUND_M_PER_PIXEL = 0.0015  # of the simulated camera, where the rover file gives none
@@ -67,8 +66,6 @@ def _attach_pmw3901(settings: PMW3901Settings, wiring: ChipWiring) -> None:
 
 
 def _attach_camera(settings: CameraMotionSettings, wiring: ChipWiring) -> None:
-    from wayfarer.simhal.world.ground_camera import GroundCamera
-
     m_per_pixel = settings.m_per_pixel or GROUND_M_PER_PIXEL
     wiring.buses.cameras[settings.camera] = GroundCamera(wiring.world, wiring.streams, m_per_pixel).render
 

@@ -16,8 +16,8 @@ are buses to put simulated chips on. ``wayfarer.testing.faults`` has faults on p
 from __future__ import annotations
 
 from wayfarer.simhal.buses import FakeBuses
-from wayfarer.testing.algorithms import check_algorithm
-from wayfarer.testing.parts import (
+from wayfarer.testing.conformance import (
+    check_algorithm,
     check_compass,
     check_contact_sensor,
     check_motion_sensor,

@@ -13,7 +13,7 @@ from tests.virtual import run_virtually
 from wayfarer.commissioning.checks import CheckVerdict, Finding, parts, run_checks
 from wayfarer.drivers.sabertooth import SabertoothSettings
 from wayfarer.hal import WheelCommand
-from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
+from wayfarer.simhal.chips.motor_boards import ThunderBorgChip
 
 either = pytest.mark.parametrize(("acts", "verdict"), [(True, CheckVerdict.OK), (False, CheckVerdict.FAIL)])
 

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from tests.simhal.chips.bench import BoardBench
 from tests.simhal.clearing import steady_world
-from wayfarer.simhal.chips.sabertooth import SabertoothChip
-from wayfarer.simhal.chips.thunderborg import FULL_LEVEL, ThunderBorgChip
+from wayfarer.simhal.chips.motor_boards import THUNDERBORG_FULL_LEVEL, SabertoothChip, ThunderBorgChip
 
 STILL = (0.0, 0.0)
 
@@ -30,7 +29,7 @@ class Board(NamedTuple):
 
 
 BOARDS = {
-    "ThunderBorg": Board(ThunderBorgChip, "13 01", "13 00", "11 F2", "15", 242 / FULL_LEVEL, 0.25),
+    "ThunderBorg": Board(ThunderBorgChip, "13 01", "13 00", "11 F2", "15", 242 / THUNDERBORG_FULL_LEVEL, 0.25),
     "Sabertooth": Board(SabertoothChip, "80 0E 03 11", "80 0E 00 0E", "80 00 7F 7F 80 04 7F 03", "80", 1.0, 0.3),
 }
 each_board = pytest.mark.parametrize("board", BOARDS.values(), ids=BOARDS)

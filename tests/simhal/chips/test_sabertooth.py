@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tests.simhal.chips.bench import BoardBench
 from wayfarer.simhal.buses import ChipMisuse
-from wayfarer.simhal.chips.sabertooth import SabertoothChip
+from wayfarer.simhal.chips.motor_boards import SabertoothChip
 
 STILL = (0.0, 0.0)
 BOTH_AHEAD = "80 00 7F 7F 80 04 7F 03"

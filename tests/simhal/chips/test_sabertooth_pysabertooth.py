@@ -17,7 +17,7 @@ from tests.virtual import virtual
 from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
 from wayfarer.hal import WheelCommand
 from wayfarer.simhal.buses import FakeBuses
-from wayfarer.simhal.chips.sabertooth import SabertoothChip
+from wayfarer.simhal.chips.motor_boards import SabertoothChip
 
 pysabertooth = pytest.importorskip(
     "pysabertooth.PySabertooth", reason="pysabertooth, another implementation, is not installed"

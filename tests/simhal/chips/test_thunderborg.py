@@ -9,7 +9,7 @@ import pytest
 
 from tests.simhal.chips.bench import BoardBench
 from wayfarer.simhal.buses import ChipMisuse
-from wayfarer.simhal.chips.thunderborg import FULL_LEVEL, ThunderBorgChip
+from wayfarer.simhal.chips.motor_boards import THUNDERBORG_FULL_LEVEL, ThunderBorgChip
 
 
 class Bench(BoardBench[ThunderBorgChip]):
@@ -49,7 +49,7 @@ def test_what_the_board_does_not_know_is_a_mistake(bench: Bench, written: str) -
 def test_motor_b_is_the_left_one_and_95_percent_are_full_duty(bench: Bench) -> None:
     bench.send("0B 79")
     bench.send("09 F2")
-    assert bench.world.commanded == (121 / FULL_LEVEL, -242 / FULL_LEVEL)
+    assert bench.world.commanded == (121 / THUNDERBORG_FULL_LEVEL, -242 / THUNDERBORG_FULL_LEVEL)
 
 
 def test_wires_may_be_swapped_and_reversed() -> None:

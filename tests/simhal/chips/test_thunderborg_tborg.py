@@ -22,7 +22,7 @@ from wayfarer.drivers.thunderborg_board import ThunderBorgLight, ThunderBorgLigh
 from wayfarer.errors import PowerLost
 from wayfarer.hal import Colour, WheelCommand
 from wayfarer.simhal.buses import FakeBuses
-from wayfarer.simhal.chips.thunderborg import ThunderBorgChip
+from wayfarer.simhal.chips.motor_boards import ThunderBorgChip
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 tborg = pytest.importorskip("tborg.tborg", reason="python-thunderborg, another implementation, is not installed")

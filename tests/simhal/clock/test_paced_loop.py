@@ -12,7 +12,7 @@ import pytest
 
 from tests.simhal.clock.programs import PROGRAMS, Program, trace_of
 from wayfarer.errors import NothingScheduled
-from wayfarer.simhal.clock.paced_loop import CATCH_UP_S, Pace, PacedLoop
+from wayfarer.simhal.clock.virtual_loop import CATCH_UP_S, Pace, PacedLoop
 
 pytestmark = pytest.mark.process  # it waits for the clock
 

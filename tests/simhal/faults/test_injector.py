@@ -21,12 +21,10 @@ from wayfarer.hal import CompassReading
 from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.faults.bus import BusFault, LostBytes, Nack
-from wayfarer.simhal.faults.faulty_part import FaultyPart
 from wayfarer.simhal.faults.injector import Injector
 from wayfarer.simhal.faults.kinds import KINDS, Fault, misplaced
-from wayfarer.simhal.faults.readings import Drifts, Frozen, LateAnswer, Saturated
-from wayfarer.simhal.faults.wired_part import WiredPart, wired_part
-from wayfarer.simhal.faults.wires import FaultyWire, Hang
+from wayfarer.simhal.faults.readings import Drifts, FaultyPart, Frozen, LateAnswer, Saturated
+from wayfarer.simhal.faults.wires import FaultyWire, Hang, WiredPart, wired_part
 from wayfarer.simhal.faults.world import DeadBand, Drive, Slope
 from wayfarer.simhal.world.forest import CLEARING
 from wayfarer.testing.faults import first_difference

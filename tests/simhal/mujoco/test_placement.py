@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tests.simhal.mujoco.fields import BODY, drive, rover_on, tree_at, trunk_across
-from wayfarer.simhal.mujoco.placement import NoRoom
+from wayfarer.simhal.mujoco.model import NoRoom
 from wayfarer.simhal.world.forest import CLEARING, Forest, Trunk
 
 HUNG_ON = {

@@ -13,9 +13,9 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.config.settings import CLIMBING_KEYS, Chassis
 from wayfarer.experiments.outcome import InterventionCounter
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.climbing import Climbing
 from wayfarer.simhal.world.collision import BodyOutline, obstacles_of
 from wayfarer.simhal.world.forest import Forest, Trunk
+from wayfarer.simhal.world.wheeled_body import Climbing
 from wayfarer.simhal.world.world import World
 
 ROVER = load_rover("forestrover")

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from tests.simhal.clearing import STEADY, VEHICLE, steady_world
 from wayfarer.drivers.buses import Frame
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.sensor_models import flow_scale
+from wayfarer.simhal.sensor_models import GREY_MEAN, GREY_SD, NOISE_SD, TILE_PX, GroundCamera, flow_scale, texture
 from wayfarer.simhal.world.forest import CLEARING
-from wayfarer.simhal.world.ground_camera import GREY_MEAN, GREY_SD, NOISE_SD, TILE_PX, GroundCamera, texture
 from wayfarer.simhal.world.world import World
 
 M_PER_PIXEL = 0.0015

@@ -19,8 +19,7 @@ from wayfarer.simhal.world.forest import Forest, check_forest
 from wayfarer.simhal.world.forest_file import forests_in
 from wayfarer.simhal.world.generate import Draw
 from wayfarer.simhal.world.shortest_path import shortest_path_m
-from wayfarer.simhal.world.sites import SITES
-from wayfarer.simhal.world.sites.field_site import FieldSite, SiteLayout
+from wayfarer.simhal.world.sites import SITES, FieldSite, SiteLayout
 
 FOREST_ROVER, MINI_ROVER = (load_rover(name).vehicle for name in ("forestrover", "minirover"))
 

@@ -17,7 +17,7 @@ from wayfarer.config.settings import STANDARD_GRAVITY_M_S2
 from wayfarer.experiments.report.load_results import read_results
 from wayfarer.simhal.drawn_ranges import Range
 from wayfarer.simhal.faults.world import Slope as SlopeFault
-from wayfarer.simhal.mujoco.placement import gravity_m_s2
+from wayfarer.simhal.mujoco.model import gravity_m_s2
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import CLEARING
 from wayfarer.simhal.world.physics import Physics

@@ -170,7 +170,8 @@ class PMW3901Chip:
     def _read(self, register: int, now_s: float) -> int:
         match self._bank, register:
             case 0x00, 0x02:
-                for at, value in zip(MOTION, self._take_motion(now_s), strict=True):
+                x, y = self._counts(now_s)
+                for at, value in zip(MOTION, pack("<Bhh", _motion(x, y), x, y), strict=True):
                     self._registers[0x00, at] = value
             case 0x00, 0x15:
                 return self._observation(now_s)
@@ -195,11 +196,6 @@ class PMW3901Chip:
 
     def _observation(self, now_s: float) -> int:
         return 0xBF if self._running and now_s >= self._observed_s else 0x00
-
-    def _take_motion(self, now_s: float) -> bytes:
-        """Return registers 02 to 06."""
-        x, y = self._counts(now_s)
-        return pack("<Bhh", _motion(x, y), x, y)
 
     def _counts(self, now_s: float) -> tuple[int, int]:
         """Return the counts since the last call, which start again at 0."""

@@ -20,13 +20,16 @@ from __future__ import annotations
 
 import asyncio
 import sys
-from asyncio import events
+from asyncio import AbstractEventLoop, events
 from asyncio.log import logger
 from collections.abc import AsyncGenerator, Awaitable, Callable, Coroutine, Generator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextvars import Context, copy_context
+from dataclasses import dataclass
 from functools import partial
-from math import isnan
+from math import inf, isnan
+from queue import Empty, SimpleQueue
+from time import monotonic  # noqa: TID251 - the clock that the pace is measured with
 from typing import Any, TypeVar, TypeVarTuple, Unpack, cast
 from weakref import WeakSet
 
@@ -110,9 +113,10 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         events._set_running_loop(self)
         try:
             if not self._schedule.run():
+                waiting = ", ".join(sorted(task.get_name() for task in asyncio.all_tasks(self)))
                 raise NothingScheduled(
                     f"virtual time stands at {self.time():.3f} s: every task waits for something that nothing can "
-                    f"bring ({self._describe_tasks()})"
+                    f"bring ({f'waiting: {waiting}' if waiting else 'no task left'})"
                 )
         finally:
             events._set_running_loop(None)
@@ -225,10 +229,6 @@ class VirtualLoop(asyncio.AbstractEventLoop):
     def _report_error(self, what: Scheduled, error: BaseException) -> None:
         self.call_exception_handler({"message": f"exception in callback {what!r}", "exception": error})
 
-    def _describe_tasks(self) -> str:
-        names = sorted(task.get_name() for task in asyncio.all_tasks(self))
-        return "waiting: " + ", ".join(names) if names else "no task left"
-
 
 # -- running a coroutine ---------------------------------------------------------------------------------------------
 # Runs a coroutine in virtual time, from wherever it is called.
@@ -251,3 +251,66 @@ def run_virtually(
 def _run(main: Callable[[], Coroutine[Any, Any, T]], loop_factory: Callable[[], VirtualLoop]) -> T:
     with asyncio.Runner(loop_factory=loop_factory) as runner:
         return runner.run(main())
+
+
+# -- at a pace ---------------------------------------------------------------------------------------------------------
+# For people who look on: time goes no faster than they want, and may stand still. What runs on it runs exactly as on
+# ``VirtualLoop``, because the pace only decides how long its thread waits between two virtual times. Other threads may
+# call into it with ``call_soon_threadsafe``, also while it waits.
+
+CATCH_UP_S = 0.05  # of the clock: a delay that is made up for afterwards; a longer one was no hiccup
+
+
+@dataclass(slots=True)
+class Pace:
+    """How many times faster than the clock virtual time goes, above 0, and whether it stands still.
+
+    Any thread may change it. A loop that waits takes notice when it is woken: ``PacedLoop.wake``.
+    """
+
+    speed: float
+    paused: bool = False
+
+
+class PacedSchedule(Schedule):
+    """Waits before it jumps to the next timer, and runs what other threads have sent meanwhile."""
+
+    def __init__(self, pace: Pace, inbox: SimpleQueue[Scheduled], loop: AbstractEventLoop, fails: Fails) -> None:
+        super().__init__(loop, fails)
+        self._pace = pace
+        self._inbox = inbox
+        self._reached_s = monotonic()  # when the clock should have reached the present virtual time
+
+    def _jump(self) -> bool:
+        """Take what another thread has sent, or move to the next timer when the clock has come to it."""
+        next_s = next((timer.when_s for timer in self._timers if not timer.is_cancelled), inf)
+        if next_s == inf:
+            return super()._jump()  # which ends the run: nothing would ever happen again
+        due_s = self._reached_s + max(0.0, next_s - self._now_s) / self._pace.speed
+        try:
+            timeout_s = None if self._pace.paused else max(0.0, due_s - monotonic())
+            self.soon(self._inbox.get(timeout=timeout_s))
+        except Empty:
+            self._reached_s = max(due_s, monotonic() - CATCH_UP_S)
+            return super()._jump()
+        return True
+
+
+class PacedLoop(VirtualLoop):
+    """A virtual loop with a pace, which other threads may call into."""
+
+    def __init__(self, pace: Pace) -> None:
+        self._inbox: SimpleQueue[Scheduled] = SimpleQueue()
+        super().__init__(partial(PacedSchedule, pace, self._inbox))
+
+    def call_soon_threadsafe(  # type: ignore[override]
+        self, callback: Callable[[Unpack[Ts]], object], *args: Unpack[Ts], context: Context | None = None
+    ) -> Handle:
+        """Run the callback at the present virtual time, after what is ready; any thread may call this."""
+        handle = Handle(callback, args, copy_context() if context is None else context)
+        self._inbox.put(handle)
+        return handle
+
+    def wake(self) -> None:
+        """Have a loop that waits look at its pace; any thread may call this."""
+        self.call_soon_threadsafe(lambda: None)

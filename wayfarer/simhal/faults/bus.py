@@ -18,7 +18,7 @@ from wayfarer.setting_ranges import Fraction
 from wayfarer.simhal.built_in_chips import mounted
 from wayfarer.simhal.chips.pmw3901 import BURST
 from wayfarer.simhal.faults.fault_kind import FaultKind, changed, listed
-from wayfarer.simhal.faults.wired_part import ANSWERING, CAMERA, CHIPS, I2C, SERIAL, WiredPart
+from wayfarer.simhal.faults.wires import ANSWERING, CAMERA, CHIPS, I2C, SERIAL, WiredPart
 
 Byte = Annotated[int, Interval(ge=0, le=255)]
 

@@ -14,11 +14,10 @@ from wayfarer.errors import BadInput, NotResponding
 from wayfarer.hal import Rover
 from wayfarer.simhal.faults.bus import BusFault
 from wayfarer.simhal.faults.fault_kind import PARTS
-from wayfarer.simhal.faults.faulty_part import FaultyPart
 from wayfarer.simhal.faults.kinds import Fault, misplaced
 from wayfarer.simhal.faults.process import TakePower
-from wayfarer.simhal.faults.wired_part import wired_part
-from wayfarer.simhal.faults.wires import FaultyBuses
+from wayfarer.simhal.faults.readings import FaultyPart
+from wayfarer.simhal.faults.wires import FaultyBuses, wired_part
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from inspect import isabstract
 from math import inf
-from types import ModuleType
 from typing import Any, get_type_hints
 
 from wayfarer.config.factory import NEEDED
@@ -18,7 +17,7 @@ from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.faults import bus, process, readings, world
 from wayfarer.simhal.faults.bus import BusFault
 from wayfarer.simhal.faults.fault_kind import PARTS, FaultKind
-from wayfarer.simhal.faults.wired_part import is_on
+from wayfarer.simhal.faults.wires import is_on
 
 BEGINS_S = 5.0  # of ``--fault`` without a time: the rover has driven some metres by then; chosen by us
 MOST_S = 1e6  # of its times
@@ -28,15 +27,11 @@ _READINGS = {"compass": CompassReading, "motion": MotionReading, "contact": Cont
 _NEW_WORD = re.compile("(?<=[a-z])(?=[A-Z0-9])|(?<=[A-Z])(?=[A-Z][a-z])")
 
 
-def _kinds_in(module: ModuleType) -> list[type[FaultKind]]:
-    classes = [each for each in vars(module).values() if isinstance(each, type) and issubclass(each, FaultKind)]
-    return [each for each in classes if not isabstract(each)]
-
-
 KINDS: Mapping[str, type[FaultKind]] = {
     _NEW_WORD.sub("_", kind.__name__).lower(): kind
     for module in (world, readings, bus, process)
-    for kind in _kinds_in(module)
+    for kind in vars(module).values()
+    if isinstance(kind, type) and issubclass(kind, FaultKind) and not isabstract(kind)
 }
 
 

@@ -19,7 +19,7 @@ from wayfarer.daemon.storage import POWER_EVERY_S
 from wayfarer.safety.power import UNDER_VOLTAGE_NOW, UNDER_VOLTAGE_SINCE_BOOT
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults.fault_kind import PARTS, FaultKind
-from wayfarer.simhal.faults.faulty_part import Bug, FaultyPart
+from wayfarer.simhal.faults.readings import Bug, FaultyPart
 
 # Takes the computer's flags at a time: the target of these faults.
 TakePower = Callable[[float, int], None]

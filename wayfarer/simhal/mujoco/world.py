@@ -15,8 +15,18 @@ import mujoco
 import numpy as np
 
 from wayfarer.simhal.mujoco.ground import Mud, Nearby, WheelFriction, rough_ground
-from wayfarer.simhal.mujoco.model import ROVER, STEP_S, Contacts, build_spec, raise_unstable
-from wayfarer.simhal.mujoco.placement import Displacement, Placement, gravity_m_s2, pose_of, shove_n
+from wayfarer.simhal.mujoco.model import (
+    ROVER,
+    STEP_S,
+    Contacts,
+    Displacement,
+    Placement,
+    build_spec,
+    gravity_m_s2,
+    pose_of,
+    raise_unstable,
+    shove_n,
+)
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.collision import low_trunks_of, obstacles_of
@@ -213,31 +223,21 @@ class MujocoWorld:
         ahead_m = self._displacement.look(self._pose)
         speed_m_s = ahead_m / (OBSERVE_EVERY_STEPS * self._step_s)
         self._nearby.follow(self.x_m, self.y_m)
-        self._feel_contacts()
-        self._feel_slip(speed_m_s)
-        if self._mud.anywhere:
-            self._wheel_friction.update()
-        if self.body_faults.shove_m_s:
-            self._shove(speed_m_s)
-        if self._tilts or self.ground_pitch_deg or self.ground_roll_deg:
-            self._tilt_ground()
-
-    def _feel_contacts(self) -> None:
-        """Note what the body touches, and whether it lies on its belly."""
         touched, hanging = self._contacts.feel()
         self.touch = touched and Touch(touched, side_of(touched, self.x_m, self.y_m, self.heading_rad))
         self._high_centred_s = self._high_centred_s + OBSERVE_EVERY_STEPS * self._step_s if hanging else 0.0
         self.high_centred = self._high_centred_s >= HIGH_CENTRED_AFTER_S
-
-    def _feel_slip(self, speed_m_s: float) -> None:
         rims_m_s = sum(self._rims_rad_s.tolist()) / 4.0 * self._body.wheel_radius_m
         slip_m_s = abs(rims_m_s - speed_m_s)
         self._slips = slip_m_s > SLIPS_ABOVE_M_S and slip_m_s > SLIPS_BELOW_SHARE * abs(rims_m_s)
-
-    def _shove(self, speed_m_s: float) -> None:
-        """Push the body along until it goes at the speed of the shove."""
-        force_n = shove_n(self._body.weight_kg, self.body_faults.shove_m_s, speed_m_s)
-        self.data.xfrc_applied[self._rover, :2] = force_n * sin(self.heading_rad), force_n * cos(self.heading_rad)
+        if self._mud.anywhere:
+            self._wheel_friction.update()
+        if self.body_faults.shove_m_s:
+            force_n = shove_n(self._body.weight_kg, self.body_faults.shove_m_s, speed_m_s)
+            push_n = force_n * sin(self.heading_rad), force_n * cos(self.heading_rad)
+            self.data.xfrc_applied[self._rover, :2] = push_n
+        if self._tilts or self.ground_pitch_deg or self.ground_roll_deg:
+            self._tilt_ground()
 
     def _tilt_ground(self) -> None:
         """Let gravity pull as it does on ground that slopes so under the body; the senses add the angles."""

@@ -50,12 +50,8 @@ def low_trunks_of(forest: Forest, clearance_m: float) -> list[Obstacle]:
 
 
 def _lying(t: Trunk, diameter_m: float) -> Obstacle:
-    return Obstacle(t.x0_m, t.y0_m, t.x1_m, t.y1_m, diameter_m / 2, _axis_deg(t.x1_m - t.x0_m, t.y1_m - t.y0_m))
-
-
-def _axis_deg(east_m: float, north_m: float) -> float:
-    """Return the compass bearing of an undirected line, in [0, 180)."""
-    return degrees(atan2(east_m, north_m)) % 180.0
+    bearing_deg = degrees(atan2(t.x1_m - t.x0_m, t.y1_m - t.y0_m)) % 180.0  # of an undirected line
+    return Obstacle(t.x0_m, t.y0_m, t.x1_m, t.y1_m, diameter_m / 2, bearing_deg)
 
 
 class Box(NamedTuple):

@@ -105,16 +105,10 @@ def _branches(region: Box, draw: Draw) -> Iterator[tuple[Trunk, Span]]:
         shift_m = slope * (north_m - south_m) / 2.0
         branch = Trunk(cut_m - shift_m, south_m, cut_m + shift_m, north_m, "right" if slope > 0.0 else "left")
         halves = (region._replace(east_m=cut_m), region._replace(west_m=cut_m))
-    yield branch, _gap(branch.length_m, draw)
+    middle, half_gap = draw(*MIDDLE_OF_GAP), draw(*GAP_M) / branch.length_m / 2.0
+    yield branch, (middle - half_gap, middle + half_gap)  # in a short branch the gap may reach past an end
     for half in halves:
         yield from _branches(half, draw)
-
-
-def _gap(branch_m: float, draw: Draw) -> Span:
-    """Return the gap in a branch of that length; in a short branch it may reach past an end."""
-    middle = draw(*MIDDLE_OF_GAP)
-    half = draw(*GAP_M) / branch_m / 2.0
-    return middle - half, middle + half
 
 
 def _without(span: Span, hole: Span) -> Iterator[Span]:

@@ -16,7 +16,6 @@ from mypy_extensions import mypyc_attr
 from wayfarer.config.settings import Chassis
 from wayfarer.escape.settings import Vehicle
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.climbing import Climbing, GroundPitch
 from wayfarer.simhal.world.collision import CELL_M, BodyOutline, Obstacle, ObstacleGrid, obstacles_of
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
@@ -32,6 +31,7 @@ from wayfarer.simhal.world.simulated_world import (
 )
 from wayfarer.simhal.world.skid_steering import SkidSteering
 from wayfarer.simhal.world.slope import hillside_of
+from wayfarer.simhal.world.wheeled_body import Climbing, GroundPitch
 
 # No move is tested in pieces longer than this, so that nothing is jumped over: half a trunk, half a right angle.
 PIECE_M: Final = 0.1
