@@ -107,7 +107,7 @@ class Demo:
             loop.add_signal_handler(number, self._end_by, number.name)
         room, begun = Semaphore(AHEAD), asyncio.Event()
 
-        def take(record: AnyRecord) -> None:
+        def shown_on_page(record: AnyRecord) -> None:
             begun.set()
             try:
                 page.show(record)
@@ -117,7 +117,7 @@ class Demo:
         def show(record: AnyRecord) -> None:
             """Hand a record to the page; called in the trial's thread."""
             room.acquire()
-            loop.call_soon_threadsafe(take, record)
+            loop.call_soon_threadsafe(shown_on_page, record)
 
         trial = asyncio.create_task(asyncio.to_thread(self.run_trial, show))
         begins = asyncio.create_task(begun.wait())

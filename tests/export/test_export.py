@@ -1,8 +1,11 @@
-"""Where an export is written, and what it never destroys."""
+"""Where an export is written, and what it never destroys; the layouts for other tools name only what it has."""
 
 from __future__ import annotations
 
+import json
+import re
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
@@ -10,6 +13,8 @@ from tests.fieldlog.disks import files_no_longer_than
 from tests.logview.records import HEADER, Json, drive, record, tick, write
 from wayfarer.errors import BadInput
 from wayfarer.export import ExportFormat, export
+from wayfarer.export.mcap_plots import PLOTS
+from wayfarer.export.tables import COLUMNS
 from wayfarer.extras import NEEDS
 
 
@@ -71,3 +76,39 @@ def test_place_that_cannot_be_is_told_in_one_line(run: Path, tmp_path: Path, pla
 @pytest.mark.parametrize("form", ExportFormat)
 def test_what_a_format_needs_has_an_extra(form: ExportFormat) -> None:
     assert form.needs is None or form.needs in NEEDS
+
+
+LAYOUTS = Path(__file__).parents[2] / "docs" / "layouts"
+
+
+def test_foxgloves_panels_show_channels_and_fields_that_are_exported() -> None:
+    text = (LAYOUTS / "foxglove.json").read_text(encoding="utf-8")
+    for topic, field in re.findall(r'"value": "(/\w+)\.(\w+)(?:\.@derivative)?"', text):
+        assert field in PLOTS[topic].fields
+    layout = json.loads(text)
+    assert len(re.findall(r'"value": "/', text)) == 15
+    placed = re.findall(r'"(?:first|second)": "([^"]+)"', text)
+    assert sorted(placed) == sorted(layout["configById"])
+
+
+def test_foxgloves_scene_and_log_are_exported() -> None:
+    pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
+    from foxglove import Context
+
+    from wayfarer.export.mcap import Channels
+
+    topics = Channels(Context()).by_topic.keys()
+    panels = json.loads((LAYOUTS / "foxglove.json").read_text(encoding="utf-8"))["configById"]
+    assert {*panels["3D!map"]["topics"], panels["RosOut!log"]["topicToRender"]} <= topics
+
+
+def test_plotjugglers_curves_are_columns_of_the_csv_table() -> None:
+    root = ElementTree.parse(LAYOUTS / "plotjuggler.xml").getroot()
+    curves = list(root.iter("curve"))
+    timed = [each.attrib["name"] for each in curves if "curve_x" not in each.attrib]
+    crossed = [each.attrib[axis] for each in curves for axis in ("curve_x", "curve_y") if axis in each.attrib]
+    assert len(timed) == 10
+    assert len(crossed) == 2
+    assert {*timed, *crossed} <= set(COLUMNS)
+    for splitter in root.iter("DockSplitter"):
+        assert int(splitter.attrib["count"]) == len(splitter) == len(splitter.attrib["sizes"].split(";"))

@@ -100,8 +100,8 @@ LATEST_S = 2**32 - 1  # in the year 2106, where the seconds of Foxglove's times 
 def read_clock_zero_s(reader: RunReader) -> float:
     """Read a run to its end, and return the time since 1970 at which its ``t_s`` was zero.
 
-    Raises:
-        BadInput: the run cannot be read.
+    It is right at the end of the log, where the rover's computer is most likely to know the time; times of all other
+    records follow from it, so that they are in order.
     """
     (last,) = deque(reader, maxlen=1)
     return last.t_wall - last.t_s

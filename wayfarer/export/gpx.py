@@ -47,9 +47,6 @@ def write_gpx(run: Path, file: TextIO, origin: str | None = None) -> Damage:
     """Write a run as GPX, and return what of it could not be read.
 
     ``origin`` is where one without a receiver began, latitude and longitude in degrees: ``50.937,-1.397``.
-
-    Raises:
-        BadInput: the run cannot be read, or has neither positions nor an origin, or both; or the origin is none.
     """
     places = read_places(run, None if origin is None else Origin.of(origin))
     gpx = GPX()

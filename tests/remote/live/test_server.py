@@ -195,10 +195,6 @@ async def test_who_has_no_token_may_do_everything_but_start_the_wheels_and_keep_
         assert site.rover.asked == [("mark, kept" if token == TOKEN else "mark", "log"), ("hold", None)]
 
 
-async def test_page_on_another_site_may_not_connect(site: Site) -> None:
-    assert await site.refusal(Origin="http://evil.example") == 403
-
-
 # -- what a page is told and may ask for ---------------------------------------------------------------------------
 
 

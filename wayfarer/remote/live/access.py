@@ -34,12 +34,7 @@ _SOMEWHERE = ("192.0.2.1", 9)  # reserved for documentation (RFC 5737); nothing 
 
 
 def bind(host: str, port: int) -> socket.socket:
-    """Return a socket that listens.
-
-    Raises:
-        BadInput: it is no address, or the port is for root only; the text says what to do.
-        NotThereYet: there is no such address here now, or the port is taken.
-    """
+    """Return a socket that listens; ``NotThereYet`` if it may be had later, ``BadInput`` if it never can."""
     if not host:
         raise BadInput("--live-host is empty: give an address of this computer, such as 0.0.0.0 for all of them")
     try:
@@ -89,15 +84,9 @@ class Access:
         self._token = _bytes(token)
 
     def check_socket(self, peer: str, headers: Mapping[str, str], token: str) -> bool:
-        """Allow a WebSocket connection, and return whether it may start the wheels.
+        """Allow a WebSocket connection from an address (``peer``), and return whether it may start the wheels.
 
-        Args:
-            peer: the address that it comes from.
-            headers: of its request.
-            token: what it gave, perhaps empty.
-
-        Raises:
-            RequestRefused: as ``check_page``, or it does not come from this server's page, or lacks the token.
+        It is refused as by ``check_page``, and if it does not come from this server's page or lacks the token.
         """
         check_page(peer, headers)
         if headers.get("Origin") != f"http://{headers.get('Host')}":
@@ -111,11 +100,7 @@ class Access:
 
 
 def check_page(peer: str, headers: Mapping[str, str]) -> None:
-    """Allow a request for the page.
-
-    Raises:
-        RequestRefused: the text says why.
-    """
+    """Allow a request for the page, or raise ``RequestRefused`` with the reason."""
     if any(header in headers for header in OF_PROXIES):
         raise RequestRefused("this page does not work through a proxy: open it at the address that wayfarer printed")
     if is_local(peer):

@@ -306,11 +306,7 @@ class PageViewer:
             await self._heard.wait()
 
     async def follow(self) -> None:
-        """Send what is new, until cancelled.
-
-        Raises:
-            TooSlow: it takes nothing, or acknowledges nothing.
-        """
+        """Send what is new, until cancelled; raise ``TooSlow`` if it takes nothing, or acknowledges nothing."""
         time = asyncio.get_running_loop().time
         self._since_s = time()
         while True:

@@ -92,10 +92,6 @@ class LivePage:
         limits: bounds on what viewers use.
         demo: the demo that is shown, whose clock the page may change; None for any other run. On this computer it needs
             no token, because no wheels turn; a program that opens a browser would show it in the list of processes.
-
-    Raises:
-        BadInput: the port can never be had, see ``access.bind``.
-        NotThereYet: it cannot be had now.
     """
 
     def __init__(

@@ -54,11 +54,7 @@ class ManualLease:
         self._asking = False
 
     async def begin(self, asked_s: object) -> Details:
-        """Ask for the wheels, and return ``deadman_s``; ``asked_s`` is when the person asked, on the daemon's clock.
-
-        Raises:
-            RequestRefused: they cannot be had now, or this viewer has asked already.
-        """
+        """Ask for the wheels, and return ``deadman_s``; ``asked_s`` is when the person asked, on the daemon's clock."""
         if self._asking:
             raise RequestRefused("this page has asked to drive by hand already: wait for the answer")
         self._asking = True
@@ -70,11 +66,7 @@ class ManualLease:
         return {"deadman_s": details["deadman_s"]}
 
     async def drive(self, fields: Mapping[str, object]) -> Details:
-        """Drive by a sample: ``seq``, ``forward``, ``turn`` and ``sent_s``, as ``Commands.manual_drive`` takes them.
-
-        Raises:
-            WayfarerError: this viewer does not drive, or the daemon refuses the sample.
-        """
+        """Drive by a sample: ``seq``, ``forward``, ``turn`` and ``sent_s``, as ``Commands.manual_drive`` takes them."""
         if self._lease is None:
             raise RequestRefused("this page does not drive the rover: press Drive by hand first")
         sample = {key: fields.get(key) for key in ("seq", "forward", "turn", "sent_s")}

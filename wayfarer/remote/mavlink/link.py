@@ -122,12 +122,7 @@ class Address(NamedTuple):
 
 
 def parse_address(text: str) -> Address:
-    """Return the address that a text names; the name of a host is looked up.
-
-    Raises:
-        BadInput: it is none; the text says what to do.
-        NotThereYet: no such host is known now.
-    """
+    """Return the address that a text names; a host is looked up, and is ``NotThereYet`` if nobody knows it."""
     kind, _, rest = text.partition(":")
     where, _, digits = rest.rpartition(":")
     allowed = BAUDS.keys() - {0} if kind == "serial" else PORTS
@@ -301,12 +296,7 @@ class SerialPort:
 
 
 def open_port(address: Address, devices: Iterable[str]) -> UdpPort | SerialPort:
-    """Open a link; ``devices`` are the device files of the rover's parts.
-
-    Raises:
-        OSError: it is not there, or not yet.
-        BadInput: a part of the rover is there.
-    """
+    """Open a link, or raise ``OSError`` if it is not there yet; ``devices`` are those of the rover's parts."""
     check_not_a_part(address, devices)
     return SerialPort(address) if address.kind == "serial" else UdpPort(address)
 
