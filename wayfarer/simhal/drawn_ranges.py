@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from wayfarer.config.messages import shortened, shown
 from wayfarer.errors import BadInput
+from wayfarer.simhal.random_streams import RandomStreams
 
 
 class Range(NamedTuple):
@@ -14,6 +15,14 @@ class Range(NamedTuple):
 
     low: float
     high: float
+
+
+def drawn(streams: RandomStreams, key: str, bounds: Range) -> float:
+    """Return a trial's number between two bounds, with six digits, which its row has too.
+
+    Each key has a random stream of its own, so that another drawn key changes nothing for it.
+    """
+    return float(f"{streams.generator(f'drawn {key}').uniform(*bounds):.6g}")
 
 
 def ranges_of(found: Mapping[str, Sequence[float]], allowed: Mapping[str, Range]) -> dict[str, Range]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from wayfarer.simhal.drawn_ranges import Range, ranges_of
+from wayfarer.simhal.drawn_ranges import Range, drawn, ranges_of
 from wayfarer.simhal.random_streams import RandomStreams
 
 
@@ -32,8 +32,7 @@ class Terrains(NamedTuple):
 
     def draw(self, streams: RandomStreams) -> Terrain:
         """Return one trial's terrain."""
-        uniform = streams.generator("world.terrain").uniform
-        return Terrain(*(float(uniform(low, high)) for low, high in self))
+        return Terrain(*(drawn(streams, f"sim.{name}", bounds) for name, bounds in self._asdict().items()))
 
     def as_json(self) -> dict[str, list[float]]:
         """Return the bounds as JSON can hold them."""

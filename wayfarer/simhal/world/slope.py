@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from math import asin, atan, cos, degrees, radians, sin, tan
 from typing import Final, NamedTuple
 
-from wayfarer.simhal.drawn_ranges import Range, ranges_of
+from wayfarer.simhal.drawn_ranges import Range, drawn, ranges_of
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
@@ -27,8 +27,7 @@ class Slopes(NamedTuple):
 
     def draw(self, streams: RandomStreams) -> Slope:
         """Return one trial's slope."""
-        uniform = streams.generator("world.slope").uniform
-        return Slope(*(float(uniform(low, high)) for low, high in self))
+        return Slope(*(drawn(streams, f"sim.{name}", bounds) for name, bounds in self._asdict().items()))
 
     def as_json(self) -> dict[str, list[float]]:
         """Return the bounds as JSON can hold them."""
