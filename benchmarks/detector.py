@@ -22,11 +22,13 @@ from wayfarer.safety.permission import Asked
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.world import Slope
+from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.generate import generate_forest
+from wayfarer.simhal.world.physics import Physics
 
 if TYPE_CHECKING:
-    from wayfarer.simhal.mujoco.terrain import Terrains
+    pass
 
 SLIP_MEANS_M = (2.0, 10.0)
 NOISES = (1.0, 3.0)
@@ -103,24 +105,16 @@ def measure(rover: RoverConfig, case: DetectorCase, trial: int) -> Scores:
     """Return the scores of one trial."""
     config = rover.with_anomaly_source(case.source)
     spec = TrialSpec(
-        trial, "forest-pledge", generate_forest(trial, 0, trial), trial, config, case.slip_mean_m, BUDGET_M,
-        faults=_slopes(trial), sensor_noise=case.noise, terrains=_terrains(case),
+        trial, "forest-pledge", generate_forest(trial, 0, trial), trial, config, BUDGET_M,
+        faults=_slopes(trial), sensor_noise=case.noise, physics=Physics(slip_mean_m=case.slip_mean_m),
+        terrain=None if case.friction is None else Terrain(case.friction),
     )  # fmt: skip
     with asyncio.Runner(loop_factory=VirtualLoop) as runner:
         return runner.run(_run(spec))
 
 
-def _terrains(case: DetectorCase) -> Terrains | None:
-    if case.friction is None:
-        return None
-    from wayfarer.simhal.drawn_ranges import Range
-    from wayfarer.simhal.mujoco.terrain import Terrains  # physics-light needs no engine
-
-    return Terrains(Range(case.friction, case.friction))
-
-
 async def _run(spec: TrialSpec) -> Scores:
-    truth = DetectorScorer(spec.rover, on_wheels=spec.terrains is not None)
+    truth = DetectorScorer(spec.rover, on_wheels=spec.terrain is not None)
     setup = TrialSetup(spec, lambda *_: truth)
     truth.follow(setup.world)
     assert setup.injector is not None

@@ -6,9 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from wayfarer.config.rover_file import load_rover
-from wayfarer.experiments.campaign import Campaign, Task
-from wayfarer.experiments.commands import at_site
+from wayfarer.experiments.campaign import Task
+from wayfarer.experiments.checks import make_campaign
 from wayfarer.experiments.run import TrialRunner
 from wayfarer.reports.data import read_run
 from wayfarer.reports.map import track_of
@@ -19,7 +18,9 @@ ALGORITHM = "forest-pledge"
 
 def rows(trials: int) -> Iterator[tuple[str, ...]]:
     """Run trials of the scenario ``forest-escape``, and yield the table's lines; the distances are medians."""
-    campaign = at_site(Campaign((ALGORITHM,), trials, load_rover("forestrover")), "forest-escape")
+    campaign = make_campaign(
+        {"algorithms": ALGORITHM, "trials": trials, "rover": "forestrover", "site": "forest-escape"}
+    )
     for trial in range(trials):
         with TemporaryDirectory() as folder:
             TrialRunner(campaign, log_dir=Path(folder))(Task(ALGORITHM, trial))

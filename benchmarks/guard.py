@@ -51,11 +51,11 @@ class Campaign:
 CAMPAIGNS = {
     "ten-algorithms": Campaign("--algorithm paper --forests reference", 6, 30),
     "bus-depth": Campaign("--depth bus --forests reference", 40, 200),
-    "field-senses": Campaign("--senses field --forests reference", 100, 500),
+    "field-senses": Campaign("--set senses=field --forests reference", 100, 500),
     "clutter-minirover": Campaign("--site dense-obstruction --rover minirover", 100, 500),
     "mujoco": Campaign("--physics mujoco --forests reference", 4, 40),
-    "blind-litter": Campaign("--ground leaf-litter --senses blind_share=0.3 --forests reference", 100, 500),
-    "slope": Campaign("--slope-deg 8 --slope-direction-deg 0:360 --forests reference", 100, 500),
+    "blind-litter": Campaign("--ground leaf-litter --set sim.blind_share=0.3 --forests reference", 100, 500),
+    "slope": Campaign("--set sim.slope_deg=8 --set sim.slope_direction_deg=0:360 --forests reference", 100, 500),
 }
 
 

@@ -29,7 +29,8 @@ from wayfarer.daemon.daemon import Daemon, RoverSetup, Service
 from wayfarer.daemon.socket.protocol import STARTING
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.remote.live.server import LivePage
-from wayfarer.simhal.build_rover import Depth, build
+from wayfarer.simhal.build_rover import build
+from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.generate import generate_forest

@@ -20,9 +20,9 @@ from wayfarer.drivers.threaded import ThreadedI2C
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.trial import TrialCounters, run_trial
 from wayfarer.safety.permission import Asked
-from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.buses import FakeBuses, FakeI2C
 from wayfarer.simhal.chip_wiring import ChipWiring
+from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import Physics

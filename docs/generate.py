@@ -1,23 +1,20 @@
 """Write the pages that the code knows best: ``python -m docs.generate``.
 
-Python from the public names, the command line from its help, rover files from the JSON Schema of their settings, the
-table of conditions and the safety case from that of the code. What a key of a rover file means stands in the docstring
-below its field. The schema is in the package, beside the shipped rovers: editors read it there. All are committed,
-because people read them in the checkout too; ``tests/docs/test_generated.py`` fails if one is old.
+Python from the public names, the command line from its help, rover files from the JSON Schema of their settings, those
+of a campaign from its class, the table of conditions and the safety case from that of the code. What a setting means
+stands in the string below its field. The schema is in the package, beside the shipped rovers: editors read it there.
+All are committed, because people read them in the checkout too; ``tests/docs/test_generated.py`` fails if one is old.
 """
 
 from __future__ import annotations
 
-import ast
 import inspect
 import io
 import json
 import os
 from collections.abc import Iterator
 from contextlib import redirect_stdout
-from itertools import pairwise
 from pathlib import Path
-from textwrap import dedent
 from typing import Any
 from unittest.mock import patch
 
@@ -30,8 +27,12 @@ from wayfarer import cli
 from wayfarer.config.registry import driver_names, find_driver
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.config.rover_path import SCHEMA
+from wayfarer.experiments.keys import FOREST, OWN, TERRAIN, WORLD, ForestKeys, descriptions
+from wayfarer.experiments.settings import FORMS, NAMES, CampaignSettings, option_of, plain_kind, sentences
 from wayfarer.fieldlog.wording import sentence
 from wayfarer.safety.conditions import TABLE, Condition
+from wayfarer.simhal.mujoco.terrain import Terrain
+from wayfarer.simhal.world.physics import Physics
 from wayfarer.vocabulary import WORDS
 
 FOLDER = Path(__file__).parent / "reference"
@@ -67,6 +68,22 @@ Even Better TOML) complete keys, show what they mean and mark mistakes:
 #:schema ./rover.schema.json
 ```
 """
+CAMPAIGN = """# Settings of a campaign
+
+All that decides the results of a campaign. `wayfarer sim` and `wayfarer sweep` have an option for each,
+`wayfarer.run_campaign`, `run_sweep`, `run_trial` and the environment an argument, and `campaign.json` keeps them with
+the results.
+"""
+KEYS = """## Keys
+
+What `--set KEY=VALUE` sets for all trials, `--set KEY=LOW:HIGH` draws for each trial, and `wayfarer sweep KEY=VALUES`
+varies. In Python `set={"senses": "field", "sim.slope_deg": (0, 15)}`. Every number can be drawn: uniformly between the
+bounds, a whole number if the key counts something, from a random stream of its own, so that another drawn key changes
+nothing for it. What was drawn is a column of `trials.csv`. A key of `sim.` counts before `senses`.
+
+Beside these keys there is every key of [the rover file](rover-file.md) by its dotted name, such as
+`escape.turn_angle_deg`; `wayfarer list --keys` prints them all.
+"""
 
 
 def pages() -> dict[Path, str]:
@@ -76,6 +93,7 @@ def pages() -> dict[Path, str]:
     return {
         FOLDER / "python.md": "\n".join([WRITTEN_BY, PYTHON, *(f"::: wayfarer.{name}\n" for name in names)]),
         FOLDER / "command-line.md": "\n".join([WRITTEN_BY, COMMAND_LINE, *map(_command_section, commands())]),
+        FOLDER / "campaign-settings.md": "\n".join([WRITTEN_BY, CAMPAIGN, _settings_table(), KEYS, _keys_table()]),
         FOLDER / "rover-file.md": "\n".join([WRITTEN_BY, ROVER_FILE, *_rover_sections(schema)]),
         SCHEMA: json.dumps(schema, indent=1, ensure_ascii=False) + "\n",
         CASE: WRITTEN_BY + safety_case.page(),
@@ -125,6 +143,45 @@ def _command_section(words: tuple[str, ...]) -> str:
     return f"## {' '.join(('wayfarer', *words))}\n\n```text\n{text}\n```\n"
 
 
+# -- settings of a campaign --------------------------------------------------------------------------------------------
+
+
+def _settings_table() -> str:
+    about, properties = sentences(CampaignSettings), _properties(plain_kind())
+    rows = ["| setting | option | default | allowed | what it is |", "|---|---|---|---|---|"]
+    for name in NAMES:
+        form = FORMS.get(name)
+        default = form.default if form else properties[name].get("default")
+        shown = "" if default in ("", None) else f"`{json.dumps(default) if not form else default}`"
+        allowed = f"`{form.metavar}`".replace("|", "\\|") if form else _allowed(properties[name])
+        rows.append(f"| `{name}` | `{option_of(name)}` | {shown} | {allowed} | {_plain(about[name], 'description')} |")
+    return "\n".join(rows) + "\n"
+
+
+def _keys_table() -> str:
+    own = {name: schema for name, schema in _properties(plain_kind()).items() if name in OWN}
+    world = {
+        WORLD + key: schema for kind in (ForestKeys, Physics, Terrain) for key, schema in _properties(kind).items()
+    }
+    rows = ["| key | default | allowed | what it is |", "|---|---|---|---|"]
+    for key, text in descriptions().items():
+        schema = own.get(key) or world.get(key.removeprefix(WORLD))
+        default, allowed = (f"`{json.dumps(schema['default'])}`", _allowed(schema)) if schema else ("", "")
+        where = "MuJoCo: " if key.removeprefix(WORLD) in TERRAIN else ""
+        where = "Generated forests: " if key.removeprefix(WORLD) in FOREST else where
+        rows.append(f"| `{key}` | {default} | {allowed} | {where}{_plain(text, 'description')} |")
+    return "\n".join(rows) + "\n"
+
+
+def _properties(kind: Any) -> dict[str, Any]:
+    """Return the JSON Schema of each field of a settings class."""
+    schema = TypeAdapter(kind).json_schema()
+    return {
+        name: {**schema.get("$defs", {}).get(_reference(each), {}), **each}
+        for name, each in schema["properties"].items()
+    }
+
+
 # -- rover files -------------------------------------------------------------------------------------------------------
 
 
@@ -165,23 +222,9 @@ def _one_of(drivers: list[dict[str, Any]]) -> dict[str, Any]:
 def _described(schema: dict[str, Any], table: type) -> dict[str, Any]:
     """Add to the schema of a table what its docstring says, without examples, and what those of its fields say."""
     schema["description"] = inspect.cleandoc(table.__doc__ or "").partition("\n\n>>>")[0].partition("\n\nRaises:")[0]
-    for key, text in field_docstrings(table).items():
+    for key, text in sentences(table).items():
         schema["properties"][key]["description"] = text
     return schema
-
-
-def field_docstrings(table: type) -> dict[str, str]:
-    """Return the string below each field of a class, which Python itself drops, as one line."""
-    body = ast.parse(dedent(inspect.getsource(table))).body[0].body  # type: ignore[attr-defined]
-    return {
-        field.target.id: " ".join(below.value.value.split())
-        for field, below in pairwise(body)
-        if isinstance(field, ast.AnnAssign)
-        and isinstance(field.target, ast.Name)
-        and isinstance(below, ast.Expr)
-        and isinstance(below.value, ast.Constant)
-        and isinstance(below.value.value, str)
-    }
 
 
 def _plain(schema: Any, key: str = "") -> Any:

@@ -13,7 +13,7 @@ from wayfarer.config.registry import ALGORITHM_GROUP, DRIVER_GROUP
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.escape.api import Phase
 from wayfarer.escape.phases import PhaseEvent
-from wayfarer.experiments.sweep import FOREST, WORLD
+from wayfarer.experiments.keys import FOREST, WORLD
 from wayfarer.simhal.chip_wiring import CHIP_GROUP
 
 NAME = re.compile(r"``([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)+)(?:\(\))?``")

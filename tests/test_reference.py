@@ -9,8 +9,9 @@ from statistics import fmean, median
 import pytest
 
 from wayfarer.config.rover_file import load_rover
-from wayfarer.experiments.campaign import Campaign, ForestFile, Task, read_forest_file
+from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.trial import TrialResult, run_trial
+from wayfarer.simhal.world.forest_file import ForestFile, read_forest_file
 
 SAMPLE = range(0, 500, 21)  # 24 of the 500, over all layouts and both noises
 

@@ -21,7 +21,7 @@ from wayfarer.fieldlog.record import FaultInjected
 from wayfarer.fieldlog.sink import Sink
 from wayfarer.run_sim import simulated_rover_setup
 from wayfarer.safety.mission import RunEnd
-from wayfarer.simhal.build_rover import Depth
+from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.faults.kinds import parse_fault
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World

@@ -12,7 +12,8 @@ from wayfarer.daemon.daemon import RoverSetup
 from wayfarer.experiments.outcome import OutcomeMonitor
 from wayfarer.experiments.trial_log import GroundTruthLog
 from wayfarer.fieldlog.log import FieldLog
-from wayfarer.simhal.build_rover import Depth, build
+from wayfarer.simhal.build_rover import build
+from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.faults.injector import Injector
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.random_streams import RandomStreams

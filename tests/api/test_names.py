@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 import wayfarer
+from wayfarer.experiments.settings import SETTINGS_LINE, CampaignSettings, sentences
 
 ROOT = Path(wayfarer.__file__).parent
 
@@ -41,11 +42,27 @@ def test_names_are_offered_and_others_are_refused_in_a_line() -> None:
         wayfarer.run_campain  # type: ignore[attr-defined]  # noqa: B018
 
 
+@pytest.mark.parametrize("name", ["run_campaign", "run_sweep", "run_trial"])
+def test_settings_of_a_campaign_are_in_help_and_signature_with_their_sentences(name: str) -> None:
+    public = getattr(wayfarer, name)
+    parameters = inspect.signature(public).parameters
+    told = " ".join((inspect.getdoc(public) or "").split())
+    for setting, sentence in sentences(CampaignSettings).items():
+        if setting not in {"algorithms", "trials", "version"}:
+            assert parameters[setting].kind is inspect.Parameter.KEYWORD_ONLY
+            assert f"{setting}: {sentence}" in told
+    assert "settings" not in parameters
+    with pytest.raises(TypeError, match="unexpected keyword argument 'slip_mean'"):
+        public(**({"values": {}} if name == "run_sweep" else {}), slip_mean=3)
+
+
 @pytest.mark.parametrize("name", wayfarer.__all__)
 def test_help_of_a_public_name_says_all_that_its_source_says(name: str) -> None:
     """What is compiled keeps no docstrings, so nothing that a user asks ``help`` about may be compiled."""
     source, public = definition(name), getattr(wayfarer, name)
-    assert inspect.getdoc(public) == ast.get_docstring(source)
+    shown, written = inspect.getdoc(public) or "", ast.get_docstring(source) or ""
+    before, settings, after = written.partition(SETTINGS_LINE.lstrip())
+    assert shown == written if not settings else shown.startswith(before.rstrip()) and shown.endswith(after)
     for each in source.body if isinstance(source, ast.ClassDef) else ():
         if isinstance(each, ast.FunctionDef) and not each.name.startswith("_"):
             method = inspect.getattr_static(public, each.name)

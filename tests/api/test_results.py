@@ -70,7 +70,7 @@ def test_folder_gives_the_same_results_as_the_run(results: wayfarer.Results, out
 def test_trial_alone_is_that_of_the_campaign(results: wayfarer.Results) -> None:
     trial = wayfarer.run_trial(2, "pledge", budget_m=15.0, seed=4)
     assert results.rows[-1] == trial.row
-    assert wayfarer.run_trial(0, budget_m=1.0, slope_deg=3.0).row.slope_deg == 3.0
+    assert wayfarer.run_trial(0, budget_m=1.0, set={"sim.slope_deg": "2:4"}).row.drawn.keys() == {"sim.slope_deg"}
 
 
 def test_summary_has_the_numbers_of_the_command(results: wayfarer.Results, run: Run) -> None:
@@ -115,26 +115,32 @@ def test_sweep_has_the_swept_values_in_each_row(tmp_path: Path) -> None:
 
 def test_sweep_takes_site_slope_and_physics(tmp_path: Path) -> None:
     at_site = partial(wayfarer.run_sweep, {"escape.back_off_m": [0.15]}, trials=1, rover="minirover", budget_m=1.0)
-    (row,) = at_site(site="extended-maze", slope_deg=3, slope_direction_deg="0:90", out=tmp_path / "out").trials
-    assert (row["interventions"], row["slope_deg"]) == (0, 3.0)
-    with pytest.raises(wayfarer.WayfarerError, match="--ground mud is of physics-light"):
+    (row,) = at_site(site="extended-maze", set={"sim.slope_deg": (np.int64(2), 4.0)}, out=tmp_path / "out").trials
+    assert row["interventions"] == 0
+    assert 2.0 <= row["sim.slope_deg"] <= 4.0
+    with pytest.raises(wayfarer.WayfarerError, match="ground mud is of physics-light"):
         at_site(ground="mud", physics="mujoco")
-    with pytest.raises(wayfarer.WayfarerError, match="--friction has an effect only in MuJoCo"):
-        at_site(friction=0.3)
+    with pytest.raises(wayfarer.WayfarerError, match=r"key 'sim\.friction' has an effect only in MuJoCo; add physics"):
+        at_site(set={"sim.friction": 0.3})
 
 
 NO_MOTORS = wayfarer.load_rover("sim").model_copy(update={"name": "mine", "parts": {}})
 REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"algorithms": "pledg"}, "unknown algorithm 'pledg': did you mean pledge"),
-    ({"trials": 0}, "key 'trials' = 0: input should be greater than or equal to 1"),
-    ({"slip_mean_m": math.inf}, "key 'slip_mean_m' = inf: input should be a finite number"),
+    ({"trials": 0}, "trials = 0: input should be greater than or equal to 1"),
+    ({"slip_mean_m": math.inf}, "slip_mean_m = inf: input should be a finite number"),
     ({"rover": "sims"}, "unknown rover 'sims': did you mean sim"),
     ({"site": "maze"}, "unknown site 'maze'"),
-    ({"site": "extended-maze", "rover": "minirover", "forests": "reference"}, "site 'extended-maze' draws its own"),
-    ({"ground": "ice"}, "key 'ground' = 'ice': input should be 'ideal'"),
+    ({"site": "extended-maze", "rover": "minirover", "forests": "reference"}, "site and forests do not go together"),
+    ({"ground": "ice"}, "ground = 'ice': input should be 'ideal'"),
     ({"forests": "no.jsonl"}, "no.jsonl"),
     ({"rover": NO_MOTORS, "depth": "bus"}, "mine: key 'parts.compass' is missing"),
-    ({"anomaly_source": "sight"}, "key 'anomaly_source' = 'sight': input should be 'motion' or 'contact'"),
+    ({"set": {"anomaly_source": "sight"}}, "key 'anomaly_source' = 'sight': input should be 'motion' or 'contact'"),
+    ({"trials": True}, "trials = True: input should be a valid integer"),
+    ({"slip_mean_m": np.True_}, "slip_mean_m = True: input should be a valid number"),
+    ({"set": {"sim.slope_deg": (15, 0)}}, "set sim.slope_deg = (15, 0): expected a value, or LOW:HIGH"),
+    ({"set": {"ground": (1, 2)}}, "key 'ground' is no number"),
+    ({"slip_mean_m": 2, "set": {"slip_mean_m": 3}}, "slip_mean_m and set slip_mean_m set the same value"),
     ({"resume": True}, "name it with out"),
     ({"jobs": 0}, "one process at least"),
     ({"algorithms": "__main__:mine", "jobs": 2}, "put it in a file of its own and name it"),

@@ -75,4 +75,4 @@ def test_what_is_no_run_or_no_trial_is_refused(tmp_path: Path) -> None:
     with pytest.raises(wayfarer.WayfarerError, match="runs one algorithm"):
         wayfarer.run_trial(0, "paper")
     with pytest.raises(wayfarer.WayfarerError, match="contact"):
-        wayfarer.run_trial(0, "cv-pledge", anomaly_source="motion", rover="minirover", depth="bus")
+        wayfarer.run_trial(0, "cv-pledge", set={"anomaly_source": "motion"}, rover="minirover", depth="bus")

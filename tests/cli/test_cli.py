@@ -56,7 +56,7 @@ def test_error_raised_on_purpose_is_one_line(
     def fail(name: str) -> None:
         raise error
 
-    monkeypatch.setattr("wayfarer.experiments.make_campaign.load_rover", fail)
+    monkeypatch.setattr("wayfarer.experiments.checks.load_rover", fail)
     text = str(error).replace("\n", " ")
     assert run("sim") == (code, "", f"wayfarer: {text}\n")
 
@@ -184,10 +184,10 @@ def test_settings_reach_every_trial(run: Run, monkeypatch: pytest.MonkeyPatch, t
     monkeypatch.setattr("wayfarer.experiments.trial.run_trial", remembering)
     forests = tmp_path / "forests.jsonl"
     forests.write_text(json.dumps(FOREST))
-    options = ["--slip-mean-m", 2, "--budget-m", 50, "--anomaly-source", "contact", "--forests", forests]
+    options = ["--slip-mean-m", 2, "--budget-m", 50, "--set", "anomaly_source=contact", "--forests", forests]
     assert run("sim", "--trials", 3, "--jobs", 1, "--algorithm", "pledge", *options)[0] == 0
     assert [(spec.trial, spec.forest.noise) for spec in specs] == [(0, 1), (1, 2), (2, 3)]
-    assert {(spec.algorithm, spec.slip_mean_m, spec.budget_m) for spec in specs} == {("pledge", 2.0, 50.0)}
+    assert {(spec.algorithm, spec.physics.slip_mean_m, spec.budget_m) for spec in specs} == {("pledge", 2.0, 50.0)}
     assert {spec.rover.anomaly_source for spec in specs} == {"contact"}
 
 

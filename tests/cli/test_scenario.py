@@ -5,12 +5,9 @@ from __future__ import annotations
 import csv
 import json
 from pathlib import Path
-from typing import get_args
 
 from tests.conftest import Run
-from wayfarer.cli.trial_options import Ground
 from wayfarer.fieldlog.reader import find_header
-from wayfarer.simhal.world.physics import GroundName
 
 MAZE = ("sim", "--site", "extended-maze", "--rover", "forestrover", "--jobs", "1")
 
@@ -24,7 +21,7 @@ def test_trials_count_interventions_and_are_one_layout_each(run: Run, tmp_path: 
     kinds = [(int(row["interventions"]), int(row["overturned"]) + int(row["off_wheels"])) for row in rows]
     assert all(count == of_kinds >= 0 for count, of_kinds in kinds)
     settings = json.loads((tmp_path / "out" / "campaign.json").read_text(encoding="utf-8"))
-    assert settings["scenario"] == "extended-maze"
+    assert settings["site"] == "extended-maze"
 
 
 def test_ordinary_campaign_counts_no_interventions(run: Run) -> None:
@@ -51,7 +48,3 @@ def test_challenge_logs_positions(run: Run, tmp_path: Path) -> None:
         json.loads(line) for line in (tmp_path / "log" / "run.00001.jsonl").read_text(encoding="utf-8").splitlines()
     ]
     assert any("latitude_deg" in record for record in records)
-
-
-def test_command_knows_the_grounds_of_the_simulator() -> None:
-    assert get_args(Ground) == tuple(GroundName)

@@ -38,11 +38,11 @@ def test_sweep_at_a_site_counts_time_and_interventions(
         return result._replace(outcome="escaped", time_s=120.0, interventions=result.trial % 2)
 
     monkeypatch.setattr("wayfarer.experiments.trial.run_trial", helped)
-    at_site = ("--site", "dense-obstruction", "--rover", "forestrover", "--slope-deg", "0:5")
+    at_site = ("--site", "dense-obstruction", "--rover", "forestrover", "--set", "sim.slope_deg=0:5")
     code, out, err = run(ANGLES, *at_site, "--trials", 4, "--jobs", 1, "--out", tmp_path / "out")
     assert code == 0, err
     assert [line.split()[-2:] for line in out.splitlines() if "forest-pledge" in line] == [["120.0", "0.50"]] * 2
-    assert (tmp_path / "out" / "trials.csv").read_text().splitlines()[0].endswith("slope_deg,slope_direction_deg")
+    assert (tmp_path / "out" / "trials.csv").read_text().splitlines()[0].endswith(",sim.slope_deg")
     page = write_sweep_report(tmp_path / "out").read_text(encoding="utf-8")
     assert "dense-obstruction" in page
     assert "interventions" in page

@@ -99,7 +99,7 @@ def program() -> Any:
 def command_of(words: list[str]) -> tuple[Any, list[str]]:
     """Return a command by its words, and the words that are its arguments."""
     command = program()
-    while words and (inner := getattr(command, "commands", {}).get(words[0])):
+    while words and (inner := hasattr(command, "commands") and command.get_command(None, words[0])):
         command, words = inner, words[1:]
     return command, words
 

@@ -40,7 +40,7 @@ def quick(spec: TrialSpec, log_dir: Path | None = None, /) -> TrialResult:
     return TrialResult(
         spec.trial, spec.algorithm, spec.forest.forest, spec.forest.noise, spec.seed, outcome,
         path_m=path_m, reverse_m=path_m / 20, time_s=path_m * 1.2, anomalies=spec.seed % 50, episodes=spec.seed % 9,
-        shortest_path_m=37.5, spl=37.5 / path_m, ticks=100,
+        shortest_path_m=37.5, spl=37.5 / path_m, ticks=100, drawn=spec.drawn,
     )  # fmt: skip
 
 

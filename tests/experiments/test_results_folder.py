@@ -27,13 +27,14 @@ from wayfarer.experiments.results_folder import (
     read_rows,
     tasks_of,
 )
-from wayfarer.experiments.rows import COLUMNS, TERRAIN, TrialRow, csv_line, parse_row, row_of
+from wayfarer.experiments.rows import COLUMNS, TrialRow, csv_line, parse_row, row_of
 from wayfarer.experiments.trial import TrialResult
 
 SETTINGS_HERE: dict[str, Any] = {
     "version": "1",
     "algorithms": ["pledge"],
     "trials": 3,
+    "set": {},
     "rover": {"name": "sim", "rates": {"compass_hz": 20.0}},
 }
 ROWS = [TrialRow(n, "pledge", n // 2, n % 2, 77 + n, "escaped", 80.125, 1.5, 90.0, 3, 2) for n in range(3)]
@@ -50,16 +51,17 @@ def results(draw: st.DrawFn) -> TrialResult:
     return TrialResult(
         counts[0], "pkg.rules:spiral", counts[1], counts[2], draw(st.integers(0, 2**63 - 1)), outcome,
         draw(numbers), draw(numbers), draw(numbers), counts[3], 4, draw(maybe), draw(maybe), 5, 3, 1, 2,
-        *(draw(maybe) for _ in TERRAIN),
+        {"sim.slope_deg": float(f"{draw(numbers):.6g}"), "sim.compass_bias_deg": -draw(st.integers(0, 100))},
     )  # fmt: skip
 
 
 @given(results())
 def test_row_holds_what_its_line_holds(result: TrialResult) -> None:
     row = row_of(result)
-    again = parse_row(csv_line(TrialRow._fields, row).encode(), TrialRow._fields, "here")
+    columns = (*COLUMNS, *row.drawn)
+    again = parse_row(csv_line(columns, row).encode(), columns, "here")
     assert again == row
-    assert csv_line(TrialRow._fields, again) == csv_line(TrialRow._fields, row)
+    assert csv_line(columns, again) == csv_line(columns, row)
 
 
 def test_row_reads_as_the_issue_asks() -> None:
@@ -238,7 +240,7 @@ def test_damaged_table_is_named_and_left_alone(tmp_path: Path, content: bytes, s
 # -- which trials there are, and in which order ------------------------------------------------------------------------
 
 SWEPT: dict[str, Any] = {
-    "campaign": {"algorithms": ["b", "a"], "trials": 2},
+    "campaign": {"algorithms": ["b", "a"], "trials": 2, "set": {}},
     "axes": [{"key": "escape.turn_angle_deg", "values": [10, 30.5, 20]}],
 }
 ALL = tasks_of(SWEPT)

@@ -19,9 +19,10 @@ from tests.experiments.dask_processes import UP_S, eventually
 from tests.experiments.fake_trials import campaign_of
 from wayfarer.config.rover_file import laid_over
 from wayfarer.errors import TrialNotRun
-from wayfarer.experiments.campaign import Campaign, ForestFile, Task
+from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.results_folder import TRIALS, ResultsFolder, tasks_of
 from wayfarer.experiments.run import Done, RunTrial, TrialRunner, log_name, run
+from wayfarer.simhal.world.forest_file import ForestFile
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.shortest_path import shortest_path_m
 

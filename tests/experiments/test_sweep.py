@@ -8,23 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.experiments.fake_trials import campaign_of
-from wayfarer.errors import BadConfig, BadInput, UnknownName
-from wayfarer.experiments.campaign import Campaign, ForestFile, Task
+from wayfarer.errors import BadInput, UnknownName
+from wayfarer.experiments.campaign import Campaign, Task
+from wayfarer.experiments.keys import current, replace_set
 from wayfarer.experiments.results_folder import swept_values
-from wayfarer.experiments.sweep import (
-    MOST_VALUES,
-    Axis,
-    Sweep,
-    Value,
-    current,
-    laid_over_campaign,
-    make_sweep,
-    parse_axis,
-)
-from wayfarer.simhal.drawn_ranges import Range
-from wayfarer.simhal.mujoco.terrain import Terrains
-from wayfarer.simhal.world.physics import GroundName
-from wayfarer.simhal.world.slope import Slopes
+from wayfarer.experiments.settings import Value
+from wayfarer.experiments.sweep import MOST_VALUES, Axis, Sweep, make_sweep, parse_axis
+from wayfarer.simhal.choices import GroundName, PhysicsName
+from wayfarer.simhal.world.forest_file import ForestFile
+from wayfarer.simhal.world.physics import PHYSICS
 
 BASE = campaign_of(4)
 
@@ -36,7 +28,7 @@ def sweep_of(**values: tuple[Value, ...]) -> Sweep:
 def test_every_known_key_can_be_swept_over_what_it_is_now() -> None:
     for key, now in current(BASE).items():
         if now is not None and not isinstance(now, list):
-            assert laid_over_campaign(BASE, {key: now}) == BASE, key
+            assert replace_set(BASE, {key: now}).fixed == BASE.fixed, key
 
 
 def test_each_kind_of_key_reaches_what_a_trial_is_made_of() -> None:
@@ -44,13 +36,13 @@ def test_each_kind_of_key_reaches_what_a_trial_is_made_of() -> None:
         "escape.turn_angle_deg": 45, "footprint_m": 0.6, "slip_mean_m": 3, "budget_m": 500, "ground": "mud",
         "sim.trees_per_ha": 40, "sim.compass_bias_deg": -12.5, "progress.anomalies_max": 20, "parts.contact.front": 6,
     }  # fmt: skip
-    campaign = laid_over_campaign(BASE, values)
+    campaign = replace_set(BASE, values)
     spec = campaign.spec(Task("forest-pledge", 0), campaign.make_forest(0))
     assert spec.rover.escape.turn_angle_deg == 45
     assert (spec.rover.vehicle.length_m, spec.rover.vehicle.width_m) == (0.6, 0.6)
-    assert (spec.slip_mean_m, spec.budget_m, spec.ground) == (3, 500, GroundName.mud)
+    assert (spec.physics.slip_mean_m, spec.budget_m, spec.ground) == (3, 500, GroundName.mud)
     assert len(spec.forest.trees_m) == 10
-    assert spec.physics == replace(BASE.physics, compass_bias_deg=-12.5)
+    assert spec.physics == replace(PHYSICS, compass_bias_deg=-12.5, slip_mean_m=3)
     assert spec.rover.progress.anomalies_max == 20
     assert spec.rover.parts["contact"]["front"] == 6
 
@@ -59,7 +51,9 @@ def test_all_points_meet_the_same_forests_and_seeds() -> None:
     sweep = sweep_of(escape__turn_angle_deg=(10, 30), slip_mean_m=(2, 10))
     values = swept_values(sweep.settings())
     assert [tuple(each.values()) for each in values] == [(10, 2), (10, 10), (30, 2), (30, 10)]
-    assert [(p.rover.escape.turn_angle_deg, p.slip_mean_m) for p in sweep.points] == [tuple(v.values()) for v in values]
+    assert [
+        (met.rover.escape.turn_angle_deg, met.physics.slip_mean_m) for met in (point.fixed for point in sweep.points)
+    ] == [tuple(v.values()) for v in values]
     for trial in range(BASE.trials):
         met = {(p.trial_seed(trial), p.make_forest(trial)) for p in sweep.points}
         assert met == {(BASE.trial_seed(trial), BASE.make_forest(trial))}
@@ -104,7 +98,7 @@ def test_unknown_key_is_told_with_the_nearest(key: str, near: str) -> None:
     ],
 )
 def test_value_out_of_range_is_told_as_in_a_rover_file(key: str, value: Value, told: str) -> None:
-    with pytest.raises(BadConfig, match=told):
+    with pytest.raises(BadInput, match=told):
         make_sweep(BASE, [Axis(key, (value,))])
 
 
@@ -117,6 +111,7 @@ def test_keys_that_do_not_go_together_are_refused() -> None:
         sweep_of(slip_mean_m=(2,), budget_m=(100,), footprint_m=(0.4,))
 
 
+IN_MUJOCO = replace(BASE, physics=PhysicsName.mujoco)
 FILE = ForestFile("forests.jsonl", "", (BASE.make_forest(0),))
 
 
@@ -124,10 +119,9 @@ FILE = ForestFile("forests.jsonl", "", (BASE.make_forest(0),))
     ("campaign", "key", "option"),
     [
         (replace(BASE, forests=FILE), "sim.trees_per_ha", "--forests"),
-        (replace(BASE, scenario="extended-maze"), "sim.trees_per_ha", "--site"),
-        (replace(BASE, slopes=Slopes(Range(5.0, 5.0))), "sim.slope_direction_deg", "--slope-deg"),
-        (replace(BASE, terrains=Terrains()), "ground", "--physics mujoco"),
-        (replace(BASE, terrains=Terrains()), "sim.motor_lag_s", "--physics mujoco"),
+        (replace(BASE, site="extended-maze"), "sim.trees_per_ha", "--site"),
+        (IN_MUJOCO, "ground", "--physics mujoco"),
+        (IN_MUJOCO, "sim.motor_lag_s", "--physics mujoco"),
     ],
 )
 def test_key_that_would_change_nothing_is_refused(campaign: Campaign, key: str, option: str) -> None:
@@ -136,14 +130,14 @@ def test_key_that_would_change_nothing_is_refused(campaign: Campaign, key: str, 
 
 
 def test_terrain_of_mujoco_is_swept_by_name() -> None:
-    drawn = replace(BASE, terrains=Terrains(torque_scale=Range(1.0, 3.0)))
+    drawn = replace_set(IN_MUJOCO, {"sim.torque_scale": (1.0, 3.0)})
     sweep = make_sweep(drawn, [Axis("sim.friction", (0.3, 0.8))])
-    assert [point.terrains for point in sweep.points] == [
-        Terrains(Range(mu, mu), torque_scale=Range(1.0, 3.0)) for mu in (0.3, 0.8)
-    ]
+    met = [point.conditions(3).terrain for point in sweep.points]
+    assert [each.friction for each in met if each] == [0.3, 0.8]
+    assert {each.torque_scale for each in met if each} == set(drawn.drawn(3).values())
     assert sweep.settings()["axes"][0]["now"] == 0.5
     assert current(drawn)["sim.torque_scale"] is None, "it has no one value"
-    with pytest.raises(BadInput, match=r"sim.friction 3: .* from 0.02 to 2"):
+    with pytest.raises(BadInput, match=r"key 'sim.friction' = 3: .* 0.02 to 2"):
         make_sweep(drawn, [Axis("sim.friction", (3,))])
     with pytest.raises(BadInput, match="add --physics mujoco"):
         make_sweep(BASE, [Axis("sim.friction", (0.3,))])

@@ -13,13 +13,13 @@ from rich.console import Console
 from tests.experiments.fake_trials import campaign_of
 from wayfarer.config.rover_file import laid_over, load_rover
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.experiments.campaign import Campaign, read_forest_file
+from wayfarer.experiments.campaign import Campaign
 from wayfarer.experiments.measures import compare
 from wayfarer.experiments.paper import FIELD_TRIALS, FORESTS, reported
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.tables import NO_SPL, campaign_table, comparison_table, layouts_note, layouts_of_points
 from wayfarer.logview.terminal_table import TextTable, print_whole
-from wayfarer.simhal.world.physics import FIELD, Physics
+from wayfarer.simhal.world.forest_file import read_forest_file
 
 ROWS = [
     TrialRow(n, "x", n, 0, n, "escaped", 247.5 + n * 7 % 400, 1.0, 999.9 + n % 3, 888, 9, 39.9, 0.123)
@@ -97,10 +97,10 @@ PLAIN = replace(campaign_of(1), rover=load_rover("sim"))
 @pytest.mark.parametrize(
     "change",
     [
-        {"slip_mean_m": 2.0}, {"budget_m": 100.0}, {"physics": Physics(**FIELD)},
+        {"slip_mean_m": 2.0}, {"budget_m": 100.0}, {"set": {"senses": "field"}},
         {"rover": load_rover("minirover")}, {"rover": laid_over(PLAIN.rover, {"vehicle": {"width_m": 0.5}})},
         {"rover": PLAIN.rover.with_anomaly_source("contact")}, {"faults": ("silent:compass@20",)},
-        {"scenario": "extended-maze"}, {"scenario": "forest-escape", "rover": load_rover("minirover")},
+        {"site": "extended-maze"}, {"site": "forest-escape", "rover": load_rover("minirover")},
     ],
     ids=str,
 )  # fmt: skip
@@ -112,7 +112,7 @@ def test_paper_has_figures_of_its_rover_in_its_forests_and_of_its_two_at_its_sit
     assert reported(PLAIN.settings()) == reported(replace(PLAIN, seed=3, spl=True, trials=9).settings()) == FORESTS
     assert reported(replace(PLAIN, forests=read_forest_file("reference")).settings()) == FORESTS
     for site, rover in FIELD_TRIALS:
-        there = Campaign(("levy-walk",), 1, load_rover(rover), scenario=site)
+        there = Campaign(("levy-walk",), 1, load_rover(rover), site=site)
         assert reported(there.settings())["levy-walk"]["interventions"] == {"forestrover": 1.1, "minirover": 0.6}[rover]
 
 
@@ -126,11 +126,11 @@ def sweep(key: str, values: list[Any], **change: Any) -> dict[str, Any]:
 
 def test_points_at_a_site_met_the_same_layouts_only_if_they_have_the_same_room() -> None:
     widths = [0.2, 0.377, 0.6]
-    layouts = layouts_of_points(sweep("vehicle.width_m", widths, scenario="extended-maze"))
+    layouts = layouts_of_points(sweep("vehicle.width_m", widths, site="extended-maze"))
     assert (layouts[0] == layouts[1], layouts[1] == layouts[2]) == (True, False)
     assert "vehicle.width_m=0.2 and vehicle.width_m=0.377; vehicle.width_m=0.6." in layouts_note(
-        sweep("vehicle.width_m", widths, scenario="extended-maze")
+        sweep("vehicle.width_m", widths, site="extended-maze")
     )
-    assert len(set(layouts_of_points(sweep("footprint_m", [0.2, 0.6], scenario="extended-maze")))) == 2
-    for same in (sweep("footprint_m", widths), sweep("escape.turn_angle_deg", [1, 2], scenario="extended-maze")):
+    assert len(set(layouts_of_points(sweep("footprint_m", [0.2, 0.6], site="extended-maze")))) == 2
+    for same in (sweep("footprint_m", widths), sweep("escape.turn_angle_deg", [1, 2], site="extended-maze")):
         assert layouts_note(same).startswith("All points met the same layouts")

@@ -20,6 +20,7 @@ from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.world import Slope
 from wayfarer.simhal.world.forest import CLEARING, Trunk
 from wayfarer.simhal.world.generate import generate_forest
+from wayfarer.simhal.world.physics import Physics
 
 SHORT_M = 30.0
 # A trunk that is met on the right: who feels that turns left, who does not turns right.
@@ -149,7 +150,7 @@ def seconds_lost(result: TrialResult) -> float:
 
 def test_algorithms_with_one_seed_meet_the_same_noise() -> None:
     """In a forest without obstacles and slips the algorithms never differ, so neither do their paths."""
-    spec = replace(spec_of(), forest=OPEN, slip_mean_m=1e9)
+    spec = replace(spec_of(), forest=OPEN, physics=Physics(slip_mean_m=1e9))
     results = [run_trial(replace(spec, algorithm=name)) for name in ("forest-pledge", "levy-walk", "cv-react")]
     assert len({(result.path_m, result.time_s) for result in results}) == 1
     assert {result.anomalies for result in results} == {0}

@@ -24,13 +24,14 @@ from wayfarer.escape.catalogue import Algorithm
 from wayfarer.escape.settings import EscapeSettings, Vehicle
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.hal import WheelCommand
+from wayfarer.simhal.choices import GroundName
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.world.forest import CLEARING
-from wayfarer.simhal.world.physics import GroundName
+from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 if TYPE_CHECKING:
-    from wayfarer.simhal.mujoco.terrain import Terrains
+    from wayfarer.simhal.mujoco.terrain import Terrain
 
 NEVER_S = 86_400.0
 NO_MUD_M = 1e9
@@ -141,7 +142,7 @@ class _Claims(PartialLog):
 
 def drive_freely(
     rover: RoverConfig,
-    terrains: Terrains | None,
+    terrain: Terrain | None,
     for_s: float,
     seed: int,
     faults: Sequence[Fault] = (),
@@ -151,7 +152,7 @@ def drive_freely(
 
     Args:
         rover: the rover; whether it gets anywhere is not asked.
-        terrains: the ground in MuJoCo, None for physics-light.
+        terrain: the ground in MuJoCo, None for physics-light.
         for_s: how long.
         seed: of the programme and of all noise.
         faults: what goes wrong meanwhile.
@@ -160,7 +161,7 @@ def drive_freely(
     nowhere = replace(rover.progress, give_up_s=NEVER_S, anomalies_max=int(NEVER_S))
     spec = TrialSpec(
         0, f"{__name__}:FREE_DRIVING", CLEARING, seed, rover.model_copy(update={"progress": nowhere}),
-        slip_mean_m=NO_MUD_M, terrains=terrains, faults=faults, ground=ground,
+        physics=Physics(slip_mean_m=NO_MUD_M), terrain=terrain, faults=faults, ground=ground,
     )  # fmt: skip
     return run_virtually(_drive(spec, for_s))
 

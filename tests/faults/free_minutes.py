@@ -10,9 +10,8 @@ from collections.abc import Iterator
 
 from tests.faults.free_driving import drive_freely
 from wayfarer.config.rover_file import load_rover
-from wayfarer.simhal.drawn_ranges import Range
-from wayfarer.simhal.mujoco.terrain import Terrains
-from wayfarer.simhal.world.physics import GroundName
+from wayfarer.simhal.choices import GroundName
+from wayfarer.simhal.mujoco.terrain import Terrain
 
 ROVERS = ("sim", "forestrover", "minirover")
 FRICTIONS = (0.1, 0.15, 0.3, 0.5, 0.8)
@@ -22,9 +21,9 @@ CANNOT_TURN = ("minirover", 0.8, 1.0)
 TEN_MINUTES_S = 600.0
 
 
-def ground(friction: float, torque_scale: float = 1.0) -> Terrains:
+def ground(friction: float, torque_scale: float = 1.0) -> Terrain:
     """Return level ground of this friction."""
-    return Terrains(Range(friction, friction), torque_scale=Range(torque_scale, torque_scale))
+    return Terrain(friction, torque_scale=torque_scale)
 
 
 def cells() -> Iterator[tuple[str, float, float]]:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.kit.logs import read_log
-from wayfarer.simhal.build_rover import Depth
+from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.process import LoopStall
 from wayfarer.simhal.faults.world import Slope

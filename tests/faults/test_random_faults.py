@@ -26,8 +26,8 @@ from tests.faults.fault_strategies import (
 )
 from tests.faults.test_safety_rules import gate_drives
 from wayfarer.config.rover_file import load_rover
-from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.buses import ChipMisuse
+from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.faults.kinds import KINDS
 from wayfarer.simhal.faults.wires import FaultyWire
 from wayfarer.testing.scenario import Expectation, ResponseLevel, Scenario, read_scenarios

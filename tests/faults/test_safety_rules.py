@@ -22,8 +22,8 @@ from wayfarer.escape.handler import PhasedHandler
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import LEVELS, Condition, Level
 from wayfarer.safety.gate import Gate, ResumeWarning
-from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.chips.motor_boards import SabertoothChip
+from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.process import LoopStall
 from wayfarer.simhal.faults.readings import LateAnswer, NotANumber, Silent

@@ -10,7 +10,7 @@ import pytest
 
 from tests.config import rover_texts
 from wayfarer.errors import BadInput
-from wayfarer.simhal.build_rover import Depth
+from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.faults.bus import Nack
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.testing.scenario import (

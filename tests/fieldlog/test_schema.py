@@ -33,14 +33,13 @@ from wayfarer.hal import CompassReading, ContactReading, MotionReading, Position
 from wayfarer.logview import summary
 from wayfarer.safety.manual import ManualSample
 from wayfarer.simhal.build_rover import device_depth
-from wayfarer.simhal.drawn_ranges import Range
+from wayfarer.simhal.choices import GroundName
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.world import Slope
-from wayfarer.simhal.mujoco.terrain import Terrains
+from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.generate import generate_forest
-from wayfarer.simhal.world.physics import GroundName, Physics
-from wayfarer.simhal.world.slope import Slopes
+from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.world import World
 
 README = Path(__file__).resolve().parents[2] / "docs" / "reference" / "log.md"
@@ -110,14 +109,14 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Json]]:
     GroundTruthLog(harmed, world).note(1.0, Fault(1.0, 2.0, "world", "slope", Slope(pitch_deg=20.0)), begins=True)
     harmed.close("requested", "enough")
     rigid, _ = field_log(
-        replace(trial, terrains=Terrains()),
+        replace(trial, terrain=Terrain()),
         folder / "mujoco",
         world,
         device_depth(world, RandomStreams(0), trial.rover),
     )
     rigid.close("requested", "enough")
     on_mud = replace(trial, budget_m=1.0, ground=GroundName.mud)
-    run_trial(replace(on_mud, slopes=Slopes(Range(5.0, 5.0)), physics=Physics(blind_share=0.1)), folder / "mud")
+    run_trial(replace(on_mud, physics=Physics(slope_deg=5.0, blind_share=0.1)), folder / "mud")
     driven, tick = FieldLog(Sink(folder / "driven"), {}), TickRecord(1.0)
     tick.manual = ManualSample(1, 1.0, 0.0, 0.9)
     driven.tick(tick)

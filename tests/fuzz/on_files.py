@@ -29,7 +29,6 @@ from wayfarer.experiments.rows import COLUMNS, TrialRow, csv_line
 from wayfarer.simhal.buses import FakeBuses, FakeSerial
 from wayfarer.simhal.world.forest_file import as_row, content_of, forests_in
 from wayfarer.simhal.world.generate import generate_forest
-from wayfarer.simhal.world.physics import PHYSICS
 from wayfarer.testing.scenario import read_scenarios
 
 MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None  # nothing here is about disks
@@ -223,8 +222,8 @@ FOREST = Target(
 
 CAMPAIGN: dict[str, Any] = {
     "version": "0.1.0", "algorithms": ["pledge", "cv-react"], "trials": 2, "seed": 0, "slip_mean_m": 10.0,
-    "budget_m": 400.0, "spl": False, "depth": "device", "scenario": None, "forests": None, "mujoco": None,
-    "ground": "ideal", "slope": None, "sim": dataclasses.asdict(PHYSICS), "faults": ["silent:compass@20+5"],
+    "budget_m": 400.0, "spl": False, "depth": "device", "site": None, "forests": None, "physics": "light",
+    "ground": "ideal", "set": {"sim.slope_deg": 5.0, "senses": "field"}, "faults": ["silent:compass@20+5"],
     "rover": load_rover("sim").model_dump(mode="json"),
 }  # fmt: skip
 ROWS = [

@@ -23,13 +23,12 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadConfig, BadInput
 from wayfarer.escape.api import Anomaly, EscapeHandler
 from wayfarer.experiments.campaign import Campaign, Task
+from wayfarer.experiments.checks import make_campaign
 from wayfarer.experiments.trial import TrialCounters, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.gym import ENV_ID
 from wayfarer.gym.env import HELD_BACK, ForestEnv
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.simhal.drawn_ranges import Range
-from wayfarer.simhal.mujoco.terrain import Terrains
 from wayfarer.simhal.random_streams import RandomStreams
 
 pytest.importorskip("mujoco", reason="mujoco is not installed")  # now: its first import starts a process
@@ -279,11 +278,11 @@ def test_what_goes_wrong_in_the_trial_is_told_to_the_agent(env: ForestEnv, monke
 # -- in MuJoCo -------------------------------------------------------------------------------------------------------
 
 
-def test_with_terrains_the_body_moves_in_mujoco_on_the_ground_of_that_trial() -> None:
+def test_with_its_settings_the_body_moves_in_mujoco_on_the_ground_of_that_trial() -> None:
     from wayfarer.simhal.mujoco.world import MujocoWorld
 
-    terrains = Terrains(friction=Range(0.2, 0.8))
-    env = gymnasium.make(ENV_ID, terrains=terrains).unwrapped
+    settings: dict[str, Any] = {"physics": "mujoco", "set": {"sim.friction": (0.2, 0.8)}}
+    env = gymnasium.make(ENV_ID, **settings).unwrapped
     assert isinstance(env, ForestEnv)
     gained_m = []
     for trial in (0, 2, 0):
@@ -291,8 +290,7 @@ def test_with_terrains_the_body_moves_in_mujoco_on_the_ground_of_that_trial() ->
         assert env._bridge is not None
         world = env._bridge.world
         assert isinstance(world, MujocoWorld)
-        friction = terrains.draw(RandomStreams(spec_of("forest-pledge", trial).seed)).friction
-        assert world.terrain.friction == friction
+        assert {"sim.friction": world.terrain.friction} == make_campaign(settings).drawn(trial)
         began_m = world.y_m
         for _ in range(10):
             env.step(duties(AHEAD))
@@ -310,4 +308,4 @@ def test_rover_without_a_body_is_refused_for_mujoco_before_the_first_episode(tmp
     )
     ForestEnv(str(file)).close()
     with pytest.raises(BadConfig, match=r"rover 'plain' has no chassis\.weight_kg"):
-        ForestEnv(str(file), terrains=Terrains())
+        ForestEnv(str(file), physics="mujoco")

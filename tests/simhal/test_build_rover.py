@@ -21,7 +21,8 @@ from wayfarer.errors import BadConfig, NotResponding
 from wayfarer.experiments.trial import run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.hal import STOP, ContactSensor, MotionSensor, PositionReceiver, Rover, WheelCommand
-from wayfarer.simhal.build_rover import Depth, build
+from wayfarer.simhal.build_rover import build
+from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.parts import SimCompass, SimFlow, SimMotors
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import CLEARING, Forest

@@ -14,7 +14,8 @@ from tests.virtual import virtual
 from wayfarer.angles import wrap180
 from wayfarer.config.rover_file import load_rover
 from wayfarer.hal import CompassReading, WheelCommand
-from wayfarer.simhal.build_rover import Depth, build
+from wayfarer.simhal.build_rover import build
+from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import HeadingSensorModel, compass_errs
 from wayfarer.simhal.world.forest import CLEARING

@@ -13,7 +13,8 @@ from tests.simhal.clearing import STEADY, VEHICLE
 from tests.virtual import virtual
 from wayfarer.config.rover_file import load_rover
 from wayfarer.hal import MotionReading, WheelCommand
-from wayfarer.simhal.build_rover import Depth, build
+from wayfarer.simhal.build_rover import build
+from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, BlindGround, FlowSensorModel, flow_scale
 from wayfarer.simhal.world.forest import CLEARING, WORLD_SIZE_M

@@ -45,7 +45,7 @@ class Results:
         ``left_bounds``, ``entrapped``, ``tipped`` or ``fault``. What is not known is None.
         """
         points, columns = swept_values(self.settings), columns_of(self.settings)
-        all_values = (row._asdict() | points[row.point] for row in self.rows)
+        all_values = (row.cells() | points[row.point] for row in self.rows)
         return [{name: values[name] for name in columns} for values in all_values]
 
     @property
@@ -98,4 +98,4 @@ def open_results(folder: str | Path) -> Results:
 
     path = Path(folder)
     found = read_sweep(path) if is_sweep(path) else read_results(path)
-    return Results(found.settings.model_dump(mode="json"), found.rows)
+    return Results(found.settings.settings(), found.rows)

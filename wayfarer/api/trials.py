@@ -6,16 +6,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from wayfarer.control.run_log import PartialLog, Tee
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.experiments.rows import TrialRow, row_of
+from wayfarer.experiments.settings import describe
 from wayfarer.extras import require
 
 if TYPE_CHECKING:
     from wayfarer.control.tick import TickRecord
-    from wayfarer.experiments.make_campaign import CampaignOptions
     from wayfarer.hal import Rover
     from wayfarer.simhal.faults.injector import NoteFault
     from wayfarer.simhal.world.simulated_world import SimulatedWorld
@@ -73,20 +73,21 @@ class Trial:
         return [tick._asdict() for tick in self._ticks]
 
 
+@describe(without=("algorithms", "trials"))
 def run_trial(
     number: int = 0,
     algorithm: str = "forest-pledge",
     *,
     log_dir: str | Path | None = None,
-    **options: Unpack[CampaignOptions],
+    **settings: Any,
 ) -> Trial:
     """Run one trial of the campaign that ``run_campaign`` runs with the same arguments, and keep its trajectory.
 
     Args:
         number: of the trial, from 0, and of its layout if the forests are generated or of a site.
         algorithm: a name that ``wayfarer list`` prints, or one of your own as ``"module:attribute"``.
+        settings: those of a campaign, in the page of that name.
         log_dir: a new or empty folder for the full field log, which ``open_run`` reads.
-        options: the others of ``run_campaign``, from ``rover`` to ``faults``.
 
     Raises:
         BadInput: something that cannot be used; the text names it and says what is allowed.
@@ -102,15 +103,14 @@ def run_trial(
     """
     require("simulating")
     from wayfarer.experiments.campaign import Task
-    from wayfarer.experiments.commands import make_empty_folder
-    from wayfarer.experiments.make_campaign import make_campaign
+    from wayfarer.experiments.checks import make_campaign, make_empty_folder
     from wayfarer.experiments.pool import task_failed
     from wayfarer.experiments.run import not_run
     from wayfarer.experiments.trial import run_watched
 
     if number < 0:
         raise BadInput(f"trial {number}: trials are counted from 0")
-    campaign = make_campaign(algorithm, trials=number + 1, **options)
+    campaign = make_campaign({**settings, "algorithms": algorithm, "trials": number + 1})
     if len(campaign.algorithms) > 1:
         raise BadInput(f"run_trial runs one algorithm; choose one of {', '.join(campaign.algorithms)}")
     folder = None if log_dir is None else Path(log_dir)

@@ -35,6 +35,7 @@ from wayfarer.cli import (
 )
 from wayfarer.cli.help_texts import HELP_OPTIONS, HelpCommand, HelpGroup, error_text
 from wayfarer.cli.options import examples
+from wayfarer.cli.trial_options import with_settings
 from wayfarer.control import is_compiled
 from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.fields import escape_control_chars
@@ -63,8 +64,8 @@ app = typer.Typer(
 )
 command = partial(app.command, cls=HelpCommand)
 command(epilog=demo.EXAMPLES)(demo.demo)
-command(epilog=sim.EXAMPLES)(sim.sim)
-command(epilog=sweep.EXAMPLES)(sweep.sweep)
+command("sim", epilog=sim.EXAMPLES)(with_settings(sim.sim))
+command("sweep", epilog=sweep.EXAMPLES)(with_settings(sweep.sweep, trials=sweep.TRIALS))
 command(rich_help_panel=ROVER, epilog=init.EXAMPLES)(init.init)
 command(rich_help_panel=ROVER, epilog=rover.RUN_EXAMPLES)(rover.run)
 for verb in control.COMMANDS:

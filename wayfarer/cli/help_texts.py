@@ -54,6 +54,15 @@ class HelpGroup(TyperGroup):
         """Return the options, in plain notation."""
         return [_plain(param) for param in super().get_params(ctx)]
 
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command; one with the settings of a campaign gets its options now (``with_settings``)."""
+        found: Any = super().get_command(ctx, cmd_name)
+        if complete := getattr(getattr(found, "callback", None), "complete", None):
+            app = typer.Typer(add_completion=False)
+            app.command(cmd_name, cls=HelpCommand, epilog=found.epilog)(complete())
+            self.commands[cmd_name] = found = typer.main.get_command(app)
+        return found
+
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return a command by its name, or offer the nearest ones."""
         try:

@@ -1,4 +1,4 @@
-"""``wayfarer list``: algorithms, rovers and drivers; what can be wrong with a rover; the faults of ``--fault``."""
+"""``wayfarer list``: algorithms, rovers and drivers; what can be wrong with a rover; faults; keys of ``--set``."""
 
 from __future__ import annotations
 
@@ -37,6 +37,9 @@ def list_names(
     faults: Annotated[
         bool, typer.Option("--faults", help="List the kinds of --fault of wayfarer sim and run --sim.")
     ] = False,
+    keys: Annotated[
+        bool, typer.Option("--keys", help="List the keys of --set and wayfarer sweep, with their values on rover sim.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """List all algorithms, rovers and drivers, also those of installed third-party packages."""
@@ -46,7 +49,10 @@ def list_names(
     from wayfarer.config.rover_file import rover_names
     from wayfarer.logview.terminal import print_json
 
-    check_together(ctx, excludes=(("conditions", "faults"),))
+    check_together(ctx, excludes=(("conditions", "faults"), ("conditions", "keys"), ("faults", "keys")))
+    if keys:
+        _print_keys(as_json=as_json)
+        return
     if faults:
         _print_faults(as_json=as_json)
         return
@@ -136,6 +142,40 @@ def _sentences(row: Mapping[str, Any]) -> str:
     from wayfarer.fieldlog.wording import sentence
 
     return f"{sentence(row['what'])}. The rover {row['does']}. Until: {row['ends_when']}."
+
+
+def _print_keys(*, as_json: bool) -> None:
+    """Print the keys of ``--set``: those of the simulated world with what they are, then those of a rover file.
+
+    Raises:
+        MissingPackage: the extra that simulates is not installed.
+    """
+    require("simulating")
+    from rich.console import Console
+
+    from wayfarer.config.rover_file import load_rover
+    from wayfarer.experiments.campaign import Campaign
+    from wayfarer.experiments.keys import current, descriptions
+    from wayfarer.logview.terminal import print_json
+    from wayfarer.logview.terminal_table import Column, table
+    from wayfarer.simhal.choices import PhysicsName
+
+    about = descriptions()
+    now = current(Campaign(rover=load_rover("sim"), physics=PhysicsName.mujoco))
+    rows = [{"key": key, "value": value, "what": about.get(key)} for key, value in now.items()]
+    if as_json:
+        print_json({"keys": rows})
+        return
+    columns: list[Column[Mapping[str, Any]]] = [
+        Column("key", lambda row: row["key"], left=True),
+        Column("value", lambda row: "" if row["value"] is None else str(row["value"]), left=True),
+        Column("what it is", lambda row: str(row["what"]).replace("``", ""), left=True, wraps=True),
+    ]
+    console = Console()
+    console.print("the simulated world and the campaign", highlight=False)
+    console.print(table(columns, [row for row in rows if row["what"]]))
+    console.print("\nthe rover file; docs/reference/rover-file.md says what each key is", highlight=False)
+    console.print(table(columns[:2], [row for row in rows if not row["what"]]))
 
 
 def _print_faults(*, as_json: bool) -> None:

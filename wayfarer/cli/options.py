@@ -62,19 +62,30 @@ def complete_faults() -> list[str]:
     return list(KINDS)
 
 
-def complete_sweep_keys(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Return the keys that ``wayfarer sweep`` takes for its ``--rover``."""
+def complete_sites() -> list[str]:
+    """Return the sites."""
+    try:
+        from wayfarer.simhal.world.sites import SITES
+    except ImportError:  # without the extra that simulates
+        return []
+    return list(SITES)
+
+
+def complete_settings(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Return the keys of ``--set`` and ``wayfarer sweep`` for its ``--rover`` and ``--physics``."""
     from wayfarer.config.rover_file import load_rover
     from wayfarer.experiments.campaign import Campaign
-    from wayfarer.experiments.sweep import current
+    from wayfarer.experiments.keys import current
+    from wayfarer.simhal.choices import PhysicsName
 
     if "=" in incomplete:
         return []
     try:
-        campaign = Campaign((), 1, load_rover(ctx.params.get("rover") or "sim"))
-    except BadInput:
+        rover = load_rover(ctx.params.get("rover") or "sim")
+        physics = PhysicsName(ctx.params.get("physics") or "light")
+    except (BadInput, ValueError):
         return []
-    return [f"{key}=" for key in current(campaign)]
+    return [f"{key}=" for key in current(Campaign(rover=rover, physics=physics))]
 
 
 def rover_option(help_text: str) -> Any:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wayfarer.cli.options import AlgorithmOption, Faults, LogDir, Rover, check_together, examples, log_folder
-from wayfarer.cli.trial_options import DepthName
 from wayfarer.cli.viewer_options import (
     NEEDS,
     Live,
@@ -53,9 +52,10 @@ def run(
     algorithm: AlgorithmOption = "forest-pledge",
     log_dir: LogDir = None,
     depth: Annotated[
-        DepthName | None,
+        str | None,
         typer.Option(
-            help="With --sim: device: simulated parts; bus: the real drivers over simulated chips. (default: device)"
+            metavar="device|bus",
+            help="With --sim: device: simulated parts; bus: the real drivers over simulated chips. (default: device)",
         ),
     ] = None,
     seed: Annotated[
@@ -150,7 +150,7 @@ def _real(config: RoverConfig, where: str, logs: Path) -> Callable[[Any], RoverS
 
 
 def simulated(
-    config: RoverConfig, where: str, depth: DepthName, seed: int, faults: Sequence[str] = ()
+    config: RoverConfig, where: str, depth: str, seed: int, faults: Sequence[str] = ()
 ) -> Callable[[Any], RoverSetup]:
     """Return what makes a simulated rover, as ``daemon.daemon.Service`` wants it.
 
@@ -162,16 +162,15 @@ def simulated(
         MissingPackage: a package is not installed.
     """
     require("simulating")
-    from wayfarer.experiments.commands import check_rover
-    from wayfarer.experiments.commands import faults as checked
+    from wayfarer.experiments.checks import check_rover, checked_faults
+    from wayfarer.experiments.settings import checked_plain, option_of
     from wayfarer.run_sim import simulated_rover_setup
-    from wayfarer.simhal import build_rover
-    from wayfarer.simhal.faults.kinds import parse_fault
     from wayfarer.simhal.faults.process import PROCESS
 
-    check_rover(config, depth, where)
-    parsed = [parse_fault(each) for each in checked(faults, config, depth)]
+    in_depth = checked_plain({"depth": depth}, option_of)["depth"]
+    check_rover(config, in_depth, where)
+    parsed = checked_faults(faults, config, in_depth)
     for each in parsed:
         if each.target == PROCESS:
             raise BadInput(f"--fault {each.kind} happens to the process, in virtual time only: use wayfarer sim")
-    return lambda finish: simulated_rover_setup(config, build_rover.Depth(depth), seed, finish, parsed)
+    return lambda finish: simulated_rover_setup(config, in_depth, seed, finish, parsed)

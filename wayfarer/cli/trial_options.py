@@ -1,125 +1,31 @@
-"""Options that the commands share which run trials: ``sim`` and ``sweep``; others share some of them."""
+"""Options of the commands that run trials: one for each setting of a campaign, and those of the run itself."""
 
 from __future__ import annotations
 
-import math
+import inspect
+from collections.abc import Callable
+from dataclasses import fields
+from enum import Enum
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, cast
 
 import typer
 
-from wayfarer.cli.options import complete_algorithms, rover_option
+from wayfarer.cli.options import (
+    complete_algorithms,
+    complete_faults,
+    complete_rovers,
+    complete_settings,
+    complete_sites,
+)
 
 RUNNING = "Running"
-MUJOCO = "Physics mujoco"
+REPEATED = {"set", "faults"}
+COMPLETE: dict[str, Callable[..., list[str]]] = {
+    "algorithms": complete_algorithms, "rover": complete_rovers, "site": complete_sites, "set": complete_settings,
+    "faults": complete_faults,
+}  # fmt: skip
 
-
-DepthName = Literal["device", "bus"]  # the values of ``simhal.build_rover.Depth``
-PhysicsName = Literal["light", "mujoco"]
-SiteName = Literal["extended-maze", "dense-obstruction", "forest-escape"]  # the names of ``simhal.world.sites``
-Ground = Literal["ideal", "leaf-litter", "dry-soil", "mud"]  # the names of ``simhal.world.physics``
-
-
-def _positive(value: float) -> float:
-    if not (math.isfinite(value) and value > 0):
-        raise typer.BadParameter(f"{value:g} is not a finite number above 0")
-    return value
-
-
-AlgorithmNames = Annotated[
-    str,
-    typer.Option(
-        metavar="NAME[,NAME...]",
-        autocompletion=complete_algorithms,
-        help="Escape algorithms; 'paper' means all ten of the paper. A name given twice runs once.",
-    ),
-]
-Forests = Annotated[
-    str | None,
-    typer.Option(
-        metavar="FILE|reference",
-        help="Forest file, used in file order; 'reference': the 500 of the paper's released simulator. "
-        "(default: generated, another layout in each trial)",
-    ),
-]
-SiteOption = Annotated[
-    SiteName | None,
-    typer.Option(
-        metavar="SITE",
-        help="A site of the paper's field trials instead of a forest, with another layout in each trial: "
-        "extended-maze, dense-obstruction or forest-escape.",
-    ),
-]
-RoverName = Annotated[str, rover_option("Name of a built-in rover, or a rover file (TOML).")]
-Seed = Annotated[int, typer.Option(min=0, metavar="N", help="Random seed of the campaign.")]
-SlipMeanM = Annotated[float, typer.Option(callback=_positive, metavar="M", help="Mean distance between slip events.")]
-BudgetM = Annotated[
-    float, typer.Option(callback=_positive, metavar="M", help="Path length after which a rover counts as entrapped.")
-]
-AnomalySource = Annotated[
-    Literal["motion", "contact"] | None,
-    typer.Option(help="Detect an obstacle by lack of motion, or by contact as well. (default: from the rover file)"),
-]
-DepthOption = Annotated[
-    DepthName, typer.Option(help="device: simulated parts; bus: the real drivers over simulated chips (slower).")
-]
-PhysicsOption = Annotated[
-    PhysicsName,
-    typer.Option(help="light: fast built-in physics; mujoco: rigid bodies, wheels that grip and slip (slower)."),
-]
-GroundOption = Annotated[
-    Ground,
-    typer.Option(
-        metavar="GROUND",
-        help="Ground in physics-light. The rover turns as commanded on 'ideal'; "
-        "the wheels slip on leaf-litter, dry-soil and mud.",
-    ),
-]
-
-
-def _terrain_option(unit: str, help_text: str) -> Any:
-    """Return an option for a value that is fixed, or drawn for each trial."""
-    return typer.Option(metavar=f"{unit}|MIN:MAX", help=help_text, rich_help_panel=MUJOCO)
-
-
-Friction = Annotated[
-    str | None,
-    _terrain_option("MU", "Friction of tyres on ground and bark, fixed or drawn for each trial. (default: 0.5)"),
-]
-RoughnessM = Annotated[
-    str | None, _terrain_option("M", "Standard deviation of the ground's height; slower above 0. (default: 0)")
-]
-TorqueScale = Annotated[
-    str | None,
-    _terrain_option(
-        "X",
-        "Stall torque divided by the rover file's chassis.motors_n_m; 3 if that is the rated torque. (default: 1)",
-    ),
-]
-SlopeDeg = Annotated[
-    str | None,
-    typer.Option(metavar="DEG|MIN:MAX", help="Slope of all the ground, fixed or drawn for each trial. (default: 0)"),
-]
-SlopeDirectionDeg = Annotated[
-    str | None,
-    typer.Option(
-        metavar="DEG|MIN:MAX",
-        help="Where the ground rises to, clockwise from the way to the goal: 0 is a goal straight uphill, 180 straight "
-        "downhill. (default: 0)",
-    ),
-]
-SensesOption = Annotated[
-    str,
-    typer.Option(
-        metavar="NAME|KEY=VALUE",
-        help="How compass and flow sensor err: 'ideal', 'field' (as in a wood), or errors by name, such as "
-        "blind_share=0.3; several with commas between them.",
-    ),
-]
-Spl = Annotated[
-    bool,
-    typer.Option("--spl", help="Compute unknown shortest paths, for SPL (success weighted by path length); slower."),
-]
 Jobs = Annotated[
     int | None,
     typer.Option(min=1, metavar="N", help="Number of processes. (default: one per core)", rich_help_panel=RUNNING),
@@ -137,15 +43,73 @@ Resume = Annotated[
     bool, typer.Option("--resume", help="Continue what was interrupted in --out.", rich_help_panel=RUNNING)
 ]
 
-# Of each pair, the first option has no effect without the second.
-WORLD_NEEDS = (
-    ("friction", "physics mujoco"),
-    ("roughness_m", "physics mujoco"),
-    ("torque_scale", "physics mujoco"),
-)
-WORLD_EXCLUDES = (
-    ("site", "forests"),  # a site draws its own layouts
-    ("ground leaf-litter", "physics mujoco"),  # which has --friction instead
-    ("ground dry-soil", "physics mujoco"),
-    ("ground mud", "physics mujoco"),
-)
+
+Command = Callable[..., None]
+
+
+def with_settings(command: Command, **defaults: Any) -> Command:
+    """Return a command with an option for each setting of a campaign, as ``CampaignSettings`` describes it.
+
+    It gets those that were given as a dict, ``asked``. A value is checked with all others (``experiments.checks``).
+    The options are made when the command is asked for: no other command needs the simulator's settings, and what an
+    option means stands in their source.
+
+    Args:
+        command: a function with an argument ``asked``.
+        defaults: of this command, where they differ.
+    """
+    own = [each for each in inspect.signature(command, eval_str=True).parameters.values() if each.name != "asked"]
+    first = [each for each in own if each.kind is not each.KEYWORD_ONLY]
+    last = [each for each in own if each.kind is each.KEYWORD_ONLY]
+
+    def without_options() -> None:
+        """Stand for the command in the list of all."""
+
+    without_options.__doc__ = command.__doc__
+    cast(Any, without_options).complete = lambda: _complete(command, first, last, defaults)
+    return without_options
+
+
+def _complete(
+    command: Command, first: list[inspect.Parameter], last: list[inspect.Parameter], defaults: dict[str, Any]
+) -> Command:
+    from wayfarer.experiments.settings import FORMS, NAMES, CampaignSettings, sentences, value_of
+
+    usual: dict[str, Any] = {each.name: each.default for each in fields(CampaignSettings)} | {"set": None} | defaults
+    about = sentences(CampaignSettings)
+    options = [
+        inspect.Parameter(
+            name, inspect.Parameter.KEYWORD_ONLY, default=False if usual[name] is False else None,
+            annotation=_option(name, usual[name], about[name].replace("``", "")),
+        )
+        for name in NAMES
+    ]  # fmt: skip
+
+    def run(**values: Any) -> None:
+        asked = {name: values.pop(name) for name in NAMES}
+        given = {name: value for name, value in asked.items() if value not in (None, False, [], ())}
+        plain = {name: value_of(value) for name, value in given.items() if name not in FORMS and isinstance(value, str)}
+        command(**values, asked=defaults | given | plain)
+
+    run.__doc__ = command.__doc__
+    cast(Any, run).__signature__ = inspect.Signature([*first, *options, *last])
+    run.__annotations__ = {each.name: each.annotation for each in [*first, *options, *last]}
+    return run
+
+
+def _option(name: str, default: Any, about: str) -> Any:
+    """Return the type of a setting's option for Typer."""
+    from wayfarer.experiments.settings import FORMS, option_of
+
+    if isinstance(default, bool):
+        return Annotated[bool, typer.Option(option_of(name), help=about)]
+    if name in FORMS:
+        metavar = FORMS[name].metavar
+    elif isinstance(default, Enum):
+        metavar = "|".join(each.value for each in type(default))
+    else:
+        metavar = "M" if isinstance(default, float) else "N"
+    text = ",".join(default) if isinstance(default, tuple) else "" if default is None else f"{default}"
+    about += " May be given again." if name in REPEATED else f" (default: {text})" if text else ""
+    info = typer.Option(option_of(name), metavar=metavar, autocompletion=COMPLETE.get(name), help=about)
+    return Annotated[list[str] | None if name in REPEATED else str | None, info]

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from wayfarer.config.rover_file import load_rover
-from wayfarer.experiments.campaign import Campaign, read_forest_file
+from wayfarer.experiments.campaign import Campaign
+from wayfarer.simhal.world.forest_file import read_forest_file
 
 Figures = Mapping[str, float]  # by the name of a measure
 Reported = Mapping[str, Figures]  # by algorithm
@@ -39,10 +40,10 @@ def reported(settings: Mapping[str, Any]) -> Reported:
     its two rovers at a site, on ideal ground with its slips: a campaign with another rover, ground, sense or budget has
     no figure of the paper beside it.
     """
-    site, rover = settings["scenario"], settings["rover"].get("name")
+    site, rover = settings["site"], settings["rover"].get("name")
     if rover not in ({ITS_ROVER} if site is None else INTERVENTIONS):
         return {}
-    usual = Campaign((), 1, load_rover(rover), scenario=site).settings()
+    usual = Campaign((), 1, load_rover(rover), site=site).settings()
     if any(settings[key] != value for key, value in usual.items() if key not in FREE):
         return {}
     if site is None:

@@ -169,15 +169,15 @@ def read_rows(file: BinaryIO, settings: Mapping[str, Any], name: str) -> tuple[l
             f"{name} is damaged, or was written by another version: its first line does not name its columns; "
             "run the trials again into another folder"
         )
-    campaign, points = _campaign(settings), len(swept_values(settings))
+    campaign, points = _campaign(settings), swept_values(settings)
     rows: dict[Task, TrialRow] = {}
     end = len(header)
     for number in count(2):
         line = file.readline(MOST_LINE_BYTES)
         if not line.endswith(b"\n") and len(line) < MOST_LINE_BYTES:
             break
-        row = parse_row(line, columns, f"{name}, line {number}")
-        if row.algorithm not in campaign["algorithms"] or row.trial >= campaign["trials"] or row.point >= points:
+        row = parse_row(line, columns, f"{name}, line {number}", points[0])
+        if row.algorithm not in campaign["algorithms"] or row.trial >= campaign["trials"] or row.point >= len(points):
             at = f" at point {row.point}" if row.point else ""
             raise BadInput(
                 f"{name}, line {number} is damaged: there is no trial {row.trial} of {shown(row.algorithm)}{at}; "

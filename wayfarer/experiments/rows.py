@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from wayfarer.config.messages import shown
 from wayfarer.errors import BadInput
 from wayfarer.experiments.outcome import OUTCOMES, SUCCESSES
+from wayfarer.experiments.settings import NOTHING
 
 if TYPE_CHECKING:
     from wayfarer.experiments.trial import TrialResult
@@ -20,18 +21,16 @@ if TYPE_CHECKING:
 TEXT_COLUMNS = ("algorithm", "outcome")
 DECIMALS: Mapping[str, int] = {
     "path_m": 3, "reverse_m": 3, "time_s": 3, "shortest_path_m": 3, "spl": 4,
-    "friction": 4, "roughness_m": 5, "torque_scale": 4, "slope_deg": 3, "slope_direction_deg": 2,
 }  # fmt: skip
-NOTHING: Mapping[str, Any] = {}
 BELOW = 2**63  # what no number reaches: a whole one fits a column of a table, and any can be added up
 
 
 class TrialRow(NamedTuple):
     """What is kept of one trial; None if a value is not known, as in a trial that ended in a fault.
 
-    ``interventions`` are counted in scenarios only: of a rover that has ``overturned``, and of one that is
-    ``off_wheels``. ``friction``, ``roughness_m`` and ``torque_scale`` were drawn for a trial in MuJoCo, a slope for one
-    with ``--slope-deg``. ``point`` has a column in the table of a sweep only.
+    ``interventions`` are counted at sites only: of a rover that has ``overturned``, and of one that is ``off_wheels``.
+    ``drawn`` has the values of the keys that were drawn for the trial, each of them a column. ``point`` has a column in
+    the table of a sweep only.
     """
 
     trial: int
@@ -50,12 +49,12 @@ class TrialRow(NamedTuple):
     interventions: int | None = None
     overturned: int | None = None
     off_wheels: int | None = None
-    friction: float | None = None
-    roughness_m: float | None = None
-    torque_scale: float | None = None
-    slope_deg: float | None = None
-    slope_direction_deg: float | None = None
+    drawn: Mapping[str, float] = NOTHING
     point: int = 0
+
+    def cells(self) -> dict[str, Any]:
+        """Return the value of each column, those of what was drawn among them."""
+        return {**self._asdict(), **self.drawn}
 
     @property
     def key(self) -> tuple[str, int, int]:
@@ -78,19 +77,17 @@ class TrialRow(NamedTuple):
         return self.time_s if self.outcome in SUCCESSES else None
 
 
-TERRAIN = ("friction", "roughness_m", "torque_scale")
-SLOPE = ("slope_deg", "slope_direction_deg")
-COLUMNS = tuple(name for name in TrialRow._fields if name not in (*TERRAIN, *SLOPE, "point"))
+FIELDS = frozenset(TrialRow._fields)
+COLUMNS = tuple(name for name in TrialRow._fields if name not in {"drawn", "point"})
 
 
 def columns_of(settings: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the columns of ``trials.csv`` in a campaign or sweep with these settings.
 
-    In MuJoCo it has the terrain as well, with ``--slope-deg`` the slope, in a sweep the point and the swept keys before
-    all else.
+    The keys that are drawn for each trial come last, in a sweep the point and the swept keys before all else.
     """
     campaign = settings.get("campaign", settings)
-    drawn = (*(TERRAIN if campaign.get("mujoco") else ()), *(SLOPE if campaign.get("slope") else ()))
+    drawn = (key for key, value in campaign["set"].items() if isinstance(value, list | tuple))
     swept = ("point", *(axis["key"] for axis in settings["axes"])) if "axes" in settings else ()
     return (*swept, *COLUMNS, *drawn)
 
@@ -99,11 +96,6 @@ def row_of(result: TrialResult) -> TrialRow:
     """Return a trial's result as its row."""
     values = result._asdict()
     del values["ticks"]
-    return rounded_row(**values)
-
-
-def rounded_row(**values: Any) -> TrialRow:
-    """Return a row of these values."""
     return TrialRow(**{name: _kept(name, value) for name, value in values.items()})
 
 
@@ -116,19 +108,21 @@ def csv_line(columns: Sequence[str], row: TrialRow | None = None, swept: Mapping
     """Return these columns of a row as a line of CSV, of which ``swept`` are not its own; without a row their names."""
     if row is None:
         return ",".join(columns) + "\n"
-    cells = (str(swept[name]) if name in swept else _text(name, getattr(row, name)) for name in columns)
+    values = row.cells()
+    cells = (str(swept[name]) if name in swept else _text(name, values[name]) for name in columns)
     return ",".join(cells) + "\n"
 
 
-def parse_row(line: bytes, columns: tuple[str, ...], where: str) -> TrialRow:
-    """Return the row that ``csv_line`` wrote; columns that are no fields of a row are left out.
+def parse_row(line: bytes, columns: tuple[str, ...], where: str, swept: Mapping[str, Any] = NOTHING) -> TrialRow:
+    """Return the row that ``csv_line`` wrote; what is in ``swept`` is left out.
 
     Raises:
         BadInput: the line is no such row; the text names ``where``.
     """
     try:
-        cells = zip(columns, line.decode().rstrip("\n").split(","), strict=True)
-        row = TrialRow(**{name: _value(name, text) for name, text in cells if name in TrialRow._fields})
+        cells = dict(zip(columns, line.decode().rstrip("\n").split(","), strict=True))
+        drawn = {name: _drawn_value(name, cells.pop(name)) for name in columns if name not in {*FIELDS, *swept}}
+        row = TrialRow(**{name: _value(name, text) for name, text in cells.items() if name in FIELDS}, drawn=drawn)
         if row.outcome not in OUTCOMES:
             raise ValueError(f"unknown outcome {shown(row.outcome)}")
     except ValueError as error:
@@ -144,8 +138,15 @@ def _kept(name: str, value: Any) -> Any:
 
 def _text(name: str, value: Any) -> str:
     if isinstance(value, float):
-        return f"{value:.{DECIMALS[name]}f}"
+        return f"{value:.{DECIMALS[name]}f}" if name in DECIMALS else f"{value:.6g}"
     return "" if value is None else str(value)
+
+
+def _drawn_value(name: str, text: str) -> float:
+    value = int(text) if text.removeprefix("-").isdecimal() else float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"{name} is {shown(text)}")
+    return value
 
 
 def _value(name: str, text: str) -> Any:

@@ -15,7 +15,7 @@ from rich.console import Console
 
 from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Campaign, Plan, Task
-from wayfarer.experiments.commands import INTERRUPTED, make_empty_folder
+from wayfarer.experiments.checks import INTERRUPTED, make_empty_folder
 from wayfarer.experiments.paper import reported
 from wayfarer.experiments.pool import TaskFailed, cores, run_tasks
 from wayfarer.experiments.progress_bar import say, shown_progress
@@ -48,7 +48,7 @@ def run_all(
 ) -> int:
     """Run a campaign, show it, print its table, or with ``as_json`` an object, and return the exit code.
 
-    ``forests`` is what the campaign's forests were read from (``campaign.read_forest_file``); ``out`` keeps a copy, and
+    ``forests`` is what the campaign's forests were read from (``read_forest_file``); ``out`` keeps a copy, and
     ``command``, the command line.
     With ``log`` each trial's full field log goes into a separate folder there. With ``cluster``, the address of a
     Dask scheduler, the trials run on its workers, else in ``jobs`` processes.
@@ -82,7 +82,7 @@ def run_all(
     console = Console()
     by_algorithm = {name: rows for _, name, rows in finished.cells}
     papers = reported(campaign.settings())
-    print_whole(console, campaign_table(by_algorithm, papers, site=campaign.scenario is not None))
+    print_whole(console, campaign_table(by_algorithm, papers, site=campaign.site is not None))
     say(console, _effort(finished))
     if out:
         say(Console(stderr=True), f"the results are in {out}")
@@ -150,7 +150,8 @@ def run_alone(campaign: Campaign, trial: int, log: Path | None, *, as_json: bool
         raise not_run(failed, remedy) from failed.error
     columns = columns_of(campaign.settings())
     if as_json:
-        print_json({name: getattr(done.row, name) for name in columns})
+        cells = done.row.cells()
+        print_json({name: cells[name] for name in columns})
     else:
         print(csv_line(columns) + csv_line(columns, done.row), end="")
         if log:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from wayfarer.experiments.commands import INTERRUPTED
+from wayfarer.experiments.checks import INTERRUPTED
 from wayfarer.experiments.progress_bar import say
 from wayfarer.experiments.run import RunTrial
 from wayfarer.experiments.sim_command import kept_in, run_shown

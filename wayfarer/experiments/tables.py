@@ -110,16 +110,17 @@ def layouts_of_points(settings: Mapping[str, Any]) -> list[object]:
     site a way is kept open for the rover, so one that is wider or longer than both of the paper has layouts of its own.
     """
     points, campaign = swept_values(settings), settings["campaign"]
-    if campaign["scenario"] is None:
+    if campaign["site"] is None:
         return [None] * len(points)
-    from wayfarer.experiments.sweep import BODY, FOOTPRINT
+    from wayfarer.experiments.keys import BODY, FOOTPRINT
     from wayfarer.simhal.world.sites import WIDEST
 
     sizes: list[object] = []
     for point in points:
         body = {key: campaign["rover"]["vehicle"][key.partition(".")[2]] for key in BODY}
-        body |= dict.fromkeys(BODY, point[FOOTPRINT]) if FOOTPRINT in point else point
-        length_m, width_m = (body[key] for key in BODY)
+        values = {**campaign["set"], **point}
+        body |= dict.fromkeys(BODY, values[FOOTPRINT]) if FOOTPRINT in values else values
+        length_m, width_m = (max(body[key]) if isinstance(body[key], list) else body[key] for key in BODY)
         sizes.append((max(length_m, WIDEST.length_m), max(width_m, WIDEST.width_m)))
     return sizes
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,6 +13,7 @@ from wayfarer.control.tick import TickRecord
 from wayfarer.errors import DriverError
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.outcome import SUCCESSES, Outcome, OutcomeMonitor
+from wayfarer.experiments.settings import NOTHING
 from wayfarer.experiments.trial_setup import MakeLog, TrialSetup, TrialSpec
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.mission import RunEnd
@@ -28,8 +29,8 @@ if TYPE_CHECKING:
 class TrialResult(NamedTuple):
     """The outcome monitor's result of one trial.
 
-    ``interventions``, and of which kind they were, at a field site, where a person helps the rover; ``friction`` to
-    ``torque_scale`` where it was in MuJoCo; a slope where one was drawn.
+    ``interventions``, and of which kind they were, at a field site, where a person helps the rover. ``drawn`` are the
+    values of the keys that were drawn for it.
     """
 
     trial: int
@@ -49,11 +50,7 @@ class TrialResult(NamedTuple):
     interventions: int | None = None
     overturned: int | None = None
     off_wheels: int | None = None
-    friction: float | None = None
-    roughness_m: float | None = None
-    torque_scale: float | None = None
-    slope_deg: float | None = None
-    slope_direction_deg: float | None = None
+    drawn: Mapping[str, float] = NOTHING
 
 
 GAVE_UP = f"fault: {Condition.ENTRAPPED.value}"  # the controller's reason for disarming
@@ -158,9 +155,6 @@ async def _run(
         result = result._replace(
             interventions=helped.interventions, overturned=helped.flips, off_wheels=helped.high_centred
         )
-    for drawn in (setup.terrain, setup.slope):
-        if drawn:
-            result = result._replace(**drawn._asdict())
     return result
 
 
@@ -201,4 +195,5 @@ def _result(spec: TrialSpec, outcome: Outcome, setup: TrialSetup, counters: Tria
         shortest_m,
         spl,
         counters.ticks,
+        drawn=spec.drawn,
     )

@@ -16,10 +16,11 @@ from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.record import AnyRecord, FaultInjected, Truth, World
 from wayfarer.fieldlog.sink import Sink
 from wayfarer.hal import Rover
+from wayfarer.simhal.choices import GroundName
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest_file import as_row
-from wayfarer.simhal.world.physics import GroundName, changed
+from wayfarer.simhal.world.physics import changed
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 TICKS_A_RECORD = 4  # a fifth of a second at 20 Hz: plenty to draw a path
@@ -51,13 +52,10 @@ def field_log(
         "simulated": True,
         "parts": {name: part.name for name, part in rover.parts.items()},
         "world": msgspec.convert(as_row(forest), World),
-        "slip_mean_m": spec.slip_mean_m,
         "budget_m": spec.budget_m,
     }
-    if spec.terrains is not None:
-        details["mujoco"] = spec.terrains.draw(RandomStreams(spec.seed))._asdict()
-    if spec.slopes is not None:
-        details["slope"] = spec.slopes.draw(RandomStreams(spec.seed))._asdict()
+    if spec.terrain is not None:
+        details["mujoco"] = asdict(spec.terrain)
     if spec.ground is not GroundName.ideal:
         details["ground"] = spec.ground.value
     if of_world := changed(spec.physics):

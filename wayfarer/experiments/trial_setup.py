@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -14,10 +14,11 @@ from wayfarer.control.run_log import RunLog
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.experiments.outcome import InterventionCounter, OutcomeMonitor
 from wayfarer.hal import Rover
-from wayfarer.simhal.build_rover import Depth, build
+from wayfarer.simhal.build_rover import build
+from wayfarer.simhal.choices import Depth, GroundName
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
-from wayfarer.simhal.world.physics import FRICTIONS, PHYSICS, GroundName, Physics
+from wayfarer.simhal.world.physics import FRICTIONS, PHYSICS, Physics
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 from wayfarer.simhal.world.skid_steering import SkidSteering
 from wayfarer.simhal.world.wheeled_body import body_of
@@ -25,9 +26,8 @@ from wayfarer.simhal.world.world import World
 
 if TYPE_CHECKING:
     from wayfarer.simhal.faults.kinds import Fault
-    from wayfarer.simhal.mujoco.terrain import Terrain, Terrains
+    from wayfarer.simhal.mujoco.terrain import Terrain
     from wayfarer.simhal.world.sites import FieldSite
-    from wayfarer.simhal.world.slope import Slopes
 
 MakeLog = Callable[[SimulatedWorld, Rover], RunLog]
 
@@ -36,11 +36,10 @@ MakeLog = Callable[[SimulatedWorld, Rover], RunLog]
 class TrialSpec:
     """Everything that decides a trial: the same spec gives the same result, on any worker.
 
-    ``sensor_noise`` multiplies the noise of compass, tilt and flow; ``slip_mean_m`` counts, not that of ``physics``. At
-    a ``site`` somebody walks beside the rover, and its time is limited. With ``terrains`` the body moves in MuJoCo and
-    not in physics-light; of ``physics`` then count the noise of the senses, unequal sides, slips (as mud) and tipping.
-    ``ground`` is what physics-light has under the wheels. With ``slopes`` a slope is drawn in place of that of
-    ``physics``.
+    ``sensor_noise`` multiplies the noise of compass, tilt and flow. At a ``site`` somebody walks beside the rover, and
+    its time is limited. With a ``terrain`` the body moves in MuJoCo and not in physics-light; of ``physics`` then count
+    the noise of the senses, the slope, unequal sides, slips (as mud) and tipping. ``ground`` is what physics-light has
+    under the wheels. ``drawn`` are the keys that this trial drew, whose values are in the other fields, for its row.
     """
 
     trial: int
@@ -48,16 +47,15 @@ class TrialSpec:
     forest: Forest
     seed: int
     rover: RoverConfig
-    slip_mean_m: float = 10.0
     budget_m: float = 1000.0
     depth: Depth = Depth.DEVICE
     faults: Sequence[Fault] = ()
     sensor_noise: float = 1.0
     physics: Physics = PHYSICS
     site: FieldSite | None = None
-    terrains: Terrains | None = None
+    terrain: Terrain | None = None
     ground: GroundName = GroundName.ideal
-    slopes: Slopes | None = None
+    drawn: Mapping[str, float] = field(default_factory=dict)
 
 
 class TrialSetup:
@@ -73,11 +71,7 @@ class TrialSetup:
         loop, streams = asyncio.get_running_loop(), RandomStreams(spec.seed, spec.sensor_noise)
         algorithm = find_algorithm(spec.algorithm)
         handler = algorithm.make(spec.rover.escape, spec.rover.vehicle, streams.random("algorithm"))
-        self.slope = spec.slopes.draw(streams) if spec.slopes else None
-        slope = self.slope._asdict() if self.slope else {}
-        physics = replace(spec.physics, slip_mean_m=spec.slip_mean_m, **slope)
-        self.terrain = spec.terrains.draw(streams) if spec.terrains else None
-        self.world = _world(spec, physics, self.terrain, streams)
+        self.world = _world(spec, streams)
         if spec.faults:
             from wayfarer.simhal.faults.injector import Injector  # a trial without faults need not know them
 
@@ -93,30 +87,30 @@ class TrialSetup:
         )  # fmt: skip
         limit_s = spec.site.time_limit_s if spec.site else inf
         self.outcome_monitor = OutcomeMonitor(
-            spec.forest, spec.budget_m, physics.tip_deg, self.supervisor.finish, limit_s
+            spec.forest, spec.budget_m, spec.physics.tip_deg, self.supervisor.finish, limit_s
         )
         self.intervention_counter = (
-            InterventionCounter(physics.tip_deg, self.outcome_monitor.watch) if spec.site else None
+            InterventionCounter(spec.physics.tip_deg, self.outcome_monitor.watch) if spec.site else None
         )
         self.world.after_step = (
             self.intervention_counter.watch if self.intervention_counter else self.outcome_monitor.watch
         )
 
 
-def _world(spec: TrialSpec, physics: Physics, terrain: Terrain | None, streams: RandomStreams) -> SimulatedWorld:
+def _world(spec: TrialSpec, streams: RandomStreams) -> SimulatedWorld:
     """Return the world that a trial asks for.
 
     Raises:
         BadConfig: wheels that slip need more of the body than the rover file gives.
     """
     rover = spec.rover
-    if terrain is None:
+    if spec.terrain is None:
         chassis = rover.chassis if spec.site else None
-        return World(spec.forest, rover.vehicle, physics, streams, chassis=chassis, skid=_skid(spec))
+        return World(spec.forest, rover.vehicle, spec.physics, streams, chassis=chassis, skid=_skid(spec))
     from wayfarer.simhal.mujoco.world import MujocoWorld  # physics-light needs no engine
 
     body = body_of(rover.name, rover.vehicle, rover.chassis, "--physics mujoco")
-    return MujocoWorld(spec.forest, body, physics, terrain, streams)
+    return MujocoWorld(spec.forest, body, spec.physics, spec.terrain, streams)
 
 
 def _skid(spec: TrialSpec) -> SkidSteering | None:

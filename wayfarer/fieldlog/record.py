@@ -111,11 +111,9 @@ class Header(Record, kw_only=True, tag="run"):
     trial: Count | None = None
     forest: int | None = None
     noise: int | None = None
-    slip_mean_m: Metres | None = None
     budget_m: Metres | None = None
     mujoco: dict[str, Any] | None = None
     ground: str | None = None
-    slope: dict[str, Any] | None = None
     sim: dict[str, Any] | None = None
 
     def setting(self, section: str, key: str) -> float | None:

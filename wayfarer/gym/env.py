@@ -6,7 +6,6 @@ import asyncio
 import weakref
 from collections.abc import Callable, Mapping
 from contextvars import ContextVar
-from dataclasses import replace
 from math import cos, degrees, radians, sin
 from queue import SimpleQueue
 from threading import Thread
@@ -19,20 +18,18 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from wayfarer.config.rover_file import load_rover
 from wayfarer.control.supervisor import first_cause
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.escape.api import Anomaly, Decision, Observation, Phase
 from wayfarer.escape.catalogue import Algorithm
-from wayfarer.experiments.campaign import Campaign, Task
-from wayfarer.experiments.commands import check_body
+from wayfarer.experiments.campaign import Task
+from wayfarer.experiments.checks import make_campaign
 from wayfarer.experiments.outcome import Outcome
 from wayfarer.experiments.trial import TrialCounters, outcome_of
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.permission import Asked
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
-from wayfarer.simhal.mujoco.terrain import Terrains
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
@@ -233,16 +230,13 @@ class ForestEnv(gymnasium.Env[Array, Array]):
 
     Args:
         rover: a rover file, by name or path.
-        slip_mean_m: mean distance between slip events, metres.
-        budget_m: path after which a rover counts as entrapped, metres.
         render_mode: ``rgb_array``: ``render`` returns a map with the way so far (needs pillow); None: no pictures.
-        terrains: with it the body moves in MuJoCo (extra ``physics``), as with ``wayfarer sim --physics mujoco``, on
-            ground drawn for each trial: ``Terrains(friction=Range(0.3, 0.8))``.
+        settings: those of ``run_campaign``, such as ``slip_mean_m=2.0``, or ``physics="mujoco"`` (extra
+            ``physics``) with ``set={"sim.friction": (0.3, 0.8)}``, which is drawn for each trial.
 
     Raises:
-        BadInput: no such ``render_mode``.
-        BadConfig: no such rover, its file cannot be used, or does not say of the body what MuJoCo needs.
-        ModuleNotFoundError: ``terrains`` without mujoco installed.
+        BadInput: no such ``render_mode``, or a setting that cannot be used, as of ``run_campaign``.
+        MissingPackage: as of ``run_campaign``.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012 (gymnasium's own declaration)
@@ -250,10 +244,8 @@ class ForestEnv(gymnasium.Env[Array, Array]):
     def __init__(
         self,
         rover: str = "sim",
-        slip_mean_m: float = 10.0,
-        budget_m: float = 1000.0,
         render_mode: str | None = None,
-        terrains: Terrains | None = None,
+        **settings: Any,
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise BadInput(f"render_mode {render_mode!r} is not known: use 'rgb_array', or None")
@@ -261,13 +253,10 @@ class ForestEnv(gymnasium.Env[Array, Array]):
         self._map: ForestMap | None = None
         self.observation_space = Box(-1.0, 1.0, (SIZE,), np.float32)
         self.action_space = Box(-1.0, 1.0, (2,), np.float32)
-        config = load_rover(rover)
         # The agent alone drives: a rover without progress ends the episode, and does not climb wayfarer's ladder.
-        config = config.model_copy(update={"progress": replace(config.progress, give_up=True)})
-        self._campaign = Campaign(
-            (AGENT_NAME,), TRIALS, config, slip_mean_m=slip_mean_m, budget_m=budget_m, terrains=terrains
-        )
-        check_body(self._campaign, rover)
+        keys = {**settings.pop("set", {}), "progress.give_up": True}
+        asked = {"rover": rover, **settings, "algorithms": AGENT_NAME, "trials": TRIALS, "set": keys}
+        self._campaign = make_campaign(asked)
         self._bridge: AgentBridge | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from enum import StrEnum
 from importlib.util import find_spec
 from typing import Any
 
@@ -18,18 +17,12 @@ from wayfarer.errors import BadConfig
 from wayfarer.hal import Rover
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chip_wiring import ChipWiring, chip_of
+from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.parts import SimBumper, SimCompass, SimFlow, SimMotors, SimReceiver
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 Clock = Callable[[], float]
-
-
-class Depth(StrEnum):
-    """The depth of the simulation: simulated parts, or simulated chips under the real drivers."""
-
-    DEVICE = "device"
-    BUS = "bus"
 
 
 def build(

@@ -26,7 +26,7 @@ from wayfarer.config.rover_path import is_rover_file
 from wayfarer.errors import BadConfig, BadInput, UnknownName, one_line
 from wayfarer.files import read_regular
 from wayfarer.safety.conditions import Level
-from wayfarer.simhal.build_rover import Depth
+from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.faults.kinds import KINDS, Fault, measured, misfit, parts_of
 
 T = TypeVar("T")

@@ -27,6 +27,7 @@ from wayfarer.simhal.faults.injector import NoteFault
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.world.forest import CLEARING
 from wayfarer.simhal.world.generate import generate_forest
+from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 from wayfarer.testing.safety_rules import SafetyRules, after_each_step
 from wayfarer.testing.scenario import Command, Expectation, ResponseLevel, Scenario, rover_of
@@ -152,8 +153,8 @@ async def _run(scenario: Scenario, log_dir: Path | None) -> RunResult:
     config = rover_of(scenario)
     forest = CLEARING if scenario.clearing else generate_forest(scenario.seed, 0, scenario.seed)
     spec = TrialSpec(
-        0, scenario.algorithm, forest, scenario.seed, config, scenario.slip_mean_m, BUDGET_M, scenario.depth,
-        scenario.faults,
+        0, scenario.algorithm, forest, scenario.seed, config, BUDGET_M, scenario.depth, scenario.faults,
+        physics=Physics(slip_mean_m=scenario.slip_mean_m),
     )  # fmt: skip
     recorder, rules = RunRecorder(), SafetyRules()
     notes: list[NoteFault] = [recorder.note, rules.note]

@@ -10,10 +10,11 @@ from tests.simhal.forest_lines import lines_of
 from wayfarer.config.rover_file import load_rover
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments import sim_command
-from wayfarer.experiments.campaign import Campaign, read_forest_file
+from wayfarer.experiments.campaign import Campaign
 from wayfarer.experiments.outcome import SUCCESSES
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.run import RunTrial
+from wayfarer.simhal.world.forest_file import read_forest_file
 from wayfarer.simhal.world.generate import generate_forest
 
 ALGORITHMS = ("forest-pledge", "levy-walk", "cv-react")

@@ -29,7 +29,7 @@ def results(finished: Path) -> CampaignResults:
 def of(results: CampaignResults, *names: str, **changes: Any) -> CampaignResults:
     """Results of these algorithms, with as many failures as places before them, of 40 trials each."""
     rows = [each._replace(**changes) for own in rows_of(names).values() for each in own]
-    return replace(results, rows=rows, settings=results.settings.model_copy(update={"algorithms": list(names)}))
+    return replace(results, rows=rows, settings=replace(results.settings, algorithms=names))
 
 
 def summary(results: CampaignResults, name: str) -> dict[str, Any]:
@@ -68,7 +68,7 @@ def test_line_is_the_straight_one_where_no_shortest_path_is_known(results: Campa
 def test_campaign_of_one_trial_is_drawn_without_a_warning(
     results: CampaignResults, tmp_path: Path, ended: tuple[str, float | None]
 ) -> None:
-    settings = results.settings.model_copy(update={"algorithms": ["pledge"]})
+    settings = replace(results.settings, algorithms=("pledge",))
     write_paper_figure(replace(results, settings=settings, rows=[row("pledge", 0, *ended)]), tmp_path / "one.svg")
     assert ">pledge<" in (tmp_path / "one.svg").read_text()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -104,7 +105,7 @@ def test_change_is_taken_trial_by_trial_and_only_in_the_same_layouts() -> None:
     assert change is not None
     gains = [(36 / (70 + n) if n else 0.0) - (36 / (80 + n) if n > 1 else 0.0) for n in range(8)]
     assert change[::4] == pytest.approx((np.mean(gains), 8))
-    at_site = results.settings.campaign.model_copy(update={"scenario": "extended-maze"})
+    at_site = replace(results.settings.campaign, site="extended-maze")
     widths = SweptAxis(key="vehicle.width_m", values=[0.2, 0.4, 0.6], now=0.6)
     settings = results.settings.model_copy(update={"campaign": at_site, "axes": [widths]})
     assert [SweepResults(settings, results.rows).change(point, "pledge") for point in range(3)] == [None] * 3

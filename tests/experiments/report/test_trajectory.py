@@ -16,6 +16,7 @@ from wayfarer.experiments.trial import TrialResult, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.simhal.world.forest import CLEARING, Trunk
 from wayfarer.simhal.world.generate import generate_forest
+from wayfarer.simhal.world.physics import Physics
 
 SPEC = TrialSpec(0, "forest-pledge", generate_forest(1, 0, 0), 5, load_rover("sim"))
 TICK_M = 1.4 / 20  # the rover's full speed for one control period
@@ -65,7 +66,7 @@ def test_slips_are_kept_once_each_where_they_were() -> None:
 
 def test_without_slips_there_are_none() -> None:
     wall = replace(CLEARING, trunks=(Trunk(20.0, 25.0, 30.0, 25.0, "across"),))
-    result, trajectory = run_with_trajectory(replace(SPEC, forest=wall, slip_mean_m=1e9))
+    result, trajectory = run_with_trajectory(replace(SPEC, forest=wall, physics=Physics(slip_mean_m=1e9)))
     assert result.anomalies > 0
     assert trajectory.slips_m == []
 

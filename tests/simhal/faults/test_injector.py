@@ -18,8 +18,8 @@ from wayfarer.control.supervisor import first_cause
 from wayfarer.errors import BadInput, NotResponding, WrongPart
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.hal import CompassReading
-from wayfarer.simhal.build_rover import Depth
 from wayfarer.simhal.buses import FakeBuses
+from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.faults.bus import BusFault, LostBytes, Nack
 from wayfarer.simhal.faults.injector import Injector
 from wayfarer.simhal.faults.kinds import KINDS, Fault, misplaced

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.simhal.forest_lines import lines_of
-from wayfarer.experiments.campaign import read_forest_file
 from wayfarer.simhal.world.forest import Forest, Lean, Trunk, check_forest
+from wayfarer.simhal.world.forest_file import read_forest_file
 from wayfarer.simhal.world.generate import DIVIDED, MAX_TILT_DEG, START_AREA, generate_forest
 
 numbers = st.integers(0, 2**63)

@@ -11,9 +11,9 @@ from tests.conftest import Run
 from tests.experiments import fake_trials
 from tests.simhal.commands import succeed
 from wayfarer.config.rover_file import load_rover
-from wayfarer.experiments.campaign import Campaign, read_forest_file
+from wayfarer.experiments.campaign import Campaign
 from wayfarer.experiments.report.load_results import read_results
-from wayfarer.simhal.world.forest_file import REFERENCE, content_of
+from wayfarer.simhal.world.forest_file import REFERENCE, content_of, read_forest_file
 
 CHECKSUM = "1937f0543ac287bc3ea0acac1dfacc14"  # BLAKE2b of the file that the tables of the README were measured with
 ONE_TRIAL = ("--trial", 500, "--budget-m", 15)

@@ -7,9 +7,9 @@ from math import asin, atan2, hypot, inf, sqrt
 
 import pytest
 
-from wayfarer.experiments.campaign import read_forest_file
 from wayfarer.simhal.world import shortest_path
 from wayfarer.simhal.world.forest import CLEARING, Trunk
+from wayfarer.simhal.world.forest_file import read_forest_file
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.shortest_path import has_path, shortest_path_m
 

@@ -5,16 +5,15 @@ from __future__ import annotations
 from functools import cache
 from importlib.util import find_spec
 from math import hypot
-from typing import get_args
 
 import pytest
 from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 
 from tests.simhal.forest_lines import lines_of
-from wayfarer.cli.trial_options import SiteName
 from wayfarer.config.rover_file import load_rover
 from wayfarer.experiments.paper import FIELD_TRIALS
+from wayfarer.experiments.settings import CampaignSettings, sentences
 from wayfarer.simhal.world.forest import Forest, check_forest
 from wayfarer.simhal.world.forest_file import forests_in
 from wayfarer.simhal.world.generate import Draw
@@ -134,5 +133,6 @@ def test_layout_is_the_same_after_a_file() -> None:
 
 
 def test_command_and_table_know_the_same_scenarios() -> None:
-    assert get_args(SiteName) == tuple(SITES)
+    told = sentences(CampaignSettings)["site"]
+    assert all(name in told for name in SITES)
     assert {site for site, _ in FIELD_TRIALS} < set(SITES)

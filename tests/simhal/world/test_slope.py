@@ -15,14 +15,13 @@ from tests.simhal.commands import facts_of, succeed
 from tests.simhal.mujoco.fields import BODY, CONFIG, STALL_N, WEIGHT_N, drive, rover_on, speed_m_s
 from wayfarer.config.settings import STANDARD_GRAVITY_M_S2
 from wayfarer.experiments.report.load_results import read_results
-from wayfarer.simhal.drawn_ranges import Range
 from wayfarer.simhal.faults.world import Slope as SlopeFault
 from wayfarer.simhal.mujoco.model import gravity_m_s2
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import CLEARING
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.skid_steering import SkidSteering
-from wayfarer.simhal.world.slope import Hillside, Slopes
+from wayfarer.simhal.world.slope import Hillside
 from wayfarer.simhal.world.world import World
 
 SIM = ("sim", "--jobs", "1", "--trials", "2", "--budget-m", "5")
@@ -152,24 +151,22 @@ def test_rover_is_put_down_where_it_was_and_gravity_pulls_again_at_once() -> Non
 
 
 def test_slope_is_drawn_kept_told_and_rebuilt(run: Run, tmp_path: Path) -> None:
-    asked = (*SIM, "--slope-deg", "2:12", "--slope-direction-deg", "90")
+    asked = (*SIM, "--set", "sim.slope_deg=2:12", "--set", "sim.slope_direction_deg=90")
     succeed(run, *asked, "--out", tmp_path / "out", "--log-dir", tmp_path / "log")
     results = read_results(tmp_path / "out")
-    assert results.settings.slope == {"slope_deg": [2.0, 12.0], "slope_direction_deg": [90.0, 90.0]}
-    assert results.rebuild().slopes == Slopes(Range(2.0, 12.0), Range(90.0, 90.0))
-    assert facts_of(results)["slope_deg"] == "2 to 12, drawn for each trial"
-    slopes_deg = [row.slope_deg for row in results.rows]
-    assert all(slope_deg is not None and 2.0 <= slope_deg <= 12.0 for slope_deg in slopes_deg)
+    assert results.settings.set == {"sim.slope_deg": (2.0, 12.0), "sim.slope_direction_deg": 90}
+    assert results.rebuild().set == results.settings.set
+    assert facts_of(results)["sim.slope_deg"] == "2 to 12, drawn for each trial"
+    slopes_deg = [row.drawn["sim.slope_deg"] for row in results.rows]
+    assert all(isinstance(slope_deg, float) and 2.0 <= slope_deg <= 12.0 for slope_deg in slopes_deg)
     assert slopes_deg[0] != slopes_deg[1]
-    assert {row.slope_direction_deg for row in results.rows} == {90.0}
     logs = sorted(path for path in (tmp_path / "log").rglob("*.jsonl"))
     for log, slope_deg in zip(logs, slopes_deg, strict=True):
         header = json.loads(log.read_text(encoding="utf-8").splitlines()[0])
-        assert header["slope"] == {"slope_deg": pytest.approx(slope_deg, abs=1e-3), "slope_direction_deg": 90.0}
-    err = refusal(
-        run, *SIM, "--slope-deg", "2:11", "--slope-direction-deg", "90", "--out", tmp_path / "out", "--resume"
-    )
-    assert "slope.slope_deg is [2.0, 12.0] there and [2.0, 11.0] here" in err
+        assert header["sim"] == {"slope_deg": slope_deg, "slope_direction_deg": 90.0}
+    other = (*SIM, "--set", "sim.slope_deg=2:11", "--set", "sim.slope_direction_deg=90")
+    err = refusal(run, *other, "--out", tmp_path / "out", "--resume")
+    assert "set.sim.slope_deg is [2.0, 12.0] there and [2.0, 11.0] here" in err
 
 
 def test_slope_can_be_swept(run: Run, tmp_path: Path) -> None:

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from wayfarer.config.messages import key_and_problem
+from wayfarer.config.messages import key_and_problem, shown
 from wayfarer.config.registry import refuse_code
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.errors import BadInput
-from wayfarer.experiments.campaign import Campaign, ForestFile, read_forest_file
+from wayfarer.errors import BadInput, one_line
+from wayfarer.experiments.campaign import Campaign
+from wayfarer.experiments.keys import check_keys, check_ranges
 from wayfarer.experiments.paper import Reported, reported
 from wayfarer.experiments.results_folder import (
     FORESTS,
@@ -27,74 +28,83 @@ from wayfarer.experiments.results_folder import (
     read_rows,
 )
 from wayfarer.experiments.rows import TrialRow
-from wayfarer.experiments.sweep import MOST_TRIALS
+from wayfarer.experiments.settings import NAMES, checked_plain
 from wayfarer.experiments.tables import campaign_table
 from wayfarer.files import open_regular, read_regular
 from wayfarer.logview.terminal_table import TextTable
 from wayfarer.simhal.faults.kinds import parse_fault
-from wayfarer.simhal.mujoco.terrain import terrains_of
-from wayfarer.simhal.world.physics import GroundName, Physics
-from wayfarer.simhal.world.slope import slopes_of
+from wayfarer.simhal.world.forest_file import ForestFile, read_forest_file
 
 T = TypeVar("T")
-ModelT = TypeVar("ModelT", bound=BaseModel)
-Bounds = dict[str, list[float]]  # the least and the most of what is drawn for each trial, by its name
 
 
-def _taken_by(read: Callable[[T], object]) -> AfterValidator:
-    """Return the check that ``read`` can make something of a value."""
-
-    def check(value: T) -> T:
-        read(value)
-        return value
-
-    return AfterValidator(check)
+def _is_name(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("it has characters that a terminal obeys")
+    return text
 
 
-class ForestsSettings(BaseModel):
+def _is_fault(text: str) -> str:
+    try:
+        parse_fault(text)
+    except BadInput as error:
+        raise ValueError(str(error)) from None
+    return text
+
+
+class _ForestsSource(BaseModel):
     """Which file the forests came from: its name, and the checksum of its content."""
 
     file: str
     blake2b: str
 
 
-class CampaignSettings(BaseModel):
-    """``campaign.json``, as ``Campaign.settings`` wrote it; the rover is read where trials are to be run again."""
+class _AsWritten(BaseModel):
+    """The settings that people write in another form than ``campaign.json`` has them; none may be missing."""
 
     model_config = ConfigDict(strict=True, allow_inf_nan=False)
 
     version: str
-    algorithms: list[str] = Field(min_length=1)
-    trials: int = Field(ge=1, le=MOST_TRIALS)  # of each algorithm, as the option allows
-    seed: int = Field(ge=0)
-    slip_mean_m: float = Field(gt=0)
-    budget_m: float = Field(gt=0)
-    spl: bool
-    depth: Literal["device", "bus"]
-    scenario: str | None
-    forests: ForestsSettings | None
+    algorithms: Annotated[list[Annotated[str, AfterValidator(_is_name)]], Field(min_length=1)]
     rover: dict[str, Any]
-    mujoco: Annotated[Bounds, _taken_by(terrains_of)] | None
-    ground: GroundName
-    slope: Annotated[Bounds, _taken_by(slopes_of)] | None
-    sim: Physics
-    faults: list[Annotated[str, _taken_by(parse_fault)]]
+    forests: _ForestsSource | None
+    site: str | None
+    set: dict[str, bool | int | float | Annotated[str, AfterValidator(_is_name)] | tuple[int | float, int | float]]
+    faults: list[Annotated[str, AfterValidator(_is_fault)]]
 
-    @field_validator("algorithms")
-    @classmethod
-    def _are_names(cls, names: list[str]) -> list[str]:
-        if len(set(names)) < len(names) or not all(map(str.isprintable, names)):
-            raise ValueError("a name is there twice, or has characters that a terminal obeys")
-        return names
 
-    @field_validator("scenario")
-    @classmethod
-    def _is_a_site(cls, name: str | None) -> str | None:
-        from wayfarer.simhal.world.sites import SITES
+def recorded(table: Any) -> Campaign:
+    """Return the campaign of a ``campaign.json``, as ``Campaign.settings`` wrote it.
 
-        if name is not None and name not in SITES:
-            raise ValueError(f"no such site; there are {', '.join(SITES)}")
-        return name
+    Nothing that it names is imported or opened: its rover, its algorithms and its forests are only names and numbers
+    until ``CampaignResults.rebuild`` has checked them.
+
+    Raises:
+        ValueError: it cannot be one; the text says why.
+    """
+    from wayfarer.simhal.world.sites import SITES
+
+    found = _AsWritten.model_validate_json(json.dumps(table))
+    if missing := [name for name in NAMES if name not in table]:
+        raise ValueError(f"{missing[0]}: Field required")
+    if len(set(found.algorithms)) < len(found.algorithms):
+        raise ValueError("algorithms: one is there twice")
+    if found.site is not None and found.site not in SITES:
+        raise ValueError(f"site: there is no {shown(found.site)}; there are {', '.join(SITES)}")
+    try:
+        plain = checked_plain(table)
+    except BadInput as error:
+        raise ValueError(str(error)) from None
+    return Campaign(
+        tuple(found.algorithms),
+        rover=RoverConfig.model_construct(**{"name": "unnamed"} | found.rover),
+        forests=None if found.forests is None else ForestFile(found.forests.file, found.forests.blake2b, ()),
+        site=found.site,
+        set=found.set,
+        faults=tuple(found.faults),
+        version=found.version,
+        **plain,
+    )
 
 
 @dataclass(frozen=True)
@@ -102,7 +112,7 @@ class CampaignResults:
     """What a campaign's folder holds: ``rows`` are those of ``trials.csv``, complete and in its order."""
 
     folder: Path
-    settings: CampaignSettings
+    settings: Campaign
     rows: list[TrialRow]
 
     @cached_property
@@ -116,11 +126,11 @@ class CampaignResults:
     @cached_property
     def reported(self) -> Reported:
         """What the paper reports of such a campaign, by algorithm."""
-        return reported(self.settings.model_dump(mode="json"))
+        return reported(self.settings.settings())
 
     def table(self, *, full: bool) -> TextTable:
         """Return the table of the results, with the paper's figures; ``full`` as of ``campaign_table``."""
-        return campaign_table(self.by_algorithm, self.reported, site=self.settings.scenario is not None, full=full)
+        return campaign_table(self.by_algorithm, self.reported, site=self.settings.site is not None, full=full)
 
     @property
     def shortest_paths_m(self) -> list[float]:
@@ -138,36 +148,24 @@ class CampaignResults:
                 name code that must not be imported.
         """
         settings = self.settings
+        rover = read_settings(self.folder / SETTINGS, dict, "campaign")["rover"]  # with keys that this version lacks
         if not allow_code:
-            refuse_code(*settings.algorithms, *_names(settings.rover))
-        return Campaign(
-            tuple(settings.algorithms),
-            settings.trials,
-            self._rover(),
-            seed=settings.seed,
-            slip_mean_m=settings.slip_mean_m,
-            budget_m=settings.budget_m,
-            spl=settings.spl,
-            depth=settings.depth,
-            scenario=settings.scenario,
-            forests=self._forests(settings.forests) if settings.forests else None,
-            terrains=terrains_of(settings.mujoco) if settings.mujoco else None,
-            ground=settings.ground,
-            physics=settings.sim,
-            slopes=slopes_of(settings.slope) if settings.slope else None,
-            faults=tuple(settings.faults),
-        )
-
-    def _rover(self) -> RoverConfig:
+            swept = (str(value) for value in settings.set.values() if not isinstance(value, tuple))
+            refuse_code(*settings.algorithms, *_names(rover), *(text for text in swept if ":" in text))
         try:
-            return RoverConfig.model_validate_json(json.dumps(self.settings.rover), strict=True)
+            checked = RoverConfig.model_validate_json(json.dumps(rover), strict=True)
         except ValidationError:
-            raise BadInput(f"this version does not understand the rover of version {self.settings.version}") from None
+            raise BadInput(f"this version does not understand the rover of version {settings.version}") from None
+        campaign = replace(settings, rover=checked, forests=self._forests(settings.forests))
+        check_keys(campaign, list(campaign.set))
+        return check_ranges(campaign)
 
-    def _forests(self, wanted: ForestsSettings) -> ForestFile:
+    def _forests(self, wanted: ForestFile | None) -> ForestFile | None:
+        if wanted is None:
+            return None
         if not (self.folder / FORESTS).exists():
             raise BadInput(
-                f"the folder has no copy of the campaign's forests; put {wanted.file} there as {FORESTS} "
+                f"the folder has no copy of the campaign's forests; put {wanted.name} there as {FORESTS} "
                 "and make the report again"
             )
         found = read_forest_file(self.folder / FORESTS)
@@ -197,31 +195,33 @@ def read_results(folder: Path) -> CampaignResults:
         raise BadInput(f"{folder}: no such folder; give one that `wayfarer sim --out` has filled")
     if not (folder / SETTINGS).exists():
         raise BadInput(f"{folder} holds no campaign: {SETTINGS} is missing; give a folder of `wayfarer sim --out`")
-    settings = read_settings(folder / SETTINGS, CampaignSettings, "campaign")
-    return CampaignResults(folder, settings, read_trials(folder, settings, "campaign", "sim"))
+    settings = read_settings(folder / SETTINGS, recorded, "campaign")
+    return CampaignResults(folder, settings, read_trials(folder, settings.settings(), "campaign", "sim"))
 
 
-def read_settings(path: Path, model: type[ModelT], kind: str) -> ModelT:
+def read_settings(path: Path, read: Callable[[Any], T], kind: str) -> T:
     """Return what a file such as ``campaign.json`` or ``sweep.json`` holds; ``kind`` is what errors call its owner.
 
     Raises:
         BadInput: it cannot be read, or no such settings are in it.
     """
     try:
-        return model.model_validate_json(read_regular(path, MOST_BYTES))
+        return read(json.loads(read_regular(path, MOST_BYTES)))
     except OSError as error:
         raise BadInput(f"{path}: cannot be read: {error.strerror}") from None
     except ValidationError as error:
         raise BadInput(f"{path} is damaged: {key_and_problem(error)}; the {kind} must be run again") from None
+    except (ValueError, RecursionError) as error:
+        raise BadInput(f"{path} is damaged: {one_line(error)}; the {kind} must be run again") from None
 
 
-def read_trials(folder: Path, model: BaseModel, kind: str, command: str) -> list[TrialRow]:
+def read_trials(folder: Path, settings: Mapping[str, Any], kind: str, command: str) -> list[TrialRow]:
     """Return the rows of the finished ``trials.csv`` that belongs to these settings, in its order.
 
     Raises:
         BadInput: it is not there yet, is damaged, or cannot be read.
     """
-    path, settings = folder / TRIALS, model.model_dump()
+    path = folder / TRIALS
     try:
         with open_regular(path) as file:
             rows, _ = read_rows(file, settings, str(path))

@@ -252,9 +252,8 @@ def boxes_of(by_algorithm: ByAlgorithm) -> dict[str, Box]:
 def _box_of(rows: list[TrialRow]) -> Box:
     first_m, median_m, third_m = np.percentile(_paths_m(rows), [25, 50, 75]).tolist()
     room_m = WHISKERS_IQR * (third_m - first_m)
-    inside = {row for row in rows if first_m - room_m <= (row.path_m or 0.0) <= third_m + room_m}
-    within_m = [row.path_m or 0.0 for row in inside]
-    beyond = [row for row in rows if row not in inside]
+    within_m = [path_m for path_m in _paths_m(rows) if first_m - room_m <= path_m <= third_m + room_m]
+    beyond = [row for row in rows if not min(within_m) <= (row.path_m or 0.0) <= max(within_m)]
     return Box(min(within_m), first_m, median_m, third_m, max(within_m), beyond, rows)
 
 

@@ -183,7 +183,7 @@ def _body(results: SweepResults, plots: Plots, runs: Sequence[RecordedRun]) -> I
         )
         yield html.section("What changes", html.paragraph(caption), key, _panels(curves_figures(results), plots))
     estimates = [each for cells in results.estimates.values() for each in cells.values()]
-    settings = results.settings.model_dump(mode="json")
+    settings = results.settings.settings()
     change = "SPL change: to the same trials without a sweep." if _has_spl(results) else f"{NO_SPL}."
     texts = [WHAT_COUNTS, change, layouts_note(settings), methods_note(estimates)]
     yield html.section("Each point", _table(results), *map(html.paragraph, texts))

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby, product
 from pathlib import Path
-from typing import Annotated, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainValidator, model_validator
 
 from wayfarer.experiments.measures import MEASURES, Estimate, Measure, difference, estimate
-from wayfarer.experiments.report.load_results import CampaignSettings, read_settings, read_trials
+from wayfarer.experiments.report.load_results import read_settings, read_trials, recorded
 from wayfarer.experiments.results_folder import SWEEP_SETTINGS
 from wayfarer.experiments.rows import TrialRow
-from wayfarer.experiments.sweep import MOST_AXES, MOST_DIGITS, MOST_TRIALS, Value
+from wayfarer.experiments.settings import MOST_DIGITS, MOST_TRIALS, Value
+from wayfarer.experiments.sweep import MOST_AXES
 from wayfarer.experiments.tables import SWEEP_COLUMNS, layouts_of_points
 
 
@@ -26,6 +28,12 @@ def _drawable(value: Value) -> Value:
 
 
 Drawable = Annotated[Value, AfterValidator(_drawable)]
+if TYPE_CHECKING:
+    from wayfarer.experiments.campaign import Campaign
+
+    Recorded = Campaign
+else:
+    Recorded = Annotated[Any, PlainValidator(recorded)]
 
 
 class SweptAxis(BaseModel):
@@ -47,7 +55,7 @@ class SweepSettings(BaseModel):
     """``sweep.json``, as ``Sweep.settings`` wrote it."""
 
     axes: list[SweptAxis] = Field(min_length=1, max_length=MOST_AXES)
-    campaign: CampaignSettings
+    campaign: Recorded
 
     @model_validator(mode="after")
     def _can_be_run(self) -> Self:
@@ -56,6 +64,10 @@ class SweepSettings(BaseModel):
         if count > MOST_TRIALS:
             raise ValueError(f"{count:,} trials, allowed are {MOST_TRIALS:,}")
         return self
+
+    def settings(self) -> dict[str, Any]:
+        """Return them as ``sweep.json`` has them."""
+        return {"axes": [axis.model_dump() for axis in self.axes], "campaign": self.campaign.settings()}
 
 
 @dataclass(frozen=True)
@@ -71,7 +83,7 @@ class SweepResults:
         return self.settings.axes
 
     @property
-    def algorithms(self) -> list[str]:
+    def algorithms(self) -> Sequence[str]:
         """Who decided, in the campaign's order."""
         return self.settings.campaign.algorithms
 
@@ -105,7 +117,7 @@ class SweepResults:
 
     def change(self, point: int, algorithm: str) -> Estimate | None:
         """Return the difference in SPL to the same trials without a sweep; None if these met other layouts."""
-        layouts = layouts_of_points(self.settings.model_dump(mode="json"))
+        layouts = layouts_of_points(self.settings.settings())
         if self.now in {None, point} or layouts[point] != layouts[self.now or 0]:
             return None
         return difference(self.cells[point, algorithm], self.cells[self.now or 0, algorithm], MEASURES["spl"])
@@ -128,5 +140,5 @@ def read_sweep(folder: Path) -> SweepResults:
     Raises:
         BadInput: the sweep is not finished, or its folder is damaged; the text says what to do.
     """
-    settings = read_settings(folder / SWEEP_SETTINGS, SweepSettings, "sweep")
-    return SweepResults(settings, read_trials(folder, settings, "sweep", "sweep"))
+    settings = read_settings(folder / SWEEP_SETTINGS, SweepSettings.model_validate, "sweep")
+    return SweepResults(settings, read_trials(folder, settings.settings(), "sweep", "sweep"))

@@ -6,14 +6,14 @@ import statistics
 from collections.abc import Iterator, Sequence
 
 from wayfarer import __version__
+from wayfarer.experiments.campaign import Campaign
 from wayfarer.experiments.outcome import SUCCESSES
 from wayfarer.experiments.provenance import RecordedRun, facts_of
-from wayfarer.experiments.report.load_results import CampaignResults, CampaignSettings
+from wayfarer.experiments.report.load_results import CampaignResults
 from wayfarer.experiments.report.worst_trials import ending
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.fieldlog.wording import plural
 from wayfarer.simhal.faults.kinds import parse_fault
-from wayfarer.simhal.world.physics import changed
 
 ESCAPE = (
     "Share of all trials that have escaped by a path of that length; one that was entrapped, tipped or faulty counts "
@@ -32,37 +32,34 @@ def title(results: CampaignResults) -> str:
     """Name the page."""
     names, trials = results.settings.algorithms, results.settings.trials
     what, each = (names[0], "") if len(names) == 1 else (f"{len(names)} algorithms", " each")
-    where = f" at the site {results.settings.scenario}" if results.settings.scenario else ""
+    where = f" at the site {results.settings.site}" if results.settings.site else ""
     return f"{what} in {plural(trials, 'simulated forest trial')}{each}{where}"
 
 
-def facts(settings: CampaignSettings, runs: Sequence[RecordedRun] = ()) -> Iterator[tuple[str, str]]:
+def facts(settings: Campaign, runs: Sequence[RecordedRun] = ()) -> Iterator[tuple[str, str]]:
     """Yield how the results were made, as far as the folder says, and everything that decides them."""
     rover, forests = settings.rover, settings.forests
     yield from facts_of(runs)
     if not runs:
         yield "software", f"wayfarer {settings.version}"
     yield "trials of each algorithm", str(settings.trials)
-    if settings.scenario:
-        yield "site", settings.scenario
+    if settings.site:
+        yield "site", settings.site
     yield "seed", str(settings.seed)
     yield "mean distance between slips", f"{settings.slip_mean_m:g} m"
     yield "path budget", f"{settings.budget_m:g} m"
-    yield "rover", str(rover.get("name", "unnamed"))
-    yield "obstacles noticed by", str(rover.get("anomaly_source", "unknown"))
-    yield "depth of the simulation", settings.depth
-    if settings.mujoco is None:
+    yield "rover", str(rover.name)
+    yield "obstacles noticed by", str(rover.anomaly_source)
+    yield "depth of the simulation", settings.depth.value
+    yield "physics", settings.physics
+    if settings.physics == "light":
         yield "ground", settings.ground.value
-    for name, (low, high) in (settings.mujoco or {}).items():
-        yield f"MuJoCo, {name}", _drawn(low, high)
-    for name, (low, high) in (settings.slope or {}).items():
-        yield name, _drawn(low, high)
-    for name, value in changed(settings.sim).items():
-        yield f"sim.{name}", f"{value:g}"
+    for key, value in settings.set.items():
+        yield key, f"{value[0]:g} to {value[1]:g}, drawn for each trial" if isinstance(value, tuple) else str(value)
     if settings.faults:
         yield "faults in each trial", "; ".join(str(parse_fault(each)) for each in settings.faults)
-    if not settings.scenario:
-        yield "forests", f"{forests.file}, BLAKE2b {forests.blake2b}" if forests else "generated"
+    if not settings.site:
+        yield "forests", f"{forests.name}, BLAKE2b {forests.blake2b}" if forests else "generated"
     yield "algorithms", ", ".join(settings.algorithms)
 
 
@@ -97,7 +94,3 @@ def not_drawn(version: str) -> str:
         f"Not drawn, because their results were different when wayfarer {__version__} ran them again (the table is of "
         f"wayfarer {version}): the code or an algorithm has changed since, and a drawing would show another run."
     )
-
-
-def _drawn(low: float, high: float) -> str:
-    return f"{low:g}" if low == high else f"{low:g} to {high:g}, drawn for each trial"

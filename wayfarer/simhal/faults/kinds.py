@@ -13,7 +13,7 @@ from wayfarer.config.factory import NEEDED
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import BadInput, UnknownName
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, PositionFix
-from wayfarer.simhal.build_rover import Depth
+from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.faults import bus, process, readings, world
 from wayfarer.simhal.faults.bus import BusFault
 from wayfarer.simhal.faults.fault_kind import PARTS, FaultKind

@@ -18,7 +18,8 @@ from __future__ import annotations
 import gzip
 import json
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
+from hashlib import blake2b
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated
@@ -134,3 +135,30 @@ def as_row(forest: Forest) -> dict[str, object]:
     row = asdict(forest)
     row["trunks_m"] = [list(trunk) for trunk in row.pop("trunks")]
     return {key: value for key, value in row.items() if key not in {"shortest_path_m", "diameters_m"} or value}
+
+
+@dataclass(frozen=True, slots=True)
+class ForestFile:
+    """The forests of a file, in its order, and what identifies its content."""
+
+    name: str
+    blake2b: str
+    forests: tuple[Forest, ...]
+
+    @property
+    def noise_span(self) -> int:
+        """How far apart the noise numbers of two passes through the file are."""
+        noises = [forest.noise for forest in self.forests]
+        return max(noises) - min(noises) + 1
+
+
+def read_forest_file(source: str | Path) -> ForestFile:
+    """Read a file of forests; the text ``reference`` is the one that comes with wayfarer.
+
+    Raises:
+        BadForest: no such file, nothing in it, or a forest that cannot be used; the text names file, line and
+            reason.
+    """
+    content = content_of(source)
+    checksum = blake2b(content, digest_size=16).hexdigest()
+    return ForestFile(Path(source).name, checksum, tuple(forests_in(source, content)))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from enum import StrEnum
 from types import MappingProxyType
 from typing import Annotated, Any, Final
 
@@ -23,52 +22,52 @@ from wayfarer.setting_ranges import (
     SecondsOrZero,
     SignedDegrees,
 )
+from wayfarer.simhal.choices import GroundName
 
 
 @dataclass(frozen=True, slots=True)
 class Senses:
-    """How compass and flow sensor err.
+    """How compass and flow sensor err; all errors of the compass have random phases for each trial.
 
-    ``compass_noise_deg`` is the noise on each reading (paper, as ``Physics``). Chosen by us, to be plain: tilt
-    reads off by ``tilt_noise_deg``, as on rough ground; flow by a few counts and a share of the distance.
-    ``compass_bias_deg``, clockwise, is how far the compass reads off through a whole trial.
-
-    The rest is neutral, and ``FIELD`` has values for it. *Compass*, all errors with random phases for each trial:
-
-    ``hard_iron_deg``: the most that iron that turns with the body bends the heading; one cycle a turn of the body.
-    ``soft_iron_deg``: the same of iron that is magnetised by the earth; two cycles a turn.
-    ``motor_field_deg``: the same as hard iron by the current of one side at full duty, and the other way round if the
-    side turns backwards. Each side has its own phase, so turning on the spot differs from driving straight. The current
-    is taken as in proportion to the duty, as in a motor that is held; one that spins draws less.
-    ``compass_lag_s``: a reading is the attitude of that long ago, with a new time stamp; in whole readings, rounded up.
-    ``compass_freezes_below_deg_s``: the heading does not move while the body turns more slowly than this, and goes on
-    from there when it turns faster; what was missed stays missed.
-    ``tilt_vibration_deg``: standard deviation of what shakes pitch and roll at full duty, in proportion to the duty.
-
-    *Flow sensor*:
-
-    ``flow_scale_sd``: standard deviation of the logarithm of a factor on each displacement, one a trial: the sensor is
-    at another height above the ground than its driver believes.
-    ``blind_share``: the share of the ground on which it sees nothing, in squares of ``blind_cell_m`` whose places
-    depend on the trial, and not where the rover starts. It reports exact zeros there, with the quality
-    ``blind_quality``. A camera shows black there.
+    Noise of the compass as in the paper (section IV-A), noise of tilt and flow chosen by us. The rest is neutral, and
+    ``FIELD`` has values for it.
     """
 
     compass_noise_deg: DegreesOrZero = 1.0
+    """Noise on each reading of the compass."""
     compass_bias_deg: SignedDegrees = 0.0
+    """How far the compass reads off through a whole trial, clockwise."""
     tilt_noise_deg: DegreesOrZero = 1.0
+    """Noise on pitch and roll, as on rough ground."""
     flow_noise_counts: Gain = 2.0
+    """Noise on each displacement of the flow sensor, in counts."""
     flow_noise_share: Fraction = 0.03
+    """Noise on each displacement, as a share of it."""
     hard_iron_deg: DegreesOrZero = 0.0
+    """The most that iron that turns with the body bends the heading; one cycle per turn of the body."""
     soft_iron_deg: DegreesOrZero = 0.0
+    """The same of iron that is magnetised by the earth; two cycles per turn."""
     motor_field_deg: DegreesOrZero = 0.0
+    """The same as hard iron by the current of one side at full duty, and the other way round if the side turns
+    backwards. Each side has its own phase, so turning on the spot differs from driving straight. The current is taken
+    as in proportion to the duty, as in a motor that is held; one that spins draws less."""
     compass_lag_s: SecondsOrZero = 0.0
+    """A reading is the attitude of that long ago, with a new time stamp; in whole readings, rounded up."""
     compass_freezes_below_deg_s: DegreesPerSecondOrZero = 0.0
+    """The heading does not move while the body turns more slowly than this, and goes on from there when it turns
+    faster; what was missed stays missed."""
     tilt_vibration_deg: DegreesOrZero = 0.0
+    """Standard deviation of what shakes pitch and roll at full duty, in proportion to the duty."""
     flow_scale_sd: Fraction = 0.0
+    """Standard deviation of the logarithm of a factor on each displacement, one per trial: the flow sensor is at
+    another height above the ground than its driver believes."""
     blind_share: Fraction = 0.0
+    """Share of the ground on which the flow sensor sees nothing, and not where the rover starts. It reports exact zeros
+    there; a camera shows black."""
     blind_cell_m: Annotated[float, Interval(ge=0.1, le=100)] = 2.0
+    """Side of the squares of blind ground; their places depend on the trial."""
     blind_quality: Fraction = 0.0
+    """Quality that the flow sensor reports on blind ground."""
 
 
 # As in a wood. Each value has its source, or none:
@@ -95,37 +94,41 @@ FIELD: Final[Mapping[str, float]] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class Physics(Senses):
-    """Parameters of physics-light: slip, noise, lag, contact; and those of the senses.
+    """The simulated world, and how senses err. MuJoCo has senses, slope, unequal sides, slips and tipping of it.
 
-    From the paper and its released simulator (section IV-A; units as measured from the released code): the rover goes
-    off its heading by ``steer_noise_rad`` in each step (0.05 m at cruise), its heading wanders by
-    ``heading_noise_deg`` in each 0.05 m, and it slips 0.5 m plus an exponentially distributed distance
-    (``slip_mean_m``) after the last slip.
-
-    Chosen by us, to be plain: first-order motor lag (on ideal ground; others follow from the body); gain of
-    each side and effective track off by a few per cent from one rover to the next; a rover that pushes onto a trunk
-    rears up at ``climb_deg_s`` for full duty, falls back with ``settle_s``, and tips over beyond ``tip_deg`` from the
-    ground.
-
-    All of the ground slopes by ``slope_deg``. It rises towards ``slope_direction_deg``, clockwise from the forest's
-    heading: 0 is a goal straight uphill, 90 ground that rises to the right of the way to the goal, 180 a goal straight
-    downhill, 270 ground that rises to the left.
+    Noise and slips are those of the paper and its released simulator (section IV-A; units as measured from the released
+    code). The rest is chosen by us, to be plain.
     """
 
     step_s: Annotated[float, Interval(gt=0, le=0.1)] = 0.05
+    """Step of the simulation."""
     motor_lag_s: Seconds = 0.1
+    """First-order lag of the motors on ideal ground; on others it follows from the body."""
     side_gain_sd: Fraction = 0.02
+    """Standard deviation of each side's gain from one rover to the next."""
     track_sd: Fraction = 0.05
+    """Standard deviation of the effective track from one rover to the next."""
     steer_noise_rad: Fraction = 0.2
+    """By how much the rover goes off its heading in each ``noise_per_m``, radians."""
     heading_noise_deg: DegreesOrZero = 1.0
+    """By how much its heading wanders in each ``noise_per_m``."""
     noise_per_m: Metres = 0.05
+    """Length of a step of that noise: of the released simulator at cruise."""
     slip_free_m: MetresOrZero = 0.5
+    """The least distance between two slips."""
     slip_mean_m: Metres = 10.0
+    """The rest of it is distributed exponentially with this mean; in MuJoCo a straight way meets mud as often."""
     climb_deg_s: DegreesPerSecond = 40.0
+    """How fast a rover rears up that pushes onto a trunk, at full duty."""
     settle_s: Seconds = 0.2
+    """How fast it falls back: a time constant."""
     tip_deg: Degrees = 60.0
+    """Angle from the ground at which it tips over."""
     slope_deg: Annotated[float, Interval(ge=0, le=45)] = 0.0
+    """Slope of all the ground."""
     slope_direction_deg: Annotated[float, Interval(ge=0, le=360)] = 0.0
+    """Where the ground rises to, clockwise from the way to the goal: 0 is a goal straight uphill, 90 ground that rises
+    to the right of the way, 180 a goal straight downhill."""
 
 
 PHYSICS = Physics()
@@ -134,15 +137,6 @@ PHYSICS = Physics()
 def changed(physics: Physics) -> dict[str, Any]:
     """Return the parameters that are not as by default."""
     return {name: value for name, value in asdict(physics).items() if value != getattr(PHYSICS, name)}
-
-
-class GroundName(StrEnum):
-    """What the wheels stand on; on ``ideal`` the body goes and turns as commanded, as in the paper's simulator."""
-
-    ideal = "ideal"
-    leaf_litter = "leaf-litter"
-    dry_soil = "dry-soil"
-    mud = "mud"
 
 
 # Friction of a tyre on the ground. Nobody measured these tyres. Dry soil: a tyre that slides on a dry earth road (Wong,

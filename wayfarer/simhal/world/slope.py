@@ -1,49 +1,11 @@
-"""Ground that slopes as a whole: the same everywhere, fixed or drawn for each trial."""
+"""Ground that slopes as a whole: the same everywhere."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from math import asin, atan, cos, degrees, radians, sin, tan
-from typing import Final, NamedTuple
 
-from wayfarer.simhal.drawn_ranges import Range, drawn, ranges_of
-from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
-
-
-class Slope(NamedTuple):
-    """The slope of one trial, as ``Physics`` has it."""
-
-    slope_deg: float
-    slope_direction_deg: float
-
-
-class Slopes(NamedTuple):
-    """The slope of each trial of a campaign."""
-
-    slope_deg: Range
-    slope_direction_deg: Range = Range(0.0, 0.0)
-
-    def draw(self, streams: RandomStreams) -> Slope:
-        """Return one trial's slope."""
-        return Slope(*(drawn(streams, f"sim.{name}", bounds) for name, bounds in self._asdict().items()))
-
-    def as_json(self) -> dict[str, list[float]]:
-        """Return the bounds as JSON can hold them."""
-        return {name: list(bounds) for name, bounds in self._asdict().items()}
-
-
-BOUNDS: Final = Slopes(Range(0.0, 45.0), Range(0.0, 360.0))  # as the fields of ``Physics``
-
-
-def slopes_of(bounds: Mapping[str, Sequence[float]]) -> Slopes:
-    """Return what ``Slopes.as_json`` gave.
-
-    Raises:
-        ValueError: it did not give this; the text says which number is missing or out of bounds.
-    """
-    return Slopes(**ranges_of(bounds, BOUNDS._asdict()))
 
 
 class Hillside:

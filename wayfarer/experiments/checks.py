@@ -1,0 +1,240 @@
+"""What is checked before the first trial: the settings that people ask for, the rover's body, its drivers, folders."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from wayfarer.config.messages import located
+from wayfarer.config.registry import find_algorithm
+from wayfarer.config.rover_file import RoverConfig, load_rover
+from wayfarer.config.settings import CLIMBING_KEYS
+from wayfarer.errors import BadConfig, BadInput, MissingPackage, UnknownName, one_line
+from wayfarer.escape.catalogue import CATALOGUE
+from wayfarer.experiments.campaign import Campaign
+from wayfarer.experiments.keys import OWN, Conditions, check_keys, check_ranges, corners, laid_over, settings_of
+from wayfarer.experiments.settings import NAMES, checked_plain
+from wayfarer.extras import require
+from wayfarer.simhal.choices import Depth, GroundName
+from wayfarer.simhal.world.forest_file import read_forest_file
+from wayfarer.simhal.world.physics import PHYSICS
+
+if TYPE_CHECKING:
+    from wayfarer.simhal.faults.kinds import Fault
+    from wayfarer.simhal.world.wheeled_body import WheeledBody
+
+PAPER_SET = "paper"  # stands for the ten of the paper, which are the catalogue
+INTERRUPTED = 130  # as a shell reports a command that SIGINT ended
+
+
+def make_campaign(asked: Mapping[str, Any], spell: Callable[[str], str] = str) -> Campaign:
+    """Return the campaign that a command line or a call from Python asks for, with all of it checked.
+
+    Args:
+        asked: settings by their names, in the forms in which people write them (``settings.FORMS``).
+        spell: says how the reader of an error writes a setting: as an option, or by its name in Python.
+
+    Raises:
+        BadInput: a setting is none of those that are allowed, or does not go with the others.
+        MissingPackage: shortest paths, a site or MuJoCo need a library that is not installed.
+        TypeError: there is no such setting, as of a Python function without that argument.
+    """
+    if unknown := asked.keys() - set(NAMES):
+        raise TypeError(f"unexpected keyword argument {sorted(unknown)[0]!r}; settings are {', '.join(NAMES)}")
+    plain = checked_plain(asked, spell)
+    rover = asked.get("rover", "sim")
+    where = rover.name if isinstance(rover, RoverConfig) else str(rover)
+    forests, site, faults = (asked.get(name) for name in ("forests", "site", "faults"))
+    if site is not None and forests is not None:  # a site draws its own layouts
+        raise BadInput(f"{spell('site')} and {spell('forests')} do not go together: leave one of them out")
+    campaign = Campaign(
+        algorithms(asked.get("algorithms", Campaign.algorithms)),
+        rover=rover if isinstance(rover, RoverConfig) else load_rover(where),
+        forests=None if forests is None else read_forest_file(forests),
+        site=site,
+        set=settings_of(asked.get("set") or {}, spell("set")),
+        faults=(faults,) if isinstance(faults, str) else tuple(faults or ()),
+        **plain,
+    )
+    check_together(campaign, spell)
+    if campaign.field_site:
+        campaign = replace(campaign, rover=campaign.field_site.equip(campaign.rover))
+    check_keys(campaign, list(campaign.set), spell)
+    # What an option sets as well has one place: a key that is one has gone there, unless it is drawn.
+    own = {key: value for key, value in campaign.fixed_values.items() if key in OWN}
+    rest = {key: value for key, value in campaign.set.items() if key not in own}
+    campaign = check_ranges(replace(campaign, set=rest, **checked_plain(own, "key '{}'".format)))
+    check_points([campaign], where)
+    checked_faults(campaign.faults, campaign.fixed.rover, campaign.depth)
+    return campaign
+
+
+def check_together(campaign: Campaign, spell: Callable[[str], str]) -> None:
+    """Refuse settings that do not go together, or that need what is not installed.
+
+    Raises:
+        UnknownName: no such site; the text offers the nearest names.
+        BadConfig: the rover's file does not say how it meets a branch.
+        BadInput: two settings do not go together.
+        MissingPackage: the text says which package, and how to install it.
+    """
+    if twice := [key for key in OWN if key in campaign.set and getattr(campaign, key) != getattr(Campaign, key)]:
+        raise BadInput(f"{spell(twice[0])} and {spell('set')} {twice[0]} set the same value; leave out one of them")
+    if campaign.physics == "mujoco":
+        if campaign.ground is not GroundName.ideal:
+            raise BadInput(
+                f"{spell('ground')} {campaign.ground} is of physics-light; in MuJoCo use {spell('set')} sim.friction"
+            )
+        require("--physics mujoco")
+    if campaign.spl:
+        require("--spl")
+    if campaign.site is None:
+        return
+    require("--site")
+    from wayfarer.simhal.world.sites import SITES
+
+    if campaign.site not in SITES:
+        raise UnknownName("site", str(campaign.site), SITES)
+    if missing := campaign.rover.chassis.missing(CLIMBING_KEYS):
+        raise BadConfig(
+            f"rover '{campaign.rover.name}' has no chassis.{missing[0]}, which {spell('site')} needs for branches; use "
+            f"{spell('rover')} forestrover or minirover, or add the key to [chassis] of its file, as in their files"
+        )
+
+
+def algorithms(asked: Any) -> tuple[str, ...]:
+    """Return the algorithms that a list, or a text with commas, names, each once, in the order asked.
+
+    Raises:
+        UnknownName: no such algorithm; the text offers the nearest names.
+        BadInput: a third party's algorithm cannot be loaded.
+    """
+    names = [name.strip() for name in (asked if isinstance(asked, str) else ",".join(map(str, asked))).split(",")]
+    expanded = dict.fromkeys(name for item in names for name in (CATALOGUE if item == PAPER_SET else [item]))
+    for name in expanded:
+        find_algorithm(name)
+    return tuple(expanded)
+
+
+def checked_faults(texts: Iterable[str], rover: RoverConfig, depth: Depth) -> list[Fault]:
+    """Return the faults that ``--fault`` asks for, all of which can happen to a rover at a depth.
+
+    Raises:
+        BadInput: one cannot happen to it, or is none; the text says why, and offers the nearest names.
+    """
+    from wayfarer.simhal.faults.kinds import misfit, parse_fault
+
+    faults = {text: parse_fault(text) for text in texts}
+    for text, fault in faults.items():
+        if why := misfit(fault, rover, depth):
+            raise BadInput(f"--fault {text}: {why}")
+    return list(faults.values())
+
+
+def check_points(points: Iterable[Campaign], where: str) -> None:
+    """Make sure that the rover can drive in a campaign, or at each point of a sweep; ``where`` as ``check_rover``.
+
+    Raises:
+        BadInput: it cannot, or something that it needs is not installed.
+    """
+    for point in points:
+        of_trials = {each.rover.model_dump_json(): each.rover for each in map(partial(_at, point), corners(point))}
+        for rover in of_trials.values():
+            check_body(point, rover, where)
+            check_rover(rover, point.depth, where)
+
+
+def _at(point: Campaign, drawn: Mapping[str, Any]) -> Conditions:
+    return laid_over(point, {**point.fixed_values, **drawn}) if drawn else point.fixed
+
+
+def check_body(campaign: Campaign, rover: RoverConfig, where: str) -> None:
+    """Make sure that wheels that slip can have this rover's body, before the first trial; ``where`` as ``check_rover``.
+
+    Raises:
+        BadConfig: its file does not say enough of the body, or says what cannot be built.
+    """
+    from wayfarer.simhal.world.wheeled_body import body_of
+
+    ground, in_mujoco = campaign.fixed.ground, campaign.physics == "mujoco"
+    if not in_mujoco and ground is GroundName.ideal:
+        return
+    asked_by = "--physics mujoco" if in_mujoco else f"--ground {ground}"
+    try:
+        body = body_of(rover.name, rover.vehicle, rover.chassis, asked_by)
+    except BadConfig as error:
+        raise BadConfig(f"{where}: {error}") from None
+    if in_mujoco:
+        _check_model(body, where)
+
+
+def _check_model(body: WheeledBody, where: str) -> None:
+    """Make sure that the engine takes this body.
+
+    Raises:
+        BadConfig: it does not.
+    """
+    from wayfarer.simhal.mujoco.model import build_spec
+    from wayfarer.simhal.mujoco.terrain import Terrain
+
+    try:
+        build_spec(body, Terrain(), None, []).compile()
+    except ValueError as error:
+        raise BadConfig(
+            f"{where}: MuJoCo cannot build this rover ({one_line(error)}); correct its vehicle or chassis"
+        ) from None
+
+
+def check_rover(config: RoverConfig, depth: Depth, where: str) -> None:
+    """Build a rover once: what would end every trial in a fault is told before the first.
+
+    Args:
+        config: the rover.
+        depth: of the simulation.
+        where: the rover's file, or the name of a shipped one.
+
+    Raises:
+        BadConfig: at bus depth the rover wants a part, or a chip for one; the text names file and key. At device
+            depth only a third party's chip can be wrong, which the first trial tells.
+        MissingPackage: at bus depth one of its drivers needs a package that is not installed.
+    """
+    if depth is Depth.DEVICE:
+        return
+    from wayfarer.config.factory import NEEDED
+    from wayfarer.simhal.build_rover import bus_depth, missing_package
+    from wayfarer.simhal.buses import ChipMisuse, FakeBuses
+    from wayfarer.simhal.random_streams import RandomStreams
+    from wayfarer.simhal.world.forest import CLEARING
+    from wayfarer.simhal.world.world import World
+
+    if missing := [part for part in NEEDED if part not in config.parts]:
+        lacks = f"rover '{config.name}' has no [parts.{missing[0]}], so there is no driver to run; use --depth device"
+        raise BadConfig(located(where, f"key 'parts.{missing[0]}' is missing: {lacks}"))
+    if why := missing_package(config, Depth.BUS):
+        raise MissingPackage(f"{why}; or use --depth device")
+    streams = RandomStreams(0)
+    world = World(CLEARING, config.vehicle, PHYSICS, streams)
+    try:
+        bus_depth(world, streams, config, lambda: 0.0, FakeBuses())
+    except BadConfig as error:
+        raise BadConfig(located(where, str(error))) from None
+    except ChipMisuse as error:
+        raise BadConfig(f"{where}: {error}; correct its parts") from None
+
+
+def make_empty_folder(path: Path, what: str) -> None:
+    """Make a folder, or take an empty one.
+
+    Raises:
+        BadInput: it is not empty, or cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        empty = not any(path.iterdir())
+    except OSError as error:
+        raise BadInput(f"{path} cannot be used for {what}: {error.strerror}") from error
+    if not empty:
+        raise BadInput(f"{path} is not empty; {what} needs a new or empty folder")
