@@ -30,11 +30,10 @@ from wayfarer.daemon.socket.protocol import STARTING
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.remote.live.server import LivePage
 from wayfarer.simhal.build_rover import build
-from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.generate import generate_forest
-from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.physics import Depth, Physics
 from wayfarer.simhal.world.world import World
 
 TOKEN = "of the benchmark"

@@ -22,10 +22,9 @@ from wayfarer.experiments.trial import TrialCounters, run_trial
 from wayfarer.safety.permission import Asked
 from wayfarer.simhal.buses import FakeBuses, FakeI2C
 from wayfarer.simhal.chip_wiring import ChipWiring
-from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.generate import generate_forest
-from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.physics import Depth, Physics
 from wayfarer.simhal.world.world import World
 
 HANG_S = 1.0

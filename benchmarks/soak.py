@@ -38,11 +38,11 @@ from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.sink import Sink
 from wayfarer.safety.permission import Asked
-from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults.kinds import Fault, misfit
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.simhal.world.generate import generate_forest
+from wayfarer.simhal.world.physics import Depth
 from wayfarer.simhal.world.world import World
 from wayfarer.testing.safety_rules import SafetyRules
 

@@ -21,9 +21,8 @@ from wayfarer.fieldlog.record import FaultInjected
 from wayfarer.fieldlog.sink import Sink
 from wayfarer.run_sim import simulated_rover_setup
 from wayfarer.safety.mission import RunEnd
-from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.faults.kinds import parse_fault
-from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.physics import Depth, Physics
 from wayfarer.simhal.world.world import World
 
 UPTIME_S = 86_400.0  # a desk computer's clock does not begin at 0

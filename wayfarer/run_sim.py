@@ -13,13 +13,12 @@ from wayfarer.experiments.outcome import OutcomeMonitor
 from wayfarer.experiments.trial_log import GroundTruthLog
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.simhal.build_rover import build
-from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.faults.injector import Injector
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest_file import as_row
 from wayfarer.simhal.world.generate import generate_forest
-from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.physics import Depth, Physics
 from wayfarer.simhal.world.world import World
 from wayfarer.vocabulary import outcome_in_words
 

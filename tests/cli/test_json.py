@@ -161,6 +161,12 @@ def test_list_of_faults(says: Any) -> None:
     assert {"silent", "snag"} <= {each["kind"] for each in says("list --faults", "list", "--faults")["faults"]}
 
 
+def test_list_of_keys(says: Any, run: Run) -> None:
+    keys = {each["key"]: each for each in says("list --keys", "list", "--keys")["keys"]}
+    assert (keys["sim.friction"]["value"], keys["escape.turn_angle_deg"]["what"]) == (0.5, None)
+    assert "sim.slope_direction_deg" in run("list", "--keys")[1]
+
+
 def test_list_of_conditions(says: Any) -> None:
     rows = {each["condition"]: each for each in says("list --conditions", "list", "--conditions")["conditions"]}
     assert (rows["motors_failed"]["level"], rows["motors_failed"]["among_people"]) == ("hold", "fault")

@@ -13,9 +13,9 @@ from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.trial import run_watched
 from wayfarer.hal import MotionReading, WheelCommand
 from wayfarer.safety.conditions import Condition
-from wayfarer.simhal.choices import GroundName
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.world import Drive
+from wayfarer.simhal.world.physics import GroundName
 
 
 class Seen(PartialLog):

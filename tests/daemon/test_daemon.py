@@ -38,7 +38,7 @@ from wayfarer.logview.narrator import Console
 from wayfarer.run_sim import simulated_rover_setup
 from wayfarer.safety.mission import RunEnd
 from wayfarer.safety.settings import ManualSettings
-from wayfarer.simhal.choices import Depth
+from wayfarer.simhal.world.physics import Depth
 
 LONG_S = 10.0
 

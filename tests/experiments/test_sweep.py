@@ -14,9 +14,8 @@ from wayfarer.experiments.keys import current, replace_set
 from wayfarer.experiments.results_folder import swept_values
 from wayfarer.experiments.settings import Value
 from wayfarer.experiments.sweep import MOST_VALUES, Axis, Sweep, make_sweep, parse_axis
-from wayfarer.simhal.choices import GroundName, PhysicsName
 from wayfarer.simhal.world.forest_file import ForestFile
-from wayfarer.simhal.world.physics import PHYSICS
+from wayfarer.simhal.world.physics import PHYSICS, GroundName, PhysicsName
 
 BASE = campaign_of(4)
 

@@ -49,10 +49,10 @@ from wayfarer.errors import NotArmed
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.safety.conditions import LEVELS, MANUAL_LEVELS, Condition, Level
 from wayfarer.safety.permission import Asked
-from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.world.generate import generate_forest
+from wayfarer.simhal.world.physics import Depth
 from wayfarer.testing.safety_rules import SafetyRules
 
 SENSES = ("compass", "motion", "contact", "position")

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.faults.kinds import KINDS, Fault, misfit
+from wayfarer.simhal.world.physics import Depth
 from wayfarer.testing.scenario import Command, Expectation, ResponseLevel, Scenario
 from wayfarer.testing.scenario_run import RunResult
 

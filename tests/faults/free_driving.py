@@ -24,10 +24,9 @@ from wayfarer.escape.catalogue import Algorithm
 from wayfarer.escape.settings import EscapeSettings, Vehicle
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.hal import WheelCommand
-from wayfarer.simhal.choices import GroundName
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.world.forest import CLEARING
-from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.physics import GroundName, Physics
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ import pytest
 from tests.faults.free_driving import drive_freely
 from tests.faults.free_minutes import ground
 from wayfarer.config.rover_file import load_rover
-from wayfarer.simhal.choices import GroundName
+from wayfarer.simhal.world.physics import GroundName
 
 pytest.importorskip("mujoco", reason="MuJoCo is not installed")  # here, for its first import starts a process
 

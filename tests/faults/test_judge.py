@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from tests.kit.logs import read_log
-from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.process import LoopStall
 from wayfarer.simhal.faults.world import Slope
+from wayfarer.simhal.world.physics import Depth
 from wayfarer.testing.faults import Result, judge, run_fault_scenario
 from wayfarer.testing.scenario import Command, Expectation, ResponseLevel, Scenario
 from wayfarer.testing.scenario_run import RunResult, run_scenario, run_without_faults

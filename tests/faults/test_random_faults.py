@@ -27,9 +27,9 @@ from tests.faults.fault_strategies import (
 from tests.faults.test_safety_rules import gate_drives
 from wayfarer.config.rover_file import load_rover
 from wayfarer.simhal.buses import ChipMisuse
-from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.faults.kinds import KINDS
 from wayfarer.simhal.faults.wires import FaultyWire
+from wayfarer.simhal.world.physics import Depth
 from wayfarer.testing.scenario import Expectation, ResponseLevel, Scenario, read_scenarios
 from wayfarer.testing.scenario_run import run_scenario
 

@@ -23,11 +23,11 @@ from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.conditions import LEVELS, Condition, Level
 from wayfarer.safety.gate import Gate, ResumeWarning
 from wayfarer.simhal.chips.motor_boards import SabertoothChip
-from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.process import LoopStall
 from wayfarer.simhal.faults.readings import LateAnswer, NotANumber, Silent
 from wayfarer.simhal.parts import SimMotors
+from wayfarer.simhal.world.physics import Depth
 from wayfarer.testing.scenario import Command, Expectation, ResponseLevel, Scenario
 from wayfarer.testing.scenario_run import run_scenario
 

@@ -10,9 +10,9 @@ import pytest
 
 from tests.config import rover_texts
 from wayfarer.errors import BadInput
-from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.faults.bus import Nack
 from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.world.physics import Depth
 from wayfarer.testing.scenario import (
     FILE_BYTES,
     Command,

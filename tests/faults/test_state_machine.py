@@ -14,8 +14,8 @@ from tests.faults.daemon_machine import Daemon, DaemonMachine, machine_settings
 from wayfarer.daemon.commands import RoverCommands
 from wayfarer.hal import WheelCommand
 from wayfarer.safety.gate import Gate
-from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.faults.kinds import Fault
+from wayfarer.simhal.world.physics import Depth
 
 EXAMPLES, STEPS = 40, 30
 

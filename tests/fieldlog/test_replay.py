@@ -43,7 +43,7 @@ from wayfarer.safety.manual import LEASE_S, ManualSample
 from wayfarer.safety.mission import PATIENCE
 from wayfarer.safety.power import DIPS, DIPS_S
 from wayfarer.safety.settings import BoardSettings
-from wayfarer.simhal.choices import Depth
+from wayfarer.simhal.world.physics import Depth
 
 SIM = load_rover("sim")
 

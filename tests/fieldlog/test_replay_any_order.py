@@ -22,7 +22,7 @@ from wayfarer.fieldlog.sink import Sink
 from wayfarer.hal import MotorHealth, Rover, WheelCommand
 from wayfarer.run_sim import simulated_rover_setup
 from wayfarer.safety.manual import ManualSample
-from wayfarer.simhal.choices import Depth
+from wayfarer.simhal.world.physics import Depth
 
 RUN_S = 60.0
 ROVER = SIM.model_copy(update={"safety": with_fields(SIM.safety, start_delay_s=0.5)})

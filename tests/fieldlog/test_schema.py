@@ -33,13 +33,12 @@ from wayfarer.hal import CompassReading, ContactReading, MotionReading, Position
 from wayfarer.logview import summary
 from wayfarer.safety.manual import ManualSample
 from wayfarer.simhal.build_rover import device_depth
-from wayfarer.simhal.choices import GroundName
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.world import Slope
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.generate import generate_forest
-from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.physics import GroundName, Physics
 from wayfarer.simhal.world.world import World
 
 README = Path(__file__).resolve().parents[2] / "docs" / "reference" / "log.md"

@@ -17,7 +17,7 @@ from wayfarer.daemon.daemon import Daemon, Service
 from wayfarer.daemon.socket.client import ask
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.run_sim import simulated_rover_setup
-from wayfarer.simhal.choices import Depth
+from wayfarer.simhal.world.physics import Depth
 
 SEED = 4  # soon in the thick of it
 SAMPLE_S = 12.0

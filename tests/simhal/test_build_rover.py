@@ -22,12 +22,11 @@ from wayfarer.experiments.trial import run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.hal import STOP, ContactSensor, MotionSensor, PositionReceiver, Rover, WheelCommand
 from wayfarer.simhal.build_rover import build
-from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.parts import SimCompass, SimFlow, SimMotors
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import CLEARING, Forest
 from wayfarer.simhal.world.generate import generate_forest
-from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.physics import Depth, Physics
 from wayfarer.simhal.world.world import World
 
 AHEAD = WheelCommand(0.5, 0.5)

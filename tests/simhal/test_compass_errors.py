@@ -15,11 +15,10 @@ from wayfarer.angles import wrap180
 from wayfarer.config.rover_file import load_rover
 from wayfarer.hal import CompassReading, WheelCommand
 from wayfarer.simhal.build_rover import build
-from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import HeadingSensorModel, compass_errs
 from wayfarer.simhal.world.forest import CLEARING
-from wayfarer.simhal.world.physics import FIELD, Physics, Senses
+from wayfarer.simhal.world.physics import FIELD, Depth, Physics, Senses
 from wayfarer.simhal.world.world import World
 
 EXACT = replace(STEADY, compass_noise_deg=0.0, tilt_noise_deg=0.0)

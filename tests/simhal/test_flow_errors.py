@@ -14,11 +14,10 @@ from tests.virtual import virtual
 from wayfarer.config.rover_file import load_rover
 from wayfarer.hal import MotionReading, WheelCommand
 from wayfarer.simhal.build_rover import build
-from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, BlindGround, FlowSensorModel, flow_scale
 from wayfarer.simhal.world.forest import CLEARING, WORLD_SIZE_M
-from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.physics import Depth, Physics
 from wayfarer.simhal.world.world import World
 
 BLIND = replace(STEADY, blind_share=0.3, blind_quality=0.4)

@@ -158,7 +158,7 @@ def _print_keys(*, as_json: bool) -> None:
     from wayfarer.experiments.keys import current, descriptions
     from wayfarer.logview.terminal import print_json
     from wayfarer.logview.terminal_table import Column, table
-    from wayfarer.simhal.choices import PhysicsName
+    from wayfarer.simhal.world.physics import PhysicsName
 
     about = descriptions()
     now = current(Campaign(rover=load_rover("sim"), physics=PhysicsName.mujoco))

@@ -76,7 +76,7 @@ def complete_settings(ctx: typer.Context, incomplete: str) -> list[str]:
     from wayfarer.config.rover_file import load_rover
     from wayfarer.experiments.campaign import Campaign
     from wayfarer.experiments.keys import current
-    from wayfarer.simhal.choices import PhysicsName
+    from wayfarer.simhal.world.physics import PhysicsName
 
     if "=" in incomplete:
         return []

@@ -18,9 +18,8 @@ from wayfarer.experiments.campaign import Campaign
 from wayfarer.experiments.keys import OWN, Conditions, check_keys, check_ranges, corners, laid_over, settings_of
 from wayfarer.experiments.settings import NAMES, checked_plain
 from wayfarer.extras import require
-from wayfarer.simhal.choices import Depth, GroundName
 from wayfarer.simhal.world.forest_file import read_forest_file
-from wayfarer.simhal.world.physics import PHYSICS
+from wayfarer.simhal.world.physics import PHYSICS, Depth, GroundName
 
 if TYPE_CHECKING:
     from wayfarer.simhal.faults.kinds import Fault

@@ -33,10 +33,9 @@ from wayfarer.experiments.settings import (
     sentences,
     value_of,
 )
-from wayfarer.simhal.choices import GroundName
 from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.world.forest import TREES_PER_HA
-from wayfarer.simhal.world.physics import FIELD, Physics, Senses
+from wayfarer.simhal.world.physics import FIELD, GroundName, Physics, Senses
 
 SettingsT = TypeVar("SettingsT", bound=CampaignSettings)
 MOST_CORNERS = 64  # of all bounds of what is drawn: those that are tried before the first trial
@@ -87,7 +86,8 @@ def settings_of(asked: Mapping[str, Any] | Iterable[str], where: str) -> dict[st
         BadInput: a text has no key or no value, a key is there twice, or bounds are the wrong way round; ``where`` is
             how the person who is to read that has written them.
     """
-    pairs = list(asked.items()) if isinstance(asked, Mapping) else [_pair(text, where) for text in asked]
+    texts = [asked] if isinstance(asked, str) else asked
+    pairs = list(texts.items()) if isinstance(texts, Mapping) else [_pair(text, where) for text in texts]
     found = {str(key): _setting(f"{where} {key}", value) for key, value in pairs}
     if len(found) < len(pairs):
         twice = next(key for key, _ in pairs if [other for other, _ in pairs].count(key) > 1)

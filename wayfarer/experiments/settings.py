@@ -4,8 +4,7 @@
 their options of it (``cli.trial_options``), ``run_campaign`` and others their arguments (``describe``), and a
 results folder its ``campaign.json``. What people give is checked in ``experiments.checks``, whoever gave it.
 
-The strings are read from the source, for ``--help`` and the documentation only: a command starts without them. This
-module imports neither pydantic nor numpy, for each start of ``wayfarer`` needs it.
+Commands import this module when ``sim`` or ``sweep`` is asked for; it imports neither pydantic nor numpy.
 """
 
 from __future__ import annotations
@@ -16,25 +15,23 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, make_dataclass
+from decimal import Decimal
 from enum import Enum
 from functools import cache
 from itertools import pairwise
 from operator import index
 from textwrap import TextWrapper, dedent
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar, cast, get_type_hints
+
+from annotated_types import Interval
 
 from wayfarer import __version__
 from wayfarer.errors import BadConfig, BadInput
-from wayfarer.simhal.choices import Depth, GroundName, PhysicsName
+from wayfarer.setting_ranges import Metres
+from wayfarer.simhal.world.physics import Depth, GroundName, PhysicsName
 
 if TYPE_CHECKING:
-    from decimal import Decimal
-    from typing import Annotated
-
-    from annotated_types import Interval
-
     from wayfarer.config.rover_file import RoverConfig
-    from wayfarer.setting_ranges import Metres
     from wayfarer.simhal.world.forest_file import ForestFile
 
 MOST_TRIALS = 1_000_000
@@ -125,31 +122,14 @@ def option_of(name: str) -> str:
     return (name in FORMS and FORMS[name].option) or f"--{name.replace('_', '-')}"
 
 
-def _hints() -> dict[str, Any]:
-    """Return the types of the settings; those that are not checked here are just objects."""
-    from typing import Annotated
-
-    from annotated_types import Interval
-
-    from wayfarer.setting_ranges import Metres
-
-    names = {
-        "RoverConfig": object,
-        "ForestFile": object,
-        "Annotated": Annotated,
-        "Interval": Interval,
-        "Metres": Metres,
-    }
-    return get_type_hints(CampaignSettings, None, names, include_extras=True)
-
-
 # -- values as people write them ---------------------------------------------------------------------------------------
 
 
 @cache
 def plain_kind() -> Any:
     """Return a dataclass of the settings that are a number, a switch or one of a few words: what pydantic checks."""
-    types = _hints()
+    unchecked = {"RoverConfig": object, "ForestFile": object}
+    types = get_type_hints(CampaignSettings, None, unchecked, include_extras=True)
     plain = [each for each in fields(CampaignSettings) if each.name in NAMES and each.name not in FORMS]
     return make_dataclass("Plain", [(each.name, types[each.name], field(default=each.default)) for each in plain])
 
@@ -170,8 +150,9 @@ def checked_plain(asked: Mapping[str, Any], spell: Callable[[str], str] = str) -
     try:
         found = validated(plain_kind(), {name: as_plain(value) for name, value in plain.items()})
     except BadConfig as error:
-        said = re.sub(r"^key '(\w+)' = ", lambda key: f"{spell(key[1])} = ", str(error))
-        raise BadInput(re.sub(r"^(--\S+) = ", r"\1 ", said)) from None
+        before, key, said = re.split(r"^key '(\w+)' = ", str(error))
+        written = spell(key)
+        raise BadInput(f"{before}{written}{' ' if written.startswith('--') else ' = '}{said}") from None
     return {name: getattr(found, name) for name in plain}
 
 
@@ -204,8 +185,6 @@ def as_decimal(text: str) -> Decimal:
         ArithmeticError: it is no number.
         ValueError: it is not finite, or so large or small that a whole number of it would fill the memory.
     """
-    from decimal import Decimal
-
     value = Decimal(text.strip())
     if not value.is_finite() or (value and abs(value.adjusted()) > MOST_DIGITS):
         raise ValueError(text)

@@ -16,11 +16,10 @@ from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.record import AnyRecord, FaultInjected, Truth, World
 from wayfarer.fieldlog.sink import Sink
 from wayfarer.hal import Rover
-from wayfarer.simhal.choices import GroundName
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest_file import as_row
-from wayfarer.simhal.world.physics import changed
+from wayfarer.simhal.world.physics import GroundName, changed
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 TICKS_A_RECORD = 4  # a fifth of a second at 20 Hz: plenty to draw a path

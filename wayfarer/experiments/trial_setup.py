@@ -15,10 +15,9 @@ from wayfarer.control.supervisor import Supervisor
 from wayfarer.experiments.outcome import InterventionCounter, OutcomeMonitor
 from wayfarer.hal import Rover
 from wayfarer.simhal.build_rover import build
-from wayfarer.simhal.choices import Depth, GroundName
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import Forest
-from wayfarer.simhal.world.physics import FRICTIONS, PHYSICS, Physics
+from wayfarer.simhal.world.physics import FRICTIONS, PHYSICS, Depth, GroundName, Physics
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 from wayfarer.simhal.world.skid_steering import SkidSteering
 from wayfarer.simhal.world.wheeled_body import body_of

@@ -17,9 +17,9 @@ from wayfarer.errors import BadConfig
 from wayfarer.hal import Rover
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chip_wiring import ChipWiring, chip_of
-from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.parts import SimBumper, SimCompass, SimFlow, SimMotors, SimReceiver
 from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.world.physics import Depth
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 Clock = Callable[[], float]

@@ -26,8 +26,8 @@ from wayfarer.config.rover_path import is_rover_file
 from wayfarer.errors import BadConfig, BadInput, UnknownName, one_line
 from wayfarer.files import read_regular
 from wayfarer.safety.conditions import Level
-from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.faults.kinds import KINDS, Fault, measured, misfit, parts_of
+from wayfarer.simhal.world.physics import Depth
 
 T = TypeVar("T")
 

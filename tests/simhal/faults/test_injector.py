@@ -19,7 +19,6 @@ from wayfarer.errors import BadInput, NotResponding, WrongPart
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.hal import CompassReading
 from wayfarer.simhal.buses import FakeBuses
-from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.faults.bus import BusFault, LostBytes, Nack
 from wayfarer.simhal.faults.injector import Injector
 from wayfarer.simhal.faults.kinds import KINDS, Fault, misplaced
@@ -27,6 +26,7 @@ from wayfarer.simhal.faults.readings import Drifts, FaultyPart, Frozen, LateAnsw
 from wayfarer.simhal.faults.wires import FaultyWire, Hang, WiredPart, wired_part
 from wayfarer.simhal.faults.world import DeadBand, Drive, Slope
 from wayfarer.simhal.world.forest import CLEARING
+from wayfarer.simhal.world.physics import Depth
 from wayfarer.testing.faults import first_difference
 from wayfarer.testing.scenario_run import RunRecorder
 

@@ -10,10 +10,10 @@ import pytest
 from tests.config.rover_texts import load, rover_toml
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import BadInput
-from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.faults.kinds import BEGINS_S, KINDS, Fault, misfit, parse_fault, parts_of
 from wayfarer.simhal.faults.readings import Becomes
 from wayfarer.simhal.faults.world import Drive, Slope
+from wayfarer.simhal.world.physics import Depth
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 from tests.conftest import Run, refusal
 from tests.simhal.commands import facts_of, succeed
 from wayfarer.experiments.report.load_results import read_results
-from wayfarer.simhal.choices import GroundName
+from wayfarer.simhal.world.physics import GroundName
 
 SIM = ("sim", "--jobs", "1", "--trials", "1", "--budget-m", "5")
 NO_CHASSIS = 'name = "plain"\n[vehicle]\nlength_m = 0.4\nwidth_m = 0.4\ntrack_m = 0.5\nmax_speed_m_s = 1.4\n'

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from tests.simhal.clearing import STEADY, world_on_ground
 from wayfarer.config.rover_file import load_rover
 from wayfarer.config.settings import STANDARD_GRAVITY_M_S2
-from wayfarer.simhal.choices import GroundName
-from wayfarer.simhal.world.physics import FRICTIONS
+from wayfarer.simhal.world.physics import FRICTIONS, GroundName
 from wayfarer.simhal.world.wheeled_body import ROLLING_RESISTANCE, body_of
 
 CONFIG = load_rover("forestrover")

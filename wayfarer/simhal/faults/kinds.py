@@ -13,11 +13,11 @@ from wayfarer.config.factory import NEEDED
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import BadInput, UnknownName
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, PositionFix
-from wayfarer.simhal.choices import Depth
 from wayfarer.simhal.faults import bus, process, readings, world
 from wayfarer.simhal.faults.bus import BusFault
 from wayfarer.simhal.faults.fault_kind import PARTS, FaultKind
 from wayfarer.simhal.faults.wires import is_on
+from wayfarer.simhal.world.physics import Depth
 
 BEGINS_S = 5.0  # of ``--fault`` without a time: the rover has driven some metres by then; chosen by us
 MOST_S = 1e6  # of its times

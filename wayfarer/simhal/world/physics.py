@@ -1,9 +1,10 @@
-"""Parameters of the simulated world and its senses, and the named grounds of physics-light."""
+"""Parameters of the simulated world and its senses; its depth, its physics and its grounds by name."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from enum import StrEnum
 from types import MappingProxyType
 from typing import Annotated, Any, Final
 
@@ -22,7 +23,6 @@ from wayfarer.setting_ranges import (
     SecondsOrZero,
     SignedDegrees,
 )
-from wayfarer.simhal.choices import GroundName
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,6 +137,29 @@ PHYSICS = Physics()
 def changed(physics: Physics) -> dict[str, Any]:
     """Return the parameters that are not as by default."""
     return {name: value for name, value in asdict(physics).items() if value != getattr(PHYSICS, name)}
+
+
+class Depth(StrEnum):
+    """The depth of the simulation: simulated parts, or simulated chips under the real drivers."""
+
+    DEVICE = "device"
+    BUS = "bus"
+
+
+class PhysicsName(StrEnum):
+    """How a body moves: by closed forms, or as a rigid body in MuJoCo."""
+
+    light = "light"
+    mujoco = "mujoco"
+
+
+class GroundName(StrEnum):
+    """What the wheels stand on; on ``ideal`` the body goes and turns as commanded, as in the paper's simulator."""
+
+    ideal = "ideal"
+    leaf_litter = "leaf-litter"
+    dry_soil = "dry-soil"
+    mud = "mud"
 
 
 # Friction of a tyre on the ground. Nobody measured these tyres. Dry soil: a tyre that slides on a dry earth road (Wong,
