@@ -128,18 +128,14 @@ class Demo:
                 ended = await trial
                 self._running = None
                 self._tell_end(ended)
-                await self._until_left(page)
+                unwatched_s = 0.0
+                while unwatched_s < LEFT_S and not self._signal:
+                    await asyncio.sleep(LOOK_S)
+                    unwatched_s = 0.0 if page.is_watched else unwatched_s + LOOK_S
         finally:
             begins.cancel()
             self._end_by("an error")  # a trial that is still on would keep the program from ending
             self._lines.close()
-
-    async def _until_left(self, page: LivePage) -> None:
-        """Wait until a signal comes, or nobody has had the page open for a while."""
-        unwatched_s = 0.0
-        while unwatched_s < LEFT_S and not self._signal:
-            await asyncio.sleep(LOOK_S)
-            unwatched_s = 0.0 if page.is_watched else unwatched_s + LOOK_S
 
     def _end_by(self, name: str) -> None:
         """End the trial that is on, and then the demo."""

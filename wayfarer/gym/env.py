@@ -138,9 +138,6 @@ AGENT = Algorithm("agent", "agent", "the agent that steps the environment", lamb
 AGENT_NAME = f"{__name__}:AGENT"
 
 
-# -- the map ---------------------------------------------------------------------------------------------------------
-# A picture of a forest from above with the way of a rover; drawn with pillow.
-
 WHITE, WOOD, LEAF, WAY = (245, 245, 238), (188, 160, 120), (120, 150, 92), (255, 138, 36)
 GROUND = (32, 36, 28)
 PICTURE_PX = 480
@@ -149,7 +146,7 @@ DOT_PX, NOSE_PX = 3.2, 9.0
 
 
 class ForestMap:
-    """The trunks, trees and goal line of a forest, and the way so far; north is up."""
+    """A picture of a forest from above (north is up) with the way so far, drawn with pillow."""
 
     def __init__(self, forest: Forest) -> None:
         self._scale = FINER * PICTURE_PX / WORLD_SIZE_M
@@ -165,13 +162,13 @@ class ForestMap:
 
     def draw(self, heading_deg: float) -> Image.Image:
         """Return the map with the rover as a dot and a line ahead."""
-        shown = self._image.copy()
+        picture = self._image.copy()
         if self._here is not None:
-            draw, dot, (x, y) = ImageDraw.Draw(shown), DOT_PX * FINER, self._here
+            draw, dot, (x, y) = ImageDraw.Draw(picture), DOT_PX * FINER, self._here
             ahead, nose = radians(heading_deg), NOSE_PX * FINER
             draw.line((x, y, x + nose * sin(ahead), y - nose * cos(ahead)), WHITE, 2 * FINER)
             draw.ellipse((x - dot, y - dot, x + dot, y + dot), WHITE, "black", 2)
-        return shown.resize((PICTURE_PX, PICTURE_PX), Image.Resampling.BOX)
+        return picture.resize((PICTURE_PX, PICTURE_PX), Image.Resampling.BOX)
 
     def _draw_forest(self, forest: Forest) -> Image.Image:
         size = FINER * PICTURE_PX
@@ -210,9 +207,9 @@ class ForestEnv(gymnasium.Env[Array, Array]):
     """A rover that is to cross a 50 m forest to its north edge with what it feels.
 
     Each episode is a trial of ``wayfarer sim``: the same supervisor, detector, safety gate, sensor tasks and outcome
-    monitor, in virtual time, with the agent in the handler's place (``wayfarer.gym.env``). One
-    step is one control tick, 0.05 s on the rover ``sim``. While the safety gate holds the wheels nobody is asked: a
-    step lasts until the hold is over.
+    monitor, in virtual time, with the agent in the handler's place (``wayfarer.gym.env``). One step is one control
+    tick, 0.05 s on the rover ``sim``. While the safety gate holds the wheels nobody is asked: a step lasts until the
+    hold is over.
 
     Observation, 11 numbers in [-1, 1]: sine and cosine of heading minus goal heading (positive clockwise); pitch (nose
     up) and roll (right side down), as shares of 180 degrees; the anomalies that the detector sees, each 0 or 1, in the
@@ -284,8 +281,6 @@ class ForestEnv(gymnasium.Env[Array, Array]):
         self._anomaly_at_m = seen.travelled_m
         self._y_m, self._t_s = bridge.world.y_m, bridge.world.t_s
         if self.render_mode is not None:
-            from wayfarer.gym.env import ForestMap
-
             self._map = ForestMap(forest)
             self._look(bridge.world)
         return self._vector(seen), {"trial": trial, "observation": seen}
@@ -304,7 +299,9 @@ class ForestEnv(gymnasium.Env[Array, Array]):
             raise InvalidAction(f"action {action!r} is not two duties, left and right, each from -1 to 1")
         bridge.answer(WheelCommand(float(action[0]), float(action[1])))
         turn = bridge.wait()
-        reward = self._gain(bridge.world)
+        gained_m, took_s = bridge.world.y_m - self._y_m, bridge.world.t_s - self._t_s
+        self._y_m, self._t_s = bridge.world.y_m, bridge.world.t_s
+        reward = gained_m - TIME_COST_PER_S * took_s
         self._look(bridge.world)
         if isinstance(turn, Observation):
             self._last = turn
@@ -337,12 +334,6 @@ class ForestEnv(gymnasium.Env[Array, Array]):
         if self._map is not None:
             self._map.go(world.x_m, world.y_m)
             self._heading_deg = degrees(world.heading_rad)
-
-    def _gain(self, world: SimulatedWorld) -> float:
-        """Return the reward for what became of the rover since the last time."""
-        gained_m, took_s = world.y_m - self._y_m, world.t_s - self._t_s
-        self._y_m, self._t_s = world.y_m, world.t_s
-        return gained_m - TIME_COST_PER_S * took_s
 
     def _vector(self, seen: Observation) -> Array:
         """Return an observation in numbers."""
