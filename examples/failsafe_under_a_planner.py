@@ -1,19 +1,18 @@
 """The escape handler as the fail-safe under another stack's planner, on a rover that has nothing else of wayfarer.
 
 Their planner steers for the goal; stuck, it backs up and tries again; where the camera is dark it waits. Their rover
-has a compass and says itself when it is stuck. What wayfarer adds is in ``drive``: ask the fail-safe once a tick, and
-obey it where it answers. Rover and forest are wayfarer's simulated ones, in the place of theirs.
+has a compass and odometry. What wayfarer adds is the stuck detector and, in ``drive``, the fail-safe: ask it once a
+tick, and obey it if it answers. Rover and forest are wayfarer's simulated ones, in the place of theirs.
 
 Run it: python examples/failsafe_under_a_planner.py [FOREST]
 """
 
 import sys
-from collections import deque
 from collections.abc import Callable
-from math import radians
+from math import degrees, radians
 from typing import NamedTuple
 
-from wayfarer import FailSafe, load_rover, make_handler
+from wayfarer import FailSafe, StuckDetector, load_rover, make_handler
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSensorModel, HeadingSensorModel
@@ -43,28 +42,21 @@ class TheirRover:
         self.world = World(generate_forest(forest, noise=0, seed=0), VEHICLE, Physics(), streams)
         self._compass, self._odometry = HeadingSensorModel(self.world, streams), FlowSensorModel(self.world, streams)
         self._wheels = STOP
-        self._drives: deque[tuple[float, float]] = deque(maxlen=8)  # 0.4 s of commanded and moved metres
+        self._detector = StuckDetector(VEHICLE)
 
     def sense(self, t_s: float) -> Sensed:
         """Look around, the wheels turning as they were told since the last time."""
         heading_deg = self._compass.sample(t_s)[0] / 10.0
         moved_m = self._odometry.sample(t_s)[0] * FLOW_M_PER_COUNT
-        return Sensed(heading_deg, self._is_stuck(moved_m), blind=t_s % 30.0 > 25.0)
+        left_m_s, right_m_s = (duty * VEHICLE.max_speed_m_s for duty in self._wheels)
+        speed_m_s, turn_deg_s = (left_m_s + right_m_s) / 2, degrees((left_m_s - right_m_s) / VEHICLE.track_m)
+        stuck = self._detector.update(t_s, heading_deg, speed_m_s=speed_m_s, turn_deg_s=turn_deg_s, forward_m=moved_m)
+        return Sensed(heading_deg, stuck, blind=t_s % 30.0 > 25.0)
 
     def drive(self, wheels: WheelCommand) -> None:
         """Turn the wheels."""
         self.world.command(*wheels)
         self._wheels = wheels
-
-    def _is_stuck(self, moved_m: float) -> bool:
-        """Whether the ground did less than a third of what the wheels were told, for all of the last 0.4 s."""
-        commanded_m = sum(self._wheels) / 2 * VEHICLE.max_speed_m_s * PERIOD_S
-        if abs(commanded_m) < 0.005 or (self._drives and commanded_m * self._drives[-1][0] < 0.0):
-            self._drives.clear()  # turning on the spot, or the other way now: this says nothing
-        else:
-            self._drives.append((commanded_m, moved_m))
-        told_m, did_m = (sum(column) for column in zip(*self._drives, strict=True)) if self._drives else (0.0, 0.0)
-        return len(self._drives) == self._drives.maxlen and did_m / told_m < 1 / 3
 
 
 class TheirPlanner:
