@@ -1,30 +1,34 @@
-"""The world in MuJoCo behind the seam: what parts, outcome monitor and faults see of it, and do to it."""
+"""The world in MuJoCo behind the seam: what parts, outcome monitor and faults see of it, and do to it; its ground."""
 
 from __future__ import annotations
 
 from contextlib import nullcontext
 from dataclasses import replace
-from math import degrees
+from itertools import pairwise
+from math import degrees, exp, hypot, pi, sqrt
 from operator import attrgetter
 from pathlib import Path
 from random import Random
 
 import mujoco
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
+from tests.simhal.clearing import STEADY
 from tests.simhal.mujoco.fields import BODY, drive, rover_on, speed_m_s, tree_at, trunk_across
 from wayfarer.config.settings import STANDARD_GRAVITY_M_S2
 from wayfarer.hal import Side
 from wayfarer.simhal.faults.kinds import KINDS
 from wayfarer.simhal.faults.world import Drive, Slip, Slope, WorldFault
 from wayfarer.simhal.mujoco import ground
-from wayfarer.simhal.mujoco.ground import MUD_FRICTION
-from wayfarer.simhal.mujoco.model import Unstable
+from wayfarer.simhal.mujoco.ground import BUMP_M, CELL_M, MUD_CELL_M, MUD_FRICTION, MUD_RADIUS_M, Mud, rough_ground
+from wayfarer.simhal.mujoco.model import NoRoom, Unstable
 from wayfarer.simhal.mujoco.world import OBSERVE_EVERY_STEPS, MujocoWorld
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSensorModel, HeadingSensorModel
 from wayfarer.simhal.world.collision import Obstacle
-from wayfarer.simhal.world.forest import CLEARING
+from wayfarer.simhal.world.forest import CLEARING, Forest, Trunk
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 TURN = (0.8, -0.8)
@@ -271,3 +275,124 @@ def test_flow_sensor_sees_the_ground_pass_sideways() -> None:
     assert world.right_m > 0.5
     assert right * FLOW_M_PER_COUNT == pytest.approx(world.right_m, abs=0.005)
     assert abs(forward * FLOW_M_PER_COUNT) < 0.05
+
+
+# -- the ground --------------------------------------------------------------------------------------------------------
+
+
+def test_rough_ground_has_its_standard_deviation_and_no_steps() -> None:
+    field = rough_ground(0.02, RandomStreams(1))
+    heights_m = field.heights_m
+    assert heights_m.std() == pytest.approx(0.02, rel=1e-6)
+    # White noise under a Gaussian of half BUMP_M: how much less alike heights are a cell apart.
+    alike = exp(-((CELL_M / BUMP_M) ** 2))
+    assert (heights_m[1:] - heights_m[:-1]).std() == pytest.approx(0.02 * sqrt(2.0 * (1.0 - alike)), rel=0.03)
+    assert field.top_m(25.0, 25.0, 0.3) >= heights_m[heights_m.shape[0] // 2, heights_m.shape[1] // 2]
+
+
+@pytest.mark.parametrize("width_m", [0.0, BODY.width_m])
+def test_straight_ways_meet_mud_as_often_as_slips(width_m: float) -> None:
+    """Mud begins where a row across the way has some and the row before had none.
+
+    A row is bare if no patch's middle lies within a radius of it; so are two rows one cell apart. Middles are a Poisson
+    process, so the expected number follows from both areas. 360 m of way a seed, on columns further apart than patches
+    are wide; with 40 seeds the standard deviation is 2 %.
+    """
+    mean_m, seeds, ways_m, rows = 5.0, 40, range(5, 50, 5), range(50, 450)
+    forest, physics = replace(CLEARING, start_m=(1.0, 1.0)), replace(STEADY, slip_mean_m=mean_m)
+    half = round(width_m / 2.0 / MUD_CELL_M)
+    begins = 0
+    for seed in range(seeds):
+        mud = Mud(forest, physics, width_m, RandomStreams(seed))
+        for way_m in ways_m:
+            columns = [way_m + (off + 0.5) * MUD_CELL_M for off in range(-half, half + 1)]
+            muddy = [any(mud.is_muddy(x_m, (row + 0.5) * MUD_CELL_M) for x_m in columns) for row in rows]
+            begins += sum(now and not before for before, now in pairwise(muddy))
+    per_m2 = 1.0 / ((2.0 * MUD_RADIUS_M + width_m) * mean_m)
+    bare = exp(-per_m2 * (pi * MUD_RADIUS_M**2 + 2.0 * MUD_RADIUS_M * 2.0 * half * MUD_CELL_M))
+    expected = seeds * len(ways_m) * (len(rows) - 1) * bare * (1.0 - exp(-MUD_CELL_M / mean_m))
+    assert begins == pytest.approx(expected, rel=0.06)
+
+
+@pytest.mark.parametrize("slip_mean_m", [0.1, 1e-300])
+def test_ground_holds_no_more_mud_than_it_has_room_for(slip_mean_m: float) -> None:
+    """Without a bound the second would lay patches out for ever."""
+    mud = Mud(CLEARING, replace(STEADY, slip_mean_m=slip_mean_m), BODY.width_m, RandomStreams(0))
+    places = [(x / 2.0, y / 2.0) for x in range(2, 98) for y in range(40, 98)]
+    assert sum(mud.is_muddy(*place) for place in places) / len(places) == pytest.approx(0.99, abs=0.005)
+
+
+def test_no_mud_where_the_rover_starts() -> None:
+    mud = Mud(CLEARING, replace(STEADY, slip_mean_m=0.5), BODY.width_m, RandomStreams(0))
+    assert mud.anywhere
+    assert not any(mud.is_muddy(25.0 + east / 10.0, 12.5 + north / 10.0) for east in range(-5, 6) for north in range(6))
+
+
+# -- putting the body down ---------------------------------------------------------------------------------------------
+
+HUNG_ON = {
+    "a trunk below its middle": trunk_across(12.5, 0.06),
+    "a trunk below its rear": trunk_across(12.4, 0.06),
+    "a trunk along its axis": replace(CLEARING, trunks=(Trunk(25.0, 11.5, 25.0, 13.5, "left"),), trunk_diameter_m=0.06),
+    "two trees": replace(CLEARING, trees_m=((25.0, 12.75), (25.0, 12.25))),
+}
+
+
+@pytest.mark.parametrize("forest", HUNG_ON.values(), ids=HUNG_ON)
+@pytest.mark.parametrize("snagged", [False, True])
+def test_pulling_back_frees_a_body_from_what_it_lies_on(forest: Forest, snagged: bool) -> None:
+    world = rover_on(0.8, forest=forest)  # put down on it
+    world.set_faults(snagged=snagged)
+    world.advance_to(1.0)
+    world.pull_back(0.15)
+    put_down_m = world.x_m, world.y_m
+    assert hypot(put_down_m[0] - 25.0, put_down_m[1] - 12.5) < 2.0 * BODY.length_m
+    world.advance_to(2.0)
+    assert not world.high_centred
+    assert world.touch is None
+    assert (world.pitch_deg, world.roll_deg) == pytest.approx((0.0, 0.0), abs=0.1)
+    assert (world.x_m, world.y_m) == pytest.approx(put_down_m, abs=0.002)
+    drive(world, -0.5, -0.5, 2.0)
+    if snagged:
+        assert (world.x_m, world.y_m) == pytest.approx(put_down_m, abs=0.05), "it is held again, and there"
+    else:
+        assert world.reverse_m > 0.1
+
+
+def test_pulling_back_goes_behind_what_the_front_has_climbed() -> None:
+    world = rover_on(0.8, forest=trunk_across(12.52, 0.06))
+    world.pull_back(0.15)
+    assert world.y_m == pytest.approx(12.52 - BODY.length_m / 2.0 - 0.15, abs=0.06)
+    assert degrees(world.heading_rad) == pytest.approx(0.0, abs=0.1)
+
+
+def test_pulling_back_stops_at_what_is_behind() -> None:
+    free, blocked = rover_on(0.5), rover_on(0.5, forest=tree_at(25.0, 12.5 - 0.25 - 0.30))
+    for world in (free, blocked):
+        world.pull_back(0.15)
+    assert free.y_m == pytest.approx(12.35, abs=0.002)
+    assert blocked.y_m == pytest.approx(12.39, abs=0.01)  # its belly ends 0.186 m behind its middle
+
+
+def test_there_is_no_room_where_trees_stand_closer_than_the_body_is_wide() -> None:
+    trees_m = tuple((23.0 + 0.25 * east, 10.5 + 0.25 * north) for east in range(17) for north in range(17))
+    world = rover_on(0.8, forest=replace(CLEARING, trees_m=trees_m))
+    with pytest.raises(NoRoom, match=r"no free ground near x = 2\d\.\d\d m"):
+        world.pull_back(0.15)
+
+
+@given(
+    st.lists(st.tuples(st.floats(23.5, 26.5), st.floats(11.0, 14.0)), max_size=8),
+    st.floats(0.0, 360.0),
+    st.sampled_from([0.0, 0.02]),
+)
+@example([(25.0, 12.0), (25.0, 12.884066157958692)], 0.0, 0.02)  # at rest free of the tree, and rocked against it
+@settings(max_examples=15, deadline=None)
+def test_body_is_never_put_down_in_contact(
+    trees_m: list[tuple[float, float]], heading_deg: float, roughness_m: float
+) -> None:
+    forest = replace(CLEARING, trees_m=tuple(trees_m), heading_deg=heading_deg)
+    world = rover_on(0.5, forest=forest, roughness_m=roughness_m)
+    world.pull_back(0.15)
+    world.advance_to(world.t_s + 0.02)
+    assert world.touch is None
