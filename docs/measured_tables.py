@@ -16,11 +16,11 @@ from typing import Any
 
 from wayfarer.experiments.measures import compare
 from wayfarer.experiments.outcome import SUCCESSES
+from wayfarer.experiments.paper import reported
 from wayfarer.experiments.provenance import read_runs
-from wayfarer.experiments.report.load_results import read_results
-from wayfarer.experiments.report.sweep import point_rows, point_titles
-from wayfarer.experiments.report.sweep_results import read_sweep
-from wayfarer.experiments.tables import comparison_table
+from wayfarer.experiments.report.sweep import Grid, point_rows, point_titles
+from wayfarer.experiments.results import Results
+from wayfarer.experiments.tables import campaign_table, comparison_table
 
 PLACE = re.compile(
     r"^<!-- measured (?P<kind>\w+): (?P<names>[^\n]+) -->\n(?P<content>.*?)^<!-- end of measured -->$", re.M | re.S
@@ -74,7 +74,7 @@ class Measured:
     def caption(self) -> str:
         """Where the table of a finished campaign comes from."""
         told = self.told or {}
-        run, version = told["last_run"], told.get("campaign", told)["version"]
+        run, version = told["last_run"], Results.open(self.results).plan.base.version
         minutes = "{:.1f} min, {:.1f} min of CPU".format(*(run[key] / 60 for key in ("wall_s", "cpu_s")))
         took = minutes if len(read_runs(self.results)) == 1 else "in several runs"
         return f"`{self.command}`, version {version} ({took}):"
@@ -85,7 +85,8 @@ class Measured:
 
 def outcomes(folder: Path) -> Lines:
     """Yield the table of ``wayfarer sim``, with the paper's figures."""
-    table = read_results(folder).table(full=False)
+    results = Results.open(folder)
+    table = campaign_table(results.by_algorithm, reported(results.settings), site=results.plan.base.site is not None)
     yield table.titles
     for kind, cells in table.rows:
         yield [f"*{cell.strip()}*" if cell else "" for cell in cells] if kind else cells
@@ -93,14 +94,14 @@ def outcomes(folder: Path) -> Lines:
 
 def gains(folder: Path) -> Lines:
     """Yield the table of ``wayfarer compare``."""
-    table = comparison_table(compare(read_results(folder).rows))
+    table = comparison_table(compare(Results.open(folder).rows))
     yield table.titles
     yield from (cells for _, cells in table.rows)
 
 
 def points(folder: Path) -> Lines:
     """Yield the table of a sweep's report, without a column of algorithms where there is one only."""
-    results = read_sweep(folder)
+    results = Grid(Results.open(folder))
     first = 0 if len(results.algorithms) > 1 else 1
     yield point_titles(results)[first:]
     for name in results.algorithms:
@@ -110,7 +111,7 @@ def points(folder: Path) -> Lines:
 
 def limits(folder: Path) -> Lines:
     """Yield the successes in per cent for other time limits."""
-    results = read_results(folder)
+    results = Results.open(folder)
     yield ["algorithm", *(f"{limit_s} s" for limit_s in LIMITS_S)]
     for name, rows in results.by_algorithm.items():
         times_s = [row.time_s for row in rows if row.outcome in SUCCESSES and row.time_s is not None]

@@ -125,7 +125,7 @@ def confirm(best: Factors, layouts: int) -> None:
             ALGORITHM, layouts, rover=rover, seed=HELD_OUT, jobs=os.cpu_count() or 1, **OPTIONS
         )
         rows += [row._replace(algorithm=name) for row in results.rows]
-    _, tuned = wayfarer.compare(wayfarer.Results(results.settings, rows), against="present")
+    _, tuned = wayfarer.compare(wayfarer.Results(results.plan, rows), against="present")
     for name, unit in (("success_percent_change", "percentage points"), ("path_m_change", "m if both got out")):
         value, low, high = (tuned[name + end] or 0.0 for end in ("", "_low", "_high"))
         print(f"held out: {name} {value:+.2f} [{low:+.2f}, {high:+.2f}] {unit}")

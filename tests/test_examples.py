@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 import wayfarer
+from tests.experiments.fake_trials import campaign_of
 from tests.test_imports import named_in
 from wayfarer.experiments.rows import TrialRow
 
@@ -138,7 +139,7 @@ class PathsByAngle:
 
     def run_campaign(self, algorithm: str, trials: int, *, rover: Any, seed: int, **_: Any) -> wayfarer.Results:
         rows = [self.run_trial(number, algorithm, rover=rover, seed=seed).row for number in range(trials)]
-        return wayfarer.Results({"algorithms": [algorithm]}, rows)
+        return wayfarer.Results(campaign_of(trials, algorithm), rows)
 
 
 @pytest.fixture

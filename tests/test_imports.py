@@ -209,7 +209,7 @@ def test_only_the_demo_arms_a_rover_by_itself_and_gives_a_page_buttons_for_the_c
             ["wayfarer.cli"],
             {"numpy", "scipy", "pydantic", "asyncio", "aiohttp", "msgspec", "wayfarer.remote.live.server"},
         ),
-        (["wayfarer.experiments.sim_command"], {"numpy"}),
+        (["wayfarer.cli.run_trials"], {"numpy"}),
         (["wayfarer.control.supervisor"], HEAVY),
         (["wayfarer.testing"], HEAVY),
         (["wayfarer.daemon.daemon"], HEAVY),

@@ -19,7 +19,7 @@ import pytest
 
 import wayfarer
 from tests.conftest import Run
-from tests.experiments.fake_trials import quick
+from tests.experiments.fake_trials import campaign_of, quick
 from wayfarer.escape.catalogue import BUILT_IN
 from wayfarer.experiments import run as runner
 from wayfarer.experiments.trial import TrialResult
@@ -92,7 +92,7 @@ def test_comparison_has_the_numbers_of_the_command(results: wayfarer.Results, ou
     assert rows[1]["success_percent_change"] is not None
     assert wayfarer.compare(results)[0]["algorithm"] == "forest-pledge"
     own = [row._replace(algorithm=row.algorithm.replace("forest-pledge", "own")) for row in results.rows]
-    without = wayfarer.Results({"algorithms": ["own", "pledge"]}, own)
+    without = wayfarer.Results(campaign_of(3, "own", "pledge"), own)
     assert wayfarer.compare(without)[0]["algorithm"] == "own", "the first one, as of the command"
 
 

@@ -132,8 +132,7 @@ def test_replay(says: Any, logs: Path, tmp_path: Path) -> None:
 def test_sim_and_compare(says: Any, tmp_path: Path) -> None:
     sim = partial(says, "sim", "sim", "--jobs", 1)
     said = sim("--trials", 4, "--algorithm", "pledge,forest-pledge", "--out", tmp_path / "out")
-    kept = json.loads((tmp_path / "out" / "campaign.json").read_text(encoding="utf-8"))
-    assert said == {**said, **kept}
+    assert (said["last_run"]["trials"], said["table"][0]["algorithm"]) == (8, "pledge")
     compared = says("compare", "compare", tmp_path / "out")["algorithms"]
     assert [each["algorithm"] for each in compared] == ["forest-pledge", "pledge"]
     assert (compared[0]["spl_change"], compared[1]["path_m_change_pairs"]) == (None, 4)

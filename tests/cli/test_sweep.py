@@ -8,6 +8,7 @@ import pytest
 from tests.conftest import Run
 from tests.experiments import fake_trials
 from wayfarer.experiments.report.sweep import write_sweep_report
+from wayfarer.experiments.results import Results
 from wayfarer.experiments.trial import TrialResult
 
 ANGLES = "escape.turn_angle_deg=10,30"
@@ -27,7 +28,7 @@ def test_sweep_prints_a_line_a_point_and_fills_its_folder(run: Run, tmp_path: Pa
         ["10", "2"], ["10", "10"], ["30", "2"], ["30", "10"],
     ]  # fmt: skip
     assert "wayfarer report" in err
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"sweep.json", "runs.json", "trials.csv"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"campaign.json", "runs.json", "trials.csv"}
 
 
 def test_sweep_at_a_site_counts_time_and_interventions(
@@ -43,6 +44,6 @@ def test_sweep_at_a_site_counts_time_and_interventions(
     assert code == 0, err
     assert [line.split()[-2:] for line in out.splitlines() if "forest-pledge" in line] == [["120.0", "0.50"]] * 2
     assert (tmp_path / "out" / "trials.csv").read_text().splitlines()[0].endswith(",sim.slope_deg")
-    page = write_sweep_report(tmp_path / "out").read_text(encoding="utf-8")
+    page = write_sweep_report(Results.open(tmp_path / "out")).read_text(encoding="utf-8")
     assert "dense-obstruction" in page
     assert "interventions" in page

@@ -16,9 +16,9 @@ from threading import Event
 from typing import cast
 
 from tests.children import child
+from wayfarer.cli import run_trials
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import WayfarerError
-from wayfarer.experiments import sim_command
 from wayfarer.experiments.campaign import Campaign
 from wayfarer.experiments.outcome import OUTCOMES, Outcome
 from wayfarer.experiments.trial import TrialResult
@@ -99,7 +99,7 @@ def main(out: str, jobs: str) -> int:
     count, address = (int(jobs), None) if jobs.isdigit() else (None, jobs)
     resume = Path(out).exists()
     try:
-        return sim_command.run_all(
+        return run_trials.run_all(
             campaign_of(MANY), Path(out), resume=resume, jobs=count, cluster=address, run_trial=slow
         )
     except WayfarerError as error:

@@ -15,7 +15,7 @@ from tests.experiments.dask_processes import STRANGER, UP_S, DaskProcesses, even
 from tests.experiments.fake_trials import MANY, campaign_of, started
 from tests.experiments.test_run import lines_in, run_into
 from wayfarer.errors import BadInput
-from wayfarer.experiments.results_folder import TRIALS
+from wayfarer.experiments.results import TRIALS
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Task
 from wayfarer.experiments.checks import make_campaign
 from wayfarer.experiments.keys import current, descriptions, replace_set
-from wayfarer.experiments.report.load_results import read_results
+from wayfarer.experiments.results import Results
 from wayfarer.simhal.world.physics import FIELD, PHYSICS
 
 SIM = ("sim", "--jobs", "1", "--trials", "1", "--budget-m", "5")
@@ -115,7 +115,7 @@ def test_senses_are_kept_told_and_rebuilt(run: Run, tmp_path: Path) -> None:
     kept = {"blind_share": 0.3, "blind_quality": 0.4}
     settings = json.loads((tmp_path / "out" / "campaign.json").read_text(encoding="utf-8"))
     assert settings["set"] == {f"sim.{name}": value for name, value in kept.items()}
-    results = read_results(tmp_path / "out")
+    results = Results.open(tmp_path / "out")
     assert results.rebuild().fixed.physics == replace(PHYSICS, **kept)
     assert facts_of(results)["sim.blind_share"] == "0.3"
     (log,) = (path for path in (tmp_path / "log").rglob("*.jsonl"))
@@ -147,9 +147,9 @@ def test_sweep_has_the_keys_that_it_does_not_sweep(run: Run, tmp_path: Path) -> 
         tmp_path / "o",
     )
     succeed(run, *swept, "--set", "sim.blind_quality=0.4", "--set", "sim.slope_deg=1:2")
-    settings = json.loads((tmp_path / "o" / "sweep.json").read_text(encoding="utf-8"))
+    settings = json.loads((tmp_path / "o" / "campaign.json").read_text(encoding="utf-8"))
     assert settings["axes"] == [{"key": "sim.blind_share", "values": [0, 0.3], "now": 0.0}]
-    assert settings["campaign"]["set"] == {"sim.blind_quality": 0.4, "sim.slope_deg": [1.0, 2.0]}
+    assert settings["set"] == {"sim.blind_quality": 0.4, "sim.slope_deg": [1.0, 2.0]}
     seeing, blind = csv.DictReader((tmp_path / "o" / "trials.csv").read_text(encoding="utf-8").splitlines())
     assert seeing["sim.slope_deg"] == blind["sim.slope_deg"], "points are paired"
     assert seeing["path_m"] != blind["path_m"]

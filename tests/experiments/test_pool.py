@@ -20,6 +20,7 @@ from tests.experiments import fake_trials
 from tests.experiments.fake_trials import campaign_of
 from wayfarer.errors import BadInput
 from wayfarer.experiments.pool import LARGEST_CHUNK, LAST_SINGLY, cores, in_chunks, run_tasks
+from wayfarer.experiments.results import Results
 from wayfarer.experiments.run import TrialRunner, run
 
 
@@ -52,7 +53,7 @@ def test_nobodys_children_are_ended(end: str) -> None:
             raise RuntimeError("of who looks on")
 
     try:
-        run(campaign_of(8), jobs=2, run_trial=fake_trials.quick, progress=progress)
+        run(Results(campaign_of(8)), jobs=2, run_trial=fake_trials.quick, progress=progress)
     except RuntimeError:
         assert end == "error"
     assert all(child.is_alive() for child in children)
@@ -85,21 +86,21 @@ def test_main_is_hidden_from_no_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     thread = threading.Thread(target=pickles)
     thread.start()
     try:
-        run(campaign_of(100), jobs=2, run_trial=fake_trials.quick)
+        run(Results(campaign_of(100)), jobs=2, run_trial=fake_trials.quick)
     finally:
         over.set()
         thread.join()
     assert failed == []
     with pytest.raises(BadInput, match="other processes do not have what this script defines: put it in a file"):
-        run(campaign_of(2), jobs=2, run_trial=OfTheScript())
+        run(Results(campaign_of(2)), jobs=2, run_trial=OfTheScript())
 
 
 def test_what_cannot_be_sent_is_refused_before_anything_is_begun() -> None:
     with pytest.raises(BadInput, match=r"a trial cannot be sent to another process: .*; use jobs=1"):
-        run(campaign_of(2), jobs=2, run_trial=lambda spec: fake_trials.quick(spec))
+        run(Results(campaign_of(2)), jobs=2, run_trial=lambda spec: fake_trials.quick(spec))
     client: Any = object()
     with pytest.raises(BadInput, match=r"executor is a object and no .*get_executor\(pure=False\)"):
-        run(campaign_of(2), executor=client)
+        run(Results(campaign_of(2)), executor=client)
 
 
 @pytest.mark.process

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import json
 import os
 import re
 import signal
@@ -20,7 +19,7 @@ from tests.experiments.fake_trials import campaign_of
 from wayfarer.config.rover_file import laid_over
 from wayfarer.errors import TrialNotRun
 from wayfarer.experiments.campaign import Campaign, Task
-from wayfarer.experiments.results_folder import TRIALS, ResultsFolder, tasks_of
+from wayfarer.experiments.results import TRIALS, Results
 from wayfarer.experiments.run import Done, RunTrial, TrialRunner, log_name, run
 from wayfarer.simhal.world.forest_file import ForestFile
 from wayfarer.simhal.world.generate import generate_forest
@@ -31,8 +30,8 @@ def run_into(
     path: Path, plan: Campaign, run_trial: RunTrial | None = fake_trials.quick, *, resume: bool = False, **options: Any
 ) -> bytes:
     """Run a campaign into a folder; return what its ``trials.csv`` holds."""
-    with ResultsFolder(path, plan.settings(), resume=resume) as folder:
-        run(plan, folder, run_trial=run_trial, **options)
+    with Results.kept(plan, path, resume=resume) as results:
+        run(results, run_trial=run_trial, **options)
     return (path / TRIALS).read_bytes()
 
 
@@ -100,7 +99,7 @@ def test_one_forest_serves_all_algorithms() -> None:
 
     plan = CountingCampaign(("pledge", "levy-walk", "cv-react"), 3, campaign_of(1).rover)
     runner = TrialRunner(plan, run_trial=fake_trials.quick)
-    for task in tasks_of(plan.settings()):
+    for task in Results(plan).missing():
         runner(task)
     assert made == [0, 1, 2]
 
@@ -118,7 +117,7 @@ def test_results_do_not_depend_on_workers_or_order_of_completion(tmp_path: Path)
         options: dict[str, Any] = {"jobs": 4, "executor": threads, "progress": seen.append}
         assert run_into(tmp_path / "4", plan, fake_trials.early_ones_last, **options) == alone
         assert threads.submit(int, "7").result() == 7, "who made it shuts it down"
-    assert [done.row.key for done in seen] != list(tasks_of(plan.settings()))
+    assert [done.row.key for done in seen] != list(Results(plan).missing())
     with ProcessPoolExecutor(2, get_context("spawn")) as processes:
         assert run_into(tmp_path / "p", plan, jobs=2, executor=processes) == alone
 
@@ -135,26 +134,23 @@ def test_real_trials_do_not_mind_each_other_in_threads(tmp_path: Path) -> None:
 def test_resuming_runs_only_what_is_missing_and_ends_in_the_same_bytes(tmp_path: Path) -> None:
     plan = campaign_of(20)
     whole = run_into(tmp_path / "whole", plan)
-    with ResultsFolder(tmp_path / "cut", plan.settings()) as folder:
+    with Results.kept(plan, tmp_path / "cut") as results:
         for trial in (4, 17, 2):
-            folder.append(TrialRunner(plan, run_trial=fake_trials.quick)(Task("forest-pledge", trial)).row)
+            results.add(TrialRunner(plan, run_trial=fake_trials.quick)(Task("forest-pledge", trial)).row)
     seen: list[Done] = []
     assert run_into(tmp_path / "cut", plan, resume=True, progress=seen.append) == whole
     assert {done.row.trial for done in seen} == set(range(20)) - {4, 17, 2}
 
 
-def test_summary_says_all_that_was_asked_and_never_nan(tmp_path: Path) -> None:
+def test_cost_is_of_this_run_and_not_of_what_was_kept(tmp_path: Path) -> None:
     plan = campaign_of(12, "pledge", "levy-walk")
-    with ResultsFolder(tmp_path, plan.settings()) as folder:
-        finished = run(plan, folder, run_trial=fake_trials.quick)
-    assert not finished.interrupted
-    assert finished.effort.ticks == 2400
-    summary = json.loads(json.dumps(finished.as_json()), parse_constant=pytest.fail)
-    assert summary["seed"] == 0
-    assert summary["rover"]["name"] == "sim"
-    assert summary["last_run"]["ticks"] == 2400
-    assert [line["algorithm"] for line in summary["table"]] == ["pledge", "levy-walk"]
-    assert summary["last_run"]["cpu_us_per_tick"] >= 0
+    for trials, resume in ((24, False), (0, True)):
+        with Results.kept(plan, tmp_path, resume=resume) as results:
+            cost = run(results, run_trial=fake_trials.quick)
+        assert results.finished
+        assert (cost.trials, cost.ticks) == (trials, 100 * trials)
+        assert (cost.cpu_us_per_tick is None) is resume
+    assert [line["algorithm"] for line in results.summary] == ["pledge", "levy-walk"]
 
 
 # --- what goes wrong
@@ -196,7 +192,7 @@ def test_trial_that_could_not_be_run_has_no_row_and_is_run_again(
 @pytest.mark.process
 def test_error_of_another_process_is_the_cause_with_its_traceback() -> None:
     with pytest.raises(TrialNotRun, match="correct that and run it again") as raised:
-        run(campaign_of(12), jobs=2, run_trial=fake_trials.third_fails)
+        run(Results(campaign_of(12)), jobs=2, run_trial=fake_trials.third_fails)
     assert isinstance(raised.value.__cause__, KeyError)
     (note,) = raised.value.__cause__.__notes__
     assert "third_fails" in note
@@ -205,7 +201,7 @@ def test_error_of_another_process_is_the_cause_with_its_traceback() -> None:
 @pytest.mark.process
 def test_executor_that_broke_says_which_trials_it_had() -> None:
     with ProcessPoolExecutor(1, get_context("spawn")) as processes, pytest.raises(TrialNotRun) as raised:
-        run(campaign_of(40), executor=processes, run_trial=fake_trials.third_kills_its_worker)
+        run(Results(campaign_of(40)), executor=processes, run_trial=fake_trials.third_kills_its_worker)
     assert str(raised.value).startswith("trial 0 of forest-pledge, or one of the 3 after it, could not be run: A proc")
 
 
@@ -215,7 +211,7 @@ def test_forest_that_cannot_be_made_is_no_fault_of_the_rover(monkeypatch: pytest
 
     monkeypatch.setattr("wayfarer.simhal.world.generate.generate_forest", broken)
     with pytest.raises(TrialNotRun, match="trial 0 of forest-pledge could not be run: ValueError: layout 0"):
-        run(campaign_of(1), run_trial=fake_trials.quick)
+        run(Results(campaign_of(1)), run_trial=fake_trials.quick)
 
 
 def test_logs_of_two_trials_never_share_a_folder() -> None:
@@ -233,9 +229,10 @@ def test_stop_cancels_what_waits_and_keeps_what_runs_on_an_executor() -> None:
             signal.raise_signal(signal.SIGINT)
 
     with ThreadPoolExecutor(2) as threads:
-        ended = run(campaign_of(400), jobs=2, executor=threads, run_trial=fake_trials.slow, progress=progress)
-    assert ended.interrupted
-    assert len(ended.rows) == len(rows)
+        results = Results(campaign_of(400))
+        run(results, jobs=2, executor=threads, run_trial=fake_trials.slow, progress=progress)
+    assert not results.finished
+    assert len(results.rows) == len(rows)
     assert len(rows) in {8, 12, 16}, "two chunks that had ended, and up to two that ran"
 
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from wayfarer import cli
 from wayfarer.experiments.checks import make_campaign
-from wayfarer.experiments.report.load_results import recorded
+from wayfarer.experiments.recorded import recorded
 from wayfarer.experiments.settings import FORMS, NAMES, CampaignSettings, option_of, plain_kind, sentences
 
 KEYS = {
@@ -56,7 +56,7 @@ def asked(draw: st.DrawFn) -> dict[str, Any]:
 def test_campaign_is_read_back_as_it_was_written(settings: dict[str, Any]) -> None:
     campaign = make_campaign(settings)
     written = json.loads(json.dumps(campaign.settings()))
-    again = recorded(written)
+    again = recorded(written).base
     assert again.settings() == written
     assert replace(again, rover=campaign.rover) == campaign
     for trial in (0, 7):

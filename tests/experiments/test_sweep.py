@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from tests.experiments.fake_trials import campaign_of
 from wayfarer.errors import BadInput, UnknownName
-from wayfarer.experiments.campaign import Campaign, Task
+from wayfarer.experiments.campaign import Axis, Campaign, Task
 from wayfarer.experiments.keys import current, replace_set
-from wayfarer.experiments.results_folder import swept_values
+from wayfarer.experiments.results import Results
 from wayfarer.experiments.settings import Value
-from wayfarer.experiments.sweep import MOST_VALUES, Axis, Sweep, make_sweep, parse_axis
+from wayfarer.experiments.sweep import MOST_VALUES, Sweep, make_sweep, parse_axis
 from wayfarer.simhal.world.forest_file import ForestFile
 from wayfarer.simhal.world.physics import PHYSICS, GroundName, PhysicsName
 
@@ -48,7 +48,7 @@ def test_each_kind_of_key_reaches_what_a_trial_is_made_of() -> None:
 
 def test_all_points_meet_the_same_forests_and_seeds() -> None:
     sweep = sweep_of(escape__turn_angle_deg=(10, 30), slip_mean_m=(2, 10))
-    values = swept_values(sweep.settings())
+    values = Results(sweep).swept
     assert [tuple(each.values()) for each in values] == [(10, 2), (10, 10), (30, 2), (30, 10)]
     assert [
         (met.rover.escape.turn_angle_deg, met.physics.slip_mean_m) for met in (point.fixed for point in sweep.points)

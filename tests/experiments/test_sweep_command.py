@@ -6,11 +6,13 @@ from pathlib import Path
 import pytest
 
 from tests.experiments import fake_trials
+from wayfarer.cli import run_trials
 from wayfarer.errors import BadInput
-from wayfarer.experiments import sweep_command
-from wayfarer.experiments.results_folder import SWEEP_SETTINGS, TRIALS, ResultsFolder, tasks_of
+from wayfarer.experiments.campaign import Axis
+from wayfarer.experiments.recorded import SETTINGS
+from wayfarer.experiments.results import TRIALS, Results
 from wayfarer.experiments.run import RunTrial, TrialRunner
-from wayfarer.experiments.sweep import Axis, Sweep, make_sweep
+from wayfarer.experiments.sweep import Sweep, make_sweep
 from wayfarer.experiments.trial import TrialResult
 from wayfarer.experiments.trial_setup import TrialSpec
 
@@ -27,7 +29,7 @@ def angle_matters(spec: TrialSpec) -> TrialResult:
 def run(
     out: Path, sweep: Sweep = SMALL, *, resume: bool = False, jobs: int = 1, trial: RunTrial = angle_matters
 ) -> int:
-    return sweep_command.run_all(sweep, out, resume=resume, jobs=jobs, run_trial=trial)
+    return run_trials.run_all(sweep, out, resume=resume, jobs=jobs, run_trial=trial)
 
 
 def table(out: Path) -> list[dict[str, str]]:
@@ -63,10 +65,10 @@ def test_jobs_change_nothing(tmp_path: Path) -> None:
 
 def test_interrupted_sweep_goes_on_to_the_same_table(tmp_path: Path) -> None:
     assert run(tmp_path / "whole") == 0
-    some, runner = tasks_of(SMALL.settings())[5:30:3], TrialRunner(SMALL, run_trial=angle_matters)
-    with ResultsFolder(tmp_path / "out", SMALL.settings()) as folder:
+    some, runner = Results(SMALL).missing()[5:30:3], TrialRunner(SMALL, run_trial=angle_matters)
+    with Results.kept(SMALL, tmp_path / "out") as results:
         for task in some:
-            folder.append(runner(task).row)
+            results.add(runner(task).row)
     unfinished = tmp_path / "out" / TRIALS
     unfinished.write_text(unfinished.read_text()[:-9])  # the last line is torn
     asked: list[TrialSpec] = []
@@ -92,7 +94,7 @@ def test_each_point_has_its_forests_although_algorithms_share_one() -> None:
         return fake_trials.quick(spec)
 
     runner = TrialRunner(plan, run_trial=remembered)
-    rows = [runner(task).row for task in tasks_of(plan.settings())]
+    rows = [runner(task).row for task in Results(plan).missing()]
     assert met == [(trial, trees) for trial in range(2) for trees in (10, 100) for _ in range(2)]
     assert [row.point for row in rows] == [0, 0, 1, 1] * 2
 
@@ -103,21 +105,22 @@ def test_each_point_has_its_forests_although_algorithms_share_one() -> None:
         (make_sweep(SMALL.base, AXES[:1]), "axes.2.key is 'anomaly_source' there and None here"),
         (make_sweep(SMALL.base, AXES[::-1]), "axes.1.key is 'escape.turn_angle_deg' there and 'anomaly_source' here"),
         (make_sweep(SMALL.base, (Axis(AXES[0].key, (10, 31)), AXES[1])), r"axes.1.values is \[10, 30.5\] there"),
-        (make_sweep(fake_trials.campaign_of(7, "pledge", "levy-walk"), AXES), "campaign.trials is 6 there and 7 here"),
+        (make_sweep(fake_trials.campaign_of(7, "pledge", "levy-walk"), AXES), "trials is 6 there and 7 here"),
     ],
 )
 def test_another_sweeps_folder_is_refused_by_its_first_difference(
     tmp_path: Path, other: Sweep, difference: str
 ) -> None:
-    ResultsFolder(tmp_path, SMALL.settings()).close()
+    with Results.kept(SMALL, tmp_path):
+        pass
     with pytest.raises(BadInput, match=f"belongs to another sweep: {difference}"):
         run(tmp_path, other, resume=True)
 
 
 @pytest.mark.parametrize("damage", ["{}", "[]", '{"axes": [1]}', '{"axes": [], "campaign": 1}', "not json"])
 def test_folder_without_a_sweeps_settings_is_refused(tmp_path: Path, damage: str) -> None:
-    (tmp_path / SWEEP_SETTINGS).write_text(damage)
-    with pytest.raises(BadInput, match=r"holds no sweep|belongs to another sweep"):
+    (tmp_path / SETTINGS).write_text(damage)
+    with pytest.raises(BadInput, match=r"holds no campaign|belongs to another sweep"):
         run(tmp_path, resume=True)
 
 

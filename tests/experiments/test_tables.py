@@ -13,10 +13,12 @@ from rich.console import Console
 from tests.experiments.fake_trials import campaign_of
 from wayfarer.config.rover_file import laid_over, load_rover
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.experiments.campaign import Campaign
+from wayfarer.experiments.campaign import Axis, Campaign
 from wayfarer.experiments.measures import compare
 from wayfarer.experiments.paper import FIELD_TRIALS, FORESTS, reported
+from wayfarer.experiments.results import Results
 from wayfarer.experiments.rows import TrialRow
+from wayfarer.experiments.sweep import Sweep
 from wayfarer.experiments.tables import NO_SPL, campaign_table, comparison_table, layouts_note, layouts_of_points
 from wayfarer.logview.terminal_table import TextTable, print_whole
 from wayfarer.simhal.world.forest_file import read_forest_file
@@ -119,9 +121,9 @@ def test_paper_has_figures_of_its_rover_in_its_forests_and_of_its_two_at_its_sit
 # -- sweeps ------------------------------------------------------------------------------------------------------------
 
 
-def sweep(key: str, values: list[Any], **change: Any) -> dict[str, Any]:
+def sweep(key: str, values: list[Any], **change: Any) -> Results:
     campaign = replace(PLAIN, rover=load_rover("minirover"), **change)
-    return {"axes": [{"key": key, "values": values, "now": None}], "campaign": campaign.settings()}
+    return Results(Sweep(campaign, (Axis(key, tuple(values)),)))
 
 
 def test_points_at_a_site_met_the_same_layouts_only_if_they_have_the_same_room() -> None:

@@ -23,8 +23,8 @@ from wayfarer.config.rover_file import load_rover, rover_names
 from wayfarer.daemon.stop_motors import stop_motors
 from wayfarer.errors import BadConfig, WayfarerError
 from wayfarer.experiments.provenance import RUNS, facts_of, read_runs
-from wayfarer.experiments.report.load_results import read_results
-from wayfarer.experiments.results_folder import FORESTS, SETTINGS, TRIALS, ResultsFolder
+from wayfarer.experiments.recorded import FORESTS, SETTINGS, recorded
+from wayfarer.experiments.results import TRIALS, Results
 from wayfarer.experiments.rows import COLUMNS, TrialRow, csv_line
 from wayfarer.simhal.buses import FakeBuses, FakeSerial
 from wayfarer.simhal.world.forest_file import as_row, content_of, forests_in
@@ -260,14 +260,14 @@ def _read_campaign(folder: Path) -> str:
 
 
 def _resume(folder: Path) -> str:
-    with ResultsFolder(folder, CAMPAIGN, resume=True) as results:
+    with Results.kept(recorded(CAMPAIGN), folder, resume=True) as results:
         assert all(isinstance(row.trial, int) for row in results.rows), "a trial without a number"
         check_finite(results.rows)
         return f"{len(results.rows)} trials kept"
 
 
 def _report_of(folder: Path) -> str:
-    results = read_results(folder)
+    results = Results.open(folder, unfinished=True)
     check_finite(results.rows)
     made = reading(lambda: f"{len(dict(facts_of(read_runs(folder))))} facts")
     return f"{len(results.by_algorithm)} algorithms, {reading(lambda: str(results.rebuild().trials))} trials, {made}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tests.conftest import Run
-from wayfarer.experiments.report.load_results import CampaignResults
+from wayfarer.experiments.results import Results
 
 
 def succeed(run: Run, *arguments: object) -> str:
@@ -13,8 +13,8 @@ def succeed(run: Run, *arguments: object) -> str:
     return out
 
 
-def facts_of(results: CampaignResults) -> dict[str, str]:
+def facts_of(results: Results) -> dict[str, str]:
     """Return what the head of the report says."""
     from wayfarer.experiments.report.words import facts  # and Bokeh with it
 
-    return dict(facts(results.settings))
+    return dict(facts(results.plan.base))

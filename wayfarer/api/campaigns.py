@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wayfarer.api.results import Results
 from wayfarer.errors import BadInput
+from wayfarer.experiments.results import Results
 from wayfarer.experiments.settings import CampaignSettings, Value, as_plain, describe
 from wayfarer.extras import require
 
@@ -100,8 +99,9 @@ def run_sweep(  # noqa: D417 - as above
     [(0, 30, 0), (1, 60, 0)]
     """
     require("simulating")
+    from wayfarer.experiments.campaign import Axis
     from wayfarer.experiments.checks import check_points, make_campaign
-    from wayfarer.experiments.sweep import Axis, make_sweep
+    from wayfarer.experiments.sweep import make_sweep
 
     campaign = make_campaign({"algorithms": algorithms, "trials": trials, **settings})
     axes = [Axis(key, tuple(dict.fromkeys(map(as_plain, each)))) for key, each in values.items()]
@@ -121,23 +121,24 @@ def _run(
     progress: bool,
 ) -> Results:
     from wayfarer.experiments.pool import cores
-    from wayfarer.experiments.results_folder import ResultsFolder
     from wayfarer.experiments.run import run
-    from wayfarer.experiments.sim_command import run_shown
     from wayfarer.simhal.world.forest_file import content_of
 
     if jobs is not None and jobs < 1:
         raise BadInput(f"jobs = {jobs}: a campaign needs one process at least")
     if resume and out is None:
         raise BadInput("resume = True continues the results in a folder: name it with out")
-    settings, at_a_time = plan.settings(), jobs or cores()
-    with nullcontext() if out is None else ResultsFolder(Path(out), settings, resume=resume) as folder:
-        if folder and forests:
-            folder.keep_forests(content_of(forests))
+    folder = None if out is None else Path(out)
+    content = content_of(forests) if forests and folder else None
+    with ExitStack() as shown, Results.kept(plan, folder, resume=resume, forests=content) as results:
+        bar = None
         if progress:
-            finished = run_shown(plan, folder, jobs=at_a_time, executor=executor)
-        else:
-            finished = run(plan, folder, jobs=at_a_time, executor=executor)
-    if finished.interrupted:
+            from rich.console import Console
+
+            from wayfarer.logview.progress_bar import shown_progress
+
+            bar = shown.enter_context(shown_progress(Console(stderr=True), len(results.rows), results.total))
+        run(results, jobs=jobs or cores(), executor=executor, progress=bar)
+    if not results.finished:
         raise KeyboardInterrupt
-    return Results(json.loads(json.dumps(settings)), finished.rows)
+    return results

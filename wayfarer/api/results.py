@@ -1,62 +1,13 @@
-"""Results of campaigns and sweeps: run them, open their folders, and compare algorithms in pairs."""
+"""Results of campaigns and sweeps: open their folders, and compare algorithms in pairs."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from wayfarer.errors import BadInput
 from wayfarer.experiments.measures import compare as compared
-from wayfarer.experiments.measures import summarise
-from wayfarer.experiments.results_folder import swept_values
-from wayfarer.experiments.rows import TrialRow, columns_of
-from wayfarer.fieldlog.wording import plural
-
-
-@dataclass(frozen=True, repr=False)
-class Results:
-    """The results of a campaign or a sweep.
-
-    ``settings`` are all that decided them, as in ``campaign.json`` or ``sweep.json``: the same settings give the same
-    rows, on any computer and with any number of processes. ``rows`` are named tuples, as ``Trial.row``.
-
-    >>> results = run_campaign("pledge", trials=1)
-    >>> [(row["algorithm"], row["outcome"]) for row in results.trials]
-    [('pledge', 'escaped')]
-    >>> [row["success_percent"] for row in results.summary]
-    [100.0]
-    """
-
-    settings: Mapping[str, Any]
-    rows: Sequence[TrialRow]
-
-    def __repr__(self) -> str:
-        campaign = self.settings.get("campaign", self.settings)
-        return f"<Results: {plural(len(self.rows), 'trial')} of {', '.join(campaign['algorithms'])}>"
-
-    @property
-    def trials(self) -> list[dict[str, Any]]:
-        """A row for each trial, with the columns of ``trials.csv``; those of a sweep begin with the swept values.
-
-        Paths are in metres, times in simulated seconds, ``spl`` is 0 to 1, and ``outcome`` is ``escaped``,
-        ``left_bounds``, ``entrapped``, ``tipped`` or ``fault``. What is not known is None.
-        """
-        points, columns = swept_values(self.settings), columns_of(self.settings)
-        all_values = (row.cells() | points[row.point] for row in self.rows)
-        return [{name: values[name] for name in columns} for values in all_values]
-
-    @property
-    def summary(self) -> list[dict[str, Any]]:
-        """A row for each algorithm, of a sweep for each at each point: success, path, SPL, time and others.
-
-        The columns are those that ``wayfarer sim --json`` prints, with their units in their names. Beside a value are
-        the ends of its 95 % interval: ``path_m``, ``path_m_low``, ``path_m_high``. Layouts are the sampling unit.
-        """
-        points, cells = swept_values(self.settings), groupby(self.rows, lambda row: (row.point, row.algorithm))
-        return [points[point] | summarise(name, list(rows)) for (point, name), rows in cells]
+from wayfarer.experiments.results import Results
 
 
 def compare(results: Results, against: str | None = None) -> list[dict[str, Any]]:
@@ -77,13 +28,17 @@ def compare(results: Results, against: str | None = None) -> list[dict[str, Any]
     >>> [(row["algorithm"], row["path_m_change_pairs"]) for row in compare(results)]
     [('forest-pledge', 0), ('pledge', 2)]
     """
-    if "axes" in results.settings:
+    if results.plan.axes:
         raise BadInput("the results of a sweep have a campaign at each point; compare those of one campaign")
     return [one.as_json() for one in compared(results.rows, against)]
 
 
-def open_results(folder: str | Path) -> Results:
+def open_results(folder: str | Path, *, unfinished: bool = False) -> Results:
     """Open the results folder of a campaign or a sweep: of ``run_campaign``, ``wayfarer sim --out`` and others.
+
+    Args:
+        folder: of the results.
+        unfinished: open it also if trials are missing, as while it runs; ``Results.finished`` says whether any are.
 
     Raises:
         BadInput: no such folder, no campaign or sweep in it, not finished, or damaged; the text says what to do.
@@ -93,9 +48,4 @@ def open_results(folder: str | Path) -> Results:
     >>> open_results("results")
     <Results: 1 trial of pledge>
     """
-    from wayfarer.experiments.report.load_results import read_results
-    from wayfarer.experiments.report.sweep_results import is_sweep, read_sweep
-
-    path = Path(folder)
-    found = read_sweep(path) if is_sweep(path) else read_results(path)
-    return Results(found.settings.settings(), found.rows)
+    return Results.open(Path(folder), unfinished=unfinished)

@@ -32,12 +32,12 @@ def compare(
     from rich.console import Console
 
     from wayfarer.experiments.measures import compare as compared
-    from wayfarer.experiments.report.load_results import read_results
+    from wayfarer.experiments.results import Results
     from wayfarer.experiments.tables import comparison_table, sentences
     from wayfarer.logview.terminal import print_json
     from wayfarer.logview.terminal_table import print_whole
 
-    algorithms = compared(read_results(results).rows, against)
+    algorithms = compared(Results.open(results).rows, against)
     if as_json:
         print_json({"against": algorithms[0].algorithm, "algorithms": [each.as_json() for each in algorithms]})
         return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -87,15 +88,20 @@ def report(
 def _of_trials(folder: Path, out: Path | None, gallery: int | None, jobs: int | None, *, allow_code: bool) -> Path:
     """Write the report of a sweep or a campaign, and return the page's path."""
     require("a report")
+    from rich.console import Console
+
     from wayfarer.experiments.pool import cores
     from wayfarer.experiments.report.campaign import write_report
     from wayfarer.experiments.report.sweep import write_sweep_report
-    from wayfarer.experiments.report.sweep_results import is_sweep
+    from wayfarer.experiments.results import Results
+    from wayfarer.logview.progress_bar import shown_progress
 
-    if is_sweep(folder):
-        return write_sweep_report(folder, out)
+    results = Results.open(folder, unfinished=True)
+    if results.plan.axes:
+        return write_sweep_report(results, out)
     shown = GALLERY if gallery is None else gallery
-    return write_report(folder, out, gallery=shown, jobs=jobs or cores(), allow_code=allow_code)
+    progress = partial(shown_progress, Console(stderr=True), 0)
+    return write_report(results, out, gallery=shown, jobs=jobs or cores(), allow_code=allow_code, progress=progress)
 
 
 def _draw(figure: Path, folder: Path) -> None:
@@ -104,13 +110,14 @@ def _draw(figure: Path, folder: Path) -> None:
     Raises:
         BadInput: the folder holds no finished campaign, or the figure cannot be written.
     """
-    from wayfarer.experiments.report.load_results import read_results
+    from wayfarer.experiments.recorded import SETTINGS
     from wayfarer.experiments.report.paper_figure import write_paper_figure
-    from wayfarer.experiments.results_folder import SETTINGS
+    from wayfarer.experiments.results import Results
 
-    if not (folder / SETTINGS).exists():
+    results = Results.open(folder) if (folder / SETTINGS).exists() else None
+    if results is None or results.plan.axes:
         raise BadInput(f"--figure draws a campaign, and {folder} is none: name a folder of `wayfarer sim --out`")
-    write_paper_figure(read_results(folder), figure)
+    write_paper_figure(results, figure)
 
 
 def _run(what: str, logs: Path) -> Path | None:

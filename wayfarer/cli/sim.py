@@ -81,15 +81,15 @@ def sim(
     require("simulating")
     if cluster is not None:
         require("a cluster")
-    from wayfarer.experiments import sim_command
+    from wayfarer.cli.run_trials import run_all, run_alone
     from wayfarer.experiments.checks import make_campaign
     from wayfarer.experiments.settings import option_of
 
     campaign = make_campaign(asked if trial is None else asked | {"trials": trial + 1}, option_of)
     if trial is None:
-        code = sim_command.run_all(
+        code = run_all(
             campaign, out, resume=resume, jobs=jobs, cluster=cluster, forests=asked.get("forests"), log=log_dir,
             as_json=as_json, command=command_line(ctx),
         )  # fmt: skip
         raise typer.Exit(code)
-    sim_command.run_alone(campaign, trial, log_dir, as_json=as_json)
+    run_alone(campaign, trial, log_dir, as_json=as_json)

@@ -45,14 +45,11 @@ def sweep(
 ) -> None:
     """Run the same trials at each point of a grid of settings, and show how the results change."""
     require("simulating")
+    from wayfarer.cli.run_trials import run_all
     from wayfarer.experiments.checks import check_points, make_campaign
-    from wayfarer.experiments.pool import cores
     from wayfarer.experiments.settings import option_of
     from wayfarer.experiments.sweep import make_sweep, parse_axis
-    from wayfarer.experiments.sweep_command import run_all
 
     plan = make_sweep(make_campaign(asked, option_of), [parse_axis(text) for text in keys])
     check_points(plan.points, str(asked.get("rover", "sim")))
-    raise typer.Exit(
-        run_all(plan, out, resume=resume, jobs=jobs or cores(), as_json=as_json, command=command_line(ctx))
-    )
+    raise typer.Exit(run_all(plan, out, resume=resume, jobs=jobs, as_json=as_json, command=command_line(ctx)))

@@ -6,14 +6,13 @@ and every algorithm meets the same forests with the same noise: comparisons are 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import blake2b
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from wayfarer.experiments.keys import Conditions, drawn, laid_over
-from wayfarer.experiments.settings import NAMES, CampaignSettings
+from wayfarer.experiments.settings import NAMES, CampaignSettings, Value
 from wayfarer.simhal.world.forest import ROVER_WIDTH_M, Forest
 
 if TYPE_CHECKING:  # a trial needs the whole simulator: only the workers pay for importing it
@@ -27,6 +26,23 @@ class Task(NamedTuple):
     algorithm: str
     trial: int
     point: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """A key and the values that it takes, at least one, each once, in the order in which they were asked for.
+
+    ``now`` is what the campaign has for the key if it is not swept.
+    """
+
+    key: str
+    values: tuple[Value, ...]
+    now: Value | None = None
+
+    @property
+    def numeric(self) -> bool:
+        """Return whether all values are numbers."""
+        return not any(isinstance(value, str | bool) for value in self.values)
 
 
 @dataclass(frozen=True)
@@ -57,8 +73,18 @@ class Campaign(CampaignSettings):
         return SITES[self.site]
 
     @property
-    def points(self) -> Sequence[Campaign]:
-        """Itself: a campaign is a sweep of one point."""
+    def base(self) -> Campaign:
+        """Itself, as a sweep has a campaign that it varies."""
+        return self
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """Nothing: a campaign is a sweep of one point."""
+        return ()
+
+    @property
+    def points(self) -> tuple[Campaign, ...]:
+        """Itself."""
         return (self,)
 
     def forest_and_noise(self, trial: int) -> tuple[int, int]:
@@ -125,7 +151,15 @@ class Plan(Protocol):
     """What can be run: a campaign, or a sweep, which is the same campaign at several points."""
 
     @property
-    def points(self) -> Sequence[Campaign]:
+    def base(self) -> Campaign:
+        """The campaign, without what a sweep varies."""
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """What a sweep varies; nothing in a campaign."""
+
+    @property
+    def points(self) -> tuple[Campaign, ...]:
         """The campaign at each point; all have the same algorithms and the same number of trials."""
 
     def settings(self) -> dict[str, Any]:

@@ -81,17 +81,6 @@ FIELDS = frozenset(TrialRow._fields)
 COLUMNS = tuple(name for name in TrialRow._fields if name not in {"drawn", "point"})
 
 
-def columns_of(settings: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the columns of ``trials.csv`` in a campaign or sweep with these settings.
-
-    The keys that are drawn for each trial come last, in a sweep the point and the swept keys before all else.
-    """
-    campaign = settings.get("campaign", settings)
-    drawn = (key for key, value in campaign["set"].items() if isinstance(value, list | tuple))
-    swept = ("point", *(axis["key"] for axis in settings["axes"])) if "axes" in settings else ()
-    return (*swept, *COLUMNS, *drawn)
-
-
 def row_of(result: TrialResult) -> TrialRow:
     """Return a trial's result as its row."""
     values = result._asdict()

@@ -1,4 +1,4 @@
-"""Runs a campaign or a sweep from its first trial to its summary.
+"""Runs a campaign or a sweep: the trials of it that have no row yet.
 
 One loop does it all: a finished trial is kept in the folder, then shown. SIGINT and SIGTERM only set a flag
 that the loop looks at, so that nothing is cut in the middle; a second one ends the process the usual way.
@@ -10,21 +10,18 @@ import os
 import signal
 import threading
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
-from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import quote
 
 from wayfarer.errors import TrialNotRun, WayfarerError, kind_and_text
 from wayfarer.experiments.campaign import Plan, Task
-from wayfarer.experiments.measures import summarise
 from wayfarer.experiments.pool import TaskFailed, run_tasks
-from wayfarer.experiments.results_folder import ResultsFolder, count_of, in_table_order, missing, swept_values
-from wayfarer.experiments.rows import TrialRow, rounded_values, row_of
+from wayfarer.experiments.results import Results
+from wayfarer.experiments.rows import TrialRow, row_of
 
 if TYPE_CHECKING:
     from wayfarer.experiments.trial import TrialResult
@@ -98,11 +95,12 @@ def not_run(failed: TaskFailed, remedy: str) -> TrialNotRun:
 
 
 class ComputeCost(NamedTuple):
-    """What a run took: seconds on the clock, CPU seconds of this process and its workers, control ticks.
+    """What a run took: how many trials it ran, seconds on the clock, CPU seconds of all processes, control ticks.
 
-    The CPU of other machines is not known: None.
+    Trials that an earlier run had finished do not count. The CPU of other machines is not known: None.
     """
 
+    trials: int
     wall_s: float
     cpu_s: float | None
     ticks: int
@@ -113,45 +111,8 @@ class ComputeCost(NamedTuple):
         return 1e6 * self.cpu_s / self.ticks if self.cpu_s is not None and self.ticks else None
 
 
-@dataclass(frozen=True, slots=True)
-class CampaignRun:
-    """How a run ended: the ``rows`` that there are, in the table's order once none is missing, and what it took."""
-
-    plan: Plan
-    rows: Sequence[TrialRow]
-    effort: ComputeCost
-
-    @property
-    def interrupted(self) -> bool:
-        """Return whether trials are missing."""
-        return len(self.rows) < count_of(self.plan.settings())
-
-    @property
-    def simulated_s(self) -> float:
-        """Simulated time of all trials."""
-        return sum(row.time_s or 0.0 for row in self.rows)
-
-    @property
-    def cells(self) -> list[tuple[dict[str, Any], str, list[TrialRow]]]:
-        """The trials of each algorithm, in a sweep at each point: with the swept values by their keys, and its name."""
-        points, cells = swept_values(self.plan.settings()), groupby(self.rows, lambda row: (row.point, row.algorithm))
-        return [(points[point], name, list(rows)) for (point, name), rows in cells]
-
-    def as_json(self) -> dict[str, Any]:
-        """Return what ``--json`` prints; ``last_run`` is this run, without what was kept before."""
-        return {
-            **self.plan.settings(),
-            "table": [
-                ({"point": at} if at else {}) | rounded_values(summarise(name, rows)) for at, name, rows in self.cells
-            ],
-            "simulated_s": round(self.simulated_s, 3),
-            "last_run": rounded_values({**self.effort._asdict(), "cpu_us_per_tick": self.effort.cpu_us_per_tick}),
-        }
-
-
 def run(
-    plan: Plan,
-    folder: ResultsFolder | None = None,
+    results: Results,
     *,
     jobs: int = 1,
     executor: Executor | None = None,
@@ -159,47 +120,37 @@ def run(
     notice: Callable[[str], object] = warnings.warn,
     logs: Path | None = None,
     run_trial: RunTrial | None = None,
-) -> CampaignRun:
-    """Run the trials that ``folder`` does not hold yet, and write the final files when none is missing.
+) -> ComputeCost:
+    """Run the trials that are missing in ``results``, put all in order when none is, and say what that took.
 
-    ``progress`` is called with each trial when it is done. Results depend neither on ``jobs``, the number of processes,
-    nor on an ``executor`` in their place (``pool.run_tasks``, also for ``notice``); ``logs`` and ``run_trial`` as of
-    ``TrialRunner``.
+    After SIGINT or SIGTERM trials are still missing. ``progress`` is called with each trial when it is done. Results
+    depend neither on ``jobs``, the number of processes, nor on an ``executor`` in their place (``pool.run_tasks``, also
+    for ``notice``); ``logs`` and ``run_trial`` as of ``TrialRunner``.
 
     Raises:
         TrialNotRun: a trial raised an error, or ended its worker; finished trials are kept.
         WayfarerError: the folder cannot be written any more; finished trials are kept.
     """
-    settings = plan.settings()
-    rows = list(folder.rows) if folder else []
-    began, ticks = os.times(), 0
+    began, kept, ticks = os.times(), len(results.rows), 0
+    runner, tasks = TrialRunner(results.plan, logs, run_trial), results.missing()
     with _stop_on_signals() as stop:
-        runner, tasks = TrialRunner(plan, logs, run_trial), missing(settings, rows)
         try:
             with closing(run_tasks(runner, tasks, jobs=jobs, executor=executor, stop=stop, notice=notice)) as finished:
                 for done in finished:
-                    if folder:
-                        folder.append(done.row)
-                    rows.append(done.row)
+                    results.add(done.row)
                     ticks += done.ticks
                     if progress:
                         progress(done)
         except TaskFailed as failed:
-            kept = f"{len(rows)} of {count_of(settings)} trials are kept in {folder.path}" if folder else ""
-            remedy = f"correct that and continue with --resume: {kept}" if kept else "correct that and run it again"
-            raise not_run(failed, remedy) from failed.error
-        effort = _effort(began, ticks, elsewhere=executor is not None)
-        if len(rows) == count_of(settings):
-            rows = in_table_order(rows, settings)
-            if folder and not folder.finished:
-                folder.finish(rows)
-    return CampaignRun(plan, rows, effort)
-
-
-def _effort(began: os.times_result, ticks: int, *, elsewhere: bool) -> ComputeCost:
-    """Measure since ``began``; the CPU of workers counts once they have ended, and not where they are elsewhere."""
-    now = os.times()
-    return ComputeCost(now.elapsed - began.elapsed, None if elsewhere else sum(now[:4]) - sum(began[:4]), ticks)
+            if results.folder is None:
+                raise not_run(failed, "correct that and run it again") from failed.error
+            rest = f"{len(results.rows)} of {results.total} trials are kept in {results.folder}"
+            raise not_run(failed, f"correct that and continue with --resume: {rest}") from failed.error
+        if results.finished:
+            results.finish()
+    now = os.times()  # the CPU of workers counts once they have ended, and not if they are elsewhere
+    cpu_s = None if executor is not None else sum(now[:4]) - sum(began[:4])
+    return ComputeCost(len(results.rows) - kept, now.elapsed - began.elapsed, cpu_s, ticks)
 
 
 @contextmanager

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from typing import Any
 
 from wayfarer.errors import BadInput
-from wayfarer.experiments.campaign import Campaign
+from wayfarer.experiments.campaign import Axis, Campaign
 from wayfarer.experiments.keys import check_keys, current, replace_set
 from wayfarer.experiments.settings import MOST_TRIALS, Value, as_decimal, as_number, option_of, value_of
 
@@ -21,33 +22,24 @@ MOST_AXES = 2  # a curve or a map; more cannot be drawn
 MOST_VALUES = 1000  # of one key; more is a mistyped step
 
 
-@dataclass(frozen=True, slots=True)
-class Axis:
-    """A key and the values that it takes, at least one, each once, in the order in which they were asked for."""
-
-    key: str
-    values: tuple[Value, ...]
-
-
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Sweep:
-    """All that decides the results of a sweep: a campaign, what varies, and the campaign at each point.
-
-    The last axis varies fastest.
-    """
+    """All that decides the results of a sweep: a campaign, and what varies. The last axis varies fastest."""
 
     base: Campaign
     axes: tuple[Axis, ...]
-    points: tuple[Campaign, ...]
+
+    @cached_property
+    def points(self) -> tuple[Campaign, ...]:
+        """The campaign at each point."""
+        keys = [axis.key for axis in self.axes]
+        values = product(*(axis.values for axis in self.axes))
+        return tuple(replace_set(self.base, dict(zip(keys, each, strict=True))) for each in values)
 
     def settings(self) -> dict[str, Any]:
-        """Return the settings as JSON can hold them: what makes two sweeps the same one.
-
-        ``now`` is what the campaign has for each key if it is not swept.
-        """
-        now = current(self.base)
-        axes = [{"key": a.key, "values": list(a.values), "now": now.get(a.key)} for a in self.axes]
-        return {"axes": axes, "campaign": self.base.settings()}
+        """Return the settings as ``campaign.json`` has them: what makes two sweeps the same one."""
+        axes = [{"key": axis.key, "values": list(axis.values), "now": axis.now} for axis in self.axes]
+        return {"axes": axes, **self.base.settings()}
 
 
 def make_sweep(base: Campaign, axes: Sequence[Axis], spell: Callable[[str], str] = option_of) -> Sweep:
@@ -70,11 +62,11 @@ def make_sweep(base: Campaign, axes: Sequence[Axis], spell: Callable[[str], str]
     if count > MOST_TRIALS:
         fewer = f"take fewer values or {spell('trials')}"
         raise BadInput(f"this sweep has {count:,} trials, allowed are {MOST_TRIALS:,}; {fewer}")
-    values = product(*(axis.values for axis in axes))
-    points = tuple(replace_set(base, dict(zip(keys, each, strict=True))) for each in values)
-    for point in points:
+    now = current(base)
+    sweep = Sweep(base, tuple(replace(axis, now=now.get(axis.key)) for axis in axes))
+    for point in sweep.points:
         point.fixed  # noqa: B018 - a value that is out of its range ends it here
-    return Sweep(base, tuple(axes), points)
+    return sweep
 
 
 # -- axes as a command line has them -----------------------------------------------------------------------------------

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from wayfarer.experiments.measures import COMPARED, MEASURES, METHODS, WHAT_COUNTS, Comparison, Estimate, estimate
 from wayfarer.experiments.paper import Reported
-from wayfarer.experiments.results_folder import swept_values
+from wayfarer.experiments.results import Results
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.fieldlog.wording import plural
 from wayfarer.logview.terminal_table import TextTable
@@ -103,13 +103,13 @@ def results_table(
 # -- sweeps ------------------------------------------------------------------------------------------------------------
 
 
-def layouts_of_points(settings: Mapping[str, Any]) -> list[object]:
+def layouts_of_points(results: Results) -> list[object]:
     """Return for each point of a sweep what its layouts depend on: two points with the same met the same layouts.
 
-    ``settings`` are those of ``Sweep.settings``. In forests all points meet the same trunks with the same noise. At a
+    In forests all points meet the same trunks with the same noise. At a
     site a way is kept open for the rover, so one that is wider or longer than both of the paper has layouts of its own.
     """
-    points, campaign = swept_values(settings), settings["campaign"]
+    points, campaign = results.swept, results.settings
     if campaign["site"] is None:
         return [None] * len(points)
     from wayfarer.experiments.keys import BODY, FOOTPRINT
@@ -125,10 +125,10 @@ def layouts_of_points(settings: Mapping[str, Any]) -> list[object]:
     return sizes
 
 
-def layouts_note(settings: Mapping[str, Any]) -> str:
+def layouts_note(results: Results) -> str:
     """Say which points of a sweep met the same layouts."""
     groups: dict[object, list[str]] = {}
-    for layouts, point in zip(layouts_of_points(settings), swept_values(settings), strict=True):
+    for layouts, point in zip(layouts_of_points(results), results.swept, strict=True):
         groups.setdefault(layouts, []).append(", ".join(f"{key}={value}" for key, value in point.items()))
     if len(groups) == 1:
         return "All points met the same layouts with the same noise, so they can be compared trial by trial."

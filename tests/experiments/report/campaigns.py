@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from tests.simhal.forest_lines import lines_of
+from wayfarer.cli import run_trials
 from wayfarer.config.rover_file import load_rover
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.experiments import sim_command
 from wayfarer.experiments.campaign import Campaign
 from wayfarer.experiments.outcome import SUCCESSES
 from wayfarer.experiments.rows import TrialRow
@@ -44,7 +44,7 @@ def run_campaign(
     run_trial: RunTrial | None = None,
 ) -> None:
     campaign, command = campaign_of(forests, algorithms), ["wayfarer", "sim", "--out", f"{Path.home()}/results"]
-    assert sim_command.run_all(campaign, out, jobs=1, forests=forests, run_trial=run_trial, command=command) == 0
+    assert run_trials.run_all(campaign, out, jobs=1, forests=forests, run_trial=run_trial, command=command) == 0
 
 
 def row(algorithm: str, trial: int, outcome: str = "escaped", path_m: float | None = 80.0) -> TrialRow:

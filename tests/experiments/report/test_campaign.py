@@ -19,7 +19,8 @@ from tests.reports.page.outline import Outline
 from wayfarer import __version__, cli
 from wayfarer.experiments.provenance import RUNS
 from wayfarer.experiments.report.campaign import write_report
-from wayfarer.experiments.results_folder import TRIALS as TABLE
+from wayfarer.experiments.results import TRIALS as TABLE
+from wayfarer.experiments.results import Results
 from wayfarer.reports.page.frame import PAGE
 
 GALLERY = 2
@@ -104,7 +105,8 @@ def test_another_process_writes_the_same_bytes_where_it_is_told(folder: Path, tm
     """Python's hashes of strings, and with them the order of sets, differ from process to process."""
     code = (
         "import pathlib, sys; from wayfarer.experiments.report.campaign import write_report;"
-        f"write_report(pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[2]), gallery={GALLERY}, jobs=1)"
+        "from wayfarer.experiments.results import Results;"
+        f"write_report(Results.open(pathlib.Path(sys.argv[1])), pathlib.Path(sys.argv[2]), gallery={GALLERY}, jobs=1)"
     )
     out, before = tmp_path / "mine" / "page.html", sorted(folder.rglob("*"))
     environment = {**os.environ, "PYTHONHASHSEED": "1"}
@@ -116,7 +118,7 @@ def test_another_process_writes_the_same_bytes_where_it_is_told(folder: Path, tm
 
 def test_without_shortest_paths_the_page_says_how_to_get_them(tmp_path: Path) -> None:
     run_campaign(tmp_path / "out", algorithms=["pledge"])
-    text = write_report(tmp_path / "out", gallery=0, jobs=1).read_text()
+    text = write_report(Results.open(tmp_path / "out"), gallery=0, jobs=1).read_text()
     assert "--spl" in text
     assert 'scope="col">SPL' not in text
     assert Outline(text).tags["figure"] == 2
@@ -125,7 +127,7 @@ def test_without_shortest_paths_the_page_says_how_to_get_them(tmp_path: Path) ->
 
 def test_trials_that_come_out_in_another_way_are_named_and_not_drawn(tmp_path: Path) -> None:
     run_campaign(tmp_path / "out", algorithms=["pledge"], run_trial=fake_trials.quick)
-    text = write_report(tmp_path / "out", gallery=2, jobs=1).read_text()
+    text = write_report(Results.open(tmp_path / "out"), gallery=2, jobs=1).read_text()
     assert ", trial 0 (forest" not in text
     assert "the code or an algorithm has changed since" in text
     assert len(re.findall(r"<li>pledge, trial \d: .* in the table, .* now</li>", text)) == 2
@@ -137,7 +139,7 @@ def test_names_cannot_break_out_of_the_page(tmp_path: Path, finished: Path) -> N
         path = folder / name
         path.write_text(path.read_text().replace("cv-react", "<b>&$x$"))
     (folder / RUNS).unlink()  # an older version kept none
-    text = write_report(folder, gallery=0, jobs=1).read_text()
+    text = write_report(Results.open(folder), gallery=0, jobs=1).read_text()
     assert f"<dt>software</dt><dd>wayfarer {__version__}</dd>" in text
     assert Outline(text).tags["b"] == 0
     assert "&lt;b&gt;&amp;$x$" in text

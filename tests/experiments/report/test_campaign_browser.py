@@ -13,7 +13,7 @@ import pytest
 from tests.browser import PHONE, SIZES, Opened, OpenPage, plotted
 from tests.experiments.report.campaigns import ALGORITHMS
 from wayfarer.experiments.report.campaign import write_report
-from wayfarer.experiments.results_folder import TRIALS
+from wayfarer.experiments.results import TRIALS, Results
 
 GALLERY = 3
 MODEL = "[...Bokeh.documents[0]._all_models.values()].find((model) => model.name === {name!r})"
@@ -23,7 +23,7 @@ MODEL = "[...Bokeh.documents[0]._all_models.values()].find((model) => model.name
 def report(finished: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Where the page is; written before the browser comes, because no trial can be run beside its event loop."""
     out = tmp_path_factory.mktemp("browsed") / "page.html"
-    return write_report(finished, out, gallery=GALLERY, jobs=1)
+    return write_report(Results.open(finished), out, gallery=GALLERY, jobs=1)
 
 
 def asked(opened: Opened, name: str, what: str) -> Any:

@@ -13,19 +13,19 @@ from hypothesis import strategies as st
 
 from tests.experiments.report.campaigns import campaign_of, row
 from wayfarer.experiments.outcome import SUCCESSES
-from wayfarer.experiments.report.load_results import read_results
 from wayfarer.experiments.report.worst_trials import RerunTrial, choose, ending, run_again
+from wayfarer.experiments.results import Results
 from wayfarer.experiments.rows import TrialRow
 
 
 @pytest.fixture(scope="module")
 def worst(finished: Path) -> list[RerunTrial]:
     """The four worst trials, run again."""
-    return again(choose(read_results(finished).by_algorithm, 4), finished)
+    return again(choose(Results.open(finished).by_algorithm, 4), finished)
 
 
 def again(rows: Sequence[TrialRow], folder: Path) -> list[RerunTrial]:
-    return run_again(read_results(folder).rebuild(), rows, 1, lambda _: None)
+    return run_again(Results.open(folder).rebuild(), rows, 1, lambda _: None)
 
 
 @st.composite
@@ -72,7 +72,7 @@ def test_fewer_drawings_than_algorithms_show_the_worst() -> None:
 
 
 def test_way_is_that_of_the_trial_in_the_table(finished: Path, worst: list[RerunTrial]) -> None:
-    assert [each.row for each in worst] == choose(read_results(finished).by_algorithm, 4)
+    assert [each.row for each in worst] == choose(Results.open(finished).by_algorithm, 4)
     for each in worst:
         assert each.trajectory is not None
         start, *_, end = each.trajectory.points
@@ -84,7 +84,7 @@ def test_way_is_that_of_the_trial_in_the_table(finished: Path, worst: list[Rerun
 def test_processes_give_the_same_paths_and_progress_of_each_trial(finished: Path, worst: list[RerunTrial]) -> None:
     done: list[Any] = []
     rows = [each.row for each in worst]
-    assert run_again(read_results(finished).rebuild(), rows, 2, done.append) == worst
+    assert run_again(Results.open(finished).rebuild(), rows, 2, done.append) == worst
     assert {again.row.key for again in done} == {row.key for row in rows}
 
 
@@ -98,7 +98,7 @@ def test_processes_give_the_same_paths_and_progress_of_each_trial(finished: Path
     ],
 )
 def test_trial_that_comes_out_in_another_way_has_no_drawing(finished: Path, column: str, value: Any, says: str) -> None:
-    original = choose(read_results(finished).by_algorithm, 1)[0]
+    original = choose(Results.open(finished).by_algorithm, 1)[0]
     (ran,) = again([original._replace(**{column: value})], finished)
     assert ran.trajectory is None
     assert re.search(says, ran.why_not)

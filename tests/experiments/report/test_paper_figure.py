@@ -14,29 +14,29 @@ from matplotlib.patches import Rectangle
 from tests.conftest import Run, refusal
 from tests.experiments.report.campaigns import ALGORITHMS, STRANGERS, row, rows_of
 from wayfarer.experiments.measures import summarise
-from wayfarer.experiments.report.load_results import CampaignResults, read_results
 from wayfarer.experiments.report.paper_figure import paper_figure, write_paper_figure
+from wayfarer.experiments.results import Results
 from wayfarer.logview import palette
 
 SAMPLE = next(each for each in sorted((Path(__file__).parents[3] / "field_logs").iterdir()) if each.is_dir())
 
 
 @pytest.fixture(scope="module")
-def results(finished: Path) -> CampaignResults:
-    return read_results(finished)
+def results(finished: Path) -> Results:
+    return Results.open(finished)
 
 
-def of(results: CampaignResults, *names: str, **changes: Any) -> CampaignResults:
+def of(results: Results, *names: str, **changes: Any) -> Results:
     """Results of these algorithms, with as many failures as places before them, of 40 trials each."""
     rows = [each._replace(**changes) for own in rows_of(names).values() for each in own]
-    return replace(results, rows=rows, settings=replace(results.settings, algorithms=names))
+    return Results(replace(results.plan.base, algorithms=names), rows)
 
 
-def summary(results: CampaignResults, name: str) -> dict[str, Any]:
+def summary(results: Results, name: str) -> dict[str, Any]:
     return summarise(name, results.by_algorithm[name])
 
 
-def test_boxes_bars_and_line_are_those_of_the_rows(results: CampaignResults) -> None:
+def test_boxes_bars_and_line_are_those_of_the_rows(results: Results) -> None:
     shown = of(results, "levy-walk", "forest-pledge", STRANGERS[1])
     boxes, bars = paper_figure(shown).axes
     assert [text.get_text() for text in boxes.get_xticklabels()] == ["forest-pledge", "levy-walk", STRANGERS[1]]
@@ -53,27 +53,28 @@ def test_boxes_bars_and_line_are_those_of_the_rows(results: CampaignResults) -> 
     assert [list(line.get_xdata()) for line in between] == [[0.5, 0.5], [1.5, 1.5]]  # type: ignore[arg-type]
 
 
-def test_line_is_the_straight_one_where_no_shortest_path_is_known(results: CampaignResults) -> None:
-    def legend(shown: CampaignResults) -> list[str]:
+def test_line_is_the_straight_one_where_no_shortest_path_is_known(results: Results) -> None:
+    def legend(shown: Results) -> list[str]:
         return [text.get_text() for text in paper_figure(shown).legends[0].get_texts()]
 
     failed = "did not get out (right axis)"
     assert legend(results) == ["shortest distance, 38.8 m (mean shortest path)", failed]
-    unknown = replace(results, rows=[each._replace(shortest_path_m=None) for each in results.rows])
+    rows = [each._replace(shortest_path_m=None) for each in results.rows]
+    unknown = Results(results.plan, rows, results.folder)
     assert legend(unknown) == ["shortest distance, 37.5 m (a straight line)", failed]
     assert legend(of(results, *STRANGERS, shortest_path_m=None)) == [failed], "code of others is not imported for it"
 
 
 @pytest.mark.parametrize("ended", [("escaped", 80.0), ("entrapped", 1000.0), ("fault", None)])
 def test_campaign_of_one_trial_is_drawn_without_a_warning(
-    results: CampaignResults, tmp_path: Path, ended: tuple[str, float | None]
+    results: Results, tmp_path: Path, ended: tuple[str, float | None]
 ) -> None:
-    settings = replace(results.settings, algorithms=("pledge",))
-    write_paper_figure(replace(results, settings=settings, rows=[row("pledge", 0, *ended)]), tmp_path / "one.svg")
+    one = replace(results.plan.base, algorithms=("pledge",))
+    write_paper_figure(Results(one, [row("pledge", 0, *ended)], results.folder), tmp_path / "one.svg")
     assert ">pledge<" in (tmp_path / "one.svg").read_text()
 
 
-def test_text_is_text_and_a_name_is_no_formula(results: CampaignResults, tmp_path: Path) -> None:
+def test_text_is_text_and_a_name_is_no_formula(results: Results, tmp_path: Path) -> None:
     names = (r"a$\bad{$", "_mine:Own")
     shown = of(results, *names)
     for name in ("figure.svg", "figure.pdf", "FIGURE.PNG"):
@@ -86,7 +87,7 @@ def test_text_is_text_and_a_name_is_no_formula(results: CampaignResults, tmp_pat
     assert (tmp_path / "FIGURE.PNG").read_bytes().startswith(b"\x89PNG")
 
 
-def test_same_results_give_the_same_bytes_whatever_style_a_reader_has(results: CampaignResults, tmp_path: Path) -> None:
+def test_same_results_give_the_same_bytes_whatever_style_a_reader_has(results: Results, tmp_path: Path) -> None:
     for ending in ("svg", "pdf", "png"):
         write_paper_figure(results, tmp_path / f"a.{ending}")
         with mpl.rc_context({"font.size": 20.0, "svg.fonttype": "path"}):

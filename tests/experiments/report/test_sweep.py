@@ -18,13 +18,13 @@ from tests.experiments.report.campaigns import STRANGERS
 from tests.experiments.report.reading_plots import columns
 from tests.reports.page.outline import Outline
 from wayfarer import cli
+from wayfarer.cli.run_trials import run_all
 from wayfarer.errors import BadInput
-from wayfarer.experiments.report.sweep import curves_figures, maps_figures, write_sweep_report
-from wayfarer.experiments.report.sweep_results import SweepResults, SweepSettings, SweptAxis, read_sweep
-from wayfarer.experiments.results_folder import TRIALS, in_table_order, tasks_of
+from wayfarer.experiments.campaign import Axis
+from wayfarer.experiments.report.sweep import Grid, curves_figures, maps_figures, write_sweep_report
+from wayfarer.experiments.results import TRIALS, Results
 from wayfarer.experiments.rows import TrialRow
-from wayfarer.experiments.sweep import Axis, make_sweep
-from wayfarer.experiments.sweep_command import run_all
+from wayfarer.experiments.sweep import Sweep, make_sweep
 from wayfarer.reports.page.plots import Figure, Plots
 
 ANGLES = Axis("escape.turn_angle_deg", (50, 10, 30))
@@ -33,18 +33,17 @@ IN_A_FOREST = ["success, %", "SPL", "path, m", "time to escape, s"]
 WORDS = Axis("anomaly_source", ("motion", "contact"))
 
 
-def results_of(*axes: Axis, algorithms: tuple[str, ...] = ("pledge",), spl: bool = True) -> SweepResults:
+def results_of(*axes: Axis, algorithms: tuple[str, ...] = ("pledge",), spl: bool = True) -> Grid:
     """At point p 8 - p of 8 trials escape, each on 60 + 10 p metres; the rest end entrapped."""
     sweep = make_sweep(fake_trials.campaign_of(8, *algorithms), axes)
     rows = []
-    for task in tasks_of(sweep.settings()):
+    for task in Results(sweep).missing():
         out = task.trial >= task.point
         path_m = 60.0 + 10 * task.point + task.trial if out else 1000.0
         shortest_m, share = (36.0, 36.0 / path_m if out else 0.0) if spl else (None, None)
         row = TrialRow(task.trial, task.algorithm, task.trial, 0, 1, "escaped" if out else "entrapped", path_m)
         rows.append(row._replace(time_s=2.0 * path_m, shortest_path_m=shortest_m, spl=share, point=task.point))
-    settings = SweepSettings.model_validate_json(json.dumps(sweep.settings()))
-    return SweepResults(settings, in_table_order(rows, sweep.settings()))
+    return Grid(Results(sweep, rows))
 
 
 def drawn(figures: Iterator[Figure]) -> list[Any]:
@@ -105,10 +104,9 @@ def test_change_is_taken_trial_by_trial_and_only_in_the_same_layouts() -> None:
     assert change is not None
     gains = [(36 / (70 + n) if n else 0.0) - (36 / (80 + n) if n > 1 else 0.0) for n in range(8)]
     assert change[::4] == pytest.approx((np.mean(gains), 8))
-    at_site = replace(results.settings.campaign, site="extended-maze")
-    widths = SweptAxis(key="vehicle.width_m", values=[0.2, 0.4, 0.6], now=0.6)
-    settings = results.settings.model_copy(update={"campaign": at_site, "axes": [widths]})
-    assert [SweepResults(settings, results.rows).change(point, "pledge") for point in range(3)] == [None] * 3
+    at_site = replace(results.all.plan.base, site="extended-maze")
+    grid = Grid(Results(Sweep(at_site, (Axis("vehicle.width_m", (0.2, 0.4, 0.6), 0.6),)), results.all.rows))
+    assert [grid.change(point, "pledge") for point in range(3)] == [None] * 3
 
 
 @pytest.mark.parametrize("axes", [(ANGLES,), (ANGLES, SLIPS)], ids=["curves", "maps"])
@@ -124,7 +122,7 @@ def test_page_is_whole_and_the_same_each_time(
     assert page.tags["tr"] == 1 + 2 * (1 + len(sweep.points))
     assert page.links == []
     assert "escape.turn_angle_deg" in text
-    write_sweep_report(tmp_path)
+    write_sweep_report(Results.open(tmp_path))
     assert (tmp_path / "report.html").read_text(encoding="utf-8") == text
 
 
@@ -132,16 +130,20 @@ def test_unfinished_and_damaged_sweeps_are_told(tmp_path: Path) -> None:
     sweep = make_sweep(fake_trials.campaign_of(3), [SLIPS])
     run_all(sweep, tmp_path, run_trial=fake_trials.quick)
     whole = (tmp_path / TRIALS).read_text()
-    assert [(row.point, row.trial) for row in read_sweep(tmp_path).rows] == [(p, n) for p in range(2) for n in range(3)]
+    rows = Results.open(tmp_path).rows
+    assert [(row.point, row.trial) for row in rows] == [(p, n) for p in range(2) for n in range(3)]
     (tmp_path / TRIALS).write_text(whole.rpartition("\n1,")[0] + "\n")
     with pytest.raises(BadInput, match="is not finished, it has 5 of 6 trials"):
-        read_sweep(tmp_path)
+        Results.open(tmp_path)
+    assert "<p>Unfinished: 5 of 6 trials." in write_sweep_report(Results.open(tmp_path, unfinished=True)).read_text()
+    (tmp_path / TRIALS).write_text(whole.partition("\n1,")[0] + "\n")
+    assert "<p>Unfinished: 3 of 6 trials." in write_sweep_report(Results.open(tmp_path, unfinished=True)).read_text()
     (tmp_path / TRIALS).unlink()
-    with pytest.raises(BadInput, match="is not finished"):
-        read_sweep(tmp_path)
-    (tmp_path / "sweep.json").write_text('{"axes": []}')
-    with pytest.raises(BadInput, match=r"sweep\.json is damaged: axes"):
-        read_sweep(tmp_path)
+    with pytest.raises(BadInput, match="none of its 6 trials has ended yet"):
+        write_sweep_report(Results.open(tmp_path, unfinished=True))
+    (tmp_path / "campaign.json").write_text('{"axes": [1]}')
+    with pytest.raises(BadInput, match=r"campaign\.json is damaged: "):
+        Results.open(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -156,6 +158,6 @@ def test_unfinished_and_damaged_sweeps_are_told(tmp_path: Path) -> None:
 def test_sweep_that_nobody_has_run_is_refused(tmp_path: Path, axes: list[dict[str, Any]], said: str) -> None:
     settings = make_sweep(fake_trials.campaign_of(1), [SLIPS]).settings()
     settings["axes"] = [settings["axes"][0] | axis for axis in axes]
-    (tmp_path / "sweep.json").write_text(json.dumps(settings))
-    with pytest.raises(BadInput, match=rf"sweep\.json is damaged: .*{said}"):
-        read_sweep(tmp_path)
+    (tmp_path / "campaign.json").write_text(json.dumps(settings))
+    with pytest.raises(BadInput, match=rf"campaign\.json is damaged: .*{said}"):
+        Results.open(tmp_path)

@@ -8,9 +8,11 @@ import pytest
 
 from tests.browser import SIZES, OpenPage, plotted
 from tests.experiments import fake_trials
+from wayfarer.cli.run_trials import run_all
+from wayfarer.experiments.campaign import Axis
 from wayfarer.experiments.report.sweep import write_sweep_report
-from wayfarer.experiments.sweep import Axis, make_sweep
-from wayfarer.experiments.sweep_command import run_all
+from wayfarer.experiments.results import Results
+from wayfarer.experiments.sweep import make_sweep
 
 ANGLES, SLIPS = Axis("escape.turn_angle_deg", (10, 30, 50)), Axis("slip_mean_m", (2, 10))
 
@@ -24,7 +26,7 @@ def reports(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
         run_all(
             make_sweep(fake_trials.campaign_of(6, "pledge", "levy-walk"), axes), folder, run_trial=fake_trials.quick
         )
-        written[len(axes)] = write_sweep_report(folder)
+        written[len(axes)] = write_sweep_report(Results.open(folder))
     return written
 
 

@@ -15,7 +15,7 @@ import pytest
 from tests.conftest import Run, refusal
 from tests.simhal.commands import facts_of, succeed
 from wayfarer.config.rover_file import RoverConfig, load_rover
-from wayfarer.experiments.report.load_results import read_results
+from wayfarer.experiments.results import Results
 from wayfarer.experiments.trial import TrialResult, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
 
@@ -59,7 +59,7 @@ def test_campaign_says_what_it_ran_on_and_can_be_rebuilt(run: Run, tmp_path: Pat
     settings = json.loads((tmp_path / "out" / "campaign.json").read_text(encoding="utf-8"))
     assert (settings["physics"], settings["set"]) == ("mujoco", {"sim.friction": [0.2, 0.6]})
     succeed(run, *SIM, "--set", "sim.friction=0.2:0.6", "--out", tmp_path / "out", "--resume")
-    results = read_results(tmp_path / "out")
+    results = Results.open(tmp_path / "out")
     assert results.rebuild().ranges == {"sim.friction": (0.2, 0.6)}
     assert facts_of(results)["sim.friction"] == "0.2 to 0.6, drawn for each trial"
 
@@ -79,7 +79,7 @@ def test_table_has_what_was_drawn_for_each_trial(run: Run, tmp_path: Path, monke
     assert list(rows[0])[-2:] == ["off_wheels", "sim.friction"]
     assert len({row["sim.friction"] for row in rows}) == 3
     assert all(0.2 <= float(row["sim.friction"]) <= 0.6 for row in rows)
-    assert [row.drawn["sim.friction"] for row in read_results(out).rows] == [float(row["sim.friction"]) for row in rows]
+    assert [row.drawn["sim.friction"] for row in Results.open(out).rows] == [float(row["sim.friction"]) for row in rows]
 
     ran.clear()
     assert_resumed_after_the_first_trial(run, drawn, out)

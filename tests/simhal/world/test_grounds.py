@@ -9,7 +9,7 @@ import pytest
 
 from tests.conftest import Run, refusal
 from tests.simhal.commands import facts_of, succeed
-from wayfarer.experiments.report.load_results import read_results
+from wayfarer.experiments.results import Results
 from wayfarer.simhal.world.physics import GroundName
 
 SIM = ("sim", "--jobs", "1", "--trials", "1", "--budget-m", "5")
@@ -27,7 +27,7 @@ def plain(tmp_path: Path) -> Path:
 def test_ground_is_kept_told_and_rebuilt(run: Run, tmp_path: Path) -> None:
     succeed(run, *SIM, "--ground", "mud", "--out", tmp_path / "out", "--log-dir", tmp_path / "log")
     assert json.loads((tmp_path / "out" / "campaign.json").read_text(encoding="utf-8"))["ground"] == "mud"
-    results = read_results(tmp_path / "out")
+    results = Results.open(tmp_path / "out")
     assert results.rebuild().ground is GroundName.mud
     assert facts_of(results)["ground"] == "mud"
     (log,) = (path for path in (tmp_path / "log").rglob("*") if path.is_file())
@@ -46,7 +46,7 @@ def test_grounds_can_be_swept(run: Run, tmp_path: Path) -> None:
     succeed(
         run, "sweep", "ground=ideal,mud", "--trials", "1", "--budget-m", "5", "--jobs", "1", "--out", tmp_path / "out"
     )
-    settings = json.loads((tmp_path / "out" / "sweep.json").read_text(encoding="utf-8"))
+    settings = json.loads((tmp_path / "out" / "campaign.json").read_text(encoding="utf-8"))
     assert settings["axes"] == [{"key": "ground", "values": ["ideal", "mud"], "now": "ideal"}]
     ideal, mud = (tmp_path / "out" / "trials.csv").read_text(encoding="utf-8").splitlines()[1:]
     assert (ideal.split(",")[:2], mud.split(",")[:2]) == (["0", "ideal"], ["1", "mud"])
@@ -57,9 +57,9 @@ def test_sweep_of_grounds_with_another_chassis_is_another_sweep(run: Run, tmp_pa
     """Ideal ground reads nothing of the chassis; the other points do."""
     sweep = ("sweep", "ground=ideal,mud", "--trials", "1", "--budget-m", "5", "--jobs", "1", "--out", tmp_path / "out")
     run(*sweep)
-    kept = tmp_path / "out" / "sweep.json"
+    kept = tmp_path / "out" / "campaign.json"
     kept.write_text(kept.read_text(encoding="utf-8").replace('"weight_kg": 6.1', '"weight_kg": 7.1'), encoding="utf-8")
-    assert "campaign.rover.chassis.weight_kg is 7.1 there and 6.1 here" in refusal(run, *sweep, "--resume")
+    assert "rover.chassis.weight_kg is 7.1 there and 6.1 here" in refusal(run, *sweep, "--resume")
 
 
 @pytest.mark.parametrize("command", [(*SIM, "--ground", "mud"), ("sweep", "ground=ideal,mud", "--out", "never")])

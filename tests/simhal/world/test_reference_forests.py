@@ -12,7 +12,7 @@ from tests.experiments import fake_trials
 from tests.simhal.commands import succeed
 from wayfarer.config.rover_file import load_rover
 from wayfarer.experiments.campaign import Campaign
-from wayfarer.experiments.report.load_results import read_results
+from wayfarer.experiments.results import Results
 from wayfarer.simhal.world.forest_file import REFERENCE, content_of, read_forest_file
 
 CHECKSUM = "1937f0543ac287bc3ea0acac1dfacc14"  # BLAKE2b of the file that the tables of the README were measured with
@@ -71,14 +71,14 @@ def test_results_keep_word_checksum_and_copy_so_that_resume_and_report_find_them
     succeed(run, *command)
     assert json.loads((out / "campaign.json").read_text())["forests"] == {"file": "reference", "blake2b": CHECKSUM}
     succeed(run, *command, "--resume")
-    assert read_results(out).rebuild().make_forest(3).noise == 2026
+    assert Results.open(out).rebuild().make_forest(3).noise == 2026
 
 
 @pytest.mark.usefixtures("quick_trials")
 def test_sweep_takes_the_word(run: Run, tmp_path: Path) -> None:
     options = ("--trials", 2, "--jobs", 1, "--forests", "reference", "--out", tmp_path / "out")
     succeed(run, "sweep", "escape.turn_angle_deg=10,30", *options)
-    assert CHECKSUM in (tmp_path / "out" / "sweep.json").read_text()
+    assert CHECKSUM in (tmp_path / "out" / "campaign.json").read_text()
 
 
 @pytest.mark.parametrize("command", ["sim", "sweep"])

@@ -14,7 +14,7 @@ from tests.simhal.clearing import STEADY, VEHICLE
 from tests.simhal.commands import facts_of, succeed
 from tests.simhal.mujoco.fields import BODY, CONFIG, STALL_N, WEIGHT_N, drive, rover_on, speed_m_s
 from wayfarer.config.settings import STANDARD_GRAVITY_M_S2
-from wayfarer.experiments.report.load_results import read_results
+from wayfarer.experiments.results import Results
 from wayfarer.simhal.faults.world import Slope as SlopeFault
 from wayfarer.simhal.mujoco.model import gravity_m_s2
 from wayfarer.simhal.random_streams import RandomStreams
@@ -153,9 +153,9 @@ def test_rover_is_put_down_where_it_was_and_gravity_pulls_again_at_once() -> Non
 def test_slope_is_drawn_kept_told_and_rebuilt(run: Run, tmp_path: Path) -> None:
     asked = (*SIM, "--set", "sim.slope_deg=2:12", "--set", "sim.slope_direction_deg=90")
     succeed(run, *asked, "--out", tmp_path / "out", "--log-dir", tmp_path / "log")
-    results = read_results(tmp_path / "out")
-    assert results.settings.set == {"sim.slope_deg": (2.0, 12.0), "sim.slope_direction_deg": 90}
-    assert results.rebuild().set == results.settings.set
+    results = Results.open(tmp_path / "out")
+    assert results.plan.base.set == {"sim.slope_deg": (2.0, 12.0), "sim.slope_direction_deg": 90}
+    assert results.rebuild().set == results.plan.base.set
     assert facts_of(results)["sim.slope_deg"] == "2 to 12, drawn for each trial"
     slopes_deg = [row.drawn["sim.slope_deg"] for row in results.rows]
     assert all(isinstance(slope_deg, float) and 2.0 <= slope_deg <= 12.0 for slope_deg in slopes_deg)

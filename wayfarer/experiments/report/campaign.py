@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from math import radians
 from pathlib import Path
 
 import msgspec
 import numpy as np
 from bokeh.models.annotations import Span
-from rich.console import Console
 
 from wayfarer.errors import BadInput
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.campaign import Campaign
 from wayfarer.experiments.measures import COMPARED, Estimate, Measure, compare
-from wayfarer.experiments.progress_bar import shown_progress
-from wayfarer.experiments.provenance import read_runs
+from wayfarer.experiments.paper import reported
 from wayfarer.experiments.report import words
-from wayfarer.experiments.report.load_results import CampaignResults, read_results
 from wayfarer.experiments.report.paths_figure import SVG, escape_figure, grouped, lay_out, paths_figure, rows_plot
 from wayfarer.experiments.report.worst_trials import RerunTrial, Trajectory, TrajectoryPoint, choose, run_again
-from wayfarer.experiments.tables import comparison_table, sentences
+from wayfarer.experiments.results import Results
+from wayfarer.experiments.tables import campaign_table, comparison_table, sentences
 from wayfarer.fieldlog.record import World
 from wayfarer.logview import palette
 from wayfarer.logview.terminal_table import TextTable
@@ -45,7 +44,7 @@ CAPTION = (
 )
 
 
-def comparison_section(results: CampaignResults, plots: Plots) -> Iterator[str]:
+def comparison_section(results: Results, plots: Plots) -> Iterator[str]:
     """Yield how the algorithms, at least two, differ from one of them; or why they cannot be compared."""
     try:
         base, *others = compare(results.rows)
@@ -96,41 +95,69 @@ PLACE = (("east", "@x{0.0} m"), ("north", "@y{0.0} m"))
 AFTER = ("after", "@t_s{0} s")
 
 
+Progress = Callable[[int], AbstractContextManager[Callable[[object], object]]]
+
+
+def no_progress(_trials: int) -> AbstractContextManager[Callable[[object], object]]:
+    """Show no progress."""
+    return nullcontext(lambda _done: None)
+
+
 def write_report(
-    folder: Path, out: Path | None = None, *, gallery: int = 12, jobs: int, allow_code: bool = False
+    results: Results,
+    out: Path | None = None,
+    *,
+    gallery: int = 12,
+    jobs: int,
+    allow_code: bool = False,
+    progress: Progress = no_progress,
 ) -> Path:
-    """Write the report of the campaign in ``folder``, and return the page's path: ``out``, or ``report.html`` in it.
+    """Write the report of a campaign's folder, and return the page's path: ``out``, or ``report.html`` in the folder.
 
     ``gallery`` is how many trials are drawn; they are run again for that, in ``jobs`` processes. The same folder gives
-    the same bytes. ``allow_code`` as of ``CampaignResults.rebuild``.
+    the same bytes. ``allow_code`` as of ``recorded.rebuild``; ``progress`` gives, for a number of trials, what is to be
+    called when one is done.
 
     Raises:
-        BadInput: the folder holds no finished campaign, is damaged, or cannot be written.
-        WayfarerError: a worker process died.
+        BadInput: no trial has ended, or the page cannot be written.
+        TrialNotRun: a worker process died.
     """
-    results, plots = read_results(folder), Plots()
-    body = [*_overview(results, plots), *_worst(results, plots, gallery, jobs, allow_code=allow_code)]
+    plots, folder = Plots(), folder_with_rows(results)
+    body = [*words.unfinished(results), *_overview(results, plots)]
+    body += _worst(results, plots, gallery, jobs, allow_code=allow_code, progress=progress)
     return write_page(folder / PAGE, words.title(results), body, plots, out=out)
 
 
-def _overview(results: CampaignResults, plots: Plots) -> Iterator[str]:
+def folder_with_rows(results: Results) -> Path:
+    """Return the folder of results that a page can be made of.
+
+    Raises:
+        BadInput: no trial has ended yet.
+    """
+    folder = results.folder or Path()
+    if not results.rows:
+        raise BadInput(f"{folder}: none of its {results.total} trials has ended yet; make the report later")
+    return folder
+
+
+def _overview(results: Results, plots: Plots) -> Iterator[str]:
     """Yield all sections that need no trial to be run again."""
-    rows = results.by_algorithm
+    rows, papers = results.by_algorithm, reported(results.settings)
 
     def drawn(figure: Figure, caption: str = "", alt: str = "") -> str:
         return html.figure(plots.place(figure), caption, alt)
 
-    yield html.facts(words.facts(results.settings, read_runs(results.folder)))
+    yield html.facts(words.facts(results.plan.base, results.runs))
     yield html.section(
         "Path length",
         drawn(
-            paths_figure(rows, results.shortest_paths_m, results.reported),
+            paths_figure(rows, results.shortest_paths_m, papers),
             words.paths_caption(results),
             "Path length by algorithm",
         ),
     )
-    table = results.table(full=True)
-    heading = "Results beside the paper's" if results.reported else "Results"
+    table = campaign_table(rows, papers, site=results.plan.base.site is not None, full=True)
+    heading = "Results beside the paper's" if papers else "Results"
     yield html.section(heading, _results_table(results, table), html.bullets(table.notes))
     if len(rows) > 1:
         yield html.section("Paired comparison", *comparison_section(results, plots))
@@ -140,11 +167,11 @@ def _overview(results: CampaignResults, plots: Plots) -> Iterator[str]:
     )
 
 
-def _results_table(results: CampaignResults, table: TextTable) -> str:
+def _results_table(results: Results, table: TextTable) -> str:
     """Return a row for each algorithm, under its group, with a row of the paper's below if the paper has one."""
     ours = [at for at, (kind, _) in enumerate(table.rows) if not kind]
     rows: list[tuple[str, Sequence[str]]] = []
-    for group in grouped(results.settings.algorithms):
+    for group in grouped(list(results.by_algorithm)):
         rows.append(("group", [group.title, *[""] * (len(table.titles) - 1)]))
         for at, after in zip(ours, [*ours[1:], len(table.rows)], strict=True):  # its row, and one of the paper's
             if table.rows[at][1][0] in group.algorithms:
@@ -152,7 +179,9 @@ def _results_table(results: CampaignResults, table: TextTable) -> str:
     return html.table("Value [95 % interval]", table.titles, rows)
 
 
-def _worst(results: CampaignResults, plots: Plots, count: int, jobs: int, *, allow_code: bool) -> Iterator[str]:
+def _worst(
+    results: Results, plots: Plots, count: int, jobs: int, *, allow_code: bool, progress: Progress
+) -> Iterator[str]:
     """Yield the sections on the worst trials, which are run again for that."""
     heading = "The worst trials, seen from above"
     rows = choose(results.by_algorithm, count)
@@ -164,9 +193,9 @@ def _worst(results: CampaignResults, plots: Plots, count: int, jobs: int, *, all
     except BadInput as reason:
         yield html.section(heading, html.paragraph(f"No trial is drawn: {reason}."))
         return
-    with shown_progress(Console(stderr=True), 0, len(rows)) as progress:
-        ran = run_again(campaign, rows, jobs, progress)
-    yield html.section(heading, *_gallery(campaign, ran, plots), *_not_drawn(ran, results.settings.version))
+    with progress(len(rows)) as advance:
+        ran = run_again(campaign, rows, jobs, advance)
+    yield html.section(heading, *_gallery(campaign, ran, plots), *_not_drawn(ran, results.plan.base.version))
 
 
 def _gallery(campaign: Campaign, ran: Sequence[RerunTrial], plots: Plots) -> Iterator[str]:

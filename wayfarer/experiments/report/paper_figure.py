@@ -17,8 +17,8 @@ from matplotlib.figure import Figure
 
 from wayfarer.errors import BadInput
 from wayfarer.experiments.measures import MEASURES, estimate
-from wayfarer.experiments.report.load_results import CampaignResults
 from wayfarer.experiments.report.paths_figure import grouped, short
+from wayfarer.experiments.results import Results
 from wayfarer.files import write_atomically
 from wayfarer.logview import palette
 
@@ -34,7 +34,7 @@ STYLE: Mapping[Any, Any] = {
 DASHED: Mapping[str, Any] = {"linestyle": (0, (5, 3)), "linewidth": 0.9}
 
 
-def write_paper_figure(results: CampaignResults, path: Path) -> None:
+def write_paper_figure(results: Results, path: Path) -> None:
     """Draw the figure of a campaign into a file, whose ending says its format.
 
     Raises:
@@ -54,15 +54,16 @@ def write_paper_figure(results: CampaignResults, path: Path) -> None:
         raise BadInput(f"--figure {path} cannot be written: {error.strerror or error}; name another file") from error
 
 
-def paper_figure(results: CampaignResults) -> Figure:
+def paper_figure(results: Results) -> Figure:
     """Return box plots of the successes' paths, with bars of the trials that failed and a line at the shortest path.
 
     Whiskers go to the last path within 1.5 quartile ranges, each path beyond is a circle. Groups are as in the paper.
     """
-    groups = grouped(results.settings.algorithms)
+    groups = grouped(results.plan.base.algorithms)
     names = [name for group in groups for name in group.algorithms]
-    paths_m = [[row.escape_path_m for row in results.by_algorithm[name] if row.escape_path_m] for name in names]
-    success = [estimate(results.by_algorithm[name], MEASURES["success_percent"]) for name in names]
+    by_algorithm = results.by_algorithm
+    paths_m = [[row.escape_path_m for row in by_algorithm[name] if row.escape_path_m] for name in names]
+    success = [estimate(by_algorithm[name], MEASURES["success_percent"]) for name in names]
     failed = [100.0 - found.value if found else 0.0 for found in success]
     figure, at = Figure(figsize=SIZE_IN), range(len(names))
     boxes = figure.add_subplot(ylabel="path to the destination line, m", xlim=(-0.5, len(names) - 0.5))
@@ -94,7 +95,7 @@ def paper_figure(results: CampaignResults) -> Figure:
     return figure
 
 
-def _shortest(results: CampaignResults) -> tuple[float, str] | None:
+def _shortest(results: Results) -> tuple[float, str] | None:
     """Return the shortest distance to the destination line, metres, and what it is; None if nothing says it."""
     if results.shortest_paths_m:
         return fmean(results.shortest_paths_m), "mean shortest path"

@@ -12,12 +12,14 @@ from bokeh.models.annotations import ColorBar, Span
 from bokeh.palettes import Cividis256
 from bokeh.plotting import ColumnDataSource
 
-from wayfarer.experiments.measures import WHAT_COUNTS, Measure
-from wayfarer.experiments.provenance import RecordedRun, read_runs
+from wayfarer.experiments.campaign import Axis
+from wayfarer.experiments.measures import MEASURES, WHAT_COUNTS, Estimate, Measure, difference, estimate
 from wayfarer.experiments.report import words
+from wayfarer.experiments.report.campaign import folder_with_rows
 from wayfarer.experiments.report.paths_figure import SVG, colour_of, curve_look
-from wayfarer.experiments.report.sweep_results import SweepResults, SweptAxis, read_sweep
-from wayfarer.experiments.tables import INTERVAL, NO_SPL, layouts_note, methods_note
+from wayfarer.experiments.results import Results
+from wayfarer.experiments.rows import TrialRow
+from wayfarer.experiments.tables import INTERVAL, NO_SPL, SWEEP_COLUMNS, layouts_note, layouts_of_points, methods_note
 from wayfarer.logview import palette
 from wayfarer.reports.page import html
 from wayfarer.reports.page.frame import PAGE, write_page
@@ -34,7 +36,37 @@ MOST_NUMBERS = 80  # cells; with more there is no room for a number in each
 NAN = math.nan
 
 
-def curves_figures(results: SweepResults) -> Iterator[Figure]:
+class Grid:
+    """What the page of a sweep shows: estimates at each point, of each algorithm; None if no trial has ended there."""
+
+    def __init__(self, results: Results) -> None:
+        self.all, self.axes, self.algorithms = results, results.plan.axes, results.plan.base.algorithms
+        self.points = [tuple(values.values()) for values in results.swept]
+        self._cells = {(point, name): list[TrialRow]() for point in range(len(self.points)) for name in self.algorithms}
+        self._cells |= results.cells
+        self.estimates: dict[str, dict[tuple[int, str], Estimate | None]] = {
+            each.name: {cell: estimate(rows, MEASURES[each.name]) for cell, rows in self._cells.items()}
+            for each in SWEEP_COLUMNS
+        }
+        # Those that some point has: SPL needs shortest paths, some things never happen.
+        self.measures = [
+            MEASURES[each.name]
+            for each in SWEEP_COLUMNS
+            if any(one and (one.value or each.when != "if_any") for one in self.estimates[each.name].values())
+        ]
+        # The point that is the campaign as it is without a sweep, None if no point is.
+        values = tuple(axis.now for axis in self.axes)
+        self.now = next((number for number, point in enumerate(self.points) if point == values), None)
+        self._layouts = layouts_of_points(results)
+
+    def change(self, point: int, algorithm: str) -> Estimate | None:
+        """Return the difference in SPL to the same trials without a sweep; None if these met other layouts."""
+        if self.now in {None, point} or self._layouts[point] != self._layouts[self.now or 0]:
+            return None
+        return difference(self._cells[point, algorithm], self._cells[self.now or 0, algorithm], MEASURES["spl"])
+
+
+def curves_figures(results: Grid) -> Iterator[Figure]:
     """Yield a figure for each measure that is known; all are zoomed together along the key.
 
     A broken line marks the value without a sweep. Words stand side by side in the order of the sweep.
@@ -60,13 +92,13 @@ def curves_figures(results: SweepResults) -> Iterator[Figure]:
         yield made
 
 
-def _places(results: SweepResults) -> Sequence[float | str]:
+def _places(results: Grid) -> Sequence[float | str]:
     """Return where each value is along x."""
     axis = results.axes[0]
     return [float(value) if axis.numeric else str(value) for value in axis.values]
 
 
-def _curve(made: Figure, results: SweepResults, measure: Measure, number: int) -> None:
+def _curve(made: Figure, results: Grid, measure: Measure, number: int) -> None:
     name, places = results.algorithms[number], _places(results)
     order = list(range(len(places)))
     if results.axes[0].numeric:
@@ -88,7 +120,7 @@ def _curve(made: Figure, results: SweepResults, measure: Measure, number: int) -
     made.add_tools(hover([points], *rows))
 
 
-def maps_figures(results: SweepResults, algorithm: str) -> Iterator[Figure]:
+def maps_figures(results: Grid, algorithm: str) -> Iterator[Figure]:
     """Yield a map for each measure: the first key upwards, the second to the right; colours mean the same for all."""
     up, right = results.axes
     for measure in results.measures:
@@ -104,7 +136,7 @@ def maps_figures(results: SweepResults, algorithm: str) -> Iterator[Figure]:
         yield made
 
 
-def _cells(made: Figure, results: SweepResults, algorithm: str, measure: Measure) -> None:
+def _cells(made: Figure, results: Grid, algorithm: str, measure: Measure) -> None:
     """Draw a cell for each point, with its number where there is room."""
     up, right = results.axes
     mapper = _colours(results, measure)
@@ -135,7 +167,7 @@ def _cells(made: Figure, results: SweepResults, algorithm: str, measure: Measure
     made.add_layout(bar, "right")
 
 
-def _colours(results: SweepResults, measure: Measure) -> Any:
+def _colours(results: Grid, measure: Measure) -> Any:
     """Return colours over all values of a measure; cividis is read alike by colour-blind readers."""
     known = [each.value for each in results.estimates[measure.name].values() if each]
     low, high = min(known), max(known)
@@ -144,7 +176,7 @@ def _colours(results: SweepResults, measure: Measure) -> Any:
     )
 
 
-def _name_values(axis: Any, swept: SweptAxis) -> None:
+def _name_values(axis: Any, swept: Axis) -> None:
     """Name the values of a key; of many, every n-th."""
     step = -(-len(swept.values) // MOST_NAMES)
     places = list(range(0, len(swept.values), step))
@@ -158,19 +190,20 @@ CURVES = "Bands: 95 % intervals. Broken line: the value without a sweep."
 MAPS = "Colours mean the same for every algorithm; grey: not known."
 
 
-def write_sweep_report(folder: Path, out: Path | None = None) -> Path:
-    """Write the report of the sweep in ``folder``, and return the page's path: ``out``, or ``report.html`` in it.
+def write_sweep_report(results: Results, out: Path | None = None) -> Path:
+    """Write the report of a sweep's folder, and return the page's path: ``out``, or ``report.html`` in the folder.
 
     Raises:
-        BadInput: the folder holds no finished sweep, is damaged, or cannot be written.
+        BadInput: no trial has ended, or the page cannot be written.
     """
-    results, plots = read_sweep(folder), Plots()
-    return write_page(folder / PAGE, _title(results), list(_body(results, plots, read_runs(folder))), plots, out=out)
+    plots, folder, grid = Plots(), folder_with_rows(results), Grid(results)
+    body = [*words.unfinished(results), *_body(grid, plots)]
+    return write_page(folder / PAGE, _title(grid), body, plots, out=out)
 
 
-def _body(results: SweepResults, plots: Plots, runs: Sequence[RecordedRun]) -> Iterator[str]:
+def _body(results: Grid, plots: Plots) -> Iterator[str]:
     swept = [(axis.key, f"{', '.join(map(str, axis.values))} (without a sweep: {axis.now})") for axis in results.axes]
-    yield html.facts([*swept, *words.facts(results.settings.campaign, runs)])
+    yield html.facts([*swept, *words.facts(results.all.plan.base, results.all.runs)])
     if len(results.axes) == 2:
         for name in results.algorithms:
             caption = f"{MAPS} {_ends(results, name)}."
@@ -183,9 +216,8 @@ def _body(results: SweepResults, plots: Plots, runs: Sequence[RecordedRun]) -> I
         )
         yield html.section("What changes", html.paragraph(caption), key, _panels(curves_figures(results), plots))
     estimates = [each for cells in results.estimates.values() for each in cells.values()]
-    settings = results.settings.settings()
     change = "SPL change: to the same trials without a sweep." if _has_spl(results) else f"{NO_SPL}."
-    texts = [WHAT_COUNTS, change, layouts_note(settings), methods_note(estimates)]
+    texts = [WHAT_COUNTS, change, layouts_note(results.all), methods_note(estimates)]
     yield html.section("Each point", _table(results), *map(html.paragraph, texts))
 
 
@@ -193,18 +225,20 @@ def _panels(figures: Iterable[Figure], plots: Plots) -> str:
     return html.panels(html.figure(plots.place(figure)) for figure in figures)
 
 
-def _ends(results: SweepResults, name: str) -> str:
+def _ends(results: Grid, name: str) -> str:
     """Say in words how far an algorithm's success goes."""
     found = results.estimates["success_percent"]
     shares = [each.value for (_, algorithm), each in found.items() if each and algorithm == name]
+    if not shares:
+        return f"{name}: no trial has ended"
     return f"{name}: success from {min(shares):.1f} to {max(shares):.1f} %"
 
 
-def _has_spl(results: SweepResults) -> bool:
+def _has_spl(results: Grid) -> bool:
     return any(measure.name == "spl" for measure in results.measures)
 
 
-def point_titles(results: SweepResults) -> list[str]:
+def point_titles(results: Grid) -> list[str]:
     """Return the titles of the table of all points."""
     return [
         "algorithm",
@@ -214,7 +248,7 @@ def point_titles(results: SweepResults) -> list[str]:
     ]
 
 
-def point_rows(results: SweepResults, name: str) -> Iterator[list[str]]:
+def point_rows(results: Grid, name: str) -> Iterator[list[str]]:
     """Yield the cells of an algorithm's row at each point, from the second column on."""
     for point, values in enumerate(results.points):
         found = [(results.estimates[measure.name][point, name], measure.decimals) for measure in results.measures]
@@ -225,7 +259,7 @@ def point_rows(results: SweepResults, name: str) -> Iterator[list[str]]:
         yield [*map(str, values), *cells]
 
 
-def _table(results: SweepResults) -> str:
+def _table(results: Grid) -> str:
     head = point_titles(results)
     rows = []
     for name in results.algorithms:
@@ -234,6 +268,6 @@ def _table(results: SweepResults) -> str:
     return html.table("Value [95 % interval]", head, rows)
 
 
-def _title(results: SweepResults) -> str:
+def _title(results: Grid) -> str:
     keys = " and ".join(axis.key for axis in results.axes)
     return f"Sensitivity to {keys}: {', '.join(results.algorithms)}"

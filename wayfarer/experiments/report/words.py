@@ -8,11 +8,13 @@ from collections.abc import Iterator, Sequence
 from wayfarer import __version__
 from wayfarer.experiments.campaign import Campaign
 from wayfarer.experiments.outcome import SUCCESSES
+from wayfarer.experiments.paper import reported
 from wayfarer.experiments.provenance import RecordedRun, facts_of
-from wayfarer.experiments.report.load_results import CampaignResults
 from wayfarer.experiments.report.worst_trials import ending
+from wayfarer.experiments.results import Results
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.fieldlog.wording import plural
+from wayfarer.reports.page import html
 from wayfarer.simhal.faults.kinds import parse_fault
 
 ESCAPE = (
@@ -28,11 +30,11 @@ GALLERY = (
 )
 
 
-def title(results: CampaignResults) -> str:
+def title(results: Results) -> str:
     """Name the page."""
-    names, trials = results.settings.algorithms, results.settings.trials
+    names, trials = results.plan.base.algorithms, results.plan.base.trials
     what, each = (names[0], "") if len(names) == 1 else (f"{len(names)} algorithms", " each")
-    where = f" at the site {results.settings.site}" if results.settings.site else ""
+    where = f" at the site {results.plan.base.site}" if results.plan.base.site else ""
     return f"{what} in {plural(trials, 'simulated forest trial')}{each}{where}"
 
 
@@ -63,12 +65,19 @@ def facts(settings: Campaign, runs: Sequence[RecordedRun] = ()) -> Iterator[tupl
     yield "algorithms", ", ".join(settings.algorithms)
 
 
-def paths_caption(results: CampaignResults) -> str:
+def unfinished(results: Results) -> Iterator[str]:
+    """Yield a paragraph that says how many trials a page shows, if some are missing."""
+    if not results.finished:
+        yield html.paragraph(
+            f"Unfinished: {len(results.rows)} of {results.total} trials. The figures will change until all have ended."
+        )
+
+
+def paths_caption(results: Results) -> str:
     """Explain the figure of paths."""
     shortest_m = results.shortest_paths_m
-    paper = (
-        ", vermilion: the paper's (section IV)" if any("path_m" in paper for paper in results.reported.values()) else ""
-    )
+    papers = reported(results.settings).values()
+    paper = ", vermilion: the paper's (section IV)" if any("path_m" in each for each in papers) else ""
     line = f" Broken line: mean shortest path, {statistics.fmean(shortest_m):.1f} m." if shortest_m else ""
     return (
         "Path length of the successes: how many trials had which path; box with quartiles and median, whiskers to the "

@@ -2,9 +2,11 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import json
 import os
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,31 +14,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.experiments.fake_trials import campaign_of
 from tests.fieldlog.disks import files_no_longer_than
+from wayfarer.config.rover_file import laid_over
 from wayfarer.errors import BadInput, WayfarerError
-from wayfarer.experiments.campaign import Task
+from wayfarer.experiments.campaign import Axis, Plan, Task
 from wayfarer.experiments.outcome import OUTCOMES
 from wayfarer.experiments.provenance import RUNS
-from wayfarer.experiments.results_folder import (
-    MOST_LINE_BYTES,
-    SETTINGS,
-    TRIALS,
-    ResultsFolder,
-    in_table_order,
-    missing,
-    read_rows,
-    tasks_of,
-)
+from wayfarer.experiments.recorded import SETTINGS
+from wayfarer.experiments.results import MOST_LINE_BYTES, TRIALS, Results
 from wayfarer.experiments.rows import COLUMNS, TrialRow, csv_line, parse_row, row_of
+from wayfarer.experiments.sweep import Sweep
 from wayfarer.experiments.trial import TrialResult
 
-SETTINGS_HERE: dict[str, Any] = {
-    "version": "1",
-    "algorithms": ["pledge"],
-    "trials": 3,
-    "set": {},
-    "rover": {"name": "sim", "rates": {"compass_hz": 20.0}},
-}
+PLAN = campaign_of(3, "pledge")
 ROWS = [TrialRow(n, "pledge", n // 2, n % 2, 77 + n, "escaped", 80.125, 1.5, 90.0, 3, 2) for n in range(3)]
 HEADER = csv_line(COLUMNS).encode()
 LINES = [csv_line(COLUMNS, row).encode() for row in ROWS]
@@ -81,12 +72,18 @@ def test_row_never_holds_nan_or_a_negative_zero() -> None:
 
 def fill(path: Path, *rows: TrialRow, finished: bool = False) -> None:
     """Make a folder with these rows, which may be all there are."""
-    with ResultsFolder(path, SETTINGS_HERE) as folder:
+    with Results.kept(PLAN, path) as results:
         for row in rows:
-            folder.append(row)
+            results.add(row)
         if finished:
-            folder.finish(in_table_order(rows, SETTINGS_HERE))
-            assert folder.finished
+            assert results.finished
+            results.finish()
+
+
+def opened(path: Path, plan: Plan = PLAN, **options: Any) -> list[TrialRow]:
+    """The rows that a folder has when it is opened to be written."""
+    with Results.kept(plan, path, **options) as results:
+        return list(results.rows)
 
 
 WHOLE = csv_line(COLUMNS, ROWS[0])
@@ -122,12 +119,12 @@ def test_finished_folder_holds_whole_files_only(tmp_path: Path) -> None:
 
 
 def test_row_is_on_disk_as_soon_as_it_is_kept_and_the_folder_in_use_until_it_is_left(tmp_path: Path) -> None:
-    with ResultsFolder(tmp_path, SETTINGS_HERE) as folder:
-        folder.append(ROWS[1])
+    with Results.kept(PLAN, tmp_path) as results:
+        results.add(ROWS[1])
         assert (tmp_path / TRIALS).read_bytes() == HEADER + LINES[1]
         with pytest.raises(BadInput, match="in use"):
-            ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
-    ResultsFolder(tmp_path, SETTINGS_HERE, resume=True).close()
+            opened(tmp_path, resume=True)
+    opened(tmp_path, resume=True)
 
 
 def test_resuming_after_a_cut_anywhere_keeps_exactly_the_whole_lines(tmp_path: Path) -> None:
@@ -135,37 +132,29 @@ def test_resuming_after_a_cut_anywhere_keeps_exactly_the_whole_lines(tmp_path: P
     whole = (tmp_path / TRIALS).read_bytes()
     for length in range(len(whole) + 1):
         (tmp_path / TRIALS).write_bytes(whole[:length])
-        with ResultsFolder(tmp_path, SETTINGS_HERE, resume=True) as folder:
-            assert folder.rows == ROWS[: max(0, whole[:length].count(b"\n") - 1)]
-            for row in ROWS[len(folder.rows) : 2]:
-                folder.append(row)
+        with Results.kept(PLAN, tmp_path, resume=True) as results:
+            assert results.rows == ROWS[: max(0, whole[:length].count(b"\n") - 1)]
+            for row in ROWS[len(results.rows) : 2]:
+                results.add(row)
         assert (tmp_path / TRIALS).read_bytes() == whole
 
 
-def test_finished_folder_resumes_to_what_it_holds(tmp_path: Path) -> None:
-    fill(tmp_path, *ROWS, finished=True)
-    runs = (tmp_path / RUNS).read_bytes()
-    with ResultsFolder(tmp_path, SETTINGS_HERE, resume=True) as folder:
-        assert folder.finished
-        assert folder.rows == ROWS
-    assert (tmp_path / RUNS).read_bytes() == runs, "nothing is run"
-
-
 @pytest.mark.parametrize("order", [1, -1])
-def test_folder_that_lost_its_end_after_its_last_trial_is_finished_only_if_it_is_in_order(
-    tmp_path: Path, order: int
-) -> None:
+def test_finished_folder_resumes_to_what_it_holds_and_is_put_in_order_if_it_is_not(tmp_path: Path, order: int) -> None:
     fill(tmp_path, *ROWS[::order])
-    with ResultsFolder(tmp_path, SETTINGS_HERE, resume=True) as folder:
-        assert folder.finished is (order == 1)
-        assert folder.rows == ROWS[::order]
+    runs = (tmp_path / RUNS).read_bytes()
+    with Results.kept(PLAN, tmp_path, resume=True) as results:
+        assert (results.finished, results.rows, results.missing()) == (True, ROWS[::order], [])
+        results.finish()
+    assert (tmp_path / TRIALS).read_bytes() == HEADER + b"".join(LINES)
+    assert ((tmp_path / RUNS).read_bytes() == runs) is (order == 1), "that nothing was to be done is no run"
 
 
 def test_nothing_of_a_torn_line_stays_behind_the_next_one(tmp_path: Path) -> None:
     fill(tmp_path)
     (tmp_path / TRIALS).write_bytes(HEADER + b"0" * 500)
-    with ResultsFolder(tmp_path, SETTINGS_HERE, resume=True) as folder:
-        folder.append(ROWS[0])
+    with Results.kept(PLAN, tmp_path, resume=True) as results:
+        results.add(ROWS[0])
     assert (tmp_path / TRIALS).read_bytes() == HEADER + LINES[0]
 
 
@@ -184,7 +173,7 @@ def test_table_is_neither_followed_nor_waited_for(tmp_path: Path, kind: str) -> 
     if kind == "symlink":
         other.write_bytes(HEADER)
     with pytest.raises(BadInput, match=rf"{TRIALS} cannot be used .* no ordinary file"):
-        ResultsFolder(folder, SETTINGS_HERE, resume=True)
+        opened(folder, resume=True)
     assert other.exists() == (kind == "symlink")
 
 
@@ -193,7 +182,7 @@ def test_settings_that_are_none_are_refused(tmp_path: Path, settings: str) -> No
     fill(tmp_path)
     (tmp_path / SETTINGS).write_text(settings)
     with pytest.raises(BadInput, match=r"holds no campaign|another campaign") as refused:
-        ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
+        opened(tmp_path, resume=True)
     assert len(str(refused.value)) < 400
 
 
@@ -203,7 +192,7 @@ def test_settings_within_settings_are_refused_at_every_depth(tmp_path: Path, ope
     for depth in range(sys.getrecursionlimit() - 200, sys.getrecursionlimit()):
         (tmp_path / SETTINGS).write_text(f'{{"version": {opening * depth}1{end * depth}}}')
         with pytest.raises(BadInput, match=r"holds no campaign|another campaign"):
-            ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
+            opened(tmp_path, resume=True)
 
 
 def test_settings_are_not_waited_for(tmp_path: Path) -> None:
@@ -211,7 +200,7 @@ def test_settings_are_not_waited_for(tmp_path: Path) -> None:
     (tmp_path / SETTINGS).unlink()
     os.mkfifo(tmp_path / SETTINGS)
     with pytest.raises(BadInput, match="holds no campaign"):
-        ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
+        opened(tmp_path, resume=True)
 
 
 @pytest.mark.parametrize(
@@ -233,97 +222,107 @@ def test_damaged_table_is_named_and_left_alone(tmp_path: Path, content: bytes, s
     fill(tmp_path, *ROWS[: 3 if finished else 1], finished=finished)
     (tmp_path / TRIALS).write_bytes(content + b"2,pled")
     with pytest.raises(BadInput, match=rf"trials\.csv{said}"):
-        ResultsFolder(tmp_path, SETTINGS_HERE, resume=True)
+        opened(tmp_path, resume=True)
     assert (tmp_path / TRIALS).read_bytes() == content + b"2,pled"
 
 
 # -- which trials there are, and in which order ------------------------------------------------------------------------
 
-SWEPT: dict[str, Any] = {
-    "campaign": {"algorithms": ["b", "a"], "trials": 2, "set": {}},
-    "axes": [{"key": "escape.turn_angle_deg", "values": [10, 30.5, 20]}],
-}
-ALL = tasks_of(SWEPT)
+SWEPT = Sweep(campaign_of(2, "b", "a"), (Axis("escape.turn_angle_deg", (10, 30.5, 20), 30.0),))
+ALL = Results(SWEPT).missing()
 
 
 def row_of_task(task: Task) -> TrialRow:
     return TrialRow(task.trial, task.algorithm, 3, 1, 77, "escaped", 80.5, point=task.point)
 
 
-def test_tasks_come_forest_by_forest_and_go_into_the_table_point_by_point() -> None:
+def test_forest_serves_all_algorithms_of_a_point_and_the_table_goes_by_points() -> None:
     assert [Task(name, trial, point) for trial in range(2) for point in range(3) for name in "ba"] == ALL
-    assert [row.key for row in in_table_order(list(map(row_of_task, ALL)), SWEPT)] == [
+    assert [row.key for row in Results(SWEPT, list(map(row_of_task, ALL))).in_order()] == [
         (name, trial, point) for point in range(3) for name in "ba" for trial in range(2)
     ]
 
 
 @given(st.lists(st.sampled_from(ALL), unique=True))
 def test_rows_come_back_as_they_were_kept_and_what_is_missing_is_the_rest(finished: list[Task]) -> None:
+    """Also while it runs, when a last line may be torn."""
     with tempfile.TemporaryDirectory() as out:
-        with ResultsFolder(Path(out), SWEPT) as folder:
+        with Results.kept(SWEPT, Path(out)) as results:
             for task in finished:
-                folder.append(row_of_task(task))
-        with (Path(out) / TRIALS).open("rb") as file:
-            rows, end = read_rows(file, SWEPT, TRIALS)
-        assert end == (Path(out) / TRIALS).stat().st_size
-    assert rows == list(map(row_of_task, finished))
-    assert missing(SWEPT, rows) == [task for task in ALL if task not in finished]
+                results.add(row_of_task(task))
+            (read := Results.open(Path(out), unfinished=True)).rows.sort(key=lambda row: finished.index(Task(*row.key)))
+        assert read.rows == results.rows == list(map(row_of_task, finished))
+        assert read.missing() == [task for task in ALL if task not in finished]
+        assert (read.total, read.finished) == (12, len(finished) == 12)
+        with (Path(out) / TRIALS).open("a") as file:
+            file.write("0,10,0,")
+        assert len(Results.open(Path(out), unfinished=True).rows) == len(finished)
+
+
+def test_unfinished_results_say_so(tmp_path: Path) -> None:
+    fill(tmp_path, *ROWS[:2])
+    with pytest.raises(BadInput, match="its campaign is not finished, it has 2 of 3 trials; repeat its `wayfarer sim`"):
+        Results.open(tmp_path)
+    assert repr(Results.open(tmp_path, unfinished=True)) == "<Results: 2 of 3 trials of pledge>"
 
 
 # -- whose folder it is ------------------------------------------------------------------------------------------------
 
 
 def test_another_campaigns_folder_is_refused_by_its_first_difference(tmp_path: Path) -> None:
-    ResultsFolder(tmp_path, SETTINGS_HERE).close()
-    faster = {**SETTINGS_HERE, "rover": {"name": "sim", "rates": {"compass_hz": 50.0}}}
+    opened(tmp_path)
+    faster = replace(PLAN, rover=laid_over(PLAN.rover, {"rates": {"compass_hz": 50.0}}))
     with pytest.raises(BadInput, match=r"rover\.rates\.compass_hz is 20\.0 there and 50\.0 here"):
-        ResultsFolder(tmp_path, faster, resume=True)
+        opened(tmp_path, faster, resume=True)
 
 
-@pytest.mark.parametrize("sweep", [False, True])
-def test_folder_of_another_commit_is_resumed_and_one_of_another_release_is_refused(tmp_path: Path, sweep: bool) -> None:
-    def settings(version: str) -> dict[str, Any]:
-        campaign = {**SETTINGS_HERE, "version": version}
-        return {"campaign": campaign, "axes": []} if sweep else campaign
+@pytest.mark.parametrize("plan", [PLAN, SWEPT])
+def test_folder_of_another_commit_is_resumed_and_one_of_another_release_is_refused(tmp_path: Path, plan: Plan) -> None:
+    def of_version(version: str) -> Plan:
+        base = replace(plan.base, version=version)
+        return Sweep(base, plan.axes) if plan.axes else base
 
-    ResultsFolder(tmp_path, settings("0.2.0+g1a2b3c4d")).close()
-    ResultsFolder(tmp_path, settings("0.2.0+dev"), resume=True).close()
+    opened(tmp_path, of_version("0.2.0+g1a2b3c4d"))
+    opened(tmp_path, of_version("0.2.0+dev"), resume=True)
     with pytest.raises(BadInput, match=r"version is '0\.2\.0' there and '0\.3\.0' here"):
-        ResultsFolder(tmp_path, settings("0.3.0"), resume=True)
+        opened(tmp_path, of_version("0.3.0"), resume=True)
 
 
 def test_folder_of_a_version_with_fewer_settings_is_refused_by_what_it_lacks(tmp_path: Path) -> None:
-    ResultsFolder(tmp_path, SETTINGS_HERE).close()
-    with pytest.raises(BadInput, match=r"belongs to another campaign: ground is None there and 'mud' here"):
-        ResultsFolder(tmp_path, {**SETTINGS_HERE, "ground": "mud"}, resume=True)
+    opened(tmp_path)
+    settings = json.loads((tmp_path / SETTINGS).read_text())
+    del settings["ground"]
+    (tmp_path / SETTINGS).write_text(json.dumps(settings))
+    with pytest.raises(BadInput, match=r"belongs to another campaign: ground is None there and 'ideal' here"):
+        opened(tmp_path, resume=True)
 
 
 @pytest.mark.parametrize(("resume", "said"), [(False, "not empty"), (True, "holds no campaign")])
 def test_folder_with_something_else_in_it_is_refused_and_left_alone(tmp_path: Path, resume: bool, said: str) -> None:
     (tmp_path / "holiday.jpg").touch()
     with pytest.raises(BadInput, match=said):
-        ResultsFolder(tmp_path, SETTINGS_HERE, resume=resume)
+        opened(tmp_path, resume=resume)
     assert [path.name for path in tmp_path.iterdir()] == ["holiday.jpg"]
 
 
 def test_file_in_place_of_the_folder_is_refused(tmp_path: Path) -> None:
     (tmp_path / "out").touch()
     with pytest.raises(BadInput, match="is a file"):
-        ResultsFolder(tmp_path / "out", SETTINGS_HERE)
+        opened(tmp_path / "out")
     with pytest.raises(BadInput, match="cannot be used for the output: Not a directory"):
-        ResultsFolder(tmp_path / "out" / "run", SETTINGS_HERE)
+        opened(tmp_path / "out" / "run")
 
 
 def test_folder_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="name too long"):
-        ResultsFolder(tmp_path / ("c" * 300), SETTINGS_HERE)
+        opened(tmp_path / ("c" * 300))
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
 def test_folder_without_write_permission_is_refused(tmp_path: Path) -> None:
     tmp_path.chmod(0o555)
     with pytest.raises(BadInput, match="Permission denied"):
-        ResultsFolder(tmp_path, SETTINGS_HERE)
+        opened(tmp_path)
 
 
 def test_full_disk_ends_in_one_line_that_says_what_to_do(tmp_path: Path) -> None:
@@ -333,16 +332,15 @@ def test_full_disk_ends_in_one_line_that_says_what_to_do(tmp_path: Path) -> None
     with (
         files_no_longer_than(4000),
         pytest.raises(WayfarerError, match=said),
-        ResultsFolder(tmp_path, LARGE) as folder,
+        Results.kept(LARGE, tmp_path) as results,
     ):
         for trial in range(1000):
-            folder.append(ROWS[0]._replace(trial=trial))
+            results.add(ROWS[0]._replace(trial=trial))
             kept.append(ROWS[0]._replace(trial=trial))
-    with ResultsFolder(tmp_path, LARGE, resume=True) as folder:
-        assert folder.rows == kept
+    assert opened(tmp_path, LARGE, resume=True) == kept
 
 
-LARGE = {**SETTINGS_HERE, "trials": 1000}
+LARGE = campaign_of(1000, "pledge")
 
 
 def test_filesystem_without_locks_is_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -353,4 +351,4 @@ def test_filesystem_without_locks_is_a_sentence(tmp_path: Path, monkeypatch: pyt
     with pytest.warns(
         UserWarning, match=r"cannot be locked \(No locks available\): let no other campaign write into it"
     ):
-        ResultsFolder(tmp_path, SETTINGS_HERE).close()
+        opened(tmp_path)

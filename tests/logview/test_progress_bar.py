@@ -6,7 +6,7 @@ from io import StringIO
 
 from rich.console import Console
 
-from wayfarer.experiments.progress_bar import shown_progress
+from wayfarer.logview.progress_bar import shown_progress
 
 
 def test_terminal_shows_how_many_are_done_and_is_left_clean() -> None:
