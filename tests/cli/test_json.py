@@ -138,8 +138,10 @@ def test_sim_and_compare(says: Any, tmp_path: Path) -> None:
     assert (compared[0]["spl_change"], compared[1]["path_m_change_pairs"]) == (None, 4)
     sim("--trials", 2, "--ground", "mud", "--rover", "forestrover", "--forests", "reference")
     sim("--trials", 2, "--physics", "mujoco", "--rover", "forestrover")
-    sim("--trials", 2, "--slope-deg", 5, "--senses", "field")
-    says("sim --trial", "sim", "--trial", 3, "--slope-deg", 5, "--physics", "mujoco", "--rover", "forestrover")
+    sim("--trials", 2, "--set", "sim.slope_deg=5", "--set", "senses=field")
+    says(
+        "sim --trial", "sim", "--trial", 3, "--set", "sim.slope_deg=5", "--physics", "mujoco", "--rover", "forestrover"
+    )
     assert says("sim --trial", "sim", "--trial", 3)["trial"] == 3
 
 

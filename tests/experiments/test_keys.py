@@ -44,7 +44,7 @@ def test_every_key_that_is_a_number_can_be_drawn_about_what_it_is_now() -> None:
                 try:
                     campaign = make_campaign({"physics": physics, "set": {key: (now, now + 1e-6)}})
                 except BadInput as error:
-                    assert "no effect with" in str(error) or "allowed" in str(error) or "integer" in str(error), key
+                    assert any(each in str(error) for each in ("effect", "allowed", "integer")), key
                 else:
                     (value,) = campaign.drawn(3).values()
                     assert now <= value <= now + 2e-5 * abs(now) + 1e-6, key
@@ -101,6 +101,7 @@ def test_numbers_of_numpy_are_numbers() -> None:
         ("senses=0:1", "key 'senses' is no number: it cannot be drawn"),
         ("ground=0:1", "key 'ground' is no number: it cannot be drawn"),
         ("anomaly_source=smell", "key 'anomaly_source' = 'smell'"),
+        ("sim.slope_direction_deg=90", "key 'sim.slope_direction_deg' has an effect only with sim.slope_deg"),
         ("sim.friction=0.3", "key 'sim.friction' has an effect only in MuJoCo; add --physics mujoco"),
         ("footprint_m=0.4 vehicle.width_m=0.2", "set the same value"),
     ],

@@ -45,6 +45,7 @@ BODY = ("vehicle.length_m", "vehicle.width_m")
 WORLD = "sim."
 PARTS = "parts."  # a driver knows its keys; not all of them stand in the file
 SENSES = "senses"
+SLOPE, DIRECTION = "sim.slope_deg", "sim.slope_direction_deg"
 NAMED_SENSES: Mapping[str, Mapping[str, float]] = {"ideal": {}, "field": FIELD}
 
 
@@ -222,6 +223,8 @@ def check_keys(campaign: CampaignSettings, keys: Sequence[str], spell: Any = opt
             raise BadInput(f"key '{key}' has an effect only in MuJoCo; add {spell('physics')} mujoco")
         if key not in known and not key.startswith(PARTS):
             raise UnknownName("key", key, known)
+        if key == DIRECTION and SLOPE not in keys and known[SLOPE] == 0:
+            raise BadInput(f"key '{key}' has an effect only with {SLOPE}; set that too, or leave it out")
         if other := _without_effect(campaign, key, name):
             with_it = f"{spell(other)} mujoco" if other == "physics" else spell(other)
             raise BadInput(f"key '{key}' has no effect with {with_it}; leave out one of them")
