@@ -31,8 +31,7 @@ from wayfarer.experiments.keys import FOREST, OWN, TERRAIN, WORLD, ForestKeys, d
 from wayfarer.experiments.settings import FORMS, NAMES, CampaignSettings, option_of, plain_kind, sentences
 from wayfarer.fieldlog.wording import sentence
 from wayfarer.safety.conditions import TABLE, Condition
-from wayfarer.simhal.mujoco.terrain import Terrain
-from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.physics import Physics, Terrain
 from wayfarer.vocabulary import WORDS
 
 FOLDER = Path(__file__).parent / "reference"

@@ -30,7 +30,7 @@ from wayfarer.simhal.world.physics import GroundName, Physics
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 if TYPE_CHECKING:
-    from wayfarer.simhal.mujoco.terrain import Terrain
+    from wayfarer.simhal.world.physics import Terrain
 
 NEVER_S = 86_400.0
 NO_MUD_M = 1e9

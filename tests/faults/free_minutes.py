@@ -10,8 +10,7 @@ from collections.abc import Iterator
 
 from tests.faults.free_driving import drive_freely
 from wayfarer.config.rover_file import load_rover
-from wayfarer.simhal.mujoco.terrain import Terrain
-from wayfarer.simhal.world.physics import GroundName
+from wayfarer.simhal.world.physics import GroundName, Terrain
 
 ROVERS = ("sim", "forestrover", "minirover")
 FRICTIONS = (0.1, 0.15, 0.3, 0.5, 0.8)

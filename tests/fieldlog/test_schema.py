@@ -35,10 +35,9 @@ from wayfarer.safety.manual import ManualSample
 from wayfarer.simhal.build_rover import device_depth
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.world import Slope
-from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.generate import generate_forest
-from wayfarer.simhal.world.physics import GroundName, Physics
+from wayfarer.simhal.world.physics import GroundName, Physics, Terrain
 from wayfarer.simhal.world.world import World
 
 README = Path(__file__).resolve().parents[2] / "docs" / "reference" / "log.md"

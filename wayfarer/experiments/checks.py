@@ -177,7 +177,7 @@ def _check_model(body: WheeledBody, where: str) -> None:
         BadConfig: it does not.
     """
     from wayfarer.simhal.mujoco.model import build_spec
-    from wayfarer.simhal.mujoco.terrain import Terrain
+    from wayfarer.simhal.world.physics import Terrain
 
     try:
         build_spec(body, Terrain(), None, []).compile()

@@ -7,7 +7,7 @@ A key is
 * ``slip_mean_m``, ``budget_m`` or ``ground``, which are options of ``wayfarer sim`` too;
 * ``senses``: a named set of errors of the senses;
 * ``sim.`` and a number of the simulated world (``physics.Physics``), or ``sim.trees_per_ha``;
-* in MuJoCo ``sim.`` and a number of the terrain (``mujoco.terrain.Terrain``), such as the friction.
+* in MuJoCo ``sim.`` and a number of the terrain (``physics.Terrain``), such as the friction.
 """
 
 from __future__ import annotations
@@ -33,9 +33,8 @@ from wayfarer.experiments.settings import (
     sentences,
     value_of,
 )
-from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.world.forest import TREES_PER_HA
-from wayfarer.simhal.world.physics import FIELD, GroundName, Physics, Senses
+from wayfarer.simhal.world.physics import FIELD, GroundName, Physics, Senses, Terrain
 
 SettingsT = TypeVar("SettingsT", bound=CampaignSettings)
 MOST_CORNERS = 64  # of all bounds of what is drawn: those that are tried before the first trial

@@ -25,7 +25,7 @@ from wayfarer.simhal.world.world import World
 
 if TYPE_CHECKING:
     from wayfarer.simhal.faults.kinds import Fault
-    from wayfarer.simhal.mujoco.terrain import Terrain
+    from wayfarer.simhal.world.physics import Terrain
     from wayfarer.simhal.world.sites import FieldSite
 
 MakeLog = Callable[[SimulatedWorld, Rover], RunLog]

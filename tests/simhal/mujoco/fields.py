@@ -9,11 +9,10 @@ from tests.simhal.clearing import STEADY
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.config.settings import STANDARD_GRAVITY_M_S2
 from wayfarer.simhal.mujoco.model import STEP_S
-from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.mujoco.world import MujocoWorld
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import CLEARING, Forest, Trunk
-from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.physics import Physics, Terrain
 from wayfarer.simhal.world.wheeled_body import ROLLING_RESISTANCE, body_of
 
 CONFIG = load_rover("forestrover")

@@ -20,8 +20,8 @@ from wayfarer.simhal.mujoco.model import gravity_m_s2
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import CLEARING
 from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.simulated_world import Hillside
 from wayfarer.simhal.world.skid_steering import SkidSteering
-from wayfarer.simhal.world.slope import Hillside
 from wayfarer.simhal.world.world import World
 
 SIM = ("sim", "--jobs", "1", "--trials", "2", "--budget-m", "5")

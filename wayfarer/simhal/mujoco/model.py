@@ -22,9 +22,9 @@ import mujoco
 from wayfarer.angles import clamp
 from wayfarer.config.settings import STANDARD_GRAVITY_M_S2
 from wayfarer.simhal.mujoco.ground import HeightField, Nearby
-from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.world.collision import Obstacle
 from wayfarer.simhal.world.forest import WORLD_SIZE_M
+from wayfarer.simhal.world.physics import Terrain
 from wayfarer.simhal.world.wheeled_body import (
     ROLLING_RESISTANCE,
     ROTOR_SHARE_OF_WEIGHT,

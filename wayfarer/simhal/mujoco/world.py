@@ -27,22 +27,21 @@ from wayfarer.simhal.mujoco.model import (
     raise_unstable,
     shove_n,
 )
-from wayfarer.simhal.mujoco.terrain import Terrain
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.collision import low_trunks_of, obstacles_of
 from wayfarer.simhal.world.forest import Forest
-from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.physics import Physics, Terrain
 from wayfarer.simhal.world.simulated_world import (
     FULL_BATTERY_V,
     NO_BODY_FAULTS,
     ROUNDING_S,
     SimulatedWorld,
     Touch,
+    hillside_of,
     no_chips,
     no_observer,
     side_of,
 )
-from wayfarer.simhal.world.slope import hillside_of
 from wayfarer.simhal.world.wheeled_body import WheeledBody
 
 OBSERVE_EVERY_STEPS = 5  # steps: 20 ms, well within a control tick

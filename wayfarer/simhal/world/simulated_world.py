@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import atan2, degrees
+from math import asin, atan, atan2, cos, degrees, radians, sin, tan
 from typing import Final, NamedTuple, Protocol
 
 from wayfarer.angles import wrap180
 from wayfarer.hal import Side
 from wayfarer.simhal.world.collision import Obstacle
+from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
 
 # A task that wakes on the grid of steps may read a clock that is a rounding error short of it.
@@ -139,3 +140,30 @@ def no_observer(_world: SimulatedWorld) -> None:
 
 def no_chips() -> None:
     """Stand in for the chips."""
+
+
+# -- ground that slopes as a whole: the same everywhere ----------------------------------------------------------------
+
+
+class Hillside:
+    """A plane that rises towards one bearing; headings and places are those in the plane."""
+
+    def __init__(self, slope_deg: float, uphill_deg: float) -> None:
+        self._uphill_rad = radians(uphill_deg)
+        self._sin, self._tan = sin(radians(slope_deg)), tan(radians(slope_deg))
+
+    def attitude_deg(self, heading_rad: float) -> tuple[float, float]:
+        """Return pitch (nose up) and roll (right side down) of a body that stands on it with this heading."""
+        off_rad = self._uphill_rad - heading_rad
+        return degrees(asin(self._sin * cos(off_rad))), -degrees(atan(self._tan * sin(off_rad)))
+
+    def rise(self, heading_rad: float) -> float:
+        """Return by how many metres the ground rises a metre ahead: the share of the weight that pulls backwards."""
+        return self._sin * cos(self._uphill_rad - heading_rad)
+
+
+def hillside_of(physics: Physics, forest: Forest) -> Hillside | None:
+    """Return the slope of a world, None if the ground is level; its direction counts from the forest's heading."""
+    if not physics.slope_deg:
+        return None
+    return Hillside(physics.slope_deg, forest.heading_deg + physics.slope_direction_deg)

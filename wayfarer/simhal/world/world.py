@@ -25,12 +25,12 @@ from wayfarer.simhal.world.simulated_world import (
     ROUNDING_S,
     SimulatedWorld,
     Touch,
+    hillside_of,
     no_chips,
     no_observer,
     side_of,
 )
 from wayfarer.simhal.world.skid_steering import SkidSteering
-from wayfarer.simhal.world.slope import hillside_of
 from wayfarer.simhal.world.wheeled_body import Climbing, GroundPitch
 
 # No move is tested in pieces longer than this, so that nothing is jumped over: half a trunk, half a right angle.
