@@ -110,7 +110,8 @@ def parse_row(line: bytes, columns: tuple[str, ...], where: str, swept: Mapping[
     """
     try:
         cells = dict(zip(columns, line.decode().rstrip("\n").split(","), strict=True))
-        drawn = {name: _drawn_value(name, cells.pop(name)) for name in columns if name not in {*FIELDS, *swept}}
+        others = [name for name in columns if name not in FIELDS and name not in swept]
+        drawn = {name: _drawn_value(name, cells.pop(name)) for name in others}
         row = TrialRow(**{name: _value(name, text) for name, text in cells.items() if name in FIELDS}, drawn=drawn)
         if row.outcome not in OUTCOMES:
             raise ValueError(f"unknown outcome {shown(row.outcome)}")
