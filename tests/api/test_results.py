@@ -132,6 +132,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"rover": "sims"}, "unknown rover 'sims': did you mean sim"),
     ({"site": "maze"}, "unknown site 'maze'"),
     ({"site": "extended-maze", "rover": "minirover", "forests": "reference"}, "site and forests do not go together"),
+    ({"site": "extended-maze", "rover": "minirover", "go_on": True}, "go_on has no effect with site"),
     ({"ground": "ice"}, "ground = 'ice': input should be 'ideal'"),
     ({"forests": "no.jsonl"}, "no.jsonl"),
     ({"rover": NO_MOTORS, "depth": "bus"}, "mine: key 'parts.compass' is missing"),

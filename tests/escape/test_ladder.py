@@ -167,6 +167,6 @@ def test_body_that_is_wedged_across_between_two_trunks_gets_out() -> None:
     """
     gap = (Trunk(22.0, 12.58, 27.97, 13.21, "across"), Trunk(22.02, 12.23, 28.01, 11.98, "across"))
     wedge = replace(CLEARING, trunks=gap, trees_m=())
-    end = run_trial(TrialSpec(0, "forest-pledge", wedge, 6, load_rover("sim")))
+    end = run_trial(TrialSpec(0, "forest-pledge", wedge, 6, load_rover("sim"), go_on=True))
     assert end.outcome in SUCCESSES
     assert end.time_s < 900.0

@@ -11,16 +11,20 @@ import pytest
 
 from wayfarer.config.rover_file import load_rover
 from wayfarer.control import sensors, supervisor
+from wayfarer.control.tick import TickRecord
 from wayfarer.drivers.pmw3901 import OPEN_S
 from wayfarer.escape.catalogue import CATALOGUE
+from wayfarer.escape.recovery import REST_S
 from wayfarer.experiments.outcome import OUTCOMES, SUCCESSES
-from wayfarer.experiments.trial import TrialResult, run_trial
+from wayfarer.experiments.trial import TrialCounters, TrialResult, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
+from wayfarer.safety.conditions import Condition
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.world import Slope
 from wayfarer.simhal.world.forest import CLEARING, Trunk
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.sites import SITES
 
 SHORT_M = 30.0
 # A trunk that is met on the right: who feels that turns left, who does not turns right.
@@ -66,6 +70,44 @@ def test_budget_ends_a_trial() -> None:
     assert result.outcome == "entrapped"
     assert result.path_m == pytest.approx(5.0, abs=0.1)
     assert result.spl in (0.0, None)
+
+
+WEDGED = replace(
+    CLEARING, trunks=(Trunk(22.0, 12.58, 27.97, 13.21, "across"), Trunk(22.02, 12.23, 28.01, 11.98, "across"))
+)
+
+
+def test_trial_in_a_forest_ends_when_the_rover_is_lost_unless_it_is_to_go_on() -> None:
+    """With this seed it gets out of the wedge after its first rest."""
+    spec = TrialSpec(0, "forest-pledge", WEDGED, 6, load_rover("sim"))
+    lost, patient = run_trial(spec), run_trial(replace(spec, go_on=True))
+    assert lost.outcome == "entrapped"
+    assert lost.path_m < spec.budget_m
+    assert patient.outcome in SUCCESSES
+    assert lost.time_s < patient.time_s - REST_S, "the rest is not waited for"
+
+
+def test_trial_at_a_site_never_ends_before_its_time_because_the_rover_is_lost() -> None:
+    """Some wedged rovers get out there long after their first rest."""
+    site = SITES["extended-maze"]
+    spec = TrialSpec(0, "forest-pledge", WEDGED, 6, site.equip(load_rover("forestrover")))
+    lost, helped = run_trial(spec), run_trial(replace(spec, site=site))
+    assert lost.outcome == helped.outcome == "entrapped"
+    assert lost.time_s < site.time_limit_s - REST_S
+    assert helped.time_s == pytest.approx(site.time_limit_s, abs=1.0)
+
+
+def test_rover_that_gets_out_is_not_lost_for_having_been_on_the_ladder() -> None:
+    log, ended = TrialCounters(ends_lost=True), []
+    log.finish = lambda reason, _text: ended.append(reason)
+    record = TickRecord(1.0)
+    for condition in (Condition.NO_PROGRESS, Condition.CANNOT_TURN):
+        record.conditions = (condition,)
+        log.tick(record)
+    assert not ended
+    record.conditions = (Condition.CANNOT_TURN, Condition.RESTING)
+    log.tick(record)
+    assert ended == ["entrapped"]
 
 
 # -- the daemon's own code -------------------------------------------------------------------------------------------

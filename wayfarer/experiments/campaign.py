@@ -130,7 +130,7 @@ class Campaign(CampaignSettings):
         return TrialSpec(
             task.trial, task.algorithm, forest, self.trial_seed(task.trial), met.rover, met.budget_m, self.depth,
             tuple(map(parse_fault, self.faults)), physics=met.physics, site=self.field_site, terrain=met.terrain,
-            ground=met.ground, drawn=self.drawn(task.trial),
+            ground=met.ground, drawn=self.drawn(task.trial), go_on=self.go_on,
         )  # fmt: skip
 
     def settings(self) -> dict[str, Any]:

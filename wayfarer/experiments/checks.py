@@ -49,6 +49,8 @@ def make_campaign(asked: Mapping[str, Any], spell: Callable[[str], str] = str) -
     forests, site, faults = (asked.get(name) for name in ("forests", "site", "faults"))
     if site is not None and forests is not None:  # a site draws its own layouts
         raise BadInput(f"{spell('site')} and {spell('forests')} do not go together: leave one of them out")
+    if site is not None and asked.get("go_on"):
+        raise BadInput(f"{spell('go_on')} has no effect with {spell('site')}: a rover goes on there; leave it out")
     campaign = Campaign(
         algorithms(asked.get("algorithms", Campaign.algorithms)),
         rover=rover if isinstance(rover, RoverConfig) else load_rover(where),

@@ -53,16 +53,20 @@ class TrialResult(NamedTuple):
     drawn: Mapping[str, float] = NOTHING
 
 
+LOST: Outcome = "entrapped"
 GAVE_UP = f"fault: {Condition.ENTRAPPED.value}"  # the controller's reason for disarming
 
 
 class TrialCounters(PartialLog):
     """A run log that counts and keeps nothing.
 
-    ``finish`` is called when the rover has disarmed itself: nobody is there to arm it again, so the trial is over.
+    ``finish`` is called when the rover has disarmed itself: nobody is there to arm it again, so the trial is over. With
+    ``ends_lost`` it is also over when the rover begins its first rest: it has climbed the whole ladder
+    (``escape.recovery``) without progress.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, ends_lost: bool = False) -> None:
+        self._ends_lost = ends_lost
         self.finish: Callable[[str, str], None] = lambda _reason, _text: None
         self.ticks = 0
         self.anomalies = 0
@@ -73,6 +77,8 @@ class TrialCounters(PartialLog):
     def tick(self, record: TickRecord) -> None:
         """Count the tick, and each phase that an anomaly began."""
         self.ticks += 1
+        if self._ends_lost and record.conditions and Condition.RESTING in record.conditions:
+            self.finish(LOST, "climbed the whole ladder without progress")
         phase = record.decision.phase
         if phase is not self._phase:
             self._count(phase)
@@ -133,7 +139,7 @@ def run_watched(
 async def _run(
     spec: TrialSpec, make_log: MakeLog | None, notes: Sequence[NoteFault], begin: Callable[[Supervisor], None]
 ) -> TrialResult:
-    counters = TrialCounters()
+    counters = TrialCounters(ends_lost=not spec.go_on and spec.site is None)
     setup = TrialSetup(spec, lambda *seen: counters if make_log is None else Tee(counters, make_log(*seen)))
     counters.finish = setup.supervisor.finish
     await setup.supervisor.arm(Asked(asyncio.get_running_loop().time()), spec.forest.heading_deg)
@@ -168,10 +174,10 @@ def _injected(setup: TrialSetup, error: BaseException) -> bool:
 
 
 def outcome_of(outcome_monitor: OutcomeMonitor, counters: TrialCounters, end: RunEnd) -> Outcome:
-    """Return how a trial ended; a rover that gave up, or used up its own mission's limits, did not get out either."""
+    """Return how a trial ended; one that was lost, gave up, or used up its mission's limits, did not get out either."""
     if counters.why_disarmed is not None:
         return "entrapped" if counters.why_disarmed == GAVE_UP else "fault"
-    return outcome_monitor.outcome or ("entrapped" if end.reason.startswith("mission_") else "fault")
+    return outcome_monitor.outcome or (LOST if end.reason == LOST or end.reason.startswith("mission_") else "fault")
 
 
 def _result(spec: TrialSpec, outcome: Outcome, setup: TrialSetup, counters: TrialCounters) -> TrialResult:

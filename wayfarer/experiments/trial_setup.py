@@ -39,6 +39,7 @@ class TrialSpec:
     its time is limited. With a ``terrain`` the body moves in MuJoCo and not in physics-light; of ``physics`` then count
     the noise of the senses, the slope, unequal sides, slips (as mud) and tipping. ``ground`` is what physics-light has
     under the wheels. ``drawn`` are the keys that this trial drew, whose values are in the other fields, for its row.
+    At a site, and with ``go_on``, the trial of a rover that is lost does not end before its budget or its time.
     """
 
     trial: int
@@ -55,6 +56,7 @@ class TrialSpec:
     terrain: Terrain | None = None
     ground: GroundName = GroundName.ideal
     drawn: Mapping[str, float] = field(default_factory=dict)
+    go_on: bool = False
 
 
 class TrialSetup:
