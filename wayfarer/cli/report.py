@@ -22,7 +22,7 @@ EXAMPLES = examples(
     "wayfarer report results --gallery 30 --jobs 2",
     "wayfarer report results --figure figure.pdf",
 )
-GALLERY = 12
+GALLERY = 6
 
 
 def report(

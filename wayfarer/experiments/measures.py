@@ -169,7 +169,13 @@ def estimate(rows: Iterable[TrialRow], measure: Measure) -> Estimate | None:
         return _share(groups)
     if measure.kind == "median":
         return _median(groups, min(row.seed for row in rows))
-    return _mean(groups) if measure.kind == "mean" else _sd(groups)
+    if measure.kind == "sd":
+        return _sd(groups)
+    mean = _mean(groups)
+    if mean.low is None or mean.high is None:
+        return mean
+    most = 1.0 if measure.name == "spl" else math.inf  # the others are lengths, times and counts
+    return mean._replace(low=max(0.0, mean.low), high=min(most, mean.high))
 
 
 def difference(rows: Iterable[TrialRow], others: Iterable[TrialRow], measure: Measure) -> Estimate | None:

@@ -37,7 +37,7 @@ def test_page_draws_its_figures_and_tells_their_values(
 ) -> None:
     opened = plotted(browser_page, reports[keys], viewport)
     page = opened.page
-    assert page.locator("figure .plot").count() == 3 * keys  # no SPL without shortest paths; two algorithms
+    assert page.locator("figure .plot").count() == 5 * keys  # no SPL without shortest paths; two algorithms
     assert opened.overflow_px() == 0
     assert opened.trouble == []
     name = "pledge" if keys == 1 else "cells"

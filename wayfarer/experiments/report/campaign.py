@@ -9,6 +9,7 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+from bokeh.models import Range1d
 from bokeh.models.annotations import Span
 
 from wayfarer.errors import BadInput
@@ -62,7 +63,8 @@ def comparison_section(results: Results, plots: Plots) -> Iterator[str]:
         for each, found in known.items()
     )
     table = comparison_table([base, *others])
-    yield html.table("The table of wayfarer compare", table.titles, table.rows)
+    rows = [(kind, list(map(_below, cells))) for kind, cells in table.rows]
+    yield html.table("The table of wayfarer compare", table.titles, rows)
     yield from map(html.paragraph, sentences([base, *others]))
     yield html.bullets(table.notes)
 
@@ -93,6 +95,8 @@ def gain_figure(measure: Measure, found: dict[str, Estimate]) -> Figure:
 SLIPS = html.PlotLayer("slips", "Slips", palette.ANOMALY)
 PLACE = (("east", "@x{0.0} m"), ("north", "@y{0.0} m"))
 AFTER = ("after", "@t_s{0} s")
+CLOSE_M = 20.0  # to the goal line
+GALLERY_TRIALS = 6
 
 
 Progress = Callable[[int], AbstractContextManager[Callable[[object], object]]]
@@ -107,7 +111,7 @@ def write_report(
     results: Results,
     out: Path | None = None,
     *,
-    gallery: int = 12,
+    gallery: int = GALLERY_TRIALS,
     jobs: int,
     allow_code: bool = False,
     progress: Progress = no_progress,
@@ -125,6 +129,7 @@ def write_report(
     plots, folder = Plots(), folder_with_rows(results)
     body = [*words.unfinished(results), *_overview(results, plots)]
     body += _worst(results, plots, gallery, jobs, allow_code=allow_code, progress=progress)
+    body.append(html.folded("How these trials were made", html.facts(words.facts(results.plan.base, results.runs))))
     return write_page(folder / PAGE, words.title(results), body, plots, out=out)
 
 
@@ -147,7 +152,7 @@ def _overview(results: Results, plots: Plots) -> Iterator[str]:
     def drawn(figure: Figure, caption: str = "", alt: str = "") -> str:
         return html.figure(plots.place(figure), caption, alt)
 
-    yield html.facts(words.facts(results.plan.base, results.runs))
+    yield html.result(words.result_sentences(results))
     yield html.section(
         "Path length",
         drawn(
@@ -156,15 +161,15 @@ def _overview(results: Results, plots: Plots) -> Iterator[str]:
             "Path length by algorithm",
         ),
     )
-    table = campaign_table(rows, papers, site=results.plan.base.site is not None, full=True)
-    heading = "Results beside the paper's" if papers else "Results"
-    yield html.section(heading, _results_table(results, table), html.bullets(table.notes))
     if len(rows) > 1:
         yield html.section("Paired comparison", *comparison_section(results, plots))
     yield html.section(
         "Escapes by path length",
         drawn(escape_figure(rows), words.ESCAPE, "Share of escaped trials by path length"),
     )
+    table = campaign_table(rows, papers, site=results.plan.base.site is not None, full=True)
+    heading = "Results beside the paper's" if papers else "Results"
+    yield html.section(heading, _results_table(results, table), html.bullets(table.notes))
 
 
 def _results_table(results: Results, table: TextTable) -> str:
@@ -175,8 +180,13 @@ def _results_table(results: Results, table: TextTable) -> str:
         rows.append(("group", [group.title, *[""] * (len(table.titles) - 1)]))
         for at, after in zip(ours, [*ours[1:], len(table.rows)], strict=True):  # its row, and one of the paper's
             if table.rows[at][1][0] in group.algorithms:
-                rows += [(kind, [cell.strip() for cell in cells]) for kind, cells in table.rows[at:after]]
+                rows += [(kind or "ours", list(map(_below, cells))) for kind, cells in table.rows[at:after]]
     return html.table("Value [95 % interval]", table.titles, rows)
+
+
+def _below(cell: str) -> str:
+    """Put an interval below its value, so that all columns have room."""
+    return cell.strip().replace(" [", "\n[")
 
 
 def _worst(
@@ -195,10 +205,12 @@ def _worst(
         return
     with progress(len(rows)) as advance:
         ran = run_again(campaign, rows, jobs, advance)
-    yield html.section(heading, *_gallery(campaign, ran, plots), *_not_drawn(ran, results.plan.base.version))
+    yield html.section(
+        heading, *_gallery(campaign, ran, plots, len(results.rows)), *_not_drawn(ran, results.plan.base.version)
+    )
 
 
-def _gallery(campaign: Campaign, ran: Sequence[RerunTrial], plots: Plots) -> Iterator[str]:
+def _gallery(campaign: Campaign, ran: Sequence[RerunTrial], plots: Plots, trials: int) -> Iterator[str]:
     """Yield the maps of the trials beside each other, under one key for all."""
     maps = []
     for row, trajectory, _ in ran:
@@ -206,7 +218,7 @@ def _gallery(campaign: Campaign, ran: Sequence[RerunTrial], plots: Plots) -> Ite
             drawn = trial_map(f"{row.algorithm}-{row.trial}", campaign.make_forest(row.trial), trajectory)
             maps.append(html.figure(plots.place(drawn), words.trial_text(row, len(trajectory.slips_m))))
     if maps:
-        yield html.paragraph(words.GALLERY)
+        yield html.paragraph(f"{len(ran)} of {trials:,} trials. {words.GALLERY}")
         yield html.layers("Show", [*html.phase_layers(), SLIPS])
         yield html.panels(maps)
 
@@ -226,6 +238,9 @@ def trial_map(name: str, forest: Forest, trajectory: Trajectory) -> Figure:
     """Return the map of a trial, metres, north up; ``name`` is the figure's."""
     made = plot(name, None, "map", output_backend=SVG, sizing_mode="scale_width", aspect_ratio=1.0, match_aspect=True)
     made.xaxis.axis_label, made.yaxis.axis_label = "east, m", "north, m"
+    if forest.goal_y_m - forest.start_m[1] < CLOSE_M:  # at a site: all of the map would show the clutter as a dot
+        half_m = CLOSE_M / 2.0 + 1.0
+        made.x_range, made.y_range = (Range1d(start=at - half_m, end=at + half_m) for at in forest.start_m)
     draw_forest(made, msgspec.convert(as_row(forest), World))
     for phase in Phase:
         if phase.value in palette.PHASE_COLOURS:

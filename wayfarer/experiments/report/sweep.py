@@ -161,10 +161,12 @@ def _cells(made: Figure, results: Grid, algorithm: str, measure: Measure) -> Non
             text_baseline="middle",
         )  # fmt: skip
     made.add_tools(hover([drawn], (up.key, "@up"), (right.key, "@right"), (f"{measure.heading} {INTERVAL}", "@text")))
-    bar = ColorBar(
-        color_mapper=mapper, width=10, padding=4, ticker=BasicTicker(desired_num_ticks=4), background_fill_color=None
-    )
-    made.add_layout(bar, "right")
+    if len(set(values)) > 1:
+        bar = ColorBar(
+            color_mapper=mapper, width=10, padding=4, ticker=BasicTicker(desired_num_ticks=4),
+            background_fill_color=None, major_label_text_color=palette.GREY,  # to be read on a dark page too
+        )  # fmt: skip
+        made.add_layout(bar, "right")
 
 
 def _colours(results: Grid, measure: Measure) -> Any:
@@ -203,35 +205,44 @@ def write_sweep_report(results: Results, out: Path | None = None) -> Path:
 
 def _body(results: Grid, plots: Plots) -> Iterator[str]:
     swept = [(axis.key, f"{', '.join(map(str, axis.values))} (without a sweep: {axis.now})") for axis in results.axes]
-    yield html.facts([*swept, *words.facts(results.all.plan.base, results.all.runs)])
+    yield html.result(result_sentences(results))
     if len(results.axes) == 2:
         for name in results.algorithms:
-            caption = f"{MAPS} {_ends(results, name)}."
-            yield html.section(name, html.paragraph(caption), _panels(maps_figures(results, name), plots))
+            yield html.section(name, html.paragraph(MAPS), _panels(maps_figures(results, name), plots))
     else:
-        ends = "; ".join(_ends(results, name) for name in results.algorithms)
-        caption = f"{CURVES} {ends}."
         key = html.layers(
             "Show", [html.PlotLayer(name, name, colour_of(at)) for at, name in enumerate(results.algorithms)]
         )
-        yield html.section("What changes", html.paragraph(caption), key, _panels(curves_figures(results), plots))
+        yield html.section("What changes", html.paragraph(CURVES), key, _panels(curves_figures(results), plots))
     estimates = [each for cells in results.estimates.values() for each in cells.values()]
     change = "SPL change: to the same trials without a sweep." if _has_spl(results) else f"{NO_SPL}."
     texts = [WHAT_COUNTS, change, layouts_note(results.all), methods_note(estimates)]
     yield html.section("Each point", _table(results), *map(html.paragraph, texts))
+    facts = html.facts([*swept, *words.facts(results.all.plan.base, results.all.runs)])
+    yield html.folded("How these trials were made", facts)
 
 
 def _panels(figures: Iterable[Figure], plots: Plots) -> str:
     return html.panels(html.figure(plots.place(figure)) for figure in figures)
 
 
-def _ends(results: Grid, name: str) -> str:
-    """Say in words how far an algorithm's success goes."""
-    found = results.estimates["success_percent"]
-    shares = [each.value for (_, algorithm), each in found.items() if each and algorithm == name]
-    if not shares:
-        return f"{name}: no trial has ended"
-    return f"{name}: success from {min(shares):.1f} to {max(shares):.1f} %"
+def result_sentences(results: Grid) -> Iterator[str]:
+    """Yield for each algorithm how far its success goes, and at which point it is best, with the interval there."""
+    by = MEASURES["spl"] if _has_spl(results) else MEASURES["path_m"]
+    for name in results.algorithms:
+        shares = [each.value for (_, own), each in results.estimates["success_percent"].items() if each and own == name]
+        if not shares:
+            yield f"{name}: no trial has ended."
+            continue
+        text = f"{name}: success from {min(shares):.1f} to {max(shares):.1f} %"
+        found = {at: each for (at, own), each in results.estimates[by.name].items() if each and own == name}
+        if found:
+            words = ("lowest", "highest") if by.name == "spl" else ("shortest", "longest")
+            for pick, word in zip((min, max), words, strict=True):
+                at = pick(found, key=lambda point: found[point].value)
+                where = ", ".join(f"{a.key}={value}" for a, value in zip(results.axes, results.points[at], strict=True))
+                text += f"; {by.title} is {word} at {where}: {found[at].text(by.decimals)}{by.unit and f' {by.unit}'}"
+        yield f"{text} (95 % intervals)."
 
 
 def _has_spl(results: Grid) -> bool:
@@ -264,7 +275,7 @@ def _table(results: Grid) -> str:
     rows = []
     for name in results.algorithms:
         rows.append(("group", [name, *[""] * (len(head) - 1)]))
-        rows += [("", ["", *cells]) for cells in point_rows(results, name)]
+        rows += [("", ["", *(cell.replace(" [", "\n[") for cell in cells)]) for cells in point_rows(results, name)]
     return html.table("Value [95 % interval]", head, rows)
 
 

@@ -48,7 +48,7 @@ def macros(package: str, *names: str) -> list[Block]:
     return [getattr(module, name) for name in names]
 
 
-section, folded, paragraph, bullets, facts, layers, key, figure, panels, table = macros(
+section, result, folded, paragraph, bullets, facts, layers, key, figure, panels, table = macros(
     "wayfarer.reports.page",
-    *("section", "folded", "paragraph", "bullets", "facts", "layers", "key", "figure", "panels", "table"),
+    *("section", "result", "folded", "paragraph", "bullets", "facts", "layers", "key", "figure", "panels", "table"),
 )
