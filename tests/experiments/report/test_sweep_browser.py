@@ -54,5 +54,5 @@ def test_page_draws_its_figures_and_tells_their_values(
     values = page.locator(".bk-tooltip-row-value")
     values.first.wait_for(timeout=10_000)
     assert text in values.all_inner_texts()
-    row = page.locator("table").last.locator("tbody tr:not(.group)").nth(1).inner_text()
+    row = page.locator("table").last.locator("tbody tr:not(.group)").nth(1).inner_text().replace("\n[", " [")
     assert text in row
