@@ -5,6 +5,7 @@
     WayfarerError                 the base: its text is meant for the person holding the wires
     ├── BadInput                  the user gave something that cannot be used (exit code 2)
     │   ├── BadConfig             a configuration file: names file and key
+    │   ├── OutOfRange            a number that a program gave: names it and its range
     │   ├── BadForest             a forest file: names file, line and reason
     │   ├── NothingReadable       a log without a record that can be read
     │   └── UnknownName           no such algorithm, driver or rover: offers the nearest names

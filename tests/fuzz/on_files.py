@@ -222,9 +222,9 @@ FOREST = Target(
 
 CAMPAIGN: dict[str, Any] = {
     "version": "0.1.0", "algorithms": ["pledge", "cv-react"], "trials": 2, "seed": 0, "slip_mean_m": 10.0,
-    "budget_m": 400.0, "spl": False, "depth": "device", "site": None, "forests": None, "physics": "light",
-    "ground": "ideal", "set": {"sim.slope_deg": 5.0, "senses": "field"}, "faults": ["silent:compass@20+5"],
-    "rover": load_rover("sim").model_dump(mode="json"),
+    "budget_m": 400.0, "spl": False, "go_on": False, "depth": "device", "site": None, "forests": None,
+    "physics": "light", "ground": "ideal", "set": {"sim.slope_deg": 5.0, "senses": "field"},
+    "faults": ["silent:compass@20+5"], "rover": load_rover("sim").model_dump(mode="json"),
 }  # fmt: skip
 ROWS = [
     TrialRow(trial, algorithm, trial, 0, 7, "escaped", 80.125, 1.5, 90.0, 3, 2, 40.0, 0.5)
