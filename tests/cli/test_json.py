@@ -135,7 +135,7 @@ def test_sim_and_compare(says: Any, tmp_path: Path) -> None:
     assert (said["last_run"]["trials"], said["table"][0]["algorithm"]) == (8, "pledge")
     compared = says("compare", "compare", tmp_path / "out")["algorithms"]
     assert [each["algorithm"] for each in compared] == ["forest-pledge", "pledge"]
-    assert (compared[0]["spl_change"], compared[1]["path_m_change_pairs"]) == (None, 4)
+    assert (compared[0]["spl_change"], compared[1]["success_percent_change_pairs"]) == (None, 4)
     sim("--trials", 2, "--ground", "mud", "--rover", "forestrover", "--forests", "reference")
     sim("--trials", 2, "--physics", "mujoco", "--rover", "forestrover")
     sim("--trials", 2, "--set", "sim.slope_deg=5", "--set", "senses=field")
