@@ -18,9 +18,9 @@ from wayfarer.experiments.measures import compare
 from wayfarer.experiments.outcome import SUCCESSES
 from wayfarer.experiments.paper import reported
 from wayfarer.experiments.provenance import read_runs
-from wayfarer.experiments.report.sweep import Grid, point_rows, point_titles
 from wayfarer.experiments.results import Results
 from wayfarer.experiments.tables import campaign_table, comparison_table
+from wayfarer.reports.sweep import Grid, point_rows, point_titles
 
 PLACE = re.compile(
     r"^<!-- measured (?P<kind>\w+): (?P<names>[^\n]+) -->\n(?P<content>.*?)^<!-- end of measured -->$", re.M | re.S

@@ -7,9 +7,9 @@ import pytest
 
 from tests.conftest import Run
 from tests.experiments import fake_trials
-from wayfarer.experiments.report.sweep import write_sweep_report
 from wayfarer.experiments.results import Results
 from wayfarer.experiments.trial import TrialResult
+from wayfarer.reports.sweep import write_sweep_report
 
 ANGLES = "escape.turn_angle_deg=10,30"
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from tests.logview import records
 from tests.logview.records import Json, event, numbered, outcome, record, write
-from tests.reports.page.outline import Outline
+from tests.reports.outline import Outline
 from wayfarer.reports.data import Line, RunData, read_run
 from wayfarer.reports.panels import PANELS
 from wayfarer.reports.run import write_run_report

@@ -15,6 +15,6 @@ def succeed(run: Run, *arguments: object) -> str:
 
 def facts_of(results: Results) -> dict[str, str]:
     """Return what the head of the report says."""
-    from wayfarer.experiments.report.words import facts  # and Bokeh with it
+    from wayfarer.reports.campaign import how_made  # and Bokeh with it
 
-    return dict(facts(results.plan.base))
+    return dict(how_made(results.plan.base))

@@ -91,10 +91,10 @@ def _of_trials(folder: Path, out: Path | None, gallery: int | None, jobs: int | 
     from rich.console import Console
 
     from wayfarer.experiments.pool import cores
-    from wayfarer.experiments.report.campaign import write_report
-    from wayfarer.experiments.report.sweep import write_sweep_report
     from wayfarer.experiments.results import Results
     from wayfarer.logview.progress_bar import shown_progress
+    from wayfarer.reports.campaign import write_report
+    from wayfarer.reports.sweep import write_sweep_report
 
     results = Results.open(folder, unfinished=True)
     if results.plan.axes:
@@ -111,8 +111,8 @@ def _draw(figure: Path, folder: Path) -> None:
         BadInput: the folder holds no finished campaign, or the figure cannot be written.
     """
     from wayfarer.experiments.recorded import SETTINGS
-    from wayfarer.experiments.report.paper_figure import write_paper_figure
     from wayfarer.experiments.results import Results
+    from wayfarer.reports.paper_figure import write_paper_figure
 
     results = Results.open(folder) if (folder / SETTINGS).exists() else None
     if results is None or results.plan.axes:

@@ -1,1 +1,1 @@
-"""HTML pages that are kept: the report of one run (a map of its path, and time series), and the frame of all pages."""
+"""HTML pages that are kept: the reports of runs, campaigns and sweeps, with figures to zoom."""

@@ -17,10 +17,10 @@ from matplotlib.figure import Figure
 
 from wayfarer.errors import BadInput
 from wayfarer.experiments.measures import MEASURES, estimate
-from wayfarer.experiments.report.paths_figure import grouped, short
 from wayfarer.experiments.results import Results
 from wayfarer.files import write_atomically
 from wayfarer.logview import palette
+from wayfarer.reports.figures import grouped, short
 
 SIZE_IN = (7.16, 3.2)  # as wide as a page of IEEE's two columns, 181.9 mm
 DPI = 300

@@ -9,18 +9,17 @@ from typing import Any
 
 import pytest
 
-from tests.experiments.report.campaigns import STRANGERS, names, row, rows_of
-from tests.experiments.report.reading_plots import columns, names_of_rows
+from tests.reports.campaigns import STRANGERS, names, row, rows_of
+from tests.reports.reading_plots import columns, names_of_rows
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.measures import COMPARED, compare
 from wayfarer.experiments.paper import FORESTS
-from wayfarer.experiments.report.campaign import gain_figure, path_in, trial_map
-from wayfarer.experiments.report.paths_figure import escape_figure, grouped, lay_out, paths_figure
-from wayfarer.experiments.report.worst_trials import Trajectory, TrajectoryPoint
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.tables import comparison_table
 from wayfarer.logview import palette
+from wayfarer.reports.figures import escape_figure, gain_figure, grouped, lay_out, paths_figure
 from wayfarer.reports.page.plots import Figure, Plots
+from wayfarer.reports.worst_trials import Trajectory, TrajectoryPoint, path_in, trial_map
 from wayfarer.simhal.world.generate import generate_forest
 
 Rows = Mapping[str, Sequence[TrialRow]]

@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.experiments.report.campaigns import row
-from tests.experiments.report.reading_plots import columns, legend
+from tests.reports.campaigns import row
+from tests.reports.reading_plots import columns, legend
 from wayfarer.experiments.measures import summarise
 from wayfarer.experiments.outcome import OUTCOMES, SUCCESSES
-from wayfarer.experiments.report.paths_figure import escape_curve, escape_figure
 from wayfarer.experiments.rows import TrialRow
+from wayfarer.reports.figures import escape_curve, escape_figure
 
 # Few different values, so that many are equal; a multiple of 0.25 is exact.
 PATHS_M = st.integers(1, 40).map(lambda quarter: quarter / 4)

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from tests.browser import PHONE, SIZES, Opened, OpenPage, plotted
-from tests.experiments.report.campaigns import ALGORITHMS
-from wayfarer.experiments.report.campaign import write_report
+from tests.reports.campaigns import ALGORITHMS
 from wayfarer.experiments.results import TRIALS, Results
+from wayfarer.reports.campaign import write_report
 
 GALLERY = 3
 MODEL = "[...Bokeh.documents[0]._all_models.values()].find((model) => model.name === {name!r})"

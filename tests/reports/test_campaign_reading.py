@@ -15,12 +15,12 @@ from typing import Any
 import pytest
 
 from tests.experiments import fake_trials
-from tests.experiments.report.campaigns import ALGORITHMS, BUDGET_M, TRIALS, campaign_of, run_campaign, some_forests
+from tests.reports.campaigns import ALGORITHMS, BUDGET_M, TRIALS, campaign_of, run_campaign, some_forests
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.experiments.recorded import FORESTS, SETTINGS
-from wayfarer.experiments.report.campaign import write_report
 from wayfarer.experiments.results import TRIALS as TABLE
 from wayfarer.experiments.results import Results
+from wayfarer.reports.campaign import write_report
 
 
 @pytest.fixture

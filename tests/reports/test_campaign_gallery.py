@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.experiments.report.campaigns import campaign_of, row
+from tests.reports.campaigns import campaign_of, row
 from wayfarer.experiments.outcome import SUCCESSES
-from wayfarer.experiments.report.worst_trials import RerunTrial, choose, ending, run_again
 from wayfarer.experiments.results import Results
 from wayfarer.experiments.rows import TrialRow
+from wayfarer.reports.worst_trials import RerunTrial, choose, ending, run_again
 
 
 @pytest.fixture(scope="module")

@@ -14,13 +14,13 @@ from pathlib import Path
 import pytest
 
 from tests.experiments import fake_trials
-from tests.experiments.report.campaigns import ALGORITHMS, TRIALS, run_campaign
-from tests.reports.page.outline import Outline
+from tests.reports.campaigns import ALGORITHMS, TRIALS, run_campaign
+from tests.reports.outline import Outline
 from wayfarer import __version__, cli
 from wayfarer.experiments.provenance import RUNS
-from wayfarer.experiments.report.campaign import write_report
 from wayfarer.experiments.results import TRIALS as TABLE
 from wayfarer.experiments.results import Results
+from wayfarer.reports.campaign import write_report
 from wayfarer.reports.page.frame import PAGE
 
 GALLERY = 2
@@ -107,7 +107,7 @@ def test_texts_name_the_trials(text: str, folder: Path) -> None:
 def test_another_process_writes_the_same_bytes_where_it_is_told(folder: Path, tmp_path: Path) -> None:
     """Python's hashes of strings, and with them the order of sets, differ from process to process."""
     code = (
-        "import pathlib, sys; from wayfarer.experiments.report.campaign import write_report;"
+        "import pathlib, sys; from wayfarer.reports.campaign import write_report;"
         "from wayfarer.experiments.results import Results;"
         f"write_report(Results.open(pathlib.Path(sys.argv[1])), pathlib.Path(sys.argv[2]), gallery={GALLERY}, jobs=1)"
     )

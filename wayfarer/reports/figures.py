@@ -1,4 +1,4 @@
-"""Figure of the paper's simulations: path lengths by algorithm and group, beside the paper's."""
+"""Figures of a campaign: paths by algorithm and group, beside the paper's; escapes by path; paired differences."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from bokeh.models.annotations import Label, Legend, LegendItem, Span
 from bokeh.plotting import ColumnDataSource
 
 from wayfarer.escape.catalogue import CATALOGUE
+from wayfarer.experiments.measures import Estimate, Measure
 from wayfarer.experiments.outcome import SUCCESSES
 from wayfarer.experiments.paper import Reported
 from wayfarer.experiments.rows import TrialRow
@@ -358,3 +359,32 @@ def _means(
     line = made.segment("low", "y", "high", "y", source=points, line_color=colour, line_width=2, name=f"SD, {whose}")
     mean = made.scatter("mean", "y", source=points, marker="diamond", size=9, color=colour, name=f"mean, {whose}")
     made.add_tools(hover([line, mean], ("algorithm", "@algorithm"), (f"mean ± SD, {whose}", "@text m")))
+
+
+# -- paired comparison -----------------------------------------------------------------------------------------------
+
+GAIN_ROW_PX = 34
+GAIN_ROOM = 0.06  # of the axis, beside the first and the last interval
+
+
+def gain_figure(measure: Measure, found: dict[str, Estimate]) -> Figure:
+    """Return a forest plot: an algorithm a row, its mean difference with the 95 % interval, and a line at 0."""
+    layout = lay_out(grouped(found))
+    ends = {name: each.ends for name, each in found.items()}
+    low, high = min(0.0, *(each[0] for each in ends.values())), max(0.0, *(each[1] for each in ends.values()))
+    room = GAIN_ROOM * (high - low) or 1.0
+    better = "right: better" if measure.better == "more" else "left: better"
+    label = f"{measure.title}{measure.points and f', {measure.points}'} ({better})"
+    made = rows_plot(f"comparison, {measure.title}", layout, GAIN_ROW_PX, label, low - room, high + room)
+    made.add_layout(Span(location=0.0, dimension="height", line_color=palette.GREY, line_dash=[5, 3]))
+    points = source(
+        algorithm=list(found), y=[layout.at[name] for name in found], pairs=[each.trials for each in found.values()],
+        mean=[each.value for each in found.values()], low=[each[0] for each in ends.values()],
+        high=[each[1] for each in ends.values()],
+        text=[each.text(measure.decimals, "+") for each in found.values()],
+    )  # fmt: skip
+    line = made.segment("low", "y", "high", "y", source=points, line_color=palette.BLUE, line_width=3)
+    mean = made.scatter("mean", "y", source=points, marker="square", size=9, color=palette.BLUE, name=measure.name)
+    told = (("algorithm", "@algorithm"), ("difference [95 %]", "@text"), ("pairs", "@pairs"))
+    made.add_tools(hover([line, mean], *told))
+    return made

@@ -14,13 +14,12 @@ from bokeh.plotting import ColumnDataSource
 
 from wayfarer.experiments.campaign import Axis
 from wayfarer.experiments.measures import MEASURES, WHAT_COUNTS, Estimate, Measure, difference, estimate
-from wayfarer.experiments.report import words
-from wayfarer.experiments.report.campaign import folder_with_rows
-from wayfarer.experiments.report.paths_figure import SVG, colour_of, curve_look
 from wayfarer.experiments.results import Results
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.tables import INTERVAL, NO_SPL, SWEEP_COLUMNS, layouts_note, layouts_of_points, methods_note
 from wayfarer.logview import palette
+from wayfarer.reports.campaign import folder_with_rows, how_made, unfinished
+from wayfarer.reports.figures import SVG, colour_of, curve_look
 from wayfarer.reports.page import html
 from wayfarer.reports.page.frame import PAGE, write_page
 from wayfarer.reports.page.plots import Figure, Plots, hover, layer, plot, source
@@ -199,7 +198,7 @@ def write_sweep_report(results: Results, out: Path | None = None) -> Path:
         BadInput: no trial has ended, or the page cannot be written.
     """
     plots, folder, grid = Plots(), folder_with_rows(results), Grid(results)
-    body = [*words.unfinished(results), *_body(grid, plots)]
+    body = [*unfinished(results), *_body(grid, plots)]
     return write_page(folder / PAGE, _title(grid), body, plots, out=out)
 
 
@@ -218,7 +217,7 @@ def _body(results: Grid, plots: Plots) -> Iterator[str]:
     change = "SPL change: to the same trials without a sweep." if _has_spl(results) else f"{NO_SPL}."
     texts = [WHAT_COUNTS, change, layouts_note(results.all), methods_note(estimates)]
     yield html.section("Each point", _table(results), *map(html.paragraph, texts))
-    facts = html.facts([*swept, *words.facts(results.all.plan.base, results.all.runs)])
+    facts = html.facts([*swept, *how_made(results.all.plan.base, results.all.runs)])
     yield html.folded("How these trials were made", facts)
 
 

@@ -14,18 +14,18 @@ import pytest
 from bokeh.models.annotations import Span
 
 from tests.experiments import fake_trials
-from tests.experiments.report.campaigns import STRANGERS
-from tests.experiments.report.reading_plots import columns
-from tests.reports.page.outline import Outline
+from tests.reports.campaigns import STRANGERS
+from tests.reports.outline import Outline
+from tests.reports.reading_plots import columns
 from wayfarer import cli
 from wayfarer.cli.run_trials import run_all
 from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Axis
-from wayfarer.experiments.report.sweep import Grid, curves_figures, maps_figures, write_sweep_report
 from wayfarer.experiments.results import TRIALS, Results
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.sweep import Sweep, make_sweep
 from wayfarer.reports.page.plots import Figure, Plots
+from wayfarer.reports.sweep import Grid, curves_figures, maps_figures, write_sweep_report
 
 ANGLES = Axis("escape.turn_angle_deg", (50, 10, 30))
 SLIPS = Axis("slip_mean_m", (2, 10))

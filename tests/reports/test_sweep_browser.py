@@ -10,9 +10,9 @@ from tests.browser import SIZES, OpenPage, plotted
 from tests.experiments import fake_trials
 from wayfarer.cli.run_trials import run_all
 from wayfarer.experiments.campaign import Axis
-from wayfarer.experiments.report.sweep import write_sweep_report
 from wayfarer.experiments.results import Results
 from wayfarer.experiments.sweep import make_sweep
+from wayfarer.reports.sweep import write_sweep_report
 
 ANGLES, SLIPS = Axis("escape.turn_angle_deg", (10, 30, 50)), Axis("slip_mean_m", (2, 10))
 

@@ -11,9 +11,9 @@ import pytest
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import UnknownName
 from wayfarer.escape.api import Phase
-from wayfarer.experiments.report.worst_trials import KEPT_EVERY_M, Trajectory, run_with_trajectory
 from wayfarer.experiments.trial import TrialResult, run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
+from wayfarer.reports.worst_trials import KEPT_EVERY_M, Trajectory, run_with_trajectory
 from wayfarer.simhal.world.forest import CLEARING, Trunk
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import Physics

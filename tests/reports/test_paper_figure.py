@@ -12,13 +12,13 @@ import pytest
 from matplotlib.patches import Rectangle
 
 from tests.conftest import Run, refusal
-from tests.experiments.report.campaigns import ALGORITHMS, STRANGERS, row, rows_of
+from tests.reports.campaigns import ALGORITHMS, STRANGERS, row, rows_of
 from wayfarer.experiments.measures import summarise
-from wayfarer.experiments.report.paper_figure import paper_figure, write_paper_figure
 from wayfarer.experiments.results import Results
 from wayfarer.logview import palette
+from wayfarer.reports.paper_figure import paper_figure, write_paper_figure
 
-SAMPLE = next(each for each in sorted((Path(__file__).parents[3] / "field_logs").iterdir()) if each.is_dir())
+SAMPLE = next(each for each in sorted((Path(__file__).parents[2] / "field_logs").iterdir()) if each.is_dir())
 
 
 @pytest.fixture(scope="module")

@@ -1,23 +1,25 @@
-"""Texts of a campaign's report."""
+"""The report of a campaign: ``report.html`` in its folder."""
 
 from __future__ import annotations
 
 import statistics
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
-from wayfarer import __version__
 from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Campaign
-from wayfarer.experiments.measures import MEASURES, Comparison, Estimate, compare, estimate
-from wayfarer.experiments.outcome import SUCCESSES
+from wayfarer.experiments.measures import COMPARED, MEASURES, Comparison, Estimate, compare, estimate
 from wayfarer.experiments.paper import reported
 from wayfarer.experiments.provenance import RecordedRun, facts_of
-from wayfarer.experiments.report.worst_trials import ending
 from wayfarer.experiments.results import Results
-from wayfarer.experiments.rows import TrialRow
-from wayfarer.experiments.tables import sentences
+from wayfarer.experiments.tables import campaign_table, comparison_table, sentences
 from wayfarer.fieldlog.wording import plural
+from wayfarer.logview.terminal_table import TextTable
+from wayfarer.reports.figures import escape_figure, gain_figure, grouped, paths_figure
 from wayfarer.reports.page import html
+from wayfarer.reports.page.frame import PAGE, write_page
+from wayfarer.reports.page.plots import Figure, Plots
+from wayfarer.reports.worst_trials import GALLERY_TRIALS, Progress, no_progress, worst_section
 from wayfarer.simhal.faults.kinds import parse_fault
 
 ESCAPE = (
@@ -25,12 +27,119 @@ ESCAPE = (
     "as not escaped at any length (a tick marks the longest of them). The percentage is where the curve ends, as in "
     "the table. A click on a name hides its curve."
 )
-GALLERY = (
-    "Failures first, then the longest paths; each algorithm is drawn once before one is drawn again. These are "
-    "therefore not typical trials but the worst. They are few, because trials.csv has no paths: each was run again for "
-    "its drawing, and gave the result in trials.csv, digit for digit. Trunks and trees are to scale, north is up. "
-    "Triangle: start, points to the goal; cross: end; green line: goal line."
+CAPTION = (
+    "Mean difference over the pairs of trials in the same forest with the same noise, with its 95 % interval. "
+    "An interval without 0 is a difference that chance alone would seldom make."
 )
+
+
+def comparison_section(results: Results, plots: Plots) -> Iterator[str]:
+    """Yield how the algorithms, at least two, differ from one of them; or why they cannot be compared."""
+    try:
+        base, *others = compare(results.rows)
+    except BadInput as reason:
+        yield html.paragraph(f"The trials cannot be compared: {reason}.")
+        return
+    yield html.paragraph(f"Against {base.algorithm}. {CAPTION}")
+    known = {
+        each: found
+        for each in COMPARED
+        if (found := {one.algorithm: change for one in others if (change := one.changes[each.name])})
+    }
+    yield html.panels(
+        html.figure(plots.place(gain_figure(each, found)), alt=f"Difference to {base.algorithm}: {each.title}")
+        for each, found in known.items()
+    )
+    table = comparison_table([base, *others])
+    rows = [(kind, list(map(_below, cells))) for kind, cells in table.rows]
+    yield html.table("The table of wayfarer compare", table.titles, rows)
+    yield from map(html.paragraph, sentences([base, *others]))
+    yield html.bullets(table.notes)
+
+
+def write_report(
+    results: Results,
+    out: Path | None = None,
+    *,
+    gallery: int = GALLERY_TRIALS,
+    jobs: int,
+    allow_code: bool = False,
+    progress: Progress = no_progress,
+) -> Path:
+    """Write the report of a campaign's folder, and return the page's path: ``out``, or ``report.html`` in the folder.
+
+    ``gallery`` is how many trials are drawn; they are run again for that, in ``jobs`` processes. The same folder gives
+    the same bytes. ``allow_code`` as of ``recorded.rebuild``; ``progress`` gives, for a number of trials, what is to be
+    called when one is done.
+
+    Raises:
+        BadInput: no trial has ended, or the page cannot be written.
+        TrialNotRun: a worker process died.
+    """
+    plots, folder = Plots(), folder_with_rows(results)
+    body = [*unfinished(results), *_overview(results, plots)]
+    body += worst_section(results, plots, gallery, jobs, allow_code=allow_code, progress=progress)
+    body.append(html.folded("How these trials were made", html.facts(how_made(results.plan.base, results.runs))))
+    return write_page(folder / PAGE, title(results), body, plots, out=out)
+
+
+def folder_with_rows(results: Results) -> Path:
+    """Return the folder of results that a page can be made of.
+
+    Raises:
+        BadInput: no trial has ended yet.
+    """
+    folder = results.folder or Path()
+    if not results.rows:
+        raise BadInput(f"{folder}: none of its {results.total} trials has ended yet; make the report later")
+    return folder
+
+
+def _overview(results: Results, plots: Plots) -> Iterator[str]:
+    """Yield all sections that need no trial to be run again."""
+    rows, papers = results.by_algorithm, reported(results.settings)
+
+    def drawn(figure: Figure, caption: str = "", alt: str = "") -> str:
+        return html.figure(plots.place(figure), caption, alt)
+
+    yield html.result(result_sentences(results))
+    yield html.section(
+        "Path length",
+        drawn(
+            paths_figure(rows, results.shortest_paths_m, papers),
+            paths_caption(results),
+            "Path length by algorithm",
+        ),
+    )
+    if len(rows) > 1:
+        yield html.section("Paired comparison", *comparison_section(results, plots))
+    yield html.section(
+        "Escapes by path length",
+        drawn(escape_figure(rows), ESCAPE, "Share of escaped trials by path length"),
+    )
+    table = campaign_table(rows, papers, site=results.plan.base.site is not None, full=True)
+    heading = "Results beside the paper's" if papers else "Results"
+    yield html.section(heading, _results_table(results, table), html.bullets(table.notes))
+
+
+def _results_table(results: Results, table: TextTable) -> str:
+    """Return a row for each algorithm, under its group, with a row of the paper's below if the paper has one."""
+    ours = [at for at, (kind, _) in enumerate(table.rows) if not kind]
+    rows: list[tuple[str, Sequence[str]]] = []
+    for group in grouped(list(results.by_algorithm)):
+        rows.append(("group", [group.title, *[""] * (len(table.titles) - 1)]))
+        for at, after in zip(ours, [*ours[1:], len(table.rows)], strict=True):  # its row, and one of the paper's
+            if table.rows[at][1][0] in group.algorithms:
+                rows += [(kind or "ours", list(map(_below, cells))) for kind, cells in table.rows[at:after]]
+    return html.table("Value [95 % interval]", table.titles, rows)
+
+
+def _below(cell: str) -> str:
+    """Put an interval below its value, so that all columns have room."""
+    return cell.strip().replace(" [", "\n[")
+
+
+# -- words -------------------------------------------------------------------------------------------------------------
 
 
 def result_sentences(results: Results) -> Iterator[str]:
@@ -104,7 +213,7 @@ def title(results: Results) -> str:
     return f"{what} in {plural(trials, 'simulated forest trial')}{each}{where}"
 
 
-def facts(settings: Campaign, runs: Sequence[RecordedRun] = ()) -> Iterator[tuple[str, str]]:
+def how_made(settings: Campaign, runs: Sequence[RecordedRun] = ()) -> Iterator[tuple[str, str]]:
     """Yield how the results were made, as far as the folder says, and everything that decides them."""
     rover, forests = settings.rover, settings.forests
     yield from facts_of(runs)
@@ -149,23 +258,4 @@ def paths_caption(results: Results) -> str:
         "Path length of the successes: how many trials had which path; box with quartiles and median, whiskers to the "
         "last trial within 1.5 interquartile ranges, a ring for every trial beyond; blue diamond: mean with one "
         f"standard deviation{paper}.{line}"
-    )
-
-
-def trial_text(row: TrialRow, slips: int) -> str:
-    """Say which trial a drawing shows, and how it ended."""
-    share = ""
-    if row.outcome in SUCCESSES and row.path_m and row.shortest_path_m:
-        share = f", {row.path_m / row.shortest_path_m:.1f} times the shortest path"
-    return (
-        f"{row.algorithm}, trial {row.trial} (forest {row.forest}, noise {row.noise}): {ending(row)}{share}. "
-        f"{row.anomalies} anomalies, {slips} slips."
-    )
-
-
-def not_drawn(version: str) -> str:
-    """Say why the trials that are named next have no drawing; the table is of ``version``."""
-    return (
-        f"Not drawn, because their results were different when wayfarer {__version__} ran them again (the table is of "
-        f"wayfarer {version}): the code or an algorithm has changed since, and a drawing would show another run."
     )

@@ -1,1 +1,0 @@
-"""Reports of campaigns and sweeps: one HTML page each, with figures to zoom."""
