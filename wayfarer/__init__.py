@@ -18,20 +18,21 @@ if TYPE_CHECKING:  # for type checkers and editors; ``_MODULES`` says the same t
     from wayfarer.api.campaigns import run_campaign, run_sweep
     from wayfarer.api.failsafe import FailSafe, StuckDetector
     from wayfarer.api.handlers import make_handler
-    from wayfarer.api.results import compare, open_results
+    from wayfarer.api.results import Results, compare, open_results
     from wayfarer.api.runs import Run, open_run, replay
     from wayfarer.api.trials import Trial, run_trial
     from wayfarer.config.rover_file import load_rover
     from wayfarer.errors import WayfarerError
     from wayfarer.escape.api import Anomaly, Observation
     from wayfarer.escape.settings import EscapeSettings, Vehicle
-    from wayfarer.experiments.results import Results
+    from wayfarer.reports.page.frame import Plot
 
 __all__ = [  # first what does something, then the types that it takes and gives
     "Anomaly",
     "EscapeSettings",
     "FailSafe",
     "Observation",
+    "Plot",
     "Results",
     "Run",
     "StuckDetector",
@@ -53,14 +54,14 @@ _MODULES = {
     "wayfarer.api.campaigns": ["run_campaign", "run_sweep"],
     "wayfarer.api.failsafe": ["FailSafe", "StuckDetector"],
     "wayfarer.api.handlers": ["make_handler"],
-    "wayfarer.api.results": ["compare", "open_results"],
+    "wayfarer.api.results": ["Results", "compare", "open_results"],
     "wayfarer.api.runs": ["Run", "open_run", "replay"],
     "wayfarer.api.trials": ["Trial", "run_trial"],
     "wayfarer.config.rover_file": ["load_rover"],
     "wayfarer.errors": ["WayfarerError"],
     "wayfarer.escape.api": ["Anomaly", "Observation"],
     "wayfarer.escape.settings": ["EscapeSettings", "Vehicle"],
-    "wayfarer.experiments.results": ["Results"],
+    "wayfarer.reports.page.frame": ["Plot"],
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 

@@ -22,6 +22,7 @@ NEEDS = {
     "a cluster": OptionalExtra("cluster", {"distributed": "distributed"}),
     "--physics mujoco": OptionalExtra("physics", {"mujoco": "mujoco"}),
     "--figure": OptionalExtra("figures", {"matplotlib": "matplotlib"}),
+    "a plot": OptionalExtra("sim", {"bokeh": "bokeh", "numpy": "numpy"}),
     "a report": OptionalExtra("sim", {"bokeh": "bokeh", "numpy": "numpy"}),
     "the live page": OptionalExtra("live", {"aiohttp": "aiohttp"}),
     "gpx": OptionalExtra("export", {"gpxpy": "gpxpy", "numpy": "numpy"}),

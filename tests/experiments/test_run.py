@@ -150,7 +150,7 @@ def test_cost_is_of_this_run_and_not_of_what_was_kept(tmp_path: Path) -> None:
         assert results.finished
         assert (cost.trials, cost.ticks) == (trials, 100 * trials)
         assert (cost.cpu_us_per_tick is None) is resume
-    assert [line["algorithm"] for line in results.summary] == ["pledge", "levy-walk"]
+    assert list(results.by_algorithm) == ["pledge", "levy-walk"]
 
 
 # --- what goes wrong

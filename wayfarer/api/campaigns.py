@@ -7,8 +7,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from wayfarer.api.results import Results
 from wayfarer.errors import BadInput
-from wayfarer.experiments.results import Results
 from wayfarer.experiments.settings import CampaignSettings, Value, as_plain, describe
 from wayfarer.extras import require
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from wayfarer.extras import require
 from wayfarer.fieldlog.folders import default_log_folder, find_run, run_title
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.logview.summary import RunSummary, summarise
@@ -14,6 +15,7 @@ from wayfarer.logview.summary import RunSummary, summarise
 if TYPE_CHECKING:
     from wayfarer.config.rover_file import RoverConfig
     from wayfarer.fieldlog.replay import Replay
+    from wayfarer.reports.page.frame import Plot
 
 
 class Run:
@@ -62,6 +64,21 @@ class Run:
                     "elapsed_s": record.elapsed_s, "t_s": record.t_s, "t_wall": record.t_wall, "name": record.name,
                     "text": record.text,
                 }  # fmt: skip
+
+    def plot(self) -> Plot:
+        """Return the map of the run, as ``wayfarer report`` draws it, which a notebook shows and ``save`` writes.
+
+        It has the path by dead reckoning in the colours of what the rover did, anomalies, marks and the receiver's
+        fixes; of a simulated run also the forest and the true path. Bokeh's figure is ``figures[0]``.
+
+        Raises:
+            BadInput: the log has no path.
+            MissingPackage: the extra ``sim`` is not installed.
+        """
+        require("a plot")
+        from wayfarer.reports.run import run_plot
+
+        return run_plot(self.folder)
 
 
 def open_run(run: int | str | Path = "last", *, log_dir: str | Path | None = None) -> Run:

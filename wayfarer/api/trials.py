@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from wayfarer.control.run_log import PartialLog, Tee
 from wayfarer.errors import BadInput, WayfarerError
+from wayfarer.escape.api import Phase
 from wayfarer.experiments.rows import TrialRow, row_of
 from wayfarer.experiments.settings import describe
 from wayfarer.extras import require
@@ -17,7 +18,9 @@ from wayfarer.extras import require
 if TYPE_CHECKING:
     from wayfarer.control.tick import TickRecord
     from wayfarer.hal import Rover
+    from wayfarer.reports.page.frame import Plot
     from wayfarer.simhal.faults.injector import NoteFault
+    from wayfarer.simhal.world.forest import Forest
     from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 
@@ -53,6 +56,7 @@ class Trial:
 
     row: TrialRow
     _ticks: Sequence[TrackRow]
+    _forest: Forest
 
     def __repr__(self) -> str:
         return f"<Trial {self.row.trial} of {self.row.algorithm}: {self.outcome}>"
@@ -71,6 +75,22 @@ class Trial:
         side down. ``left`` and ``right`` are the wheels' duties, -1 to 1. ``anomalies`` has a ``+`` between two.
         """
         return [tick._asdict() for tick in self._ticks]
+
+    def plot(self) -> Plot:
+        """Return the map of the trial, which a notebook shows and ``save`` writes: forest, true path and slips.
+
+        Metres, north up; the path has the colours of what the rover did. Bokeh's figure is ``figures[0]``.
+
+        Raises:
+            MissingPackage: Bokeh, of the extra ``sim``, is not installed.
+        """
+        require("a plot")
+        from wayfarer.reports.worst_trials import Trajectory, TrajectoryPoint, trial_plot
+
+        points = [TrajectoryPoint(tick.x_m, tick.y_m, Phase(tick.phase), tick.t_s) for tick in self._ticks]
+        before = [False, *(tick.slipping for tick in self._ticks)]
+        slips_m = [(now.x_m, now.y_m) for was, now in zip(before, self._ticks, strict=False) if now.slipping > was]
+        return trial_plot(self.row, self._forest, Trajectory(points, slips_m))
 
 
 @describe(without=("algorithms", "trials"))
@@ -132,7 +152,7 @@ def run_trial(
         return Tee(track, log, truth)
 
     try:
-        return Trial(row_of(run_watched(spec, make_log, notes)), track.ticks)
+        return Trial(row_of(run_watched(spec, make_log, notes)), track.ticks, spec.forest)
     except WayfarerError:
         raise
     except (Exception, SystemExit) as error:  # an algorithm of a third party may raise anything

@@ -16,12 +16,11 @@ from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Campaign, Plan, Task
 from wayfarer.experiments.checks import INTERRUPTED, make_empty_folder
 from wayfarer.experiments.measures import summarise
-from wayfarer.experiments.paper import reported
 from wayfarer.experiments.pool import TaskFailed, cores, run_tasks
 from wayfarer.experiments.results import Results
 from wayfarer.experiments.rows import csv_line, rounded_values
 from wayfarer.experiments.run import ComputeCost, RunTrial, TrialRunner, not_run, run
-from wayfarer.experiments.tables import SWEEP_COLUMNS, campaign_table, layouts_note, results_table
+from wayfarer.experiments.tables import layouts_note, table_of
 from wayfarer.logview.progress_bar import say, shown_progress
 from wayfarer.logview.terminal import print_json, say_next
 from wayfarer.logview.terminal_table import print_whole
@@ -154,16 +153,11 @@ def _simulated_s(results: Results) -> float:
 
 
 def _print_campaign(console: Console, results: Results, cost: ComputeCost) -> None:
-    site = results.plan.base.site is not None
-    print_whole(console, campaign_table(results.by_algorithm, reported(results.settings), site=site))
+    print_whole(console, table_of(results))
     per_tick = f", {cost.cpu_us_per_tick:.1f} us of CPU per control tick" if cost.cpu_us_per_tick else ""
     say(console, f"{_simulated_s(results) / 3600:.1f} h simulated; this run took {cost.wall_s:.1f} s{per_tick}")
 
 
 def _print_sweep(console: Console, results: Results) -> None:
-    cells = sorted(results.cells.items(), key=lambda cell: results.plan.base.algorithms.index(cell[0][1]))
-    lines = [((name, *map(str, results.swept[at].values())), rows) for (at, name), rows in cells]
-    # A word a line: two long keys must fit 80 columns.
-    keys = [axis.key.rpartition(".")[2].replace("_", "\n") for axis in results.plan.axes]
-    print_whole(console, results_table(("algorithm", *keys), lines, SWEEP_COLUMNS, {}, full=False))
+    print_whole(console, table_of(results))
     console.print(layouts_note(results), markup=False, highlight=False)

@@ -24,7 +24,6 @@ from wayfarer.config.messages import shortened, shown
 from wayfarer.config.rover_file import flat
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.experiments.campaign import Campaign, Plan, Task
-from wayfarer.experiments.measures import summarise
 from wayfarer.experiments.provenance import RecordedRun, read_runs, record_run
 from wayfarer.experiments.recorded import FORESTS, MOST_BYTES, SETTINGS, read_plan, rebuild
 from wayfarer.experiments.rows import COLUMNS, TrialRow, csv_line, parse_row
@@ -43,12 +42,6 @@ class Results:
     same rows, on any computer and with any number of processes. ``rows`` are named tuples, as ``Trial.row``. ``swept``
     has the values of the swept keys at each point, the last key varying fastest; a campaign is one point. ``columns``
     are those of ``trials.csv``: in a sweep the point and the swept keys come first, keys that are drawn last.
-
-    >>> results = run_campaign("pledge", trials=1)
-    >>> [(row["algorithm"], row["outcome"]) for row in results.trials]
-    [('pledge', 'escaped')]
-    >>> [row["success_percent"] for row in results.summary]
-    [100.0]
     """
 
     def __init__(self, plan: Plan, rows: Sequence[TrialRow] = (), folder: Path | None = None) -> None:
@@ -122,15 +115,6 @@ class Results:
         """
         all_values = (row.cells() | self.swept[row.point] for row in self.rows)
         return [{name: values[name] for name in self.columns} for values in all_values]
-
-    @property
-    def summary(self) -> list[dict[str, Any]]:
-        """A row for each algorithm, of a sweep for each at each point: success, path, SPL, time and others.
-
-        The columns are those that ``wayfarer sim --json`` prints, with their units in their names. Beside a value are
-        the ends of its 95 % interval: ``path_m``, ``path_m_low``, ``path_m_high``. Layouts are the sampling unit.
-        """
-        return [self.swept[point] | summarise(name, rows) for (point, name), rows in self.cells.items()]
 
     @property
     def kind(self) -> str:

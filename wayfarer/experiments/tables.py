@@ -6,8 +6,18 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal, NamedTuple
 
-from wayfarer.experiments.measures import COMPARED, MEASURES, METHODS, WHAT_COUNTS, Comparison, Estimate, estimate
-from wayfarer.experiments.paper import Reported
+from wayfarer.errors import BadInput
+from wayfarer.experiments.measures import (
+    COMPARED,
+    MEASURES,
+    METHODS,
+    WHAT_COUNTS,
+    Comparison,
+    Estimate,
+    compare,
+    estimate,
+)
+from wayfarer.experiments.paper import Reported, reported
 from wayfarer.experiments.results import Results
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.fieldlog.wording import plural
@@ -65,6 +75,18 @@ SWEEP_COLUMNS = (
 )
 
 Line = tuple[tuple[str, ...], Sequence[TrialRow]]  # what names a row, and the trials that it is about
+
+
+def table_of(results: Results, *, full: bool = False) -> TextTable:
+    """Return the table of a campaign or a sweep that has any rows; ``full`` with all intervals, for a page."""
+    if not results.plan.axes:
+        site = results.plan.base.site is not None
+        return campaign_table(results.by_algorithm, reported(results.settings), site=site, full=full)
+    cells = sorted(results.cells.items(), key=lambda cell: results.plan.base.algorithms.index(cell[0][1]))
+    lines = [((name, *map(str, results.swept[at].values())), rows) for (at, name), rows in cells]
+    # A word a line: two long keys must fit 80 columns.
+    keys = [axis.key.rpartition(".")[2].replace("_", "\n") for axis in results.plan.axes]
+    return results_table(("algorithm", *keys), lines, SWEEP_COLUMNS, {}, full=full)
 
 
 def campaign_table(
@@ -167,6 +189,76 @@ def sentences(algorithms: Sequence[Comparison]) -> Iterator[str]:
     for one in others:
         parts = [_in_words(each.name, change) for each in COMPARED if (change := one.changes[each.name])]
         yield f"{one.algorithm} against {base.algorithm}: {'; '.join(parts) or 'no pair to compare'}"
+
+
+def unfinished(results: Results) -> str:
+    """Say how many trials there are, if some are missing; else nothing."""
+    if results.finished:
+        return ""
+    return f"Unfinished: {len(results.rows)} of {results.total} trials. The figures will change until all have ended."
+
+
+def result_sentences(results: Results) -> Iterator[str]:
+    """Yield the result in words: the best algorithm's figures with their intervals, and how the others differ from it.
+
+    The best is the one with the highest SPL, without shortest paths the one with the most successes, then the shortest
+    path.
+    """
+    found = {
+        name: {each: estimate(rows, MEASURES[each]) for each in ("success_percent", "path_m", "spl", "escape_s")}
+        for name, rows in results.by_algorithm.items()
+        if rows
+    }
+
+    def quality(name: str) -> tuple[float, float, float]:
+        success, path, spl = (each.value if (each := found[name][key]) else 0.0 for key in list(found[name])[:3])
+        return spl, success, -path
+
+    best = max(found, key=quality)
+    rows, own = results.by_algorithm[best], found[best]
+    figures = [f"got out in {_with_interval(own['success_percent'], 1)} % of {plural(len(rows), 'trial')}"]
+    if own["path_m"]:
+        figures.append(f"on paths of {_with_interval(own['path_m'], 1)} m")
+    if results.plan.base.site and own["escape_s"]:
+        figures.append(f"after {_with_interval(own['escape_s'], 1)} s")
+    if own["spl"]:
+        figures.append(f"with an SPL of {_with_interval(own['spl'], 3)}")
+    yield f"{best} {', '.join(figures)} (95 % intervals)."
+    if len(found) > 1:
+        try:
+            base, *others = compare(results.rows, best)
+        except BadInput:
+            return
+        if len(others) == 1:
+            yield from (f"{sentence}." for sentence in sentences([base, *others]))
+        else:
+            yield " ".join(_differences(others, "spl" if own["spl"] else "path_m"))
+
+
+def _with_interval(found: Estimate | None, decimals: int) -> str:
+    return found.text(decimals) if found else "unknown"
+
+
+def _differences(others: Sequence[Comparison], second: str) -> Iterator[str]:
+    """Yield how many others are worse or better by a measure, for certain by its interval, and by how much."""
+    for name, worse, better in (
+        ("success_percent", "a lower success", "a higher success"),
+        (second, *(("a lower SPL", "a higher SPL") if second == "spl" else ("a longer path", "a shorter path"))),
+    ):
+        measure = MEASURES[name]
+        changes = [change for one in others if (change := one.changes[name])]
+        sign = 1.0 if measure.better == "more" else -1.0
+        parts, certain = list[str](), 0
+        for words, side in ((worse, -sign), (better, sign)):
+            sizes = [abs(each.value) for each in changes if min(side * end for end in each.ends) > 0.0]
+            if sizes:
+                has = "has" if len(sizes) == 1 else "have"
+                span = " to ".join(dict.fromkeys(f"{each:.{measure.decimals}f}" for each in (min(sizes), max(sizes))))
+                parts.append(f"{len(sizes)} {has} {words} (by {span}{measure.points and f' {measure.points}'})")
+                certain += len(sizes)
+        if unclear := len(others) - certain:
+            parts.append(f"{unclear} {'shows' if unclear == 1 else 'show'} no certain difference in {measure.title}")
+        yield f"Of the {len(others)} others, {', '.join(parts)}."
 
 
 def _in_words(name: str, change: Estimate) -> str:

@@ -8,17 +8,17 @@ from pathlib import Path
 
 from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Campaign
-from wayfarer.experiments.measures import COMPARED, MEASURES, Comparison, Estimate, compare, estimate
+from wayfarer.experiments.measures import COMPARED, compare
 from wayfarer.experiments.paper import reported
 from wayfarer.experiments.provenance import RecordedRun, facts_of
 from wayfarer.experiments.results import Results
-from wayfarer.experiments.tables import campaign_table, comparison_table, sentences
+from wayfarer.experiments.tables import comparison_table, result_sentences, sentences, table_of, unfinished
 from wayfarer.fieldlog.wording import plural
 from wayfarer.logview.terminal_table import TextTable
 from wayfarer.reports.figures import escape_figure, gain_figure, grouped, paths_figure
 from wayfarer.reports.page import html
-from wayfarer.reports.page.frame import PAGE, write_page
-from wayfarer.reports.page.plots import Figure, Plots
+from wayfarer.reports.page.frame import PAGE, Plot, write_page
+from wayfarer.reports.page.plots import Plots
 from wayfarer.reports.worst_trials import GALLERY_TRIALS, Progress, no_progress, worst_section
 from wayfarer.simhal.faults.kinds import parse_fault
 
@@ -51,8 +51,7 @@ def comparison_section(results: Results, plots: Plots) -> Iterator[str]:
         for each, found in known.items()
     )
     table = comparison_table([base, *others])
-    rows = [(kind, list(map(_below, cells))) for kind, cells in table.rows]
-    yield html.table("The table of wayfarer compare", table.titles, rows)
+    yield html.table("The table of wayfarer compare", table.titles, html.below(table.rows))
     yield from map(html.paragraph, sentences([base, *others]))
     yield html.bullets(table.notes)
 
@@ -77,7 +76,7 @@ def write_report(
         TrialNotRun: a worker process died.
     """
     plots, folder = Plots(), folder_with_rows(results)
-    body = [*unfinished(results), *_overview(results, plots)]
+    body = [html.paragraph(unfinished(results)), *_overview(results, plots)]
     body += worst_section(results, plots, gallery, jobs, allow_code=allow_code, progress=progress)
     body.append(html.folded("How these trials were made", html.facts(how_made(results.plan.base, results.runs))))
     return write_page(folder / PAGE, title(results), body, plots, out=out)
@@ -97,29 +96,27 @@ def folder_with_rows(results: Results) -> Path:
 
 def _overview(results: Results, plots: Plots) -> Iterator[str]:
     """Yield all sections that need no trial to be run again."""
-    rows, papers = results.by_algorithm, reported(results.settings)
-
-    def drawn(figure: Figure, caption: str = "", alt: str = "") -> str:
-        return html.figure(plots.place(figure), caption, alt)
-
+    rows = results.by_algorithm
     yield html.result(result_sentences(results))
-    yield html.section(
-        "Path length",
-        drawn(
-            paths_figure(rows, results.shortest_paths_m, papers),
-            paths_caption(results),
-            "Path length by algorithm",
-        ),
-    )
+    yield html.section("Path length", _paths(results, plots))
     if len(rows) > 1:
         yield html.section("Paired comparison", *comparison_section(results, plots))
-    yield html.section(
-        "Escapes by path length",
-        drawn(escape_figure(rows), ESCAPE, "Share of escaped trials by path length"),
-    )
-    table = campaign_table(rows, papers, site=results.plan.base.site is not None, full=True)
-    heading = "Results beside the paper's" if papers else "Results"
+    escapes = html.figure(plots.place(escape_figure(rows)), ESCAPE, "Share of escaped trials by path length")
+    yield html.section("Escapes by path length", escapes)
+    table = table_of(results, full=True)
+    heading = "Results beside the paper's" if reported(results.settings) else "Results"
     yield html.section(heading, _results_table(results, table), html.bullets(table.notes))
+
+
+def _paths(results: Results, plots: Plots) -> str:
+    drawn = paths_figure(results.by_algorithm, results.shortest_paths_m, reported(results.settings))
+    return html.figure(plots.place(drawn), paths_caption(results), "Path length by algorithm")
+
+
+def campaign_plot(results: Results) -> Plot:
+    """Return the figure of the paths on its own."""
+    plots = Plots()
+    return Plot(title(results), [html.paragraph(unfinished(results)), _paths(results, plots)], plots)
 
 
 def _results_table(results: Results, table: TextTable) -> str:
@@ -130,79 +127,11 @@ def _results_table(results: Results, table: TextTable) -> str:
         rows.append(("group", [group.title, *[""] * (len(table.titles) - 1)]))
         for at, after in zip(ours, [*ours[1:], len(table.rows)], strict=True):  # its row, and one of the paper's
             if table.rows[at][1][0] in group.algorithms:
-                rows += [(kind or "ours", list(map(_below, cells))) for kind, cells in table.rows[at:after]]
-    return html.table("Value [95 % interval]", table.titles, rows)
-
-
-def _below(cell: str) -> str:
-    """Put an interval below its value, so that all columns have room."""
-    return cell.strip().replace(" [", "\n[")
+                rows += [(kind or "ours", cells) for kind, cells in table.rows[at:after]]
+    return html.table("Value [95 % interval]", table.titles, html.below(rows))
 
 
 # -- words -------------------------------------------------------------------------------------------------------------
-
-
-def result_sentences(results: Results) -> Iterator[str]:
-    """Yield the result in words: the best algorithm's figures with their intervals, and how the others differ from it.
-
-    The best is the one with the highest SPL, without shortest paths the one with the most successes, then the shortest
-    path.
-    """
-    found = {
-        name: {each: estimate(rows, MEASURES[each]) for each in ("success_percent", "path_m", "spl", "escape_s")}
-        for name, rows in results.by_algorithm.items()
-        if rows
-    }
-
-    def quality(name: str) -> tuple[float, float, float]:
-        success, path, spl = (each.value if (each := found[name][key]) else 0.0 for key in list(found[name])[:3])
-        return spl, success, -path
-
-    best = max(found, key=quality)
-    rows, own = results.by_algorithm[best], found[best]
-    figures = [f"got out in {_with_interval(own['success_percent'], 1)} % of {plural(len(rows), 'trial')}"]
-    if own["path_m"]:
-        figures.append(f"on paths of {_with_interval(own['path_m'], 1)} m")
-    if results.plan.base.site and own["escape_s"]:
-        figures.append(f"after {_with_interval(own['escape_s'], 1)} s")
-    if own["spl"]:
-        figures.append(f"with an SPL of {_with_interval(own['spl'], 3)}")
-    yield f"{best} {', '.join(figures)} (95 % intervals)."
-    if len(found) > 1:
-        try:
-            base, *others = compare(results.rows, best)
-        except BadInput:
-            return
-        if len(others) == 1:
-            yield from (f"{sentence}." for sentence in sentences([base, *others]))
-        else:
-            yield " ".join(_differences(others, "spl" if own["spl"] else "path_m"))
-
-
-def _with_interval(found: Estimate | None, decimals: int) -> str:
-    return found.text(decimals) if found else "unknown"
-
-
-def _differences(others: Sequence[Comparison], second: str) -> Iterator[str]:
-    """Yield how many others are worse or better by a measure, for certain by its interval, and by how much."""
-    for name, worse, better in (
-        ("success_percent", "a lower success", "a higher success"),
-        (second, *(("a lower SPL", "a higher SPL") if second == "spl" else ("a longer path", "a shorter path"))),
-    ):
-        measure = MEASURES[name]
-        changes = [change for one in others if (change := one.changes[name])]
-        sign = 1.0 if measure.better == "more" else -1.0
-        parts, certain = list[str](), 0
-        for words, side in ((worse, -sign), (better, sign)):
-            sizes = [abs(each.value) for each in changes if min(side * end for end in each.ends) > 0.0]
-            if sizes:
-                has = "has" if len(sizes) == 1 else "have"
-                span = " to ".join(dict.fromkeys(f"{each:.{measure.decimals}f}" for each in (min(sizes), max(sizes))))
-                parts.append(f"{len(sizes)} {has} {words} (by {span}{measure.points and f' {measure.points}'})")
-                certain += len(sizes)
-        if unclear := len(others) - certain:
-            parts.append(f"{unclear} {'shows' if unclear == 1 else 'show'} no certain difference in {measure.title}")
-        yield f"Of the {len(others)} others, {', '.join(parts)}."
 
 
 def title(results: Results) -> str:
@@ -238,14 +167,6 @@ def how_made(settings: Campaign, runs: Sequence[RecordedRun] = ()) -> Iterator[t
     if not settings.site:
         yield "forests", f"{forests.name}, BLAKE2b {forests.blake2b}" if forests else "generated"
     yield "algorithms", ", ".join(settings.algorithms)
-
-
-def unfinished(results: Results) -> Iterator[str]:
-    """Yield a paragraph that says how many trials a page shows, if some are missing."""
-    if not results.finished:
-        yield html.paragraph(
-            f"Unfinished: {len(results.rows)} of {results.total} trials. The figures will change until all have ended."
-        )
 
 
 def paths_caption(results: Results) -> str:

@@ -164,6 +164,7 @@ GOAL: Mapping[str, Any] = {"line_color": palette.GOAL_LINE, "line_width": 2}  # 
 NUMBER: Mapping[str, Any] = {"text_align": "center", "text_baseline": "middle", "text_font_size": "9px"}
 ARROW = 0.12  # of the map's side: length of an arrow to the goal
 CROSSES, CIRCLES = 1000, 24  # at most, for the receiver's fixes and for their error: more of them bury the path
+ALONE_PX = 640  # at most as wide is a map that is not in a page
 ASPECT = 1.15  # of the map: its width is half a screen's, and its height leaves room for what stands above it
 END: Mapping[str, Any] = {"marker": "x", "size": 11, "line_width": 3}
 START: Mapping[str, Any] = {"marker": "star", "size": 14, "line_width": 1}

@@ -15,6 +15,7 @@ from markupsafe import Markup
 
 from wayfarer import __version__
 from wayfarer.config.rover_file import RoverConfig, flat
+from wayfarer.errors import BadInput
 from wayfarer.escape.settings import Vehicle
 from wayfarer.fieldlog.clock import duration_text
 from wayfarer.fieldlog.folders import run_title
@@ -24,9 +25,9 @@ from wayfarer.fieldlog.wording import sentence
 from wayfarer.logview import palette
 from wayfarer.logview.summary import summary_facts
 from wayfarer.reports.data import LAYERS, RunData, is_trouble, read_run, worded_events
-from wayfarer.reports.map import Track, map_plot, track_of
+from wayfarer.reports.map import ALONE_PX, Track, map_plot, track_of
 from wayfarer.reports.page import html
-from wayfarer.reports.page.frame import PAGE, write_page
+from wayfarer.reports.page.frame import PAGE, Plot, write_page
 from wayfarer.reports.page.plots import Plots
 from wayfarer.reports.panels import draw_panels
 from wayfarer.vocabulary import in_words, response_text, whole_deg
@@ -79,10 +80,32 @@ def write_run_report(run: Path, out: Path | None = None) -> Path:
         html.section("Events", events_list(data)),  # the longest
     ]
     folder = run if run.is_dir() else run.parent
-    summary, cursor_js = data.summary, (files("wayfarer.reports") / "cursor.js").read_text(encoding="utf-8")
+    cursor_js = (files("wayfarer.reports") / "cursor.js").read_text(encoding="utf-8")
+    return write_page(folder / PAGE, _title(data), body, plots, cursor_js, out=out)
+
+
+def run_plot(run: Path) -> Plot:
+    """Return the map of the run in a folder on its own.
+
+    Raises:
+        BadInput: nothing in the log can be read, or it has no path.
+    """
+    data, plots = read_run(run), Plots()
+    track = track_of(data)
+    if not data.has_way and not track.reckoned:
+        raise BadInput(f"{run}: there is no map of this run: the log has no heading, so nobody knows the rover's path")
+    drawn = map_plot(track)
+    drawn.max_width = ALONE_PX
+    tags = {tag for each in drawn.renderers for tag in each.tags}
+    layers = [each for each in _layers(track) if f"layer:{each.name}" in tags]
+    body = [html.layers("Show", layers), html.figure(plots.place(drawn), track_caption(track)), _fitted(track)]
+    return Plot(_title(data), body, plots)
+
+
+def _title(data: RunData) -> str:
+    summary = data.summary
     rover, algorithm = summary.rover or "unknown rover", summary.algorithm or "unknown algorithm"
-    title = f"{rover}, {algorithm}: {duration_text(summary.lasted_s)} {'simulated run' if summary.simulated else 'run'}"
-    return write_page(folder / PAGE, title, body, plots, cursor_js, out=out)
+    return f"{rover}, {algorithm}: {duration_text(summary.lasted_s)} {'simulated run' if summary.simulated else 'run'}"
 
 
 def _drawn(data: RunData, plots: Plots) -> Markup:
@@ -99,7 +122,7 @@ def _map(track: Track, plots: Plots) -> Iterator[Markup]:
         return
     yield html.layers("Shown on the map and in the time series", _layers(track))
     yield html.figure(plots.place(map_plot(track)), track_caption(track))
-    yield html.paragraph(_fitted(track))
+    yield _fitted(track)
     if track.end_deg is not None:  # who says so, with links that the map of a telephone, or a browser, opens
         latitude, longitude = (f"{degrees:.6f}" for degrees in track.end_deg)
         whose = "End of the fitted path (the last fix is above, under “where”)" if track.fit else "The last fix"
@@ -115,7 +138,7 @@ def track_caption(track: Track) -> str:
     return " ".join([path, *(text for is_there, text in more if is_there)])
 
 
-def _fitted(track: Track) -> str:
+def _fitted(track: Track) -> Markup:
     """Say how well dead reckoning does, as far as that is known."""
     parts = []
     if not isnan(track.drift_m):
@@ -127,7 +150,7 @@ def _fitted(track: Track) -> str:
             f"{track.fit.stretched:.2f}. Median distance of the fixes from it: {fitted_m:.1f} m ({pinned_m:.1f} m if "
             "it began at the first fix)."
         )
-    return " ".join(parts)
+    return html.paragraph(" ".join(parts))
 
 
 def _layers(track: Track) -> Iterator[html.PlotLayer]:

@@ -16,12 +16,20 @@ from wayfarer.experiments.campaign import Axis
 from wayfarer.experiments.measures import MEASURES, WHAT_COUNTS, Estimate, Measure, difference, estimate
 from wayfarer.experiments.results import Results
 from wayfarer.experiments.rows import TrialRow
-from wayfarer.experiments.tables import INTERVAL, NO_SPL, SWEEP_COLUMNS, layouts_note, layouts_of_points, methods_note
+from wayfarer.experiments.tables import (
+    INTERVAL,
+    NO_SPL,
+    SWEEP_COLUMNS,
+    layouts_note,
+    layouts_of_points,
+    methods_note,
+    unfinished,
+)
 from wayfarer.logview import palette
-from wayfarer.reports.campaign import folder_with_rows, how_made, unfinished
+from wayfarer.reports.campaign import folder_with_rows, how_made
 from wayfarer.reports.figures import SVG, colour_of, curve_look
 from wayfarer.reports.page import html
-from wayfarer.reports.page.frame import PAGE, write_page
+from wayfarer.reports.page.frame import PAGE, Plot, write_page
 from wayfarer.reports.page.plots import Figure, Plots, hover, layer, plot, source
 
 # -- figures ---------------------------------------------------------------------------------------------------------
@@ -198,13 +206,29 @@ def write_sweep_report(results: Results, out: Path | None = None) -> Path:
         BadInput: no trial has ended, or the page cannot be written.
     """
     plots, folder, grid = Plots(), folder_with_rows(results), Grid(results)
-    body = [*unfinished(results), *_body(grid, plots)]
+    body = [html.paragraph(unfinished(results)), *_body(grid, plots)]
     return write_page(folder / PAGE, _title(grid), body, plots, out=out)
 
 
 def _body(results: Grid, plots: Plots) -> Iterator[str]:
     swept = [(axis.key, f"{', '.join(map(str, axis.values))} (without a sweep: {axis.now})") for axis in results.axes]
     yield html.result(result_sentences(results))
+    yield from _figures(results, plots)
+    estimates = [each for cells in results.estimates.values() for each in cells.values()]
+    change = "SPL change: to the same trials without a sweep." if _has_spl(results) else f"{NO_SPL}."
+    texts = [WHAT_COUNTS, change, layouts_note(results.all), methods_note(estimates)]
+    yield html.section("Each point", _table(results), *map(html.paragraph, texts))
+    facts = html.facts([*swept, *how_made(results.all.plan.base, results.all.runs)])
+    yield html.folded("How these trials were made", facts)
+
+
+def sweep_plot(results: Results) -> Plot:
+    """Return the curves or the maps on their own."""
+    plots, grid = Plots(), Grid(results)
+    return Plot(_title(grid), [html.paragraph(unfinished(results)), *_figures(grid, plots)], plots)
+
+
+def _figures(results: Grid, plots: Plots) -> Iterator[str]:
     if len(results.axes) == 2:
         for name in results.algorithms:
             yield html.section(name, html.paragraph(MAPS), _panels(maps_figures(results, name), plots))
@@ -213,12 +237,6 @@ def _body(results: Grid, plots: Plots) -> Iterator[str]:
             "Show", [html.PlotLayer(name, name, colour_of(at)) for at, name in enumerate(results.algorithms)]
         )
         yield html.section("What changes", html.paragraph(CURVES), key, _panels(curves_figures(results), plots))
-    estimates = [each for cells in results.estimates.values() for each in cells.values()]
-    change = "SPL change: to the same trials without a sweep." if _has_spl(results) else f"{NO_SPL}."
-    texts = [WHAT_COUNTS, change, layouts_note(results.all), methods_note(estimates)]
-    yield html.section("Each point", _table(results), *map(html.paragraph, texts))
-    facts = html.facts([*swept, *how_made(results.all.plan.base, results.all.runs)])
-    yield html.folded("How these trials were made", facts)
 
 
 def _panels(figures: Iterable[Figure], plots: Plots) -> str:
@@ -274,8 +292,8 @@ def _table(results: Grid) -> str:
     rows = []
     for name in results.algorithms:
         rows.append(("group", [name, *[""] * (len(head) - 1)]))
-        rows += [("", ["", *(cell.replace(" [", "\n[") for cell in cells)]) for cells in point_rows(results, name)]
-    return html.table("Value [95 % interval]", head, rows)
+        rows += [("", ["", *cells]) for cells in point_rows(results, name)]
+    return html.table("Value [95 % interval]", head, html.below(rows))
 
 
 def _title(results: Grid) -> str:

@@ -36,19 +36,23 @@ from wayfarer.hal import Rover
 from wayfarer.logview import palette
 from wayfarer.reports.data import EDGE, Floats, pieces
 from wayfarer.reports.figures import SVG
-from wayfarer.reports.map import draw_forest
+from wayfarer.reports.map import ALONE_PX, draw_forest
 from wayfarer.reports.page import html
+from wayfarer.reports.page.frame import Plot
 from wayfarer.reports.page.plots import Figure, Plots, hover, layer, plot, source
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.forest_file import as_row
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 from wayfarer.vocabulary import in_words, outcome_in_words
 
+MAP = (
+    "Trunks and trees are to scale, north is up. Triangle: start, points to the goal; cross: end; green line: goal "
+    "line."
+)
 GALLERY = (
     "Failures first, then the longest paths; each algorithm is drawn once before one is drawn again. These are "
     "therefore not typical trials but the worst. They are few, because trials.csv has no paths: each was run again for "
-    "its drawing, and gave the result in trials.csv, digit for digit. Trunks and trees are to scale, north is up. "
-    "Triangle: start, points to the goal; cross: end; green line: goal line."
+    f"its drawing, and gave the result in trials.csv, digit for digit. {MAP}"
 )
 GALLERY_TRIALS = 6
 KEPT_EVERY_M = 0.2  # half a body: the tightest curve, the probe's, has a radius of 1.15 m
@@ -239,7 +243,7 @@ def _gallery(campaign: Campaign, ran: Sequence[RerunTrial], plots: Plots, trials
             maps.append(html.figure(plots.place(drawn), trial_text(row, len(trajectory.slips_m))))
     if maps:
         yield html.paragraph(f"{len(ran)} of {trials:,} trials. {GALLERY}")
-        yield html.layers("Show", [*html.phase_layers(), SLIPS])
+        yield _map_layers()
         yield html.panels(maps)
 
 
@@ -280,6 +284,19 @@ def trial_map(name: str, forest: Forest, trajectory: Trajectory) -> Figure:
     made.add_tools(hover([slips], ("slip", "the ground gave way"), *PLACE))
     _mark_ends(made, forest, trajectory.points[-1])
     return made
+
+
+def _map_layers() -> str:
+    return html.layers("Show", [*html.phase_layers(), SLIPS])
+
+
+def trial_plot(row: TrialRow, forest: Forest, trajectory: Trajectory) -> Plot:
+    """Return the map of a trial on its own."""
+    plots, drawn = Plots(), trial_map(f"{row.algorithm}-{row.trial}", forest, trajectory)
+    drawn.max_width = ALONE_PX
+    caption = f"{trial_text(row, len(trajectory.slips_m))} {MAP}"
+    body = [_map_layers(), html.figure(plots.place(drawn), caption)]
+    return Plot(f"{row.algorithm}, trial {row.trial}", body, plots)
 
 
 def path_in(points: Sequence[TrajectoryPoint], phase: Phase) -> list[Floats]:

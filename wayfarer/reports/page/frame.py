@@ -2,21 +2,68 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from wayfarer.errors import BadInput
 from wayfarer.files import write_atomically
 from wayfarer.logview import palette
-from wayfarer.reports.page.html import template
 
 if TYPE_CHECKING:
     from wayfarer.reports.page.plots import Plots
 
 PAGE = "report.html"
+# A page in a notebook has letters of its size, and is as high as what is in it, which changes when plots are drawn.
+FITTED = """
+if (frameElement) {
+  Object.assign(document.documentElement.style, { fontSize: "14px", overflowY: "hidden" });
+  const fit = () => { frameElement.style.height = `${Math.ceil(document.body.offsetHeight)}px`; };
+  new ResizeObserver(fit).observe(document.body);
+}
+"""
+
+
+class Plot:
+    """Figures of a page on their own, with their key and their caption.
+
+    A notebook shows it without any setting or network, and ``save`` makes a page of it. ``figures`` are Bokeh's, which
+    may be changed before. A notebook that is saved with it keeps 1.4 MB for each plot, most of which is BokehJS.
+
+    >>> plot = run_campaign("pledge", trials=2).plot()
+    >>> plot
+    <Plot: pledge in 2 simulated forest trials>
+    >>> [figure.name for figure in plot.figures]
+    ['paths']
+    >>> plot.save("paths.html").name
+    'paths.html'
+    """
+
+    def __init__(self, title: str, body: Sequence[str], plots: Plots) -> None:
+        self._page = title, body, plots
+
+    def __repr__(self) -> str:
+        return f"<Plot: {self._page[0]}>"
+
+    @property
+    def figures(self) -> list[Any]:
+        """The figures of Bokeh in it, in their order."""
+        return [*self._page[2].models]
+
+    def save(self, path: str | Path) -> Path:
+        """Write it as one HTML file, which needs no network, and return its path. A file that is there is replaced.
+
+        Raises:
+            BadInput: it cannot be written there.
+        """
+        return write_page(Path(path), *self._page, out=Path(path))
+
+    def _repr_html_(self) -> str:
+        """Return it as a frame of its own: its scripts and styles, and those of the notebook, do not meet."""
+        page = _document(*self._page, FITTED).replace("&", "&amp;").replace('"', "&quot;")
+        return f'<iframe srcdoc="{page}" style="width: 100%; height: 30rem; border: 0"></iframe>'
 
 
 def write_page(
@@ -55,6 +102,8 @@ def write_page(
 
 
 def _document(title: str, body: Iterable[str], plots: Plots, script: str) -> str:
+    from wayfarer.reports.page.html import template  # it needs Jinja2
+
     body = list(body)  # which places the plots
     return template("wayfarer.reports.page", "frame.html").render(
         title=title,

@@ -5,7 +5,7 @@ A macro escapes the plain text that it is given, and returns Markup, which no ot
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib.resources import files
 from typing import NamedTuple
 
@@ -46,6 +46,11 @@ def macros(package: str, *names: str) -> list[Block]:
     """Return macros of the file ``macros.html`` in a package."""
     module = template(package, "macros.html").module
     return [getattr(module, name) for name in names]
+
+
+def below(rows: Iterable[tuple[str, Sequence[str]]]) -> list[tuple[str, list[str]]]:
+    """Return rows for ``table`` with each interval below its value, so that all columns have room."""
+    return [(kind, [cell.strip().replace(" [", "\n[") for cell in cells]) for kind, cells in rows]
 
 
 section, result, folded, paragraph, bullets, facts, layers, key, figure, panels, table = macros(

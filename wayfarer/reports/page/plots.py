@@ -74,12 +74,12 @@ class Plots:
     """The models of one page, in the order in which they were placed."""
 
     def __init__(self) -> None:
-        self._models: list[Model] = []
+        self.models: list[Model] = []
 
     def place(self, model: Model) -> Markup:
         """Return the element in which the browser draws a model."""
-        self._models.append(model)
-        return Markup('<div class="plot" id="plot-{}"></div>').format(len(self._models))
+        self.models.append(model)
+        return Markup('<div class="plot" id="plot-{}"></div>').format(len(self.models))
 
     def to_json(self) -> str:
         """Return what ``page.js`` needs to draw them.
@@ -88,10 +88,11 @@ class Plots:
         """
         document, ids = Document(), dict[str, str]()
         with document.models.freeze():  # else each root makes it look at all models once more
-            for model in self._models:
+            for model in self.models:
                 document.add_root(model)
         content = _renumbered(document.to_json(deferred=False), ids)
-        places = {ids[model.id]: f"plot-{at}" for at, model in enumerate(self._models, start=1)}
+        places = {ids[model.id]: f"plot-{at}" for at, model in enumerate(self.models, start=1)}
+        document.clear()  # a model can be in one document only, and a notebook shows a plot as often as it is asked to
         return json.dumps({"document": content, "places": places}, separators=(",", ":"))
 
 
