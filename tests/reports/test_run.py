@@ -32,7 +32,7 @@ from tests.reports.logs import (
     write_log,
 )
 from wayfarer.fieldlog.reader import RunReader
-from wayfarer.logview.summary import summarise, summary_facts
+from wayfarer.logview.summary import result_sentences, summarise, summary_facts
 from wayfarer.reports.data import RunData, read_run
 from wayfarer.reports.page.plots import Plots
 from wayfarer.reports.panels import draw_panels
@@ -58,6 +58,21 @@ def test_page_tells_what_the_summary_tells_with_goal_and_seed(tmp_path: Path) ->
     assert " ".join(" ".join([title, *lines]) for title, lines in facts) in text
     assert "from 2027-01-15 08:00:00 UTC" in text
     assert "goal 0° seed 7" in text
+
+
+def test_page_begins_with_how_the_run_ended_and_ends_with_its_facts_folded(tmp_path: Path) -> None:
+    page = page_of(tmp_path, *by_time(HEADER, ARMED, *episode(), OUTCOME))
+    assert "Requested: enough, after 0:00:05 and 4.5 m by dead reckoning, with 2 anomalies. Track" in text_of(page)
+    assert page.index("<h2>Events") < page.index("<details") < page.index('<dl class="facts')
+
+
+def test_result_of_a_log_that_was_cut_off_says_so_and_what_is_lost(tmp_path: Path) -> None:
+    folder = write_log(tmp_path / "00001-run", [HEADER, ARMED], b"{torn\n")
+    data = read_run(folder)
+    assert list(result_sentences(data.summary, data.damage)) == [
+        "The log ends after 0:00:00, with no anomaly; no outcome: the run was cut off, or is still running.",
+        "Of its log, 1 line is torn.",
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +125,7 @@ def test_held_wheels_the_battery_and_a_new_key_are_in_the_time_series(eventful: 
 def test_way_is_laid_onto_the_fixes_and_its_end_opens_in_a_map(eventful: tuple[RunData, str]) -> None:
     _, page = eventful
     assert "Dead reckoning is laid onto all fixes at once: turned by 0.0°" in text_of(page)
-    assert "End of the fitted path (the last fix is above, under “where”): 47.0000" in text_of(page)
+    assert "End of the fitted path (the last fix is below, under “where”): 47.0000" in text_of(page)
     latitude, longitude = re.findall(r'href="geo:([\d.]+),([\d.]+)\?q=', page)[0]
     assert float(latitude) == pytest.approx(47.0 + 3.95 / 111_320.0, abs=2e-6)  # the end of the way, not the last fix
     assert float(longitude) == pytest.approx(8.0, abs=2e-6)

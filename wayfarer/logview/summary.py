@@ -17,7 +17,7 @@ from wayfarer.fieldlog.clock import began_wall_s, duration_text, local_time
 from wayfarer.fieldlog.reader import Damage, RunReader
 from wayfarer.fieldlog.record import AnyRecord, Event, Fix, Outcome, Tick
 from wayfarer.fieldlog.run_fold import LowBattery, RunFold, RunState
-from wayfarer.fieldlog.wording import place_text, plural
+from wayfarer.fieldlog.wording import place_text, plural, sentence
 from wayfarer.safety.settings import SafetySettings
 from wayfarer.vocabulary import in_words, outcome_in_words, whole_deg
 
@@ -215,6 +215,20 @@ def _last_position(state: RunState) -> LastPosition:
 def _offset(north_m: float, east_m: float) -> RangeBearing | None:
     distance_m = hypot(north_m, east_m)
     return RangeBearing(distance_m, bearing_deg(north_m, east_m)) if isfinite(distance_m) else None
+
+
+def result_sentences(summary: RunSummary, damage: Damage) -> Iterator[str]:
+    """Yield how a run ended, after what time and distance, with how many anomalies; then what its log has lost."""
+    count, after = sum(summary.anomalies.values()), [duration_text(summary.lasted_s)]
+    if summary.driven_m is not None:
+        after.append(f"{summary.driven_m:.1f} m")
+    elif summary.commanded_m is not None:
+        after.append(f"{summary.reckoned_m:.1f} m by dead reckoning")
+    what = f"after {' and '.join(filter(None, after))}, with {count or 'no'} {'anomalies' if count > 1 else 'anomaly'}"
+    cut_off = f"The log ends {what}; {NO_OUTCOME}."
+    yield cut_off if summary.reason is None else f"{sentence(_outcome(summary))}, {what}."
+    if damage:
+        yield f"Of its log, {damage}."
 
 
 def summary_text(run: str, summary: RunSummary, damage: Damage) -> str:

@@ -23,7 +23,7 @@ from wayfarer.fieldlog.run_fold import Episode
 from wayfarer.fieldlog.sensor_status import SensorStatus
 from wayfarer.fieldlog.wording import sentence
 from wayfarer.logview import palette
-from wayfarer.logview.summary import summary_facts
+from wayfarer.logview.summary import result_sentences, summary_facts
 from wayfarer.reports.data import LAYERS, RunData, is_trouble, read_run, worded_events
 from wayfarer.reports.map import ALONE_PX, Track, map_plot, track_of
 from wayfarer.reports.page import html
@@ -35,8 +35,7 @@ from wayfarer.vocabulary import in_words, response_text, whole_deg
 _run, _place, _events = html.macros("wayfarer.reports", "run", "place", "events")
 
 ROWS = 500  # of a table; the log has all of them
-LAST_GOALS = 5  # as many stand in the header
-LEAD = ("outcome", "distance", "anomalies")  # of the facts: what stands above the map
+LAST_GOALS = 5  # as many are told
 NO_WAY = "The log has no heading, so the path of the rover is unknown."
 NO_TICKS = "No time series: the log has no control ticks, or ticks without values."
 NO_FOREST = "The log is of a simulated run, but its forest or its true path is missing or cannot be read."
@@ -71,13 +70,14 @@ def write_run_report(run: Path, out: Path | None = None) -> Path:
     """
     data, plots = read_run(run), Plots()
     body = [
-        html.folded(lead(data), html.facts(run_facts(data, run_title(run)))),
+        html.result(result_sentences(data.summary, data.damage)),
         _drawn(data, plots),
         html.section("Anomalies and episodes", anomalies_table(data), episodes_table(data)),
         html.section("Conditions", conditions_table(data)),
         html.section("Sensors", sensors_table(data)),
         html.section("Settings", own_settings_table(data)),
-        html.section("Events", events_list(data)),  # the longest
+        html.section("Events", events_list(data)),
+        html.folded("All facts of this run", html.facts(run_facts(data, run_title(run)))),
     ]
     folder = run if run.is_dir() else run.parent
     cursor_js = (files("wayfarer.reports") / "cursor.js").read_text(encoding="utf-8")
@@ -125,7 +125,7 @@ def _map(track: Track, plots: Plots) -> Iterator[Markup]:
     yield _fitted(track)
     if track.end_deg is not None:  # who says so, with links that the map of a telephone, or a browser, opens
         latitude, longitude = (f"{degrees:.6f}" for degrees in track.end_deg)
-        whose = "End of the fitted path (the last fix is above, under “where”)" if track.fit else "The last fix"
+        whose = "End of the fitted path (the last fix is below, under “where”)" if track.fit else "The last fix"
         yield _place(whose, latitude, longitude)
     if track.data.summary.simulated and track.forest is None:
         yield html.paragraph(NO_FOREST)
@@ -202,12 +202,6 @@ def run_facts(data: RunData, folder: str) -> Iterator[tuple[str, str]]:
     goals = [goal for goal, _ in groupby(f"{whole_deg(goal_deg)}°" for _, goal_deg in data.goals)]
     yield "goal", ", then ".join(goals[-LAST_GOALS:]) or "none"
     yield "seed", "unknown" if data.summary.seed is None else f"{data.summary.seed}"
-
-
-def lead(data: RunData) -> str:
-    """Return the most important of the facts in one line."""
-    facts = dict(run_facts(data, ""))
-    return "; ".join(facts[title].replace("\n", ", ") for title in LEAD if title in facts)
 
 
 def anomalies_table(data: RunData) -> Markup:
