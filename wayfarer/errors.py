@@ -207,7 +207,8 @@ def _in_short(name: str, known: Sequence[str]) -> Sequence[str]:
     known = [each for each in known if each.startswith(section)] or known
     if len(known) <= MOST_LISTED:
         return known
-    short = list(dict.fromkeys(f"{each.partition('.')[0]}.*" if "." in each else each for each in known))
+    sections = dict.fromkeys(f"{each.partition('.')[0]}.*" if "." in each else each for each in known)
+    short = known if len(sections) == 1 else list(sections)
     return short if len(short) <= MOST_LISTED else [*short[:MOST_LISTED], f"and {len(short) - MOST_LISTED} more"]
 
 

@@ -9,6 +9,8 @@ import signal
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from decimal import Decimal
+from fractions import Fraction
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -141,9 +143,29 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"slip_mean_m": np.True_}, "slip_mean_m = True: input should be a valid number"),
     ({"set": {"sim.slope_deg": (15, 0)}}, "set sim.slope_deg = (15, 0): expected a value, or LOW:HIGH"),
     ({"set": {"ground": (1, 2)}}, "key 'ground' is no number"),
-    ({"slip_mean_m": 2, "set": {"slip_mean_m": 3}}, "slip_mean_m and set slip_mean_m set the same value"),
+    ({"slip_mean_m": 2, "set": {"slip_mean_m": 3}}, "slip_mean_m and the key 'slip_mean_m' set the same value"),
     ({"resume": True}, "name it with out"),
-    ({"jobs": 0}, "one process at least"),
+    ({"jobs": 0}, "jobs = 0: expected a number of processes, one at least"),
+    ({"jobs": "2"}, "jobs = '2': expected"),
+    ({"jobs": True}, "jobs = True: expected"),
+    ({"out": 5}, "out = 5: expected the path of a folder"),
+    ({"out": "a\0b"}, "expected the path of a folder"),
+    ({"executor": 5, "out": "never"}, "no concurrent.futures.Executor"),
+    ({"algorithms": 5}, "algorithms = 5: expected str | Sequence[str]"),
+    ({"algorithms": b"pledge"}, "algorithms = b'pledge': expected str"),
+    ({"site": ["maze"]}, "site = ['maze']: expected str"),
+    ({"rover": 5}, "rover = 5: expected str | Path"),
+    ({"forests": 5}, "forests = 5: expected str | Path"),
+    ({"forests": "\0"}, "embedded null byte"),
+    ({"faults": [5]}, "faults = [5]: expected Sequence[str]"),
+    ({"set": 5}, "set = 5: expected Mapping"),
+    ({"set": [("sim.slope_deg", 5)]}, "expected Mapping"),
+    ({"set": {"sim.slope_deg": b"x"}}, "set sim.slope_deg = b'x': expected a value, or LOW:HIGH"),
+    ({"set": {"sim.slope_deg": {1: 2, 3: 4}}}, "expected a value, or LOW:HIGH"),
+    ({"set": {"sim.slope_deg": np.eye(2)}}, "expected a value, or LOW:HIGH"),
+    ({"set": {"sim.slope_deg": np.True_}}, "key 'sim.slope_deg' = True: input should be a valid number"),
+    ({"set": {"sim.slope_deg": Decimal("1e999")}}, "key 'sim.slope_deg' = inf: input should be a finite number"),
+    ({"set": {"sim.slope_deg": (0, 10**400)}}, "both below 1e16"),
     ({"algorithms": "__main__:mine", "jobs": 2}, "put it in a file of its own and name it"),
 ]
 
@@ -157,6 +179,33 @@ def test_what_cannot_be_used_is_refused_in_a_line(
         wayfarer.run_campaign(**arguments)
     assert said in str(refusal.value)
     assert "\n" not in str(refusal.value)
+    assert not Path("never").exists(), "a folder that nothing was run into would have to be removed first"
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        (5, "values = 5: expected a mapping"),
+        ({"slip_mean_m": 5}, "values of 'slip_mean_m' = 5: expected a list"),
+        ({"slip_mean_m": "25"}, "values of 'slip_mean_m' = '25': expected a list"),
+        ({"slip_mean_m": [[1]]}, "expected a list of numbers"),
+        ({"slip_mean_m": [None]}, "expected a list of numbers"),
+        ({"name": ["a,b"]}, "'a,b' cannot be swept: a text in trials.csv has no comma"),
+        ({"name": ["a\nb"]}, "cannot be swept"),
+    ],
+)
+def test_values_that_cannot_be_swept_are_refused_in_a_line(values: Any, said: str) -> None:
+    with pytest.raises(wayfarer.BadInput) as refusal:
+        wayfarer.run_sweep(values, trials=1)
+    assert said in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("slope", [Fraction(7, 2), Decimal("3.5"), np.float32(3.5), np.array(3.5), "3.5"], ids=str)
+def test_every_kind_of_number_is_one(slope: Any) -> None:
+    assert wayfarer.run_campaign(trials=1, budget_m=1, set={"sim.slope_deg": slope}).settings["set"] == {
+        "sim.slope_deg": 3.5
+    }
 
 
 def test_folder_in_use_is_not_written_over_and_can_be_resumed(results: wayfarer.Results, out: Path) -> None:

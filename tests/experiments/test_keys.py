@@ -154,7 +154,51 @@ def test_sweep_has_the_keys_that_it_does_not_sweep(run: Run, tmp_path: Path) -> 
     seeing, blind = csv.DictReader((tmp_path / "o" / "trials.csv").read_text(encoding="utf-8").splitlines())
     assert seeing["sim.slope_deg"] == blind["sim.slope_deg"], "points are paired"
     assert seeing["path_m"] != blind["path_m"]
-    assert "swept, and --set sets it too" in refusal(run, *swept, "--set", "sim.blind_share=0.2", "--resume")
+    assert "is there twice, swept or in --set" in refusal(run, *swept, "--set", "sim.blind_share=0.2", "--resume")
+
+
+@pytest.mark.parametrize(
+    ("axis", "other", "said"),
+    [
+        ("slip_mean_m=2,5", ("--slip-mean-m", "3"), "--slip-mean-m and the key 'slip_mean_m' set the same value"),
+        ("slip_mean_m=2,5", ("--set", "slip_mean_m=3"), "key 'slip_mean_m' is there twice, swept or in --set"),
+        ("ground=ideal,mud", ("--ground", "mud"), "--ground and the key 'ground' set the same value"),
+        ("footprint_m=0.2,0.4", ("--set", "vehicle.length_m=1"), "keys 'footprint_m' and 'vehicle.length_m' set the"),
+        ("vehicle.width_m=0.2,0.4", ("--set", "footprint_m=1"), "keys 'footprint_m' and 'vehicle.width_m' set the"),
+    ],
+)
+def test_what_is_swept_has_no_other_value_beside_it(
+    run: Run, tmp_path: Path, axis: str, other: tuple[str, ...], said: str
+) -> None:
+    assert said in refusal(run, "sweep", axis, "--trials", "1", "--out", tmp_path / "o", *other)
+    assert not (tmp_path / "o").exists()
+
+
+def test_direction_of_a_swept_slope_may_be_drawn(run: Run, tmp_path: Path) -> None:
+    swept = ("sweep", "sim.slope_deg=0,3", "--trials", "1", "--budget-m", "5", "--jobs", "1", "--out", tmp_path / "o")
+    succeed(run, *swept, "--set", "sim.slope_direction_deg=0:360")
+
+
+@pytest.mark.parametrize(
+    ("key", "said"),
+    [
+        ("sim.nope", "sim.blind_cell_m, "),
+        ("escape.algorithm", "escape.back_off_m, "),
+        ("sim.compass_noise", "did you mean sim.compass_noise_deg"),
+    ],
+)
+def test_unknown_key_is_refused_with_those_that_there_are(run: Run, key: str, said: str) -> None:
+    assert said in refusal(run, *SIM, "--set", f"{key}=3")
+
+
+def test_part_that_counts_draws_whole_numbers_also_if_its_file_says_none() -> None:
+    """Only the driver knows which of its numbers count something: none but the address does."""
+    drawn = {"parts.motors.address": (128, 135), "parts.compass.heading_offset_deg": (0, 5)}
+    campaign = make_campaign({"rover": "forestrover", "trials": 9, "set": drawn})
+    addresses = {campaign.drawn(trial)["parts.motors.address"] for trial in range(9)}
+    assert {type(address) for address in addresses} == {int}
+    assert len(addresses) > 1
+    assert type(campaign.drawn(0)["parts.compass.heading_offset_deg"]) is float
 
 
 @pytest.mark.process  # as above

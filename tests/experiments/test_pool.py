@@ -98,9 +98,6 @@ def test_main_is_hidden_from_no_thread(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_what_cannot_be_sent_is_refused_before_anything_is_begun() -> None:
     with pytest.raises(BadInput, match=r"a trial cannot be sent to another process: .*; use jobs=1"):
         run(Results(campaign_of(2)), jobs=2, run_trial=lambda spec: fake_trials.quick(spec))
-    client: Any = object()
-    with pytest.raises(BadInput, match=r"executor is a object and no .*get_executor\(pure=False\)"):
-        run(Results(campaign_of(2)), executor=client)
 
 
 @pytest.mark.process

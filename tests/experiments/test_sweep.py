@@ -104,7 +104,7 @@ def test_value_out_of_range_is_told_as_in_a_rover_file(key: str, value: Value, t
 def test_keys_that_do_not_go_together_are_refused() -> None:
     with pytest.raises(BadInput, match="set the same value"):
         sweep_of(footprint_m=(0.4,), vehicle__width_m=(0.2,))
-    with pytest.raises(BadInput, match="set the same value"):
+    with pytest.raises(BadInput, match="key 'slip_mean_m' is there twice"):
         make_sweep(BASE, [Axis("slip_mean_m", (2,)), Axis("slip_mean_m", (10,))])
     with pytest.raises(BadInput, match="more cannot be drawn"):
         sweep_of(slip_mean_m=(2,), budget_m=(100,), footprint_m=(0.4,))

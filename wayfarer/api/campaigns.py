@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wayfarer.api.results import Results
+from wayfarer.config.messages import shown
 from wayfarer.errors import BadInput
 from wayfarer.experiments.settings import CampaignSettings, Value, as_plain, describe
 from wayfarer.extras import require
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
     from wayfarer.experiments.campaign import Plan
 
 
@@ -99,12 +99,13 @@ def run_sweep(  # noqa: D417 - as above
     [(0, 30, 0), (1, 60, 0)]
     """
     require("simulating")
-    from wayfarer.experiments.campaign import Axis
     from wayfarer.experiments.checks import check_points, make_campaign
-    from wayfarer.experiments.sweep import make_sweep
+    from wayfarer.experiments.sweep import axis_of, make_sweep
 
-    campaign = make_campaign({"algorithms": algorithms, "trials": trials, **settings})
-    axes = [Axis(key, tuple(dict.fromkeys(map(as_plain, each)))) for key, each in values.items()]
+    if not isinstance(values, Mapping):
+        raise BadInput(f"values = {shown(values)}: expected a mapping of keys to lists of their values")
+    axes = [axis_of(str(key), each) for key, each in values.items()]
+    campaign = make_campaign({"algorithms": algorithms, "trials": trials, **settings}, str, [axis.key for axis in axes])
     sweep = make_sweep(campaign, axes, str)
     check_points(sweep.points, campaign.rover.name)
     return _run(sweep, None, jobs, executor, out, resume=resume, progress=progress)
@@ -124,20 +125,28 @@ def _run(
     from wayfarer.experiments.run import run
     from wayfarer.simhal.world.forest_file import content_of
 
-    if jobs is not None and jobs < 1:
-        raise BadInput(f"jobs = {jobs}: a campaign needs one process at least")
+    jobs = as_plain(jobs)
+    if jobs is not None and not (type(jobs) is int and jobs >= 1):
+        raise BadInput(f"jobs = {shown(jobs)}: expected a number of processes, one at least, or None for one per core")
+    if not isinstance(executor, Executor | None):
+        raise BadInput(
+            f"executor is a {type(executor).__name__} and no concurrent.futures.Executor; of a Dask client give "
+            "client.get_executor(pure=False)"
+        )
+    if out is not None and (not isinstance(out, str | Path) or "\0" in str(out)):
+        raise BadInput(f"out = {shown(out)}: expected the path of a folder")
     if resume and out is None:
         raise BadInput("resume = True continues the results in a folder: name it with out")
     folder = None if out is None else Path(out)
     content = content_of(forests) if forests and folder else None
-    with ExitStack() as shown, Results.kept(plan, folder, resume=resume, forests=content) as results:
+    with ExitStack() as bars, Results.kept(plan, folder, resume=resume, forests=content) as results:
         bar = None
         if progress:
             from rich.console import Console
 
             from wayfarer.logview.progress_bar import shown_progress
 
-            bar = shown.enter_context(shown_progress(Console(stderr=True), len(results.rows), results.total))
+            bar = bars.enter_context(shown_progress(Console(stderr=True), len(results.rows), results.total))
         run(results, jobs=jobs or cores(), executor=executor, progress=bar)
     if not results.finished:
         raise KeyboardInterrupt

@@ -153,9 +153,9 @@ def run_trial(
 
     try:
         return Trial(row_of(run_watched(spec, make_log, notes)), track.ticks, spec.forest)
-    except WayfarerError:
+    except (WayfarerError, KeyboardInterrupt):
         raise
-    except (Exception, SystemExit) as error:  # an algorithm of a third party may raise anything
+    except BaseException as error:  # an algorithm of a third party may raise anything
         failed = task_failed(task, error)
         raise not_run(failed, "correct that and run it again") from failed.error
 

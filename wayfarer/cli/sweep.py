@@ -50,6 +50,7 @@ def sweep(
     from wayfarer.experiments.settings import option_of
     from wayfarer.experiments.sweep import make_sweep, parse_axis
 
-    plan = make_sweep(make_campaign(asked, option_of), [parse_axis(text) for text in keys])
+    axes = [parse_axis(text) for text in keys]
+    plan = make_sweep(make_campaign(asked, option_of, [axis.key for axis in axes]), axes)
     check_points(plan.points, str(asked.get("rover", "sim")))
     raise typer.Exit(run_all(plan, out, resume=resume, jobs=jobs, as_json=as_json, command=command_line(ctx)))

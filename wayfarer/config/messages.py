@@ -81,7 +81,7 @@ def explain(error: ValidationError, model: Any, prefix: str = "") -> str:
 
 def shown(value: object) -> str:
     """Return a value as it is quoted to a person: the middle of a long one is left out."""
-    return shortened(repr(value))
+    return shortened(one_line(repr(value)))
 
 
 def shortened(text: str) -> str:

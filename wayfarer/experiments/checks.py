@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wayfarer.config.messages import located
+from wayfarer.config.messages import located, shown
 from wayfarer.config.registry import find_algorithm
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.config.settings import CLIMBING_KEYS
@@ -16,7 +16,7 @@ from wayfarer.errors import BadConfig, BadInput, MissingPackage, UnknownName, on
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.campaign import Campaign
 from wayfarer.experiments.keys import OWN, Conditions, check_keys, check_ranges, corners, laid_over, settings_of
-from wayfarer.experiments.settings import NAMES, checked_plain
+from wayfarer.experiments.settings import FORMS, NAMES, checked_plain
 from wayfarer.extras import require
 from wayfarer.simhal.world.forest_file import read_forest_file
 from wayfarer.simhal.world.physics import PHYSICS, Depth, GroundName
@@ -29,12 +29,17 @@ PAPER_SET = "paper"  # stands for the ten of the paper, which are the catalogue
 INTERRUPTED = 130  # as a shell reports a command that SIGINT ended
 
 
-def make_campaign(asked: Mapping[str, Any], spell: Callable[[str], str] = str) -> Campaign:
+ALSO: Mapping[str, tuple[type, ...]] = {"rover": (Path, RoverConfig), "forests": (Path,), "set": (Mapping,)}
+LISTS = {"algorithms", "set", "faults"}
+
+
+def make_campaign(asked: Mapping[str, Any], spell: Callable[[str], str] = str, swept: Sequence[str] = ()) -> Campaign:
     """Return the campaign that a command line or a call from Python asks for, with all of it checked.
 
     Args:
         asked: settings by their names, in the forms in which people write them (``settings.FORMS``).
         spell: says how the reader of an error writes a setting: as an option, or by its name in Python.
+        swept: the keys that a sweep of this campaign varies.
 
     Raises:
         BadInput: a setting is none of those that are allowed, or does not go with the others.
@@ -44,26 +49,26 @@ def make_campaign(asked: Mapping[str, Any], spell: Callable[[str], str] = str) -
     if unknown := asked.keys() - set(NAMES):
         raise TypeError(f"unexpected keyword argument {sorted(unknown)[0]!r}; settings are {', '.join(NAMES)}")
     plain = checked_plain(asked, spell)
-    rover = asked.get("rover", "sim")
+    texts = {name: _in_form(name, asked[name], spell) for name in FORMS if asked.get(name) is not None}
+    rover, forests, site = texts.get("rover", "sim"), texts.get("forests"), texts.get("site")
     where = rover.name if isinstance(rover, RoverConfig) else str(rover)
-    forests, site, faults = (asked.get(name) for name in ("forests", "site", "faults"))
     if site is not None and forests is not None:  # a site draws its own layouts
         raise BadInput(f"{spell('site')} and {spell('forests')} do not go together: leave one of them out")
     if site is not None and asked.get("go_on"):
         raise BadInput(f"{spell('go_on')} has no effect with {spell('site')}: a rover goes on there; leave it out")
     campaign = Campaign(
-        algorithms(asked.get("algorithms", Campaign.algorithms)),
+        algorithms(texts.get("algorithms", Campaign.algorithms)),
         rover=rover if isinstance(rover, RoverConfig) else load_rover(where),
         forests=None if forests is None else read_forest_file(forests),
         site=site,
-        set=settings_of(asked.get("set") or {}, spell("set")),
-        faults=(faults,) if isinstance(faults, str) else tuple(faults or ()),
+        set=settings_of(texts.get("set", {}), spell("set")),
+        faults=tuple(texts.get("faults", ())),
         **plain,
     )
-    check_together(campaign, spell)
+    check_together(campaign, spell, swept)
     if campaign.field_site:
         campaign = replace(campaign, rover=campaign.field_site.equip(campaign.rover))
-    check_keys(campaign, list(campaign.set), spell)
+    check_keys(campaign, [*campaign.set, *swept], spell)
     # What an option sets as well has one place: a key that is one has gone there, unless it is drawn.
     own = {key: value for key, value in campaign.fixed_values.items() if key in OWN}
     rest = {key: value for key, value in campaign.set.items() if key not in own}
@@ -73,7 +78,21 @@ def make_campaign(asked: Mapping[str, Any], spell: Callable[[str], str] = str) -
     return campaign
 
 
-def check_together(campaign: Campaign, spell: Callable[[str], str]) -> None:
+def _in_form(name: str, value: Any, spell: Callable[[str], str]) -> Any:
+    """Return a setting of ``FORMS`` as it was given, if it is of such a kind; one text of a list as a list.
+
+    Raises:
+        BadInput: it is of another kind.
+    """
+    items = [value] if isinstance(value, str) else list(value) if isinstance(value, Iterable) else [None]
+    if isinstance(value, ALSO.get(name, ())) or (isinstance(value, str) and name not in LISTS):
+        return value
+    if name not in LISTS or not all(isinstance(item, str) for item in items):
+        raise BadInput(f"{spell(name)} = {shown(value)}: expected {FORMS[name].python}")
+    return items
+
+
+def check_together(campaign: Campaign, spell: Callable[[str], str], swept: Sequence[str] = ()) -> None:
     """Refuse settings that do not go together, or that need what is not installed.
 
     Raises:
@@ -82,8 +101,9 @@ def check_together(campaign: Campaign, spell: Callable[[str], str]) -> None:
         BadInput: two settings do not go together.
         MissingPackage: the text says which package, and how to install it.
     """
-    if twice := [key for key in OWN if key in campaign.set and getattr(campaign, key) != getattr(Campaign, key)]:
-        raise BadInput(f"{spell(twice[0])} and {spell('set')} {twice[0]} set the same value; leave out one of them")
+    for key in OWN:
+        if key in {*campaign.set, *swept} and getattr(campaign, key) != getattr(Campaign, key):
+            raise BadInput(f"{spell(key)} and the key '{key}' set the same value; leave out one of them")
     if campaign.physics == "mujoco":
         if campaign.ground is not GroundName.ideal:
             raise BadInput(
@@ -106,14 +126,14 @@ def check_together(campaign: Campaign, spell: Callable[[str], str]) -> None:
         )
 
 
-def algorithms(asked: Any) -> tuple[str, ...]:
-    """Return the algorithms that a list, or a text with commas, names, each once, in the order asked.
+def algorithms(asked: Iterable[str]) -> tuple[str, ...]:
+    """Return the algorithms that texts with commas name, each once, in the order asked.
 
     Raises:
         UnknownName: no such algorithm; the text offers the nearest names.
         BadInput: a third party's algorithm cannot be loaded.
     """
-    names = [name.strip() for name in (asked if isinstance(asked, str) else ",".join(map(str, asked))).split(",")]
+    names = [name.strip() for name in ",".join(asked).split(",")]
     expanded = dict.fromkeys(name for item in names for name in (CATALOGUE if item == PAPER_SET else [item]))
     for name in expanded:
         find_algorithm(name)

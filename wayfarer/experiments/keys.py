@@ -24,6 +24,7 @@ from wayfarer.config.rover_file import RoverConfig, flat
 from wayfarer.config.rover_file import laid_over as rover_with
 from wayfarer.errors import BadInput, UnknownName
 from wayfarer.experiments.settings import (
+    NO_NUMBER_REACHES,
     CampaignSettings,
     Setting,
     Value,
@@ -86,8 +87,7 @@ def settings_of(asked: Mapping[str, Any] | Iterable[str], where: str) -> dict[st
         BadInput: a text has no key or no value, a key is there twice, or bounds are the wrong way round; ``where`` is
             how the person who is to read that has written them.
     """
-    texts = [asked] if isinstance(asked, str) else asked
-    pairs = list(texts.items()) if isinstance(texts, Mapping) else [_pair(text, where) for text in texts]
+    pairs = list(asked.items()) if isinstance(asked, Mapping) else [_pair(text, where) for text in asked]
     found = {str(key): _setting(f"{where} {key}", value) for key, value in pairs}
     if len(found) < len(pairs):
         twice = next(key for key, _ in pairs if [other for other, _ in pairs].count(key) > 1)
@@ -111,10 +111,7 @@ def _setting(where: str, value: Any) -> Setting:
         return value_of(value)
     if isinstance(ends, bool | int | float):
         return ends
-    try:
-        low, high = map(as_plain, ends)
-    except (TypeError, ValueError):
-        low, high = None, None
+    low, high = map(as_plain, ends) if isinstance(ends, list | tuple) and len(ends) == 2 else (None, None)
     if not (_is_number(low) and _is_number(high) and low <= high):
         raise BadInput(f"{where} = {shown(value)}: expected a value, or LOW:HIGH to draw it for each trial, LOW first")
     return (low, high) if low < high else low
@@ -215,20 +212,22 @@ def check_keys(campaign: CampaignSettings, keys: Sequence[str], spell: Any = opt
         BadInput: two keys set the same, or one that nothing here depends on; ``spell`` says how its reader writes a
             setting.
     """
-    known = current(campaign)
+    known = current(replace(campaign, set={}))
     for key in keys:
         name = key.removeprefix(WORLD)
         if campaign.physics == "light" and key != name and name in TERRAIN:
             raise BadInput(f"key '{key}' has an effect only in MuJoCo; add {spell('physics')} mujoco")
         if key not in known and not key.startswith(PARTS):
             raise UnknownName("key", key, known)
-        if key == DIRECTION and SLOPE not in keys and known[SLOPE] == 0:
+        if key == DIRECTION and SLOPE not in keys:
             raise BadInput(f"key '{key}' has an effect only with {SLOPE}; set that too, or leave it out")
         if other := _without_effect(campaign, key, name):
             with_it = f"{spell(other)} mujoco" if other == "physics" else spell(other)
             raise BadInput(f"key '{key}' has no effect with {with_it}; leave out one of them")
-    if len(set(keys)) < len(keys) or (FOOTPRINT in keys and set(BODY) & set(keys)):
-        raise BadInput(f"{' and '.join(keys)} set the same value; leave out one of them")
+    if twice := [key for key in keys if keys.count(key) > 1]:
+        raise BadInput(f"key '{twice[0]}' is there twice, swept or in {spell('set')}; leave out one of them")
+    if FOOTPRINT in keys and (twice := [key for key in BODY if key in keys]):
+        raise BadInput(f"keys '{FOOTPRINT}' and '{twice[0]}' set the same value; leave out one of them")
 
 
 def _without_effect(campaign: CampaignSettings, key: str, name: str) -> str | None:
@@ -240,23 +239,39 @@ def _without_effect(campaign: CampaignSettings, key: str, name: str) -> str | No
 
 
 def check_ranges(campaign: SettingsT) -> SettingsT:
-    """Return a campaign whose bounds are whole where a key counts something, all of them tried.
+    """Return a campaign whose bounds are whole if a key counts something, all of them tried.
 
     Raises:
         BadInput: what has bounds is no number, or a trial that drew them could not be run.
     """
     known = current(replace(campaign, set=campaign.fixed_values))
     ranges: dict[str, Setting] = {}
-    for key, ends in campaign.ranges.items():
-        now = known.get(key)
-        if key == SENSES or isinstance(now, bool | str):
+    for key, (low, high) in campaign.ranges.items():
+        if key == SENSES or isinstance(known.get(key), bool | str):
             raise BadInput(f"key '{key}' is no number: it cannot be drawn for each trial; give one value")
-        whole = type(now) is int and all(float(end).is_integer() for end in ends)
-        ranges[key] = (int(ends[0]), int(ends[1])) if whole else (float(ends[0]), float(ends[1]))
+        if not -NO_NUMBER_REACHES < low < high < NO_NUMBER_REACHES:
+            raise BadInput(f"key '{key}' = {shown([low, high])}: expected LOW:HIGH, LOW first, both below 1e16")
+        ranges[key] = (int(low), int(high)) if _counts(campaign, key, low, high) else (float(low), float(high))
     checked = replace_set(campaign, ranges)
     for each in corners(checked):
         laid_over(checked, {**checked.fixed_values, **each})
     return checked
+
+
+def _counts(campaign: CampaignSettings, key: str, low: float, high: float) -> bool:
+    """Return whether a key takes whole numbers only: a part's is known to its driver alone, so it is tried."""
+    if not (float(low).is_integer() and float(high).is_integer()):
+        return False
+    others = {other: ends[0] for other, ends in campaign.ranges.items()}
+    try:
+        laid_over(campaign, {**campaign.fixed_values, **others, key: int(low)})
+    except BadInput:
+        return False  # the bounds themselves are wrong, which is said when they are tried
+    try:
+        laid_over(campaign, {**campaign.fixed_values, **others, key: low + 0.5})
+    except BadInput:
+        return True
+    return False
 
 
 def corners(campaign: CampaignSettings) -> Iterator[dict[str, float]]:

@@ -95,11 +95,6 @@ def run_tasks(
         BadInput: what ``run`` needs cannot be sent to another process.
     """
     jobs = max(1, min(jobs, len(tasks)))
-    if executor is not None and not isinstance(executor, Executor):
-        raise BadInput(
-            f"executor is a {type(executor).__name__} and no concurrent.futures.Executor; of a Dask client give "
-            "client.get_executor(pure=False)"
-        )
     if executor is None and jobs == 1:
         yield from _run_here(run, tasks, stop)
         return
@@ -124,7 +119,9 @@ def _run_here(run: Callable[[TaskT], DoneT], tasks: Sequence[TaskT], stop: threa
             return
         try:
             done = run(task)
-        except (Exception, SystemExit) as error:  # an algorithm of a third party may raise anything
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # an algorithm of a third party may raise anything
             raise task_failed(task, error) from error
         yield done
 
@@ -139,20 +136,20 @@ def _run_on(
             while not (stop.is_set() or failed) and len(running) < CHUNKS_AHEAD * jobs and (chunk := next(chunks, [])):
                 try:
                     running[executor.submit(run_chunk, payload, chunk)] = chunk
-                except BrokenExecutor as broken:
-                    failed = TaskFailed(chunk, broken)
+                except Exception as refused:
+                    failed = TaskFailed(chunk, refused)
             if stop.is_set() or failed:
                 for future in list(running)[jobs:]:  # the oldest run: not every executor knows what it has begun
                     if future.cancel():
                         del running[future]
             if not running:
                 break
-            finished, _ = wait(running, POLL_S, FIRST_COMPLETED)
-            for future in finished:
+            wait(running, POLL_S, FIRST_COMPLETED)
+            for future in [each for each in running if each.done()]:  # wait itself overlooks one that was cancelled
                 chunk = running.pop(future)
                 try:
                     done, error = future.result()
-                except BrokenExecutor as broken:
+                except Exception as broken:
                     done, error = [], TaskFailed(chunk, broken)
                 yield from done
                 failed = failed or error
@@ -200,7 +197,9 @@ def run_chunk(payload: bytes, tasks: Sequence[Any]) -> tuple[list[Any], TaskFail
     for task in tasks:
         try:
             done.append(_unpickled(payload)(task))
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             failed = task_failed(task, error)
             return done, TaskFailed(failed.tasks, _sendable(failed.error), failed.line)
     return done, None

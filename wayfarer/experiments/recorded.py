@@ -20,8 +20,8 @@ from wayfarer.config.registry import refuse_code
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import BadInput, one_line
 from wayfarer.experiments.campaign import Axis, Campaign, Plan
-from wayfarer.experiments.keys import check_keys, check_ranges
-from wayfarer.experiments.settings import MOST_DIGITS, MOST_TRIALS, NAMES, Value, checked_plain
+from wayfarer.experiments.keys import BODY, FOOTPRINT, check_keys, check_ranges
+from wayfarer.experiments.settings import MOST_DIGITS, MOST_TRIALS, NAMES, NO_NUMBER_REACHES, checked_plain
 from wayfarer.experiments.sweep import MOST_AXES, Sweep
 from wayfarer.files import read_regular
 from wayfarer.simhal.world.forest_file import ForestFile, read_forest_file
@@ -56,13 +56,22 @@ class _ForestsSource(BaseModel):
     blake2b: str
 
 
-def _drawable(value: Value) -> Value:
-    if isinstance(value, int | float) and not abs(value) < 10 ** (MOST_DIGITS + 1):
+def _drawable(value: float) -> float:
+    if not abs(value) < NO_NUMBER_REACHES:
         raise ValueError(f"expected a number below 1e{MOST_DIGITS + 1}")
     return value
 
 
-Drawable = Annotated[Value, AfterValidator(_drawable)]
+def _has_body(rover: dict[str, Any]) -> dict[str, Any]:
+    vehicle = rover.get("vehicle")
+    if not (isinstance(vehicle, dict) and all(isinstance(vehicle.get(key), int | float) for key in BODY_KEYS)):
+        raise ValueError(f"vehicle: expected a table with the numbers {' and '.join(BODY_KEYS)}")
+    return rover
+
+
+BODY_KEYS = [key.rpartition(".")[2] for key in BODY]
+Name = Annotated[str, AfterValidator(_is_name)]
+Number = Annotated[int | float, AfterValidator(_drawable)]
 
 
 class _AxisAsWritten(BaseModel):
@@ -70,9 +79,9 @@ class _AxisAsWritten(BaseModel):
 
     model_config = ConfigDict(strict=True)
 
-    key: str
-    values: Annotated[list[Drawable], Field(min_length=1)]
-    now: Drawable | None
+    key: Name
+    values: Annotated[list[bool | Number | Name], Field(min_length=1)]
+    now: bool | Number | Name | None
 
 
 class _AsWritten(BaseModel):
@@ -80,12 +89,12 @@ class _AsWritten(BaseModel):
 
     model_config = ConfigDict(strict=True, allow_inf_nan=False)
 
-    version: str
-    algorithms: Annotated[list[Annotated[str, AfterValidator(_is_name)]], Field(min_length=1)]
-    rover: dict[str, Any]
+    version: Name
+    algorithms: Annotated[list[Name], Field(min_length=1)]
+    rover: Annotated[dict[str, Any], AfterValidator(_has_body)]
     forests: _ForestsSource | None
     site: str | None
-    set: dict[str, bool | int | float | Annotated[str, AfterValidator(_is_name)] | tuple[int | float, int | float]]
+    set: dict[Name, bool | Number | Name | tuple[Number, Number]]
     faults: list[Annotated[str, AfterValidator(_is_fault)]]
     axes: Annotated[list[_AxisAsWritten], Field(max_length=MOST_AXES)] = []
 
@@ -106,6 +115,10 @@ def recorded(table: Any) -> Plan:
         raise ValueError(f"{missing[0]}: Field required")
     if len(set(found.algorithms)) < len(found.algorithms):
         raise ValueError("algorithms: one is there twice")
+    for key in (FOOTPRINT, *BODY):
+        values = [found.set.get(key, 0.0), *(value for axis in found.axes if axis.key == key for value in axis.values)]
+        if any(isinstance(value, str | bool) for value in values):
+            raise ValueError(f"{key}: expected a number")
     if found.site is not None and found.site not in SITES:
         raise ValueError(f"site: there is no {shown(found.site)}; there are {', '.join(SITES)}")
     try:
@@ -164,8 +177,8 @@ def rebuild(campaign: Campaign, folder: Path, *, allow_code: bool = False) -> Ca
     """
     rover = _read(folder / SETTINGS, dict)["rover"]  # with keys that this version lacks
     if not allow_code:
-        swept = (str(value) for value in campaign.set.values() if not isinstance(value, tuple))
-        refuse_code(*campaign.algorithms, *_names(rover), *(text for text in swept if ":" in text))
+        values = (value for value in campaign.set.values() if isinstance(value, str))
+        refuse_code(*campaign.algorithms, *_names(rover), *values)
     try:
         checked = RoverConfig.model_validate_json(json.dumps(rover), strict=True)
     except ValidationError:

@@ -14,6 +14,7 @@ from wayfarer.config.messages import shown
 from wayfarer.errors import BadInput
 from wayfarer.experiments.outcome import OUTCOMES, SUCCESSES
 from wayfarer.experiments.settings import NOTHING
+from wayfarer.fieldlog.wording import plural
 
 if TYPE_CHECKING:
     from wayfarer.experiments.trial import TrialResult
@@ -109,7 +110,10 @@ def parse_row(line: bytes, columns: tuple[str, ...], where: str, swept: Mapping[
         BadInput: the line is no such row; the text names ``where``.
     """
     try:
-        cells = dict(zip(columns, line.decode().rstrip("\n").split(","), strict=True))
+        texts = line.decode().rstrip("\n").split(",")
+        if len(texts) != len(columns):
+            raise ValueError(f"it has {plural(len(texts), 'cell')} for {plural(len(columns), 'column')}")
+        cells = dict(zip(columns, texts, strict=True))
         others = [name for name in columns if name not in FIELDS and name not in swept]
         drawn = {name: _drawn_value(name, cells.pop(name)) for name in others}
         row = TrialRow(**{name: _value(name, text) for name, text in cells.items() if name in FIELDS}, drawn=drawn)
@@ -133,8 +137,11 @@ def _text(name: str, value: Any) -> str:
 
 
 def _drawn_value(name: str, text: str) -> float:
-    value = int(text) if text.removeprefix("-").isdecimal() else float(text)
-    if not math.isfinite(value):
+    try:
+        value = int(text) if text.removeprefix("-").isdecimal() else float(text)
+    except ValueError:
+        value = math.nan
+    if not abs(value) < BELOW:
         raise ValueError(f"{name} is {shown(text)}")
     return value
 

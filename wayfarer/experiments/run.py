@@ -90,7 +90,7 @@ def not_run(failed: TaskFailed, remedy: str) -> TrialNotRun:
     if isinstance(error, WayfarerError | BrokenExecutor):
         what = str(error)
     else:
-        what = f"{kind_and_text(error)} ({failed.line})"
+        what = kind_and_text(error) + (f" ({failed.line})" if failed.line else "")
     return TrialNotRun(f"{which} could not be run: {what}; {remedy}", getattr(error, "exit_code", 1))
 
 

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
 MOST_TRIALS = 1_000_000
 MOST_DIGITS = 15  # of a number, before or after the point
+NO_NUMBER_REACHES = 10 ** (MOST_DIGITS + 1)
 Value = bool | int | float | str
 Setting = Value | tuple[float, float]
 """The value of a key, or the bounds between which a number is drawn for each trial."""
@@ -160,13 +161,12 @@ def checked_plain(asked: Mapping[str, Any], spell: Callable[[str], str] = str) -
 
 
 def as_plain(value: Any) -> Any:
-    """Return a number of NumPy as Python's own: settings are kept as JSON. What is no number stays as it is."""
-    if isinstance(value, bool | int | float | str) or value is None:
+    """Return any kind of number as Python's own, since settings are kept as JSON. What is no number stays as it is."""
+    value = value.tolist() if hasattr(value, "tolist") else value  # NumPy's own; of an array a list
+    if isinstance(value, bool | int | float | str | bytes | bytearray):
         return value
-    if type(value).__name__.startswith("bool"):
-        return bool(value)
     for number in (index, float):
-        with suppress(TypeError):
+        with suppress(TypeError, ValueError, OverflowError):
             return number(value)
     return value
 

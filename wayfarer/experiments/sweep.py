@@ -7,16 +7,17 @@ Axes are parsed from ``KEY=FIRST:LAST:STEP`` or ``KEY=VALUE,VALUE``; ``experimen
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 from typing import Any
 
-from wayfarer.errors import BadInput
+from wayfarer.config.messages import shown
+from wayfarer.errors import BadInput, one_line
 from wayfarer.experiments.campaign import Axis, Campaign
 from wayfarer.experiments.keys import check_keys, current, replace_set
-from wayfarer.experiments.settings import MOST_TRIALS, Value, as_decimal, as_number, option_of, value_of
+from wayfarer.experiments.settings import MOST_TRIALS, Value, as_decimal, as_number, as_plain, option_of, value_of
 
 MOST_AXES = 2  # a curve or a map; more cannot be drawn
 MOST_VALUES = 1000  # of one key; more is a mistyped step
@@ -52,12 +53,11 @@ def make_sweep(base: Campaign, axes: Sequence[Axis], spell: Callable[[str], str]
     """
     if not 1 <= len(axes) <= MOST_AXES:
         raise BadInput(f"{len(axes)} keys to sweep: one gives curves, two give maps, more cannot be drawn")
-    keys = [axis.key for axis in axes]
-    check_keys(base, keys, spell)
-    if twice := [key for key in keys if key in base.set]:
-        raise BadInput(f"key '{twice[0]}' is swept, and {spell('set')} sets it too; leave out one of them")
+    check_keys(base, [*base.set, *(axis.key for axis in axes)], spell)
     if without := [axis.key for axis in axes if not axis.values]:
         raise BadInput(f"key '{without[0]}' has no value to sweep: give one at least")
+    if odd := [value for axis in axes for value in axis.values if isinstance(value, str) and not _fits_cell(value)]:
+        raise BadInput(f"{shown(odd[0])} cannot be swept: a text in trials.csv has no comma, quote or line break")
     count = math.prod(len(axis.values) for axis in axes) * len(base.algorithms) * base.trials
     if count > MOST_TRIALS:
         fewer = f"take fewer values or {spell('trials')}"
@@ -69,7 +69,25 @@ def make_sweep(base: Campaign, axes: Sequence[Axis], spell: Callable[[str], str]
     return sweep
 
 
-# -- axes as a command line has them -----------------------------------------------------------------------------------
+def _fits_cell(text: str) -> bool:
+    return text.isprintable() and not {",", '"'} & {*text}
+
+
+# -- axes as people write them -----------------------------------------------------------------------------------------
+
+
+def axis_of(key: str, values: Iterable[Any]) -> Axis:
+    """Return the axis of these values, which Python gives.
+
+    Raises:
+        BadInput: they are no list of numbers or texts.
+    """
+    plain = None
+    if isinstance(values, Iterable) and not isinstance(values, str | bytes | Mapping):
+        plain = [as_plain(value) for value in values]
+    if plain is None or any(not isinstance(value, bool | int | float | str) for value in plain):
+        raise BadInput(f"values of '{one_line(key)}' = {shown(values)}: expected a list of numbers or of texts")
+    return Axis(key, tuple(dict.fromkeys(plain)))
 
 
 def parse_axis(text: str) -> Axis:

@@ -73,9 +73,10 @@ def content_of(source: str | Path) -> bytes:
         return gzip.decompress((beside_this / REFERENCE_FILE).read_bytes())
     try:
         return read_regular(Path(source), MOST_BYTES)
-    except OSError as error:
+    except (OSError, ValueError) as error:  # such as of a name that no file can have
+        why = error.strerror if isinstance(error, OSError) else error
         raise BadForest(
-            f"{source}: cannot be read ({error.strerror}), expected a file of forests, or the word {REFERENCE}"
+            f"{source}: cannot be read ({why}), expected a file of forests, or the word {REFERENCE}"
         ) from None
 
 
