@@ -219,4 +219,4 @@ def one_line(text: object) -> str:
 
 def kind_and_text(error: BaseException) -> str:
     """Return kind and text of an error that was not raised on purpose, in one line."""
-    return one_line(f"{type(error).__name__}: {error}")
+    return one_line(f"{type(error).__name__}: {error}").removesuffix(":")

@@ -195,7 +195,7 @@ def test_what_cannot_be_used_is_refused_in_a_line(
     ],
 )
 def test_values_that_cannot_be_swept_are_refused_in_a_line(values: Any, said: str) -> None:
-    with pytest.raises(wayfarer.BadInput) as refusal:
+    with pytest.raises(wayfarer.WayfarerError) as refusal:
         wayfarer.run_sweep(values, trials=1)
     assert said in str(refusal.value)
     assert "\n" not in str(refusal.value)

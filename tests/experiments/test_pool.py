@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import pickle
+import shutil
 import subprocess
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -18,7 +20,7 @@ from hypothesis import strategies as st
 
 from tests.experiments import fake_trials
 from tests.experiments.fake_trials import campaign_of
-from wayfarer.errors import BadInput
+from wayfarer.errors import BadInput, TrialNotRun
 from wayfarer.experiments.pool import LARGEST_CHUNK, LAST_SINGLY, cores, in_chunks, run_tasks
 from wayfarer.experiments.results import Results
 from wayfarer.experiments.run import TrialRunner, run
@@ -151,3 +153,71 @@ def test_as_many_jobs_as_the_quota_has_cores(
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
     assert cores(tmp_path) == expected
+
+
+class Strange(Executor):
+    """Somebody's executor: what it does with a submitted task is a function of the future."""
+
+    def __init__(self, answer: Callable[[Future[Any]], object]) -> None:
+        self.answer = answer
+
+    def submit(self, *_: Any, **__: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        self.answer(future)
+        return future
+
+
+def refuse(_: Future[Any]) -> None:
+    raise OSError("the network\nis gone")
+
+
+@pytest.mark.parametrize(
+    ("answer", "said"),
+    [
+        (refuse, "OSError: the network is gone"),
+        (lambda future: future.set_exception(ValueError("odd")), "ValueError: odd"),
+        (lambda future: future.set_result("nonsense"), "ValueError: "),
+        (Future.cancel, "CancelledError"),  # nobody notifies it, as after shutdown(cancel_futures=True)
+    ],
+    ids=["refuses", "raises", "nonsense", "cancels"],
+)
+def test_whatever_an_executor_does_is_an_error_in_a_line(answer: Callable[[Future[Any]], object], said: str) -> None:
+    with pytest.raises(TrialNotRun, match=rf"^trial 0 of forest-pledge could not be run: {said}[^\n]*; correct that"):
+        run(Results(campaign_of(9)), executor=Strange(answer), run_trial=fake_trials.quick)
+
+
+def test_executor_that_is_shut_down_meanwhile_ends_the_campaign_and_keeps_what_is_done(tmp_path: Path) -> None:
+    executor = ThreadPoolExecutor(1)
+    campaign, seen = campaign_of(99), list[object]()
+
+    def progress(done: object) -> None:
+        seen.append(done)
+        executor.shutdown(wait=False, cancel_futures=True)
+
+    with Results.kept(campaign, tmp_path / "out") as results, pytest.raises(TrialNotRun, match="are kept in"):
+        run(results, executor=executor, run_trial=fake_trials.quick, progress=progress)
+    assert 1 <= len(seen) == len(Results.open(tmp_path / "out", unfinished=True).rows) < 99
+
+
+class OfNoError(BaseException):
+    """As ``asyncio.CancelledError``, or what a test framework raises."""
+
+
+def raises_what_is_no_error(_: Any) -> Any:
+    raise OfNoError("of mine")
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_an_algorithm_may_raise_what_is_no_error(jobs: int) -> None:
+    with pytest.raises(TrialNotRun, match=r"could not be run: OfNoError: of mine \(test_pool.py:"):
+        run(Results(campaign_of(4)), jobs=jobs, run_trial=raises_what_is_no_error)
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "<&- >&-", "<&- >&- 2>&-"])
+def test_closed_standard_streams_disturb_no_worker(tmp_path: Path, closed: str) -> None:
+    sim = "sim --trials 4 --budget-m 3 --jobs 2 --out out"
+    command = [shutil.which("sh") or "sh", "-c", f"{sys.executable} -m wayfarer {sim} {closed}"]
+    assert subprocess.run(command, cwd=tmp_path, stdout=subprocess.DEVNULL, check=False).returncode == 0
+    assert len(Results.open(tmp_path / "out").rows) == 4

@@ -69,8 +69,8 @@ def test_no_folder_no_campaign_and_an_unfinished_one_are_told_apart(tmp_path: Pa
     [
         ("", "Expecting value"),
         ("[1]", "the file: Input should be an object"),
-        ("{}", "Field required"),
-        ('{"version": 3}', "version: Input should be a valid string"),
+        ("{}", "version is missing"),
+        ('{"version": 3}', "algorithms is missing, as in results of another version"),
         ("\xff", "invalid start byte"),
         ("[" * 100_000, "recursion"),
     ],
@@ -96,6 +96,14 @@ def test_damaged_settings_are_named(folder: Path, text: str, says: str) -> None:
         ("budget_m", 0),
         ("slip_mean_m", math.nan),
         ("set", {"sim.slope_deg": [0.5]}),
+        ("set", {"sim.slope_deg": [0, 10**400]}),
+        ("set", {"\x1b[2J": 1}),
+        ("set", {"footprint_m": "wide"}),
+        ("version", "\x1b[2J"),
+        ("version", 3),
+        ("rover", {}),
+        ("rover", {"vehicle": 5}),
+        ("rover", {"vehicle": {"length_m": "long", "width_m": 1}}),
         ("set", {"sim.slope_deg": [0.5, math.nan]}),
         ("set", {"senses": "\x1b[31mfield"}),
         ("faults", ["silent"]),
@@ -131,7 +139,7 @@ def test_shortest_path_of_nothing_is_not_known(folder: Path) -> None:
 @pytest.mark.parametrize("key", ["site", "physics", "ground", "set", "depth"])
 def test_folder_of_a_version_with_fewer_settings_is_refused(folder: Path, key: str) -> None:
     edit_settings(folder, lambda settings: settings.pop(key))
-    with pytest.raises(BadInput, match=rf"campaign\.json is damaged: {key}: Field required; the campaign must be run"):
+    with pytest.raises(BadInput, match=rf"is damaged: {key} is missing, as in .*; the campaign must be run"):
         Results.open(folder)
 
 

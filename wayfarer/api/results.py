@@ -120,8 +120,6 @@ def compare(results: Results, against: str | None = None) -> list[dict[str, Any]
     >>> [(row["algorithm"], row["path_m_change_pairs"]) for row in compare(results)]
     [('forest-pledge', 0), ('pledge', 2)]
     """
-    if results.plan.axes:
-        raise BadInput("the results of a sweep have a campaign at each point; compare those of one campaign")
     from wayfarer.experiments.tables import comparison_table
 
     found = compared(results.rows, against)

@@ -362,10 +362,13 @@ def compare(rows: Iterable[TrialRow], against: str | None = None) -> list[Compar
     If none is named that is Forest-Pledge, else the campaign's first one.
 
     Raises:
-        BadInput: that one is not there, is alone, or two trials have the same algorithm, forest and noise.
+        BadInput: that one is not there, is alone, or two trials have the same algorithm, forest and noise; or the rows
+            are those of a sweep.
     """
     trials: dict[str, dict[tuple[int, int], TrialRow]] = {}
     for row in rows:
+        if row.point:
+            raise BadInput("the results of a sweep have a campaign at each point; compare those of one campaign")
         if trials.setdefault(row.algorithm, {}).setdefault((row.forest, row.noise), row) is not row:
             raise BadInput(
                 f"{row.algorithm} has two trials in forest {row.forest} with noise {row.noise}, so its trials cannot "

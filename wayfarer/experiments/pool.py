@@ -18,6 +18,7 @@ import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
+from fcntl import F_DUPFD_CLOEXEC, fcntl
 from functools import lru_cache
 from itertools import islice
 from math import ceil, inf
@@ -280,8 +281,8 @@ class _Worker:
     """A process that runs chunks of tasks, one at a time."""
 
     def __init__(self) -> None:
-        tasks, self._tasks = os.pipe()
-        self._results, results = os.pipe()
+        tasks, self._tasks = _pipe()
+        self._results, results = _pipe()
         code = (
             f"import sys; sys.path[:] = {sys.path!r}\n"
             f"from wayfarer.experiments.pool import work; work({tasks}, {results})"
@@ -326,6 +327,17 @@ class _Worker:
             self._to.close()
 
 
+def _pipe() -> tuple[int, int]:
+    """Return the ends of a new pipe, none of them where a standard stream was closed: a worker has its own there."""
+    low = os.pipe()
+    try:
+        read, write = (fcntl(end, F_DUPFD_CLOEXEC, 3) for end in low)
+    finally:
+        for end in low:
+            os.close(end)
+    return read, write
+
+
 def _ended(code: int) -> str:
     if code == -signal.SIGKILL:
         return "its process was killed, most likely for lack of memory (then use fewer jobs)"
@@ -338,6 +350,9 @@ def work(tasks: int, results: int) -> NoReturn:
     """Run in a worker what comes through one pipe, and write what it gives into another, until the first is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that began it says when to stop, and closes the pipe
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # it was closed, and what a trial imports may write to it
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115, PTH123
     chunks: SimpleQueue[tuple[bytes, Sequence[Any]]] = SimpleQueue()
 
     def read() -> None:

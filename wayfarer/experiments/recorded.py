@@ -110,9 +110,9 @@ def recorded(table: Any) -> Plan:
     """
     from wayfarer.simhal.world.sites import SITES
 
+    if isinstance(table, dict) and (missing := [name for name in ("version", *NAMES) if name not in table]):
+        raise ValueError(f"{missing[0]} is missing, as in results of another version")
     found = _AsWritten.model_validate_json(json.dumps(table))
-    if missing := [name for name in NAMES if name not in table]:
-        raise ValueError(f"{missing[0]}: Field required")
     if len(set(found.algorithms)) < len(found.algorithms):
         raise ValueError("algorithms: one is there twice")
     for key in (FOOTPRINT, *BODY):
