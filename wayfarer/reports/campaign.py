@@ -19,7 +19,7 @@ from wayfarer.reports.figures import escape_figure, gain_figure, grouped, paths_
 from wayfarer.reports.page import html
 from wayfarer.reports.page.frame import PAGE, Plot, write_page
 from wayfarer.reports.page.plots import Plots
-from wayfarer.reports.worst_trials import GALLERY_TRIALS, Progress, no_progress, worst_section
+from wayfarer.reports.worst_trials import Progress, no_progress, worst_section
 from wayfarer.simhal.faults.kinds import parse_fault
 
 ESCAPE = (
@@ -60,7 +60,7 @@ def write_report(
     results: Results,
     out: Path | None = None,
     *,
-    gallery: int = GALLERY_TRIALS,
+    gallery: int,
     jobs: int,
     allow_code: bool = False,
     progress: Progress = no_progress,

@@ -54,7 +54,6 @@ GALLERY = (
     "therefore not typical trials but the worst. They are few, because trials.csv has no paths: each was run again for "
     f"its drawing, and gave the result in trials.csv, digit for digit. {MAP}"
 )
-GALLERY_TRIALS = 6
 KEPT_EVERY_M = 0.2  # half a body: the tightest curve, the probe's, has a radius of 1.15 m
 
 
