@@ -118,7 +118,7 @@ def recorded(table: Any) -> Plan:
     for key in (FOOTPRINT, *BODY):
         values = [found.set.get(key, 0.0), *(value for axis in found.axes if axis.key == key for value in axis.values)]
         if any(isinstance(value, str | bool) for value in values):
-            raise ValueError(f"{key}: expected a number")
+            raise ValueError(f"set: {key}: expected a number")
     if found.site is not None and found.site not in SITES:
         raise ValueError(f"site: there is no {shown(found.site)}; there are {', '.join(SITES)}")
     try:
