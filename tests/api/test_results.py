@@ -156,7 +156,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"site": ["maze"]}, "site = ['maze']: expected str"),
     ({"rover": 5}, "rover = 5: expected str | Path"),
     ({"forests": 5}, "forests = 5: expected str | Path"),
-    ({"forests": "\0"}, "embedded null byte"),
+    ({"forests": "\0"}, "embedded null"),
     ({"faults": [5]}, "faults = [5]: expected Sequence[str]"),
     ({"set": 5}, "set = 5: expected Mapping"),
     ({"set": [("sim.slope_deg", 5)]}, "expected Mapping"),

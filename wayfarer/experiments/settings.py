@@ -236,17 +236,18 @@ def describe(without: Sequence[str] = (), **defaults: Any) -> Callable[[F], F]:
         parameters = [*(each for each in own if each not in last), *settings, *last]
         cast(Any, function).__signature__ = signature.replace(parameters=parameters)
         about, doc = sentences(CampaignSettings), function.__doc__ or ""
-        wrap = TextWrapper(120, " " * 8, " " * 12, break_on_hyphens=False)
-        names = [name for name in NAMES if name not in without and f"        {name}: " not in doc]
-        lines = [wrap.fill(f"{name}: {about[name]}") for name in names]
-        before, settings_line, after = doc.partition(SETTINGS_LINE)
-        function.__doc__ = before + "\n".join(lines) + "\n" + after if settings_line else doc
+        if line := re.search(rf"^( +){re.escape(SETTINGS_LINE)}", doc, re.MULTILINE):
+            indent = line[1]  # Python 3.13 removes that of the function
+            wrap = TextWrapper(120, indent, indent + "    ", break_on_hyphens=False)
+            names = [name for name in NAMES if name not in without and f"\n{indent}{name}: " not in doc]
+            lines = [wrap.fill(f"{name}: {about[name]}") for name in names]
+            function.__doc__ = doc[: line.start()] + "\n".join(lines) + "\n" + doc[line.end() :]
         return function
 
     return described
 
 
-SETTINGS_LINE = "        settings: those of a campaign, in the page of that name.\n"
+SETTINGS_LINE = "settings: those of a campaign, in the page of that name.\n"
 
 
 def _parameter(name: str, default: Any) -> inspect.Parameter:
