@@ -16,10 +16,9 @@ from typing import Any
 
 from wayfarer.experiments.measures import compare
 from wayfarer.experiments.outcome import SUCCESSES
-from wayfarer.experiments.paper import reported
 from wayfarer.experiments.provenance import read_runs
 from wayfarer.experiments.results import Results
-from wayfarer.experiments.tables import campaign_table, comparison_table
+from wayfarer.experiments.tables import comparison_table, table_of
 from wayfarer.reports.sweep import Grid, point_rows, point_titles
 
 PLACE = re.compile(
@@ -85,8 +84,7 @@ class Measured:
 
 def outcomes(folder: Path) -> Lines:
     """Yield the table of ``wayfarer sim``, with the paper's figures."""
-    results = Results.open(folder)
-    table = campaign_table(results.by_algorithm, reported(results.settings), site=results.plan.base.site is not None)
+    table = table_of(Results.open(folder))
     yield table.titles
     for kind, cells in table.rows:
         yield [f"*{cell.strip()}*" if cell else "" for cell in cells] if kind else cells

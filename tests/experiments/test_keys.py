@@ -175,8 +175,14 @@ def test_what_is_swept_has_no_other_value_beside_it(
 
 
 def test_direction_of_a_swept_slope_may_be_drawn(run: Run, tmp_path: Path) -> None:
-    swept = ("sweep", "sim.slope_deg=0,3", "--trials", "1", "--budget-m", "5", "--jobs", "1", "--out", tmp_path / "o")
+    swept = ("sweep", "sim.slope_deg=0,3", "--trials", "2", "--budget-m", "5", "--jobs", "1", "--out", tmp_path / "o")
     succeed(run, *swept, "--set", "sim.slope_direction_deg=0:360")
+    rows = list(csv.DictReader((tmp_path / "o" / "trials.csv").read_text(encoding="utf-8").splitlines()))
+    directions_deg = [float(row["sim.slope_direction_deg"]) for row in rows]
+    assert [(row["sim.slope_deg"], row["trial"]) for row in rows] == [("0", "0"), ("0", "1"), ("3", "0"), ("3", "1")]
+    assert all(0.0 <= direction_deg <= 360.0 for direction_deg in directions_deg)
+    assert directions_deg[:2] == directions_deg[2:], "points are paired"
+    assert directions_deg[0] != directions_deg[1]
 
 
 @pytest.mark.parametrize(

@@ -348,7 +348,12 @@ def test_filesystem_without_locks_is_a_sentence(tmp_path: Path, monkeypatch: pyt
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
     monkeypatch.setattr(fcntl, "flock", refuses)
-    with pytest.warns(
-        UserWarning, match=r"cannot be locked \(No locks available\): let no other campaign write into it"
+    with (
+        pytest.warns(
+            UserWarning, match=r"cannot be locked \(No locks available\): let no other campaign write into it"
+        ),
+        Results.kept(PLAN, tmp_path) as results,
     ):
-        opened(tmp_path)
+        results.add(ROWS[0])
+    assert (tmp_path / TRIALS).read_bytes() == HEADER + LINES[0]
+    assert Results.open(tmp_path, unfinished=True).rows == ROWS[:1]

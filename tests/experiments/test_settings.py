@@ -60,4 +60,5 @@ def test_campaign_is_read_back_as_it_was_written(settings: dict[str, Any]) -> No
     assert again.settings() == written
     assert replace(again, rover=campaign.rover) == campaign
     for trial in (0, 7):
-        assert replace(again, rover=campaign.rover).conditions(trial) == campaign.conditions(trial)
+        drawn = again.drawn(trial)
+        assert replace(again, rover=campaign.rover).conditions(drawn) == campaign.conditions(campaign.drawn(trial))

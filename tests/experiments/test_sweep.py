@@ -131,7 +131,7 @@ def test_key_that_would_change_nothing_is_refused(campaign: Campaign, key: str, 
 def test_terrain_of_mujoco_is_swept_by_name() -> None:
     drawn = replace_set(IN_MUJOCO, {"sim.torque_scale": (1.0, 3.0)})
     sweep = make_sweep(drawn, [Axis("sim.friction", (0.3, 0.8))])
-    met = [point.conditions(3).terrain for point in sweep.points]
+    met = [point.conditions(point.drawn(3)).terrain for point in sweep.points]
     assert [each.friction for each in met if each] == [0.3, 0.8]
     assert {each.torque_scale for each in met if each} == set(drawn.drawn(3).values())
     assert sweep.settings()["axes"][0]["now"] == 0.5

@@ -19,10 +19,11 @@ from wayfarer.experiments.paper import FIELD_TRIALS, FORESTS, reported
 from wayfarer.experiments.results import Results
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.sweep import Sweep
-from wayfarer.experiments.tables import NO_SPL, campaign_table, comparison_table, layouts_note, layouts_of_points
+from wayfarer.experiments.tables import NO_SPL, comparison_table, layouts_note, layouts_of_points, table_of
 from wayfarer.logview.terminal_table import TextTable, print_whole
 from wayfarer.simhal.world.forest_file import read_forest_file
 
+PLAIN = replace(campaign_of(1), rover=load_rover("sim"))
 ROWS = [
     TrialRow(n, "x", n, 0, n, "escaped", 247.5 + n * 7 % 400, 1.0, 999.9 + n % 3, 888, 9, 39.9, 0.123)
     for n in range(998)
@@ -37,7 +38,8 @@ def printed(table: TextTable, width: int = 140) -> str:
 
 
 def forests(rows: Mapping[str, Sequence[TrialRow]], **options: Any) -> TextTable:
-    return campaign_table(rows, FORESTS, site=False, **options)
+    own = [row._replace(algorithm=name) for name, trials in rows.items() for row in trials]
+    return table_of(Results(replace(PLAIN, algorithms=tuple(rows)), own), **options)
 
 
 @pytest.mark.parametrize("width", [60, 80, 100, 140])
@@ -92,8 +94,6 @@ def test_unknown_values_are_left_empty() -> None:
 
 
 # -- the paper's row ---------------------------------------------------------------------------------------------------
-
-PLAIN = replace(campaign_of(1), rover=load_rover("sim"))
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,9 @@ and every algorithm meets the same forests with the same noise: comparisons are 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from enum import Enum
 from functools import cached_property
 from hashlib import blake2b
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -58,10 +60,9 @@ class Campaign(CampaignSettings):
         """Return the values that a trial drew."""
         return drawn(self.ranges, self.trial_seed(trial))
 
-    def conditions(self, trial: int) -> Conditions:
-        """Return what the keys decide of a trial."""
-        values = self.drawn(trial)
-        return laid_over(self, {**self.fixed_values, **values}) if values else self.fixed
+    def conditions(self, drawn: Mapping[str, float]) -> Conditions:
+        """Return what the keys decide of a trial that drew these values."""
+        return laid_over(self, {**self.fixed_values, **drawn}) if drawn else self.fixed
 
     @property
     def field_site(self) -> FieldSite | None:
@@ -103,7 +104,7 @@ class Campaign(CampaignSettings):
     def make_forest(self, trial: int) -> Forest:
         """Return a trial's forest: generated, or from the file with this pass's noise number."""
         number, noise = self.forest_and_noise(trial)
-        conditions = self.conditions(trial)
+        conditions = self.conditions(self.drawn(trial))
         if site := self.field_site:
             forest = site.layout(number, self.seed, conditions.rover.vehicle)
         elif self.forests is None:
@@ -126,25 +127,29 @@ class Campaign(CampaignSettings):
         from wayfarer.experiments.trial_setup import TrialSpec
         from wayfarer.simhal.faults.kinds import parse_fault
 
-        met = self.conditions(task.trial)
+        drawn = self.drawn(task.trial)
+        met = self.conditions(drawn)
         return TrialSpec(
             task.trial, task.algorithm, forest, self.trial_seed(task.trial), met.rover, met.budget_m, self.depth,
             tuple(map(parse_fault, self.faults)), physics=met.physics, site=self.field_site, terrain=met.terrain,
-            ground=met.ground, drawn=self.drawn(task.trial), go_on=self.go_on,
+            ground=met.ground, drawn=drawn, go_on=self.go_on,
         )  # fmt: skip
 
     def settings(self) -> dict[str, Any]:
         """Return the settings as ``campaign.json`` has them: what makes two campaigns the same one."""
-        plain = {name: getattr(self, name) for name in ("version", *NAMES)}
-        return plain | {
-            "algorithms": list(self.algorithms),
+        return {name: _as_json(getattr(self, name)) for name in ("version", *NAMES)} | {
             "rover": self.rover.model_dump(mode="json", warnings=False),  # that of a folder is not checked
             "forests": self.forests and {"file": self.forests.name, "blake2b": self.forests.blake2b},
-            "depth": self.depth.value,
-            "ground": self.ground.value,
-            "set": {key: list(value) if isinstance(value, tuple) else value for key, value in self.set.items()},
-            "faults": list(self.faults),
         }
+
+
+def _as_json(value: Any) -> Any:
+    """Return a setting as JSON has it."""
+    if isinstance(value, Mapping):
+        return {key: _as_json(each) for key, each in value.items()}
+    if isinstance(value, tuple):
+        return list(value)
+    return value.value if isinstance(value, Enum) else value
 
 
 class Plan(Protocol):

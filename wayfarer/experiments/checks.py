@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +14,7 @@ from wayfarer.config.settings import CLIMBING_KEYS
 from wayfarer.errors import BadConfig, BadInput, MissingPackage, UnknownName, one_line
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.campaign import Campaign
-from wayfarer.experiments.keys import OWN, Conditions, check_keys, check_ranges, corners, laid_over, settings_of
+from wayfarer.experiments.keys import OWN, check_keys, check_ranges, corners, settings_of
 from wayfarer.experiments.settings import FORMS, NAMES, checked_plain
 from wayfarer.extras import require
 from wayfarer.simhal.world.forest_file import read_forest_file
@@ -23,7 +22,6 @@ from wayfarer.simhal.world.physics import PHYSICS, Depth, GroundName
 
 if TYPE_CHECKING:
     from wayfarer.simhal.faults.kinds import Fault
-    from wayfarer.simhal.world.wheeled_body import WheeledBody
 
 PAPER_SET = "paper"  # stands for the ten of the paper, which are the catalogue
 INTERRUPTED = 130  # as a shell reports a command that SIGINT ended
@@ -162,21 +160,17 @@ def check_points(points: Iterable[Campaign], where: str) -> None:
         BadInput: it cannot, or something that it needs is not installed.
     """
     for point in points:
-        of_trials = {each.rover.model_dump_json(): each.rover for each in map(partial(_at, point), corners(point))}
-        for rover in of_trials.values():
+        rovers = [point.conditions(drawn).rover for drawn in corners(point)]
+        for rover in {each.model_dump_json(): each for each in rovers}.values():
             check_body(point, rover, where)
             check_rover(rover, point.depth, where)
-
-
-def _at(point: Campaign, drawn: Mapping[str, Any]) -> Conditions:
-    return laid_over(point, {**point.fixed_values, **drawn}) if drawn else point.fixed
 
 
 def check_body(campaign: Campaign, rover: RoverConfig, where: str) -> None:
     """Make sure that wheels that slip can have this rover's body, before the first trial; ``where`` as ``check_rover``.
 
     Raises:
-        BadConfig: its file does not say enough of the body, or says what cannot be built.
+        BadConfig: its file does not say enough of the body, or MuJoCo does not take it.
     """
     from wayfarer.simhal.world.wheeled_body import body_of
 
@@ -188,16 +182,8 @@ def check_body(campaign: Campaign, rover: RoverConfig, where: str) -> None:
         body = body_of(rover.name, rover.vehicle, rover.chassis, asked_by)
     except BadConfig as error:
         raise BadConfig(f"{where}: {error}") from None
-    if in_mujoco:
-        _check_model(body, where)
-
-
-def _check_model(body: WheeledBody, where: str) -> None:
-    """Make sure that the engine takes this body.
-
-    Raises:
-        BadConfig: it does not.
-    """
+    if not in_mujoco:
+        return
     from wayfarer.simhal.mujoco.model import build_spec
     from wayfarer.simhal.world.physics import Terrain
 
@@ -210,7 +196,7 @@ def _check_model(body: WheeledBody, where: str) -> None:
 
 
 def check_rover(config: RoverConfig, depth: Depth, where: str) -> None:
-    """Build a rover once: what would end every trial in a fault is told before the first.
+    """Build a rover once: what would end every trial in a fault is said before the first.
 
     Args:
         config: the rover.

@@ -23,6 +23,7 @@ import statistics
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any, Final, Literal, NamedTuple
 
 from wayfarer.errors import BadInput
@@ -80,14 +81,6 @@ def _unless_fault(name: str) -> Callable[[TrialRow], float | None]:
     return lambda row: None if row.outcome == "fault" else getattr(row, name)
 
 
-def _path_m(row: TrialRow) -> float | None:
-    return row.escape_path_m
-
-
-def _escape_s(row: TrialRow) -> float | None:
-    return row.escape_s
-
-
 MEASURES: Final = {
     each.name: each
     for each in (
@@ -96,13 +89,13 @@ MEASURES: Final = {
         Measure("entrapped_percent", "entrapped", "%", 1, "less", "share", _share_of("entrapped")),
         Measure("tipped_percent", "tipped", "%", 1, "less", "share", _share_of("tipped")),
         Measure("fault_percent", "faults", "%", 1, "less", "share", _share_of("fault")),
-        Measure("path_m", "path", "m", 1, "less", "mean", _path_m),
-        Measure("path_sd_m", "SD", "m", 1, None, "sd", _path_m),
-        Measure("path_median_m", "median path", "m", 1, "less", "median", _path_m),
-        Measure("spl", "SPL", "", 3, "more", "mean", lambda row: row.counted_spl),
-        Measure("escape_s", "time to escape", "s", 1, "less", "mean", _escape_s),
-        Measure("escape_sd_s", "SD", "s", 1, None, "sd", _escape_s),
-        Measure("escape_median_s", "median time to escape", "s", 1, "less", "median", _escape_s),
+        Measure("path_m", "path", "m", 1, "less", "mean", attrgetter("escape_path_m")),
+        Measure("path_sd_m", "SD", "m", 1, None, "sd", attrgetter("escape_path_m")),
+        Measure("path_median_m", "median path", "m", 1, "less", "median", attrgetter("escape_path_m")),
+        Measure("spl", "SPL", "", 3, "more", "mean", attrgetter("counted_spl")),
+        Measure("escape_s", "time to escape", "s", 1, "less", "mean", attrgetter("escape_s")),
+        Measure("escape_sd_s", "SD", "s", 1, None, "sd", attrgetter("escape_s")),
+        Measure("escape_median_s", "median time to escape", "s", 1, "less", "median", attrgetter("escape_s")),
         Measure("time_s", "time", "s", 1, None, "mean", _unless_fault("time_s")),
         Measure("anomalies", "anomalies", "", 1, None, "mean", _unless_fault("anomalies")),
         Measure("interventions", "interventions", "", 2, "less", "mean", _unless_fault("interventions")),

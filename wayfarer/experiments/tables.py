@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Literal, NamedTuple
 
 from wayfarer.errors import BadInput
@@ -19,7 +19,6 @@ from wayfarer.experiments.measures import (
 )
 from wayfarer.experiments.paper import Reported, reported
 from wayfarer.experiments.results import Results
-from wayfarer.experiments.rows import TrialRow
 from wayfarer.fieldlog.wording import plural
 from wayfarer.logview.terminal_table import TextTable
 
@@ -74,33 +73,19 @@ SWEEP_COLUMNS = (
     Shown("interventions", when="if_known"),
 )
 
-Line = tuple[tuple[str, ...], Sequence[TrialRow]]  # what names a row, and the trials that it is about
-
 
 def table_of(results: Results, *, full: bool = False) -> TextTable:
-    """Return the table of a campaign or a sweep that has any rows; ``full`` with all intervals, for a page."""
-    if not results.plan.axes:
-        site = results.plan.base.site is not None
-        return campaign_table(results.by_algorithm, reported(results.settings), site=site, full=full)
-    cells = sorted(results.cells.items(), key=lambda cell: results.plan.base.algorithms.index(cell[0][1]))
-    lines = [((name, *map(str, results.swept[at].values())), rows) for (at, name), rows in cells]
+    """Return the table of a campaign or a sweep that has any rows; ``full`` with all intervals, for a page.
+
+    A row is about an algorithm, in a sweep at one point. The paper's figures stand below those of a campaign.
+    """
+    plan = results.plan
     # A word a line: two long keys must fit 80 columns.
-    keys = [axis.key.rpartition(".")[2].replace("_", "\n") for axis in results.plan.axes]
-    return results_table(("algorithm", *keys), lines, SWEEP_COLUMNS, {}, full=full)
-
-
-def campaign_table(
-    by_algorithm: Mapping[str, Sequence[TrialRow]], papers: Reported, *, site: bool, full: bool = False
-) -> TextTable:
-    """Return the table of a campaign, with the paper's figures below ours; ``full`` with all intervals, for a page."""
-    lines = [((name,), rows) for name, rows in by_algorithm.items()]
-    return results_table(("algorithm",), lines, SITE_COLUMNS if site else FOREST_COLUMNS, papers, full=full)
-
-
-def results_table(
-    names: tuple[str, ...], lines: Sequence[Line], columns: Sequence[Shown], papers: Reported, *, full: bool
-) -> TextTable:
-    """Return a table with a row for each of these groups of trials; ``names`` are the titles of what names a row."""
+    names = ["algorithm", *(axis.key.rpartition(".")[2].replace("_", "\n") for axis in plan.axes)]
+    groups = sorted(results.cells.items(), key=lambda group: plan.base.algorithms.index(group[0][1]))
+    lines = [((name, *map(str, results.swept[at].values())), rows) for (at, name), rows in groups]
+    columns = SWEEP_COLUMNS if plan.axes else FOREST_COLUMNS if plan.base.site is None else SITE_COLUMNS
+    papers = {} if plan.axes else reported(results.settings)
     found = [{each.name: estimate(rows, MEASURES[each.name]) for each in columns} for _, rows in lines]
     shown = [each for each in columns if _has_column(each, [row[each.name] for row in found], papers, full=full)]
     methods = [row[each.name] for row in found for each in shown if full or each.interval]
