@@ -10,7 +10,7 @@ import asyncio
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -25,9 +25,6 @@ from wayfarer.simhal.faults.world import Slope
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import Physics, Terrain
-
-if TYPE_CHECKING:
-    pass
 
 SLIP_MEANS_M = (2.0, 10.0)
 NOISES = (1.0, 3.0)

@@ -17,7 +17,7 @@ ALGORITHM = "forest-pledge"
 
 
 def rows(trials: int) -> Iterator[tuple[str, ...]]:
-    """Run trials of the scenario ``forest-escape``, and yield the table's lines; the distances are medians."""
+    """Run trials at the site ``forest-escape``, and yield the table's lines; the distances are medians."""
     campaign = make_campaign(
         {"algorithms": ALGORITHM, "trials": trials, "rover": "forestrover", "site": "forest-escape"}
     )
@@ -25,7 +25,7 @@ def rows(trials: int) -> Iterator[tuple[str, ...]]:
         with TemporaryDirectory() as folder:
             TrialRunner(campaign, log_dir=Path(folder))(Task(ALGORITHM, trial))
             track = track_of(read_run(Path(folder)))
-        assert track.fit is not None, "the scenario has a receiver"
+        assert track.fit is not None, "the site has a receiver"
         found, missed_m = track.fit, track.missed_m(true=True)
         way_m, fixes = track.data.summary.reckoned_m, len(track.fixes)
         yield (

@@ -27,7 +27,7 @@ from wayfarer import cli
 from wayfarer.config.registry import driver_names, find_driver
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.config.rover_path import SCHEMA
-from wayfarer.experiments.keys import FOREST, OWN, TERRAIN, WORLD, ForestKeys, descriptions
+from wayfarer.experiments.keys import OWN, TERRAIN, WORLD, ForestKeys, descriptions
 from wayfarer.experiments.settings import FORMS, NAMES, CampaignSettings, option_of, plain_kind, sentences
 from wayfarer.fieldlog.wording import sentence
 from wayfarer.safety.conditions import TABLE, Condition
@@ -77,8 +77,8 @@ KEYS = """## Keys
 
 What `--set KEY=VALUE` sets for all trials, `--set KEY=LOW:HIGH` draws for each trial, and `wayfarer sweep KEY=VALUES`
 varies. In Python `set={"senses": "field", "sim.slope_deg": (0, 15)}`. Every number can be drawn: uniformly between the
-bounds, a whole number if the key counts something, from a random stream of its own, so that another drawn key changes
-nothing for it. What was drawn is a column of `trials.csv`. A key of `sim.` counts before `senses`.
+bounds, and a whole number if the key counts something. Each key has a separate random stream, so that drawing another
+key as well changes nothing for it. What was drawn is a column of `trials.csv`. A key of `sim.` counts before `senses`.
 
 Beside these keys there is every key of [the rover file](rover-file.md) by its dotted name, such as
 `escape.turn_angle_deg`; `wayfarer list --keys` prints them all.
@@ -164,10 +164,9 @@ def _keys_table() -> str:
     }
     rows = ["| key | default | allowed | what it is |", "|---|---|---|---|"]
     for key, text in descriptions().items():
-        schema = own.get(key) or world.get(key.removeprefix(WORLD))
+        schema = own.get(key) or world.get(key)
         default, allowed = (f"`{json.dumps(schema['default'])}`", _allowed(schema)) if schema else ("", "")
         where = "MuJoCo: " if key.removeprefix(WORLD) in TERRAIN else ""
-        where = "Generated forests: " if key.removeprefix(WORLD) in FOREST else where
         rows.append(f"| `{key}` | {default} | {allowed} | {where}{_plain(text, 'description')} |")
     return "\n".join(rows) + "\n"
 

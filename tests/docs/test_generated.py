@@ -34,6 +34,13 @@ def test_page_is_as_the_code_says_now(generated: dict[Path, str], name: str | Pa
     assert len(generated) == 7
 
 
+def test_every_key_of_the_world_has_its_default_and_range(generated: dict[Path, str]) -> None:
+    page = generated[FOLDER / "campaign-settings.md"]
+    cells = [[cell.strip() for cell in line.split(" | ")] for line in page.splitlines() if line.startswith("| `sim.")]
+    assert len(cells) > 30
+    assert [row[0] for row in cells if not (row[1] and "number" in row[2])] == []
+
+
 def settings(schema: dict[str, Any]) -> Iterator[tuple[str, str, dict[str, Any]]]:
     """Give table, key and schema of each setting of a rover file, drivers' included."""
     parts = schema["properties"]["parts"]["properties"]

@@ -54,7 +54,7 @@ class ForestKeys:
     """The generator of forests."""
 
     trees_per_ha: Annotated[float, Interval(ge=0, le=1000)] = TREES_PER_HA
-    """Trees a hectare of generated forests; of 20,000 half would touch."""
+    """Trees per hectare of generated forests; of 20,000 half would touch."""
 
 
 OWN = ("slip_mean_m", "budget_m", "ground")

@@ -44,7 +44,7 @@ def check_algorithm(algorithm: Algorithm) -> None:
     """Check the promises of ``escape.api.EscapeHandler`` on a rehearsed drive, with and without contact.
 
     Decisions are finite wheels in -1..1 with a fixed ``why``; the same seed gives the same decisions; where north is
-    does not matter; ``reset`` forgets; no phase but ``FOLLOW`` lasts for ever; ``memory`` has ``counter_deg`` and
+    does not matter; ``reset`` forgets; every phase but ``FOLLOW`` ends; ``memory`` has ``counter_deg`` and
     ``episodes``.
 
     Raises:

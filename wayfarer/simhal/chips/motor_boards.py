@@ -19,13 +19,10 @@ from functools import partial
 from math import inf
 from typing import Final, Literal
 
-from mypy_extensions import mypyc_attr
-
 from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 
-@mypyc_attr(allow_interpreted_subclasses=True)
 class MotorBoardChip(ABC):
     """A board whose outputs have levels, negative for back; its deadman stops both at ``stops_by_s``.
 
@@ -92,7 +89,6 @@ _AUTOBAUD: Final = 0xAA
 _START_UP_S: Final = 2.0  # for which an older board hears nothing
 
 
-@mypyc_attr(allow_interpreted_subclasses=True)
 class SabertoothChip(MotorBoardChip):
     """Implements ``buses.SerialChip``.
 
@@ -102,9 +98,9 @@ class SabertoothChip(MotorBoardChip):
         autobaud: an older board, switched on now. It hears nothing for two seconds. If the first byte then is AA, it
             takes commands; any other makes it take a wrong speed, so that it hears none until its power was off.
 
-    Packets for other addresses, and any other AA, are passed over. ``settings`` holds the data
-    of the latest setting commands; ``dropped`` counts packets that broke off or whose checksum was wrong. Any packet
-    keeps the serial timeout from tripping.
+    Packets for other addresses, and any other AA, are passed over. ``settings`` holds the data of the latest setting
+    commands; ``dropped`` counts packets that broke off or whose checksum was wrong. Any packet keeps the serial timeout
+    from tripping.
     """
 
     def __init__(

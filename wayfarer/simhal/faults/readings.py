@@ -61,7 +61,7 @@ class FaultyPart:
         return reading
 
     async def drive(self, command: Any) -> Any:
-        """Hand a command on; where the answer is late, the wheels were not: no bus carries a command that old."""
+        """Hand a command on; if the answer is late, the wheels are not: no bus carries a command that old."""
         self._refuse()
         applied = await self._part.drive(command)
         await self._wait()

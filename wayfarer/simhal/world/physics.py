@@ -44,13 +44,13 @@ class Senses:
     flow_noise_share: Fraction = 0.03
     """Noise on each displacement, as a share of it."""
     hard_iron_deg: DegreesOrZero = 0.0
-    """The most that iron that turns with the body bends the heading; one cycle per turn of the body."""
+    """The most by which iron that turns with the body bends the heading; one cycle per turn of the body."""
     soft_iron_deg: DegreesOrZero = 0.0
-    """The same of iron that is magnetised by the earth; two cycles per turn."""
+    """The most by which iron that the earth magnetises bends the heading; two cycles per turn of the body."""
     motor_field_deg: DegreesOrZero = 0.0
-    """The same as hard iron by the current of one side at full duty, and the other way round if the side turns
-    backwards. Each side has its own phase, so turning on the spot differs from driving straight. The current is taken
-    as in proportion to the duty, as in a motor that is held; one that spins draws less."""
+    """The most by which the current of one side at full duty bends the heading: as hard iron, and the other way round
+    if the side turns backwards. Each side has a separate phase, so turning on the spot differs from driving straight.
+    The current is in proportion to the duty, as in a motor that is held; one that spins draws less."""
     compass_lag_s: SecondsOrZero = 0.0
     """A reading is the attitude of that long ago, with a new time stamp; in whole readings, rounded up."""
     compass_freezes_below_deg_s: DegreesPerSecondOrZero = 0.0
@@ -111,17 +111,18 @@ class Physics(Senses):
     steer_noise_rad: Fraction = 0.2
     """By how much the rover goes off its heading in each ``noise_per_m``, radians."""
     heading_noise_deg: DegreesOrZero = 1.0
-    """By how much its heading wanders in each ``noise_per_m``."""
+    """By how much the rover's heading wanders in each ``noise_per_m``."""
     noise_per_m: Metres = 0.05
-    """Length of a step of that noise: of the released simulator at cruise."""
+    """Length of a step of the noise of steering and heading: of the released simulator at cruise."""
     slip_free_m: MetresOrZero = 0.5
     """The least distance between two slips."""
     slip_mean_m: Metres = 10.0
-    """The rest of it is distributed exponentially with this mean; in MuJoCo a straight way meets mud as often."""
+    """Mean of the rest of that distance, which is distributed exponentially; in MuJoCo a straight way meets mud as
+    often."""
     climb_deg_s: DegreesPerSecond = 40.0
     """How fast a rover rears up that pushes onto a trunk, at full duty."""
     settle_s: Seconds = 0.2
-    """How fast it falls back: a time constant."""
+    """How fast a rover that reared up falls back: a time constant."""
     tip_deg: Degrees = 60.0
     """Angle from the ground at which it tips over."""
     slope_deg: Annotated[float, Interval(ge=0, le=45)] = 0.0

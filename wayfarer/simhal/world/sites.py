@@ -24,7 +24,7 @@ from wayfarer.simhal.world.shortest_path import has_path
 GOAL_HEADING_DEG = 0.0  # north, as in the abstract forests
 SITE_STREAM = 3  # beside those of generate.py
 # Layouts are the same for both rovers of the paper: there is to be a way for the wider one of them and a hand's breadth
-# more, as if it could drive over nothing. A wider rover still has its own layouts.
+# more, as if it could drive over nothing. A wider or longer rover still gets other layouts.
 WIDEST = Vehicle(length_m=0.437, width_m=0.377, track_m=0.47, max_speed_m_s=1.4)  # paper, table II: ForestRover
 SPARE_M = 0.1
 RECEIVER = {"driver": "gpsd"}
@@ -114,7 +114,7 @@ class FieldSite:
         raise AssertionError("unreachable: the attempts do not end")
 
     def equip(self, rover: RoverConfig) -> RoverConfig:
-        """Return the rover with a receiver where this site's trials log positions."""
+        """Return the rover, with a receiver if this site's trials log positions."""
         if not self.has_receiver or "position" in rover.parts:
             return rover
         return rover.model_copy(update={"parts": {**rover.parts, "position": RECEIVER}})
