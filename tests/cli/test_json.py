@@ -66,7 +66,8 @@ def test_page_has_every_command_with_json_and_no_other() -> None:
 
 def test_settings_of_a_folder_are_in_the_page(run: Run, tmp_path: Path) -> None:
     out = tmp_path / "angles"
-    assert run("sweep", "escape.turn_angle_deg=10,30", "--trials", "1", "--budget-m", "2", "--out", out)[0] == 0
+    asked = ("escape.turn_angle_deg=10,30", "--trials", 1, "--budget-m", 2, "--jobs", 1, "--out", out)
+    assert run("sweep", *asked)[0] == 0
     said = json.loads((out / "campaign.json").read_text(encoding="utf-8"))
     axes = said.pop("axes")
     assert not [*wrong(said, "CampaignSettings", tables()), *wrong(axes[0], "SweepAxis", tables())]
