@@ -135,7 +135,7 @@ class PathsByAngle:
         self.trials += 1
         path_m = (50.0 + abs(rover.escape.turn_angle_deg - 45.0)) * (1.0 + number / 1000.0)  # no two differences alike
         row = TrialRow(number, algorithm, number, 0, seed, "escaped", path_m=path_m)
-        return wayfarer.Trial(row, [], cast(Any, None))
+        return wayfarer.Trial(row, [], cast(Any, None), cast(Any, None))
 
     def run_campaign(self, algorithm: str, trials: int, *, rover: Any, seed: int, **_: Any) -> wayfarer.Results:
         rows = [self.run_trial(number, algorithm, rover=rover, seed=seed).row for number in range(trials)]

@@ -16,10 +16,11 @@ from wayfarer.experiments.measures import COMPARED, compare
 from wayfarer.experiments.paper import FORESTS
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.tables import comparison_table
+from wayfarer.experiments.trial_log import Trajectory, TrajectoryPoint
 from wayfarer.logview import palette
 from wayfarer.reports.figures import escape_figure, gain_figure, grouped, lay_out, paths_figure
 from wayfarer.reports.page.plots import Figure, Plots
-from wayfarer.reports.worst_trials import Trajectory, TrajectoryPoint, path_in, trial_map
+from wayfarer.reports.worst_trials import path_in, trial_map
 from wayfarer.simhal.world.generate import generate_forest
 
 Rows = Mapping[str, Sequence[TrialRow]]

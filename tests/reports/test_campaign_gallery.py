@@ -107,7 +107,7 @@ def test_trial_that_comes_out_in_another_way_has_no_drawing(finished: Path, colu
 def test_trial_that_cannot_be_run_again_has_no_drawing_and_says_why(finished: Path) -> None:
     (ran,) = again([row("gone:algorithm", 0)], finished)
     assert ran.trajectory is None
-    assert "cannot be run again: BadInput: algorithm 'gone:algorithm'" in ran.why_not
+    assert "cannot be run again: algorithm 'gone:algorithm'" in ran.why_not
 
 
 def test_endings_read_well() -> None:

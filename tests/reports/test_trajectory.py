@@ -12,14 +12,19 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import UnknownName
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.trial import TrialResult, run_trial
+from wayfarer.experiments.trial_log import KEPT_EVERY_M, TrackLog, Trajectory
 from wayfarer.experiments.trial_setup import TrialSpec
-from wayfarer.reports.worst_trials import KEPT_EVERY_M, Trajectory, run_with_trajectory
 from wayfarer.simhal.world.forest import CLEARING, Trunk
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import Physics
 
 SPEC = TrialSpec(0, "forest-pledge", generate_forest(1, 0, 0), 5, load_rover("sim"))
 TICK_M = 1.4 / 20  # the rover's full speed for one control period
+
+
+def run_with_trajectory(spec: TrialSpec) -> tuple[TrialResult, Trajectory]:
+    track = TrackLog()
+    return run_trial(spec, track=track), track.trajectory()
 
 
 @pytest.fixture(scope="module")

@@ -4,42 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-from wayfarer.control.run_log import PartialLog, Tee
 from wayfarer.errors import BadInput, WayfarerError
-from wayfarer.escape.api import Phase
 from wayfarer.experiments.rows import TrialRow, row_of
 from wayfarer.experiments.settings import describe
 from wayfarer.extras import require
 
 if TYPE_CHECKING:
-    from wayfarer.control.tick import TickRecord
-    from wayfarer.hal import Rover
+    from wayfarer.experiments.trial_log import TrackRow, Trajectory
     from wayfarer.reports.page.frame import Plot
-    from wayfarer.simhal.faults.injector import NoteFault
     from wayfarer.simhal.world.forest import Forest
-    from wayfarer.simhal.world.simulated_world import SimulatedWorld
-
-
-class TrackRow(NamedTuple):
-    """Where the rover truly was at a control tick, what it saw, and what it did."""
-
-    t_s: float
-    x_m: float
-    y_m: float
-    heading_deg: float
-    pitch_deg: float
-    roll_deg: float
-    slipping: bool
-    touching: bool
-    phase: str
-    why: str
-    anomalies: str
-    left: float
-    right: float
 
 
 @dataclass(frozen=True, repr=False)
@@ -56,6 +32,7 @@ class Trial:
 
     row: TrialRow
     _ticks: Sequence[TrackRow]
+    _trajectory: Trajectory
     _forest: Forest
 
     def __repr__(self) -> str:
@@ -85,12 +62,9 @@ class Trial:
             MissingPackage: Bokeh, of the extra ``sim``, is not installed.
         """
         require("a plot")
-        from wayfarer.reports.worst_trials import Trajectory, TrajectoryPoint, trial_plot
+        from wayfarer.reports.worst_trials import trial_plot
 
-        points = [TrajectoryPoint(tick.x_m, tick.y_m, Phase(tick.phase), tick.t_s) for tick in self._ticks]
-        before = [False, *(tick.slipping for tick in self._ticks)]
-        slips_m = [(now.x_m, now.y_m) for was, now in zip(before, self._ticks, strict=False) if now.slipping > was]
-        return trial_plot(self.row, self._forest, Trajectory(points, slips_m))
+        return trial_plot(self.row, self._forest, self._trajectory)
 
 
 @describe(without=("algorithms", "trials"))
@@ -126,7 +100,8 @@ def run_trial(
     from wayfarer.experiments.checks import make_campaign, make_empty_folder
     from wayfarer.experiments.pool import task_failed
     from wayfarer.experiments.run import not_run
-    from wayfarer.experiments.trial import run_watched
+    from wayfarer.experiments.trial import run_trial as run
+    from wayfarer.experiments.trial_log import TrackLog
 
     if number < 0:
         raise BadInput(f"trial {number}: trials are counted from 0")
@@ -138,52 +113,12 @@ def run_trial(
         make_empty_folder(folder, "the log")
     task = Task(campaign.algorithms[0], number)
     spec = campaign.spec(task, campaign.make_forest(number))
-    track = _Track()
-    notes: list[NoteFault] = []
-
-    def make_log(world: SimulatedWorld, rover: Rover) -> Tee:
-        track.world = world
-        if folder is None:
-            return Tee(track)
-        from wayfarer.experiments.trial_log import field_log
-
-        log, truth = field_log(spec, folder, world, rover)
-        notes.append(truth.note)
-        return Tee(track, log, truth)
-
+    track = TrackLog()
     try:
-        return Trial(row_of(run_watched(spec, make_log, notes)), track.ticks, spec.forest)
+        result = run(spec, folder, track)
     except (WayfarerError, KeyboardInterrupt):
         raise
     except BaseException as error:  # an algorithm of a third party may raise anything
         failed = task_failed(task, error)
         raise not_run(failed, "correct that and run it again") from failed.error
-
-
-class _Track(PartialLog):
-    """Notes the true pose at each control tick."""
-
-    world: SimulatedWorld
-
-    def __init__(self) -> None:
-        self.ticks: list[TrackRow] = []
-
-    def tick(self, record: TickRecord) -> None:
-        world, decision = self.world, record.decision
-        anomalies = "+".join(anomaly.value for anomaly in record.anomalies)
-        self.ticks.append(
-            TrackRow(
-                record.t_s,
-                world.x_m,
-                world.y_m,
-                degrees(world.heading_rad) % 360.0,
-                world.pitch_deg,
-                world.roll_deg,
-                world.slipping,
-                world.touch is not None,
-                decision.phase.value,
-                decision.why,
-                anomalies,
-                *record.applied,
-            )
-        )
+    return Trial(row_of(result), track.ticks, track.trajectory(), spec.forest)

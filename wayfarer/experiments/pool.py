@@ -26,7 +26,7 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, NoReturn, ParamSpec, TypeVar
 
-from wayfarer.errors import BadInput, kind_and_text, one_line
+from wayfarer.errors import BadInput, WayfarerError, kind_and_text, one_line
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -40,12 +40,19 @@ POLL_S = 0.1  # how soon a stop is noticed
 ROOT = Path("/")
 
 
-class TaskFailed(Exception):  # for who knows what the task is; no text for a person
+class TaskFailed(Exception):
     """A task that could not be run: one of ``tasks``, the ``error`` that ended it, and in which line that was."""
 
     def __init__(self, tasks: Sequence[Any], error: BaseException, line: str = "") -> None:
         super().__init__(tasks, error, line)
         self.tasks, self.error, self.line = tasks, error, line
+
+    @property
+    def why(self) -> str:
+        """What happened, in one line; if it was not raised on purpose, with its kind and where that was."""
+        if isinstance(self.error, WayfarerError | BrokenExecutor):
+            return str(self.error)
+        return kind_and_text(self.error) + (f" ({self.line})" if self.line else "")
 
 
 class WorkerDied(BrokenExecutor):

@@ -11,13 +11,13 @@ import signal
 import threading
 import warnings
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, Executor
+from concurrent.futures import Executor
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import quote
 
-from wayfarer.errors import TrialNotRun, WayfarerError, kind_and_text
+from wayfarer.errors import TrialNotRun
 from wayfarer.experiments.campaign import Plan, Task
 from wayfarer.experiments.pool import TaskFailed, run_tasks
 from wayfarer.experiments.results import Results
@@ -86,12 +86,7 @@ def not_run(failed: TaskFailed, remedy: str) -> TrialNotRun:
     which = f"trial {task.trial} of {task.algorithm}" + (f" at point {task.point}" if task.point else "")
     if others:
         which += f", or one of the {len(others)} after it,"
-    error = failed.error
-    if isinstance(error, WayfarerError | BrokenExecutor):
-        what = str(error)
-    else:
-        what = kind_and_text(error) + (f" ({failed.line})" if failed.line else "")
-    return TrialNotRun(f"{which} could not be run: {what}; {remedy}", getattr(error, "exit_code", 1))
+    return TrialNotRun(f"{which} could not be run: {failed.why}; {remedy}", getattr(failed.error, "exit_code", 1))
 
 
 class ComputeCost(NamedTuple):

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from wayfarer.control.run_log import PartialLog, Tee
+from wayfarer.control.run_log import PartialLog, RunLog, Tee
 from wayfarer.control.supervisor import Supervisor, first_cause
 from wayfarer.control.tick import TickRecord
 from wayfarer.errors import DriverError
@@ -21,6 +21,7 @@ from wayfarer.safety.permission import Asked
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop, run_virtually
 
 if TYPE_CHECKING:
+    from wayfarer.experiments.trial_log import TrackLog
     from wayfarer.hal import Rover
     from wayfarer.simhal.faults.injector import NoteFault
     from wayfarer.simhal.world.simulated_world import SimulatedWorld
@@ -96,23 +97,29 @@ class TrialCounters(PartialLog):
             self.finish(name, str(self.why_disarmed))
 
 
-def run_trial(spec: TrialSpec, log_dir: Path | None = None) -> TrialResult:
-    """Run one trial; with ``log_dir`` the rover's full field log is written there.
+def run_trial(spec: TrialSpec, log_dir: Path | None = None, track: TrackLog | None = None) -> TrialResult:
+    """Run one trial; with ``log_dir`` the rover's full field log is written there, and ``track`` gets its true path.
 
     Raises:
         MissingPart: the rover cannot give what the algorithm needs.
         BadInput: the log cannot be written.
     """
-    if log_dir is None:
+    if log_dir is None and track is None:
         return run_watched(spec, None)
-    from wayfarer.experiments.trial_log import field_log  # a thousand trials without a log need not import its writer
-
     notes: list[NoteFault] = []
 
     def make_log(world: SimulatedWorld, rover: Rover) -> Tee:
-        log, truth = field_log(spec, log_dir, world, rover)
-        notes.append(truth.note)
-        return Tee(log, truth)
+        logs: list[RunLog] = []
+        if track is not None:
+            track.world = world
+            logs.append(track)
+        if log_dir is not None:
+            from wayfarer.experiments.trial_log import field_log  # trials without a log need not import its writer
+
+            log, truth = field_log(spec, log_dir, world, rover)
+            notes.append(truth.note)
+            logs += [log, truth]
+        return Tee(*logs)
 
     return run_watched(spec, make_log, notes)
 

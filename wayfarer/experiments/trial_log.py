@@ -1,16 +1,21 @@
-"""The log of a simulated run: what a rover in the field writes, and beside it the rover's true pose and its faults."""
+"""The log of a simulated run: what a rover in the field writes, and beside it the rover's true pose and its faults.
+
+No rover knows its own position: ``GroundTruthLog`` and ``TrackLog`` look at the simulated world beside its records.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
-from math import degrees, inf
+from math import degrees, dist, inf
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 
 from wayfarer.control.run_log import PartialLog
 from wayfarer.control.tick import TickRecord
+from wayfarer.escape.api import Phase
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.record import AnyRecord, FaultInjected, Truth, World
@@ -23,6 +28,7 @@ from wayfarer.simhal.world.physics import GroundName, changed
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 TICKS_A_RECORD = 4  # a fifth of a second at 20 Hz: plenty to draw a path
+KEPT_EVERY_M = 0.2  # half a body: the tightest curve, the probe's, has a radius of 1.15 m
 
 
 def field_log(
@@ -108,3 +114,77 @@ def _truth(world: SimulatedWorld) -> dict[str, float | bool]:
         "slipping": world.slipping,
         "touching": world.touch is not None,
     }
+
+
+# -- the true path, in memory ------------------------------------------------------------------------------------------
+
+
+class TrackRow(NamedTuple):
+    """Where the rover truly was at a control tick, what it saw, and what it did."""
+
+    t_s: float
+    x_m: float
+    y_m: float
+    heading_deg: float
+    pitch_deg: float
+    roll_deg: float
+    slipping: bool
+    touching: bool
+    phase: str
+    why: str
+    anomalies: str
+    left: float
+    right: float
+
+
+class TrajectoryPoint(NamedTuple):
+    """Where the rover was, metres east and north, and what it was doing from there on."""
+
+    x_m: float
+    y_m: float
+    phase: Phase
+    t_s: float = 0.0
+
+
+class Trajectory(NamedTuple):
+    """The path of one trial: its points in the order of time, and where the ground gave way."""
+
+    points: list[TrajectoryPoint]
+    slips_m: list[tuple[float, float]]
+
+
+class TrackLog(PartialLog):
+    """Keeps the true pose and the decision at each control tick; ``run_trial`` gives it the ``world`` to look at."""
+
+    world: SimulatedWorld
+
+    def __init__(self) -> None:
+        self.ticks: list[TrackRow] = []
+
+    def tick(self, record: TickRecord) -> None:
+        """Look at the world at a control tick."""
+        world, decision = self.world, record.decision
+        self.ticks.append(
+            TrackRow(
+                record.t_s, world.x_m, world.y_m, degrees(world.heading_rad) % 360.0, world.pitch_deg, world.roll_deg,
+                world.slipping, world.touch is not None, decision.phase.value, decision.why,
+                "+".join(anomaly.value for anomaly in record.anomalies), *record.applied,
+            )
+        )  # fmt: skip
+
+    def trajectory(self) -> Trajectory:
+        """Return the path for a drawing: each change of phase, a point every ``KEPT_EVERY_M`` between, and the end.
+
+        An entrapped rover takes 80,000 ticks, too many for a page.
+        """
+        points, slips_m, slipping = list[TrajectoryPoint](), list[tuple[float, float]](), False
+        for tick in self.ticks:
+            here = TrajectoryPoint(tick.x_m, tick.y_m, Phase(tick.phase), tick.t_s)
+            last = points[-1] if points else None
+            if last is None or here.phase is not last.phase or dist(here[:2], last[:2]) >= KEPT_EVERY_M:
+                points.append(here)
+            if tick.slipping and not slipping:
+                slips_m.append((tick.x_m, tick.y_m))
+            slipping = tick.slipping
+        end = self.world
+        return Trajectory([*points, TrajectoryPoint(end.x_m, end.y_m, Phase.HALT, end.t_s)], slips_m)

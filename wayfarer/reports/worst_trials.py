@@ -1,8 +1,4 @@
-"""The worst trials of a campaign's report: chosen, run again to get their paths, and drawn.
-
-No rover knows its own position. A trajectory is what a log sees that looks at the simulated world beside the rover's
-records; it is thinned while it is read, because an entrapped rover takes 80,000 ticks.
-"""
+"""The worst trials of a campaign's report: chosen, run again to get their paths, and drawn."""
 
 from __future__ import annotations
 
@@ -11,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext
 from functools import partial
 from itertools import chain, zip_longest
-from math import hypot, radians
+from math import radians
 from typing import NamedTuple
 
 import msgspec
@@ -19,20 +15,17 @@ import numpy as np
 from bokeh.models import Range1d
 
 from wayfarer import __version__
-from wayfarer.control.run_log import PartialLog
-from wayfarer.control.tick import TickRecord
-from wayfarer.errors import BadInput, kind_and_text
+from wayfarer.errors import BadInput
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.outcome import SUCCESSES
-from wayfarer.experiments.pool import TaskFailed, run_tasks
+from wayfarer.experiments.pool import TaskFailed, run_tasks, task_failed
 from wayfarer.experiments.results import Results
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.run import TrialRunner, not_run
-from wayfarer.experiments.trial import TrialResult, run_watched
-from wayfarer.experiments.trial_setup import TrialSpec
+from wayfarer.experiments.trial import run_trial
+from wayfarer.experiments.trial_log import TrackLog, Trajectory, TrajectoryPoint
 from wayfarer.fieldlog.record import World
-from wayfarer.hal import Rover
 from wayfarer.logview import palette
 from wayfarer.reports.data import EDGE, Floats, pieces
 from wayfarer.reports.figures import SVG
@@ -42,7 +35,6 @@ from wayfarer.reports.page.frame import Plot
 from wayfarer.reports.page.plots import Figure, Plots, hover, layer, plot, source
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.forest_file import as_row
-from wayfarer.simhal.world.simulated_world import SimulatedWorld
 from wayfarer.vocabulary import in_words, outcome_in_words
 
 MAP = (
@@ -54,23 +46,6 @@ GALLERY = (
     "therefore not typical trials but the worst. They are few, because trials.csv has no paths: each was run again for "
     f"its drawing, and gave the result in trials.csv, digit for digit. {MAP}"
 )
-KEPT_EVERY_M = 0.2  # half a body: the tightest curve, the probe's, has a radius of 1.15 m
-
-
-class TrajectoryPoint(NamedTuple):
-    """Where the rover was, metres east and north, and what it was doing from there on."""
-
-    x_m: float
-    y_m: float
-    phase: Phase
-    t_s: float = 0.0
-
-
-class Trajectory(NamedTuple):
-    """The path of one trial: its points in the order of time, and where the ground gave way."""
-
-    points: list[TrajectoryPoint]
-    slips_m: list[tuple[float, float]]
 
 
 class RerunTrial(NamedTuple):
@@ -119,18 +94,12 @@ def run_again(
 
 def _rerun(campaign: Campaign, row: TrialRow) -> RerunTrial:
     """Run a trial; give its path only if it has the result of the table, in every column."""
-    trajectories: list[Trajectory] = []
-
-    def run_trial(spec: TrialSpec) -> TrialResult:
-        result, trajectory = run_with_trajectory(spec)
-        trajectories.append(trajectory)
-        return result
-
+    task, track = Task(*row.key), TrackLog()
     try:
-        done = TrialRunner(campaign, run_trial=run_trial)(Task(*row.key))
+        again = TrialRunner(campaign, run_trial=partial(run_trial, track=track))(task).row
     except (Exception, SystemExit) as error:  # an algorithm of a third party may raise anything
-        return RerunTrial(row, None, f"cannot be run again: {kind_and_text(error)}")
-    return RerunTrial(row, trajectories[0]) if done.row == row else RerunTrial(row, None, _difference(row, done.row))
+        return RerunTrial(row, None, f"cannot be run again: {task_failed(task, error).why}")
+    return RerunTrial(row, track.trajectory()) if again == row else RerunTrial(row, None, _difference(row, again))
 
 
 def _difference(row: TrialRow, again: TrialRow) -> str:
@@ -145,56 +114,6 @@ def ending(row: TrialRow) -> str:
     """Say how a trial ended, and after which path."""
     outcome = outcome_in_words(row.outcome)
     return outcome if row.path_m is None else f"{outcome} after {row.path_m:.1f} m"
-
-
-# -- the path of one trial ---------------------------------------------------------------------------------------------
-
-
-class TrajectoryLog(PartialLog):
-    """Looks at the world at each tick, and keeps every change of phase, and between them every ``KEPT_EVERY_M``."""
-
-    def __init__(self, world: SimulatedWorld) -> None:
-        self.trajectory = Trajectory([], [])
-        self._world = world
-        self._slipping = False
-
-    def tick(self, record: TickRecord) -> None:
-        """Look where the rover is."""
-        world, points = self._world, self.trajectory.points
-        if world.slipping and not self._slipping:
-            self.trajectory.slips_m.append((world.x_m, world.y_m))
-        self._slipping = world.slipping
-        here = self._point(record.decision.phase)
-        last = points[-1] if points else None
-        if (
-            last is None
-            or here.phase is not last.phase
-            or hypot(here.x_m - last.x_m, here.y_m - last.y_m) >= KEPT_EVERY_M
-        ):
-            points.append(here)
-
-    def _point(self, phase: Phase) -> TrajectoryPoint:
-        world = self._world
-        return TrajectoryPoint(world.x_m, world.y_m, phase, world.t_s)
-
-    def close(self, reason: str, text: str) -> None:  # noqa: ARG002
-        """Keep where it ended."""
-        self.trajectory.points.append(self._point(Phase.HALT))
-
-
-def run_with_trajectory(spec: TrialSpec) -> tuple[TrialResult, Trajectory]:
-    """Run one trial, and return its result, which is the same as in the campaign, with its trajectory.
-
-    Raises:
-        MissingPart: the rover cannot give what the algorithm needs.
-    """
-    logs: list[TrajectoryLog] = []
-
-    def make_log(world: SimulatedWorld, _: Rover) -> TrajectoryLog:
-        logs.append(TrajectoryLog(world))
-        return logs[0]
-
-    return run_watched(spec, make_log), logs[0].trajectory
 
 
 # -- the gallery ------------------------------------------------------------------------------------------------------
