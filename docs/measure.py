@@ -78,7 +78,7 @@ def main() -> int:
             run(campaigns[name], asked.jobs)
     except subprocess.CalledProcessError as error:  # the campaign has told why
         code = error.returncode
-    for page in write_pages(ROOT / "docs", {name: each for name, each in campaigns.items() if each.told}):
+    for page in write_pages(ROOT / "docs", {name: each for name, each in campaigns.items() if each.printed}):
         print(page)
     return code
 
@@ -99,7 +99,7 @@ def run(campaign: Measured, jobs: int | None) -> None:
     Raises:
         CalledProcessError: it failed or was interrupted, and its folder is kept.
     """
-    if campaign.told is None:
+    if campaign.printed is None:
         print(f"{campaign.name}: {campaign.command}", file=sys.stderr)
         running = ["--out", campaign.results.name, "--resume", "--json", *(["--jobs", str(jobs)] if jobs else [])]
         told = _wayfarer(campaign.folder, [*campaign.words, *running])

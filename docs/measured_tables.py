@@ -65,15 +65,16 @@ class Measured:
         return self.results.with_suffix(".json")
 
     @property
-    def told(self) -> Mapping[str, Any] | None:
+    def printed(self) -> Mapping[str, Any] | None:
         """What the command printed; None if it is not finished."""
         return json.loads(self.end.read_text(encoding="utf-8")) if self.end.exists() else None
 
     @property
     def caption(self) -> str:
         """Where the table of a finished campaign comes from."""
-        told = self.told or {}
-        run, version = told["last_run"], Results.open(self.results).plan.base.version
+        printed, version = self.printed, Results.open(self.results).plan.base.version
+        assert printed is not None, "it is finished"
+        run = printed["last_run"]
         minutes = "{:.1f} min, {:.1f} min of CPU".format(*(run[key] / 60 for key in ("wall_s", "cpu_s")))
         took = minutes if len(read_runs(self.results)) == 1 else "in several runs"
         return f"`{self.command}`, version {version} ({took}):"

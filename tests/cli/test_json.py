@@ -145,6 +145,8 @@ def test_sim_and_compare(says: Any, tmp_path: Path) -> None:
     compared = says("compare", "compare", tmp_path / "out")["algorithms"]
     assert [each["algorithm"] for each in compared] == ["forest-pledge", "pledge"]
     assert (compared[0]["spl_change"], compared[1]["success_percent_change_pairs"]) == (None, 4)
+    numbers = [value for each in (*compared, *said["table"]) for value in each.values() if isinstance(value, float)]
+    assert numbers == [round(value, 4) for value in numbers]
     sim("--trials", 2, "--ground", "mud", "--rover", "forestrover", "--forests", "reference")
     sim("--trials", 2, "--physics", "mujoco", "--rover", "forestrover")
     sim("--trials", 2, "--set", "sim.slope_deg=5", "--set", "senses=field")

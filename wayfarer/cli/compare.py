@@ -33,13 +33,15 @@ def compare(
 
     from wayfarer.experiments.measures import compare as compared
     from wayfarer.experiments.results import Results
+    from wayfarer.experiments.rows import rounded_values
     from wayfarer.experiments.tables import comparison_table, sentences
     from wayfarer.logview.terminal import print_json
     from wayfarer.logview.terminal_table import print_whole
 
     algorithms = compared(Results.open(results).rows, against)
     if as_json:
-        print_json({"against": algorithms[0].algorithm, "algorithms": [each.as_json() for each in algorithms]})
+        values = [rounded_values(each.as_json()) for each in algorithms]
+        print_json({"against": algorithms[0].algorithm, "algorithms": values})
         return
     console = Console()
     print_whole(console, comparison_table(algorithms))

@@ -160,7 +160,7 @@ def _print_keys(*, as_json: bool) -> None:
     from wayfarer.logview.terminal_table import Column, table
     from wayfarer.simhal.world.physics import PhysicsName
 
-    about = descriptions()
+    about = {key: text.replace("``", "") for key, text in descriptions().items()}
     now = current(Campaign(rover=load_rover("sim"), physics=PhysicsName.mujoco))
     rows = [{"key": key, "value": value, "what": about.get(key)} for key, value in now.items()]
     if as_json:
@@ -169,7 +169,7 @@ def _print_keys(*, as_json: bool) -> None:
     columns: list[Column[Mapping[str, Any]]] = [
         Column("key", lambda row: row["key"], left=True),
         Column("value", lambda row: "" if row["value"] is None else str(row["value"]), left=True),
-        Column("what it is", lambda row: str(row["what"]).replace("``", ""), left=True, wraps=True),
+        Column("what it is", lambda row: str(row["what"]), left=True, wraps=True),
     ]
     console = Console()
     console.print("the simulated world and the campaign", highlight=False)
