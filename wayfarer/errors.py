@@ -38,7 +38,7 @@ code  meaning
 2     input that cannot be used: ``BadInput``, ``MissingPart``, ``MissingPackage``, or a wrong option (``cli``)
 3     records are missing: ``wayfarer logs check`` (``logview.summary``), ``wayfarer replay`` (``cli.replay``)
 75    another daemon runs already, or drives these motors: ``AlreadyRunning`` (``daemon.socket.paths``)
-129+  128 and the number of the signal that ended the command: 130 after Ctrl-C (``experiments.checks``, Typer); 129,
+129+  128 and the number of the signal that ended the command: 130 after Ctrl-C (``cli.run_trials``, Typer); 129,
       130 or 143 of ``wayfarer check`` and ``calibrate`` (``cli.terminal``)
 141   nobody reads the output any more, as with ``| head -1`` (``cli``)
 ====  =================================================================================================================
@@ -156,7 +156,7 @@ class BadReading(DriverError):
 
 
 class NotArmed(WayfarerError):
-    """Somebody asked to start the wheels, and they stand as before; the text says why."""
+    """The wheels were asked to start, and stand as before; the text says why."""
 
 
 class MissingPart(WayfarerError):

@@ -166,7 +166,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"set": {"sim.slope_deg": np.True_}}, "key 'sim.slope_deg' = True: input should be a valid number"),
     ({"set": {"sim.slope_deg": Decimal("1e999")}}, "key 'sim.slope_deg' = inf: input should be a finite number"),
     ({"set": {"sim.slope_deg": (0, 10**400)}}, "both below 1e16"),
-    ({"algorithms": "__main__:mine", "jobs": 2}, "put it in a file of its own and name it"),
+    ({"algorithms": "__main__:mine", "jobs": 2}, "put it in a separate file and name it"),
 ]
 
 

@@ -94,7 +94,7 @@ def follow(run: Run = None, *, log_dir: LogDir = None) -> None:
     chosen = None if run in (None, "last") else find_run(run, folder)
     if chosen is None and newest_run(folder) is None:
         print(f"waiting for a run in {folder}", file=sys.stderr)
-    told: Path | None = None
+    followed: Path | None = None
     waits_for = "" if chosen is None else f"{NO_OUTCOME}; waiting for more (Ctrl-C ends)"
 
     def wait() -> None:
@@ -106,8 +106,8 @@ def follow(run: Run = None, *, log_dir: LogDir = None) -> None:
 
     with suppress(KeyboardInterrupt):
         for path, record in follow_records(folder, chosen, wait):
-            if path != told:
-                told, fold, narrator = path, RunFold(), RunNarrator(Verbosity.STATUS)
+            if path != followed:
+                followed, fold, narrator = path, RunFold(), RunNarrator(Verbosity.STATUS)
                 print(run_title(path), flush=True)
             _tell(narrator.tell(fold.add(record)), flush=True)
         if chosen is not None:
@@ -143,8 +143,8 @@ def show(
         lines = narrator.tell(fold.add(record))
         if as_json:
             for line in lines:
-                told = {"elapsed_s": line.elapsed_s, "tone": line.tone, "text": line.text}
-                print_json({**told, "record": msgspec.to_builtins(record)})
+                row = {"elapsed_s": line.elapsed_s, "tone": line.tone, "text": line.text}
+                print_json({**row, "record": msgspec.to_builtins(record)})
         else:
             _tell(lines)
     if fold.state.ended is None:

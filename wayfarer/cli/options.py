@@ -154,7 +154,7 @@ def check_together(ctx: typer.Context, *, needs: Pairs = (), excludes: Pairs = (
         excludes: of each pair, only one option may be given.
 
     Raises:
-        BadInput: two of them do not go together; of several such pairs the first is told.
+        BadInput: two of them do not go together; the text names the first such pair.
     """
     given = {name for name, value in ctx.params.items() if not (value is None or value is False or value == ())}
     given |= {f"{name} {value}" for name, value in ctx.params.items() if isinstance(value, str)}

@@ -87,7 +87,6 @@ def report(
 
 def _of_trials(folder: Path, out: Path | None, gallery: int | None, jobs: int | None, *, allow_code: bool) -> Path:
     """Write the report of a sweep or a campaign, and return the page's path."""
-    require("a report")
     from rich.console import Console
 
     from wayfarer.experiments.pool import cores

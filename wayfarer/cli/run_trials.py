@@ -14,7 +14,7 @@ from rich.console import Console
 
 from wayfarer.errors import BadInput
 from wayfarer.experiments.campaign import Campaign, Plan, Task
-from wayfarer.experiments.checks import INTERRUPTED, make_empty_folder
+from wayfarer.experiments.checks import make_empty_folder
 from wayfarer.experiments.measures import summarise
 from wayfarer.experiments.pool import TaskFailed, cores, run_tasks
 from wayfarer.experiments.results import Results
@@ -29,6 +29,7 @@ from wayfarer.simhal.world.forest_file import content_of
 if TYPE_CHECKING:
     from wayfarer.experiments.dask_cluster import Cluster
 
+INTERRUPTED = 130  # as a shell reports a command that SIGINT ended
 TRACEBACK_FILE = "traceback.txt"
 
 
@@ -81,10 +82,13 @@ def run_all(
     if as_json:
         print_json(_as_json(results, cost))
         return 0
+    console = Console()
+    print_whole(console, table_of(results))
     if plan.axes:
-        _print_sweep(Console(), results)
+        console.print(layouts_note(results), markup=False, highlight=False)
     else:
-        _print_campaign(Console(), results, cost)
+        per_tick = f", {cost.cpu_us_per_tick:.1f} us of CPU per control tick" if cost.cpu_us_per_tick else ""
+        say(console, f"{_simulated_s(results) / 3600:.1f} h simulated; this run took {cost.wall_s:.1f} s{per_tick}")
     if out:
         say(aside, f"the results are in {out}")
         say_next("wayfarer", "report", out)
@@ -133,9 +137,6 @@ def run_alone(campaign: Campaign, trial: int, log: Path | None, *, as_json: bool
             say_next("wayfarer", "report", log)
 
 
-# -- what is printed at the end ----------------------------------------------------------------------------------------
-
-
 def _as_json(results: Results, cost: ComputeCost) -> dict[str, Any]:
     """Return what ``--json`` prints; ``last_run`` is this run, without what was kept before."""
     return {
@@ -150,14 +151,3 @@ def _as_json(results: Results, cost: ComputeCost) -> dict[str, Any]:
 
 def _simulated_s(results: Results) -> float:
     return sum(row.time_s or 0.0 for row in results.rows)
-
-
-def _print_campaign(console: Console, results: Results, cost: ComputeCost) -> None:
-    print_whole(console, table_of(results))
-    per_tick = f", {cost.cpu_us_per_tick:.1f} us of CPU per control tick" if cost.cpu_us_per_tick else ""
-    say(console, f"{_simulated_s(results) / 3600:.1f} h simulated; this run took {cost.wall_s:.1f} s{per_tick}")
-
-
-def _print_sweep(console: Console, results: Results) -> None:
-    print_whole(console, table_of(results))
-    console.print(layouts_note(results), markup=False, highlight=False)

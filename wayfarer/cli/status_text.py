@@ -47,8 +47,8 @@ def _mode(status: Mapping[str, Any]) -> str:
 
 
 def _marks(status: Mapping[str, Any]) -> str:
-    told = ", ".join(marks(status.get("simulated"), status.get("dry_run")))
-    return f" ({told})" if told else ""
+    words = ", ".join(marks(status.get("simulated"), status.get("dry_run")))
+    return f" ({words})" if words else ""
 
 
 def _health(status: Mapping[str, Any]) -> str:
@@ -92,8 +92,8 @@ def _log(status: Mapping[str, Any]) -> str:
 
 def _storage(status: Mapping[str, Any]) -> str:
     trouble = str(status.get("log_trouble") or "").removeprefix(f"{status['log']}: ")
-    told = "; ".join(filter(None, [trouble, *status.get("storage_warnings", ())]))
-    return painted(told, "warning") if told else ""
+    warnings = "; ".join(filter(None, [trouble, *status.get("storage_warnings", ())]))
+    return painted(warnings, "warning") if warnings else ""
 
 
 def _last_mission(status: Mapping[str, Any]) -> str:

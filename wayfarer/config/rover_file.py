@@ -107,7 +107,7 @@ class RoverConfig(BaseModel):
 
     @model_validator(mode="after")
     def _rates_meet_their_deadlines(self) -> Self:
-        """Refuse a rover that would hold its wheels for ever: a period longer than what counts as late."""
+        """Refuse a rover that would always hold its wheels: a period is longer than what counts as late."""
         periods = {
             "control_hz": (self.control_hz, "safety.tick_late_s", self.safety.tick_late_s),
             "rates.compass_hz": (self.rates.compass_hz, "detector.compass_stale_s", self.detector.compass_stale_s),

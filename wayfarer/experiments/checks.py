@@ -24,11 +24,9 @@ if TYPE_CHECKING:
     from wayfarer.simhal.faults.kinds import Fault
 
 PAPER_SET = "paper"  # stands for the ten of the paper, which are the catalogue
-INTERRUPTED = 130  # as a shell reports a command that SIGINT ended
-
-
+# Of which types a setting may be in Python beside a text.
 ALSO: Mapping[str, tuple[type, ...]] = {"rover": (Path, RoverConfig), "forests": (Path,), "set": (Mapping,)}
-LISTS = {"algorithms", "set", "faults"}
+LISTS = {"algorithms", "set", "faults"}  # settings that may be several texts
 
 
 def make_campaign(asked: Mapping[str, Any], spell: Callable[[str], str] = str, swept: Sequence[str] = ()) -> Campaign:

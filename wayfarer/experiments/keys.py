@@ -205,7 +205,7 @@ def nested(values: Mapping[str, Value]) -> dict[str, Any]:
 
 
 def check_keys(campaign: CampaignSettings, keys: Sequence[str], spell: Any = option_of) -> None:
-    """Refuse keys that there are not, or that change nothing here.
+    """Refuse unknown keys, and keys that change nothing here.
 
     Raises:
         UnknownName: no such key; the text offers the nearest ones.
@@ -239,7 +239,7 @@ def _without_effect(campaign: CampaignSettings, key: str, name: str) -> str | No
 
 
 def check_ranges(campaign: SettingsT) -> SettingsT:
-    """Return a campaign whose bounds are whole if a key counts something, all of them tried.
+    """Return the campaign with all bounds tried, as whole numbers if a key counts something.
 
     Raises:
         BadInput: what has bounds is no number, or a trial that drew them could not be run.
@@ -288,11 +288,11 @@ def replace_set(campaign: SettingsT, values: Mapping[str, Setting]) -> SettingsT
 def drawn(ranges: Mapping[str, tuple[float, float]], seed: int) -> dict[str, float]:
     """Return a trial's numbers between these bounds, with six digits, which its row has too.
 
-    Each key has a random stream of its own, so that another drawn key changes nothing for it.
+    Each key has a separate random stream: drawing another key as well changes nothing for it.
     """
     if not ranges:
         return {}
-    from wayfarer.simhal.random_streams import RandomStreams  # wants numpy, as what follows a campaign need not
+    from wayfarer.simhal.random_streams import RandomStreams  # imports numpy: only campaigns that draw need it
 
     streams, values = RandomStreams(seed), dict[str, float]()
     for key, (low, high) in ranges.items():

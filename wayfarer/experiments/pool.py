@@ -34,7 +34,7 @@ TaskT = TypeVar("TaskT")
 DoneT = TypeVar("DoneT")
 
 CHUNKS_AHEAD = 2  # per worker: one that it runs and one that waits for it
-LARGEST_CHUNK = 4  # tasks that go to a strange executor together: handing one over may take a network some ms
+LARGEST_CHUNK = 4  # tasks in a chunk for an executor of other machines: sending one may take some ms
 LAST_SINGLY = 16  # tasks per worker; one of them may take ten times as long as another
 POLL_S = 0.1  # how soon a stop is noticed
 ROOT = Path("/")
@@ -187,7 +187,7 @@ def _pickled(run: Callable[..., object]) -> bytes:
         raise BadInput(f"a trial cannot be sent to another process: {one_line(error)}; use jobs=1") from error
     if b"__main__" in payload:  # a class of the script, or a name such as "__main__:mine"
         raise BadInput(
-            "other processes do not have what this script defines: put it in a file of its own and name it, as "
+            "other processes do not have what this script defines: put it in a separate file and name it, as "
             "my_rules:spiral, or use jobs=1"
         )
     return payload
@@ -223,9 +223,9 @@ def task_failed(task: object, error: BaseException) -> TaskFailed:
         (frame.f_globals.get("__name__", "").partition(".")[0], Path(frame.f_code.co_filename), number)
         for frame, number in frames
     ]
-    strange = [line for line in lines if line[0] not in {"wayfarer", *sys.stdlib_module_names}]
-    own = [line for line in strange if {"site-packages", "dist-packages"}.isdisjoint(line[1].parts)]
-    _, path, number = (own or strange or lines)[-1]
+    foreign = [line for line in lines if line[0] not in {"wayfarer", *sys.stdlib_module_names}]
+    own = [line for line in foreign if {"site-packages", "dist-packages"}.isdisjoint(line[1].parts)]
+    _, path, number = (own or foreign or lines)[-1]
     return TaskFailed([task], error, f"{path.name}:{number}")
 
 
@@ -244,7 +244,7 @@ def _sendable(error: BaseException) -> BaseException:
 
 
 class Processes(Executor):
-    """Up to ``jobs`` worker processes, each fed by a thread of its own; fewer, or none, if the system gives no more.
+    """Up to ``jobs`` worker processes, each fed by its own thread; fewer, or none, if the system gives no more.
 
     ``run_chunk`` is all that they run.
     """
@@ -294,7 +294,7 @@ class _Worker:
             f"import sys; sys.path[:] = {sys.path!r}\n"
             f"from wayfarer.experiments.pool import work; work({tasks}, {results})"
         )
-        try:  # a group of its own: Ctrl-C reaches the whole group of this process, and only this one is to answer it
+        try:  # its own process group: Ctrl-C reaches the whole group of this process, and only this one is to answer it
             self._process = subprocess.Popen(
                 [sys.executable, "-c", code], stdin=subprocess.DEVNULL, pass_fds=(tasks, results), process_group=0
             )

@@ -41,7 +41,7 @@ class Machine(BaseModel):
 
 
 class RecordedRun(BaseModel):
-    """When a campaign or sweep was begun or continued, and how; the command is not known where no command did it."""
+    """When a campaign or sweep was begun or continued, and how; ``command`` is None if no command did it."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -56,7 +56,7 @@ _RUNS = TypeAdapter(list[RecordedRun])
 
 
 def read_runs(folder: Path) -> list[RecordedRun]:
-    """Return the runs that made the results in a folder, the first one first; none where an older version made them.
+    """Return the runs that made the results in a folder, the first one first; none if an older version made them.
 
     Raises:
         BadInput: the file is damaged, or cannot be read.

@@ -7,7 +7,6 @@ checked it: a rover, algorithms and forests are only names and numbers.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -40,7 +39,7 @@ def _is_name(text: str) -> str:
 
 
 def _is_fault(text: str) -> str:
-    from wayfarer.simhal.faults.kinds import parse_fault  # wants numpy, as who only runs trials here need not
+    from wayfarer.simhal.faults.kinds import parse_fault  # imports numpy: only campaigns with faults need it
 
     try:
         parse_fault(text)
@@ -137,10 +136,10 @@ def recorded(table: Any) -> Plan:
     )
     if not found.axes:
         return campaign
-    count = math.prod(len(axis.values) for axis in found.axes) * len(campaign.algorithms) * campaign.trials
-    if count > MOST_TRIALS:
-        raise ValueError(f"{count:,} trials, allowed are {MOST_TRIALS:,}")
-    return Sweep(campaign, tuple(Axis(axis.key, tuple(axis.values), axis.now) for axis in found.axes))
+    sweep = Sweep(campaign, tuple(Axis(axis.key, tuple(axis.values), axis.now) for axis in found.axes))
+    if sweep.total > MOST_TRIALS:
+        raise ValueError(f"{sweep.total:,} trials, allowed are {MOST_TRIALS:,}")
+    return sweep
 
 
 def read_plan(folder: Path) -> Plan:
@@ -207,7 +206,7 @@ def _forests(wanted: ForestFile | None, folder: Path) -> ForestFile | None:
 
 
 def _names(rover: Mapping[str, Any]) -> Iterator[str]:
-    """Give what a rover's settings name: its buses, and the drivers of its parts."""
+    """Yield what a rover's settings name: its buses, and the drivers of its parts."""
     parts = rover.get("parts")
     tables = list(parts.values()) if isinstance(parts, dict) else []
     yield from (str(table.get("driver")) for table in tables if isinstance(table, dict))

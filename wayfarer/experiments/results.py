@@ -55,8 +55,7 @@ class Results:
         self._file: int | None = None  # where rows are appended
 
     def __repr__(self) -> str:
-        of_all = "" if self.finished else f" of {self.total}"
-        trials = f"{len(self.rows)}{of_all} trials" if of_all else plural(len(self.rows), "trial")
+        trials = plural(self.total, "trial") if self.finished else f"{len(self.rows)} of {self.total} trials"
         return f"<Results: {trials} of {', '.join(self.plan.base.algorithms)}>"
 
     @property

@@ -2,7 +2,7 @@
 
 ``CampaignSettings`` says it all: a field's name, type and default, and what it is in the string below it. Commands get
 their options of it (``cli.trial_options``), ``run_campaign`` and others their arguments (``describe``), and a
-results folder its ``campaign.json``. What people give is checked in ``experiments.checks``, whoever gave it.
+results folder its ``campaign.json``. What people give is checked in ``experiments.checks``, for commands and Python.
 
 Commands import this module when ``sim`` or ``sweep`` is asked for; it imports neither pydantic nor numpy.
 """

@@ -30,6 +30,11 @@ class Sweep:
     base: Campaign
     axes: tuple[Axis, ...]
 
+    @property
+    def total(self) -> int:
+        """How many trials it has."""
+        return math.prod(len(axis.values) for axis in self.axes) * len(self.base.algorithms) * self.base.trials
+
     @cached_property
     def points(self) -> tuple[Campaign, ...]:
         """The campaign at each point."""
@@ -58,12 +63,11 @@ def make_sweep(base: Campaign, axes: Sequence[Axis], spell: Callable[[str], str]
         raise BadInput(f"key '{without[0]}' has no value to sweep: give one at least")
     if odd := [value for axis in axes for value in axis.values if isinstance(value, str) and not _fits_cell(value)]:
         raise BadInput(f"{shown(odd[0])} cannot be swept: a text in trials.csv has no comma, quote or line break")
-    count = math.prod(len(axis.values) for axis in axes) * len(base.algorithms) * base.trials
-    if count > MOST_TRIALS:
-        fewer = f"take fewer values or {spell('trials')}"
-        raise BadInput(f"this sweep has {count:,} trials, allowed are {MOST_TRIALS:,}; {fewer}")
     now = current(base)
     sweep = Sweep(base, tuple(replace(axis, now=now.get(axis.key)) for axis in axes))
+    if sweep.total > MOST_TRIALS:
+        fewer = f"take fewer values or {spell('trials')}"
+        raise BadInput(f"this sweep has {sweep.total:,} trials, allowed are {MOST_TRIALS:,}; {fewer}")
     for point in sweep.points:
         point.fixed  # noqa: B018 - a value that is out of its range ends it here
     return sweep

@@ -113,8 +113,8 @@ def table_of(results: Results, *, full: bool = False) -> TextTable:
 def layouts_of_points(results: Results) -> list[object]:
     """Return for each point of a sweep what its layouts depend on: two points with the same met the same layouts.
 
-    In forests all points meet the same trunks with the same noise. At a
-    site a way is kept open for the rover, so one that is wider or longer than both of the paper has layouts of its own.
+    In forests all points meet the same trunks with the same noise. At a site a way is kept open for the rover, so one
+    that is wider or longer than both of the paper's rovers gets other layouts.
     """
     points, campaign = results.swept, results.settings
     if campaign["site"] is None:

@@ -35,7 +35,7 @@ MakeLog = Callable[[SimulatedWorld, Rover], RunLog]
 class TrialSpec:
     """Everything that decides a trial: the same spec gives the same result, on any worker.
 
-    ``sensor_noise`` multiplies the noise of compass, tilt and flow. At a ``site`` somebody walks beside the rover, and
+    ``sensor_noise`` multiplies the noise of compass, tilt and flow. At a ``site`` a person walks beside the rover, and
     its time is limited. With a ``terrain`` the body moves in MuJoCo and not in physics-light; of ``physics`` then count
     the noise of the senses, the slope, unequal sides, slips (as mud) and tipping. ``ground`` is what physics-light has
     under the wheels. ``drawn`` are the keys that this trial drew, whose values are in the other fields, for its row.

@@ -106,7 +106,7 @@ def _difference(row: TrialRow, again: TrialRow) -> str:
     """Say how two runs of a trial differ: by their ends, or by the first column that is not the same."""
     if ending(row) != ending(again):
         return f"{ending(row)} in the table, {ending(again)} now"
-    name = next(name for name in TrialRow._fields if name != "ticks" and getattr(row, name) != getattr(again, name))
+    name = next(name for name in TrialRow._fields if getattr(row, name) != getattr(again, name))
     return f"{name} is {getattr(row, name)} in the table and {getattr(again, name)} now"
 
 
