@@ -25,7 +25,7 @@ if TYPE_CHECKING:  # for type checkers and editors; ``_MODULES`` says the same t
     from wayfarer.errors import WayfarerError
     from wayfarer.escape.api import Anomaly, Observation
     from wayfarer.escape.settings import EscapeSettings, Vehicle
-    from wayfarer.reports.page.frame import Plot
+    from wayfarer.reports.page.html import Plot
 
 __all__ = [  # first what does something, then the types that it takes and gives
     "Anomaly",
@@ -61,7 +61,7 @@ _MODULES = {
     "wayfarer.errors": ["WayfarerError"],
     "wayfarer.escape.api": ["Anomaly", "Observation"],
     "wayfarer.escape.settings": ["EscapeSettings", "Vehicle"],
-    "wayfarer.reports.page.frame": ["Plot"],
+    "wayfarer.reports.page.html": ["Plot"],
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 

@@ -14,7 +14,7 @@ from tests.fieldlog.lines import Log, header, numbers, tick
 from wayfarer.fieldlog import retention
 from wayfarer.fieldlog.folders import MB, new_run_folder, run_folders, run_number
 from wayfarer.fieldlog.retention import keep_run, prune
-from wayfarer.reports.page.frame import PAGE
+from wayfarer.reports.page.html import PAGE
 
 NONE_MB = 0.0  # nothing but what always stays
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from wayfarer.escape.api import Anomaly, Phase
 from wayfarer.logview import palette
 from wayfarer.remote.live.server import document
-from wayfarer.reports.page.frame import write_page
+from wayfarer.reports.page.html import write_page
 from wayfarer.reports.page.plots import Plots
 
 CONTRAST = 3.0  # WCAG 2.1, success criterion 1.4.11
@@ -56,7 +56,7 @@ def contrast(first: str, second: str) -> float:
 
 
 def brighter(colour: str) -> str:
-    """The colour as a browser shows it in the plots of a run on a dark page."""
+    """The colour as a browser shows it in the plots of reports on a dark page."""
     parts = (min(255, round(palette.BRIGHTER * int(colour[at : at + 2], 16))) for at in (1, 3, 5))
     return f"#{bytes(parts).hex()}"
 

@@ -89,10 +89,15 @@ def test_page_shows_plots_and_tables_and_does_not_overflow(
 
 def test_whole_map_is_in_the_first_screen_and_is_brighter_on_a_dark_page(desk: Page) -> None:
     desk.evaluate("scrollTo(0, 0)")
-    map_, bar = (desk.locator(each).bounding_box() for each in (".map .plot", ".cursor"))
-    assert map_ is not None
-    assert bar is not None
-    assert map_["y"] + map_["height"] <= bar["y"]
+    sentence = desk.locator(".result p").first
+    said = sentence.inner_text()
+    for text in (said, "word " * 40):  # a line, and two
+        sentence.evaluate("(shown, text) => { shown.innerText = text; }", text)
+        map_, bar = (desk.locator(each).bounding_box() for each in (".map .plot", ".cursor"))
+        assert map_ is not None
+        assert bar is not None
+        assert map_["y"] + map_["height"] <= bar["y"]
+    sentence.evaluate("(shown, text) => { shown.innerText = text; }", said)
     look = "getComputedStyle(document.querySelector('.map .plot')).filter"
     assert desk.evaluate(look) == "none"
     desk.emulate_media(color_scheme="dark")

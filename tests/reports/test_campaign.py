@@ -21,7 +21,7 @@ from wayfarer.experiments.provenance import RUNS
 from wayfarer.experiments.results import TRIALS as TABLE
 from wayfarer.experiments.results import Results
 from wayfarer.reports.campaign import write_report
-from wayfarer.reports.page.frame import PAGE
+from wayfarer.reports.page.html import PAGE
 
 GALLERY = 2
 

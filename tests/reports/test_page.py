@@ -10,7 +10,7 @@ from bokeh.plotting import ColumnDataSource
 from tests.browser import PHONE, SIZES, Opened, OpenPage, drag, plotted
 from wayfarer.errors import BadInput
 from wayfarer.reports.page import html
-from wayfarer.reports.page.frame import write_page
+from wayfarer.reports.page.html import write_page
 from wayfarer.reports.page.plots import Plots, hover, plot
 
 HOSTILE = "</script><b>bold</b>"

@@ -97,15 +97,15 @@ def test_maps_of_many_values_name_some(spl: bool, values: int) -> None:
 
 
 def test_change_is_taken_trial_by_trial_and_only_in_the_same_layouts() -> None:
-    results = results_of(ANGLES)
-    assert results.now == 2
-    assert results.change(2, "pledge") is None
-    change = results.change(1, "pledge")
+    swept = results_of(ANGLES)
+    assert swept.now == 2
+    assert swept.change(2, "pledge") is None
+    change = swept.change(1, "pledge")
     assert change is not None
     gains = [(36 / (70 + n) if n else 0.0) - (36 / (80 + n) if n > 1 else 0.0) for n in range(8)]
     assert change[::4] == pytest.approx((np.mean(gains), 8))
-    at_site = replace(results.all.plan.base, site="extended-maze")
-    grid = Grid(Results(Sweep(at_site, (Axis("vehicle.width_m", (0.2, 0.4, 0.6), 0.6),)), results.all.rows))
+    at_site = replace(swept.results.plan.base, site="extended-maze")
+    grid = Grid(Results(Sweep(at_site, (Axis("vehicle.width_m", (0.2, 0.4, 0.6), 0.6),)), swept.results.rows))
     assert [grid.change(point, "pledge") for point in range(3)] == [None] * 3
 
 

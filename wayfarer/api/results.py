@@ -16,7 +16,7 @@ from wayfarer.extras import require
 
 if TYPE_CHECKING:
     from wayfarer.logview.terminal_table import TextTable
-    from wayfarer.reports.page.frame import Plot
+    from wayfarer.reports.page.html import Plot
 
 
 class Results(stored.Results):

@@ -15,7 +15,7 @@ from wayfarer.logview.summary import RunSummary, summarise
 if TYPE_CHECKING:
     from wayfarer.config.rover_file import RoverConfig
     from wayfarer.fieldlog.replay import Replay
-    from wayfarer.reports.page.frame import Plot
+    from wayfarer.reports.page.html import Plot
 
 
 class Run:

@@ -14,7 +14,7 @@ from wayfarer.extras import require
 
 if TYPE_CHECKING:
     from wayfarer.experiments.trial_log import TrackRow, Trajectory
-    from wayfarer.reports.page.frame import Plot
+    from wayfarer.reports.page.html import Plot
     from wayfarer.simhal.world.forest import Forest
 
 

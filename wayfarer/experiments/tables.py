@@ -23,7 +23,7 @@ from wayfarer.fieldlog.wording import plural
 from wayfarer.logview.terminal_table import TextTable
 
 INTERVAL = "[95 %]"
-NO_SPL = "no SPL: the shortest paths are not known; run the trials with --spl"
+NO_SPL = "No SPL: the shortest paths are not known; run the trials with --spl."
 
 
 class Shown(NamedTuple):

@@ -18,7 +18,7 @@ PAPER, NIGHT = "#ffffff", "#121412"  # the ground of a light and of a dark page
 BLUE, VERMILION, GREEN, PURPLE, ORANGE = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00"
 VIOLET, GREY, EDGE = "#9C6CFC", "#6E6E6E", "#4A4A4A"
 MAGENTA, RED, SKY, SAND, INDIGO = "#CC00AA", "#CC0022", "#66CCFF", "#B4B49C", "#8800FF"
-BRIGHTER = 1.2  # times each part of a colour, for the plots of a run on a dark page
+BRIGHTER = 1.2  # times each part of a colour, for the plots of reports on a dark page
 
 PHASE_COLOURS: Mapping[str, str] = {
     Phase.FOLLOW.value: BLUE,

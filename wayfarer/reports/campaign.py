@@ -12,12 +12,12 @@ from wayfarer.experiments.measures import COMPARED, compare
 from wayfarer.experiments.paper import reported
 from wayfarer.experiments.provenance import RecordedRun, facts_of
 from wayfarer.experiments.results import Results
-from wayfarer.experiments.tables import comparison_table, result_sentences, sentences, table_of, unfinished
+from wayfarer.experiments.tables import comparison_table, result_sentences, table_of, unfinished
 from wayfarer.fieldlog.wording import plural
 from wayfarer.logview.terminal_table import TextTable
 from wayfarer.reports.figures import escape_figure, gain_figure, grouped, paths_figure
 from wayfarer.reports.page import html
-from wayfarer.reports.page.frame import PAGE, Plot, write_page
+from wayfarer.reports.page.html import PAGE, Plot, write_page
 from wayfarer.reports.page.plots import Plots
 from wayfarer.reports.worst_trials import Progress, no_progress, worst_section
 from wayfarer.simhal.faults.kinds import parse_fault
@@ -52,7 +52,6 @@ def comparison_section(results: Results, plots: Plots) -> Iterator[str]:
     )
     table = comparison_table([base, *others])
     yield html.table("The table of wayfarer compare", table.titles, html.below(table.rows))
-    yield from map(html.paragraph, sentences([base, *others]))
     yield html.bullets(table.notes)
 
 

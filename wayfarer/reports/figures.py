@@ -89,7 +89,8 @@ def escape_figure(by_algorithm: Mapping[str, Sequence[TrialRow]]) -> Figure:
     made.yaxis.bounds = made.ygrid.bounds = (0.0, 100.0)
     plain_numbers(made)
     made.xaxis.axis_label, made.yaxis.axis_label = "path driven, m (logarithmic)", "escaped, % of all trials"
-    items = [_curve(made, place, name, curve, span_m[0]) for place, (name, curve) in enumerate(curves.items())]
+    places = {name: place for place, name in enumerate(by_algorithm)}
+    items = [_curve(made, places[name], name, curve, span_m[0]) for name, curve in curves.items()]
     made.add_layout(Legend(items=items, **LEGEND))
     return made
 

@@ -27,12 +27,10 @@ from wayfarer.logview.summary import result_sentences, summary_facts
 from wayfarer.reports.data import LAYERS, RunData, is_trouble, read_run, worded_events
 from wayfarer.reports.map import ALONE_PX, Track, map_plot, track_of
 from wayfarer.reports.page import html
-from wayfarer.reports.page.frame import PAGE, Plot, write_page
+from wayfarer.reports.page.html import PAGE, Plot, write_page
 from wayfarer.reports.page.plots import Plots
 from wayfarer.reports.panels import draw_panels
 from wayfarer.vocabulary import in_words, response_text, whole_deg
-
-_run, _place, _events = html.macros("wayfarer.reports", "run", "place", "events")
 
 ROWS = 500  # of a table; the log has all of them
 LAST_GOALS = 5  # as many are told
@@ -113,7 +111,7 @@ def _drawn(data: RunData, plots: Plots) -> Markup:
     track_map = list(_map(track_of(data), plots))
     panels = list(draw_panels(data, plots))
     time_series = [html.paragraph(f"{BANDS} {PANELS}"), *panels] if panels else [html.paragraph(NO_TICKS)]
-    return _run(track_map, time_series, max(1.0, data.summary.lasted_s))
+    return html.run(track_map, time_series, max(1.0, data.summary.lasted_s))
 
 
 def _map(track: Track, plots: Plots) -> Iterator[Markup]:
@@ -126,7 +124,7 @@ def _map(track: Track, plots: Plots) -> Iterator[Markup]:
     if track.end_deg is not None:  # who says so, with links that the map of a telephone, or a browser, opens
         latitude, longitude = (f"{degrees:.6f}" for degrees in track.end_deg)
         whose = "End of the fitted path (the last fix is below, under “where”)" if track.fit else "The last fix"
-        yield _place(whose, latitude, longitude)
+        yield html.place(whose, latitude, longitude)
     if track.data.summary.simulated and track.forest is None:
         yield html.paragraph(NO_FOREST)
 
@@ -257,7 +255,7 @@ def events_list(data: RunData) -> Markup:
         (duration_text(event.elapsed_s, 1), text, is_trouble(event))
         for event, text in islice(worded_events(data), ROWS)
     ]
-    return _events(lines) + _rest(data.events)
+    return html.events(lines) + _rest(data.events)
 
 
 def sensors_table(data: RunData) -> Markup:

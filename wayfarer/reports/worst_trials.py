@@ -31,7 +31,7 @@ from wayfarer.reports.data import EDGE, Floats, pieces
 from wayfarer.reports.figures import SVG
 from wayfarer.reports.map import ALONE_PX, draw_forest
 from wayfarer.reports.page import html
-from wayfarer.reports.page.frame import Plot
+from wayfarer.reports.page.html import Plot
 from wayfarer.reports.page.plots import Figure, Plots, hover, layer, plot, source
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.forest_file import as_row
