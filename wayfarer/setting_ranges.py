@@ -74,7 +74,7 @@ _UNITS: Mapping[str, tuple[str, Mapping[str, float]]] = {
     "_s": (" seconds", {"milliseconds": 0.001, "minutes": 60.0}),
     "_v": (" volts", {"millivolts": 0.001}),
 }
-_ENDLESS = 1e15  # no float may come of more
+_TOO_LARGE = 1e15  # a whole number as large as this may be beyond every float once it is in another unit
 _SHARE = ("", {"percent": 0.01})  # a key without a unit, with a range up to 1
 
 
@@ -90,7 +90,7 @@ def allowed_range(key: str, value: Any, hint: Any) -> str:
         meant = [
             f"; if it is in {other}, write {number * factor:.4g}"
             for other, factor in others.items()
-            if abs(number) < _ENDLESS and _holds(interval, number * factor)
+            if abs(number) < _TOO_LARGE and _holds(interval, number * factor)
         ]
         return f"allowed is {least} to {most}{unit}{''.join(meant)}"
     return ""
@@ -139,8 +139,8 @@ def _holds(interval: Interval, value: Any) -> bool:
 
 def _intervals(hint: Any) -> Iterator[Any]:
     """Give the two-sided ranges within a type, also if it may be None."""
-    for each in getattr(hint, "__metadata__", ()):
-        if isinstance(each, Interval):
-            yield each
+    for annotation in getattr(hint, "__metadata__", ()):
+        if isinstance(annotation, Interval):
+            yield annotation
     for part in get_args(hint):
         yield from _intervals(part)
