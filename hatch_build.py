@@ -34,6 +34,7 @@ SETUP = """
 import json, sys
 from mypyc.build import mypycify
 from setuptools import setup
+import setuptools.command.build_py  # not in two compiling threads at once: one of them may get half of it, and fail
 
 libraries, jobs = json.loads(sys.argv[1])
 modules = [module for library in libraries.values() for module in library]

@@ -93,7 +93,7 @@ def test_main_is_hidden_from_no_thread(monkeypatch: pytest.MonkeyPatch) -> None:
         over.set()
         thread.join()
     assert failed == []
-    with pytest.raises(BadInput, match="other processes do not have what this script defines: put it in a separate file"):
+    with pytest.raises(BadInput, match="do not have what this script defines: put it in a separate file"):
         run(Results(campaign_of(2)), jobs=2, run_trial=OfTheScript())
 
 
