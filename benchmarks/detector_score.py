@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.control.run_log import PartialLog
+from wayfarer.control.run_log import RunLog
 from wayfarer.control.tick import TickRecord
 from wayfarer.detector.ground import TILTS
 from wayfarer.escape.api import Anomaly
@@ -71,7 +71,7 @@ class Timeline:
         self.sample(self._last_s, ())
 
 
-class DetectorScorer(PartialLog):
+class DetectorScorer(RunLog):
     """Watches a run from both sides: the world at each of its steps, the detector at each control tick.
 
     In physics-light what slips or touches is held. A body with wheels (``on_wheels``) that slips is not, and one that

@@ -18,7 +18,8 @@ from wayfarer.config.rover_file import load_rover
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.drivers.threaded import ThreadedI2C
 from wayfarer.escape.catalogue import CATALOGUE
-from wayfarer.experiments.trial import TrialCounters, run_trial
+from wayfarer.experiments.outcome import TrialCounters
+from wayfarer.experiments.trial import run_trial
 from wayfarer.safety.permission import Asked
 from wayfarer.simhal.buses import FakeBuses, FakeI2C
 from wayfarer.simhal.chip_wiring import ChipWiring

@@ -66,7 +66,7 @@ class WatchedVirtualLoop(VirtualLoop):
 
     @property
     def longest_turn_s(self) -> float:
-        return cast(WatchedSchedule, self._schedule).longest_turn_s
+        return cast(WatchedSchedule, self.clock).longest_turn_s
 
 
 def pytest_asyncio_loop_factories() -> Mapping[str, Callable[[], asyncio.AbstractEventLoop]]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 from wayfarer.commissioning.checks import ARMING, CALIBRATED
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.control.run_log import PartialLog, RunLog, Tee
+from wayfarer.control.run_log import RunLog, Tee
 from wayfarer.daemon.daemon import RoverSetup
 from wayfarer.experiments.outcome import OutcomeMonitor
 from wayfarer.experiments.trial_log import GroundTruthLog
@@ -52,7 +52,7 @@ def simulated_rover_setup(
     return RoverSetup(rover, checks=checks, world=as_row(forest), ground_truth_log=make_truth_log)
 
 
-class _FaultsFromArming(PartialLog):
+class _FaultsFromArming(RunLog):
     """Starts the injection of faults when the rover is armed for the first time.
 
     None of them is one of the process: here that is the daemon, whose clock and power are real.

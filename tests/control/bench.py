@@ -89,7 +89,10 @@ class Bench:
             self.t_s += dt_s
             if compass:
                 self.inbox.put_compass(CompassReading(self.t_s, heading_deg, pitch_deg, 0.0, None))
-            await self.loop.tick(self.t_s)
+            await self.do_tick()
+
+    async def do_tick(self) -> None:
+        await self.loop.tick(self.t_s)
 
     async def armed(self, goal_heading_deg: float | None = 0.0) -> Bench:
         """This bench, driving."""

@@ -14,7 +14,7 @@ from tests.control.bench import Wanting
 from tests.kit.workshop import VEHICLE, own_details
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.controller import Controller
-from wayfarer.control.run_log import PartialLog
+from wayfarer.control.run_log import RunLog
 from wayfarer.control.tick import BoardReport, Inbox
 from wayfarer.detector import Detector
 from wayfarer.hal import STOP, MotorHealth, WheelCommand
@@ -28,7 +28,7 @@ OF_THE_BOARD = {Condition.BOARD_DISAGREES, Condition.BOARD_SILENT, Condition.UND
 COMMANDS = st.builds(WheelCommand, st.floats(-1, 1), st.floats(-1, 1))
 
 
-class Log(PartialLog):
+class Log(RunLog):
     """Keeps what is written, in its order."""
 
     def __init__(self) -> None:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+from typing import Any
 
 import pytest
 
 from tests.virtual import virtual
-from wayfarer.control.rate import Rate, RateLimiter
+from wayfarer.control.rate import Rate, RateLimiter, at_once
 
 
 @virtual
@@ -19,6 +20,46 @@ async def test_period_that_was_missed_is_skipped_and_the_grid_begins_again() -> 
         await rate.wait()
         woke_s.append(loop.time() - begun_s)
     assert woke_s == pytest.approx([0.125, 0.25, 0.55, 0.675, 0.8])
+
+
+class Part:
+    async def read(self) -> str:
+        return self.read_at(0.0)
+
+    def read_at(self, t_s: float) -> str:
+        return f"read at {t_s}"
+
+
+class Noisy(Part):
+    async def read(self) -> str:
+        return f"{await super().read()}, with noise"
+
+
+class Named(Part):
+    name = "named"
+
+
+class Wrapper:
+    def __init__(self, part: Part) -> None:
+        self._part = part
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._part, name)
+
+    async def read(self) -> str:
+        return f"{await self._part.read()}, changed"
+
+
+@pytest.mark.parametrize("part", [Noisy(), Wrapper(Part()), object()], ids=["other read", "wrapped", "no read"])
+def test_part_whose_read_may_do_more_is_not_read_at_once(part: object) -> None:
+    assert at_once(part, "read") is None
+
+
+@pytest.mark.parametrize("part", [Part(), Named()])
+def test_part_that_never_waits_is_read_at_once(part: object) -> None:
+    read_at = at_once(part, "read")
+    assert read_at is not None
+    assert read_at(2.0) == "read at 2.0"
 
 
 def test_allowance_is_used_up_and_comes_back() -> None:

@@ -6,7 +6,7 @@ from math import inf
 
 from tests.control.bench import TICK_S, Bench
 from wayfarer.config.rover_file import load_rover
-from wayfarer.control.run_log import PartialLog
+from wayfarer.control.run_log import RunLog
 from wayfarer.control.tick import TickRecord
 from wayfarer.escape.recovery import BLIND_DETOUR, UNSEEN_S
 from wayfarer.experiments.campaign import Campaign, Task
@@ -18,7 +18,7 @@ from wayfarer.simhal.faults.world import Drive
 from wayfarer.simhal.world.physics import GroundName
 
 
-class Seen(PartialLog):
+class Seen(RunLog):
     """Remembers the conditions and decisions of a trial."""
 
     def __init__(self) -> None:

@@ -23,7 +23,7 @@ from tests.kit.workshop import (
 )
 from tests.virtual import virtual
 from wayfarer.control import shutdown
-from wayfarer.control.run_log import PartialLog
+from wayfarer.control.run_log import RunLog
 from wayfarer.control.shutdown import run_uncancellable
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.errors import NotResponding
@@ -42,7 +42,7 @@ async def test_nothing_that_fails_in_the_words_for_the_end_keeps_the_wheels_from
     monkeypatch.setattr(shutdown, "disarmed_text", no_memory)
     motors = AsyncMock(halt=Mock(), read_back=AsyncMock(return_value=STOP))
     with pytest.raises(MemoryError):
-        await shutdown.Shutdown(motors, (motors,), PartialLog()).end(RunEnd("requested", "enough"))
+        await shutdown.Shutdown(motors, (motors,), RunLog()).end(RunEnd("requested", "enough"))
     assert [name for name, *_ in motors.mock_calls] == ["stop", "read_back", "close"]
 
 

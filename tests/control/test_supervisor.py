@@ -28,7 +28,7 @@ from tests.kit.workshop import (
 )
 from tests.virtual import asked, virtual
 from wayfarer.control.modes import Mode
-from wayfarer.control.run_log import PartialLog
+from wayfarer.control.run_log import RunLog
 from wayfarer.control.sensors import RETRY_PAUSE_MAX_S, RETRY_PAUSE_S, SensorTask, keep_sampling
 from wayfarer.control.supervisor import CheckMotors, Supervisor, first_cause
 from wayfarer.control.tick import Inbox
@@ -187,7 +187,7 @@ async def test_sensor_that_is_silent_for_an_hour_is_still_asked(shop: Workshop) 
     row = SensorTask("compass", Part(shop, "compass"), 20.0, read, lambda _: None)
     with suppress(TimeoutError):
         async with asyncio.timeout(3600.0):
-            await keep_sampling(row, Inbox(), PartialLog())
+            await keep_sampling(row, Inbox(), RunLog())
     assert len(asked_s) > 1100
     assert asked_s[-1] - asked_s[-2] == pytest.approx(RETRY_PAUSE_MAX_S)
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tests.fieldlog.disks import power_cut_at
 from tests.fieldlog.lines import standing
 from tests.kit.workshop import own_details
-from wayfarer.control.run_log import PartialLog
+from wayfarer.control.run_log import RunLog
 from wayfarer.control.status_light import LastEnd
 from wayfarer.control.tick import TickRecord
 from wayfarer.daemon.last_mission import FILE_NAME, LastMission, MissionKeeper, read_last_mission
@@ -29,7 +29,7 @@ CUT_OFF = LastMission(run=RUN, armed_t_wall=1.795e9)
 OVER = replace(CUT_OFF, mission_s=754.0, mission_m=134.2, mission_anomalies=14, mission_ended="mission_radius")
 
 
-class Site(PartialLog):
+class Site(RunLog):
     """A folder of logs in which a run keeps its missions, and what it has logged and told."""
 
     def __init__(self, logs: Path) -> None:

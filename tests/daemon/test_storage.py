@@ -8,7 +8,7 @@ import pytest
 
 from wayfarer.commissioning.checks.system import CardHealth
 from wayfarer.config.rover_file import LogSettings
-from wayfarer.control.run_log import PartialLog
+from wayfarer.control.run_log import RunLog
 from wayfarer.daemon.storage import Storage
 from wayfarer.fieldlog.retention import Pruned
 from wayfarer.fieldlog.sink import Sink
@@ -17,7 +17,7 @@ from wayfarer.waiting_thread import OneCall
 WELL, IN_MEMORY = CardHealth(False, ""), CardHealth(False, "tmpfs")
 
 
-class Site(PartialLog):
+class Site(RunLog):
     """The storage of a run, and what it has logged."""
 
     def __init__(self, logs: Path) -> None:

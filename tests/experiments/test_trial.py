@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from math import inf
 from typing import Any
 
@@ -11,14 +11,17 @@ import pytest
 
 from wayfarer.config.rover_file import load_rover
 from wayfarer.control import sensors, supervisor
+from wayfarer.control.rate import AtOnce, Rate
 from wayfarer.control.tick import TickRecord
 from wayfarer.drivers.pmw3901 import OPEN_S
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.escape.recovery import REST_S
-from wayfarer.experiments.outcome import OUTCOMES, SUCCESSES
-from wayfarer.experiments.trial import TrialCounters, TrialResult, run_trial
+from wayfarer.experiments.outcome import OUTCOMES, SUCCESSES, TrialCounters
+from wayfarer.experiments.trial import TrialResult, run_trial, run_watched
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.safety.conditions import Condition
+from wayfarer.simhal.clock.schedule import Schedule, WakeUp
+from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.faults.world import Slope
 from wayfarer.simhal.world.forest import CLEARING, Trunk
@@ -108,6 +111,19 @@ def test_rover_that_gets_out_is_not_lost_for_having_been_on_the_ladder() -> None
     record.conditions = (Condition.CANNOT_TURN, Condition.RESTING)
     log.tick(record)
     assert ended == ["entrapped"]
+
+
+class Patient(Schedule):
+    """Wakes every task for what it could do at once."""
+
+    def wake(self, rate: Rate, work: AtOnce | None) -> WakeUp:
+        return super().wake(rate, None)
+
+
+def test_tasks_that_are_woken_for_everything_do_the_same() -> None:
+    spec = replace(spec_of("cv-pledge", budget_m=100.0), forest=SLANTED)
+    woken = run_watched(spec, None, loop_factory=partial(VirtualLoop, Patient))  # type: ignore[abstract]
+    assert woken == run_trial(spec)
 
 
 # -- the daemon's own code -------------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from tests.virtual import asked, run_virtually
 from wayfarer.angles import wrap180
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.control.run_log import PartialLog
+from wayfarer.control.run_log import RunLog
 from wayfarer.control.tick import TickRecord
 from wayfarer.escape.api import Decision, Observation, Phase
 from wayfarer.escape.catalogue import Algorithm
@@ -123,7 +123,7 @@ class FreeDriving:
 FREE_DRIVING = Algorithm("free-driving", "test", "drives a programme of legs on free ground", FreeDriving)
 
 
-class _Claims(PartialLog):
+class _Claims(RunLog):
     """Keeps what the detector says, each time that it begins to say so."""
 
     def __init__(self) -> None:

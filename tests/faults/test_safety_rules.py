@@ -141,15 +141,15 @@ def rover_arms_itself(monkeypatch: Patch) -> None:
 
 
 def driver_sends_no_stop(monkeypatch: Patch) -> None:
-    drive = SimMotors.drive
+    drive_at = SimMotors.drive_at
 
-    async def deaf_to_zero(self: SimMotors, command: WheelCommand) -> WheelCommand:
+    def deaf_to_zero(self: SimMotors, now_s: float, command: WheelCommand) -> WheelCommand:
         if command != STOP:
-            return await drive(self, command)
-        await drive(self, AHEAD)
+            return drive_at(self, now_s, command)
+        drive_at(self, now_s, AHEAD)
         return STOP
 
-    monkeypatch.setattr(SimMotors, "drive", deaf_to_zero)
+    monkeypatch.setattr(SimMotors, "drive_at", deaf_to_zero)
 
 
 def deadman_trips_late(monkeypatch: Patch) -> None:

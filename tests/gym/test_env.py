@@ -24,10 +24,10 @@ from wayfarer.errors import BadConfig, BadInput
 from wayfarer.escape.api import Anomaly, EscapeHandler
 from wayfarer.experiments.campaign import Campaign, Task
 from wayfarer.experiments.checks import make_campaign
-from wayfarer.experiments.trial import TrialCounters, run_trial
+from wayfarer.experiments.trial import run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.gym import ENV_ID
-from wayfarer.gym.env import HELD_BACK, ForestEnv
+from wayfarer.gym.env import HELD_BACK, AgentBridge, ForestEnv
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.simhal.random_streams import RandomStreams
 
@@ -263,12 +263,12 @@ def test_environment_that_is_forgotten_takes_its_trial_with_it() -> None:
 
 def test_what_goes_wrong_in_the_trial_is_told_to_the_agent(env: ForestEnv, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: object) -> None:
-        raise RuntimeError("the log broke")
+        raise RuntimeError("the algorithm broke")
 
     env.reset(seed=1)
-    monkeypatch.setattr(TrialCounters, "tick", fail)
+    monkeypatch.setattr(AgentBridge, "decide", fail)
     for _ in range(2):  # it does not wait for ever for a trial that is no more
-        with pytest.raises(RuntimeError, match="the log broke"):
+        with pytest.raises(RuntimeError, match="the algorithm broke"):
             env.step(duties(AHEAD))
     monkeypatch.undo()
     env.reset(seed=1)

@@ -9,7 +9,7 @@ from typing import Any
 
 from tests.virtual import run_virtually
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.control.run_log import PartialLog
+from wayfarer.control.run_log import RunLog
 from wayfarer.control.supervisor import Supervisor
 from wayfarer.control.tick import TickRecord
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase
@@ -174,7 +174,7 @@ def own_details(details: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in details.items() if key not in {"text", "severity", "run", "mission"}}
 
 
-class EventLog(PartialLog):
+class EventLog(RunLog):
     """Keeps ticks, events and positions."""
 
     def __init__(self) -> None:
@@ -195,7 +195,7 @@ class EventLog(PartialLog):
         return [details for event, details in self.events if event == name]
 
 
-class Log(PartialLog):
+class Log(RunLog):
     def __init__(self, shop: Workshop) -> None:
         self.shop = shop
 

@@ -4,12 +4,60 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
-from functools import partial
-from typing import Final
+from typing import Any, Final
+
+from mypy_extensions import mypyc_attr
 
 # A person may send some requests quickly; a script in an endless loop is limited to 2 records a second.
 ASKED_AT_ONCE: Final = 5
 ASKED_HZ: Final = 2.0
+
+
+@mypyc_attr(allow_interpreted_subclasses=True)
+class Clock:
+    """The time of an event loop, and what wakes its tasks; the loop of the simulation has a faster one as ``clock``."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self.loop = loop
+
+    def time(self) -> float:
+        """Return the loop's time in seconds."""
+        return self.loop.time()
+
+    def wake(self, rate: Rate, work: AtOnce | None) -> Awaitable[None]:  # noqa: ARG002 - tasks do their work themselves
+        """Return what is done at the next time of a grid; see ``Rate.wait``."""
+        wake_up: asyncio.Future[None] = self.loop.create_future()
+        self.loop.call_at(rate.next_s(), _wake, wake_up)
+        return wake_up
+
+
+def _wake(wake_up: asyncio.Future[None]) -> None:
+    if not wake_up.done():  # cancelled with its task
+        wake_up.set_result(None)
+
+
+@mypyc_attr(allow_interpreted_subclasses=True)
+class AtOnce:
+    """What a task does at each time of its grid, if nothing in it waits: the simulation then need not wake the task."""
+
+    def at_once(self, clock: Clock) -> bool:
+        """Do it at the clock's time, in no task; return False if the task must go on itself.
+
+        An error is raised in the task, where it waits for its rate.
+        """
+        raise NotImplementedError
+
+
+def at_once(part: object, name: str) -> Callable[..., Any] | None:
+    """Return the method of a part that does the same as the coroutine ``name`` and never waits, None without one.
+
+    It is ``read_at`` beside ``read``, and is given the time. It counts only in the class that has the coroutine: one
+    that inherits from it, or wraps it, may do more.
+    """
+    for kind in type(part).__mro__:
+        if name in vars(kind):
+            return getattr(part, f"{name}_at") if f"{name}_at" in vars(kind) else None
+    return None
 
 
 class Rate:
@@ -21,34 +69,29 @@ class Rate:
 
     def __init__(self, rate_hz: float) -> None:
         loop = asyncio.get_running_loop()
-        self._time = loop.time
-        # The loop of the simulation has a faster way to do the same.
-        self._wake_at: Callable[[float], Awaitable[None]] = getattr(loop, "wake_at", partial(_wake_at, loop))
+        clock: Clock | None = getattr(loop, "clock", None)
+        self._clock = Clock(loop) if clock is None else clock
         self._period_s = 1.0 / rate_hz
-        self._start_s = loop.time()
-        self._count = 0
+        self._start_s = self._clock.time()
+        self._count = 0.0
 
-    def wait(self) -> Awaitable[None]:
-        """Return an awaitable that is done at the next grid time; await it at once."""
-        self._count += 1
+    def wait(self, work: AtOnce | None = None) -> Awaitable[None]:
+        """Return an awaitable that is done at the next grid time; await it at once.
+
+        In the simulation ``work`` is done at that time and at those after it, until that is not possible at once: then
+        the awaitable is done. Elsewhere it is the task that does it.
+        """
+        return self._clock.wake(self, work)
+
+    def next_s(self) -> float:
+        """Go on to the next grid time, and return it."""
+        self._count += 1.0
         # A multiple of the period, not a sum of periods: rounding errors must not separate tasks that are due together.
         due_s = self._start_s + self._count * self._period_s
-        now_s = self._time()
+        now_s = self._clock.time()
         if due_s < now_s:
-            self._start_s, self._count, due_s = now_s, 0, now_s
-        return self._wake_at(due_s)
-
-
-def _wake_at(loop: asyncio.AbstractEventLoop, when_s: float) -> asyncio.Future[None]:
-    """Return a future that is done at a time of the loop."""
-    wake_up: asyncio.Future[None] = loop.create_future()
-    loop.call_at(when_s, _wake, wake_up)
-    return wake_up
-
-
-def _wake(wake_up: asyncio.Future[None]) -> None:
-    if not wake_up.done():  # cancelled with its task
-        wake_up.set_result(None)
+            self._start_s, self._count, due_s = now_s, 0.0, now_s
+        return due_s
 
 
 class RateLimiter:

@@ -1,4 +1,4 @@
-"""The interface of a log of a run, and small logs for it.
+"""The base of all logs of a run, and small ones.
 
 Events are logged as with any structlog logger, ``log.logger.warning("sensor_failed", t_s=..., text=..., sensor=...)``:
 the name of the event, the loop's time, a sentence for people, and the details. There is a base for logs that keep only
@@ -9,28 +9,42 @@ loose wire shows early.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import cached_property
-from typing import Final, Protocol
+from typing import Final
 
 import structlog
+from mypy_extensions import mypyc_attr
 from structlog.typing import EventDict, FilteringBoundLogger, WrappedLogger
 
 from wayfarer.control.tick import TickRecord
 from wayfarer.hal import Driver, HasErrorCounts, MotorHealth, PositionFix, WheelCommand
 
-NOTE_HZ = 1.0  # of the retry counters; chosen by us
+NOTE_HZ: Final = 1.0  # of the retry counters; chosen by us
 SEVERITY: Final = {"well": "info", "note": "info", "degrade": "warning", "hold": "warning", "fault": "error"}
 
 
-class RunLog(Protocol):
-    """Receives everything that a run reports. No method may raise or wait: logging must not disturb control."""
+@mypyc_attr(allow_interpreted_subclasses=True)
+class RunLog:
+    """Receives everything that a run reports, and ignores it: a log overrides what it keeps.
+
+    No method may raise or wait: logging must not disturb control.
+    """
+
+    _logger: FilteringBoundLogger | None = None
 
     @property
     def logger(self) -> FilteringBoundLogger:
         """The logger for events; ``event`` is given all that it is told, with its context and severity."""
+        if self._logger is None:
+            self._logger = _logger_for(self)
+        return self._logger
+
+    @logger.setter
+    def logger(self, logger: FilteringBoundLogger) -> None:
+        self._logger = logger
 
     def bind(self, **context: object) -> None:
         """Add to the context of each further event."""
+        self._logger = self.logger.bind(**context)
 
     def event(self, name: str, t_s: float, **details: object) -> None:
         """Take something that happened at ``t_s`` on the loop's clock: its ``text``, ``severity`` and other details."""
@@ -48,43 +62,19 @@ class RunLog(Protocol):
         """Write the outcome and end the log."""
 
 
-class PartialLog:
-    """Ignores everything; a log that needs only a part of a run overrides those methods."""
+def _logger_for(log: RunLog) -> FilteringBoundLogger:
+    def give(_logger: WrappedLogger, method: str, event: EventDict) -> EventDict:
+        details = dict(event)
+        log.event(details.pop("event"), details.pop("t_s"), severity=method, **details)
+        raise structlog.DropEvent
 
-    @cached_property
-    def logger(self) -> FilteringBoundLogger:
-        """The logger for events."""
-
-        def give(_logger: WrappedLogger, method: str, event: EventDict) -> EventDict:
-            details = dict(event)
-            self.event(details.pop("event"), details.pop("t_s"), severity=method, **details)
-            raise structlog.DropEvent
-
-        every_severity = structlog.make_filtering_bound_logger(0)
-        logger: FilteringBoundLogger = structlog.wrap_logger(None, [give], every_severity).bind()
-        return logger
-
-    def bind(self, **context: object) -> None:
-        """Add to the context of each further event."""
-        self.logger = self.logger.bind(**context)
-
-    def event(self, name: str, t_s: float, **details: object) -> None:
-        """Ignore an event."""
-
-    def tick(self, record: TickRecord) -> None:
-        """Ignore a control tick."""
-
-    def position(self, fix: PositionFix | None) -> None:
-        """Ignore a position."""
-
-    def board(self, t_s: float, health: MotorHealth, duties: WheelCommand | None) -> None:
-        """Ignore a report of the motor board."""
-
-    def close(self, reason: str, text: str) -> None:
-        """Ignore the outcome."""
+    every_severity = structlog.make_filtering_bound_logger(0)
+    logger: FilteringBoundLogger = structlog.wrap_logger(None, [give], every_severity).bind()
+    return logger
 
 
-class Tee(PartialLog):
+@mypyc_attr(allow_interpreted_subclasses=True)
+class Tee(RunLog):
     """Passes a run to several logs."""
 
     def __init__(self, *logs: RunLog) -> None:

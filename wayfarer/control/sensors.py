@@ -10,32 +10,47 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 from wayfarer.config.rover_file import Rates
-from wayfarer.control.rate import Rate
+from wayfarer.control.rate import AtOnce, Clock, Rate, at_once
 from wayfarer.control.run_log import RunLog
 from wayfarer.control.tick import Inbox
 from wayfarer.errors import DriverError
 from wayfarer.hal import Driver, MotionReading, Rover
 from wayfarer.vocabulary import in_words
 
-RETRY_PAUSE_S = 0.05  # after one missed answer, read again within a control period (fault catalogue, fault 1)
-RETRY_PAUSE_MAX_S = 2.0
-REOPEN_FROM = 2  # failures in a row
+RETRY_PAUSE_S: Final = 0.05  # after one missed answer, read again within a control period (fault catalogue, fault 1)
+RETRY_PAUSE_MAX_S: Final = 2.0
+REOPEN_FROM: Final = 2  # failures in a row
 
 
-@dataclass(frozen=True, slots=True)
-class SensorTask:
+class SensorTask(AtOnce):
     """A row of the task table: the part is read at its rate, ``write`` gets each reading, the first sets ``spoke``."""
 
-    name: str
-    part: Driver
-    rate_hz: float
-    read: Callable[[], Awaitable[Any]]
-    write: Callable[[Any], None]
-    spoke: asyncio.Event = field(default_factory=asyncio.Event)
+    def __init__(
+        self,
+        name: str,
+        part: Driver,
+        rate_hz: float,
+        read: Callable[[], Awaitable[Any]],
+        write: Callable[[Any], None],
+    ) -> None:
+        self.name = name
+        self.part = part
+        self.rate_hz = rate_hz
+        self.read = read
+        self.write = write
+        self._read_at = at_once(part, "read")
+        self.spoke = asyncio.Event()
+
+    def at_once(self, clock: Clock) -> bool:
+        """Read a part that never waits."""
+        read_at = self._read_at
+        if read_at is None:
+            return False
+        self.write(read_at(clock.time()))
+        return True
 
 
 def sensor_tasks(rover: Rover, inbox: Inbox, rates: Rates, needs: frozenset[str]) -> tuple[SensorTask, ...]:
@@ -66,7 +81,7 @@ async def keep_sampling(row: SensorTask, inbox: Inbox, log: RunLog, *, opened: b
             failures, pause_s = 0, RETRY_PAUSE_S
             row.spoke.set()
             while True:
-                await rate.wait()
+                await rate.wait(row)
                 write(await read())
         except DriverError as error:
             failures += 1
@@ -77,5 +92,5 @@ async def keep_sampling(row: SensorTask, inbox: Inbox, log: RunLog, *, opened: b
             log.logger.warning(
                 "sensor_failed", t_s=t_s, text=text, sensor=row.name, error=str(error), retry_in_s=pause_s
             )
-            await asyncio.sleep(pause_s)
-            pause_s = min(2.0 * pause_s, RETRY_PAUSE_MAX_S)
+        await asyncio.sleep(pause_s)
+        pause_s = min(2.0 * pause_s, RETRY_PAUSE_MAX_S)

@@ -15,7 +15,7 @@ import msgspec
 from annotated_types import Interval, MaxLen
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
-from wayfarer.control.run_log import PartialLog, RunLog
+from wayfarer.control.run_log import RunLog
 from wayfarer.control.status_light import LastEnd
 from wayfarer.control.tick import TickRecord
 from wayfarer.errors import BadInput
@@ -102,7 +102,7 @@ def read_last_mission(logs: Path) -> LastMission | None:
         raise BadInput(f"{path}: the last mission cannot be read: {error.strerror}") from None
 
 
-class MissionKeeper(PartialLog):
+class MissionKeeper(RunLog):
     """Follows a run, keeps its latest mission in the file, and logs an event at the end of each.
 
     Args:

@@ -20,7 +20,7 @@ from itertools import islice
 from pathlib import Path
 from traceback import walk_stack
 
-from wayfarer.control.run_log import PartialLog
+from wayfarer.control.run_log import RunLog
 from wayfarer.control.tick import TickRecord
 from wayfarer.errors import one_line
 from wayfarer.safety.gate import STALL_LIMIT_S
@@ -149,7 +149,7 @@ class StallGuard:
             self._tell(_stacks())
 
 
-class WatchdogFeed(PartialLog):
+class WatchdogFeed(RunLog):
     """Feeds both from the run's log: each tick is a beat for the guard, and the first tick tells systemd "ready"."""
 
     def __init__(self, notifier: SystemdNotifier, guard: StallGuard) -> None:

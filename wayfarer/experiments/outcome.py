@@ -1,6 +1,6 @@
 """Decides from the simulated world when a trial ends, and how; in a field trial, when a person helps the rover.
 
-``trial.outcome_of`` adds the rover's own reasons for ending.
+``TrialCounters`` counts what the rover itself reports. ``trial.outcome_of`` adds the rover's own reasons for ending.
 """
 
 from __future__ import annotations
@@ -9,11 +9,16 @@ from collections.abc import Callable, Mapping
 from math import inf
 from typing import Final, Literal, get_args
 
+from wayfarer.control.run_log import RunLog
+from wayfarer.control.tick import TickRecord
+from wayfarer.escape.api import Phase
+from wayfarer.safety.conditions import Condition
 from wayfarer.simhal.world.forest import WORLD_SIZE_M, Forest
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 Outcome = Literal["escaped", "left_bounds", "entrapped", "tipped", "fault"]
 OUTCOMES: Final = get_args(Outcome)
+LOST: Final[Outcome] = "entrapped"
 SUCCESSES: Final = ("escaped", "left_bounds")  # paper, section IV-B: leaving by another edge counts as an escape
 
 # What the log of the run says of each; a trial ends as "fault" by the supervisor, not here.
@@ -30,6 +35,12 @@ TIME_PER_BUDGET_S_PER_M: Final = 4.0
 
 # By a person: as far as the rover itself backs off; shorter than any shipped rover, so nothing is jumped over.
 PULLED_BACK_M: Final = 0.15
+
+# Looking up a member of an Enum through its class is slow.
+_HALT: Final = Phase.HALT
+_FOLLOW: Final = Phase.FOLLOW
+_BACK_OFF: Final = Phase.BACK_OFF
+_RESTING: Final = Condition.RESTING
 
 
 class OutcomeMonitor:
@@ -110,3 +121,42 @@ class InterventionCounter:
             self.high_centred += not flipped
             world.pull_back(PULLED_BACK_M)
         self._then(world)
+
+
+class TrialCounters(RunLog):
+    """A run log that counts and keeps nothing.
+
+    ``finish`` is called when the rover has disarmed itself: nobody is there to arm it again, so the trial is over. With
+    ``ends_lost`` it is also over when the rover begins its first rest: it has climbed the whole ladder
+    (``escape.recovery``) without progress.
+    """
+
+    def __init__(self, *, ends_lost: bool = False) -> None:
+        self._ends_lost = ends_lost
+        self.finish: Callable[[str, str], None] = lambda _reason, _text: None
+        self.ticks = 0
+        self.anomalies = 0
+        self.episodes = 0
+        self.why_disarmed: object = None
+        self._phase = _HALT
+
+    def tick(self, record: TickRecord) -> None:
+        """Count the tick, and each phase that an anomaly began."""
+        self.ticks += 1
+        if self._ends_lost and record.conditions and _RESTING in record.conditions:
+            self.finish(LOST, "climbed the whole ladder without progress")
+        phase = record.decision.phase
+        if phase is not self._phase:
+            self._count(phase)
+
+    def _count(self, phase: Phase) -> None:
+        if phase is _BACK_OFF:
+            self.anomalies += 1
+            self.episodes += self._phase is _FOLLOW
+        self._phase = phase
+
+    def event(self, name: str, t_s: float, **details: object) -> None:  # noqa: ARG002
+        """End the trial of a rover that gave up by itself."""
+        if name == "disarmed":
+            self.why_disarmed = details["reason"]
+            self.finish(name, str(self.why_disarmed))

@@ -7,12 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from wayfarer.control.run_log import PartialLog, RunLog, Tee
+from wayfarer.control.run_log import RunLog, Tee
 from wayfarer.control.supervisor import Supervisor, first_cause
-from wayfarer.control.tick import TickRecord
 from wayfarer.errors import DriverError
-from wayfarer.escape.api import Phase
-from wayfarer.experiments.outcome import SUCCESSES, Outcome, OutcomeMonitor
+from wayfarer.experiments.outcome import LOST, SUCCESSES, Outcome, OutcomeMonitor, TrialCounters
 from wayfarer.experiments.settings import NOTHING
 from wayfarer.experiments.trial_setup import MakeLog, TrialSetup, TrialSpec
 from wayfarer.safety.conditions import Condition
@@ -54,47 +52,7 @@ class TrialResult(NamedTuple):
     drawn: Mapping[str, float] = NOTHING
 
 
-LOST: Outcome = "entrapped"
 GAVE_UP = f"fault: {Condition.ENTRAPPED.value}"  # the controller's reason for disarming
-
-
-class TrialCounters(PartialLog):
-    """A run log that counts and keeps nothing.
-
-    ``finish`` is called when the rover has disarmed itself: nobody is there to arm it again, so the trial is over. With
-    ``ends_lost`` it is also over when the rover begins its first rest: it has climbed the whole ladder
-    (``escape.recovery``) without progress.
-    """
-
-    def __init__(self, *, ends_lost: bool = False) -> None:
-        self._ends_lost = ends_lost
-        self.finish: Callable[[str, str], None] = lambda _reason, _text: None
-        self.ticks = 0
-        self.anomalies = 0
-        self.episodes = 0
-        self.why_disarmed: object = None
-        self._phase = Phase.HALT
-
-    def tick(self, record: TickRecord) -> None:
-        """Count the tick, and each phase that an anomaly began."""
-        self.ticks += 1
-        if self._ends_lost and record.conditions and Condition.RESTING in record.conditions:
-            self.finish(LOST, "climbed the whole ladder without progress")
-        phase = record.decision.phase
-        if phase is not self._phase:
-            self._count(phase)
-
-    def _count(self, phase: Phase) -> None:
-        if phase is Phase.BACK_OFF:
-            self.anomalies += 1
-            self.episodes += self._phase is Phase.FOLLOW
-        self._phase = phase
-
-    def event(self, name: str, t_s: float, **details: object) -> None:  # noqa: ARG002
-        """End the trial of a rover that gave up by itself."""
-        if name == "disarmed":
-            self.why_disarmed = details["reason"]
-            self.finish(name, str(self.why_disarmed))
 
 
 def run_trial(spec: TrialSpec, log_dir: Path | None = None, track: TrackLog | None = None) -> TrialResult:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from wayfarer.control.run_log import PartialLog
+from wayfarer.control.run_log import RunLog
 from wayfarer.control.tick import TickRecord
 from wayfarer.escape.api import Phase
 from wayfarer.experiments.trial_setup import TrialSpec
@@ -69,7 +69,7 @@ def field_log(
     return log, GroundTruthLog(log, world)
 
 
-class GroundTruthLog(PartialLog):
+class GroundTruthLog(RunLog):
     """Writes ``truth`` beside the ticks: regularly, and whenever the rover begins or ceases to slip or to touch.
 
     Injected faults are ground truth too: ``note`` writes ``fault`` when one begins or ends.
@@ -153,7 +153,7 @@ class Trajectory(NamedTuple):
     slips_m: list[tuple[float, float]]
 
 
-class TrackLog(PartialLog):
+class TrackLog(RunLog):
     """Keeps the true pose and the decision at each control tick; ``run_trial`` gives it the ``world`` to look at."""
 
     world: SimulatedWorld

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from wayfarer import __version__
-from wayfarer.control.run_log import PartialLog
+from wayfarer.control.run_log import RunLog
 from wayfarer.control.tick import TickRecord
 from wayfarer.fieldlog.clock import ELAPSED_DECIMALS, WallClock, wall_clock
 from wayfarer.fieldlog.reader import Lines
@@ -40,7 +40,7 @@ STEP_S = 1.0  # more than a clock is slewed between two records; finding the rig
 OF_EVENT = {"text", "severity", "run", "mission"}  # what an event has beside its details
 
 
-class FieldLog(PartialLog):
+class FieldLog(RunLog):
     """Makes records of what a run reports and passes each on as a line; implements ``control.run_log.RunLog``.
 
     Args:

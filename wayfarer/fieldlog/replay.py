@@ -21,7 +21,7 @@ from wayfarer.config.messages import explain
 from wayfarer.config.registry import find_algorithm, refuse_code
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.controller import Controller
-from wayfarer.control.run_log import PartialLog
+from wayfarer.control.run_log import RunLog
 from wayfarer.control.supervisor import make_detector, needs_of
 from wayfarer.control.tick import BoardReport, Inbox
 from wayfarer.errors import BadInput
@@ -110,7 +110,7 @@ class Rerun:
         detector = make_detector(config, needs_of(algorithm, config), watches_motion="motion" in header.parts)
         self._heard: list[tuple[float, Event]] = []  # what happens between two ticks, and when it counts
         self._inbox = Inbox()
-        self._controller = Controller(config, detector, handler, PartialLog(), ladder_seed=header.ladder_seed or 0)
+        self._controller = Controller(config, detector, handler, RunLog(), ladder_seed=header.ladder_seed or 0)
         self._compass: tuple[Compass | None, CompassReading | None] = (None, None)
 
     def add(self, record: AnyRecord) -> bool:

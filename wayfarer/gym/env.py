@@ -24,8 +24,8 @@ from wayfarer.escape.api import Anomaly, Decision, Observation, Phase
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.experiments.campaign import Task
 from wayfarer.experiments.checks import make_campaign
-from wayfarer.experiments.outcome import Outcome
-from wayfarer.experiments.trial import TrialCounters, outcome_of
+from wayfarer.experiments.outcome import Outcome, TrialCounters
+from wayfarer.experiments.trial import outcome_of
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.safety.permission import Asked

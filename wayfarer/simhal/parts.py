@@ -24,7 +24,10 @@ FIX_ERROR_M: Final = 3.0  # standard deviation of each axis under trees; chosen 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
 class SimPart:
-    """Life cycle shared by all simulated parts: opening one takes the clock of the running loop."""
+    """Life cycle shared by all simulated parts: opening one takes the clock of the running loop.
+
+    None waits when it is read or commanded: ``read_at`` and ``drive_at`` do the same without a coroutine.
+    """
 
     name = "simulated part"
 
@@ -61,7 +64,10 @@ class SimCompass(SimPart):
 
     async def read(self) -> CompassReading:
         """Return heading and tilt now."""
-        t_s = self._time()
+        return self.read_at(self._time())
+
+    def read_at(self, t_s: float) -> CompassReading:
+        """Return heading and tilt at ``t_s``, which is now."""
         heading, pitch, roll = self._sensor.sample(t_s)
         return CompassReading(t_s, heading / 10.0, pitch / 10.0, roll / 10.0, 3)
 
@@ -88,7 +94,10 @@ class SimFlow(SimPart):
 
     async def read(self) -> MotionReading:
         """Return the displacement since the previous read; the first one, since nobody knows when, has quality 0."""
-        t_s = self._time()
+        return self.read_at(self._time())
+
+    def read_at(self, t_s: float) -> MotionReading:
+        """Return the displacement between the previous read and ``t_s``, which is now."""
         forward, right = self._sensor.sample(t_s)
         quality = 0.0 if self._is_first else self._sensor.squal / SQUAL_FULL
         self._is_first = False
@@ -103,7 +112,10 @@ class SimBumper(SimPart):
 
     async def read(self) -> ContactReading:
         """Return what touches the body now."""
-        t_s = self._time()
+        return self.read_at(self._time())
+
+    def read_at(self, t_s: float) -> ContactReading:
+        """Return what touches the body at ``t_s``, which is now."""
         self._world.tick_chips()  # a deadman may have tripped since
         self._world.advance_to(t_s)
         touch = self._world.touch
@@ -124,7 +136,11 @@ class SimReceiver(SimPart):
 
     async def read(self) -> PositionFix:
         """Return a fix."""
-        t_s, world = self._time(), self._world
+        return self.read_at(self._time())
+
+    def read_at(self, t_s: float) -> PositionFix:
+        """Return a fix of ``t_s``, which is now."""
+        world = self._world
         world.tick_chips()
         world.advance_to(t_s)
         north_m, east_m = world.y_m + self._error_m(), world.x_m + self._error_m()
@@ -147,8 +163,12 @@ class SimMotors(SimPart):
 
     async def drive(self, command: WheelCommand) -> WheelCommand:
         """Apply a command, in whole steps towards zero."""
+        return self.drive_at(self._time(), command)
+
+    def drive_at(self, now_s: float, command: WheelCommand) -> WheelCommand:
+        """Apply a command."""
         left, right = command
-        now_s, world, steps = self._time(), self._world, self._steps
+        world, steps = self._world, self._steps
         left, right = int(left * steps) / steps, int(right * steps) / steps
         world.advance_to(now_s)
         world.command(left, right)

@@ -26,7 +26,7 @@ from math import inf, isfinite
 from typing import NamedTuple
 
 from wayfarer.control.modes import MAY_TURN, Mode
-from wayfarer.control.run_log import PartialLog
+from wayfarer.control.run_log import RunLog
 from wayfarer.control.tick import TickRecord
 from wayfarer.escape.api import Anomaly, Observation, Phase
 from wayfarer.experiments.trial_setup import TrialSetup
@@ -51,7 +51,7 @@ class SuspectedMotion(NamedTuple):
     told: str
 
 
-class SafetyRules(PartialLog):
+class SafetyRules(RunLog):
     """Watches one run: ``broken`` says which rules it broke, when and how, ``excused`` how often none could be kept."""
 
     def __init__(self) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wayfarer.commissioning.checks import HostEnvironment, Inspection
-from wayfarer.control.run_log import PartialLog, RunLog, Tee
+from wayfarer.control.run_log import RunLog, Tee
 from wayfarer.control.supervisor import first_cause
 from wayfarer.control.tick import TickRecord
 from wayfarer.daemon.arming_check import running_inspection
@@ -56,7 +56,7 @@ class RecordedEvent(NamedTuple):
     details: dict[str, object]
 
 
-class RunRecorder(PartialLog):
+class RunRecorder(RunLog):
     """Keeps what a run reports. ``follow`` gives it the trial to watch."""
 
     def __init__(self) -> None:

@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import suppress
 from contextvars import ContextVar
 
-from wayfarer.control.rate import Rate
+from wayfarer.control.rate import AtOnce, Clock, Rate
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 LoopFactory = Callable[[], asyncio.AbstractEventLoop]
@@ -117,6 +117,98 @@ async def paced_tasks_of_which_one_is_cancelled(note: Note) -> None:
     await asyncio.sleep(1.1)
 
 
+class Work(AtOnce):
+    """What a paced task does: it waits every ``waits`` times, and ``act`` is given how often it was done."""
+
+    def __init__(self, act: Callable[[int], object], waits: int = 3) -> None:
+        self._act, self._waits, self.times = act, waits, 0
+
+    def at_once(self, clock: Clock) -> bool:
+        waits = (self.times + 1) % self._waits == 0
+        if not waits:
+            self._do()
+        return not waits
+
+    def _do(self) -> None:
+        self.times += 1
+        self._act(self.times)
+
+    async def keep_doing(self, rate_hz: float) -> None:
+        """What the task is."""
+        rate = Rate(rate_hz)
+        while True:
+            await rate.wait(self)
+            if (self.times + 1) % self._waits == 0:
+                await asyncio.sleep(1 / 64)
+            self._do()
+
+
+async def paced_tasks_whose_work_rarely_waits(note: Note) -> None:
+    """Most of it is done at once on the virtual loop, without a step of the task."""
+    works = [Work(lambda times, name=name: note(f"{name} {times}")) for name in "ab"]  # type: ignore[misc]
+    tasks = [asyncio.ensure_future(work.keep_doing(rate_hz)) for work, rate_hz in zip(works, (7.0, 3.0), strict=True)]
+    async with asyncio.timeout(9.0):
+        await asyncio.sleep(1.1)
+        tasks[0].cancel("enough")
+        await asyncio.sleep(1.1)
+        tasks[1].cancel("enough")
+        note(repr(await asyncio.gather(*tasks, return_exceptions=True)))
+    await asyncio.sleep(1.1)
+
+
+async def error_of_paced_work_is_raised_in_its_task(note: Note) -> None:
+    def fail(times: int) -> None:
+        if times % 2 == 0:
+            raise ValueError(f"the {times}th time")
+
+    work = Work(fail, waits=10**9)
+    for _ in range(3):
+        try:
+            await work.keep_doing(8.0)
+        except ValueError as error:
+            note(str(error))
+    try:
+        async with asyncio.TaskGroup() as group:
+            group.create_task(sleeper(note, "beside it", 9.0))
+            group.create_task(work.keep_doing(8.0))
+    except* ValueError as errors:
+        note(repr(errors))
+
+
+async def paced_work_that_cancels(note: Note) -> None:
+    """Its own task, then another's; and a task that takes that back goes on."""
+
+    def cancel(times: int) -> None:
+        note(f"{times}")
+        if times in {2, 5}:
+            note(f"cancelled {whose.cancel('enough')}")
+
+    work = Work(cancel)
+    whose = doing = asyncio.ensure_future(work.keep_doing(8.0))
+    note(repr(await asyncio.gather(doing, return_exceptions=True)))
+    whose = asyncio.ensure_future(sleeper(note, "other", 9.0))
+    doing = asyncio.ensure_future(work.keep_doing(8.0))
+    note(repr(await asyncio.gather(whose, return_exceptions=True)))
+    doing.cancel()
+    with suppress(asyncio.CancelledError):
+        await doing
+
+    async def undaunted() -> None:
+        while True:
+            try:
+                await work.keep_doing(8.0)
+            except asyncio.CancelledError as error:
+                note(f"taken back {error.args} {asyncio.current_task().uncancel()}")  # type: ignore[union-attr]
+                if work.times > 7:
+                    raise
+
+    work = Work(cancel)
+    whose = asyncio.ensure_future(undaunted())
+    await asyncio.sleep(1.05)
+    whose.cancel()
+    note(repr(await asyncio.gather(whose, return_exceptions=True)))
+
+
 async def cancelled_before_it_starts(note: Note) -> None:
     task = asyncio.ensure_future(sleeper(note, "a", 1.0))
     task.cancel()
@@ -192,6 +284,9 @@ PROGRAMS: tuple[Program, ...] = (
     timeouts,
     cancelled_while_sleeping,
     paced_tasks_of_which_one_is_cancelled,
+    paced_tasks_whose_work_rarely_waits,
+    error_of_paced_work_is_raised_in_its_task,
+    paced_work_that_cancels,
     cancelled_before_it_starts,
     threads,
     context_follows_the_code,

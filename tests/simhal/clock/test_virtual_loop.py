@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.stock_loop import JumpingStockLoop
-from tests.simhal.clock.programs import PROGRAMS, LoopFactory, Note, Program, trace_of
+from tests.simhal.clock.programs import PROGRAMS, LoopFactory, Note, Program, Work, trace_of
 from tests.virtual import virtual
 from wayfarer.control.rate import Rate
 from wayfarer.errors import NothingScheduled
@@ -114,6 +114,27 @@ async def test_paced_task_that_is_cancelled_ends_at_once_and_its_timer_wakes_nob
         await task
     assert ended_s == [(0.5 if when == "while it waits" else 1.0, ("enough",))]
     assert loop.time() == ended_s[0][0] + 3.0
+
+
+@pytest.mark.parametrize("first", ["timer", "task"])
+@virtual
+async def test_work_that_is_due_as_its_task_is_cancelled_is_not_done(first: str) -> None:
+    loop, done = asyncio.get_running_loop(), list[int]()
+
+    async def begin() -> asyncio.Task[None]:
+        task = asyncio.create_task(Work(done.append).keep_doing(1.0))
+        await asyncio.sleep(0.5)
+        return task
+
+    if first == "task":
+        task = await begin()
+        loop.call_at(1.0, lambda: task.cancel())
+    else:
+        loop.call_at(1.0, lambda: task.cancel())
+        task = await begin()
+    with pytest.raises(asyncio.CancelledError):
+        await task
+    assert (loop.time(), done) == (1.0, [])
 
 
 moments_s = st.floats(0, 1e6)

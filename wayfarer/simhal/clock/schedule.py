@@ -1,18 +1,21 @@
 """What is due when on ``VirtualLoop``: the virtual time, the ready callbacks and the timers. Compiled with the core.
 
-A control tick has two and a half wake-ups of tasks. Each is a ``WakeUp``: a timer that a task awaits like a future, and
-that wakes it without a callback of the loop in between.
+A task that ``Rate`` paces awaits a ``WakeUp``: a timer that is awaited like a future. At its time it does the work of
+the task without waking it, where that never waits (``control.rate.AtOnce``). So a control tick over simulated parts
+has no step of a task.
 """
 
 from __future__ import annotations
 
-from asyncio import CancelledError
+from asyncio import AbstractEventLoop, CancelledError
 from collections.abc import Callable, Generator
 from contextvars import Context
 from math import inf
 from typing import Any
 
 from mypy_extensions import mypyc_attr
+
+from wayfarer.control.rate import AtOnce, Clock, Rate
 
 
 class Scheduled:
@@ -53,22 +56,26 @@ class Handle(Scheduled):
 
 
 class WakeUp(Scheduled):
-    """A future without a result that is done at a time; one task awaits it, at once.
+    """A future without a result that is done at the next time of a grid; one task awaits it, at once.
 
-    It has what ``asyncio.Task`` asks of a future that is not asyncio's own (see ``asyncio.isfuture``).
+    ``work`` is done at that time and at those after it, as long as that can be done at once; only then it is done. It
+    has what ``asyncio.Task`` asks of a future that is not asyncio's own (see ``asyncio.isfuture``).
     """
 
     _asyncio_future_blocking = False
     _is_done = False
     _message: object = None
+    _error: BaseException | None = None
     _callback: Callable[..., object] | None = None
 
-    def __init__(self, schedule: Schedule) -> None:
+    def __init__(self, schedule: Schedule, rate: Rate, work: AtOnce | None) -> None:
         self._schedule = schedule
         self._loop = schedule.loop
+        self._rate = rate
+        self._work = work
 
     def __await__(self) -> Generator[WakeUp, None, None]:
-        """Wait for the time; a task that is cancelled meanwhile has ``result`` raise the error here."""
+        """Wait for the time; ``result`` raises here what the work raised, or that the task was cancelled meanwhile."""
         self._asyncio_future_blocking = True
         yield self
 
@@ -79,6 +86,7 @@ class WakeUp(Scheduled):
 
     def cancel(self, msg: object = None) -> bool:
         """Wake the task now, with an error; return whether that was still possible."""
+        self._work = None  # in any case the task must go on itself: to be cancelled
         if self._is_done:
             return False
         self._is_done = self.is_cancelled = True
@@ -91,26 +99,48 @@ class WakeUp(Scheduled):
 
         Raises:
             CancelledError: the wait was cancelled.
+            BaseException: whatever the work raised.
         """
         if self.is_cancelled:
             raise CancelledError() if self._message is None else CancelledError(self._message)
+        if self._error is not None:
+            raise self._error
 
     def run(self) -> None:
-        """Be done at the first turn, and wake the task at the next, in the order in which asyncio's futures would."""
-        callback = self._callback
+        """Be done at the first turn, and work or wake the task at the next: in the order of asyncio's own futures."""
         if not self._is_done:
             self._is_done = True
             self._schedule.soon(self)
-        elif callback is not None:  # only once: one that is cancelled late has two turns
+            return
+        work = self._work
+        if work is not None and self._do(work):
+            return
+        callback = self._callback
+        if callback is not None:  # only once: one that is cancelled late has two turns
             self._callback = None
             self._context.run(callback, self)
+
+    def _do(self, work: AtOnce) -> bool:
+        """Do the work, and wait for the next time of the grid; return False if the task must be woken."""
+        try:
+            if not work.at_once(self._schedule):
+                return False
+        except BaseException as error:
+            self._error = error
+            return False
+        if self._work is None:  # the work has cancelled its own task: that comes at the next turn, as on the stock loop
+            self._schedule.soon(self)
+        else:
+            self._is_done = False
+            self._schedule.at(self._rate.next_s(), self)
+        return True
 
 
 Fails = Callable[[Scheduled, BaseException], None]
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
-class Schedule:
+class Schedule(Clock):
     """The virtual time, in seconds from 0, and what is to run.
 
     Args:
@@ -118,8 +148,8 @@ class Schedule:
         fails: is told of an error that comes out of what was run; SystemExit and KeyboardInterrupt end ``run`` instead.
     """
 
-    def __init__(self, loop: object, fails: Fails) -> None:
-        self.loop = loop
+    def __init__(self, loop: AbstractEventLoop, fails: Fails) -> None:
+        super().__init__(loop)
         self._fails = fails
         self._now_s = 0.0
         self._ready: list[Scheduled] = []
@@ -149,10 +179,10 @@ class Schedule:
                 timers.pop(place)
         timers.insert(place, what)
 
-    def wake_at(self, when_s: float) -> WakeUp:
-        """Return what a task awaits at once, to be woken at a time."""
-        wake_up = WakeUp(self)
-        self.at(when_s, wake_up)
+    def wake(self, rate: Rate, work: AtOnce | None) -> WakeUp:
+        """Return what a task awaits at once, to be woken at the next time of a grid."""
+        wake_up = WakeUp(self, rate, work)
+        self.at(rate.next_s(), wake_up)
         return wake_up
 
     def clear(self) -> None:

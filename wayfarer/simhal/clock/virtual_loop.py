@@ -44,10 +44,9 @@ class VirtualLoop(asyncio.AbstractEventLoop):
     """Virtual time in seconds, starting at 0. Single-threaded; ``asyncio.to_thread`` runs its function inline."""
 
     def __init__(self, make_schedule: Callable[[asyncio.AbstractEventLoop, Fails], Schedule] = Schedule) -> None:
-        self._schedule = schedule = make_schedule(self, self._report_error)
+        self.clock = schedule = make_schedule(self, self._report_error)
         # Asked several times a tick: without a frame of ours in between.
         self.time = schedule.time  # type: ignore[method-assign]
-        self.wake_at = schedule.wake_at
         self.stall = schedule.stall
         self.stop = schedule.stop  # type: ignore[method-assign]
         self.create_future = partial(asyncio.Future, loop=self)  # type: ignore[method-assign]
@@ -64,7 +63,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
     ) -> Handle:
         """Run the callback when its turn comes, at the present time."""
         handle = Handle(callback, args, copy_context() if context is None else context)
-        self._schedule.soon(handle)
+        self.clock.soon(handle)
         return handle
 
     def call_soon_threadsafe(  # type: ignore[override]
@@ -94,7 +93,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         if isnan(when):
             raise ValueError("a timer needs a time, and this one is not a number")
         handle = Handle(callback, args, copy_context() if context is None else context)
-        self._schedule.at(when, handle)
+        self.clock.at(when, handle)
         return handle
 
     # -- running -------------------------------------------------------------------------------------------------
@@ -112,7 +111,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         sys.set_asyncgen_hooks(firstiter=self._asyncgens.add, finalizer=self._close_asyncgen)
         events._set_running_loop(self)
         try:
-            if not self._schedule.run():
+            if not self.clock.run():
                 waiting = ", ".join(sorted(task.get_name() for task in asyncio.all_tasks(self)))
                 raise NothingScheduled(
                     f"virtual time stands at {self.time():.3f} s: every task waits for something that nothing can "
@@ -158,7 +157,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         if self._running:
             raise RuntimeError("cannot close a running event loop")
         self._closed = True
-        self._schedule.clear()
+        self.clock.clear()
 
     # -- tasks, futures, threads ---------------------------------------------------------------------------------
 
