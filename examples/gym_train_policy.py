@@ -54,7 +54,12 @@ def forest_pledge() -> Agent:
     """Return the catalogue's default algorithm as an agent."""
     rover = wayfarer.load_rover("sim")
     handler = wayfarer.make_handler("forest-pledge", vehicle=rover.vehicle, settings=rover.escape, seed=0)
-    return lambda _, observation: handler.decide(observation).wheels
+
+    def act(_: Floats, observation: wayfarer.Observation) -> tuple[float, float]:
+        left, right = handler.decide(observation).wheels
+        return left, right
+
+    return act
 
 
 class Score(NamedTuple):

@@ -41,12 +41,12 @@ PICTURE = """
     escape
     safety
     hal         files   extras
-    setting_ranges  waiting_thread
+    readings    setting_ranges  waiting_thread
     angles      errors  version
 """
 LAYERS = [line.split() for line in PICTURE.split("\n") if line.strip()]
 PURE = [
-    "angles", "setting_ranges", "hal", "escape", "detector", "safety", "control.modes",
+    "angles", "setting_ranges", "readings", "hal", "escape", "detector", "safety", "control.modes",
     "control.status_light", "api.failsafe",
 ]  # fmt: skip
 IMPURE = {"asyncio", "time", "datetime", "io", "os", "pathlib", "logging", "structlog", "socket", "threading", "numpy"}
@@ -182,7 +182,7 @@ def test_pure_modules_draw_from_no_global_randomness() -> None:
 
 
 def test_drivers_see_only_the_contracts() -> None:
-    seen = ("hal", "errors", "angles", "setting_ranges", "waiting_thread", "drivers")
+    seen = ("hal", "readings", "errors", "angles", "setting_ranges", "waiting_thread", "drivers")
     for module in modules_of("drivers"):
         others = {name for name in wayfarer_modules(module) if not within(name, *seen)}
         assert not others, f"{module} imports {others}"

@@ -1,4 +1,4 @@
-"""The driver interface: one small protocol per capability, and the types of the readings.
+"""The driver interface: one small protocol per capability, and what goes through it (``readings``).
 
 Everything above this file (detector, escape handler, safety gate, supervisor) knows a rover only through these
 protocols; everything below it (``drivers`` for real parts, ``simhal`` for simulated ones) implements them. Field code
@@ -21,57 +21,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import Enum
 from typing import NamedTuple, Protocol, runtime_checkable
 
+from wayfarer.readings import STOP, CompassReading, ContactReading, MotionReading, Side, WheelCommand
 
-class Side(Enum):
-    """Where the body touches something, seen from the rover."""
-
-    FRONT = "front"
-    LEFT = "left"
-    RIGHT = "right"
-    REAR = "rear"
-
-
-class CompassReading(NamedTuple):
-    """Heading and tilt of the body at ``t_s``.
-
-    ``calibration`` is 0 (not calibrated) to 3 (fully), or None if the part does not report it.
-    """
-
-    t_s: float
-    heading_deg: float
-    pitch_deg: float
-    roll_deg: float
-    calibration: int | None
-
-
-class MotionReading(NamedTuple):
-    """Displacement over ground since the previous read, in the body's own frame.
-
-    ``quality`` is from 0 (nothing is known) to 1. **Low quality means unknown, never still**: a leaf on the lens also
-    gives zero. A sensor that measures how much the picture changed but not in which direction (successive images of a
-    forward-looking camera) is not ``signed``: its ``forward_m`` is a magnitude.
-    """
-
-    t_s: float
-    forward_m: float
-    right_m: float
-    quality: float
-    signed: bool = True
-
-
-class ContactReading(NamedTuple):
-    """What touches the body at ``t_s``.
-
-    ``sides`` is empty when nothing does. ``obstacle_bearing_deg`` is the compass bearing of the long axis of the
-    obstacle, in [0, 180), or None if that is not known (a tree, a rover that cannot sense it).
-    """
-
-    t_s: float
-    sides: tuple[Side, ...]
-    obstacle_bearing_deg: float | None
+# What is in ``readings`` because it is compiled; everything else of an interface is here.
+__all__ = ["STOP", "CompassReading", "ContactReading", "MotionReading", "Side", "WheelCommand"]
 
 
 class Snapshot(NamedTuple):
@@ -81,16 +36,6 @@ class Snapshot(NamedTuple):
     compass: CompassReading | None
     motion: MotionReading | None
     contact: ContactReading | None
-
-
-class WheelCommand(NamedTuple):
-    """Duty of the left and right wheels, each in -1 (full reverse) to 1 (full ahead); 0 stops."""
-
-    left: float
-    right: float
-
-
-STOP = WheelCommand(0.0, 0.0)
 
 
 class MotorHealth(NamedTuple):

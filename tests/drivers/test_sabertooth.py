@@ -113,7 +113,7 @@ async def test_old_board_is_deaf_to_a_driver_that_does_not_know_it() -> None:
     bench = await SabertoothBench(old_board=True).opened()
     await asyncio.sleep(3.0)
     await bench.motors.drive(WheelCommand(0.5, 0.5))
-    assert (bench.world.commanded, bench.chip.settings) == (STOP, {})
+    assert (bench.world.commanded, bench.chip.settings) == ((0.0, 0.0), {})
 
 
 @virtual

@@ -50,8 +50,8 @@ def test_speed_falls_with_the_cosine_of_the_error() -> None:
     assert (left + right) / 2 * VEHICLE.max_speed_m_s == pytest.approx(SETTINGS.cruise_m_s * cos(radians(20.0)))
 
 
-def turn(wheels: tuple[float, float]) -> float:
-    return wheels[0] - wheels[1]
+def turn(wheels: WheelCommand) -> float:
+    return wheels.left - wheels.right
 
 
 @pytest.mark.parametrize("kind", [Follow, Stride])

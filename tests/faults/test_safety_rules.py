@@ -210,7 +210,7 @@ def handler_sees(**wrong: float) -> Break:
 
         def tampered(self: Controller, *seen: Any) -> Observation | None:
             observation = observe(self, *seen)
-            return observation and observation._replace(**wrong)  # type: ignore[arg-type]
+            return observation and observation._replace(**wrong)
 
         monkeypatch.setattr(Controller, "_observe", tampered)
 

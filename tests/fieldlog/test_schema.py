@@ -11,7 +11,7 @@ from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
 import pytest
@@ -31,6 +31,7 @@ from wayfarer.fieldlog.record import KINDS, SCHEMA, Compass, Contact, Manual, Mo
 from wayfarer.fieldlog.sink import Sink
 from wayfarer.hal import CompassReading, ContactReading, MotionReading, PositionFix
 from wayfarer.logview import summary
+from wayfarer.readings import Value
 from wayfarer.safety.manual import ManualSample
 from wayfarer.simhal.build_rover import device_depth
 from wayfarer.simhal.faults.kinds import Fault
@@ -175,8 +176,8 @@ def test_table_of_every_record_is_that_of_the_base() -> None:
     ("ours", "theirs"),
     [(Compass, CompassReading), (Motion, MotionReading), (Contact, ContactReading), (Manual, ManualSample)],
 )
-def test_reading_in_the_log_has_the_fields_of_the_reading(ours: type[msgspec.Struct], theirs: type[NamedTuple]) -> None:
-    assert ours.__struct_fields__ == theirs._fields
+def test_reading_in_the_log_has_the_fields_of_the_reading(ours: type[msgspec.Struct], theirs: type[Value]) -> None:
+    assert ours.__struct_fields__ == theirs.__match_args__
 
 
 def test_events_of_a_run_have_the_keys_of_the_table(runs: dict[str, list[Json]]) -> None:

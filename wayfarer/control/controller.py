@@ -351,7 +351,7 @@ class Controller:
         """Return the duties that the person wants who drives."""
         forward, turn = self.manual.wanted(tick.t_s)
         wheels = self._vehicle.mix(forward * self._speed_m_s, turn * self._turn_rad_s)
-        tick.decision = BY_HAND._replace(wheels=wheels)
+        tick.decision = Decision(wheels, Phase.MANUAL, Phase.MANUAL.value)
         return wheels
 
     def _note_manual(self, tick: TickRecord) -> None:
@@ -373,7 +373,7 @@ class Controller:
             decision = self._handler.decide(observation)
             wheels = self._detector.grade.compensate(decision.wheels)
             if wheels is not decision.wheels:
-                decision = decision._replace(wheels=wheels)
+                decision = Decision(wheels, decision.phase, decision.why)
         tick.decision = decision
         return decision.wheels
 
@@ -434,12 +434,11 @@ class Controller:
         compass = self._detector.compass
         if compass is None:
             return None
-        _, heading_deg, pitch_deg, roll_deg, _ = compass
         return Observation(
             tick.t_s - self._held_s - self._away_s,
-            heading_deg,
-            pitch_deg,
-            roll_deg,
+            compass.heading_deg,
+            compass.pitch_deg,
+            compass.roll_deg,
             tick.anomalies,
             self._detector.contact,
             self.goal_heading_deg,

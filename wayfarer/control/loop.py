@@ -159,7 +159,7 @@ def checked(applied: WheelCommand) -> WheelCommand:
     Raises:
         BadReading: it is no duty; what the wheels do is not known (fault catalogue, fault 8).
     """
-    left, right = applied
+    left, right = applied.left, applied.right
     if abs(left) <= 1.0 and abs(right) <= 1.0:  # NaN is no duty
         return applied
     raise BadReading(f"motors: duties of {left:g} and {right:g} applied, allowed are -1 to 1: their driver has a bug")

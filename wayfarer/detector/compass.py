@@ -104,7 +104,8 @@ class CompassMonitor:
 
     def _take(self, t_s: float, reading: CompassReading) -> None:
         self._seen = reading
-        read_t_s, heading_deg, pitch_deg, roll_deg, calibration = reading
+        read_t_s, heading_deg, calibration = reading.t_s, reading.heading_deg, reading.calibration
+        pitch_deg, roll_deg = reading.pitch_deg, reading.roll_deg
         if not (  # written so that NaN fails it
             self._read_t_s <= read_t_s <= t_s
             and 0.0 <= heading_deg < 360.0

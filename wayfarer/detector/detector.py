@@ -147,7 +147,7 @@ class ContactMonitor:
         """Take in a tick, and add what is found."""
         if reading is not None and reading is not self._seen:
             self._seen = reading
-            read_t_s, _, bearing_deg = reading
+            read_t_s, bearing_deg = reading.t_s, reading.obstacle_bearing_deg
             if self._read_t_s <= read_t_s <= t_s and (bearing_deg is None or 0.0 <= bearing_deg < 180.0):
                 self.reading = reading
                 self._read_t_s = self.spoke_t_s = read_t_s

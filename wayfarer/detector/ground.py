@@ -164,14 +164,14 @@ class TiltMonitor:
         self, t_s: float, believed: CompassReading, anomalies: list[Anomaly], conditions: list[Condition]
     ) -> None:
         """Judge a tick, and add what is found to ``anomalies`` and ``conditions``."""
-        read_t_s, heading_deg, pitch_deg, roll_deg, _ = believed
+        read_t_s, pitch_deg, roll_deg = believed.t_s, believed.pitch_deg, believed.roll_deg
         if self._new_t_s < read_t_s:
             self._old, self._mid, self._new, self._new_t_s = self._mid, self._new, believed, read_t_s
         ground, limit_deg, floor_deg = self._ground, self._limit_deg, self._floor_deg
         if ground.flat and abs(pitch_deg) < floor_deg and abs(roll_deg) < floor_deg and not self._tilted:
             return  # nearly every tick ends here
         self._tilted = False
-        slopes_deg = ground.towards_deg(heading_deg)
+        slopes_deg = ground.towards_deg(believed.heading_deg)
         for tilt, angle_deg, slope_deg in zip(TILTS, _towards_deg(believed), slopes_deg, strict=True):
             beyond = angle_deg - slope_deg >= limit_deg or angle_deg >= self._most_deg
             self._tilted |= beyond
@@ -269,7 +269,7 @@ class GradeCompensation:
         """
         if not self._rise or wheels == STOP:
             return wheels
-        left, right = wheels
+        left, right = wheels.left, wheels.right
         ahead, turn, slope = (left + right) / 2.0, (left - right) / 2.0, self._loads[left * right < 0.0] * self._rise
         added = slope
         if ahead * slope < 0.0:

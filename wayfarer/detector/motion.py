@@ -103,7 +103,7 @@ class MotionMonitor:
             conditions.append(Condition.RUNAWAY)
 
     def _take(self, reading: MotionReading, conditions: list[Condition]) -> Moved:
-        read_t_s, forward_m, right_m, quality, signed = reading
+        read_t_s, forward_m, right_m, quality = reading.t_s, reading.forward_m, reading.right_m, reading.quality
         moved = self._close(read_t_s)
         read_s = moved.read_s = read_t_s - self._spoke_t_s
         self._spoke_t_s = read_t_s
@@ -114,7 +114,7 @@ class MotionMonitor:
         if not (abs(forward_m) <= limit_m and abs(right_m) <= limit_m and 0.0 <= quality <= 1.0):
             conditions.append(Condition.MOTION_IMPLAUSIBLE)
         elif sure and not self._lies and not self._zeros.doubts:
-            moved.see(forward_m, right_m, signed=signed)
+            moved.see(forward_m, right_m, signed=reading.signed)
         self.stall.add(moved)
         self.moves = moved.known and abs(forward_m) >= self._moves_from_m_s * read_s
         if not moved.known:
@@ -257,7 +257,7 @@ class ReadingDoubt:
 
     def doubts(self, reading: MotionReading, commanded_m: float) -> bool:
         """Take in a reading, and the distance commanded for it, negative in reverse; return whether it is doubted."""
-        t_s, forward_m, right_m, _, _ = reading
+        t_s, forward_m, right_m = reading.t_s, reading.forward_m, reading.right_m
         if forward_m != self._last_m or right_m != self._last_right_m or abs(forward_m) < COUNTS_FROM_M:
             self._repeats = 0
         elif commanded_m:

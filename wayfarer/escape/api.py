@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import Enum
-from typing import Final, NamedTuple, Protocol
+from typing import Final, Protocol
 
 from wayfarer.hal import ContactReading, WheelCommand
+from wayfarer.readings import Value
 
 # The side of a turn is its sign: tau in the paper.
 CLOCKWISE: Final = 1
@@ -45,7 +46,7 @@ class Phase(Enum):
     MANUAL = "manual"  # a person drives; no algorithm is ever in it
 
 
-class Observation(NamedTuple):
+class Observation(Value):
     """What an algorithm sees in one control tick.
 
     ``t_s`` is seconds on any clock that does not go back. Headings are degrees clockwise, 0 to 360, all from the same
@@ -63,16 +64,42 @@ class Observation(NamedTuple):
     0.02
     """
 
-    t_s: float
-    heading_deg: float
-    pitch_deg: float
-    roll_deg: float
-    anomalies: tuple[Anomaly, ...]
-    contact: ContactReading | None
-    goal_heading_deg: float
-    travelled_m: float
-    measured_m: float | None = None
-    applied: WheelCommand | None = None
+    __match_args__ = (
+        "t_s",
+        "heading_deg",
+        "pitch_deg",
+        "roll_deg",
+        "anomalies",
+        "contact",
+        "goal_heading_deg",
+        "travelled_m",
+        "measured_m",
+        "applied",
+    )
+
+    def __init__(
+        self,
+        t_s: float,
+        heading_deg: float,
+        pitch_deg: float,
+        roll_deg: float,
+        anomalies: tuple[Anomaly, ...],
+        contact: ContactReading | None,
+        goal_heading_deg: float,
+        travelled_m: float,
+        measured_m: float | None = None,
+        applied: WheelCommand | None = None,
+    ) -> None:
+        self.t_s: Final = t_s
+        self.heading_deg: Final = heading_deg
+        self.pitch_deg: Final = pitch_deg
+        self.roll_deg: Final = roll_deg
+        self.anomalies: Final = anomalies
+        self.contact: Final = contact
+        self.goal_heading_deg: Final = goal_heading_deg
+        self.travelled_m: Final = travelled_m
+        self.measured_m: Final = measured_m
+        self.applied: Final = applied
 
     @property
     def covered_m(self) -> float:
@@ -80,12 +107,15 @@ class Observation(NamedTuple):
         return self.travelled_m if self.measured_m is None else self.measured_m
 
 
-class Decision(NamedTuple):
+class Decision(Value):
     """What an algorithm wants; ``why`` is a fixed event name such as ``probe.unwound``, else the phase."""
 
-    wheels: WheelCommand
-    phase: Phase
-    why: str
+    __match_args__ = ("wheels", "phase", "why")
+
+    def __init__(self, wheels: WheelCommand, phase: Phase, why: str) -> None:
+        self.wheels: Final = wheels
+        self.phase: Final = phase
+        self.why: Final = why
 
 
 class EscapeHandler(Protocol):

@@ -137,8 +137,8 @@ class Compass(Struct):
 
     def reading(self) -> CompassReading:
         """Return the reading."""
-        numbers = (self.t_s, self.heading_deg, self.pitch_deg, self.roll_deg)
-        return CompassReading._make([*map(or_nan, numbers), self.calibration])
+        pitch_deg, roll_deg = or_nan(self.pitch_deg), or_nan(self.roll_deg)
+        return CompassReading(or_nan(self.t_s), or_nan(self.heading_deg), pitch_deg, roll_deg, self.calibration)
 
 
 class Motion(Struct):
@@ -152,8 +152,8 @@ class Motion(Struct):
 
     def reading(self) -> MotionReading:
         """Return the reading."""
-        numbers = (self.t_s, self.forward_m, self.right_m, self.quality)
-        return MotionReading._make([*map(or_nan, numbers), self.signed])
+        forward_m, right_m = or_nan(self.forward_m), or_nan(self.right_m)
+        return MotionReading(or_nan(self.t_s), forward_m, right_m, or_nan(self.quality), self.signed)
 
 
 class Contact(Struct):

@@ -52,7 +52,7 @@ def _plain(value: Any) -> Any:
         value = {name: getattr(value, name) for name in names}
     elif is_dataclass(value):
         value = {field.name: getattr(value, field.name) for field in fields(value)}
-    elif isinstance(value, tuple) and hasattr(value, "_asdict"):
+    elif hasattr(value, "_asdict"):
         value = value._asdict()
     if isinstance(value, Mapping):
         return {str(key): _plain(each) for key, each in value.items()}

@@ -62,7 +62,7 @@ class Gate:
         """Return what the wheels may get in this tick; a command that is no number stops them and is a fault."""
         if not self._open:
             return STOP
-        left, right = wanted
+        left, right = wanted.left, wanted.right
         step, most = self._step, self._most
         if (  # nearly every command ends here; written so that NaN does not
             abs(left - self._left) <= step

@@ -39,7 +39,7 @@ class TickInterval:
     ) -> None:
         self.t_s = t_s
         self.commanded = commanded
-        self.left, self.right = commanded  # unpacked once: that is slow, and ten monitors ask
+        self.left, self.right = commanded.left, commanded.right
         self.dt_s = dt_s
         self.driven_s = driven_s
         self.forward_m = forward_m

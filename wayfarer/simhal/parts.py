@@ -167,7 +167,7 @@ class SimMotors(SimPart):
 
     def drive_at(self, now_s: float, command: WheelCommand) -> WheelCommand:
         """Apply a command."""
-        left, right = command
+        left, right = command.left, command.right
         world, steps = self._world, self._steps
         left, right = int(left * steps) / steps, int(right * steps) / steps
         world.advance_to(now_s)

@@ -293,7 +293,7 @@ def _of_snapshots(now: Snapshot | None, then: Snapshot | None) -> str:
         if read is None or well is None:
             return f"{part}: {'no' if read is None else 'a'} reading"
         # A reading's time is the last to name: an older reading is another one in all its numbers.
-        names = [name for name in (*read._fields[1:], "t_s") if getattr(read, name) != getattr(well, name)]
+        names = [name for name in (*read.__match_args__[1:], "t_s") if getattr(read, name) != getattr(well, name)]
         late = read.t_s < well.t_s
         return f"{part}: an older reading" if late else f"{part}.{names[0]}"
     return "time of the control tick"

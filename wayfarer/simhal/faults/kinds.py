@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from inspect import isabstract
 from math import inf
-from typing import Any, get_type_hints
+from typing import Any
 
 from wayfarer.config.factory import NEEDED
 from wayfarer.config.rover_file import RoverConfig
@@ -22,7 +22,13 @@ from wayfarer.simhal.world.physics import Depth
 BEGINS_S = 5.0  # of ``--fault`` without a time: the rover has driven some metres by then; chosen by us
 MOST_S = 1e6  # of its times
 
-_READINGS = {"compass": CompassReading, "motion": MotionReading, "contact": ContactReading, "position": PositionFix}
+# A reading of each part, to see what is a number in it.
+_READINGS: Mapping[str, Any] = {
+    "compass": CompassReading(0.0, 0.0, 0.0, 0.0, None),
+    "motion": MotionReading(0.0, 0.0, 0.0, 0.0),
+    "contact": ContactReading(0.0, (), None),
+    "position": PositionFix(0.0, 0.0, 0.0, None),
+}
 # What the name of a class becomes: NotANumber is not_a_number in scenario files and logs, AllFF is all_ff.
 _NEW_WORD = re.compile("(?<=[a-z])(?=[A-Z0-9])|(?<=[A-Z])(?=[A-Z][a-z])")
 
@@ -109,8 +115,8 @@ def parts_of(params: FaultKind) -> tuple[str, ...]:
 
 def measured(part: str) -> tuple[str, ...]:
     """Return the names of the numbers in the readings of a part."""
-    hints = get_type_hints(_READINGS[part]) if part in _READINGS else {}
-    return tuple(name for name, hint in hints.items() if hint is float)
+    values = _READINGS[part]._asdict() if part in _READINGS else {}
+    return tuple(name for name, value in values.items() if isinstance(value, float))
 
 
 def misfit(fault: Fault, config: RoverConfig, depth: Depth) -> str | None:
