@@ -19,7 +19,7 @@ from wayfarer.fieldlog.record import WORLD_CORNER
 from wayfarer.hal import STOP, Side, WheelCommand
 from wayfarer.simhal.parts import FIX_ERROR_M, SimBumper, SimCompass, SimFlow, SimMotors, SimReceiver
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, HeadingSensorModel
+from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, HeadingSensorModel, whole
 from wayfarer.simhal.world.forest import CLEARING, Trunk
 from wayfarer.simhal.world.world import World
 
@@ -91,6 +91,11 @@ async def test_displacements_are_whole_counts_that_add_up_to_the_odometer() -> N
     assert true_m > 5.0
     assert read_m == pytest.approx(true_m, rel=0.02)
     assert (await flow.read()).forward_m == pytest.approx(0.0, abs=10 * FLOW_M_PER_COUNT)
+
+
+@given(value=st.floats(-(2.0**50), 2.0**50) | st.integers(-(2**40), 2**40).map(lambda halves: halves / 2.0))
+def test_chip_units_are_rounded_as_python_rounds(value: float) -> None:
+    assert whole(value) == round(value)
 
 
 @virtual

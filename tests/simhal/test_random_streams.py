@@ -14,7 +14,7 @@ names = st.text(min_size=1, max_size=20)
 
 def draws(seed: int, name: str, count: int) -> list[float]:
     normal = RandomStreams(seed).normal(name, 1.0)
-    return [normal() for _ in range(count)]
+    return [normal.draw() for _ in range(count)]
 
 
 @given(seed=st.integers(0, 2**63), name=names)
@@ -27,11 +27,11 @@ def test_stream_follows_from_seed_and_name(seed: int, name: str) -> None:
 def test_drawing_from_one_stream_does_not_change_another(drawn: int) -> None:
     streams = RandomStreams(7)
     greedy, modest = streams.normal("flow", 1.0), streams.normal("compass.heading", 1.0)
-    first = modest()
+    first = modest.draw()
     for _ in range(drawn):
-        greedy()
+        greedy.draw()
     streams.random("algorithm").random()
-    assert [first, *(modest() for _ in range(4))] == draws(7, "compass.heading", 5)
+    assert [first, *(modest.draw() for _ in range(4))] == draws(7, "compass.heading", 5)
 
 
 def test_streams_of_other_names_and_seeds_differ() -> None:
@@ -40,7 +40,7 @@ def test_streams_of_other_names_and_seeds_differ() -> None:
 
 def test_normal_stream_has_its_mean_and_spread_across_blocks() -> None:
     normal = RandomStreams(1).normal("a", 3.0)
-    values = [normal() for _ in range(40 * BLOCK)]
+    values = [normal.draw() for _ in range(40 * BLOCK)]
     assert abs(fmean(values)) < 0.1
     assert abs(pstdev(values) - 3.0) < 0.1
     assert len(set(values)) == len(values)

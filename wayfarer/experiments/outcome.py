@@ -57,7 +57,7 @@ class OutcomeMonitor:
         call_off: Callable[[str, str], None],
         limit_s: float = inf,
     ) -> None:
-        self._goal_y_m = forest.goal_y_m
+        self._goal_y_m, self._size_m = forest.goal_y_m, WORLD_SIZE_M
         self._budget_m = budget_m
         self._budget_s = min(budget_m * TIME_PER_BUDGET_S_PER_M, limit_s)
         self._tip_deg = tip_deg
@@ -69,7 +69,7 @@ class OutcomeMonitor:
         x_m, y_m = world.x_m, world.y_m
         if (
             0.0 <= y_m < self._goal_y_m
-            and 0.0 <= x_m <= WORLD_SIZE_M
+            and 0.0 <= x_m <= self._size_m
             and world.forward_m + world.reverse_m < self._budget_m
             and world.t_s < self._budget_s
             and abs(world.pitch_deg) < self._tip_deg
@@ -83,7 +83,7 @@ class OutcomeMonitor:
     def _judge(self, world: SimulatedWorld) -> Outcome:
         if world.y_m >= self._goal_y_m:
             return "escaped"
-        if not (0.0 <= world.x_m <= WORLD_SIZE_M and world.y_m >= 0.0):
+        if not (0.0 <= world.x_m <= self._size_m and world.y_m >= 0.0):
             return "left_bounds"
         tilt_deg = max(abs(world.pitch_deg), abs(world.roll_deg))
         return "tipped" if tilt_deg >= self._tip_deg else "entrapped"

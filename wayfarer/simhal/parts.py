@@ -143,7 +143,7 @@ class SimReceiver(SimPart):
         world = self._world
         world.tick_chips()
         world.advance_to(t_s)
-        north_m, east_m = world.y_m + self._error_m(), world.x_m + self._error_m()
+        north_m, east_m = world.y_m + self._error_m.draw(), world.x_m + self._error_m.draw()
         return PositionFix(t_s, *coordinates_deg(WORLD_CORNER, north_m, east_m), FIX_ERROR_M)
 
 

@@ -5,19 +5,35 @@ A consumer that draws more, or less, or not at all changes nothing for the other
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from itertools import chain
 from random import Random
 from typing import Final
 from zlib import crc32
 
+from mypy_extensions import i64
 from numpy.random import PCG64, Generator, SeedSequence
 
 # Drawn at once: a normal number costs 0.1 µs from a block and 0.6 µs by itself.
 BLOCK: Final = 256
 
-
 SENSES: Final = frozenset({"compass.heading", "compass.tilt", "compass.vibration", "flow"})
+
+
+class Noise:
+    """A normal distribution with mean 0; it is drawn from in blocks."""
+
+    def __init__(self, generator: Generator, sd: float) -> None:
+        self._generator = generator
+        self._sd = sd
+        self._block: list[float] = []
+        self._at: i64 = BLOCK
+
+    def draw(self) -> float:
+        """Return the next number."""
+        at = self._at
+        if at == BLOCK:
+            self._block, at = (self._generator.standard_normal(BLOCK) * self._sd).tolist(), 0
+        self._at = at + 1
+        return self._block[at]
 
 
 class RandomStreams:
@@ -31,10 +47,9 @@ class RandomStreams:
         """Return numpy's generator of that name."""
         return Generator(PCG64(SeedSequence(self._seed, spawn_key=(crc32(name.encode()),))))
 
-    def normal(self, name: str, sd: float) -> Callable[[], float]:
-        """Return a function that draws from a normal distribution with mean 0."""
-        blocks = _normal_blocks(self.generator(name), sd * self._sensor_noise if name in SENSES else sd)
-        return chain.from_iterable(blocks).__next__
+    def normal(self, name: str, sd: float) -> Noise:
+        """Return noise with this standard deviation."""
+        return Noise(self.generator(name), sd * self._sensor_noise if name in SENSES else sd)
 
     def random(self, name: str) -> Random:
         """Return Python's generator of that name, for field code, which does not need numpy."""
@@ -43,8 +58,3 @@ class RandomStreams:
     def random_seed(self, name: str) -> str:
         """Return what that generator is made with, so that a replay can make it again."""
         return f"{self._seed}/{name}"
-
-
-def _normal_blocks(generator: Generator, sd: float) -> Iterator[list[float]]:
-    while True:
-        yield (generator.standard_normal(BLOCK) * sd).tolist()

@@ -27,7 +27,6 @@ from wayfarer.simhal.mujoco.model import NoRoom, Unstable
 from wayfarer.simhal.mujoco.world import OBSERVE_EVERY_STEPS, MujocoWorld
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, FlowSensorModel, HeadingSensorModel
-from wayfarer.simhal.world.collision import Obstacle
 from wayfarer.simhal.world.forest import CLEARING, Forest, Trunk
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
@@ -73,7 +72,7 @@ def test_what_happens_does_not_depend_on_who_asks_when(roughness_m: float) -> No
 def test_what_the_engine_is_spared_changes_no_bit(roughness_m: float, monkeypatch: pytest.MonkeyPatch) -> None:
     spared = mujoco.mjtDisableBit.mjDSBL_MIDPHASE | mujoco.mjtDisableBit.mjDSBL_ISLAND
     forest = replace(trunk_across(14.5), trees_m=((24.4, 13.7), (25.0, 11.0), (40.0, 40.0)))
-    touched: set[Obstacle | None] = set()
+    touched: set[float | None] = set()
     states = []
     for spares in (True, False):
         if not spares:
@@ -82,7 +81,7 @@ def test_what_the_engine_is_spared_changes_no_bit(roughness_m: float, monkeypatc
         assert bool(world.model.geom_contype[1:5].any()) is not spares
         if not spares:
             world.model.opt.disableflags &= ~spared
-        world.after_step = lambda world: touched.add(world.touch and world.touch.obstacle)
+        world.after_step = lambda world: touched.add(None if world.touch is None else world.touch.obstacle.y0_m)
         for left, right, for_s in ((0.5, 0.5, 4.0), (-0.6, -0.6, 6.0), (0.8, -0.8, 0.6), (0.5, 0.4, 2.0)):
             drive(world, left, right, for_s)
         states.append(state(world))

@@ -350,7 +350,8 @@ def test_state_depends_on_commands_alone_and_not_on_who_looks(
                 if second_s <= look_s < second_s + 1:
                     world.advance_to(look_s)
         world.advance_to(len(course))
-        return *pose(world), world.forward_m, world.reverse_m, world.pitch_deg, world.slipping, world.touch
+        touched = world.touch and (world.touch.obstacle.x0_m, world.touch.sides)
+        return *pose(world), world.forward_m, world.reverse_m, world.pitch_deg, world.slipping, touched
 
     assert end_of(looks_s) == end_of([])
 

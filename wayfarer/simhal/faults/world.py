@@ -38,7 +38,7 @@ class Slip(WorldFault):
     @contextmanager
     def effect(self, world: SimulatedWorld, _: Random) -> Iterator[None]:
         """Begin a slip; it ends as every slip does, not with the fault."""
-        world.slipping = True
+        world.lose_grip()
         yield
 
 

@@ -28,7 +28,7 @@ class Nearby:
     def __init__(self, model: Any, obstacles: list[Obstacle], body: WheeledBody) -> None:
         geoms = slice(1, 1 + len(obstacles))
         self._masks = tuple((mask[geoms], mask[geoms].copy()) for mask in (model.geom_contype, model.geom_conaffinity))
-        lines = np.array([obstacle[:4] for obstacle in obstacles], dtype=float).reshape(-1, 2, 2)
+        lines = np.array([(it.x0_m, it.y0_m, it.x1_m, it.y1_m) for it in obstacles], dtype=float).reshape(-1, 2, 2)
         self._from_m, self._along_m = lines[:, 0], lines[:, 1] - lines[:, 0]
         self._length_m2 = np.maximum((self._along_m**2).sum(axis=1), 1e-12)  # a tree is a line of no length
         reach_m = hypot(body.length_m / 2.0, body.width_m / 2.0, body.height_m)  # however it is turned and tilted

@@ -25,6 +25,7 @@ from wayfarer.simhal.mujoco.ground import HeightField, Nearby
 from wayfarer.simhal.world.collision import Obstacle
 from wayfarer.simhal.world.forest import WORLD_SIZE_M
 from wayfarer.simhal.world.physics import Terrain
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
 from wayfarer.simhal.world.wheeled_body import (
     ROLLING_RESISTANCE,
     ROTOR_SHARE_OF_WEIGHT,
@@ -106,11 +107,12 @@ def _add_ground(spec: Any, field: HeightField | None, surface: dict[str, Any]) -
 
 def _add_obstacles(spec: Any, obstacles: list[Obstacle], surface: dict[str, Any]) -> None:
     """Add each trunk, lying on the ground, and each tree, standing in it."""
-    for x0_m, y0_m, x1_m, y1_m, radius_m, axis_deg in obstacles:
-        ends_m = (0.0, TREE_HEIGHT_M) if axis_deg is None else (radius_m, radius_m)
+    for obstacle in obstacles:
+        radius_m = obstacle.radius_m
+        ends_m = (0.0, TREE_HEIGHT_M) if obstacle.axis_deg is None else (radius_m, radius_m)
         spec.worldbody.add_geom(
             type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-            fromto=(x0_m, y0_m, ends_m[0], x1_m, y1_m, ends_m[1]),
+            fromto=(obstacle.x0_m, obstacle.y0_m, ends_m[0], obstacle.x1_m, obstacle.y1_m, ends_m[1]),
             size=(radius_m, 0.0, 0.0),
             **surface,
         )
@@ -232,36 +234,36 @@ def pose_of(qpos: Sequence[float]) -> Pose:
 
 
 class Displacement:
-    """Adds up, look by look, how far the body has moved along its own axes; ``start_at`` comes first.
+    """Adds up, look by look, how far the body of a world has moved along its own axes; ``start_at`` comes first.
 
-    ``forward_m``, ``reverse_m`` and ``right_m`` are how far until the latest pose.
+    The world's ``forward_m``, ``reverse_m`` and ``right_m`` are how far until the latest pose.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, world: SimulatedWorld) -> None:
+        self._world = world
         self._forward_m = self._reverse_m = self._right_m = 0.0  # until the latest look
 
     def start_at(self, pose: Pose) -> None:
         """Count from here on, as after the body was carried."""
         self._x_m, self._y_m = pose.x_m, pose.y_m
-        self.forward_m, self.reverse_m, self.right_m = self._forward_m, self._reverse_m, self._right_m
+        world = self._world
+        world.forward_m, world.reverse_m, world.right_m = self._forward_m, self._reverse_m, self._right_m
 
     def follow(self, pose: Pose) -> float:
         """Take the latest pose; return how far it is ahead of the latest look, negative backwards."""
         east_m, north_m = pose.x_m - self._x_m, pose.y_m - self._y_m
         sin_h, cos_h = sin(pose.heading_rad), cos(pose.heading_rad)
         ahead_m = east_m * sin_h + north_m * cos_h
-        self.forward_m, self.reverse_m = self._forward_m, self._reverse_m
-        if ahead_m < 0.0:
-            self.reverse_m -= ahead_m
-        else:
-            self.forward_m += ahead_m
-        self.right_m = self._right_m + (east_m * cos_h - north_m * sin_h)
+        world = self._world
+        world.forward_m = self._forward_m + max(ahead_m, 0.0)
+        world.reverse_m = self._reverse_m - min(ahead_m, 0.0)
+        world.right_m = self._right_m + (east_m * cos_h - north_m * sin_h)
         return ahead_m
 
     def look(self, pose: Pose) -> float:
         """Take the latest pose and keep what has been moved; return how much of it was ahead, negative backwards."""
-        ahead_m = self.follow(pose)
-        self._forward_m, self._reverse_m, self._right_m = self.forward_m, self.reverse_m, self.right_m
+        ahead_m, world = self.follow(pose), self._world
+        self._forward_m, self._reverse_m, self._right_m = world.forward_m, world.reverse_m, world.right_m
         self._x_m, self._y_m = pose.x_m, pose.y_m
         return ahead_m
 

@@ -1,4 +1,4 @@
-"""The world in MuJoCo: the same interface as ``simhal.world.world.World``, with wheels that grip and slip.
+"""The world in MuJoCo, with wheels that grip and slip.
 
 The engine takes steps of ``model.STEP_S``; every ``OBSERVE_EVERY_STEPS`` of them the world looks round: what
 touches, what is under the wheels, and the outcome monitor. What is read in between is where the body is, never what was
@@ -7,8 +7,6 @@ seen last, so that nothing depends on the order and the rates in which parts ask
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
 from math import cos, inf, radians, sin
 
 import mujoco
@@ -31,17 +29,7 @@ from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.collision import low_trunks_of, obstacles_of
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics, Terrain
-from wayfarer.simhal.world.simulated_world import (
-    FULL_BATTERY_V,
-    NO_BODY_FAULTS,
-    ROUNDING_S,
-    SimulatedWorld,
-    Touch,
-    hillside_of,
-    no_chips,
-    no_observer,
-    side_of,
-)
+from wayfarer.simhal.world.simulated_world import ROUNDING_S, SimulatedWorld, Touch, side_of
 from wayfarer.simhal.world.wheeled_body import WheeledBody
 
 OBSERVE_EVERY_STEPS = 5  # steps: 20 ms, well within a control tick
@@ -51,8 +39,8 @@ SLIPS_BELOW_SHARE, SLIPS_ABOVE_M_S = 0.5, 0.1
 HIGH_CENTRED_AFTER_S = 5.0  # on its belly, with too few wheels to drive off; chosen by us
 
 
-class MujocoWorld:
-    """Ground truth of one trial; implements ``SimulatedWorld``.
+class MujocoWorld(SimulatedWorld):
+    """Ground truth of one trial.
 
     Args:
         forest: the geometry.
@@ -72,16 +60,8 @@ class MujocoWorld:
         streams: RandomStreams,
         step_s: float = STEP_S,
     ) -> None:
-        self.physics, self.terrain, self._body = physics, terrain, body
-        self.touch: Touch | None = None
-        self.high_centred = False
-        self.field_deg = self.ground_pitch_deg = self.ground_roll_deg = 0.0
-        self.battery_v = FULL_BATTERY_V
-        self.deadman_at_s = inf
-        self.tick_chips: Callable[[], None] = no_chips
-        self.after_step: Callable[[SimulatedWorld], None] = no_observer
-        self.body_faults = NO_BODY_FAULTS
-        self.steps, self.t_s = 0, 0.0
+        super().__init__(forest, physics)
+        self.terrain, self._body = terrain, body
         self._step_s = step_s
         field = rough_ground(terrain.roughness_m, streams) if terrain.roughness_m else None
         self._mud = Mud(forest, physics, body.width_m, streams)
@@ -100,58 +80,12 @@ class MujocoWorld:
         )
         self._nearby = Nearby(self.model, obstacles, body)
         self._placement = Placement(self.model, self.data, body, field, self._contacts, self._nearby)
-        self._slips = self._tilts = False
-        self._hillside = hillside_of(physics, forest)
+        self._tilts = False
         self._high_centred_s = 0.0
-        self._displacement = Displacement()
+        self._displacement = Displacement(self)
         self._sides = streams.generator("world.rover").normal(1.0, physics.side_gain_sd, 2).tolist()
         self._put_down(*forest.start_m, radians(forest.heading_deg))
         self.command(0.0, 0.0)
-
-    # -- what the parts and the outcome monitor see --------------------------------------------------------------------
-
-    def attitude(self) -> tuple[float, float, float]:
-        """Return heading (radians), pitch and roll (degrees): of the body relative to gravity."""
-        ground_pitch_deg, ground_roll_deg = self._ground_deg()
-        return self.heading_rad, self.pitch_deg + ground_pitch_deg, self.roll_deg + ground_roll_deg
-
-    def _ground_deg(self) -> tuple[float, float]:
-        """Return pitch and roll of the ground under the body: of the hillside, and of a fault."""
-        if self._hillside is None:
-            return self.ground_pitch_deg, self.ground_roll_deg
-        pitch_deg, roll_deg = self._hillside.attitude_deg(self.heading_rad)
-        return pitch_deg + self.ground_pitch_deg, roll_deg + self.ground_roll_deg
-
-    @property
-    def forward_m(self) -> float:
-        """Distance driven ahead."""
-        return self._displacement.forward_m
-
-    @property
-    def reverse_m(self) -> float:
-        """Distance driven backwards."""
-        return self._displacement.reverse_m
-
-    @property
-    def right_m(self) -> float:
-        """Sideways displacement, to the right."""
-        return self._displacement.right_m
-
-    @property
-    def path_m(self) -> float:
-        """Distance driven, forwards and backwards."""
-        return self._displacement.forward_m + self._displacement.reverse_m
-
-    @property
-    def slipping(self) -> bool:
-        """Whether the wheels spin; setting it spills mud where the rover stands."""
-        return self._slips
-
-    @slipping.setter
-    def slipping(self, slips: bool) -> None:
-        if slips:
-            self._mud.add_patch(self.x_m, self.y_m)
-            self._wheel_friction.update()
 
     # -- what is done to it ----------------------------------------------------------------------------------------
 
@@ -164,11 +98,15 @@ class MujocoWorld:
 
     def set_faults(self, **body_faults: float | bool) -> None:
         """Change what is wrong with the body, from the next step on."""
-        self.body_faults = replace(self.body_faults, **body_faults)  # type: ignore[arg-type]
+        super().set_faults(**body_faults)
         self._hold(self.body_faults.snagged)
         if not self.body_faults.shove_m_s:
             self.data.xfrc_applied[self._rover] = 0.0
-        self.command(*self.commanded)
+
+    def lose_grip(self) -> None:
+        """Spill mud where the body is."""
+        self._mud.add_patch(self.x_m, self.y_m)
+        self._wheel_friction.update()
 
     def pull_back(self, distance_m: float) -> None:
         """Put the body level on the ground, as far behind where it is as is free up to that distance.
@@ -186,7 +124,7 @@ class MujocoWorld:
         self.command(*self.commanded)
 
     def advance_to(self, t_s: float) -> None:
-        """Take whole steps up to a time; nothing happens where the world is there already."""
+        """Take whole steps up to a time; nothing happens if the world is there already."""
         if self.deadman_at_s <= t_s:
             self._run_to(self._steps_until(self.deadman_at_s))
             self.deadman_at_s = inf
@@ -223,12 +161,12 @@ class MujocoWorld:
         speed_m_s = ahead_m / (OBSERVE_EVERY_STEPS * self._step_s)
         self._nearby.follow(self.x_m, self.y_m)
         touched, hanging = self._contacts.feel()
-        self.touch = touched and Touch(touched, side_of(touched, self.x_m, self.y_m, self.heading_rad))
+        self.touch = None if touched is None else Touch(touched, side_of(touched, *self._pose[:3]))
         self._high_centred_s = self._high_centred_s + OBSERVE_EVERY_STEPS * self._step_s if hanging else 0.0
         self.high_centred = self._high_centred_s >= HIGH_CENTRED_AFTER_S
         rims_m_s = sum(self._rims_rad_s.tolist()) / 4.0 * self._body.wheel_radius_m
         slip_m_s = abs(rims_m_s - speed_m_s)
-        self._slips = slip_m_s > SLIPS_ABOVE_M_S and slip_m_s > SLIPS_BELOW_SHARE * abs(rims_m_s)
+        self.slipping = slip_m_s > SLIPS_ABOVE_M_S and slip_m_s > SLIPS_BELOW_SHARE * abs(rims_m_s)
         if self._mud.anywhere:
             self._wheel_friction.update()
         if self.body_faults.shove_m_s:
@@ -240,7 +178,7 @@ class MujocoWorld:
 
     def _tilt_ground(self) -> None:
         """Let gravity pull as it does on ground that slopes so under the body; the senses add the angles."""
-        self.model.opt.gravity[:] = gravity_m_s2(*self._ground_deg(), self.heading_rad)
+        self.model.opt.gravity[:] = gravity_m_s2(*self.ground_deg(), self.heading_rad)
         self._tilts = bool(self.ground_pitch_deg or self.ground_roll_deg)
 
     def _hold(self, snagged: bool) -> None:

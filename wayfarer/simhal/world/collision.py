@@ -5,37 +5,45 @@ A trunk is a capsule around its centre line, a tree a circle (a capsule of no le
 
 from __future__ import annotations
 
-from itertools import product
-from math import atan2, ceil, degrees, hypot
+from math import atan2, degrees, hypot, sqrt
 from typing import Final, NamedTuple
 
 from wayfarer.simhal.world.forest import Forest, Trunk
 
 CELL_M: Final = 2.0
+COLUMNS: Final = 1 << 16  # of the map, more than any world has
+ROUNDING_M: Final = 1e-9
 
 Span = tuple[float, float]  # part of a line, as shares of its length; (0, 0) is nothing
 
 
-class Obstacle(NamedTuple):
+class Obstacle:
     """A capsule: centre line from (x0, y0) to (x1, y1), radius; ``axis_deg`` is its bearing, None for a tree."""
 
-    x0_m: float
-    y0_m: float
-    x1_m: float
-    y1_m: float
-    radius_m: float
-    axis_deg: float | None
+    def __init__(
+        self, x0_m: float, y0_m: float, x1_m: float, y1_m: float, radius_m: float, axis_deg: float | None
+    ) -> None:
+        self.x0_m, self.y0_m, self.x1_m, self.y1_m = x0_m, y0_m, x1_m, y1_m
+        self.radius_m = radius_m
+        self.axis_deg = axis_deg
+        self._along_x, self._along_y = x1_m - x0_m, y1_m - y0_m
+        self._length_sq = self._along_x * self._along_x + self._along_y * self._along_y
 
     def nearest(self, x_m: float, y_m: float) -> tuple[float, float]:
         """Return the point of the centre line that is nearest to a point."""
-        x0_m, y0_m, x1_m, y1_m, _, _ = self
-        along_x, along_y = x1_m - x0_m, y1_m - y0_m
-        length_sq = along_x * along_x + along_y * along_y
+        x0_m, y0_m, length_sq = self.x0_m, self.y0_m, self._length_sq
         if length_sq == 0.0:
             return x0_m, y0_m
+        along_x, along_y = self._along_x, self._along_y
         share = ((x_m - x0_m) * along_x + (y_m - y0_m) * along_y) / length_sq
         share = 0.0 if share < 0.0 else 1.0 if share > 1.0 else share
         return x0_m + share * along_x, y0_m + share * along_y
+
+    def gap_m(self, x_m: float, y_m: float) -> float:
+        """Return the distance from a point to the surface, negative inside."""
+        near_x, near_y = self.nearest(x_m, y_m)
+        dx, dy = near_x - x_m, near_y - y_m
+        return sqrt(dx * dx + dy * dy) - self.radius_m
 
 
 def obstacles_of(forest: Forest, clearance_m: float = 0.0) -> list[Obstacle]:
@@ -64,15 +72,23 @@ class Box(NamedTuple):
 
 
 def span_inside(line: tuple[float, float, float, float], box: Box) -> Span:
-    """Return the part of a line (x0, y0, x1, y1) that lies inside a box, by clipping it (Liang-Barsky)."""
+    """Return the part of a line (x0, y0, x1, y1) that lies inside a box."""
     x0_m, y0_m, x1_m, y1_m = line
-    enter, leave = 0.0, 1.0
-    for from_m, to_m, low_m, high_m in ((x0_m, x1_m, box.west_m, box.east_m), (y0_m, y1_m, box.south_m, box.north_m)):
-        if from_m != to_m:
-            at_low, at_high = (low_m - from_m) / (to_m - from_m), (high_m - from_m) / (to_m - from_m)
-            enter, leave = max(enter, min(at_low, at_high)), min(leave, max(at_low, at_high))
-        elif not low_m <= from_m <= high_m:
-            return 0.0, 0.0
+    across = span_between(x0_m, x1_m, box.west_m, box.east_m, (0.0, 1.0))
+    return span_between(y0_m, y1_m, box.south_m, box.north_m, across)
+
+
+def span_between(from_m: float, to_m: float, low_m: float, high_m: float, within: Span) -> Span:
+    """Return the part of a line in which one of its coordinates is between two bounds, by clipping it (Liang-Barsky).
+
+    ``from_m`` and ``to_m`` are that coordinate at its ends, ``within`` is the part that is asked about.
+    """
+    enter, leave = within
+    if from_m != to_m:
+        at_low, at_high = (low_m - from_m) / (to_m - from_m), (high_m - from_m) / (to_m - from_m)
+        enter, leave = max(enter, min(at_low, at_high)), min(leave, max(at_low, at_high))
+    elif not low_m <= from_m <= high_m:
+        return 0.0, 0.0
     return (enter, leave) if enter < leave else (0.0, 0.0)
 
 
@@ -84,17 +100,13 @@ class BodyOutline:
         self.half_width_m = width_m / 2
         self.reach_m = hypot(self.half_length_m, self.half_width_m)
         self._inner_m = min(self.half_length_m, self.half_width_m)
-        self._box = Box(-self.half_width_m, -self.half_length_m, self.half_width_m, self.half_length_m)
 
     def overlaps(self, obstacle: Obstacle, x_m: float, y_m: float, sin_h: float, cos_h: float) -> bool:
         """Return whether the body, centred at (x, y) and heading where (sin, cos) says, overlaps the obstacle."""
-        near_x, near_y = obstacle.nearest(x_m, y_m)
-        dx, dy = near_x - x_m, near_y - y_m
-        distance_sq = dx * dx + dy * dy
-        radius_m = obstacle.radius_m
-        if distance_sq > (self.reach_m + radius_m) ** 2:
+        gap_m, radius_m = obstacle.gap_m(x_m, y_m), obstacle.radius_m
+        if gap_m > self.reach_m:
             return False
-        if distance_sq < (self._inner_m + radius_m) ** 2:
+        if gap_m < self._inner_m:
             return True
         # In the body's frame: forward along the heading, right across it.
         e0, n0 = obstacle.x0_m - x_m, obstacle.y0_m - y_m
@@ -112,16 +124,21 @@ class BodyOutline:
         length_sq = df * df + dr * dr
         if length_sq == 0.0:
             return self._end_distance_sq(f0, r0)
-        enter, leave = span_inside((r0, f0, r1, f1), self._box)
+        half_length_m, half_width_m = self.half_length_m, self.half_width_m
+        across = span_between(r0, r1, -half_width_m, half_width_m, (0.0, 1.0))
+        enter, leave = span_between(f0, f1, -half_length_m, half_length_m, across)
         if enter < leave:
             return 0.0
         best = min(self._end_distance_sq(f0, r0), self._end_distance_sq(f1, r1))
-        for cf in (self.half_length_m, -self.half_length_m):
-            for cr in (self.half_width_m, -self.half_width_m):
-                share = ((cf - f0) * df + (cr - r0) * dr) / length_sq
-                if 0.0 < share < 1.0:
-                    gap_f, gap_r = f0 + share * df - cf, r0 + share * dr - cr
-                    best = min(best, gap_f * gap_f + gap_r * gap_r)
+        cf, cr = half_length_m, half_width_m
+        for corner in range(4):
+            share = ((cf - f0) * df + (cr - r0) * dr) / length_sq
+            if 0.0 < share < 1.0:
+                gap_f, gap_r = f0 + share * df - cf, r0 + share * dr - cr
+                best = min(best, gap_f * gap_f + gap_r * gap_r)
+            cr = -cr
+            if corner == 1:
+                cf = -cf
         return best
 
     def _end_distance_sq(self, f: float, r: float) -> float:
@@ -139,29 +156,25 @@ class ObstacleGrid:
     def __init__(self, obstacles: list[Obstacle], near_m: float, cell_m: float = CELL_M) -> None:
         self._near_m = near_m
         self._cell_m = cell_m
-        self._cells: dict[tuple[int, int], list[Obstacle]] = {}
+        self._cells: dict[int, list[Obstacle]] = {}  # numbered row by row
         for obstacle in obstacles:
             self._enter(obstacle)
 
     def _enter(self, obstacle: Obstacle) -> None:
-        """List the obstacle in every cell that it may be near to: those near to points a cell apart along it."""
-        x0, y0, x1, y1, radius_m, _ = obstacle
-        cell_m = self._cell_m
-        count = ceil(hypot(x1 - x0, y1 - y0) / cell_m)
-        reach_m = radius_m + self._near_m + cell_m / 2
-        cells: set[tuple[int, int]] = set()
-        for point in range(count + 1):
-            share = point / count if count else 0.0
-            x, y = x0 + (x1 - x0) * share, y0 + (y1 - y0) * share
-            columns = range(int((x - reach_m) // cell_m), int((x + reach_m) // cell_m) + 1)
-            rows = range(int((y - reach_m) // cell_m), int((y + reach_m) // cell_m) + 1)
-            cells.update(product(columns, rows))
-        for cell in cells:
-            self._cells.setdefault(cell, []).append(obstacle)
+        """List the obstacle in every cell that it may be near to: in each row, beside its part near to that row."""
+        x0, y0, x1, y1 = obstacle.x0_m, obstacle.y0_m, obstacle.x1_m, obstacle.y1_m
+        cells, cell_m, reach_m = self._cells, self._cell_m, obstacle.radius_m + self._near_m + ROUNDING_M
+        for row in range(int((min(y0, y1) - reach_m) // cell_m), int((max(y0, y1) + reach_m) // cell_m) + 1):
+            south_m = row * cell_m
+            enter, leave = span_between(y0, y1, south_m - reach_m, south_m + cell_m + reach_m, (0.0, 1.0))
+            x_in, x_out = x0 + (x1 - x0) * enter, x0 + (x1 - x0) * leave
+            first = int((min(x_in, x_out) - reach_m) // cell_m)
+            for column in range(first, int((max(x_in, x_out) + reach_m) // cell_m) + 1):
+                cells.setdefault(row * COLUMNS + column, []).append(obstacle)
 
     def near(self, x_m: float, y_m: float) -> list[Obstacle]:
         """Return the obstacles near a point."""
-        return self._cells.get((int(x_m // self._cell_m), int(y_m // self._cell_m)), _NOTHING)
+        return self._cells.get(int(y_m // self._cell_m) * COLUMNS + int(x_m // self._cell_m), _NOTHING)
 
 
 _NOTHING: Final[list[Obstacle]] = []

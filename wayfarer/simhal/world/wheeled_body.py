@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from math import asin, atan, degrees, hypot, radians, sin
+from math import asin, degrees, hypot, radians, sin
 from typing import Final, NamedTuple
 
-from wayfarer.angles import clamp
 from wayfarer.config.settings import CLIMBING_KEYS, STANDARD_GRAVITY_M_S2, WHEEL_KEYS, Chassis
 from wayfarer.errors import BadConfig
 from wayfarer.escape.settings import Vehicle
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.world.collision import BodyOutline, Obstacle, ObstacleGrid, low_trunks_of
-from wayfarer.simhal.world.forest import Forest
+from wayfarer.simhal.world.collision import Obstacle
 from wayfarer.simhal.world.physics import Physics
 
 # Chosen by us, to be plain; none of them decides where a closed form of the tests lies.
@@ -117,8 +115,6 @@ def body_of(name: str, vehicle: Vehicle, chassis: Chassis, asked_by: str) -> Whe
 # a blind rover (paper, section IV-C, "due to inertia, rovers sometimes climbed onto fallen branches"): it turns over,
 # or the branch is under its belly and its wheels are off the ground.
 
-CELL_M: Final = 0.5  # of the map of what is underfoot
-
 
 class Climbing:
     """Models climbing onto a branch.
@@ -157,21 +153,3 @@ class Climbing:
     def is_on(self, obstacle: Obstacle, pitch_deg: float) -> bool:
         """Return whether the body is up so far that the branch is under its belly."""
         return self._length_m * abs(sin(radians(pitch_deg))) >= 2.0 * obstacle.radius_m
-
-
-class GroundPitch:
-    """The branches that pass under the belly: they only tilt the body, nose up, then nose down."""
-
-    def __init__(self, forest: Forest, clearance_m: float, body: BodyOutline) -> None:
-        self._body = body
-        self._grid = ObstacleGrid(low_trunks_of(forest, clearance_m), body.reach_m, CELL_M)
-
-    def pitch_deg(self, x_m: float, y_m: float, sin_h: float, cos_h: float) -> float:
-        """Return the pitch of a body there: a branch lifts the end that it is nearer to, by up to its thickness."""
-        half_m, pitch_deg = self._body.half_length_m, 0.0
-        for branch in self._grid.near(x_m, y_m):
-            if self._body.overlaps(branch, x_m, y_m, sin_h, cos_h):
-                near_x, near_y = branch.nearest(x_m, y_m)
-                ahead_m = (near_x - x_m) * sin_h + (near_y - y_m) * cos_h
-                pitch_deg += degrees(atan(branch.radius_m / half_m)) * clamp(ahead_m / half_m, -1.0, 1.0)
-        return pitch_deg

@@ -6,9 +6,7 @@ used.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
-from math import ceil, copysign, cos, degrees, exp, hypot, inf, radians, sin, sqrt
+from math import ceil, copysign, cos, degrees, exp, inf, radians, sin, sqrt
 from typing import Final
 
 from mypy_extensions import mypyc_attr
@@ -20,18 +18,15 @@ from wayfarer.simhal.world.collision import CELL_M, BodyOutline, Obstacle, Obsta
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
 from wayfarer.simhal.world.simulated_world import (
-    FULL_BATTERY_V,
     NO_BODY_FAULTS,
     ROUNDING_S,
+    LowBranches,
     SimulatedWorld,
     Touch,
-    hillside_of,
-    no_chips,
-    no_observer,
     side_of,
 )
 from wayfarer.simhal.world.skid_steering import SkidSteering
-from wayfarer.simhal.world.wheeled_body import Climbing, GroundPitch
+from wayfarer.simhal.world.wheeled_body import Climbing
 
 # No move is tested in pieces longer than this, so that nothing is jumped over: half a trunk, half a right angle.
 PIECE_M: Final = 0.1
@@ -51,8 +46,8 @@ LEVEL_DEG: Final = 0.01
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
-class World:
-    """Ground truth of one trial; implements ``SimulatedWorld``.
+class World(SimulatedWorld):
+    """Ground truth of one trial. This body never slides sideways.
 
     Args:
         forest: the geometry.
@@ -75,37 +70,18 @@ class World:
         chassis: Chassis | None = None,
         skid: SkidSteering | None = None,
     ) -> None:
-        self.physics = physics
-        self.x_m, self.y_m = forest.start_m
-        self.heading_rad = radians(forest.heading_deg)
-        self.pitch_deg = 0.0
-        self.roll_deg = 0.0
-        self.forward_m = 0.0
-        self.reverse_m = 0.0
-        self.right_m = 0.0  # this body never slides sideways
-        self.touch: Touch | None = None
-        self.slipping = False
-        self.high_centred = False
-        self.field_deg = 0.0
-        self.ground_pitch_deg = self.ground_roll_deg = 0.0
-        self.battery_v = FULL_BATTERY_V
-        self.deadman_at_s = inf
-        self.tick_chips: Callable[[], None] = no_chips
-        self.body_faults = NO_BODY_FAULTS
-        self.steps = 0
-        self.t_s = self._starts_s = starts_s
+        super().__init__(forest, physics, starts_s)
+        self._starts_s = starts_s
         self._step_s = physics.step_s
         self._half_step_s = physics.step_s / 2
         self._next_step_s = starts_s + physics.step_s - ROUNDING_S
-        self.after_step: Callable[[SimulatedWorld], None] = no_observer
         self._body = BodyOutline(vehicle.length_m, vehicle.width_m)
         beyond_m, cell_m = (CLUTTER_BEYOND_BODY_M, CLUTTER_CELL_M) if chassis else (SEEN_BEYOND_BODY_M, CELL_M)
         self._seen_m = self._body.reach_m + beyond_m
         self._climbing = Climbing(vehicle, chassis, physics, streams) if chassis else None
         clearance_m = self._climbing.clearance_m if self._climbing else 0.0
         self._grid = ObstacleGrid(obstacles_of(forest, clearance_m), self._seen_m, cell_m)
-        self._ground_pitch = GroundPitch(forest, clearance_m, self._body) if clearance_m else None
-        self._hillside = hillside_of(physics, forest)
+        self._low_branches = LowBranches(forest, clearance_m, self._body) if clearance_m else None
         self._free_m = 0.0
         self._lag = 1.0 - exp(-physics.step_s / physics.motor_lag_s)
         self._settling = exp(-physics.step_s / physics.settle_s)
@@ -122,20 +98,14 @@ class World:
     def _build_rover(self, vehicle: Vehicle, streams: RandomStreams) -> None:
         """Make this trial's rover a little different from what the field code believes of it."""
         build = streams.generator("world.rover")
-        self._full_left_m_s, self._full_right_m_s = (
-            vehicle.max_speed_m_s * build.normal(1.0, self.physics.side_gain_sd, 2)
-        ).tolist()
-        track_m = vehicle.track_m * exp(build.normal(0.0, self.physics.track_sd))
+        left, right = (vehicle.max_speed_m_s * build.normal(1.0, self.physics.side_gain_sd, 2)).tolist()
+        self._full_left_m_s, self._full_right_m_s = float(left), float(right)
+        track_m = vehicle.track_m * exp(float(build.normal(0.0, self.physics.track_sd)))
         self._turn_per_m_s = self._step_s / track_m
 
     def _next_slip_m(self) -> float:
         """Return the forward distance at which the ground gives way next."""
         return self.forward_m + self.physics.slip_free_m + float(self._slip_after(self.physics.slip_mean_m))
-
-    @property
-    def path_m(self) -> float:
-        """Distance driven, forwards and backwards."""
-        return self.forward_m + self.reverse_m
 
     def command(self, left: float, right: float) -> None:
         """Set the duty of both sides, each in -1..1, from the next step on."""
@@ -145,7 +115,7 @@ class World:
         self._left_target_m_s = left * self._full_left_m_s
         self._right_target_m_s = right * self._full_right_m_s
         self._pulls_back = left + right < 0.0
-        if self._skid:
+        if self._skid is not None:
             self._skid.drive(self._left_target_m_s, self._right_target_m_s)
 
     def carry_to(self, x_m: float, y_m: float, heading_deg: float) -> None:
@@ -162,26 +132,12 @@ class World:
         share = 1.0 if self._hit(near, dx, dy, 0.0) is None else self._free_share(near, dx, dy, 0.0)
         self.carry_to(self.x_m + dx * share, self.y_m + dy * share, degrees(self.heading_rad))
 
-    def attitude(self) -> tuple[float, float, float]:
-        """Return heading (radians), pitch and roll (degrees): of the body, the ground and the low branches under it."""
-        heading_rad, pitch_deg = self.heading_rad, self.pitch_deg + self.ground_pitch_deg
-        roll_deg = self.roll_deg + self.ground_roll_deg
-        if self._ground_pitch is not None:
-            pitch_deg += self._ground_pitch.pitch_deg(self.x_m, self.y_m, sin(heading_rad), cos(heading_rad))
-        if self._hillside is not None:
-            slope_pitch_deg, slope_roll_deg = self._hillside.attitude_deg(heading_rad)
-            pitch_deg, roll_deg = pitch_deg + slope_pitch_deg, roll_deg + slope_roll_deg
-        return heading_rad, pitch_deg, roll_deg
-
-    def set_faults(self, **body_faults: float | bool) -> None:
-        """Change what is wrong with the body, from the next step on."""
-        self.body_faults = replace(self.body_faults, **body_faults)  # type: ignore[arg-type]
-        if self.body_faults == NO_BODY_FAULTS:
-            self.body_faults = NO_BODY_FAULTS
-        self.command(*self.commanded)
+    def lose_grip(self) -> None:
+        """Have the wheels slip until they pull back."""
+        self.slipping = True
 
     def advance_to(self, t_s: float) -> None:
-        """Take whole steps up to a time; nothing happens where the world is there already."""
+        """Take whole steps up to a time; nothing happens if the world is there already."""
         while t_s >= self._next_step_s:
             self.steps += 1
             now_s = self.t_s = self._starts_s + self.steps * self._step_s
@@ -193,7 +149,7 @@ class World:
             self.after_step(self)
 
     def _step(self) -> None:
-        if self._skid:
+        if self._skid is not None:
             if self._hillside is not None:
                 self._skid.lean(self._hillside.rise(self.heading_rad))
             left_m_s, right_m_s = self._skid.step(self._left_m_s, self._right_m_s)
@@ -238,9 +194,9 @@ class World:
         """Move the body by a piece, up to the first contact; return whether nothing was in the way."""
         length_m = abs(forward_m)
         if length_m > STILL_M:
-            turn_rad += self._wander() * sqrt(length_m)
+            turn_rad += self._wander.draw() * sqrt(length_m)
         heading_rad = self.heading_rad + turn_rad
-        course_rad = heading_rad + self._steer_noise()
+        course_rad = heading_rad + self._steer_noise.draw()
         dx, dy = forward_m * sin(course_rad), forward_m * cos(course_rad)
         # The clearance known from earlier is used up before it is measured again.
         free_m = self._free_m = self._free_m - length_m
@@ -263,7 +219,7 @@ class World:
     def _resolve_contact(self, dx: float, dy: float, turn_rad: float) -> float:
         """Return how much of a move is free, 1 for all of it; press against what stops it."""
         touched, self.touch = self.touch, None
-        within_reach = self._measure(hypot(dx, dy) + self._body.reach_m)
+        within_reach = self._measure(sqrt(dx * dx + dy * dy) + self._body.reach_m)
         hit = self._hit(within_reach, dx, dy, turn_rad) if within_reach else None
         if hit is None:
             return 1.0
@@ -276,8 +232,7 @@ class World:
         free_m = self._seen_m - reach_m
         within_reach = []
         for obstacle in self._grid.near(x_m, y_m):
-            near_x, near_y = obstacle.nearest(x_m, y_m)
-            gap_m = hypot(near_x - x_m, near_y - y_m) - obstacle.radius_m - reach_m
+            gap_m = obstacle.gap_m(x_m, y_m) - reach_m
             if gap_m <= 0.0:
                 within_reach.append(obstacle)
             free_m = gap_m if gap_m < free_m else free_m
