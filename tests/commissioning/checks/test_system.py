@@ -6,6 +6,7 @@ import errno
 import os
 import pwd
 import shutil
+import tempfile
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -138,6 +139,7 @@ def test_a_disk_that_takes_no_file_fails_however_it_says_so_and_what_fits_it_is_
     monkeypatch.setattr(pwd, "getpwuid", lambda uid: SimpleNamespace(pw_name="rover"))
     with monkeypatch.context() as patch:
         patch.setattr(os, call, fails)
+        patch.setattr(tempfile, "TMP_MAX", 10)  # names that are tried while each exists already
         finding = rig.look(system.disk)
     assert finding.verdict is CheckVerdict.FAIL
     assert f"{rig.host.log_folder} cannot be written: " in finding.text
