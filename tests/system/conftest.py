@@ -1,4 +1,4 @@
-"""A bench for the tests of a file, and a daemon's site for each."""
+"""A bench for all tests of a worker, and a daemon's site for each."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import pytest
 from tests.system.hil_setup import Site, hil_site, running_bench
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def bench() -> Iterator[Path]:
-    """It is not left running for longer: it lets a hundred instants pass in each second."""
+    """It rests while no site uses it."""
     with running_bench() as path:
         yield path
 

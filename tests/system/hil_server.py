@@ -197,16 +197,23 @@ async def serve(config: RoverConfig, path: Path) -> None:
     """Serve a rover's chips at a socket for ever."""
     bench = HilServer(config, asyncio.get_running_loop().time)
     talks: set[asyncio.Task[None]] = set()
+    used = asyncio.Event()
 
     def serve_client(reader: StreamReader, writer: StreamWriter) -> None:
         talk = asyncio.create_task(bench.serve_client(reader, writer))
         talks.add(talk)
-        talk.add_done_callback(talks.discard)
+        talk.add_done_callback(ended)
+        used.set()
+
+    def ended(talk: asyncio.Task[None]) -> None:
+        talks.discard(talk)
+        if not talks:
+            used.clear()
 
     async with await asyncio.start_unix_server(serve_client, path):
         print(f"the chips of {config.name} are at {path}", flush=True)
         try:
-            while True:
+            while await used.wait():
                 bench.step()
                 await asyncio.sleep(TICK_S)
         finally:  # left to the end of the loop, they would end in tracebacks

@@ -23,6 +23,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from tests.kit.logs import read_log
+from tests.system import forks
+from tests.system.forks import IMPORTS
 from tests.system.hil_buses import SOCKET_VARIABLE, HilConnection, HilI2C, HilSerial
 from tests.system.measures import Commands, now_s, stop_after
 from tests.system.subprocesses import HARDWARE_PRIORITY, WAYFARER, command, put_first, starting
@@ -33,7 +35,6 @@ from wayfarer.drivers.sabertooth import packet
 from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.folders import run_folders
 
-CHECKOUT = Path(__file__).resolve().parents[2]
 DEADMAN_S = {"minirover": 0.25, "forestrover": 0.3}  # ThunderBorg, and what forestrover.toml sets its Sabertooth to
 PATIENCE_S = 60.0  # costs time in a failure only
 POLL_S = 0.02
@@ -46,8 +47,6 @@ BUSY = re.compile(
 DRIVES_M_S = 0.05
 KEY_S = 0.05  # between two samples of a key that is held
 LET_GO = 5  # samples, before a key is pressed
-# For ``tests``, whose buses a rover file names.
-IMPORTS = {"PYTHONPATH": os.pathsep.join(filter(None, (str(CHECKOUT), os.environ.get("PYTHONPATH"))))}
 UNPROVED = 'deadman_unproved_because = "its board is simulated"'
 FLOW = '[parts.motion]\ndriver = "pmw3901"\nbus = "/dev/spidev0.1"\n\n'
 
@@ -139,9 +138,7 @@ class Site:
     def start(self, *command: str | Path) -> subprocess.Popen[bytes]:
         """Start a process of this site."""
         with (self.folder / "output.txt").open("ab") as output, starting():
-            process: subprocess.Popen[bytes] = subprocess.Popen(
-                command, env=self.environment, stdout=output, stderr=output, cwd=self.folder
-            )
+            process = forks.start([*map(str, command)], self.environment, self.folder, output.fileno())
         self.processes.append(process)
         return process
 

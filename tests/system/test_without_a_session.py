@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-from tests.system.hil_setup import CHECKOUT
+from tests.system.forks import CHECKOUT
 from tests.system.nspawn import in_own_mounts
 from tests.system.subprocesses import COMMAND_S
 
