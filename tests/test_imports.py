@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import os
+import socket
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator
@@ -13,6 +15,7 @@ from pathlib import Path
 import pytest
 
 import wayfarer
+from tests import children
 
 ROOT = Path(wayfarer.__file__).parent
 MODULES = {
@@ -211,7 +214,17 @@ def test_only_the_demo_arms_a_rover_by_itself_and_gives_a_page_buttons_for_the_c
         (["wayfarer.api.campaigns", "wayfarer.api.trials", "wayfarer.api.runs"], {"numpy"}),
         (
             ["wayfarer.cli"],
-            {"numpy", "scipy", "pydantic", "asyncio", "aiohttp", "msgspec", "wayfarer.remote.live.server"},
+            {
+                "numpy",
+                "scipy",
+                "pydantic",
+                "asyncio",
+                "aiohttp",
+                "msgspec",
+                "rich",
+                "_hashlib",
+                "wayfarer.remote.live.server",
+            },
         ),
         (["wayfarer.cli.run_trials"], {"numpy"}),
         (["wayfarer.control.supervisor"], HEAVY),
@@ -228,6 +241,43 @@ def test_importing_stays_light(modules: list[str], kept_out: set[str]) -> None:
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     assert set(modules) <= set(loaded)
     assert kept_out & set(loaded) == set()
+
+
+# Of these, structlog alone takes rich's tracebacks, 50 ms and 4 MB, and faults know checks, drivers and chips.
+ONLY_IF_NEEDED = HEAVY - {"numpy"} | {
+    "rich.traceback", "pygments", "wayfarer.simhal.faults.injector", "wayfarer.simhal.faults.kinds",
+    "wayfarer.simhal.mujoco", "wayfarer.commissioning.checks.motion", "wayfarer.remote.live.server",
+}  # fmt: skip
+
+
+def loaded_by(command: str) -> str:
+    return f"import sys; from wayfarer.cli import run; run({command.split()}); print(*sys.modules)"
+
+
+@pytest.mark.process
+def test_campaign_imports_only_what_it_needs() -> None:
+    code = loaded_by("sim --trials 1 --jobs 1")
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    loaded = set(told.splitlines()[-1].split())
+    assert loaded >= {"structlog", "numpy", "rich"}
+    assert loaded & (ONLY_IF_NEEDED | {"wayfarer.commissioning", "wayfarer.daemon.daemon"}) == set()
+
+
+@pytest.mark.process
+def test_daemon_imports_only_what_it_needs(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notified:
+        notified.bind(f"{tmp_path}/notify")
+        notified.settimeout(30.0)
+        environment = {**os.environ, "RUNTIME_DIRECTORY": f"{tmp_path}", "NOTIFY_SOCKET": f"{tmp_path}/notify"}
+        command = [sys.executable, "-c", loaded_by(f"run --sim --log-dir {tmp_path}/logs")]
+        with children.child(
+            command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        ) as daemon:
+            assert notified.recv(1000) == b"READY=1"
+            daemon.terminate()
+            loaded = set(daemon.communicate()[0].split())
+    assert loaded >= {"structlog", "numpy"}
+    assert loaded & (ONLY_IF_NEEDED | {"rich", "wayfarer.simhal.faults", "wayfarer.cli.run_trials"}) == set()
 
 
 @pytest.mark.process

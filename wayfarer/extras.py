@@ -1,9 +1,10 @@
-"""The optional extras of the installation: which feature needs which packages, and how to install them."""
+"""What is imported only if it is needed: the optional extras of the installation, and what a library would bring."""
 
 from __future__ import annotations
 
+import sys
 from importlib.util import find_spec
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from wayfarer.errors import MissingPackage, how_to_install
 
@@ -41,3 +42,19 @@ def require(what: str) -> None:
     for module, package in packages.items():
         if find_spec(module) is None:
             raise MissingPackage(f"{what} needs {package}, which is not installed: {how_to_install(extra)}")
+
+
+def import_structlog() -> None:
+    """Import structlog without rich, which it takes for tracebacks that no command prints: 50 ms, and 4 MB of a daemon.
+
+    For commands only: a program that imports wayfarer may want these tracebacks.
+    """
+    modules: dict[str, Any] = sys.modules
+    rich = modules.get("rich")
+    modules["rich"] = None  # it cannot be imported now, and structlog does without
+    try:
+        import structlog  # noqa: F401
+    finally:
+        del modules["rich"]
+        if rich is not None:
+            modules["rich"] = rich

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import errno
 import os
-import secrets
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -201,7 +200,7 @@ def write_new(path: Path, content: str) -> None:
 
 def _draft(target: Path) -> Path:
     """Return a name beside the file that nobody can have guessed and taken."""
-    return target.with_name(f".{target.name}.{secrets.token_hex(4)}.new")
+    return target.with_name(f".{target.name}.{os.urandom(4).hex()}.new")
 
 
 def _sync(path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 from wayfarer.commissioning.checks import ARMING, CALIBRATED
 from wayfarer.config.rover_file import RoverConfig
@@ -13,14 +14,16 @@ from wayfarer.experiments.outcome import OutcomeMonitor
 from wayfarer.experiments.trial_log import GroundTruthLog
 from wayfarer.fieldlog.log import FieldLog
 from wayfarer.simhal.build_rover import build
-from wayfarer.simhal.faults.injector import Injector
-from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest_file import as_row
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import Depth, Physics
 from wayfarer.simhal.world.world import World
 from wayfarer.vocabulary import outcome_in_words
+
+if TYPE_CHECKING:
+    from wayfarer.simhal.faults.injector import Injector
+    from wayfarer.simhal.faults.kinds import Fault
 
 NO_BUDGET_M = 1e9  # a person may watch for as long as they like
 
@@ -41,13 +44,19 @@ def simulated_rover_setup(
         finish(outcome, f"the simulated rover has {outcome_in_words(outcome)} after {world.path_m:.1f} m")
 
     world.after_step = OutcomeMonitor(forest, NO_BUDGET_M, physics.tip_deg, tell).watch
-    injector = Injector(faults, config, seed)
-    rover = injector.instrument(build(depth, world, streams, config, clock, injector.buses))
+    injector: Injector | None = None
+    if faults:
+        from wayfarer.simhal.faults.injector import Injector  # a rover without faults need not know them
+
+        injector = Injector(faults, config, seed)
+        rover = injector.instrument(build(depth, world, streams, config, clock, injector.buses))
+    else:
+        rover = build(depth, world, streams, config, clock)
     checks = [check for check in ARMING if check not in CALIBRATED]
 
     def make_truth_log(log: FieldLog) -> RunLog:
         truth = GroundTruthLog(log, world)
-        return Tee(truth, _FaultsFromArming(injector, world, truth)) if faults else truth
+        return Tee(truth, _FaultsFromArming(injector, world, truth)) if injector else truth
 
     return RoverSetup(rover, checks=checks, world=as_row(forest), ground_truth_log=make_truth_log)
 

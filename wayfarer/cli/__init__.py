@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from copy import copy
 from functools import cache, partial
 from io import TextIOWrapper
 from pathlib import Path
@@ -41,6 +42,7 @@ from wayfarer.errors import WayfarerError
 from wayfarer.fieldlog.fields import escape_control_chars
 from wayfarer.logview.terminal import painted
 
+VERSION = ("--version", "-V")
 BAD_INPUT = 2
 READER_GONE = 128 + signal.SIGPIPE  # what a shell reports of a program that SIGPIPE has ended
 
@@ -112,7 +114,8 @@ def _run(arguments: list[str]) -> int:
     try:
         arguments = completion.with_shell(arguments)
         # ``obj`` reaches each command as its context's: it may have to say how it was called.
-        code = int(_command()(arguments, prog_name="wayfarer", standalone_mode=False, obj=arguments) or 0)
+        asked = _command(arguments[0] if arguments else "")
+        code = int(asked(arguments, prog_name="wayfarer", standalone_mode=False, obj=arguments) or 0)
         sys.stdout.flush()
         return code
     except WayfarerError as error:
@@ -126,10 +129,20 @@ def _run(arguments: list[str]) -> int:
 
 
 @cache
-def _command() -> Any:
-    """Return what ``app`` describes, as Typer runs it: built once, for that takes longer than most mistakes."""
+def _command(first: str) -> Any:
+    """Return what ``app`` describes, as Typer runs it; if the first argument names a command, with no other one.
+
+    To build all commands takes a quarter of a light one's time.
+    """
     completion.register_shells()
-    return typer.main.get_command(app)
+    name_of = typer.main.get_command_name
+    commands = {each.name or name_of(getattr(each.callback, "__name__", "")): each for each in app.registered_commands}
+    groups = {each.name: each for each in app.registered_groups}
+    asked = copy(app)
+    if first in {*commands, *groups, *VERSION}:
+        asked.registered_commands = [each for name, each in commands.items() if name == first]
+        asked.registered_groups = [each for name, each in groups.items() if name == first]
+    return typer.main.get_command(asked)
 
 
 def _fail(text: str, exit_code: int) -> int:
@@ -155,7 +168,7 @@ def _root(
     *,
     version: Annotated[
         bool,
-        typer.Option("--version", "-V", callback=_print_version, is_eager=True, help="Print the version and exit."),
+        typer.Option(*VERSION, callback=_print_version, is_eager=True, help="Print the version and exit."),
     ] = False,
     install_completion: completion.Install = None,
     show_completion: completion.Show = None,

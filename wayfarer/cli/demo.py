@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Annotated
@@ -66,12 +65,13 @@ def demo(
     require("simulating")
     require("the live page")
     import asyncio
+    from tempfile import mkdtemp
 
     from wayfarer.config.registry import find_algorithm
     from wayfarer.demo import Demo
 
     find_algorithm(algorithm)  # before there is a page
-    folder = log_dir or Path(tempfile.mkdtemp(prefix="wayfarer-demo-"))
+    folder = log_dir or Path(mkdtemp(prefix="wayfarer-demo-"))
     shown = Demo(algorithm, seed, trial, speed, folder, lambda ended: print(_last_words(ended, seed), flush=True))
     page = live_page(None, live_port, shown)
     print(f"open this page; the rover starts when it is open: {page.url}", flush=True)

@@ -20,7 +20,7 @@ from wayfarer.cli.viewer_options import (
 )
 from wayfarer.config.rover_path import ROVER_FILE
 from wayfarer.errors import BadInput
-from wayfarer.extras import require
+from wayfarer.extras import import_structlog, require
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -68,6 +68,7 @@ def run(
     mavlink: Mavlink = None,
 ) -> None:
     """Run the daemon: it starts disarmed, and drives once it is armed from another terminal."""
+    import_structlog()
     from wayfarer.config.registry import find_algorithm
     from wayfarer.config.rover_file import laid_over, load_rover
     from wayfarer.daemon.daemon import Service, serve
@@ -165,12 +166,13 @@ def simulated(
     from wayfarer.experiments.checks import check_rover, checked_faults
     from wayfarer.experiments.settings import checked_plain, option_of
     from wayfarer.run_sim import simulated_rover_setup
-    from wayfarer.simhal.faults.process import PROCESS
 
     in_depth = checked_plain({"depth": depth}, option_of)["depth"]
     check_rover(config, in_depth, where)
     parsed = checked_faults(faults, config, in_depth)
     for each in parsed:
+        from wayfarer.simhal.faults.process import PROCESS  # a rover without faults need not know them
+
         if each.target == PROCESS:
             raise BadInput(f"--fault {each.kind} happens to the process, in virtual time only: use wayfarer sim")
     return lambda finish: simulated_rover_setup(config, in_depth, seed, finish, parsed)

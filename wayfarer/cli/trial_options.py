@@ -18,6 +18,7 @@ from wayfarer.cli.options import (
     complete_settings,
     complete_sites,
 )
+from wayfarer.extras import import_structlog
 
 RUNNING = "Running"
 REPEATED = {"set", "faults"}
@@ -86,6 +87,7 @@ def _complete(
     ]  # fmt: skip
 
     def run(**values: Any) -> None:
+        import_structlog()
         asked = {name: values.pop(name) for name in NAMES}
         given = {name: value for name, value in asked.items() if value not in (None, False, [], ())}
         plain = {name: value_of(value) for name, value in given.items() if name not in FORMS and isinstance(value, str)}

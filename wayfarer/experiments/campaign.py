@@ -19,6 +19,7 @@ from wayfarer.simhal.world.forest import ROVER_WIDTH_M, Forest
 
 if TYPE_CHECKING:  # a trial needs the whole simulator: only the workers pay for importing it
     from wayfarer.experiments.trial_setup import TrialSpec
+    from wayfarer.simhal.faults.kinds import Fault
     from wayfarer.simhal.world.sites import FieldSite
 
 
@@ -125,13 +126,17 @@ class Campaign(CampaignSettings):
     def spec(self, task: Task, forest: Forest) -> TrialSpec:
         """Return everything that decides one trial."""
         from wayfarer.experiments.trial_setup import TrialSpec
-        from wayfarer.simhal.faults.kinds import parse_fault
 
+        faults: tuple[Fault, ...] = ()
+        if self.faults:
+            from wayfarer.simhal.faults.kinds import parse_fault  # a campaign without faults need not know them
+
+            faults = tuple(map(parse_fault, self.faults))
         drawn = self.drawn(task.trial)
         met = self.conditions(drawn)
         return TrialSpec(
             task.trial, task.algorithm, forest, self.trial_seed(task.trial), met.rover, met.budget_m, self.depth,
-            tuple(map(parse_fault, self.faults)), physics=met.physics, site=self.field_site, terrain=met.terrain,
+            faults, physics=met.physics, site=self.field_site, terrain=met.terrain,
             ground=met.ground, drawn=drawn, go_on=self.go_on,
         )  # fmt: skip
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -136,12 +136,14 @@ def algorithms(asked: Iterable[str]) -> tuple[str, ...]:
     return tuple(expanded)
 
 
-def checked_faults(texts: Iterable[str], rover: RoverConfig, depth: Depth) -> list[Fault]:
+def checked_faults(texts: Collection[str], rover: RoverConfig, depth: Depth) -> list[Fault]:
     """Return the faults that ``--fault`` asks for, all of which can happen to a rover at a depth.
 
     Raises:
         BadInput: one cannot happen to it, or is none; the text says why, and offers the nearest names.
     """
+    if not texts:
+        return []
     from wayfarer.simhal.faults.kinds import misfit, parse_fault
 
     faults = {text: parse_fault(text) for text in texts}

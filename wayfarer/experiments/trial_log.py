@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from math import degrees, dist, inf
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 
@@ -21,11 +21,13 @@ from wayfarer.fieldlog.log import FieldLog
 from wayfarer.fieldlog.record import AnyRecord, FaultInjected, Truth, World
 from wayfarer.fieldlog.sink import Sink
 from wayfarer.hal import Rover
-from wayfarer.simhal.faults.kinds import Fault
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest_file import as_row
 from wayfarer.simhal.world.physics import GroundName, changed
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
+
+if TYPE_CHECKING:
+    from wayfarer.simhal.faults.kinds import Fault
 
 TICKS_A_RECORD = 4  # a fifth of a second at 20 Hz: plenty to draw a path
 KEPT_EVERY_M = 0.2  # half a body: the tightest curve, the probe's, has a radius of 1.15 m

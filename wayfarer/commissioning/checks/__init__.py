@@ -22,7 +22,6 @@ from wayfarer.commissioning.checks.api import (
     passed,
     run_checks,
 )
-from wayfarer.commissioning.checks.motion import check_motion
 from wayfarer.config.calibration_file import Calibration
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.hal import Rover
@@ -85,6 +84,8 @@ async def check(
         calibration: what is in the calibration file.
         ask: asks a person, who must agree before a wheel turns; None if there is nobody.
     """
+    from wayfarer.commissioning.checks.motion import check_motion  # no daemon needs it
+
     devices = [partial(system.device, name) for name in host.devices]
     at_rest = [check for check in (*ARMING, *AT_REST) if check is not deadman.proved]
     async with Inspection(config, rover, host, calibration) as inspection:
