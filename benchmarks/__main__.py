@@ -1,11 +1,12 @@
 """All figures beside their limits, as a Markdown table.
 
 With ``daemon`` only those of ``wayfarer run --sim``, with ``log`` only those of the field log; with ``trial``, what a
-trial costs in units that hold on any computer; with ``profile``, where the time of a control tick goes; with ``soak``,
-whether anything grows in a simulated day full of faults; with ``missions``, in a thousand missions of one daemon; with
-``gps``, how near dead reckoning is to the true way, before and after a report lays it onto the receiver's fixes; with
-``detector``, how well each anomaly is noticed. ``guard`` and ``stops`` say whether a change of the code has changed
-results or stops, ``size`` how much there is to read, ``mutants`` whether the tests bite.
+trial costs in units that hold on any computer; with ``instructions``, how many of them a control tick, ``import
+wayfarer.cli`` and a daemon's start take; with ``soak``, whether anything grows in a simulated day full of faults; with
+``missions``, in a thousand missions of one daemon; with ``gps``, how near dead reckoning is to the true way, before and
+after a report lays it onto the receiver's fixes; with ``detector``, how well each anomaly is noticed. ``guard`` and
+``stops`` say whether a change of the code has changed results or stops, ``size`` how much there is to read, ``mutants``
+whether the tests bite.
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ from argparse import Namespace
 from collections.abc import Callable
 
 from benchmarks import by_hand, calibration, command, daemon, detector, disk, gps, missions, rover, stack
-from benchmarks.breakdown import print_breakdown
 from benchmarks.figures import HEADER, Figure, print_table
 from benchmarks.guard import print_guard
+from benchmarks.instructions import print_instructions
 from benchmarks.mutants import print_mutants
 from benchmarks.size import print_size
 from benchmarks.soak import print_soak
@@ -42,6 +43,9 @@ def main() -> None:
     parser.add_argument("--mujoco", action="store_true", help="measure the detector on grounds of five frictions")
     parser.add_argument("--only", nargs="*", default=(), help="campaigns of the guard")
     parser.add_argument("--accept", action="store_true", help="the guard's new digests, unless a campaign is worse")
+    parser.add_argument("--gate", action="store_true", help="compare the instructions with main's; fail at +3 %%")
+    parser.add_argument("--python", help="count the instructions of its wayfarer, not of this one's")
+    parser.add_argument("--functions", type=int, default=0, help="of a tick, the costliest in instructions")
     asked = parser.parse_args()
     cores = len(os.sched_getaffinity(0))
     print(f"{version_text()}, Python {platform.python_version()}, {cores} cores, {platform.machine()}\n")
@@ -96,7 +100,7 @@ def _log(quick: bool) -> list[Figure]:
 WHAT: dict[str, Callable[[Namespace], int | None]] = {
     "figures": _print_figures,
     "trial": _print_trial,
-    "profile": lambda asked: print_breakdown(trials=20 if asked.quick else 200),
+    "instructions": lambda asked: print_instructions(asked.python, gate=asked.gate, functions=asked.functions),
     "daemon": _print_daemon,
     "log": _print_log,
     "soak": lambda asked: print_soak(asked.hours),
