@@ -4,6 +4,7 @@ mypyc compiles, where a C compiler works. Which modules, and into which shared l
 ``pyproject.toml``. The environment variable ``WAYFARER_COMPILE`` decides: ``0`` installs pure Python, ``1`` fails where
 nothing can be compiled; without it, pure Python is installed there, and where the compiler needs more memory than the
 computer has. It does the same more slowly. An editable installation is pure. ``wayfarer --version`` says which it is.
+What is built for many computers sets ``WAYFARER_OPTIMISE=2``: the compiler takes twice as long for a few per cent.
 """
 
 from __future__ import annotations
@@ -23,28 +24,37 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-# Compiling two libraries side by side takes 1.0 GB at its peak (mypy, setuptools and two cc1 of gcc 12, on x86_64), and
-# the system needs the rest. A board of 1 GB has a MemTotal of some 0.95 GB, one of 2 GB some 1.9 GB.
-LEAST_MEMORY_GB = 1.5
+# Peaks of memory (x86_64, gcc 12): two libraries side by side take 0.7 GB, one after the other 0.45 GB, mypy before
+# them 0.3 GB; the system needs the rest. A board of 1 GB has a MemTotal of some 0.95 GB, one of 2 GB some 1.9 GB.
+LEAST_MEMORY_GB = 0.8
+SIDE_BY_SIDE_GB = 1.5
 MEMINFO = Path("/proc/meminfo")
 
 # mypyc gets at its options through setuptools only. Types of libraries that are not there do not matter.
-# -O1: -O2 takes a third longer and makes a control tick 0.1 % cheaper.
 SETUP = """
 import json, sys
-from mypyc.build import mypycify
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from setuptools import setup
 import setuptools.command.build_py  # not in two compiling threads at once: one of them may get half of it, and fail
 
-libraries, jobs = json.loads(sys.argv[1])
-modules = [module for library in libraries.values() for module in library]
-extensions = mypycify(
-    # Libraries count as unknown, as where pip builds alone: reading their types takes minutes and gives nothing.
-    ["--follow-imports=silent", "--ignore-missing-imports", "--no-site-packages", *modules],
-    opt_level="1",
-    debug_level="0",
-    separate=[(library, name) for name, library in libraries.items()],
-)
+libraries, jobs, level = json.loads(sys.argv[1])
+
+def generate():
+    from mypyc.build import mypycify
+    modules = [module for library in libraries.values() for module in library]
+    return mypycify(
+        # Libraries count as unknown, as where pip builds alone: reading their types takes minutes and gives nothing.
+        ["--follow-imports=silent", "--ignore-missing-imports", "--no-site-packages", *modules],
+        opt_level=level,
+        debug_level="0",
+        separate=[(library, name) for name, library in libraries.items()],
+    )
+
+# In a process of its own, whose memory is free again when the compiler needs it.
+with ProcessPoolExecutor(1, get_context("fork")) as apart:
+    extensions = apart.submit(generate).result()
+extensions.sort(key=lambda extension: not extension.name.endswith("__mypyc"))  # first what takes long: one a core
 for extension in extensions:
     # A warning of another compiler is no reason for pure Python. aarch64 can multiply and add with one rounding, which
     # compilers may use unless told not to: a trial would not have the same bytes as on x86_64.
@@ -107,6 +117,10 @@ class CompileHook(BuildHookInterface[Any]):
 
     def _compile(self, build_data: dict[str, Any]) -> str | None:
         """Compile and tell the wheel what to take; return why that failed, or None."""
+        modules = sum(map(len, self.config["libraries"].values()))
+        self.app.display_waiting(
+            f"wayfarer: compiling {modules} modules, half a minute to some minutes on a small board"
+        )
         error = compile_libraries(Path(self.root), self._folder, self.config["libraries"])
         if error is None:
             built = {path: path.relative_to(self._folder) for path in sorted(self._folder.rglob("*")) if path.is_file()}
@@ -127,11 +141,21 @@ def why_no_compiler() -> str | None:
 
 def why_too_little_memory(meminfo: Path) -> str | None:
     """Return why compiling could exhaust the memory of a computer with this ``/proc/meminfo``, None if it fits."""
-    found = re.search(r"^MemTotal: +(\d+) kB$", meminfo.read_text(encoding="ascii"), re.MULTILINE)
-    memory_gb = int(found[1]) * 1024 / 1e9 if found else LEAST_MEMORY_GB
+    memory_gb = _memory_gb(meminfo)
     if memory_gb < LEAST_MEMORY_GB:
         return f"compiling needs {LEAST_MEMORY_GB} GB of memory, not {memory_gb:.1f} GB; WAYFARER_COMPILE=1 tries it"
     return None
+
+
+def jobs_for(meminfo: Path) -> int:
+    """Return how many compilers may work at once on a computer with this ``/proc/meminfo``."""
+    return 1 if _memory_gb(meminfo) < SIDE_BY_SIDE_GB else os.cpu_count() or 1
+
+
+def _memory_gb(meminfo: Path) -> float:
+    """Return a computer's memory; enough if it does not say it."""
+    found = re.search(r"^MemTotal: +(\d+) kB$", meminfo.read_text(encoding="ascii"), re.MULTILINE)
+    return int(found[1]) * 1024 / 1e9 if found else SIDE_BY_SIDE_GB
 
 
 def compile_libraries(root: Path, into: Path, libraries: Mapping[str, Sequence[str]]) -> str | None:
@@ -148,7 +172,7 @@ def compile_libraries(root: Path, into: Path, libraries: Mapping[str, Sequence[s
     shutil.rmtree(into, ignore_errors=True)
     with TemporaryDirectory() as work:
         shutil.copytree(root / "wayfarer", Path(work, "wayfarer"), ignore=shutil.ignore_patterns("*.so", "__pycache__"))
-        task = json.dumps([libraries, min(len(libraries), os.cpu_count() or 1)])
+        task = json.dumps([libraries, jobs_for(MEMINFO), os.environ.get("WAYFARER_OPTIMISE", "1")])
         command = [sys.executable, "-c", SETUP, task]
         environment = {**os.environ, "LDSHARED": _linker()}
         done = subprocess.run(command, cwd=work, env=environment, capture_output=True, text=True, check=False)

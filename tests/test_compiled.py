@@ -5,14 +5,15 @@ from __future__ import annotations
 import ast
 import shutil
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from hatch_build import CompileHook, compile_libraries, why_no_compiler, why_too_little_memory
+import hatch_build
+from hatch_build import CompileHook, compile_libraries, jobs_for, why_no_compiler, why_too_little_memory
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -130,25 +131,41 @@ def test_missing_compiler_means_pure_python_unless_it_is_demanded(monkeypatch: p
         hook().initialize("standard", {"force_include": {}})
 
 
-@pytest.mark.parametrize(("board", "memory_kb"), [("Pi 3, 1 GB", 942_344), ("Zero 2 W", 437_248)])
-def test_board_with_little_memory_compiles_only_on_demand(
-    board: str, memory_kb: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+@pytest.fixture
+def board(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[int], None]:
+    """Give this computer another memory, in kB."""
     meminfo = tmp_path / "meminfo"
-    meminfo.write_text(f"MemTotal:         {memory_kb} kB\nMemFree:          100000 kB\n", encoding="ascii")
     monkeypatch.setattr("hatch_build.MEMINFO", meminfo)
+
+    def has(memory_kb: int) -> None:
+        meminfo.write_text(f"MemTotal:         {memory_kb} kB\nMemFree:          100000 kB\n", encoding="ascii")
+
+    return has
+
+
+def test_board_with_little_memory_compiles_only_on_demand(
+    board: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    board(437_248)  # a Zero 2 W
     monkeypatch.setattr("hatch_build.why_no_compiler", lambda: None)
     monkeypatch.delenv("WAYFARER_COMPILE", raising=False)
     assert hook().dependencies() == []
-    why = f"compiling needs 1.5 GB of memory, not {memory_kb * 1.024e-6:.1f} GB; WAYFARER_COMPILE=1 tries it"
-    assert why_too_little_memory(meminfo) == why
+    why = "compiling needs 0.8 GB of memory, not 0.4 GB; WAYFARER_COMPILE=1 tries it"
+    assert why_too_little_memory(hatch_build.MEMINFO) == why
     monkeypatch.setenv("WAYFARER_COMPILE", "1")
     assert hook().dependencies() == HOOK["requires"]
 
 
-def test_board_of_2_gb_compiles(tmp_path: Path) -> None:
-    (tmp_path / "meminfo").write_text("MemTotal:        1886820 kB\n", encoding="ascii")
-    assert why_too_little_memory(tmp_path / "meminfo") is None
+@pytest.mark.parametrize(
+    ("memory_kb", "side_by_side"), [(942_344, False), (1_886_820, True)], ids=["Pi 3, 1 GB", "Pi 4, 2 GB"]
+)
+def test_board_of_1_gb_compiles_one_library_after_the_other(
+    board: Callable[[int], None], memory_kb: int, side_by_side: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("os.cpu_count", lambda: 4)
+    board(memory_kb)
+    assert why_too_little_memory(hatch_build.MEMINFO) is None
+    assert jobs_for(hatch_build.MEMINFO) == (4 if side_by_side else 1)
 
 
 def test_other_demand_than_0_and_1_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
