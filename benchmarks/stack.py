@@ -17,7 +17,7 @@ from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 ALGORITHM = "forest-pledge"
 CAMPAIGN = Campaign((ALGORITHM,), 1000, load_rover("sim"))
-SLEEPERS, SLEEPS = 3, 10_000  # a control tick has three wake-ups: compass, motion and the tick itself
+SLEEPERS, SLEEPS = 3, 10_000  # as a control tick whose compass, motion sensor and motors wait
 
 
 def spec_of(trial: int) -> TrialSpec:

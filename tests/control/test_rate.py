@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from tests.virtual import virtual
-from wayfarer.control.rate import Rate, RateLimiter, at_once
+from wayfarer.control.rate import Rate, RateLimiter, without_waiting
 
 
 @virtual
@@ -52,12 +52,12 @@ class Wrapper:
 
 @pytest.mark.parametrize("part", [Noisy(), Wrapper(Part()), object()], ids=["other read", "wrapped", "no read"])
 def test_part_whose_read_may_do_more_is_not_read_at_once(part: object) -> None:
-    assert at_once(part, "read") is None
+    assert without_waiting(part, "read") is None
 
 
 @pytest.mark.parametrize("part", [Part(), Named()])
 def test_part_that_never_waits_is_read_at_once(part: object) -> None:
-    read_at = at_once(part, "read")
+    read_at = without_waiting(part, "read")
     assert read_at is not None
     assert read_at(2.0) == "read at 2.0"
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 from math import nan
 
+import pytest
+
 from tests.control.bench import TICK_S, Bench, Wanting
 from tests.kit.motors import Motors
 from tests.virtual import virtual
@@ -34,7 +36,10 @@ class Immediate(Answering):
             raise self.error
         if self.answer is None:
             self.commands.append(command)
+        self.heard()
         return self.answer or command
+
+    def heard(self) -> None: ...
 
 
 class BenchClock(Clock):
@@ -104,11 +109,15 @@ async def test_tick_at_once_does_the_same() -> None:
     assert len({str(what) for what in said}) == len(said), "each has an effect"
 
 
+@pytest.mark.parametrize("when", ["in a tick", "between two ticks"])
 @virtual
-async def test_run_over_such_motors_ends_in_the_tick_that_ended_it() -> None:
+async def test_run_over_such_motors_ends_as_any(when: str) -> None:
     loop, motors = asyncio.get_running_loop(), Immediate()
     motors.drive = lambda command: asyncio.sleep(0.0, command)  # type: ignore[method-assign]  # of the first tick
     bench = Bench(wheels=motors)
-    loop.call_at(0.99, bench.controller.finish, "requested", "enough")
+    if when == "in a tick":
+        motors.heard = lambda: bench.controller.finish("requested", "enough") if loop.time() >= 1.0 else None  # type: ignore[method-assign]
+    else:
+        loop.call_at(0.99, bench.controller.finish, "requested", "enough")
     end = await bench.loop.run(20.0)
-    assert (end.reason, loop.time(), len(motors.commands)) == ("requested", 1.0, 19)
+    assert (end.reason, loop.time(), len(motors.commands)) == ("requested", 1.0, 20 if when == "in a tick" else 19)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 from math import inf
+from typing import Final
 
 from wayfarer.control.controller import Controller
 from wayfarer.control.rate import Rate
@@ -18,12 +19,13 @@ from wayfarer.control.tick import BoardReport, Inbox
 from wayfarer.errors import DriverError
 from wayfarer.hal import DriveMotors, MotorHealth
 
-DOUBT_S = 0.1  # two ticks: one of them has judged the report. So two reports and a stop fit into 0.5 s (fault 30)
+# Two ticks: one of them has judged the report. So two reports and a stop fit into 0.5 s (fault catalogue, fault 30).
+DOUBT_S: Final = 0.1
 # Ardumower Sunray resets a motor driver that has failed after 1 s. That each further pause is twice as long, the
 # longest one, and when the pauses begin again with the shortest: chosen by us.
-REOPEN_AFTER_S = 1.0
-REOPEN_AFTER_MAX_S = 60.0
-STEADY_S = 60.0  # a board that has worked for so long since it was opened
+REOPEN_AFTER_S: Final = 1.0
+REOPEN_AFTER_MAX_S: Final = 60.0
+STEADY_S: Final = 60.0  # a board that has worked for so long since it was opened
 
 
 class BoardWatch:

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from wayfarer.control.controller import Controller
 from wayfarer.control.modes import Mode
-from wayfarer.control.rate import AtOnce, Clock, Rate, at_once
+from wayfarer.control.rate import AtOnce, Clock, Rate, without_waiting
 from wayfarer.control.run_log import RunLog
 from wayfarer.control.tick import Inbox, TickRecord
 from wayfarer.errors import BadReading, DriverError, PowerLost
@@ -53,7 +53,7 @@ class ControlLoop(AtOnce):
         clock: Callable[[], float] = loop_time,
     ) -> None:
         self._motors = motors
-        self._drive_at = at_once(motors, "drive")
+        self._drive_at = without_waiting(motors, "drive")
         self._inbox = inbox
         self._controller = controller
         self._log = log

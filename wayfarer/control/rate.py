@@ -48,7 +48,7 @@ class AtOnce:
         raise NotImplementedError
 
 
-def at_once(part: object, name: str) -> Callable[..., Any] | None:
+def without_waiting(part: object, name: str) -> Callable[..., Any] | None:
     """Return the method of a part that does the same as the coroutine ``name`` and never waits, None without one.
 
     It is ``read_at`` beside ``read``, and is given the time. It counts only in the class that has the coroutine: one

@@ -13,7 +13,7 @@ from collections.abc import Awaitable, Callable
 from typing import Any, Final
 
 from wayfarer.config.rover_file import Rates
-from wayfarer.control.rate import AtOnce, Clock, Rate, at_once
+from wayfarer.control.rate import AtOnce, Clock, Rate, without_waiting
 from wayfarer.control.run_log import RunLog
 from wayfarer.control.tick import Inbox
 from wayfarer.errors import DriverError
@@ -41,7 +41,7 @@ class SensorTask(AtOnce):
         self.rate_hz = rate_hz
         self.read = read
         self.write = write
-        self._read_at = at_once(part, "read")
+        self._read_at = without_waiting(part, "read")
         self.spoke = asyncio.Event()
 
     def at_once(self, clock: Clock) -> bool:
