@@ -34,6 +34,17 @@ def test_each_module_is_there_and_listed_once() -> None:
     assert all((ROOT / path).is_file() for path in COMPILED)
 
 
+def test_libraries_are_of_one_size() -> None:
+    """So two cores have as much to compile; a C compiler takes as long as there are expressions and statements."""
+
+    def size(path: str) -> int:
+        tree = ast.parse((ROOT / path).read_text(encoding="utf-8"))
+        return sum(isinstance(node, ast.expr | ast.stmt) for node in ast.walk(tree))
+
+    sizes = [sum(map(size, library)) for library in HOOK["libraries"].values()]
+    assert max(sizes) < 1.2 * min(sizes)
+
+
 def waits_in_a_handler(function: ast.AsyncFunctionDef) -> bool:
     """Whether a coroutine waits while it handles an exception: compiled, it would show that exception to all others."""
     for node in ast.walk(function):
