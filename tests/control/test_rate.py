@@ -24,9 +24,9 @@ async def test_period_that_was_missed_is_skipped_and_the_grid_begins_again() -> 
 
 class Part:
     async def read(self) -> str:
-        return self.read_at(0.0)
+        return self.read_without_waiting(0.0)
 
-    def read_at(self, t_s: float) -> str:
+    def read_without_waiting(self, t_s: float) -> str:
         return f"read at {t_s}"
 
 
@@ -57,9 +57,9 @@ def test_part_whose_read_may_do_more_is_not_read_at_once(part: object) -> None:
 
 @pytest.mark.parametrize("part", [Part(), Named()])
 def test_part_that_never_waits_is_read_at_once(part: object) -> None:
-    read_at = without_waiting(part, "read")
-    assert read_at is not None
-    assert read_at(2.0) == "read at 2.0"
+    read = without_waiting(part, "read")
+    assert read is not None
+    assert read(2.0) == "read at 2.0"
 
 
 def test_allowance_is_used_up_and_comes_back() -> None:

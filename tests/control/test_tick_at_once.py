@@ -31,7 +31,7 @@ class Immediate(Answering):
     async def drive(self, command: WheelCommand) -> WheelCommand:
         raise AssertionError("it need not have waited")
 
-    def drive_at(self, now_s: float, command: WheelCommand) -> WheelCommand:
+    def drive_without_waiting(self, now_s: float, command: WheelCommand) -> WheelCommand:
         if self.error is not None:
             raise self.error
         if self.answer is None:

@@ -141,15 +141,15 @@ def rover_arms_itself(monkeypatch: Patch) -> None:
 
 
 def driver_sends_no_stop(monkeypatch: Patch) -> None:
-    drive_at = SimMotors.drive_at
+    drive = SimMotors.drive_without_waiting
 
     def deaf_to_zero(self: SimMotors, now_s: float, command: WheelCommand) -> WheelCommand:
         if command != STOP:
-            return drive_at(self, now_s, command)
-        drive_at(self, now_s, AHEAD)
+            return drive(self, now_s, command)
+        drive(self, now_s, AHEAD)
         return STOP
 
-    monkeypatch.setattr(SimMotors, "drive_at", deaf_to_zero)
+    monkeypatch.setattr(SimMotors, "drive_without_waiting", deaf_to_zero)
 
 
 def deadman_trips_late(monkeypatch: Patch) -> None:

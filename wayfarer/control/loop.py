@@ -53,7 +53,7 @@ class ControlLoop(AtOnce):
         clock: Callable[[], float] = loop_time,
     ) -> None:
         self._motors = motors
-        self._drive_at = without_waiting(motors, "drive")
+        self._drive_without_waiting = without_waiting(motors, "drive")
         self._inbox = inbox
         self._controller = controller
         self._log = log
@@ -96,9 +96,9 @@ class ControlLoop(AtOnce):
 
     def at_once(self, clock: Clock) -> bool:
         """Do one control tick, if these motors never wait; see ``tick``. Return False also if the run has ended."""
-        drive_at, controller = self._drive_at, self._controller
+        drive, controller = self._drive_without_waiting, self._controller
         end = controller.end  # in a variable, see ``run``
-        if drive_at is None or end is not None:
+        if drive is None or end is not None:
             return False
         t_s = clock.time()
         try:
@@ -106,7 +106,7 @@ class ControlLoop(AtOnce):
             mode = controller.mode
             try:
                 now_s = clock.time()
-                applied = checked(drive_at(now_s, self._command(tick, now_s)))
+                applied = checked(drive(now_s, self._command(tick, now_s)))
             except DriverError as error:
                 applied = self._lose_motors(t_s, error)
             self._conclude(tick, mode, applied)

@@ -51,12 +51,13 @@ class AtOnce:
 def without_waiting(part: object, name: str) -> Callable[..., Any] | None:
     """Return the method of a part that does the same as the coroutine ``name`` and never waits, None without one.
 
-    It is ``read_at`` beside ``read``, and is given the time. It counts only in the class that has the coroutine: one
-    that inherits from it, or wraps it, may do more.
+    It is ``read_without_waiting`` beside ``read``, and is given the time of now. It counts only in the class that has
+    the coroutine: one that inherits from it, or wraps it, may do more.
     """
+    immediate = f"{name}_without_waiting"
     for kind in type(part).__mro__:
         if name in vars(kind):
-            return getattr(part, f"{name}_at") if f"{name}_at" in vars(kind) else None
+            return getattr(part, immediate) if immediate in vars(kind) else None
     return None
 
 

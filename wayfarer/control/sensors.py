@@ -41,15 +41,15 @@ class SensorTask(AtOnce):
         self.rate_hz = rate_hz
         self.read = read
         self.write = write
-        self._read_at = without_waiting(part, "read")
+        self._read_without_waiting = without_waiting(part, "read")
         self.spoke = asyncio.Event()
 
     def at_once(self, clock: Clock) -> bool:
         """Read a part that never waits."""
-        read_at = self._read_at
-        if read_at is None:
+        read = self._read_without_waiting
+        if read is None:
             return False
-        self.write(read_at(clock.time()))
+        self.write(read(clock.time()))
         return True
 
 

@@ -26,7 +26,7 @@ FIX_ERROR_M: Final = 3.0  # standard deviation of each axis under trees; chosen 
 class SimPart:
     """Life cycle shared by all simulated parts: opening one takes the clock of the running loop.
 
-    None waits when it is read or commanded: ``read_at`` and ``drive_at`` do the same without a coroutine.
+    None waits when it is read or commanded: ``read_without_waiting`` and ``drive_without_waiting`` are no coroutines.
     """
 
     name = "simulated part"
@@ -64,9 +64,9 @@ class SimCompass(SimPart):
 
     async def read(self) -> CompassReading:
         """Return heading and tilt now."""
-        return self.read_at(self._time())
+        return self.read_without_waiting(self._time())
 
-    def read_at(self, t_s: float) -> CompassReading:
+    def read_without_waiting(self, t_s: float) -> CompassReading:
         """Return heading and tilt at ``t_s``, which is now."""
         heading, pitch, roll = self._sensor.sample(t_s)
         return CompassReading(t_s, heading / 10.0, pitch / 10.0, roll / 10.0, 3)
@@ -94,9 +94,9 @@ class SimFlow(SimPart):
 
     async def read(self) -> MotionReading:
         """Return the displacement since the previous read; the first one, since nobody knows when, has quality 0."""
-        return self.read_at(self._time())
+        return self.read_without_waiting(self._time())
 
-    def read_at(self, t_s: float) -> MotionReading:
+    def read_without_waiting(self, t_s: float) -> MotionReading:
         """Return the displacement between the previous read and ``t_s``, which is now."""
         forward, right = self._sensor.sample(t_s)
         quality = 0.0 if self._is_first else self._sensor.squal / SQUAL_FULL
@@ -112,9 +112,9 @@ class SimBumper(SimPart):
 
     async def read(self) -> ContactReading:
         """Return what touches the body now."""
-        return self.read_at(self._time())
+        return self.read_without_waiting(self._time())
 
-    def read_at(self, t_s: float) -> ContactReading:
+    def read_without_waiting(self, t_s: float) -> ContactReading:
         """Return what touches the body at ``t_s``, which is now."""
         self._world.tick_chips()  # a deadman may have tripped since
         self._world.advance_to(t_s)
@@ -136,9 +136,9 @@ class SimReceiver(SimPart):
 
     async def read(self) -> PositionFix:
         """Return a fix."""
-        return self.read_at(self._time())
+        return self.read_without_waiting(self._time())
 
-    def read_at(self, t_s: float) -> PositionFix:
+    def read_without_waiting(self, t_s: float) -> PositionFix:
         """Return a fix of ``t_s``, which is now."""
         world = self._world
         world.tick_chips()
@@ -163,9 +163,9 @@ class SimMotors(SimPart):
 
     async def drive(self, command: WheelCommand) -> WheelCommand:
         """Apply a command, in whole steps towards zero."""
-        return self.drive_at(self._time(), command)
+        return self.drive_without_waiting(self._time(), command)
 
-    def drive_at(self, now_s: float, command: WheelCommand) -> WheelCommand:
+    def drive_without_waiting(self, now_s: float, command: WheelCommand) -> WheelCommand:
         """Apply a command."""
         left, right = command.left, command.right
         world, steps = self._world, self._steps

@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import weakref
 from collections.abc import Iterator
+from contextlib import suppress
+from contextvars import ContextVar
 from math import inf
 
 import pytest
@@ -135,6 +137,26 @@ async def test_work_that_is_due_as_its_task_is_cancelled_is_not_done(first: str)
     with pytest.raises(asyncio.CancelledError):
         await task
     assert (loop.time(), done) == (1.0, [])
+
+
+def test_context_of_what_is_done_at_once_is_gone_after_the_run() -> None:
+    """A trial must leave nothing to the next one."""
+    name: ContextVar[int] = ContextVar("name", default=0)
+    name.set(1)
+    seen: list[int] = []
+
+    def act(times: int) -> None:
+        seen.append(name.get())
+        name.set(times + 1)
+
+    @virtual
+    async def main() -> None:
+        with suppress(TimeoutError):
+            async with asyncio.timeout(0.9):
+                await Work(act, waits=10**9).keep_doing(4.0)
+
+    main()
+    assert (seen, name.get()) == ([1, 2, 3], 1)
 
 
 moments_s = st.floats(0, 1e6)

@@ -111,7 +111,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         sys.set_asyncgen_hooks(firstiter=self._asyncgens.add, finalizer=self._close_asyncgen)
         events._set_running_loop(self)
         try:
-            if not self.clock.run():
+            if not copy_context().run(self.clock.run):  # what is done at once leaves nothing in the caller's context
                 waiting = ", ".join(sorted(task.get_name() for task in asyncio.all_tasks(self)))
                 raise NothingScheduled(
                     f"virtual time stands at {self.time():.3f} s: every task waits for something that nothing can "
