@@ -7,9 +7,12 @@ gives 180).
 from __future__ import annotations
 
 from collections.abc import Iterable
-from math import atan2, cos, degrees, hypot, radians, sin
+from math import atan2, cos, degrees, hypot, pi, radians, sin
 from typing import Final, Protocol
 
+# What math.radians and math.degrees multiply by. As calls they are slow in what is compiled and done in each tick.
+RAD_PER_DEG: Final = pi / 180.0
+DEG_PER_RAD: Final = 180.0 / pi
 METRES_PER_DEG: Final = 111_320.0  # of latitude; the WGS 84 ellipsoid has 110,574 (equator) to 111,694 (poles)
 
 
@@ -67,7 +70,7 @@ def bearing_deg(north: float, east: float) -> float:
 
 def displacement_m(heading_deg: float, forward_m: float, right_m: float = 0.0) -> tuple[float, float]:
     """Return metres (north, east) of a move along and across a heading: one step of dead reckoning."""
-    heading_rad = radians(heading_deg)
+    heading_rad = heading_deg * RAD_PER_DEG
     ahead, aside = cos(heading_rad), sin(heading_rad)
     return forward_m * ahead - right_m * aside, forward_m * aside + right_m * ahead
 

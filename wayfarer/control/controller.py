@@ -14,7 +14,6 @@ a time limit continues where it was.
 
 from __future__ import annotations
 
-from collections import deque
 from contextlib import suppress
 from math import inf, radians
 from random import Random
@@ -78,6 +77,7 @@ class Controller:
         self._timer = IntervalTimer(config.safety.tick_late_s, config.vehicle.max_speed_m_s)
         self._detector = detector
         self._handler = handler
+        self._memory = handler.memory
         self._log = log
         self._goes_on = goes_on
         self._gate = Gate(config.safety, config.control_hz)
@@ -91,7 +91,7 @@ class Controller:
         self.board = MotorBoardMonitor(config.board)
         self._supply = SupplyMonitor()
         # The commands of the last three ticks: the board may have been asked during any of them.
-        self._latest_applied = deque([STOP] * 3, maxlen=3)
+        self._latest_applied = (STOP, STOP, STOP)
         self.motors_failed = False
         self.failures = 0
         self._unheard_until_s = 0.0  # until then nobody knows what the wheels do
@@ -305,7 +305,7 @@ class Controller:
         manual = self.mode is _MANUAL
         place = self._place
         if (compass := self._detector.compass) is not None:
-            ahead_m = odometer.ahead_m * (1.0 if BLIND.isdisjoint(conditions) else UNSEEN_SHARE)
+            ahead_m = odometer.ahead_m * (1.0 if not conditions or BLIND.isdisjoint(conditions) else UNSEEN_SHARE)
             place.move(ahead_m, odometer.right_m, compass.heading_deg)
             if mission is not None:
                 mission.advance(0.0 if manual else tick.forward_m)
@@ -317,7 +317,7 @@ class Controller:
             self._note_manual(tick)
         if gate.holds or manual:
             self._held_s += tick.dt_s
-        tick.level, tick.cause, tick.memory = gate.level, gate.cause, self._handler.memory
+        tick.level, tick.cause, tick.memory = gate.level, gate.cause, self._memory
         self._tell_where(tick)
         if tick.cause is not self._last_cause or (may_drive and tick.level is _FAULT):
             self._note_health(tick)
@@ -379,7 +379,8 @@ class Controller:
 
     def _hear(self, inputs: Inputs) -> None:
         """Take what receiver, motor board and the computer's supply have said since the tick before."""
-        self._latest_applied.append(inputs.applied)
+        _, before, last = self._latest_applied
+        self._latest_applied = before, last, inputs.applied
         for fix in inputs.fixes:
             self._log.position(fix)
             if fix is not None and self.mission is not None:

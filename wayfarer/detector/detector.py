@@ -110,7 +110,8 @@ class Detector:
         if contact is not None or self._needs_contact:
             self._contact.update(t_s, contact, anomalies, conditions)
             self.contact = self._contact.reading
-        conditions += self._turns.update(tick, gained_deg, free=self._ground.flat and not doubtful)
+        if found := self._turns.update(tick, gained_deg, free=self._ground.flat and not doubtful):
+            conditions += found
         if anomalies or conditions:
             tick.anomalies, tick.conditions = tuple(anomalies), tuple(conditions)
 

@@ -12,10 +12,10 @@ a trunk holds or lifts gets no more duty for it, and a stall stays one. On groun
 
 from __future__ import annotations
 
-from math import cos, hypot, inf, radians, sin
+from math import cos, hypot, inf, sin
 from typing import Final
 
-from wayfarer.angles import clamp
+from wayfarer.angles import RAD_PER_DEG, clamp
 from wayfarer.detector.settings import DetectorSettings
 from wayfarer.escape.api import Anomaly
 from wayfarer.escape.settings import Vehicle
@@ -121,7 +121,8 @@ def _turned(first_deg: float, second_deg: float, heading_deg: float) -> tuple[fl
 
     It is the same formula both ways, because roll is positive where the ground falls to the right.
     """
-    sin_h, cos_h = sin(radians(heading_deg)), cos(radians(heading_deg))
+    heading_rad = heading_deg * RAD_PER_DEG
+    sin_h, cos_h = sin(heading_rad), cos(heading_rad)
     return first_deg * cos_h + second_deg * sin_h, first_deg * sin_h - second_deg * cos_h
 
 
@@ -245,7 +246,7 @@ class GradeCompensation:
             free: whether the body moves, and nothing seems to hold it.
         """
         uncompensated, self._added, self._uncompensated = self._uncompensated, 0.0, 0.0
-        self._rise = sin(radians(pitch_deg)) if pitch_deg else 0.0
+        self._rise = sin(pitch_deg * RAD_PER_DEG) if pitch_deg else 0.0
         left, right = interval.left, interval.right
         way = 0 if left * right < 0.0 else 1 if left + right > 0.0 else -1
         self._steady_s = self._steady_s + interval.driven_s if way == self._way and free else 0.0

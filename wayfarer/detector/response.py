@@ -30,7 +30,6 @@ neither as standing nor as driven. The windows are then longer, until enough was
 
 from __future__ import annotations
 
-from collections import deque
 from math import radians
 from typing import Final
 
@@ -63,7 +62,7 @@ class StallMonitor:
         self._from_m_s = settings.immobilised_from_m_s
         self._gain_m_s2 = settings.gain_m_s2
         self._m_per_deg = radians(vehicle.track_m / 2)
-        self._window: deque[Moved] = deque()  # all of it was commanded the same way
+        self._window: list[Moved] = []  # all of it was commanded the same way
         self._way = 1.0  # 1 ahead, -1 back
         self.clear()
 
@@ -98,7 +97,7 @@ class StallMonitor:
         self._counted_m += moved.counted_m
         self._possible_m += moved.possible_m
         while self._span_s - self._window[0].driven_s >= self._nowhere_s:
-            oldest = self._window.popleft()
+            oldest = self._window.pop(0)
             self._span_s -= oldest.driven_s
             self._seen -= oldest.known
             self._counted_m -= oldest.counted_m
@@ -117,7 +116,8 @@ class StallMonitor:
     def _stands(self) -> bool:
         """Return whether the body does not move: over the newest intervals that fill the short window."""
         count, seen, span_s, commanded_m, seen_m = 0, 0, 0.0, 0.0, 0.0
-        for moved in reversed(self._window):
+        for place in range(len(self._window) - 1, -1, -1):
+            moved = self._window[place]
             count += 1
             span_s += moved.driven_s
             if moved.known:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from math import degrees, inf, radians
+from math import inf, radians
 from typing import ClassVar, Final
 
-from wayfarer.angles import clamp, wrap180
+from wayfarer.angles import DEG_PER_RAD, clamp, wrap180
 from wayfarer.escape.api import Anomaly, Observation, Phase
 from wayfarer.escape.phases import PhaseEvent
 from wayfarer.escape.settings import EscapeSettings
@@ -53,6 +53,10 @@ class Manoeuvre(ABC):
 
     def __init__(self, settings: EscapeSettings, turns: TurnController, escape_plan: EscapePlan) -> None:
         self._settings = settings
+        # What is asked in each tick: settings are not compiled.
+        self._cruise_m_s, self._reverse_m_s = settings.cruise_m_s, settings.reverse_m_s
+        self._turn_deg_s, self._heading_p = settings.turn_deg_s, settings.heading_p
+        self._probe_radius_m = settings.probe_radius_m
         self._turns = turns
         self._escape_plan = escape_plan
         self._limit_t_s = inf
@@ -112,7 +116,7 @@ class Follow(Manoeuvre):
     def begin(self, observation: Observation) -> None:
         self._heading = HeadingControl(self._settings, self._turns)
         self._drive_ahead(observation)
-        self._pivot_s = 180.0 / self._settings.turn_deg_s
+        self._pivot_s = 180.0 / self._turn_deg_s
         self._bound(observation, self._pivot_s)
 
     def event(self, observation: Observation) -> PhaseEvent | None:
@@ -145,7 +149,7 @@ class BackOff(Manoeuvre):
         self._known = frozenset(observation.anomalies)
         self._from_m, self._commanded_from_m = observation.covered_m, observation.travelled_m
         self._t_s, self._commanded_m, self._roll_m = observation.t_s, 0.0, 0.0
-        self._bound(observation, distance_m / self._settings.reverse_m_s, distance_m)
+        self._bound(observation, distance_m / self._reverse_m_s, distance_m)
         self._limit_t_s = min(self._limit_t_s, observation.t_s + BACK_OFF_MAX_S)
 
     def event(self, observation: Observation) -> PhaseEvent | None:
@@ -173,11 +177,11 @@ class BackOff(Manoeuvre):
         self._roll_m = faded(self._roll_m + step_m, dt_s, BODY_LAG_S)
         covered_m, driven_m = observation.covered_m - self._from_m, commanded_m - self._roll_m
         roll_m = self._roll_m * covered_m / driven_m if 0.0 <= covered_m < driven_m else self._roll_m
-        tick_m = min(step_m, self._settings.reverse_m_s * BODY_LAG_S / 2.0)
+        tick_m = min(step_m, self._reverse_m_s * BODY_LAG_S / 2.0)
         return min(covered_m + roll_m, commanded_m) + tick_m / 2.0
 
     def wheels(self, _observation: Observation) -> WheelCommand:
-        return self._turns.wheels(-self._settings.reverse_m_s, 0.0)
+        return self._turns.wheels(-self._reverse_m_s, 0.0)
 
 
 class TurnAway(Manoeuvre):
@@ -193,7 +197,7 @@ class TurnAway(Manoeuvre):
         self._known = frozenset(observation.anomalies)
         self._until_deg = escape_plan.counter_deg + escape_plan.side * escape_plan.turn_deg
         escape_plan.unturned_deg = 0.0
-        self._bound(observation, escape_plan.turn_deg / self._settings.turn_deg_s)
+        self._bound(observation, escape_plan.turn_deg / self._turn_deg_s)
 
     def event(self, observation: Observation) -> PhaseEvent | None:
         left_deg = self._left_deg
@@ -206,8 +210,7 @@ class TurnAway(Manoeuvre):
         return PhaseEvent.EXHAUSTED if self._turns.blocked or self._exhausted(observation) else None
 
     def wheels(self, _observation: Observation) -> WheelCommand:
-        settings = self._settings
-        rate_deg_s = clamp(self._left_deg * settings.turn_p, TURN_MIN_DEG_S, settings.turn_deg_s)
+        rate_deg_s = clamp(self._left_deg * self._settings.turn_p, TURN_MIN_DEG_S, self._turn_deg_s)
         return self._turns.wheels(0.0, self._escape_plan.side * rate_deg_s)
 
     @property
@@ -224,12 +227,12 @@ class Probe(Manoeuvre):
     phase = Phase.PROBE
 
     def begin(self, observation: Observation) -> None:
-        settings, escape_plan = self._settings, self._escape_plan
+        escape_plan, straight_m, radius_m = self._escape_plan, self._settings.probe_straight_m, self._probe_radius_m
         self._drive_ahead(observation)
         self._heading_deg = observation.heading_deg + escape_plan.unturned_deg
-        self._curve_from_m = observation.covered_m + settings.probe_straight_m
-        distance_m = settings.probe_straight_m + radians(abs(escape_plan.counter_deg)) * settings.probe_radius_m
-        speed_m_s = self._turns.curve_speed_m_s(settings.cruise_m_s, settings.probe_radius_m)
+        self._curve_from_m = observation.covered_m + straight_m
+        distance_m = straight_m + radians(abs(escape_plan.counter_deg)) * radius_m
+        speed_m_s = self._turns.curve_speed_m_s(self._cruise_m_s, radius_m)
         self._bound(observation, distance_m / speed_m_s, distance_m)
 
     def event(self, observation: Observation) -> PhaseEvent | None:
@@ -246,17 +249,15 @@ class Probe(Manoeuvre):
         return PhaseEvent.EXHAUSTED if self._exhausted(observation) else None
 
     def wheels(self, observation: Observation) -> WheelCommand:
-        settings = self._settings
-        speed_m_s, curve_deg, curve_deg_s = settings.cruise_m_s, 0.0, 0.0
+        speed_m_s, curve_deg, curve_deg_s = self._cruise_m_s, 0.0, 0.0
         curved_m = observation.covered_m - self._curve_from_m
         if curved_m > 0.0:
-            speed_m_s = self._turns.curve_speed_m_s(speed_m_s, settings.probe_radius_m)
-            deg_per_m = degrees(self._escape_plan.side / settings.probe_radius_m)
+            speed_m_s = self._turns.curve_speed_m_s(speed_m_s, self._probe_radius_m)
+            deg_per_m = self._escape_plan.side / self._probe_radius_m * DEG_PER_RAD
             curve_deg, curve_deg_s = curved_m * deg_per_m, speed_m_s * deg_per_m
         error_deg = wrap180(self._heading_deg - curve_deg - observation.heading_deg)
-        turn_deg_s = settings.heading_p * error_deg - curve_deg_s
-        limit_deg_s = settings.turn_deg_s
-        return self._turns.wheels(speed_m_s, clamp(turn_deg_s, -limit_deg_s, limit_deg_s))
+        turn_deg_s = self._heading_p * error_deg - curve_deg_s
+        return self._turns.wheels(speed_m_s, clamp(turn_deg_s, -self._turn_deg_s, self._turn_deg_s))
 
 
 class Stride(Manoeuvre):
@@ -270,7 +271,7 @@ class Stride(Manoeuvre):
         self._drive_ahead(observation)
         self._heading_deg = observation.heading_deg
         self._until_m = observation.covered_m + stride_m
-        self._bound(observation, stride_m / self._settings.cruise_m_s, stride_m)
+        self._bound(observation, stride_m / self._cruise_m_s, stride_m)
 
     def event(self, observation: Observation) -> PhaseEvent | None:
         if self._fresh(observation) and _ahead(observation):

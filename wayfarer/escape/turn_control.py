@@ -10,11 +10,10 @@ A body follows its wheels as a filter of the first order. What has lasted is for
 
 from __future__ import annotations
 
-from collections import deque
-from math import cos, degrees, radians
+from math import cos, radians
 from typing import Final
 
-from wayfarer.angles import clamp, wrap180
+from wayfarer.angles import DEG_PER_RAD, RAD_PER_DEG, clamp, wrap180
 from wayfarer.escape.settings import EscapeSettings, Vehicle
 from wayfarer.hal import WheelCommand
 
@@ -76,6 +75,13 @@ RESERVE_DUTY: Final = 0.1
 LEAST_DUTY: Final = 0.1
 
 
+class PastTick:
+    """A tick: its turn duty, and the turn rate that was expected then."""
+
+    def __init__(self) -> None:
+        self.duty = self.expected_deg_s = 0.0
+
+
 class TurnController:
     """Calculates the wheel command for a forward speed and a turn rate.
 
@@ -102,8 +108,9 @@ class TurnController:
         self._mean_duty = self._mean_rate_deg_s = self._shown_deg_s = 0.0
         self._catch_up_per_s = CATCH_UP_PER_S
         self._lagged_duty = 0.0  # as the body follows its wheels
-        # Turn duty and expected turn rate of the latest ticks, the newest first: a compass that lags shows their turns.
-        self._past: deque[tuple[float, float]] = deque(maxlen=LONGEST_TICKS + 1)
+        # The latest ticks, whose turns a compass that lags shows now; the oldest becomes the newest.
+        self._past = [PastTick() for _ in range(LONGEST_TICKS + 1)]
+        self._ticks = 0
         self.lag.forget()
         self.begin_manoeuvre()
 
@@ -132,7 +139,7 @@ class TurnController:
             self._latest_deg_s = 0.0
             gained_deg -= self.lag.pending_deg
             self.lag.forget()
-            self._past.clear()
+            self._ticks = 0
             self.begin_manoeuvre()
             return gained_deg
         duty = self._duty if applied is None else (applied.left - applied.right) / 2.0
@@ -153,7 +160,9 @@ class TurnController:
         self._latest_deg_s = (self._latest_deg_s + gained_deg / dt_s) / 2.0
         expected_deg_s = lagged(self._expected_deg_s, self._commanded_deg_s, dt_s, BODY_LAG_S)
         self._expected_deg_s = expected_deg_s
-        self._past.appendleft((duty, expected_deg_s))
+        self._ticks += 1
+        newest = self._past[self._ticks % len(self._past)]
+        newest.duty, newest.expected_deg_s = duty, expected_deg_s
         # The angle is limited to what full duty can correct: anti-windup.
         behind_deg = faded(self._behind_deg + expected_deg_s * dt_s - gained_deg, dt_s, FORGET_S)
         self._behind_deg = clamp(behind_deg, -self._most_behind_deg, self._most_behind_deg)
@@ -182,7 +191,7 @@ class TurnController:
     def curve_speed_m_s(self, wanted_m_s: float, radius_m: float) -> float:
         """Return the highest speed, up to the wanted one, at which the wheels can follow a curve on this ground."""
         duty = max(1.0 - self.dead_zone - RESERVE_DUTY, LEAST_DUTY)
-        return min(duty / (1.0 / self._max_speed_m_s + degrees(1.0 / radius_m) / self._ideal_deg_s), wanted_m_s)
+        return min(duty / (1.0 / self._max_speed_m_s + 1.0 / radius_m * DEG_PER_RAD / self._ideal_deg_s), wanted_m_s)
 
     def _learn(self, shown_deg_s: float, dt_s: float) -> None:
         """Learn the dead zone: the turn duty beyond what the turn rate needs on ideal ground.
@@ -191,9 +200,10 @@ class TurnController:
         would confirm any. The feedback of a body that has come free is reduced.
         """
         lag_ticks = self.lag.ticks
-        if lag_ticks >= len(self._past):
+        if lag_ticks >= self._ticks:
             return
-        duty, expected_deg_s = self._past[lag_ticks]
+        shown = self._past[(self._ticks - lag_ticks) % len(self._past)]
+        duty, expected_deg_s = shown.duty, shown.expected_deg_s
         share = dt_s / (dt_s + AVERAGE_S)
         self._mean_duty += (duty - self._mean_duty) * share
         self._mean_rate_deg_s += (shown_deg_s - self._mean_rate_deg_s) * share
@@ -233,6 +243,16 @@ LEAST_SHARE: Final = 0.2
 EXACT_DEG: Final = 1.0 / 64.0
 
 
+class Delay:
+    """A delay that is compared: the sum of the products of shown and expected turns with it.
+
+    ``newer_deg`` and ``older_deg`` are the turns that were expected so many ticks ago, and one tick before.
+    """
+
+    def __init__(self) -> None:
+        self.product = self.newer_deg = self.older_deg = 0.0
+
+
 class CompassLag:
     """Predicts the turn that a compass has not shown yet: ``pending_deg``, clockwise positive, 0 without a lag.
 
@@ -240,14 +260,15 @@ class CompassLag:
     """
 
     def __init__(self) -> None:
-        self._products = [0.0] * DELAYS  # of shown and expected turns, at each delay
+        self._delays = [Delay() for _ in range(DELAYS)]  # 0, STEP, ... ticks
         self._energy = 0.0  # of expected turns
         self.ticks = 0
         self.forget()
 
     def forget(self) -> None:
         """Forget the latest turns, as after a hold; the lag is kept, because it is a property of the compass."""
-        self._expected_deg = [0.0] * (LONGEST_TICKS + 1)  # of each of the latest ticks, the newest first
+        for delay in self._delays:
+            delay.newer_deg = delay.older_deg = 0.0
         self.pending_deg = 0.0
 
     def update(self, shown_deg: float, expected_deg: float) -> float:
@@ -255,29 +276,30 @@ class CompassLag:
 
         Returns how much ``pending_deg`` has changed.
         """
-        expected = self._expected_deg
-        expected.pop()
-        expected.insert(0, expected_deg)
         # Add the tick to the sums; a body that is held shows nothing and changes nothing.
         energy = expected_deg * expected_deg
         keep = MEMORY_DEG2 / (MEMORY_DEG2 + energy)
         self._energy = (self._energy + energy) * keep
-        products, best, most = self._products, 0, 0.0
-        for n in range(DELAYS):  # in each tick: max() with a key costs 5,000 instructions if this is compiled
-            product = products[n] = (products[n] + shown_deg * expected[n * STEP]) * keep
+        delays, best, most, turn_deg = self._delays, 0, 0.0, expected_deg
+        for n, delay in enumerate(delays):
+            older_deg, delay.older_deg, delay.newer_deg = delay.older_deg, delay.newer_deg, turn_deg
+            product = delay.product = (delay.product + shown_deg * turn_deg) * keep
             if n == 0 or product > most:
                 best, most = n, product
+            turn_deg = older_deg
         if self._energy >= MEMORY_DEG2 / 2.0 and most >= LEAST_SHARE * self._energy:  # else nothing is concluded
             if best < LEAST:
                 self.ticks = 0
-            elif most > CLEARER * products[0]:
+            elif most > CLEARER * delays[0].product:
                 self.ticks = best * STEP
         before_deg, self.pending_deg = self.pending_deg, 0.0
         if self.ticks:
             # The share of the expected turns that the body does.
-            share = clamp(self._products[self.ticks // STEP] / self._energy, 0.0, 1.0)
+            steps = self.ticks // STEP
+            share = clamp(delays[steps].product / self._energy, 0.0, 1.0)
+            hidden_deg = [turn_deg for delay in delays[:steps] for turn_deg in (delay.newer_deg, delay.older_deg)]
             # In steps of which sums are exact: a mirrored world must give mirrored wheels.
-            self.pending_deg = round(share * sum(expected[: self.ticks]) / EXACT_DEG) * EXACT_DEG
+            self.pending_deg = round(share * sum(hidden_deg) / EXACT_DEG) * EXACT_DEG
         return self.pending_deg - before_deg
 
 
@@ -308,7 +330,8 @@ class HeadingControl:
 
     def wheels(self, t_s: float, error_deg: float) -> WheelCommand:
         """Return the wheels for a heading error in [-180, 180), positive when the goal lies clockwise."""
-        error, turn = radians(error_deg), self._p * radians(error_deg)
+        error = error_deg * RAD_PER_DEG
+        turn = self._p * error
         if self._last_error is not None:
             dt_s = t_s - self._last_t_s
             self._integral = clamp(self._integral + error * dt_s, -INTEGRAL_MAX_RAD_S, INTEGRAL_MAX_RAD_S)
@@ -316,7 +339,7 @@ class HeadingControl:
             if self._d and dt_s > 0.0:
                 turn += self._d * (error - self._last_error) / dt_s
         self._last_error, self._last_t_s = error, t_s
-        turn_deg_s = degrees(clamp(turn, -self._turn_limit_rad_s, self._turn_limit_rad_s))
+        turn_deg_s = clamp(turn, -self._turn_limit_rad_s, self._turn_limit_rad_s) * DEG_PER_RAD
         if abs(error_deg) < PIVOT_BEYOND_DEG:
             return self._turns.wheels(self._cruise_m_s * cos(error), turn_deg_s)
         self._integral = 0.0  # the error during a pivot is no steady offset to learn

@@ -83,7 +83,11 @@ class MotorBoardMonitor:
 
 def _were_commanded(duties: WheelCommand, applied: Sequence[WheelCommand]) -> bool:
     """Return whether each side's duty was commanded; NaN never was."""
-    return all(any(abs(duty - command[side]) <= SAME_DUTY for command in applied) for side, duty in enumerate(duties))
+    left = right = False
+    for command in applied:
+        left = left or abs(duties.left - command.left) <= SAME_DUTY
+        right = right or abs(duties.right - command.right) <= SAME_DUTY
+    return left and right
 
 
 class SupplyMonitor:
