@@ -13,8 +13,9 @@ import shutil
 import socket
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -50,11 +51,14 @@ sim(6)
 TICKS = re.compile(r'"ticks": (\d+)')
 # Sets have one order, no thread of numpy's counts its turns while it waits, and what is imported has been compiled.
 ENVIRONMENT = {"PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": ""}
-READY_S = 900.0  # it takes 40 s on an idle computer
 
 
 class NotCompared(Exception):
     """There is nothing to compare with; the text says why."""
+
+
+class CannotCount(Exception):
+    """What is counted has failed; the text says how."""
 
 
 def print_instructions(python: str | None, *, gate: bool, functions: int) -> int:
@@ -70,13 +74,16 @@ def print_instructions(python: str | None, *, gate: bool, functions: int) -> int
         return 0
     with TemporaryDirectory() as folder, ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
         work = Path(folder)
-        if gate:
-            try:
+        try:
+            if gate:
                 return _gate(python, work, pool)
-            except NotCompared as why:
-                print(f"not compared: {why}")
-                return 0
-        counts = count({"now": python or sys.executable}, work, pool)["now"]
+            counts = count(python or sys.executable, work / "now", pool)()
+        except NotCompared as why:
+            print(f"not compared: {why}")
+            return 0
+        except CannotCount as why:
+            print(f"not counted: {why}", file=sys.stderr)
+            return 1
         print_table(("instructions", ""), [(what, f"{counts[what]:,.0f}") for what in TRAILERS])
         if functions:
             print_functions(work / "now" / "trials.5", functions)
@@ -85,11 +92,15 @@ def print_instructions(python: str | None, *, gate: bool, functions: int) -> int
 
 def _gate(python: str | None, work: Path, pool: ThreadPoolExecutor) -> int:
     base = base_of(ROOT)
+    os.environ.pop("PYTHONPATH", None)  # it would put a checkout before what is installed
     then = pool.submit(install_commit, base, work / "before")
     now = pool.submit(lambda: python or install(ROOT, work / "now"))
-    counts = count({"before": then.result(), "now": now.result()}, work, pool)
-    reasons = reasons_since(base, ROOT)
-    rows, grown = judge(counts["before"], counts["now"], reasons)
+    before, after = count(then.result(), work / "before", pool), count(now.result(), work / "now", pool)
+    try:
+        counts = before()
+    except CannotCount as why:
+        raise NotCompared(f"in {base[:8]}, {why}") from why
+    rows, grown = judge(counts, after(), reasons_since(base, ROOT))
     print_table(("instructions", base[:8], "now", "change", f"limit {LIMIT:+.0%}"), rows)
     for what in grown:
         print(f"{what} takes more than in {base[:8]}: make it cheaper, or give the reason in a commit's message, on a "
@@ -180,46 +191,50 @@ def install(source: Path, into: Path) -> str:
 # -- counting ----------------------------------------------------------------------------------------------------------
 
 
-def count(pythons: Mapping[str, str], work: Path, pool: ThreadPoolExecutor) -> dict[str, dict[str, float]]:
-    """Return the figures of installations, counted side by side; callgrind's files get into ``work``, by name."""
-    for name in pythons:
-        (work / name).mkdir(exist_ok=True)
-    jobs = {
-        name: [pool.submit(each, python, work / name) for each in (_count_trials, _count_start)]
-        for name, python in pythons.items()
-    }
-    return {name: {what: n for job in both for what, n in job.result().items()} for name, both in jobs.items()}
+def count(python: str, folder: Path, pool: ThreadPoolExecutor) -> Callable[[], dict[str, float]]:
+    """Begin to count an installation, with callgrind's files in a folder; what is returned waits for the figures."""
+    folder.mkdir(exist_ok=True)
+    jobs = [pool.submit(each, python, folder) for each in (_count_trials, _count_start)]
+    return lambda: {what: n for job in jobs for what, n in job.result().items()}
 
 
 def _count_trials(python: str, folder: Path) -> dict[str, float]:
-    command = [python, "-P", "-c", TRIALS]
-    environment = {**os.environ, **ENVIRONMENT}
-    subprocess.run(command, env=environment, capture_output=True, check=True)  # it may still have to write bytecode
-    counted = [*_callgrind(folder / "trials", "getppid"), *command]
-    told = subprocess.run(counted, env=environment, capture_output=True, text=True, check=True).stdout
-    _, few, many = map(int, TICKS.findall(told))
+    for counted in ([], _callgrind(folder / "trials", "getppid")):  # the first run may still have to write bytecode
+        command = [*counted, python, "-P", "-c", TRIALS]
+        environment = {**os.environ, **ENVIRONMENT}
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        if done.returncode:
+            raise CannotCount("trials fail: " + (done.stderr.strip().splitlines() or [""])[-1])
+    _, few, many = map(int, TICKS.findall(done.stdout))
     imported, small, large = (_total(folder / f"trials.{part}") for part in (2, 4, 5))
     return {TICK: (large - small) / (many - few), IMPORT: imported}
 
 
 def _count_start(python: str, folder: Path) -> dict[str, float]:
     """Count until the daemon tells systemd that it is ready; callgrind writes that before it lets it do so."""
-    for counted in ([], _callgrind(folder / "start", "sendto")):  # the first start may still have to write bytecode
+    for counted in ([], _callgrind(folder / "start", "sendto")):
         with TemporaryDirectory(dir=folder) as private, socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notified:
             notified.bind(f"{private}/notify")
-            notified.settimeout(READY_S)
+            notified.settimeout(1.0)
             environment = {
                 **os.environ, **ENVIRONMENT, "NOTIFY_SOCKET": f"{private}/notify", "RUNTIME_DIRECTORY": private,
             }  # fmt: skip
             command = [*counted, python, "-P", "-m", "wayfarer", "run", "--sim", "--log-dir", f"{private}/logs"]
             process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
             try:
-                while b"READY=1" not in notified.recv(1000):
-                    pass
+                _wait_until_ready(process, notified)
             finally:
                 process.kill()
                 process.wait()
     return {START: _total(folder / "start.1")}
+
+
+def _wait_until_ready(process: subprocess.Popen[bytes], notified: socket.socket) -> None:
+    while process.poll() is None:
+        with suppress(TimeoutError):
+            if b"READY=1" in notified.recv(1000):
+                return
+    raise CannotCount(f"wayfarer run --sim ends with exit code {process.returncode} before it is ready")
 
 
 def _callgrind(out: Path, mark: str) -> list[str]:
