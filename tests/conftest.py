@@ -11,6 +11,7 @@ import pytest
 from hypothesis import settings
 
 from tests.children import hear_interrupts
+from tests.compiled import pytest_report_header  # before anything imports wayfarer
 from tests.loop_guard import pytest_asyncio_loop_factories
 from tests.thread_guard import ends_its_threads
 from tests.tiers import (
@@ -26,6 +27,7 @@ __all__ = [  # hooks, and a fixture of every test
     "pytest_asyncio_loop_factories",
     "pytest_collection_modifyitems",
     "pytest_ignore_collect",
+    "pytest_report_header",
     "pytest_runtest_protocol",
     "pytest_xdist_auto_num_workers",
 ]

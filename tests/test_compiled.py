@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import ast
+import os
 import shutil
+import sys
 import tomllib
 from collections.abc import Callable, Iterator
+from importlib.machinery import EXTENSION_SUFFIXES
+from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,6 +18,7 @@ import pytest
 
 import hatch_build
 from hatch_build import CompileHook, compile_libraries, jobs_for, why_no_compiler, why_too_little_memory
+from tests import compiled
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -68,7 +73,7 @@ def test_no_compiled_coroutine_waits_while_it_handles_an_exception() -> None:
 
 
 def test_compiled_class_that_plain_python_inherits_from_says_so() -> None:
-    compiled = {
+    may_inherit = {
         node.name: SUBCLASSED in map(ast.unparse, node.decorator_list)
         for _, tree in trees(compiled=True)
         for node in ast.walk(tree)
@@ -82,8 +87,8 @@ def test_compiled_class_that_plain_python_inherits_from_says_so() -> None:
         for base in node.bases
         if isinstance(base, ast.Name)
     }
-    assert {name for name in inherited if compiled.get(name) is False} == set()
-    assert compiled["World"], "the test finds nothing"
+    assert {name for name in inherited if may_inherit.get(name) is False} == set()
+    assert may_inherit["World"], "the test finds nothing"
 
 
 def test_constants_of_compiled_modules_are_final() -> None:
@@ -212,3 +217,74 @@ def test_module_that_cannot_be_compiled_is_told_in_one_line(tmp_path: Path) -> N
     assert why.startswith("compiling failed: ")
     assert "\n" not in why
     assert not (tmp_path / "built").exists()
+
+
+# -- libraries for the tests -------------------------------------------------------------------------------------------
+
+TABLE = "[tool.hatch.build.targets.wheel.hooks.custom.libraries]\nwayfarer_tick = ['wayfarer/tick.py']\n"
+
+
+@pytest.fixture
+def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """One with a compiled module, what that imports, and what it does not; the compiler writes an empty library."""
+
+    def compiles(root: Path, into: Path, libraries: object) -> None:
+        (into / "wayfarer").mkdir(parents=True)
+        (into / f"wayfarer/tick{EXTENSION_SUFFIXES[0]}").touch()
+
+    monkeypatch.setattr("hatch_build.compile_libraries", compiles)
+    monkeypatch.setattr(sys, "meta_path", [*sys.meta_path])
+    monkeypatch.setenv("PYTHONPATH", "elsewhere")
+    monkeypatch.delenv("WAYFARER_COMPILE", raising=False)
+    (tmp_path / "wayfarer").mkdir()
+    for name, text in {
+        "tick": "from wayfarer.safety import x",
+        "safety": "from wayfarer.hal import y",
+        "cli": "",
+    }.items():
+        (tmp_path / f"wayfarer/{name}.py").write_text(text, encoding="utf-8")
+    (tmp_path / "wayfarer/hal.py").write_text("y: int", encoding="utf-8")
+    (tmp_path / "hatch_build.py").touch()
+    (tmp_path / "pyproject.toml").write_text(TABLE, encoding="utf-8")
+    assert compiled.make(tmp_path, tmp_path / "made") is None
+    return tmp_path
+
+
+def test_fresh_libraries_are_taken_by_this_process_and_those_that_it_starts(checkout: Path) -> None:
+    made = checkout / "made"
+    (checkout / "wayfarer/cli.py").write_text("is_not_compiled = True", encoding="utf-8")
+    assert compiled.take(checkout, made) == f"compiled ({made})"
+    assert os.environ["PYTHONPATH"] == f"{made}{os.pathsep}elsewhere"
+    found = find_spec("wayfarer.tick")
+    assert found is not None
+    assert found.origin == str(made / f"wayfarer/tick{EXTENSION_SUFFIXES[0]}")
+    assert sys.meta_path[0].find_spec("wayfarer", None) is None, "a folder of libraries is no package"
+    assert sys.meta_path[0].find_spec("wayfarer.hal", None) is None
+
+
+@pytest.mark.parametrize("path", ["wayfarer/tick.py", "wayfarer/safety.py", "wayfarer/hal.py", "hatch_build.py"])
+@pytest.mark.parametrize("change", [lambda path: path.write_text("#", "utf-8"), Path.unlink], ids=["edited", "gone"])
+def test_libraries_are_never_taken_after_a_change_of_what_they_were_made_of(
+    checkout: Path, path: str, change: Callable[[Path], object]
+) -> None:
+    finders = [*sys.meta_path]
+    change(checkout / path)
+    assert compiled.take(checkout, checkout / "made") == f"pure Python ({path} has changed)"
+    assert (sys.meta_path, os.environ["PYTHONPATH"]) == (finders, "elsewhere")
+
+
+def test_libraries_of_another_table_another_python_or_of_none_are_not_taken(
+    checkout: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    finders, made = [*sys.meta_path], checkout / "made"
+    assert compiled.take(checkout, checkout / "nowhere") == "pure Python (python -m tests.compiled has not been run)"
+    for what in ("version", "prefix"):
+        with monkeypatch.context() as other:
+            other.setattr(sys, what, "another")
+            assert compiled.take(checkout, made) == "pure Python (Python has changed)"
+    with monkeypatch.context() as other:
+        other.setenv("WAYFARER_COMPILE", "0")
+        assert compiled.take(checkout, made) == "pure Python (WAYFARER_COMPILE=0)"
+    (checkout / "pyproject.toml").write_text(TABLE.replace("']", "', 'wayfarer/cli.py']"), encoding="utf-8")
+    assert compiled.take(checkout, made) == "pure Python (pyproject.toml has changed)"
+    assert sys.meta_path == finders
