@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,7 @@ def test_notebook_gives_the_outputs_that_it_shows(tmp_path: Path, monkeypatch: p
     """CONTRIBUTING.md says how to save it again with new outputs."""
     import nbformat
 
-    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    monkeypatch.setenv("PYTHONPATH", str(ROOT), prepend=os.pathsep)
     monkeypatch.setenv("IPYTHONDIR", str(tmp_path))
     saved = nbformat.read(ROOT / NOTEBOOK, as_version=4)
     ran = nb_run.NotebookRun(ROOT / NOTEBOOK, 120).execute()
