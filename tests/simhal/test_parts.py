@@ -19,7 +19,7 @@ from wayfarer.fieldlog.record import WORLD_CORNER
 from wayfarer.hal import STOP, Side, WheelCommand
 from wayfarer.simhal.parts import FIX_ERROR_M, SimBumper, SimCompass, SimFlow, SimMotors, SimReceiver
 from wayfarer.simhal.random_streams import RandomStreams
-from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, HeadingSensorModel, whole
+from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, TO_WHOLE, HeadingSensorModel
 from wayfarer.simhal.world.forest import CLEARING, Trunk
 from wayfarer.simhal.world.world import World
 
@@ -95,7 +95,7 @@ async def test_displacements_are_whole_counts_that_add_up_to_the_odometer() -> N
 
 @given(value=st.floats(-(2.0**50), 2.0**50) | st.integers(-(2**40), 2**40).map(lambda halves: halves / 2.0))
 def test_chip_units_are_rounded_as_python_rounds(value: float) -> None:
-    assert whole(value) == round(value)
+    assert value + TO_WHOLE - TO_WHOLE == round(value)
 
 
 @virtual

@@ -28,7 +28,8 @@ SQUAL_SEEN: Final = 76  # of ordinary ground
 # PMW3901 at 0.1 m above ground: 0.213 mm a count (docs/reference/hardware.md).
 FLOW_M_PER_COUNT: Final = 0.00213195 * 0.1
 TENTHS_PER_RAD: Final = degrees(10.0)
-TO_WHOLE: Final = 1.5 * 2.0**52  # a float that is added to it loses its fraction: half goes to even
+# Adding it to a float below 2**51 and taking it away again rounds as ``round`` does, in a tenth of the time.
+TO_WHOLE: Final = 1.5 * 2.0**52
 
 
 def compass_errs(senses: Senses) -> bool:
@@ -41,11 +42,6 @@ def compass_errs(senses: Senses) -> bool:
         or senses.tilt_vibration_deg
         or senses.compass_lag_s
     )
-
-
-def whole(value: float) -> int:
-    """Return ``round(value)`` of what is below 2**51, in a tenth of its time where this is compiled."""
-    return int(value + TO_WHOLE - TO_WHOLE)
 
 
 class CompassErrors:
@@ -158,16 +154,16 @@ class HeadingSensorModel:
         self._noise_tenths = streams.normal("compass.heading", world.physics.compass_noise_deg * 10.0)
         self._tilt_noise_tenths = streams.normal("compass.tilt", world.physics.tilt_noise_deg * 10.0)
 
-    def sample(self, t_s: float) -> tuple[int, int, int]:
-        """Return heading in 0..3599, pitch (nose up) and roll (right side down), all in tenths of a degree."""
+    def sample(self, t_s: float) -> tuple[float, float, float]:
+        """Return heading in 0..3599, pitch (nose up) and roll (right side down), all in whole tenths of a degree."""
         world, tilt_noise_tenths = self._world, self._tilt_noise_tenths
         world.advance_to(t_s)
         heading_rad, pitch_deg, roll_deg = world.attitude() if self._errors is None else self._errors.attitude()
         off_deg = world.field_deg + self._bias_deg
         return (
-            whole(heading_rad * TENTHS_PER_RAD + off_deg * 10.0 + self._noise_tenths.draw()) % 3600,
-            whole(pitch_deg * 10.0 + tilt_noise_tenths.draw()),
-            (whole(roll_deg * 10.0 + tilt_noise_tenths.draw()) + 1800) % 3600 - 1800,
+            (heading_rad * TENTHS_PER_RAD + off_deg * 10.0 + self._noise_tenths.draw() + TO_WHOLE - TO_WHOLE) % 3600.0,
+            pitch_deg * 10.0 + tilt_noise_tenths.draw() + TO_WHOLE - TO_WHOLE,
+            (roll_deg * 10.0 + tilt_noise_tenths.draw() + TO_WHOLE - TO_WHOLE + 1800.0) % 3600.0 - 1800.0,
         )
 
 
@@ -189,20 +185,21 @@ class FlowSensorModel:
         self._noise = streams.normal("flow", 1.0)
         self._last_m = self._last_right_m = 0.0
 
-    def sample(self, t_s: float) -> tuple[int, int]:
-        """Return forward and right displacement in counts."""
+    def sample(self, t_s: float) -> tuple[float, float]:
+        """Return forward and right displacement in whole counts."""
         world, noise = self._world, self._noise
         world.advance_to(t_s)
         signed_m = world.forward_m - world.reverse_m
         counts, self._last_m = (signed_m - self._last_m) / self._m_per_count, signed_m
-        forward = whole(counts + (self._noise_counts + self._noise_share * abs(counts)) * noise.draw())
+        noisy = counts + (self._noise_counts + self._noise_share * abs(counts)) * noise.draw()
+        forward = noisy + TO_WHOLE - TO_WHOLE
         right_m = world.right_m
         right, self._last_right_m = (right_m - self._last_right_m) / self._m_per_count, right_m
-        right_counts = whole(right + self._noise_counts * noise.draw())
+        right_counts = right + self._noise_counts * noise.draw() + TO_WHOLE - TO_WHOLE
         if self._blind is not None:
             if self._blind.is_under():
                 self.squal = self._blind.squal
-                return 0, 0
+                return 0.0, 0.0
             self.squal = SQUAL_SEEN
         return forward, right_counts
 

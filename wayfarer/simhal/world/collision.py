@@ -39,12 +39,6 @@ class Obstacle:
         share = 0.0 if share < 0.0 else 1.0 if share > 1.0 else share
         return x0_m + share * along_x, y0_m + share * along_y
 
-    def gap_m(self, x_m: float, y_m: float) -> float:
-        """Return the distance from a point to the surface, negative inside."""
-        near_x, near_y = self.nearest(x_m, y_m)
-        dx, dy = near_x - x_m, near_y - y_m
-        return sqrt(dx * dx + dy * dy) - self.radius_m
-
 
 def obstacles_of(forest: Forest, clearance_m: float = 0.0) -> list[Obstacle]:
     """Return every tree of a forest, and every trunk that does not pass under a belly of that clearance."""
@@ -103,10 +97,12 @@ class BodyOutline:
 
     def overlaps(self, obstacle: Obstacle, x_m: float, y_m: float, sin_h: float, cos_h: float) -> bool:
         """Return whether the body, centred at (x, y) and heading where (sin, cos) says, overlaps the obstacle."""
-        gap_m, radius_m = obstacle.gap_m(x_m, y_m), obstacle.radius_m
-        if gap_m > self.reach_m:
+        near_x, near_y = obstacle.nearest(x_m, y_m)
+        dx, dy, radius_m = near_x - x_m, near_y - y_m, obstacle.radius_m
+        distance_m = sqrt(dx * dx + dy * dy)
+        if distance_m > self.reach_m + radius_m:
             return False
-        if gap_m < self._inner_m:
+        if distance_m < self._inner_m + radius_m:
             return True
         # In the body's frame: forward along the heading, right across it.
         e0, n0 = obstacle.x0_m - x_m, obstacle.y0_m - y_m

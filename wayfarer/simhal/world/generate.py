@@ -136,16 +136,27 @@ def _piece(branch: Trunk, span: Span) -> Trunk:
 def _standing_trees(count: int, trunks: tuple[Trunk, ...], draw: Draw) -> tuple[tuple[float, float], ...]:
     """Return trees that stand wholly in the world and touch neither a trunk nor another tree."""
     trees_m: list[tuple[float, float]] = []
+    around = [(trunk, _around(trunk)) for trunk in trunks]
     while len(trees_m) < count:
         x_m = round(draw(TREE_RADIUS_M, WORLD_SIZE_M - TREE_RADIUS_M), 3)
         y_m = round(draw(TREE_RADIUS_M, WORLD_SIZE_M - TREE_RADIUS_M), 3)
-        if _has_room(x_m, y_m, trunks, trees_m):
+        beside = [trunk for trunk, box in around if box[0] < x_m < box[2] and box[1] < y_m < box[3]]
+        if _has_room(x_m, y_m, beside, trees_m):
             trees_m.append((x_m, y_m))
     return tuple(trees_m)
 
 
-def _has_room(x_m: float, y_m: float, trunks: tuple[Trunk, ...], trees_m: list[tuple[float, float]]) -> bool:
-    """Whether a tree can stand there."""
+def _around(trunk: Trunk) -> Box:
+    """Return a box; outside it a tree cannot touch the trunk."""
+    reach_m = TREE_RADIUS_M + TRUNK_DIAMETER_M
+    x0_m, y0_m, x1_m, y1_m, _ = trunk
+    return Box(
+        min(x0_m, x1_m) - reach_m, min(y0_m, y1_m) - reach_m, max(x0_m, x1_m) + reach_m, max(y0_m, y1_m) + reach_m
+    )
+
+
+def _has_room(x_m: float, y_m: float, trunks: list[Trunk], trees_m: list[tuple[float, float]]) -> bool:
+    """Whether a tree can stand there, beside these trunks and trees."""
     from_start_m = max(abs(x_m - START_M[0]), abs(y_m - START_M[1]))
     return (
         from_start_m > TREELESS_START_M

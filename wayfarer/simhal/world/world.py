@@ -232,7 +232,9 @@ class World(SimulatedWorld):
         free_m = self._seen_m - reach_m
         within_reach = []
         for obstacle in self._grid.near(x_m, y_m):
-            gap_m = obstacle.gap_m(x_m, y_m) - reach_m
+            near_x, near_y = obstacle.nearest(x_m, y_m)
+            dx, dy = near_x - x_m, near_y - y_m
+            gap_m = sqrt(dx * dx + dy * dy) - obstacle.radius_m - reach_m
             if gap_m <= 0.0:
                 within_reach.append(obstacle)
             free_m = gap_m if gap_m < free_m else free_m
