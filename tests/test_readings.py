@@ -80,3 +80,10 @@ def test_values_of_one_place_differ() -> None:
 @pytest.mark.parametrize("number", [nan, inf])
 def test_numbers_that_a_driver_must_not_give_are_kept_for_the_detector_to_judge(number: float) -> None:
     assert str(COMPASS._replace(pitch_deg=number).pitch_deg) == str(number)
+
+
+def test_numpy_makes_an_array_of_a_command_as_of_a_tuple() -> None:
+    """So an agent of the environment hands on what an algorithm wants."""
+    numpy = pytest.importorskip("numpy")
+    assert numpy.array(WheelCommand(0.5, -0.25), numpy.float32).tolist() == [0.5, -0.25]
+    assert numpy.asarray(STOP).shape == (2,)

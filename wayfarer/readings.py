@@ -5,6 +5,7 @@ They are used like named tuples. They are none, because the ``__new__`` of those
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from enum import Enum
 from typing import Any, ClassVar, Final, Self
@@ -34,6 +35,10 @@ class Value:
 
     def __getitem__(self, index: int | slice) -> Any:
         return tuple(self)[index]
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
+        """Return the array that numpy makes of it, which asks: compiled, a value has not what a sequence has in C."""
+        return sys.modules["numpy"].array(tuple(self), dtype)
 
     def __eq__(self, other: object) -> bool:
         return self is other or tuple(self) == (tuple(other) if isinstance(other, Value) else other)
