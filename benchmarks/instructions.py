@@ -67,7 +67,7 @@ def print_instructions(python: str | None, *, gate: bool, functions: int) -> int
     Args:
         python: one in which wayfarer is installed; None is this one, and for the gate a new one with this checkout.
         gate: compare with the commit that this one is to be merged into.
-        functions: how many of a tick's costliest functions to print, each with all that it calls.
+        functions: how many of a tick's costliest compiled functions to print, each with all that it calls.
     """
     if shutil.which("valgrind") is None:
         print("not counted: valgrind is not installed")
@@ -247,10 +247,9 @@ def _total(part: Path) -> int:
 
 
 def print_functions(part: Path, most: int) -> None:
-    """Print the costliest functions of a file of callgrind's, each with all that it calls, as shares of the file."""
-    command = ["callgrind_annotate", "--inclusive=yes", "--auto=no", str(part)]
+    """Print the costliest compiled functions of one of callgrind's files, each with all that it calls."""
+    command = ["callgrind_annotate", "--inclusive=yes", "--auto=no", "--threshold=100", str(part)]
     told = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    found = re.findall(r"^ *[\d,]+ \( *([\d.]+%)\) .*?([^/:]+:[^:]+?)(?:'\d+)?(?: \[.*)?$", told, re.MULTILINE)
-    functions = {name: share for share, name in reversed(found)}  # of one that calls itself, the whole
+    found = re.findall(r"\( *([\d.]+%)\).*:CPyDef_(wayfarer___\w+)", told)
     print()
-    print_table(("share", "function"), [(share, name) for name, share in reversed(functions.items())][:most])
+    print_table(("share", "function"), [(share, name.replace("___", ".")) for share, name in found[:most]])
