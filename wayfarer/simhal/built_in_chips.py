@@ -32,15 +32,15 @@ class MountedCompass(HeadingSensorModel):
         super().__init__(world, streams)
         self._settings = settings
 
-    def sample(self, t_s: float) -> tuple[float, float, float]:
-        """Return heading, pitch and roll in the part's own frame, in whole tenths of a degree."""
+    def sample(self, t_s: float) -> tuple[int, int, int]:
+        """Return heading, pitch and roll in the part's own frame, in tenths of a degree."""
         heading, pitch, roll = super().sample(t_s)
         settings = self._settings
         pitch = -pitch if settings.reverse_pitch else pitch
         roll = -roll if settings.reverse_roll else roll
         if settings.swap_pitch_roll:
             pitch, roll = roll, pitch
-        return (heading - round(settings.heading_offset_deg * 10.0)) % 3600.0, pitch, roll
+        return (heading - round(settings.heading_offset_deg * 10.0)) % 3600, pitch, roll
 
 
 def mounted(settings: PMW3901Settings) -> Callable[[int, int], tuple[int, int]]:

@@ -68,7 +68,7 @@ class SimCompass(SimPart):
 
     def read_without_waiting(self, t_s: float) -> CompassReading:
         """Return heading and tilt at ``t_s``, which is now."""
-        heading, pitch, roll = self._sensor.sample(t_s)
+        heading, pitch, roll = self._sensor.whole_tenths(t_s)
         return CompassReading(t_s, heading / 10.0, pitch / 10.0, roll / 10.0, 3)
 
 
@@ -98,7 +98,7 @@ class SimFlow(SimPart):
 
     def read_without_waiting(self, t_s: float) -> MotionReading:
         """Return the displacement between the previous read and ``t_s``, which is now."""
-        forward, right = self._sensor.sample(t_s)
+        forward, right = self._sensor.whole_counts(t_s)
         quality = 0.0 if self._is_first else self._sensor.squal / SQUAL_FULL
         self._is_first = False
         return MotionReading(t_s, forward * self._m_per_count, right * self._m_per_count, quality)

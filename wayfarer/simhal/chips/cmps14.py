@@ -106,7 +106,7 @@ class CMPS14Chip:
             return bytes((self.firmware, *bytes(30)))
         if not measured:
             return bytes((self.firmware, *bytes(29), self.calibration))
-        heading, pitch, roll = map(int, self._sense.sample(now_s))
+        heading, pitch, roll = self._sense.sample(now_s)
         pitch = max(-900, min(pitch, 900))
         return _MAP.pack(
             self.firmware,

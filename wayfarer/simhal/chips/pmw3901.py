@@ -201,8 +201,7 @@ class PMW3901Chip:
         """Return the counts since the last call, which start again at 0."""
         if not self._running:
             return 0, 0
-        forward, right = self._sense.sample(now_s)
-        x, y = self._mounting(int(forward), int(right))
+        x, y = self._mounting(*self._sense.sample(now_s))
         if self.squal < SQUAL_KNEE:
             return 0, 0
         x, y = orient(self._registers[0x00, ORIENTATION], x, y)
