@@ -74,7 +74,16 @@ if not TYPE_CHECKING:  # to a type checker it would make any name right
             raise AttributeError(f"module 'wayfarer' has no attribute '{name}'")
         from importlib import import_module
 
-        value: object = getattr(import_module(_MODULE_OF[name]), name)
+        module = import_module(_MODULE_OF[name])
+        value: object = getattr(module, name)
+        if not module.__file__.endswith(".py"):  # what is compiled keeps no docstring, and people ask help() for it
+            import ast
+            from pathlib import Path
+
+            source = Path(module.__file__).with_name(module.__name__.rpartition(".")[2] + ".py")
+            for node in ast.parse(source.read_text(encoding="utf-8")).body:
+                if isinstance(node, ast.ClassDef) and node.name == name:
+                    value.__doc__ = ast.get_docstring(node)
         globals()[name] = value
         return value
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from enum import Enum
-from typing import Any, ClassVar, Final, Self
+from typing import Any, ClassVar, Final, NamedTuple, Self
 
 
 class Value:
@@ -98,19 +98,16 @@ class MotionReading(Value):
         self.signed: Final = signed
 
 
-class ContactReading(Value):
+class ContactReading(NamedTuple):
     """What touches the body at ``t_s``.
 
     ``sides`` is empty when nothing does. ``obstacle_bearing_deg`` is the compass bearing of the long axis of the
     obstacle, in [0, 180), or None if that is not known (a tree, a rover that cannot sense it).
     """
 
-    __match_args__ = ("t_s", "sides", "obstacle_bearing_deg")
-
-    def __init__(self, t_s: float, sides: tuple[Side, ...], obstacle_bearing_deg: float | None) -> None:
-        self.t_s: Final = t_s
-        self.sides: Final = sides
-        self.obstacle_bearing_deg: Final = obstacle_bearing_deg
+    t_s: float
+    sides: tuple[Side, ...]
+    obstacle_bearing_deg: float | None
 
 
 class WheelCommand(Value):

@@ -58,7 +58,7 @@ def test_settings_of_a_campaign_are_in_help_and_signature_with_their_sentences(n
 
 @pytest.mark.parametrize("name", wayfarer.__all__)
 def test_help_of_a_public_name_says_all_that_its_source_says(name: str) -> None:
-    """What is compiled keeps no docstrings, so nothing that a user asks ``help`` about may be compiled."""
+    """What is compiled keeps only docstrings of public classes (``wayfarer.__getattr__``), none of methods."""
     source, public = definition(name), getattr(wayfarer, name)
     shown, written = inspect.getdoc(public) or "", ast.get_docstring(source) or ""
     before, settings, after = written.partition(SETTINGS_LINE.lstrip())

@@ -82,9 +82,8 @@ class GroundSlope:
         north_deg, east_deg = _turned(believed.pitch_deg, believed.roll_deg, believed.heading_deg)
         north_deg -= self._north_deg
         east_deg -= self._east_deg
-        difference_deg = hypot(north_deg, east_deg)
-        if difference_deg > DIFFERENCE_MAX_DEG:
-            share *= DIFFERENCE_MAX_DEG / difference_deg
+        if not _is_within(north_deg, east_deg, DIFFERENCE_MAX_DEG):
+            share *= DIFFERENCE_MAX_DEG / hypot(north_deg, east_deg)
         self._set(self._north_deg + share * north_deg, self._east_deg + share * east_deg)
 
     def towards_deg(self, heading_deg: float) -> tuple[float, float, float, float]:
@@ -110,10 +109,18 @@ class GroundSlope:
         return self._heading_known and self._unseen_m <= UNSEEN_M
 
     def _set(self, north_deg: float, east_deg: float) -> None:
+        self.flat = _is_within(north_deg, east_deg, LEVEL_DEG)
+        if self.flat:
+            self._north_deg, self._east_deg = north_deg, east_deg
+            return
         size_deg = hypot(north_deg, east_deg)
         bound = SLOPE_MAX_DEG / size_deg if size_deg > SLOPE_MAX_DEG else 1.0
         self._north_deg, self._east_deg, self._size_deg = bound * north_deg, bound * east_deg, bound * size_deg
-        self.flat = self._size_deg < LEVEL_DEG
+
+
+def _is_within(north_deg: float, east_deg: float, limit_deg: float) -> bool:
+    """Return whether a rise is below a limit: nearly always the sum of its parts is, and ``hypot`` is slow."""
+    return abs(north_deg) + abs(east_deg) < limit_deg or hypot(north_deg, east_deg) < limit_deg
 
 
 def _turned(first_deg: float, second_deg: float, heading_deg: float) -> tuple[float, float]:

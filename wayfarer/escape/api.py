@@ -53,8 +53,9 @@ class Observation(Value):
     north. ``pitch_deg`` is positive with the nose up, ``roll_deg`` with the right side down.
     ``travelled_m`` is the distance commanded so far; driving forwards and backwards both increase it. ``measured_m`` is
     the distance that the motion sensor saw, or the commanded one if the sensor is not usable; None if nothing
-    measures it. ``contact`` is None on a rover without a contact sensor. ``applied`` is the wheel command that was
-    applied since the last tick, less what a slope takes up; None if that is not known.
+    measures it. ``covered_m`` is the better of the two. ``contact`` is None on a rover without a contact sensor.
+    ``applied`` is the wheel command that was applied since the last tick, less what a slope takes up; None if that is
+    not known.
 
     >>> seen = Observation(
     ...     t_s=0.05, heading_deg=12.0, pitch_deg=0.0, roll_deg=0.0, anomalies=(Anomaly.IMMOBILISED,), contact=None,
@@ -100,11 +101,7 @@ class Observation(Value):
         self.travelled_m: Final = travelled_m
         self.measured_m: Final = measured_m
         self.applied: Final = applied
-
-    @property
-    def covered_m(self) -> float:
-        """The best estimate of the distance covered so far."""
-        return self.travelled_m if self.measured_m is None else self.measured_m
+        self.covered_m: Final = travelled_m if measured_m is None else measured_m
 
 
 class Decision(Value):

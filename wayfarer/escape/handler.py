@@ -68,8 +68,8 @@ class PhasedHandler:
 
     def reset(self) -> None:
         """Forget everything; see ``EscapeHandler``."""
+        self._phase, self._phase_name = Phase.FOLLOW, Phase.FOLLOW.value
         self._manoeuvre = self._manoeuvres[Phase.FOLLOW]
-        self._phase_name = Phase.FOLLOW.value
         self._begun = False
         self._side = self._escape_plan.side = CLOCKWISE
         self._escape_plan.counter_deg = self._escape_plan.turn_deg = 0.0
@@ -97,10 +97,10 @@ class PhasedHandler:
             else manoeuvre.event(observation)
         )
         if event is None:
-            return Decision(manoeuvre.wheels(observation), manoeuvre.phase, self._phase_name)
-        why = WHY[manoeuvre.phase, event]
-        self._enter(self._spec.transitions[manoeuvre.phase, event], event, observation)
-        return Decision(self._manoeuvre.wheels(observation), self._manoeuvre.phase, why)
+            return Decision(manoeuvre.wheels(observation), self._phase, self._phase_name)
+        why = WHY[self._phase, event]
+        self._enter(self._spec.transitions[self._phase, event], event, observation)
+        return Decision(self._manoeuvre.wheels(observation), self._phase, why)
 
     def memory(self) -> Mapping[str, float | str]:
         """Return the inner state for the log and for replay."""
@@ -115,7 +115,7 @@ class PhasedHandler:
         }
 
     def _enter(self, phase: Phase, event: PhaseEvent, observation: Observation) -> None:
-        left = self._manoeuvre.phase
+        left, self._phase, self._phase_name = self._phase, phase, phase.value
         if left is Phase.TURN_AWAY:
             self._blocked_turns = 0 if event is PhaseEvent.DONE else self._blocked_turns + 1
             self._escape_plan.side = self._side
@@ -126,7 +126,6 @@ class PhasedHandler:
         elif phase is Phase.BACK_OFF:
             self._plan(observation, new_episode=left is Phase.FOLLOW)
         self._manoeuvre = self._manoeuvres[phase]
-        self._phase_name = phase.value
         self._turns.begin_manoeuvre()
         self._manoeuvre.begin(observation)
 

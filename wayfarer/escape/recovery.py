@@ -274,9 +274,9 @@ class ProgressMonitor:
     """
 
     def __init__(self, settings: EntrapmentSettings) -> None:
-        self._settings = settings
         self._give_up_s, self._free_run_m = settings.give_up_s, settings.free_run_m
-        self._anomalies_max = settings.anomalies_max
+        self._anomalies_max, self._anomaly_every_s = settings.anomalies_max, settings.anomaly_every_s
+        self._covered_m = settings.covered_m
         self._seen_m: list[float] = []  # in this run
         self.reset()
 
@@ -354,7 +354,7 @@ class ProgressMonitor:
         if anomalous:
             self._begin_run()
             if self._tried_s >= self._next_anomaly_s:
-                self._next_anomaly_s = self._tried_s + self._settings.anomaly_every_s - ROUNDING_S
+                self._next_anomaly_s = self._tried_s + self._anomaly_every_s - ROUNDING_S
                 self._anomalies += 1
         elif forward_m > 0.0:
             self._run_m += forward_m
@@ -362,6 +362,6 @@ class ProgressMonitor:
                 return
             # It must have moved over the ground in this run, as far as the sensor can see.
             believed_m = sorted(self._seen_m)[: len(self._seen_m) * (ONE_OF - 1) // ONE_OF]
-            if not self._sees_ground or sum(believed_m) >= self._settings.covered_m:
+            if not self._sees_ground or sum(believed_m) >= self._covered_m:
                 self._begin_tries()
                 self.progressed = self._stayed_s < PLACE_S - RUNG_S

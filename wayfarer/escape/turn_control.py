@@ -10,7 +10,7 @@ A body follows its wheels as a filter of the first order. What has lasted is for
 
 from __future__ import annotations
 
-from math import cos, radians
+from math import cos, inf, radians
 from typing import Final
 
 from wayfarer.angles import DEG_PER_RAD, RAD_PER_DEG, clamp, wrap180
@@ -101,7 +101,7 @@ class TurnController:
     def reset(self) -> None:
         """Forget the learnt dead zone as well."""
         self.dead_zone = self._first_dead_zone
-        self._t_s: float | None = None
+        self._t_s = -inf
         self._heading_deg = 0.0
         self._commanded_deg_s = self._duty = 0.0
         self._expected_deg_s = self._latest_deg_s = 0.0
@@ -129,7 +129,7 @@ class TurnController:
         """
         last_t_s, last_deg = self._t_s, self._heading_deg
         self._t_s, self._heading_deg = t_s, heading_deg
-        if last_t_s is None:
+        if last_t_s == -inf:
             return 0.0
         gained_deg = wrap180(heading_deg - last_deg)
         dt_s = t_s - last_t_s

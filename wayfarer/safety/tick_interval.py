@@ -6,7 +6,7 @@ were not driven, or believes a reading that another one does not.
 
 from __future__ import annotations
 
-from math import hypot
+from math import hypot, inf
 from typing import Final
 
 from wayfarer.angles import clamp
@@ -57,12 +57,12 @@ class IntervalTimer:
     def __init__(self, late_s: float, max_speed_m_s: float) -> None:
         self._late_s = late_s
         self._half_speed_m_s = max_speed_m_s / 2
-        self._last_t_s: float | None = None
+        self._last_t_s = -inf
 
     def measure(self, tick: TickInterval) -> None:
         """Fill in the length of the interval that ends at this tick, and the distance commanded in it."""
         last_t_s, self._last_t_s = self._last_t_s, tick.t_s
-        if last_t_s is None:
+        if last_t_s == -inf:
             return
         dt_s = tick.dt_s = tick.t_s - last_t_s
         driven_s = tick.driven_s = dt_s if dt_s < self._late_s else self._late_s
