@@ -44,7 +44,7 @@ async def main():
     driven = await rover.motors.drive(WheelCommand(0.5, -0.25))
     await rover.motors.stop()
     await buses.close()
-    print(json.dumps({"heading_deg": heading_deg, "quality": quality, "driven": driven}))
+    print(json.dumps({"heading_deg": heading_deg, "quality": quality, "driven": [*driven]}))
 
 asyncio.run(main())
 """

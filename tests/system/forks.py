@@ -6,6 +6,7 @@ process like any other: it was an orphan for a moment, and fell to them.
 
 from __future__ import annotations
 
+import atexit
 import ctypes
 import gc
 import os
@@ -52,6 +53,7 @@ def _server() -> socket.socket:
     )
     process.returncode = 0  # nobody waits for it
     its.close()
+    atexit.register(ours.close)
     return ours
 
 
