@@ -122,8 +122,8 @@ def test_symlink_that_nobody_gave_is_replaced(tmp_path: Path, target: str) -> No
 def test_draft_is_not_written_through_a_symlink_in_its_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     other = tmp_path / "other"
     other.write_text("old", encoding="utf-8")
-    monkeypatch.setattr("secrets.token_hex", lambda _: "guessed")
-    (tmp_path / ".report.html.guessed.new").symlink_to(other)
+    monkeypatch.setattr("os.urandom", bytes)  # zeros: its name is guessed
+    (tmp_path / ".report.html.00000000.new").symlink_to(other)
     with pytest.raises(FileExistsError):
         write(tmp_path / "report.html")
     assert other.read_text(encoding="utf-8") == "old"
