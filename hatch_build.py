@@ -51,7 +51,7 @@ def generate():
         separate=[(library, name) for name, library in libraries.items()],
     )
 
-# In a process of its own, whose memory is free again when the compiler needs it.
+# In a separate process, whose memory is free again when the compiler needs it.
 with ProcessPoolExecutor(1, get_context("fork")) as apart:
     extensions = apart.submit(generate).result()
 extensions.sort(key=lambda extension: not extension.name.endswith("__mypyc"))  # first what takes long: one a core

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from benchmarks.stock_loop import JumpingStockLoop
 from tests.virtual import virtual
 from wayfarer.control.rate import Rate, RateLimiter, without_waiting
 
@@ -20,6 +21,21 @@ async def test_period_that_was_missed_is_skipped_and_the_grid_begins_again() -> 
         await rate.wait()
         woke_s.append(loop.time() - begun_s)
     assert woke_s == pytest.approx([0.125, 0.25, 0.55, 0.675, 0.8])
+
+
+class OthersLoop(JumpingStockLoop):
+    clock = object()
+
+
+def test_clock_that_a_loop_of_others_has_is_not_taken_for_ours() -> None:
+    async def wait() -> float:
+        loop = asyncio.get_running_loop()
+        begun_s = loop.time()
+        await Rate(8.0).wait()
+        return loop.time() - begun_s
+
+    with asyncio.Runner(loop_factory=OthersLoop) as runner:
+        assert runner.run(wait()) == pytest.approx(0.125)
 
 
 class Part:

@@ -70,8 +70,8 @@ class Rate:
 
     def __init__(self, rate_hz: float) -> None:
         loop = asyncio.get_running_loop()
-        clock: Clock | None = getattr(loop, "clock", None)
-        self._clock = Clock(loop) if clock is None else clock
+        clock = getattr(loop, "clock", None)
+        self._clock = clock if isinstance(clock, Clock) else Clock(loop)
         self._period_s = 1.0 / rate_hz
         self._start_s = self._clock.time()
         self._count = 0.0

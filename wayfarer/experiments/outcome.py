@@ -57,6 +57,7 @@ class OutcomeMonitor:
         call_off: Callable[[str, str], None],
         limit_s: float = inf,
     ) -> None:
+        # Kept here: a constant of a module that is not compiled is looked up at each step.
         self._goal_y_m, self._size_m = forest.goal_y_m, WORLD_SIZE_M
         self._budget_m = budget_m
         self._budget_s = min(budget_m * TIME_PER_BUDGET_S_PER_M, limit_s)

@@ -191,7 +191,7 @@ class ForestMap:
 
 Array = NDArray[np.float32]
 
-TRIALS = 1_000_000  # each in a layout of its own
+TRIALS = 1_000_000  # each in another layout
 HELD_BACK = 1000  # never drawn: the trials that ``wayfarer sim`` measures algorithms on are no training ground
 FREE_MAX_M = 10.0  # what is further back is long ago: the longest stride of the Lévy walk
 
