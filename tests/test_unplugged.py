@@ -36,6 +36,11 @@ class Adapter:
             raise OSError(errno.EIO, "Input/output error")
         self.writes.append(data)
 
+    def forget_input(self) -> None: ...
+
+    def read(self, _count: int, _wait_s: float) -> bytes:
+        return b""
+
     def close(self) -> None: ...
 
     def packets(self) -> list[tuple[int, int]]:

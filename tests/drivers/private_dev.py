@@ -101,7 +101,7 @@ class PrivateDev:
 
 
 class SerialLine:
-    """A serial line: the pty at ``path``, and a thread that carries what arrives there to a port of a bench."""
+    """A serial line: the pty at ``path``, and a thread that carries bytes between it and a port of a bench."""
 
     def __init__(self, bench: Path, port: str) -> None:
         self._far, self._near = pty.openpty()
@@ -118,6 +118,7 @@ class SerialLine:
         while not self._unplugged.is_set():
             if select.select([self._far], [], [], POLL_S)[0]:
                 to.write(os.read(self._far, 1024))
+                os.write(self._far, to.read(1024))
         to.close()
 
     def block(self) -> None:

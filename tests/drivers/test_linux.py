@@ -9,6 +9,7 @@ import asyncio
 import errno
 import os
 import pty
+import re
 import select
 import sys
 import threading
@@ -16,6 +17,7 @@ import tty
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Self
 from unittest.mock import DEFAULT, MagicMock
 
 import numpy as np
@@ -25,6 +27,7 @@ from tests.simhal.clearing import steady_world
 from wayfarer.drivers.buses import CLOSE_WAIT_S, Frame
 from wayfarer.drivers.linux import LinuxBuses
 from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
+from wayfarer.drivers.threaded import TRANSFER_DEADLINE_S
 from wayfarer.errors import NotResponding
 from wayfarer.hal import WheelCommand
 from wayfarer.simhal.chips.motor_boards import SabertoothChip
@@ -130,6 +133,99 @@ async def test_real_serial_port_brings_packets_to_the_board_whole(buses: LinuxBu
     assert world.commanded == (0.0, 0.0)
     assert chip.dropped == 0
     assert chip.settings == {14: 3}, "the deadman's packet came too"
+
+
+def whole_line(came: bytes) -> int:
+    """What is missing of an answer that ends with a newline."""
+    return 0 if came.endswith(b"\n") else 1
+
+
+class Device(threading.Thread):
+    """While it is entered, what is at the far end: to each line it answers ``pieces``, with a pause before each."""
+
+    def __init__(self, far: int, *pieces: bytes, pause_s: float = 0.0) -> None:
+        super().__init__()
+        self.far, self.pieces, self.pause_s, self.heard = far, pieces, pause_s, b""
+        self.over = threading.Event()
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.over.set()
+        self.join()
+
+    def run(self) -> None:
+        while not self.over.is_set():
+            if select.select([self.far], [], [], 0.01)[0]:
+                self.heard += (heard := os.read(self.far, 1024))
+                for piece in self.pieces if heard.endswith(b"\n") else ():
+                    self.over.wait(self.pause_s)
+                    os.write(self.far, piece)
+
+
+async def test_answer_is_read_until_it_is_whole_and_not_beyond(buses: LinuxBuses, terminal: tuple[int, str]) -> None:
+    far, near = terminal
+    port = buses.serial(near, baud=9600)
+    with Device(far, b"12.", b"6 V", b"\n", pause_s=0.005):
+        assert await port.exchange(b"volts\n", whole_line) == b"12.6 V\n"
+        assert await port.exchange(b"volts\n", lambda came: 3 - len(came)) == b"12."
+
+
+async def test_what_came_unasked_is_no_answer(buses: LinuxBuses, terminal: tuple[int, str]) -> None:
+    far, near = terminal
+    port = buses.serial(near, baud=9600)
+    await port.write(b"")  # opens it
+    os.write(far, b"late answer to an earlier question\n")
+    with Device(far, b"ok\n"):
+        assert await port.exchange(b"?\n", whole_line) == b"ok\n"
+
+
+async def test_part_that_does_not_answer_is_told_in_time_and_is_no_bus_that_hangs(
+    buses: LinuxBuses, terminal: tuple[int, str]
+) -> None:
+    far, near = terminal
+    port, time = buses.serial(near, baud=9600), asyncio.get_running_loop().time
+    await port.write(b"")
+    with Device(far) as device:
+        began_s = time()
+        with pytest.raises(NotResponding, match=f"^{near}: no whole answer within 0.03 s, nothing came$"):
+            await port.exchange(b"?\n", whole_line, within_s=0.03)
+        assert 0.03 <= time() - began_s < TRANSFER_DEADLINE_S
+        device.pieces = (b"o",)
+        with pytest.raises(NotResponding, match="only 6F came"):
+            await port.exchange(b"?\n", whole_line)
+        device.pieces = (b"ok\n",)
+        assert await port.exchange(b"?\n", whole_line) == b"ok\n"
+    assert device.heard == b"?\n" * 3
+
+
+async def test_parts_on_one_port_ask_in_turn_and_silence_costs_each_its_own_time(
+    buses: LinuxBuses, terminal: tuple[int, str]
+) -> None:
+    far, near = terminal
+    port = buses.serial(near, baud=9600)
+    await port.write(b"")
+    with Device(far) as device:
+        asking = (port.exchange(b"?\n", whole_line, within_s=60.0) for _ in range(3))
+        said = await asyncio.gather(*asking, return_exceptions=True)
+        assert all(re.search("no whole answer|was dropped", str(each)) for each in said), said
+        device.pieces = (b"ok\n",)
+        assert await asyncio.gather(*(port.exchange(b"?\n", whole_line) for _ in range(3))) == [b"ok\n"] * 3
+
+
+async def test_port_that_goes_while_its_answer_is_awaited_is_told(buses: LinuxBuses) -> None:
+    pytest.importorskip("serial")
+    far, near = pty.openpty()
+    tty.setraw(near)
+    name = os.ttyname(near)
+    port = buses.serial(name, baud=9600)
+    await port.write(b"")
+    os.close(near)
+    asyncio.get_running_loop().call_later(0.02, os.close, far)
+    with pytest.raises(NotResponding, match=f"^{name}: (?!no whole answer)"):
+        await port.exchange(b"?\n", whole_line)
 
 
 # -- the camera through picamera2 ------------------------------------------------------------------------------------

@@ -94,10 +94,11 @@ def test_noise_that_comes_out_as_a_strange_command_is_passed_over() -> None:
     heard: list[int] = []
 
     class Picky:
-        def receive(self, data: bytes) -> None:
+        def receive(self, data: bytes) -> bytes:
             heard.extend(data)
             if data == b"\x21":
                 raise ChipMisuse("no such command")
+            return b""
 
     wire = FaultyWire("here", Picky())
     wire.writes.append(lambda data: b"\x80\x21\x01")

@@ -124,8 +124,9 @@ class Wheels(FakeBuses):
         port.chip = self
         return port
 
-    def receive(self, _data: bytes) -> None:
+    def receive(self, _data: bytes) -> bytes:
         Wheels.stops += 1
+        return b""
 
 
 MOTORS = b"""

@@ -134,9 +134,9 @@ class SabertoothBench(MotorBench):
         self.line.chip = self
         self.motors = Sabertooth(given, self.buses)
 
-    def receive(self, data: bytes) -> None:
+    def receive(self, data: bytes) -> bytes:
         self.seen.append(data)
-        self.chip.receive(bytes(byte for at, byte in enumerate(data) if at not in self.lost))
+        return self.chip.receive(bytes(byte for at, byte in enumerate(data) if at not in self.lost))
 
     @staticmethod
     def unreachable() -> Sabertooth:

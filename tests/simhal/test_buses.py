@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
+
 import numpy as np
 import pytest
 
+from tests.virtual import virtual
 from wayfarer.drivers.buses import Frame
 from wayfarer.errors import NotResponding
 from wayfarer.simhal.buses import ChipMisuse, FakeBuses, FakeI2C, FakeSerial, FakeSPI
@@ -19,7 +22,9 @@ class Echo:
     def write(self, data: bytes) -> None:
         self.got.append(data)
 
-    receive = write
+    def receive(self, data: bytes) -> bytes:
+        self.got.append(data)
+        return data[::-1]
 
     def read(self, count: int) -> bytes:
         return self.got[-1][::-1].ljust(count, b"\0")
@@ -80,6 +85,19 @@ async def test_serial_line_without_a_listener_takes_everything_and_tells_nothing
     await port.write(b"\x81")
     port.post(b"\x82")
     assert chip.got == [b"\x81", b"\x82"]
+
+
+@virtual
+async def test_answer_of_a_chip_comes_at_once_and_one_that_is_not_whole_is_waited_for() -> None:
+    port, loop = FakeSerial("serial"), asyncio.get_running_loop()
+    with pytest.raises(NotResponding, match=r"serial: no whole answer within 0\.05 s, nothing came"):
+        await port.exchange(b"\x80", lambda came: 2 - len(came))
+    port.chip = Echo()
+    assert await port.exchange(b"\x80\x81", lambda came: 2 - len(came)) == b"\x81\x80"
+    assert loop.time() == pytest.approx(0.05)
+    with pytest.raises(NotResponding, match=r"within 0\.02 s, only 80 came"):
+        await port.exchange(b"\x80", lambda came: 2 - len(came), within_s=0.02)
+    assert loop.time() == pytest.approx(0.07)
 
 
 # -- the whole bench ---------------------------------------------------------------------------------------------

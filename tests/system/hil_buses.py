@@ -55,7 +55,7 @@ class HilConnection:
             raise OSError(reply["errno"], reply["error"])
         return reply
 
-    def exchange(self, kind: str, *pieces: bytes, **details: int) -> tuple[bytes, ...]:
+    def carry(self, kind: str, *pieces: bytes, **details: int) -> tuple[bytes, ...]:
         """Do a transfer on the bus and return what came back; raises as ``ask``."""
         return from_hex(self.ask(kind, bus=self._bus, data=[piece.hex() for piece in pieces], **details)["data"])
 
@@ -70,11 +70,11 @@ class HilI2C(HilConnection):
 
     def write(self, address: int, data: bytes) -> None:
         """Write bytes."""
-        self.exchange("i2c", data, address=address)
+        self.carry("i2c", data, address=address)
 
     def write_read(self, address: int, data: bytes, count: int) -> bytes:
         """Write, then read."""
-        return self.exchange("i2c", data, address=address, count=count)[0]
+        return self.carry("i2c", data, address=address, count=count)[0]
 
     write_then_read = write_read
 
@@ -84,15 +84,26 @@ class HilSPI(HilConnection):
 
     def transfer(self, pieces: tuple[bytes, ...]) -> tuple[bytes, ...]:
         """Exchange pieces."""
-        return self.exchange("spi", *pieces)
+        return self.carry("spi", *pieces)
 
 
 class HilSerial(HilConnection):
     """A serial port of the bench; implements ``threaded.BlockingSerial``."""
 
+    came = b""
+
     def write(self, data: bytes) -> None:
         """Write bytes."""
-        self.exchange("serial", data)
+        self.came += self.carry("serial", data)[0]
+
+    def forget_input(self) -> None:
+        """Throw away what has come."""
+        self.came = b""
+
+    def read(self, count: int, _wait_s: float = 0.0) -> bytes:
+        """Return what has come, of which nothing comes later."""
+        read, self.came = self.came[:count], self.came[count:]
+        return read
 
 
 class HilBuses(LinuxBuses):

@@ -152,9 +152,9 @@ class HilServer:
 
     async def _do_serial(self, bus: str, data: list[str]) -> dict[str, Any]:
         await self._wait_for(bus)
-        for piece in from_hex(data):
-            await self._wires.serial(bus).write(piece)
-        return {"data": []}
+        (piece,) = from_hex(data)
+        port: Any = self._wires.serial(bus)
+        return {"data": [(await port.hang.carry(lambda: port.send(piece))).hex()]}
 
     async def _wait_for(self, bus: str) -> None:
         """Wait until a bus no longer hangs."""

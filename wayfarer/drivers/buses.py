@@ -8,13 +8,17 @@ more, because it opens the bus.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+from wayfarer.errors import NotResponding
 
 if TYPE_CHECKING:
     import numpy
     from numpy.typing import NDArray
 
 CLOSE_WAIT_S = 0.2  # as for each part: a run must have ended 2 s after SIGTERM
+ANSWER_WITHIN_S = 0.05  # on a serial line, as a rule: half a transfer's deadline, 48 bytes at 9600 baud
 
 
 class I2CBus(Protocol):
@@ -51,10 +55,24 @@ class SPIBus(Protocol):
         """
 
 
+# Says of the bytes that came so far how many more the answer has, at least; 0 if it is whole.
+Missing = Callable[[bytes], int]
+
+
 class SerialPort(Protocol):
-    """A serial line that is only written to."""
+    """A serial line."""
 
     name: str
+
+    async def exchange(self, data: bytes, missing: Missing, *, within_s: float = ANSWER_WITHIN_S) -> bytes:
+        """Throw away what came unasked, write bytes, read until ``missing`` of what came is 0, and return all of it.
+
+        No other transfer on this port comes in between. A part that does not answer is no bus that hangs: this ends
+        before a transfer's deadline, also if ``within_s`` is longer.
+
+        Raises:
+            NotResponding: the answer is not whole after ``within_s``; the text has what came. Or as ``write``.
+        """
 
     async def write(self, data: bytes) -> None:
         """Write bytes.
@@ -65,6 +83,18 @@ class SerialPort(Protocol):
 
     def post(self, data: bytes) -> None:
         """Write without waiting and without a report of success, from any thread; it never raises."""
+
+
+def whole(name: str, answer: bytes, missing: Missing, within_s: float) -> bytes:
+    """Return an answer on a serial line.
+
+    Raises:
+        NotResponding: bytes of it are missing.
+    """
+    if missing(answer) <= 0:
+        return answer
+    came = f"only {answer.hex(' ').upper()} came" if answer else "nothing came"
+    raise NotResponding(f"{name}: no whole answer within {within_s:g} s, {came}")
 
 
 class Frame(NamedTuple):

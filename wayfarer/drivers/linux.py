@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import errno
 import re
+import select
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -46,7 +47,7 @@ class LinuxBuses:
 
     def serial(self, name: str, *, baud: int) -> ThreadedSerial:
         """Return a serial port, such as ``/dev/serial0``."""
-        return self._once(name, lambda: ThreadedSerial(name, partial(open_serial, name, baud)))
+        return self._once(name, lambda: ThreadedSerial(name, partial(SerialDevice, name, baud)))
 
     def camera(self, name: str, *, width: int, height: int, rate_hz: float, exposure_us: int | None) -> ThreadedCamera:
         """Return a camera of libcamera, by number."""
@@ -131,11 +132,30 @@ def _spi_numbers(path: str) -> tuple[int, int]:
     return int(numbers[1]), int(numbers[2])
 
 
-def open_serial(path: str, baud: int) -> Any:
-    """Return an open port of pyserial, which is a ``threaded.BlockingSerial``."""
-    from serial import Serial
+class SerialDevice:
+    """A serial port through pyserial; implements ``threaded.BlockingSerial``."""
 
-    return Serial(path, baud, timeout=0, write_timeout=1.0)
+    def __init__(self, path: str, baud: int) -> None:
+        from serial import Serial
+
+        self._port = Serial(path, baud, timeout=0, write_timeout=1.0)
+
+    def write(self, data: bytes) -> None:
+        """Write bytes."""
+        self._port.write(data)
+
+    def forget_input(self) -> None:
+        """Throw away what has come."""
+        self._port.reset_input_buffer()
+
+    def read(self, count: int, wait_s: float) -> bytes:
+        """Return what has come, at most ``count`` bytes, as soon as there is any; a port that is gone raises."""
+        came: bytes = self._port.read(count) if select.select([self._port], [], [], wait_s)[0] else b""
+        return came
+
+    def close(self) -> None:
+        """Close the device file."""
+        self._port.close()
 
 
 def _picamera2() -> Any:

@@ -19,14 +19,16 @@ from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
+from math import inf
 from typing import Any, Generic, Protocol, TypeVar
 
-from wayfarer.drivers.buses import CLOSE_WAIT_S
+from wayfarer.drivers.buses import ANSWER_WITHIN_S, CLOSE_WAIT_S, Missing, whole
 from wayfarer.errors import NotInstalled, NotResponding, how_to_install
 from wayfarer.waiting_thread import WaitingThread
 
 POSTED_MAX = 8  # stops that wait while a bus hangs; all stops are the same, so the newest ones are enough
 TRANSFER_DEADLINE_S = 0.1  # a block read takes 3 ms at 100 kHz; the rover's boards stop the wheels after 0.25 s
+ANSWER_SPARE_S = 0.02  # before a transfer's deadline, a wait for an answer ends: a busy computer wakes threads late
 OPEN_DEADLINE_S = 5.0  # a Raspberry Pi that has just booted may need a second to load a library from its card
 
 T = TypeVar("T")
@@ -43,6 +45,7 @@ class Worker(WaitingThread):
         self._posted: deque[tuple[Callable[[], Any], Future[Any]]] = deque(maxlen=POSTED_MAX)
         self._busy = False
         self._overdue = False
+        self.ends_by_s = inf  # the deadline of the call that is being done, on the loop's clock
         self._ended: Future[None] = Future()
 
     async def call(self, job: Callable[[], T], deadline_s: float | None = None) -> T:
@@ -59,6 +62,7 @@ class Worker(WaitingThread):
         def in_time() -> T:
             if clock() > begins_by_s:
                 raise NotResponding(f"{self.name}: a transfer did not begin within {deadline_s:g} s, and was dropped")
+            self.ends_by_s = begins_by_s
             return job()
 
         with self._changed:
@@ -170,6 +174,12 @@ class BlockingSerial(BlockingDevice, Protocol):
 
     def write(self, data: bytes) -> None:
         """Write bytes and wait until they are in the port's own buffer."""
+
+    def forget_input(self) -> None:
+        """Throw away what has come."""
+
+    def read(self, count: int, wait_s: float) -> bytes:
+        """Return what has come, at most ``count`` bytes, as soon as there is any; nothing if the wait is over."""
 
 
 D = TypeVar("D", bound=BlockingDevice)
@@ -310,6 +320,21 @@ class ThreadedSerial(Threaded[BlockingSerial]):
     async def write(self, data: bytes) -> None:
         """Write bytes."""
         await self.call(lambda port: port.write(data))
+
+    async def exchange(self, data: bytes, missing: Missing, *, within_s: float = ANSWER_WITHIN_S) -> bytes:
+        """Write, and read the answer."""
+        clock = asyncio.get_running_loop().time
+
+        def ask(port: BlockingSerial) -> bytes:
+            ends_s = min(clock() + within_s, self._worker.ends_by_s - ANSWER_SPARE_S)
+            port.forget_input()
+            port.write(data)
+            answer = b""
+            while (count := missing(answer)) > 0 and (left_s := ends_s - clock()) > 0:
+                answer += port.read(count, left_s)
+            return answer
+
+        return whole(self.name, await self.call(ask), missing, within_s)
 
     def post(self, data: bytes) -> None:
         """Write without waiting."""

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Protocol
 
-from wayfarer.drivers.buses import CLOSE_WAIT_S, Camera, Frame
+from wayfarer.drivers.buses import ANSWER_WITHIN_S, CLOSE_WAIT_S, Camera, Frame, Missing, whole
 from wayfarer.errors import NotResponding
 
 
@@ -38,10 +38,10 @@ class SPIChip(Protocol):
 
 
 class SerialChip(Protocol):
-    """A chip that listens on a serial line."""
+    """A chip on a serial line."""
 
-    def receive(self, data: bytes) -> None:
-        """Take bytes, in pieces of any length."""
+    def receive(self, data: bytes) -> bytes:
+        """Take bytes, in pieces of any length, and return what the chip sends now; nothing if it only listens."""
 
 
 class FakeI2C:
@@ -114,10 +114,20 @@ class FakeSerial:
         """Send bytes to the devices on the line."""
         self.post(data)
 
+    async def exchange(self, data: bytes, missing: Missing, *, within_s: float = ANSWER_WITHIN_S) -> bytes:
+        """Send bytes and return what comes back; only an answer that is not whole takes time."""
+        answer = self.send(data)
+        if missing(answer) > 0:
+            await asyncio.sleep(within_s)
+        return whole(self.name, answer, missing, within_s)
+
     def post(self, data: bytes) -> None:
-        """Send bytes to the devices on the line."""
-        if self.chip is not None:
-            self.chip.receive(data)
+        """Send bytes to the devices on the line; what they answer is not read."""
+        self.send(data)
+
+    def send(self, data: bytes) -> bytes:
+        """Send bytes at once and return what the chip answers."""
+        return b"" if self.chip is None else self.chip.receive(data)
 
 
 class FakeBuses:

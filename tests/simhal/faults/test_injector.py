@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -22,12 +23,13 @@ from wayfarer.errors import BadInput, NotResponding, WrongPart
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.hal import CompassReading
 from wayfarer.simhal.buses import FakeBuses
-from wayfarer.simhal.faults.bus import BusFault, LostBytes, Nack
+from wayfarer.simhal.faults.bus import AllFF, BusFault, FlippedBits, Hang, LostBytes, Nack
 from wayfarer.simhal.faults.injector import Injector
 from wayfarer.simhal.faults.kinds import BEGINS_S as DEFAULT_BEGINS_S
 from wayfarer.simhal.faults.kinds import KINDS, Fault, misfit, misplaced, parse_fault, parts_of
 from wayfarer.simhal.faults.readings import Becomes, Drifts, FaultyPart, Frozen, LateAnswer, Saturated
-from wayfarer.simhal.faults.wires import FaultyWire, Hang, WiredPart, wired_part
+from wayfarer.simhal.faults.wires import SERIAL, FaultySerial, FaultyWire, WiredPart, wired_part
+from wayfarer.simhal.faults.wires import Hang as BusThatHangs
 from wayfarer.simhal.faults.world import DeadBand, Drive, Slope
 from wayfarer.simhal.world.forest import CLEARING
 from wayfarer.simhal.world.physics import Depth
@@ -238,7 +240,7 @@ async def test_drift_begins_at_nothing_and_grows() -> None:
 @virtual
 async def test_so_many_transfers_are_lost_and_no_more() -> None:
     wire = FaultyWire("a bus")
-    place = WiredPart("", None, "", None, wire, Hang("a bus"))
+    place = WiredPart("", None, "", None, wire, BusThatHangs("a bus"))
     with Nack(most=2).effect(place, Random(0)):
         for _ in range(2):
             with pytest.raises(NotResponding):
@@ -248,7 +250,7 @@ async def test_so_many_transfers_are_lost_and_no_more() -> None:
 
 @virtual
 async def test_transfer_on_a_hanging_bus_ends_at_its_deadline_and_happens_late() -> None:
-    hang, done, loop = Hang("a bus"), [], asyncio.get_running_loop()
+    hang, done, loop = BusThatHangs("a bus"), [], asyncio.get_running_loop()
     hang.begin()
     with pytest.raises(NotResponding, match=r"a transfer did not end within 0\.1 s"):
         await hang.carry(lambda: done.append("first"))
@@ -259,6 +261,40 @@ async def test_transfer_on_a_hanging_bus_ends_at_its_deadline_and_happens_late()
     assert done == []
     hang.end()
     assert done == ["first", "stop"]
+
+
+class Answers:
+    """A chip on a serial line that answers with what it heard."""
+
+    def receive(self, data: bytes) -> bytes:
+        return data
+
+
+@pytest.mark.parametrize(
+    ("fault", "says"),
+    [
+        (Nack(), r"a port: no whole answer within 0\.05 s, nothing came"),
+        (AllFF(), "FF FF FF FF"),
+        (FlippedBits(), "(?!01 02 03 04)(.. ){3}.."),
+        (LostBytes(chance=0.5), r"a port: no whole answer within 0\.05 s, only (.. ?){1,3} came"),
+        (Hang(), r"a port: a transfer did not end within 0\.1 s"),
+    ],
+)
+@virtual
+async def test_answer_on_a_serial_line_can_fail_in_every_way(fault: BusFault, says: str) -> None:
+    port = FaultySerial("a port")
+    port.chip = Answers()
+    place = WiredPart("", None, SERIAL, port.chip, port.wire, port.hang)
+
+    async def said() -> str:
+        try:
+            return (await port.exchange(bytes((1, 2, 3, 4)), lambda came: 4 - len(came))).hex(" ").upper()
+        except NotResponding as error:
+            return str(error)
+
+    with fault.effect(place, Random(0)):
+        assert re.fullmatch(says, text := await said()), text
+    assert await said() == "01 02 03 04"
 
 
 class FakeCompass:

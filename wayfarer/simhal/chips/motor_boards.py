@@ -137,9 +137,13 @@ class SabertoothChip(MotorBoardChip):
             self._heard, self._deaf, self._started_s = False, False, self._clock() + _START_UP_S
         self._stop(self._clock())
 
-    def receive(self, data: bytes) -> None:
+    def receive(self, data: bytes) -> bytes:
         """Take bytes, in pieces of any length; an address begins a new packet, even if the last one is incomplete."""
         self.tick()
+        self._take(data)
+        return b""  # it only listens
+
+    def _take(self, data: bytes) -> None:
         if not data or self._clock() < self._started_s:
             return
         if not self._heard:

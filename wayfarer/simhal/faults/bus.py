@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from random import Random
@@ -69,25 +69,32 @@ class Hang(BusFault):
         wired.hang.end()
 
 
+@contextmanager
+def _on_the_wire(wired: WiredPart, change: Callable[[bytes], bytes]) -> Iterator[None]:
+    """Change the answers of a part; on a serial line, whose part may only listen, also what is written."""
+    with listed(wired.wire.answers, lambda _, answer: change(answer)), ExitStack() as writes:
+        if wired.bus == SERIAL:
+            writes.enter_context(listed(wired.wire.writes, change))
+        yield
+
+
 @dataclass(frozen=True)
 class FlippedBits(BusFault):
-    """Answers have ``bits`` wrong bits, with ``chance``; for a part that only listens, what is written has them."""
+    """Answers have ``bits`` wrong bits, with ``chance``; on a serial line, what is written has them too."""
 
     bits: Annotated[int, Interval(ge=1, le=64)] = 1
     chance: Fraction = 1.0
 
     def effect(self, wired: WiredPart, rng: Random) -> AbstractContextManager[None]:
         def flip(data: bytes) -> bytes:
-            if rng.random() >= self.chance or not data:
+            if not data or rng.random() >= self.chance:
                 return data
             wrong = int.from_bytes(data, "big")
             for bit in rng.sample(range(len(data) * 8), min(self.bits, len(data) * 8)):
                 wrong ^= 1 << bit
             return wrong.to_bytes(len(data), "big")
 
-        if wired.bus in ANSWERING:
-            return listed(wired.wire.answers, lambda _, answer: flip(answer))
-        return listed(wired.wire.writes, flip)
+        return _on_the_wire(wired, flip)
 
 
 @dataclass(frozen=True)
@@ -163,14 +170,14 @@ class AllFF(BusFault):
 
 @dataclass(frozen=True)
 class LostBytes(BusFault):
-    """Written bytes are lost: the share ``chance`` of them."""
+    """Bytes are lost on the way to the part and back: the share ``chance`` of them."""
 
     targets = ("motors",)
     fits = (SERIAL,)
     chance: Fraction = 0.1
 
     def effect(self, wired: WiredPart, rng: Random) -> AbstractContextManager[None]:
-        return listed(wired.wire.writes, lambda data: bytes(byte for byte in data if rng.random() >= self.chance))
+        return _on_the_wire(wired, lambda data: bytes(byte for byte in data if rng.random() >= self.chance))
 
 
 class FailsafeOff(BusFault):

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from wayfarer.config.rover_file import RoverConfig, part_settings
-from wayfarer.drivers.buses import Camera, Frame
+from wayfarer.drivers.buses import ANSWER_WITHIN_S, Camera, Frame, Missing, whole
 from wayfarer.drivers.linux import FRAME_DEADLINE_S
 from wayfarer.drivers.threaded import POSTED_MAX, TRANSFER_DEADLINE_S
 from wayfarer.errors import NotResponding
@@ -143,16 +143,17 @@ class FaultyWire:
         heard = self._heard(data)
         return self._said(data, bytes(len(data)) if heard is None else self.chip.exchange(heard))
 
-    def receive(self, data: bytes) -> None:
+    def receive(self, data: bytes) -> bytes:
         """Take bytes on a serial line; noise that comes out as a command that the chip does not know is passed over."""
         self.check()
-        heard = self._heard(data)
+        heard, answer = self._heard(data), b""
         if heard == data:
-            self.chip.receive(data)
-            return
-        for byte in heard or b"":
-            with suppress(ChipMisuse):
-                self.chip.receive(bytes((byte,)))
+            answer = self.chip.receive(data)
+        else:
+            for byte in heard or b"":
+                with suppress(ChipMisuse):
+                    answer += self.chip.receive(bytes((byte,)))
+        return self._said(data, answer) if answer else b""
 
 
 class FaultyI2C(FakeI2C):
@@ -210,16 +211,29 @@ class FaultySerial(FakeSerial):
 
     async def write(self, data: bytes) -> None:
         """Send bytes."""
-        await self.hang.carry(lambda: self._send(data))
+        await self.hang.carry(lambda: self.send(data))
+
+    async def exchange(self, data: bytes, missing: Missing, *, within_s: float = ANSWER_WITHIN_S) -> bytes:
+        """Send bytes and return what comes back in time; nobody acknowledges, so a lost transfer is silence."""
+
+        def ask() -> bytes:
+            with suppress(NotResponding):
+                return self.send(data)
+            return b""
+
+        answer = await self.hang.carry(ask)
+        if missing(answer) > 0:
+            await asyncio.sleep(within_s)
+        return whole(self.name, answer, missing, within_s)
 
     def post(self, data: bytes) -> None:
         """Send bytes without waiting."""
-        self.hang.post(lambda: self._send(data))
+        self.hang.post(lambda: self.send(data))
 
-    def _send(self, data: bytes) -> None:
+    def send(self, data: bytes) -> bytes:
+        """Send bytes at once and return what the chip answers."""
         self.wire.chip = self.chip
-        if self.chip is not None:
-            self.wire.receive(data)
+        return b"" if self.chip is None else self.wire.receive(data)
 
 
 class FaultyCamera:
