@@ -79,6 +79,11 @@ CASES: Mapping[Condition, Case] = {
             "test_run_is_fresh_only_while_a_sensor_that_it_needs_neither_fails_nor_hangs",
         ),
     ),
+    Condition.WHEELS_STALE: Case(
+        PUSHES,
+        "Wheels that stall are not noticed meanwhile; a motion sensor or a tilt still counts",
+        ("detector/test_wheels.py::test_silent_wheels_are_stale_and_hide_no_stall",),
+    ),
     Condition.OVERTURNED: Case(UNEXPECTED, "A rover without tilt, or whose compass is silent, does not notice"),
     Condition.RUNAWAY: Case(
         UNASKED, "Only a motion sensor sees it: without one, what the board reports; a relay that sticks needs a switch"

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from wayfarer.escape.api import Decision, Observation, Phase
-from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, WheelCommand
+from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, WheelCommand, WheelReading
 from wayfarer.readings import Value
 
 COMPASS = CompassReading(1.5, 359.9, -3.0, 4.5, 3)
@@ -19,6 +19,7 @@ VALUES: list[Value] = [
     COMPASS,
     MotionReading(1.5, 0.05, -0.01, 0.8),
     WheelCommand(0.5, -0.25),
+    WheelReading(1.5, 0.05, None, 2.5, 0.0),
     Observation(1.5, 10.0, 0.0, 0.0, (), ContactReading(1.5, (), None), 20.0, 3.0, 2.5, STOP),
     Decision(WheelCommand(0.5, -0.25), Phase.FOLLOW, "follow"),
 ]

@@ -34,8 +34,10 @@ from wayfarer.hal import (
     PositionFix,
     Side,
     WheelCommand,
+    WheelReading,
 )
 from wayfarer.simhal.build_rover import device_depth
+from wayfarer.simhal.parts import SimWheels
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.testing import (
     check_algorithm,
@@ -45,6 +47,7 @@ from wayfarer.testing import (
     check_motors,
     check_position_receiver,
     check_status_light,
+    check_wheel_sensor,
 )
 
 # -- algorithms --------------------------------------------------------------------------------------------------
@@ -134,6 +137,7 @@ CHECKS: dict[str, Callable[..., Coroutine[Any, Any, None]]] = {
     "compass": check_compass,
     "motion": check_motion_sensor,
     "contact": check_contact_sensor,
+    "wheels": check_wheel_sensor,
     "motors": check_motors,
     "position": check_position_receiver,
     "light": check_status_light,
@@ -143,7 +147,8 @@ CHECKS: dict[str, Callable[..., Coroutine[Any, Any, None]]] = {
 @pytest.mark.parametrize("part", sorted(set(CHECKS) - {"position", "light"}))
 def test_simulated_parts_pass(part: str) -> None:
     def made() -> Any:
-        return getattr(device_depth(steady_world(), RandomStreams(1), load_rover("sim")), part)
+        rover = device_depth(steady_world(), RandomStreams(1), load_rover("sim"))
+        return getattr(replace(rover, wheels=SimWheels(steady_world())), part)
 
     run_virtually(CHECKS[part](made))
 
@@ -185,6 +190,7 @@ READINGS: dict[str, Callable[[float], Any]] = {
     "position": lambda t_s: PositionFix(t_s, 52.0, 13.0, None),
     "motion": lambda t_s: MotionReading(t_s, 0.0, 0.0, 1.0),
     "contact": lambda t_s: ContactReading(t_s, (Side.LEFT,), 179.0),
+    "wheels": lambda t_s: WheelReading(t_s, 0.02, None, 1.5, None),
     "motors": lambda t_s: None,
 }
 
@@ -241,6 +247,8 @@ def test_second_close_must_not_raise() -> None:
         ("motion", "forward_m 12.0 is not in", lambda t_s: MotionReading(t_s, 12.0, 0.0, 1.0)),
         ("contact", "readings are immutable", lambda t_s: ContactReading(t_s, [Side.LEFT], None)),  # type: ignore[arg-type]
         ("contact", "are not all hal.Side", lambda t_s: ContactReading(t_s, ("left",), None)),  # type: ignore[arg-type]
+        ("wheels", "left_m -3.0 is not in", lambda t_s: WheelReading(t_s, -3.0, None)),
+        ("wheels", "right_a -1.0 is not in", lambda t_s: WheelReading(t_s, None, None, None, -1.0)),
         ("position", "latitude_deg 91.0 is not in", lambda t_s: PositionFix(t_s, 91.0, 13.0, None)),
         ("contact", "obstacle_bearing_deg 200.0 is not in", lambda t_s: ContactReading(t_s, (), 200.0)),
     ],

@@ -23,19 +23,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, runtime_checkable
 
-from wayfarer.readings import STOP, CompassReading, ContactReading, MotionReading, Side, WheelCommand
+from wayfarer.readings import STOP, CompassReading, ContactReading, MotionReading, Side, WheelCommand, WheelReading
 
 # What is in ``readings`` because it is compiled; everything else of an interface is here.
-__all__ = ["STOP", "CompassReading", "ContactReading", "MotionReading", "Side", "WheelCommand"]
+__all__ = ["STOP", "CompassReading", "ContactReading", "MotionReading", "Side", "WheelCommand", "WheelReading"]
 
 
 class Snapshot(NamedTuple):
-    """The readings of all sensors at one control tick; None if a sensor gave none yet (motion: since the last tick)."""
+    """The readings of all sensors at one control tick.
+
+    None if a sensor gave none yet; motion and wheels: since the last tick.
+    """
 
     t_s: float
     compass: CompassReading | None
     motion: MotionReading | None
     contact: ContactReading | None
+    wheels: WheelReading | None = None
 
 
 class MotorHealth(NamedTuple):
@@ -120,6 +124,19 @@ class ContactSensor(Driver, Protocol):
 
         Raises:
             NotResponding: no answer within the bus's deadline.
+        """
+
+
+@runtime_checkable
+class WheelSensor(Driver, Protocol):
+    """Encoders of the wheels, or a motor board that measures its current, or both; typically read at 20 Hz."""
+
+    async def read(self) -> WheelReading:
+        """Return what the wheels did since the previous call; it never waits for them to turn.
+
+        Raises:
+            NotResponding: no answer within the bus's deadline.
+            BadReading: an answer that cannot be true.
         """
 
 
@@ -261,11 +278,12 @@ class Rover:
     motors: DriveMotors
     motion: MotionSensor | None = None
     contact: ContactSensor | None = None
+    wheels: WheelSensor | None = None
     position: PositionReceiver | None = None
     light: StatusLight | None = None
 
     @property
     def parts(self) -> Mapping[str, Driver]:
         """The parts of this rover, by capability, in the order of opening: the motors first."""
-        names = ("motors", "compass", "motion", "contact", "position", "light")
+        names = ("motors", "compass", "motion", "contact", "wheels", "position", "light")
         return {name: part for name in names if (part := getattr(self, name)) is not None}

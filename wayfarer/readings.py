@@ -110,6 +110,31 @@ class ContactReading(NamedTuple):
     obstacle_bearing_deg: float | None
 
 
+class WheelReading(Value):
+    """What the wheels of both sides did until ``t_s``: the way of their rims, and the current of their motors.
+
+    ``left_m`` and ``right_m`` are how far the rims of a side have turned since the previous read, ahead positive; where
+    the body went meanwhile is another matter. ``left_a`` and ``right_a`` are the size of the current of a side's motors
+    in amperes, 0 or more. Each is None if the part does not measure it, or does not know it now, as at the first read.
+    """
+
+    __match_args__ = ("t_s", "left_m", "right_m", "left_a", "right_a")
+
+    def __init__(
+        self,
+        t_s: float,
+        left_m: float | None,
+        right_m: float | None,
+        left_a: float | None = None,
+        right_a: float | None = None,
+    ) -> None:
+        self.t_s: Final = t_s
+        self.left_m: Final = left_m
+        self.right_m: Final = right_m
+        self.left_a: Final = left_a
+        self.right_a: Final = right_a
+
+
 class WheelCommand(Value):
     """Duty of the left and right wheels, each in -1 (full reverse) to 1 (full ahead); 0 stops."""
 

@@ -62,6 +62,7 @@ LADDER_TEXTS: Mapping[str, str] = {
 PART_TEXTS: Mapping[str, str] = {  # those whose name in a rover file is no word for a thing
     "motion": "motion sensor",
     "contact": "bumper",
+    "wheels": "wheels' sensor",
     "position": "position receiver",
 }
 
@@ -160,6 +161,9 @@ WORDS: Mapping[Condition, Words] = {
     ),
     Condition.CONTACT_STALE: Words(
         "the bumper is silent", "drives on without it; the bumper is opened again every 2 s", "the bumper answers"
+    ),
+    Condition.WHEELS_STALE: Words(
+        "the wheels' sensor is silent", "drives on without it; the sensor is opened again every 2 s", "it answers"
     ),
     Condition.OVERTURNED: Words(
         "the rover lies on its side or roof",

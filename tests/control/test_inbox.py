@@ -8,17 +8,17 @@ from typing import Any
 import pytest
 
 from wayfarer.control.tick import Inbox
-from wayfarer.hal import CompassReading, ContactReading, MotionReading, Snapshot
+from wayfarer.hal import CompassReading, ContactReading, MotionReading, Snapshot, WheelReading
 
 
 def snapshot(inbox: Inbox, t_s: float) -> Snapshot:
     """What a tick at this time is told."""
     inputs = inbox.take(t_s)
-    return Snapshot(t_s, inputs.compass, inputs.motion, inputs.contact)
+    return Snapshot(t_s, inputs.compass, inputs.motion, inputs.contact, inputs.wheels)
 
 
 def test_nothing_is_there_before_the_sensors_speak() -> None:
-    assert snapshot(Inbox(), 1.5) == (1.5, None, None, None)
+    assert snapshot(Inbox(), 1.5) == Snapshot(1.5, None, None, None, None)
 
 
 def test_newest_reading_replaces_the_older_and_stays() -> None:
@@ -28,7 +28,7 @@ def test_newest_reading_replaces_the_older_and_stays() -> None:
     inbox.put_compass(new)
     inbox.put_contact(contact := ContactReading(0.0, (), None))
     for t_s in (0.2, 0.3):
-        assert snapshot(inbox, t_s) == (t_s, new, None, contact)
+        assert snapshot(inbox, t_s) == Snapshot(t_s, new, None, contact)
 
 
 def test_displacements_add_up_until_they_are_taken() -> None:
@@ -61,3 +61,22 @@ def test_part_that_is_no_number_leaves_no_displacement_to_be_believed(field: str
     motion = snapshot(inbox, 0.1).motion
     assert motion is not None
     assert motion.quality == 0.0 or not isfinite(motion.forward_m + motion.right_m)
+
+
+def test_ways_of_the_rims_add_up_and_the_current_is_the_newest() -> None:
+    inbox = Inbox()
+    inbox.put_wheels(WheelReading(0.1, 0.25, -0.5, 3.0, 1.0))
+    inbox.put_wheels(WheelReading(0.2, 0.5, 0.25, 2.0, None))
+    assert snapshot(inbox, 0.2).wheels == WheelReading(0.2, 0.75, -0.25, 2.0, None)
+    assert snapshot(inbox, 0.3).wheels is None
+    assert inbox.wheels == WheelReading(0.2, 0.5, 0.25, 2.0, None), "what a check of the part is shown"
+
+
+def test_way_of_which_a_part_is_not_known_is_not_known() -> None:
+    inbox = Inbox()
+    for left_m, right_m in ((0.1, None), (0.1, 0.1), (0.1, 0.1)):
+        inbox.put_wheels(WheelReading(0.1, left_m, right_m))
+    wheels = snapshot(inbox, 0.2).wheels
+    assert wheels is not None
+    assert wheels.left_m == pytest.approx(0.3)
+    assert wheels.right_m is None

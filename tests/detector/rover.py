@@ -77,6 +77,7 @@ class Rover:
         """One tick with any snapshot."""
         tick = DetectorTick(snapshot.t_s, applied)
         tick.compass, tick.motion, tick.contact = snapshot.compass, snapshot.motion, snapshot.contact
+        tick.rims = snapshot.wheels
         self.timer.measure(tick)
         self.detector.update(tick, armed=self.armed)
         return Detection(tick.anomalies, tick.conditions)

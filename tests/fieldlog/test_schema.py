@@ -27,9 +27,9 @@ from wayfarer.experiments.trial_setup import TrialSpec
 from wayfarer.fieldlog import wording
 from wayfarer.fieldlog.folders import run_folders
 from wayfarer.fieldlog.log import FieldLog
-from wayfarer.fieldlog.record import KINDS, SCHEMA, Compass, Contact, Manual, Motion, Record
+from wayfarer.fieldlog.record import KINDS, SCHEMA, Compass, Contact, Manual, Motion, Record, Wheels
 from wayfarer.fieldlog.sink import Sink
-from wayfarer.hal import CompassReading, ContactReading, MotionReading, PositionFix
+from wayfarer.hal import CompassReading, ContactReading, MotionReading, PositionFix, WheelReading
 from wayfarer.logview import summary
 from wayfarer.readings import Value
 from wayfarer.safety.manual import ManualSample
@@ -118,6 +118,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Json]]:
     run_trial(replace(on_mud, physics=Physics(slope_deg=5.0, blind_share=0.1)), folder / "mud")
     driven, tick = FieldLog(Sink(folder / "driven"), {}), TickRecord(1.0)
     tick.manual = ManualSample(1, 1.0, 0.0, 0.9)
+    tick.rims = WheelReading(1.0, 0.01, None, 0.5, 0.0)
     driven.tick(tick)
     driven.close("requested", "enough")
     places = {"daemon": run_folders(folder / "logs")[0]} | {
@@ -174,7 +175,13 @@ def test_table_of_every_record_is_that_of_the_base() -> None:
 
 @pytest.mark.parametrize(
     ("ours", "theirs"),
-    [(Compass, CompassReading), (Motion, MotionReading), (Contact, ContactReading), (Manual, ManualSample)],
+    [
+        (Compass, CompassReading),
+        (Motion, MotionReading),
+        (Contact, ContactReading),
+        (Wheels, WheelReading),
+        (Manual, ManualSample),
+    ],
 )
 def test_reading_in_the_log_has_the_fields_of_the_reading(ours: type[msgspec.Struct], theirs: type[Value]) -> None:
     assert ours.__struct_fields__ == theirs.__match_args__

@@ -52,7 +52,7 @@ def test_rover_among_people_holds_for_a_sense_that_another_goes_on_without() -> 
     among_people, alone = gate(on_lost_sense="hold"), gate()
     lost = [each for each in Condition if among_people.levels[each] > alone.levels[each]]
     assert set(lost) == {
-        Condition.MOTION_UNKNOWN, Condition.MOTION_STALE, Condition.CONTACT_STALE,
+        Condition.MOTION_UNKNOWN, Condition.MOTION_STALE, Condition.CONTACT_STALE, Condition.WHEELS_STALE,
         Condition.POWER_UNSTABLE, Condition.MOTORS_FAILED,
     }  # fmt: skip
     for each in lost:

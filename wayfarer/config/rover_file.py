@@ -70,6 +70,8 @@ class Rates(BaseModel):
     """Readings of the motion sensor a second."""
     contact_hz: Hertz = 20.0
     """Readings of the bumper a second."""
+    wheels_hz: Hertz = 20.0
+    """Readings of the wheels' encoders and currents a second."""
     position_hz: Hertz = 1.0
     """Readings of the receiver a second."""
 
@@ -113,6 +115,7 @@ class RoverConfig(BaseModel):
             "rates.compass_hz": (self.rates.compass_hz, "detector.compass_stale_s", self.detector.compass_stale_s),
             "rates.motion_hz": (self.rates.motion_hz, "detector.motion_stale_s", self.detector.motion_stale_s),
             "rates.contact_hz": (self.rates.contact_hz, "detector.contact_stale_s", self.detector.contact_stale_s),
+            "rates.wheels_hz": (self.rates.wheels_hz, "detector.wheels_stale_s", self.detector.wheels_stale_s),
         }
         for key, (rate_hz, limit, limit_s) in periods.items():
             if 1.0 / rate_hz >= limit_s:

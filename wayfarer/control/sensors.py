@@ -60,6 +60,8 @@ def sensor_tasks(rover: Rover, inbox: Inbox, rates: Rates, needs: frozenset[str]
         rows.append(SensorTask("motion", rover.motion, rates.motion_hz, rover.motion.read, inbox.put_motion))
     if rover.contact is not None and "contact" in needs:
         rows.append(SensorTask("contact", rover.contact, rates.contact_hz, rover.contact.read, inbox.put_contact))
+    if rover.wheels is not None:
+        rows.append(SensorTask("wheels", rover.wheels, rates.wheels_hz, rover.wheels.read, inbox.put_wheels))
     if rover.position is not None:
         rows.append(SensorTask("position", rover.position, rates.position_hz, rover.position.read, inbox.put_fix))
     return tuple(rows)

@@ -73,7 +73,9 @@ class Supervisor:
         self._by_hand = config.manual.allowed
         self.inbox = Inbox()
         needs = check_parts(rover, algorithm, config)
-        detector = make_detector(config, needs, watches_motion=rover.motion is not None)
+        detector = make_detector(
+            config, needs, watches_motion=rover.motion is not None, watches_wheels=rover.wheels is not None
+        )
         self.controller = Controller(config, detector, handler, log, ladder_seed=ladder_seed, goes_on=goes_on)
         self.loop = ControlLoop(rover.motors, self.inbox, self.controller, log, config.safety.tick_late_s)
         self._board = BoardWatch(rover.motors, self.inbox, self.controller, log, config.board.health_hz)
@@ -355,14 +357,17 @@ def needs_of(algorithm: Algorithm, config: RoverConfig) -> frozenset[str]:
     return frozenset({*algorithm.requires, config.anomaly_source})
 
 
-def make_detector(config: RoverConfig, needs: frozenset[str], *, watches_motion: bool) -> Detector:
-    """Return the detector of a run that uses the parts ``needs``; ``watches_motion`` if there is a motion sensor."""
+def make_detector(
+    config: RoverConfig, needs: frozenset[str], *, watches_motion: bool, watches_wheels: bool
+) -> Detector:
+    """Return the detector of a run that uses the parts ``needs``, and watches these sensors if it has them."""
     return Detector(
         config.detector,
         config.vehicle,
         calibration_min=config.safety.calibration_min,
         duty_max=config.safety.duty_max,
         watches_motion=watches_motion,
+        watches_wheels=watches_wheels,
         watches_contact=config.anomaly_source == "contact",
         needs_contact="contact" in needs,
         may_reckon=config.safety.on_lost_sense == "continue",

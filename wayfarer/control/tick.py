@@ -20,6 +20,7 @@ from wayfarer.hal import (
     MotorHealth,
     PositionFix,
     WheelCommand,
+    WheelReading,
 )
 from wayfarer.safety.conditions import Condition, Level
 from wayfarer.safety.manual import ManualSample
@@ -48,9 +49,9 @@ class PowerFlags(NamedTuple):
 class Inputs:
     """All that came from outside until the tick at ``t_s``.
 
-    ``compass`` and ``contact`` are the newest readings, None before the first. ``motion`` is the displacement since the
-    tick before, None if nothing was read since. ``applied`` is what the motors applied at the tick before. ``fixes``,
-    ``board`` and ``power`` came since then, oldest first; a fix is None if the receiver has none.
+    ``compass`` and ``contact`` are the newest readings, None before the first. ``motion`` and ``wheels`` are what was
+    moved since the tick before, None if nothing was read since. ``applied`` is what the motors applied at the tick
+    before. ``fixes``, ``board`` and ``power`` came since then, oldest first; a fix is None if the receiver has none.
     """
 
     # No dataclass: the compiled core would run its ``__init__`` in the interpreter.
@@ -59,6 +60,7 @@ class Inputs:
         self.compass = compass
         self.motion: MotionReading | None = None
         self.contact = contact
+        self.wheels: WheelReading | None = None
         self.applied = applied
         self.fixes: tuple[PositionFix | None, ...] = ()
         self.board: tuple[BoardReport, ...] = ()
@@ -68,11 +70,12 @@ class Inputs:
 class Inbox:
     """Where the tasks of the parts put what they read; ``next`` is what the next tick is told.
 
-    ``motion`` is the newest reading of the motion sensor, None before the first.
+    ``motion`` and ``wheels`` are the newest readings of these sensors, None before the first.
     """
 
     def __init__(self) -> None:
         self.motion: MotionReading | None = None
+        self.wheels: WheelReading | None = None
         self.next = Inputs(None, None, STOP)
 
     def put_compass(self, reading: CompassReading) -> None:
@@ -102,6 +105,18 @@ class Inbox:
             )
         self.next.motion = reading
 
+    def put_wheels(self, reading: WheelReading) -> None:
+        """Add up the ways of the rims until a tick takes them; a sum of which a part is not known is not known.
+
+        The current is the newest.
+        """
+        self.wheels = reading
+        before = self.next.wheels
+        if before is not None:
+            left_m, right_m = _sum(before.left_m, reading.left_m), _sum(before.right_m, reading.right_m)
+            reading = WheelReading(reading.t_s, left_m, right_m, reading.left_a, reading.right_a)
+        self.next.wheels = reading
+
     def put_fix(self, fix: PositionFix | None) -> None:
         """Take a position; no decision sees it, only the log and the mission's radius."""
         self.next.fixes += (fix,)
@@ -120,6 +135,10 @@ class Inbox:
         inputs.t_s = t_s
         self.next = Inputs(inputs.compass, inputs.contact, inputs.applied)
         return inputs
+
+
+def _sum(one_m: float | None, other_m: float | None) -> float | None:
+    return None if one_m is None or other_m is None else one_m + other_m
 
 
 STAND: Final = Decision(STOP, Phase.HALT, Phase.HALT.value)

@@ -49,7 +49,7 @@ def running_inspection(
         last = supervisor.controller.last
         if last is None:
             raise NotResponding("the rover's parts are still being opened: try again in some seconds")
-        reading = supervisor.inbox.motion if sense == "motion" else getattr(last, sense)
+        reading = getattr(supervisor.inbox if sense in {"motion", "wheels"} else last, sense)
         if reading is None or asyncio.get_running_loop().time() - reading.t_s > FRESH_S:
             raise NotResponding(f"the {in_words(sense)} has said nothing for {FRESH_S:g} s; see the log for why")
         return reading

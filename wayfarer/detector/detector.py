@@ -9,9 +9,10 @@ from wayfarer.detector.ground import TILTS, GradeCompensation, GroundSlope, Tilt
 from wayfarer.detector.motion import MotionMonitor
 from wayfarer.detector.response import TurnabilityMonitor
 from wayfarer.detector.settings import DetectorSettings
+from wayfarer.detector.wheels import WheelMonitor
 from wayfarer.escape.api import Anomaly
 from wayfarer.escape.settings import Vehicle
-from wayfarer.hal import CompassReading, ContactReading, MotionReading, Snapshot
+from wayfarer.hal import CompassReading, ContactReading, MotionReading, Snapshot, WheelReading
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.tick_interval import Debounce, Moved, TickInterval
 
@@ -19,29 +20,31 @@ from wayfarer.safety.tick_interval import Debounce, Moved, TickInterval
 class DetectorTick(TickInterval):
     """The readings of the sensors at a tick, and what the detector found in them.
 
-    A reading is None if the sensor has not answered yet (motion: since the last tick).
+    A reading is None if the sensor has not answered yet (motion and rims: since the last tick). ``rims`` is what the
+    wheels did, as their sensor says.
     """
 
     compass: CompassReading | None = None
     motion: MotionReading | None = None
     contact: ContactReading | None = None
+    rims: WheelReading | None = None
     anomalies: tuple[Anomaly, ...] = ()
     conditions: tuple[Condition, ...] = ()
 
     @property
     def snapshot(self) -> Snapshot:
         """The readings alone, to keep or compare them."""
-        return Snapshot(self.t_s, self.compass, self.motion, self.contact)
+        return Snapshot(self.t_s, self.compass, self.motion, self.contact, self.rims)
 
 
 class Detector:
     """Turns readings and applied commands into anomalies and conditions, one control tick at a time.
 
     ``vehicle`` gives the ground speed and the turn rate at full duty, ``calibration_min`` (0 to 3) the calibration that
-    arming demands of the compass, ``duty_max`` the highest duty that the gate allows. ``watches_motion`` and
-    ``needs_contact`` say whether silence of that sensor is a condition. ``watches_contact`` says whether a touch is an
-    anomaly; then silence is a condition as well. ``may_reckon`` says whether a mission goes on without a compass
-    (``HeadingEstimator``).
+    arming demands of the compass, ``duty_max`` the highest duty that the gate allows. ``watches_motion``,
+    ``watches_wheels`` and ``needs_contact`` say whether silence of that sensor is a condition. ``watches_contact`` says
+    whether a touch is an anomaly; then silence is a condition as well. ``may_reckon`` says whether a mission goes on
+    without a compass (``HeadingEstimator``).
 
     ``grade`` compensates the ground's slope in the duties, ``odometer`` measures the way.
 
@@ -57,6 +60,7 @@ class Detector:
         calibration_min: int = 0,
         duty_max: float = 1.0,
         watches_motion: bool = True,
+        watches_wheels: bool = False,
         watches_contact: bool = False,
         needs_contact: bool = False,
         may_reckon: bool = True,
@@ -65,6 +69,7 @@ class Detector:
         self._compass = CompassMonitor(settings, calibration_min)
         self._heading = HeadingEstimator(vehicle, may_reckon=may_reckon)
         self._motion = MotionMonitor(settings, vehicle, watched=watches_motion)
+        self._wheels = WheelMonitor(settings) if watches_wheels else None
         self._needs_contact = needs_contact or watches_contact
         self._contact = ContactMonitor(settings, touch_counts=watches_contact, needed=self._needs_contact)
         self._ground = GroundSlope()
@@ -84,6 +89,8 @@ class Detector:
             self._started = True
             self._compass.believed_t_s = self._contact.spoke_t_s = t_s
             self._motion.start(t_s)
+            if (wheels := self._wheels) is not None:
+                wheels.spoke_t_s = t_s
         left, right = tick.left, tick.right
         turns = abs(left - right) >= self._turning_duty
         before_deg, turned_deg = self._heading.gained_deg, self._compass.gained_deg
@@ -110,6 +117,8 @@ class Detector:
         if contact is not None or self._needs_contact:
             self._contact.update(t_s, contact, anomalies, conditions)
             self.contact = self._contact.reading
+        if (wheels := self._wheels) is not None:
+            wheels.update(t_s, tick.rims, conditions)
         if found := self._turns.update(tick, gained_deg, free=self._ground.flat and not doubtful):
             conditions += found
         if anomalies or conditions:

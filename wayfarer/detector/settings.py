@@ -61,6 +61,8 @@ class DetectorSettings:
     """Without a reading for so long the motion sensor is silent."""
     contact_stale_s: ShortSeconds = 0.5
     """Without a reading for so long the contact sensor is silent."""
+    wheels_stale_s: ShortSeconds = 0.5
+    """Without a reading for so long the wheels' sensor is silent."""
     touch_s: ShortSecondsOrZero = 0.0
     """For how long a contact must last to count."""
 

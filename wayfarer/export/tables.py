@@ -39,12 +39,13 @@ from wayfarer.fieldlog.record import (
     Record,
     Tick,
     Truth,
+    Wheels,
 )
 from wayfarer.fieldlog.wording import fault_text, outcome_text
 
 STAMP = Record.__struct_fields__
 BESIDE: Mapping[type[AnyRecord], str] = {Board: "board", Fix: "position", Computer: "computer", Truth: "truth"}
-READINGS = {"compass": Compass, "motion": Motion, "contact": Contact}
+READINGS = {"compass": Compass, "motion": Motion, "contact": Contact, "wheels": Wheels}
 NO_COLUMNS = {*STAMP, *READINGS, "manual", "memory"}
 # What readings and other records say, under their names.
 PART_COLUMNS = tuple(

@@ -31,6 +31,7 @@ from wayfarer.fieldlog.record import (
     Outcome,
     Record,
     Tick,
+    Wheels,
     encode,
 )
 from wayfarer.fieldlog.sink import Sink
@@ -166,7 +167,7 @@ def tick_fields(tick: TickRecord) -> dict[str, Any]:
 
     The readings are as the sensors gave them, because a replay starts from them.
     """
-    compass, motion, contact, manual = tick.compass, tick.motion, tick.contact, tick.manual
+    compass, motion, contact, rims, manual = tick.compass, tick.motion, tick.contact, tick.rims, tick.manual
     decision, seen = tick.decision, tick.observation
     fields: dict[str, Any] = {
         "mode": tick.mode.value,
@@ -177,6 +178,7 @@ def tick_fields(tick: TickRecord) -> dict[str, Any]:
         "motion": motion and Motion(*motion),
         "contact": contact
         and Contact(contact.t_s, tuple(side.value for side in contact.sides), contact.obstacle_bearing_deg),
+        "wheels": rims and Wheels(*rims),
         "manual": manual and Manual(*manual),
         "goal_heading_deg": tick.goal_heading_deg,
         "north_m": tick.north_m,

@@ -21,7 +21,7 @@ import msgspec
 from msgspec import Meta, Struct
 
 from wayfarer.fieldlog.fields import escape_document
-from wayfarer.hal import CompassReading, ContactReading, MotionReading, PositionFix, Side
+from wayfarer.hal import CompassReading, ContactReading, MotionReading, PositionFix, Side, WheelReading
 
 SCHEMA = 4
 
@@ -172,6 +172,20 @@ class Contact(Struct):
         return ContactReading(or_nan(self.t_s), tuple(map(Side, self.sides)), self.obstacle_bearing_deg)
 
 
+class Wheels(Struct):
+    """``hal.WheelReading``."""
+
+    t_s: float | None
+    left_m: float | None
+    right_m: float | None
+    left_a: float | None = None
+    right_a: float | None = None
+
+    def reading(self) -> WheelReading:
+        """Return the reading; a number that was none is not known."""
+        return WheelReading(or_nan(self.t_s), self.left_m, self.right_m, self.left_a, self.right_a)
+
+
 class Manual(Struct):
     """``manual.ManualSample``: what the person wants who drives; ``sent_s`` is what the client says."""
 
@@ -198,6 +212,7 @@ class Tick(Record, kw_only=True, tag="tick"):
     compass: Compass | None = None
     motion: Motion | None = None
     contact: Contact | None = None
+    wheels: Wheels | None = None
     manual: Manual | None = None
     decision_t_s: Seconds | None = None
     heading_deg: Angle | None = None

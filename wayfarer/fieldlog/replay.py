@@ -33,7 +33,8 @@ from wayfarer.safety.manual import ManualSample
 
 # What a tick concluded, the root first: a heading that is believed or not explains an anomaly, that a phase.
 CONCLUSIONS = ("heading_deg", "anomalies", "level", "cause", "mode", "goal_heading_deg", "phase", "why", "wanted_left")
-INPUT_KEYS = frozenset({*Record.__struct_fields__, "compass", "motion", "contact", "applied_left", "applied_right"})
+READINGS = {"compass", "motion", "contact", "wheels"}
+INPUT_KEYS = frozenset({*Record.__struct_fields__, *READINGS, "applied_left", "applied_right"})
 
 
 class DecisionDifference(NamedTuple):
@@ -107,7 +108,10 @@ class Rerun:
         config = config or _config_of(header.config)
         algorithm = find_algorithm(header.algorithm)
         handler = algorithm.make(config.escape, config.vehicle, Random(header.algorithm_seed))
-        detector = make_detector(config, needs_of(algorithm, config), watches_motion="motion" in header.parts)
+        detector = make_detector(
+            config, needs_of(algorithm, config),
+            watches_motion="motion" in header.parts, watches_wheels="wheels" in header.parts,
+        )  # fmt: skip
         self._heard: list[tuple[float, Event]] = []  # what happens between two ticks, and when it counts
         self._inbox = Inbox()
         self._controller = Controller(config, detector, handler, RunLog(), ladder_seed=header.ladder_seed or 0)
@@ -146,6 +150,8 @@ class Rerun:
         self._inbox.next.contact = None if tick.contact is None else tick.contact.reading()
         if tick.motion is not None:
             self._inbox.put_motion(tick.motion.reading())
+        if tick.wheels is not None:
+            self._inbox.put_wheels(tick.wheels.reading())
         if tick.manual is not None:
             self._controller.manual.sample = ManualSample._make(msgspec.structs.astuple(tick.manual))
         if tick.applied_left is None or tick.applied_right is None:

@@ -31,7 +31,7 @@ from wayfarer.safety.conditions import Level
 
 GAP_S = 1.0  # no tick is that late: the loop was held up, or records are missing
 # Nobody reads a bumper that no decision uses: it has a status when it first speaks.
-SENSORS = ("compass", "motion", "position")
+SENSORS = ("compass", "motion", "wheels", "position")
 HELD = {"hold", "fault"}  # the levels at which the gate lets no wheel turn
 LIMITED = Level.DEGRADE.name.lower()
 BACK_OFF, FOLLOW, TURN_AWAY = Phase.BACK_OFF.value, Phase.FOLLOW.value, Phase.TURN_AWAY.value
@@ -306,7 +306,7 @@ class RunFold:
         state, before = self.state, self.state.tick
         state.tick = tick
         state.ticks += 1
-        for name in ("compass", "motion", "contact"):
+        for name in ("compass", "motion", "contact", "wheels"):
             if (reading := getattr(tick, name)) is not None:
                 self._sensor(name).add(reading)
         self._place(tick)

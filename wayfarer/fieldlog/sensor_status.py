@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from math import nan
 
-from wayfarer.fieldlog.record import Compass, Contact, Fix, Motion
+from wayfarer.fieldlog.record import Compass, Contact, Fix, Motion, Wheels
 
 WINDOW_S = 2.0  # for the rate now
 STALE_S = 0.5  # if the rover file gives no limit; PX4 and ArduPilot allow flow as much
@@ -31,10 +31,10 @@ class SensorStatus:
         self._gaps = 0
         self._spoken_s = 0.0
         self._times_s: deque[float] = deque(maxlen=400)
-        self._last: Compass | Motion | Contact | Fix | None = None
+        self._last: Compass | Motion | Contact | Wheels | Fix | None = None
         self._unbroken = False
 
-    def add(self, reading: Compass | Motion | Contact | Fix) -> None:
+    def add(self, reading: Compass | Motion | Contact | Wheels | Fix) -> None:
         """Take what the sensor said last; a tick repeats it until there is more."""
         t_s, times_s = reading.t_s, self._times_s
         before_s = times_s[-1] if times_s else None

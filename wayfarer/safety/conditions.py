@@ -61,6 +61,7 @@ class Condition(Enum):
     MOTION_STALE = "motion_stale"
     MOTION_IMPLAUSIBLE = "motion_implausible"
     CONTACT_STALE = "contact_stale"
+    WHEELS_STALE = "wheels_stale"
     OVERTURNED = "overturned"
     RUNAWAY = "runaway"
     DRIVE_REVERSED = "drive_reversed"
@@ -104,6 +105,7 @@ TABLE: Final[Mapping[Condition, Row]] = {
         Level.DEGRADE, Kind.IGNORANCE, Means.BLIND | Means.SILENCE | Means.NOT_ARMED | Means.STRICTER_AMONG_PEOPLE),
     Condition.MOTION_IMPLAUSIBLE: Row(Level.NOTE, Kind.IGNORANCE),
     Condition.CONTACT_STALE: Row(Level.DEGRADE, Kind.IGNORANCE, Means.SILENCE | Means.STRICTER_AMONG_PEOPLE),
+    Condition.WHEELS_STALE: Row(Level.DEGRADE, Kind.IGNORANCE, Means.SILENCE | Means.STRICTER_AMONG_PEOPLE),
     Condition.OVERTURNED: Row(Level.FAULT, Kind.DANGER, Means.NOT_ARMED),
     Condition.RUNAWAY: Row(Level.FAULT, Kind.DANGER, Means.UNCOMMANDED),
     # Its wheels or its compass are the wrong way round, and it does not know which; who drives it by hand sees it.

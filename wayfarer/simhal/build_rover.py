@@ -13,14 +13,16 @@ from typing import Any
 
 from wayfarer.config.factory import assemble
 from wayfarer.config.rover_file import RoverConfig, part_settings
+from wayfarer.config.settings import WHEEL_KEYS
 from wayfarer.errors import BadConfig
 from wayfarer.hal import Rover
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chip_wiring import ChipWiring, chip_of
-from wayfarer.simhal.parts import SimBumper, SimCompass, SimFlow, SimMotors, SimReceiver
+from wayfarer.simhal.parts import SimBumper, SimCompass, SimFlow, SimMotors, SimReceiver, SimWheels
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.physics import Depth
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
+from wayfarer.simhal.world.wheeled_body import body_of
 
 Clock = Callable[[], float]
 
@@ -38,6 +40,8 @@ def build(
     Raises:
         BadConfig: at bus depth, a part has no simulated chip.
     """
+    if "wheels" in config.parts and not config.chassis.missing(WHEEL_KEYS):
+        world.wheeled = body_of(config.name, config.vehicle, config.chassis, "its wheels' sensor")
     if depth is Depth.BUS:
         return bus_depth(world, streams, config, clock, buses or FakeBuses())
     return device_depth(world, streams, config)
@@ -50,6 +54,7 @@ def device_depth(world: SimulatedWorld, streams: RandomStreams, config: RoverCon
         motors=SimMotors(world, **_quanta("motors", config)),
         motion=SimFlow(world, streams, **_quanta("motion", config)),
         contact=SimBumper(world) if _has_bumper(config) else None,
+        wheels=_wheels(world, config),
         position=_receiver(world, streams, config),
     )
 
@@ -104,6 +109,10 @@ def _on_a_bus(config: RoverConfig) -> dict[str, dict[str, Any]]:
 
 def _receiver(world: SimulatedWorld, streams: RandomStreams, config: RoverConfig) -> SimReceiver | None:
     return SimReceiver(world, streams) if "position" in config.parts else None
+
+
+def _wheels(world: SimulatedWorld, config: RoverConfig) -> SimWheels | None:
+    return SimWheels(world, _quanta("wheels", config).get("m_per_count", 0.0)) if "wheels" in config.parts else None
 
 
 def _has_bumper(config: RoverConfig) -> bool:

@@ -13,7 +13,16 @@ from mypy_extensions import mypyc_attr
 
 from wayfarer.angles import coordinates_deg
 from wayfarer.fieldlog.record import WORLD_CORNER
-from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, MotorHealth, PositionFix, WheelCommand
+from wayfarer.hal import (
+    STOP,
+    CompassReading,
+    ContactReading,
+    MotionReading,
+    MotorHealth,
+    PositionFix,
+    WheelCommand,
+    WheelReading,
+)
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FLOW_M_PER_COUNT, SQUAL_FULL, FlowSensorModel, HeadingSensorModel
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
@@ -122,6 +131,52 @@ class SimBumper(SimPart):
         if touch is None:
             return ContactReading(t_s, (), None)
         return ContactReading(t_s, touch.sides, touch.obstacle.axis_deg)
+
+
+@mypyc_attr(allow_interpreted_subclasses=True)
+class SimWheels(SimPart):
+    """Encoders of the wheels and a measurement of the motors' currents, or one of the two.
+
+    ``m_per_count`` is the way of a rim for a count, 0 for the exact way.
+    """
+
+    name = "simulated wheels"
+
+    def __init__(
+        self, world: SimulatedWorld, m_per_count: float = 0.0, *, way: bool = True, current: bool = True
+    ) -> None:
+        super().__init__(world)
+        self._way, self._current = way, current
+        self._m_per_count = m_per_count
+        self._left_m = self._right_m = 0.0
+        self._is_first = True
+
+    async def open(self) -> None:
+        """Take the clock; what the rims did before is not known."""
+        await super().open()
+        self._is_first = True
+
+    async def read(self) -> WheelReading:
+        """Return the way since the previous read, and the currents now."""
+        return self.read_without_waiting(self._time())
+
+    def read_without_waiting(self, t_s: float) -> WheelReading:
+        """Return the way between the previous read and ``t_s``, which is now, and the currents."""
+        world = self._world
+        world.tick_chips()
+        world.advance_to(t_s)
+        left_way_m = right_way_m = left_a = right_a = None
+        if self._way:
+            left_m, right_m = world.rims_m
+            if m_per_count := self._m_per_count:
+                left_m, right_m = round(left_m / m_per_count) * m_per_count, round(right_m / m_per_count) * m_per_count
+            if not self._is_first:
+                left_way_m, right_way_m = left_m - self._left_m, right_m - self._right_m
+            self._left_m, self._right_m, self._is_first = left_m, right_m, False
+        if self._current:
+            left_load, right_load = world.motor_load
+            left_a, right_a = left_load * world.stall_current_a, right_load * world.stall_current_a
+        return WheelReading(t_s, left_way_m, right_way_m, left_a, right_a)
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)

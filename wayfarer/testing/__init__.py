@@ -24,6 +24,7 @@ from wayfarer.testing.conformance import (
     check_motors,
     check_position_receiver,
     check_status_light,
+    check_wheel_sensor,
 )
 
 __all__ = [
@@ -35,4 +36,5 @@ __all__ = [
     "check_motors",
     "check_position_receiver",
     "check_status_light",
+    "check_wheel_sensor",
 ]

@@ -29,6 +29,7 @@ from wayfarer.hal import (
     Side,
     StatusLight,
     WheelCommand,
+    WheelSensor,
 )
 
 TICK_S = 0.0625  # a binary fraction, as are all angles: turning them together loses no digit
@@ -229,6 +230,20 @@ async def check_contact_sensor(
         assert all(isinstance(side, Side) for side in reading.sides), f"sides {reading.sides!r} are not all hal.Side"
         if reading.obstacle_bearing_deg is not None:
             _check_range("obstacle_bearing_deg", reading.obstacle_bearing_deg, 0.0, 180.0)
+
+
+async def check_wheel_sensor(
+    factory: Callable[[], WheelSensor], unreachable: Callable[[], WheelSensor] | None = None
+) -> None:
+    """Check the life cycle and the readings of a ``hal.WheelSensor``."""
+    await _check_life_cycle(factory, unreachable)
+    for reading in await _readings(factory()):
+        for name in ("left_m", "right_m"):
+            if (way_m := getattr(reading, name)) is not None:
+                _check_range(name, way_m, -1.0, 1.0)
+        for name in ("left_a", "right_a"):
+            if (current_a := getattr(reading, name)) is not None:
+                _check_range(name, current_a, 0.0, 1000.0)
 
 
 async def check_motors(

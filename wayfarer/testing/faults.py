@@ -286,7 +286,7 @@ def _first(run: Sequence[tuple[float, T]], well: Sequence[tuple[float, T]], ende
 def _of_snapshots(now: Snapshot | None, then: Snapshot | None) -> str:
     if now is None or then is None:
         return "no further control tick" if now is None else "a further control tick"
-    for part in ("compass", "motion", "contact"):
+    for part in ("compass", "motion", "contact", "wheels"):
         read, well = getattr(now, part), getattr(then, part)
         if read == well:
             continue

@@ -35,6 +35,7 @@ from wayfarer.config.calibration_file import (
 from wayfarer.drivers.gpsd import Fixes
 from wayfarer.errors import BadReading, NotResponding, WrongPart
 from wayfarer.hal import MotorHealth, NoFix, PositionFix, Side
+from wayfarer.simhal.parts import SimWheels
 
 OK, WARN, FAIL, SKIPPED = CheckVerdict.OK, CheckVerdict.WARN, CheckVerdict.FAIL, CheckVerdict.SKIPPED
 
@@ -136,6 +137,22 @@ def test_a_sense_that_is_not_there_is_missed_only_where_obstacles_are_to_be_noti
     finding = rig.look(check)
     assert finding.verdict is FAIL
     assert finding.remedy == f'add [parts.{part}] or set anomaly_source = "{instead}"'
+
+
+def test_sensor_of_the_wheels_says_what_it_measures(rig: Rig) -> None:
+    assert rig.look(parts.wheels).verdict is SKIPPED
+    for sensor, measures in (
+        (SimWheels(rig.world), "the way of the rims and current"),
+        (SimWheels(rig.world, current=False), "the way of the rims"),
+        (SimWheels(rig.world, way=False), "current"),
+        (SimWheels(rig.world, way=False, current=False), "nothing now"),
+    ):
+        rig.rover = replace(rig.rover, wheels=sensor)
+        finding = rig.look(parts.wheels)
+        assert (finding.verdict, finding.text) == (OK, f"answers; it measures {measures}")
+    rig.compass.dead = True
+    rig.rover = replace(rig.rover, wheels=rig.compass)  # type: ignore[arg-type]  # any part that does not answer
+    assert rig.look(parts.wheels).verdict is FAIL
 
 
 def test_a_part_that_can_be_done_without_is_only_a_warning(rig: Rig) -> None:
@@ -253,7 +270,9 @@ def test_a_healthy_rover_may_be_armed_within_a_second(rig: Rig) -> None:
 
     findings, took_s = run_virtually(main())
     assert passed(findings)
-    assert {each.name for each in findings if each.verdict is not OK} == {"computer power", "card", "deadman proved"}
+    assert {each.name for each in findings if each.verdict is not OK} == {
+        "computer power", "card", "deadman proved", "wheels",
+    }  # fmt: skip
     assert took_s < 1.0
     assert len({finding.name for finding in findings}) == len(ARMING)
 

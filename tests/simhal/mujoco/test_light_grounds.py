@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from math import radians
+from statistics import fmean
 
 import pytest
 
@@ -11,8 +13,13 @@ from tests.simhal.clearing import STEADY, world_on_ground
 from tests.simhal.mujoco.duty_steps import FRICTIONS, ROVERS, TABLE, DutyStep, all_steps, kept_steps, take
 from wayfarer.config.rover_file import load_rover
 from wayfarer.config.settings import STANDARD_GRAVITY_M_S2
+from wayfarer.simhal.mujoco.world import MujocoWorld
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import CLEARING
+from wayfarer.simhal.world.physics import Terrain
+from wayfarer.simhal.world.simulated_world import SimulatedWorld
+from wayfarer.simhal.world.skid_steering import SkidSteering
+from wayfarer.simhal.world.wheeled_body import body_of
 from wayfarer.simhal.world.world import World
 
 CONFIGS = {rover: load_rover(rover) for rover in ROVERS}
@@ -92,3 +99,27 @@ def test_table_is_what_mujoco_does() -> None:
     for again, step in zip(all_steps(), kept, strict=True):
         assert again[:2] == step[:2]
         assert again[2:] == pytest.approx(step[2:], rel=0.02, abs=0.3)
+
+
+def rims_and_load(world: SimulatedWorld, duty: float) -> tuple[float, float]:
+    """How fast the rims turn of a body that pushes at a trunk, and the load of its motors: means of a second."""
+    world.command(duty, duty)
+    world.advance_to(world.t_s + 6.0)
+    before_m, loads = sum(world.rims_m), []
+    for _ in range(20):
+        world.advance_to(world.t_s + 0.05)
+        loads.append(sum(world.motor_load) / 2)
+    return (sum(world.rims_m) - before_m) / 2, fmean(loads)
+
+
+@pytest.mark.parametrize("friction", FRICTIONS)
+@pytest.mark.parametrize("duty", [0.3, 0.7])
+def test_wheels_of_a_body_that_a_tree_holds_do_as_in_mujoco(friction: float, duty: float) -> None:
+    config = CONFIGS["forestrover"]
+    body = body_of("forestrover", config.vehicle, config.chassis, "a test")
+    forest = replace(CLEARING, trees_m=((25.0, 14.0),))
+    skid = SkidSteering(body, friction, config.vehicle.track_m, STEADY.step_s)
+    light = World(forest, config.vehicle, STEADY, RandomStreams(0), skid=skid)
+    light.wheeled = body
+    rigid = MujocoWorld(forest, body, STEADY, Terrain(friction), RandomStreams(0))
+    assert rims_and_load(light, duty) == pytest.approx(rims_and_load(rigid, duty), abs=0.1)

@@ -61,6 +61,7 @@ ARMING: tuple[Check, ...] = (
     calibrated.compass_level,
     parts.motion,
     parts.contact,
+    parts.wheels,
     *CALIBRATED,
 )
 """What gates arming."""

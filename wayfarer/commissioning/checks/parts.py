@@ -12,7 +12,15 @@ import re
 from wayfarer.commissioning.checks.api import CheckVerdict, Finding, Inspection, fail, ok, skipped, warn
 from wayfarer.commissioning.checks.system import diagnose
 from wayfarer.errors import BadReading, DriverError, NotInstalled, NotResponding, WrongPart
-from wayfarer.hal import CompassReading, ContactReading, ExplainsNoFix, MotionReading, NoFix, has_readback
+from wayfarer.hal import (
+    CompassReading,
+    ContactReading,
+    ExplainsNoFix,
+    MotionReading,
+    NoFix,
+    WheelReading,
+    has_readback,
+)
 
 # A rover that is set down for a start stands about level; beyond this the compass is mounted otherwise than believed.
 LEVEL_DEG = 20.0
@@ -105,6 +113,20 @@ async def contact(inspection: Inspection) -> Finding:
         text += "or its pull-up is set the wrong way"
         return warn("contact", text, "free it; if nothing touches it, correct [parts.contact]")
     return ok("contact", "answers, and nothing is pressed")
+
+
+async def wheels(inspection: Inspection) -> Finding:
+    """Check that the wheels' sensor answers, and say what it measures."""
+    if inspection.rover.wheels is None:
+        return skipped("wheels", "this rover does not measure its wheels")
+    try:
+        await inspection.read("wheels")  # the first after the opening knows no way
+        reading: WheelReading = await inspection.read("wheels")
+    except DriverError as error:
+        return part_failed(inspection, "wheels", "wheels", error)
+    values = {"the way of the rims": reading.left_m, "current": reading.left_a}
+    measured = " and ".join(what for what, value in values.items() if value is not None)
+    return ok("wheels", f"answers; it measures {measured or 'nothing now'}")
 
 
 def _helper_failed(inspection: Inspection, name: str, error: DriverError) -> Finding:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from random import Random
 from typing import Any, ClassVar
 
-SENSES = ("compass", "motion", "contact", "position")
+SENSES = ("compass", "motion", "contact", "wheels", "position")
 PARTS = (*SENSES, "motors")
 
 

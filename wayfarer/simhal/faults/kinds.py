@@ -12,7 +12,7 @@ from typing import Any
 from wayfarer.config.factory import NEEDED
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import BadInput, UnknownName
-from wayfarer.hal import CompassReading, ContactReading, MotionReading, PositionFix
+from wayfarer.hal import CompassReading, ContactReading, MotionReading, PositionFix, WheelReading
 from wayfarer.simhal.faults import bus, process, readings, world
 from wayfarer.simhal.faults.bus import BusFault
 from wayfarer.simhal.faults.fault_kind import PARTS, FaultKind
@@ -27,6 +27,7 @@ _READINGS: Mapping[str, Any] = {
     "compass": CompassReading(0.0, 0.0, 0.0, 0.0, None),
     "motion": MotionReading(0.0, 0.0, 0.0, 0.0),
     "contact": ContactReading(0.0, (), None),
+    "wheels": WheelReading(0.0, 0.0, 0.0, 0.0, 0.0),
     "position": PositionFix(0.0, 0.0, 0.0, None),
 }
 # What the name of a class becomes: NotANumber is not_a_number in scenario files and logs, AllFF is all_ff.

@@ -72,6 +72,7 @@ class MujocoWorld(SimulatedWorld):
         self.data = mujoco.MjData(self.model)
         # Views, as long as the data live: to ask the data for them at each look costs more than to read them.
         self._qpos, self._rims_rad_s = self.data.qpos[:7], self.data.qvel[6:10]
+        self._rims_rad = self.data.qpos[7:11]
         self._warned = self.data.warning.number  # how often the engine has warned of each trouble
         self._rover = self.model.body(ROVER).id
         self._contacts = Contacts(self.data, obstacles, len(felt))
@@ -130,6 +131,21 @@ class MujocoWorld(SimulatedWorld):
             self.deadman_at_s = inf
             self.command(0.0, 0.0)
         self._run_to(self._steps_until(t_s))
+
+    @property
+    def rims_m(self) -> tuple[float, float]:
+        """How far the rims of the left and right wheels have turned, ahead positive; of a side the mean of two."""
+        front_left, rear_left, front_right, rear_right = self._rims_rad.tolist()
+        half_m = self._body.wheel_radius_m / 2.0
+        return (front_left + rear_left) * half_m, (front_right + rear_right) * half_m
+
+    @property
+    def motor_load(self) -> tuple[float, float]:
+        """The current of the left and right motors, as a share of that of a side which is held at full duty: 0 to 2."""
+        free_rad_s = self._body.free_speed_m_s / self._body.wheel_radius_m
+        pairs = zip(self.data.ctrl.tolist(), self._rims_rad_s.tolist(), strict=True)
+        front_left, rear_left, front_right, rear_right = (abs(duty - rad_s / free_rad_s) for duty, rad_s in pairs)
+        return (front_left + rear_left) / 2.0, (front_right + rear_right) / 2.0
 
     # -- the engine ------------------------------------------------------------------------------------------------
 

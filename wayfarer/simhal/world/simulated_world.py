@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import asin, atan, atan2, cos, degrees, inf, radians, sin, tan
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from mypy_extensions import mypyc_attr
 
@@ -18,8 +18,12 @@ from wayfarer.simhal.world.collision import BodyOutline, Obstacle, ObstacleGrid,
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
 
+if TYPE_CHECKING:
+    from wayfarer.simhal.world.wheeled_body import WheeledBody  # it needs numpy
+
 # A task that wakes on the grid of steps may read a clock that is a rounding error short of it.
 ROUNDING_S: Final = 1e-9
+STALL_CURRENT_A: Final = 11.0  # of a side, if nobody says: two Pololu 37D of 12 V (data sheet: 5.5 A each)
 FULL_BATTERY_V: Final = 12.6  # three lithium cells, charged
 # Contacts within this angle of straight ahead are head-on.
 HEAD_ON_DEG: Final = 10.0
@@ -70,9 +74,10 @@ class SimulatedWorld:
     metres east (x) and north (y), headings radians clockwise from north, angles of the body as in ``wayfarer.hal``.
     ``forward_m``, ``reverse_m`` and ``right_m`` are how far the ground has passed under the body along its own axes
     since the beginning. ``deadman_at_s`` is when the wheels stop by themselves, for parts at device depth; chips have
-    deadmen, and ``tick_chips`` lets them act. ``after_step`` is called with the world each time it has moved on. What
-    may go wrong with the world itself (``set_faults``, ``lose_grip``, ``field_deg``, ``ground_pitch_deg``,
-    ``ground_roll_deg``, ``battery_v``) is neutral unless a fault changes it.
+    deadmen, and ``tick_chips`` lets them act. ``wheeled`` is the body for ``rims_m`` and ``motor_load``, None if it is
+    not known, and ``stall_current_a`` the current of a side that is held at full duty. ``after_step`` is called
+    with the world each time it has moved on. What may go wrong with the world itself (``set_faults``, ``lose_grip``,
+    ``field_deg``, ``ground_pitch_deg``, ``ground_roll_deg``, ``battery_v``) is neutral unless a fault changes it.
 
     Args:
         forest: the geometry.
@@ -84,6 +89,8 @@ class SimulatedWorld:
         self.physics = physics
         self.field_deg = self.ground_pitch_deg = self.ground_roll_deg = 0.0
         self.battery_v = FULL_BATTERY_V
+        self.wheeled: WheeledBody | None = None
+        self.stall_current_a = STALL_CURRENT_A
         self.deadman_at_s = inf
         self.tick_chips: Callable[[], None] = no_chips
         self.after_step: Callable[[SimulatedWorld], None] = no_observer
@@ -105,6 +112,16 @@ class SimulatedWorld:
     def path_m(self) -> float:
         """Distance driven, forwards and backwards."""
         return self.forward_m + self.reverse_m
+
+    @property
+    def rims_m(self) -> tuple[float, float]:
+        """How far the rims of the left and right wheels have turned since somebody first asked, ahead positive."""
+        raise NotImplementedError
+
+    @property
+    def motor_load(self) -> tuple[float, float]:
+        """The current of the left and right motors, as a share of that of a side which is held at full duty: 0 to 2."""
+        raise NotImplementedError
 
     def attitude(self) -> tuple[float, float, float]:
         """Return heading in radians, pitch and roll in degrees, as a perfect sensor on the body measures them.

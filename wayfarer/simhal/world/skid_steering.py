@@ -91,6 +91,7 @@ class SkidSteering:
         a_m, b_m, radius_m = body.wheels
         across_m2 = a_m * a_m + b_m * b_m
         grip_m_s2 = friction * STANDARD_GRAVITY_M_S2
+        self.friction = friction
         self._slow = slow = SlowCurves.of(body, friction)
         self._factors = curve_factors(body, friction)
         self._cells_per_m_s = CELLS / slow.free_m_s
@@ -126,6 +127,11 @@ class SkidSteering:
         # What half the sum and half the difference of the sides come to, and would if friction took nothing.
         self._ahead_m_s, self._turn_m_s = copysign(ahead_m_s, mean_m_s), copysign(turn_m_s, half_m_s)
         self._coasts_ahead_m_s, self._coasts_turning_m_s = mean_m_s, half_m_s * self._turned_share
+
+    def rims_m_s(self, left_m_s: float, right_m_s: float) -> tuple[float, float]:
+        """Return how fast the rims turn of sides of these speeds; in a turn they are faster than the ground."""
+        ahead_m_s, rims_m_s = (left_m_s + right_m_s) / 2.0, (left_m_s - right_m_s) / 2.0 / self._turned_share
+        return ahead_m_s + rims_m_s, ahead_m_s - rims_m_s
 
     def _factors_at(self, mean_m_s: float, half_m_s: float) -> tuple[float, float]:
         """Return the factors of speed and turn rate, between the points of the table."""

@@ -17,6 +17,7 @@ from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.collision import CELL_M, BodyOutline, Obstacle, ObstacleGrid, obstacles_of
 from wayfarer.simhal.world.forest import Forest
 from wayfarer.simhal.world.physics import Physics
+from wayfarer.simhal.world.rims import Rims
 from wayfarer.simhal.world.simulated_world import (
     NO_BODY_FAULTS,
     ROUNDING_S,
@@ -93,6 +94,7 @@ class World(SimulatedWorld):
         self._build_rover(vehicle, streams)
         self._left_m_s = self._right_m_s = 0.0
         self._skid = skid
+        self._rims: Rims | None = None
         self.command(0.0, 0.0)
 
     def _build_rover(self, vehicle: Vehicle, streams: RandomStreams) -> None:
@@ -117,6 +119,38 @@ class World(SimulatedWorld):
         self._pulls_back = left + right < 0.0
         if self._skid is not None:
             self._skid.drive(self._left_target_m_s, self._right_target_m_s)
+
+    @property
+    def rims_m(self) -> tuple[float, float]:
+        """How far the rims of the left and right wheels have turned since somebody first asked, ahead positive."""
+        rims = self._turning_rims()
+        return rims.left_m, rims.right_m
+
+    @property
+    def motor_load(self) -> tuple[float, float]:
+        """The current of the left and right motors, as a share of that of a side which is held at full duty: 0 to 2."""
+        rims = self._turning_rims()
+        return rims.left_load, rims.right_load
+
+    def _turning_rims(self) -> Rims:
+        """Return the rims; they are worked out from the first question on, a rover without such a sensor asks none."""
+        rims = self._rims
+        if rims is None:
+            skid = self._skid
+            rims = self._rims = Rims(self.wheeled, None if skid is None else skid.friction)
+        return rims
+
+    def _turn_rims(self, rims: Rims) -> None:
+        """Take the step of the body, for the rims."""
+        full_m_s = self._full_left_m_s, self._full_right_m_s
+        left, right = self._left_target_m_s / self._full_left_m_s, self._right_target_m_s / self._full_right_m_s
+        if self.slipping or self.high_centred or self.touch is not None or self.body_faults.snagged:
+            rims.held(self._step_s, left, right, full_m_s, slips=self.slipping or self.high_centred)
+            return
+        rims_m_s = self._left_m_s, self._right_m_s
+        if self._skid is not None:
+            rims_m_s = self._skid.rims_m_s(self._left_m_s, self._right_m_s)
+        rims.rolled(self._step_s, left, right, full_m_s, rims_m_s)
 
     def carry_to(self, x_m: float, y_m: float, heading_deg: float) -> None:
         """Put the body elsewhere, as a person does who carries it; what it has driven stays counted."""
@@ -146,6 +180,8 @@ class World(SimulatedWorld):
                 self.deadman_at_s = inf
                 self.command(0.0, 0.0)
             self._step()
+            if (rims := self._rims) is not None:
+                self._turn_rims(rims)
             self.after_step(self)
 
     def _step(self) -> None:

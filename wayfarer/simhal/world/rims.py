@@ -1,0 +1,70 @@
+"""What the wheels of a body in physics-light do, beside what the body does: how their rims turn, and their load.
+
+Each side has a motor whose torque falls in a line from stall to free speed. What it must push is what it takes to keep
+the rim as fast as the ground under it, and never more than its grip, ``friction`` times half the weight. So a body that
+something holds stalls its wheels where duty times stall force is below the grip; else they spin, and the load is the
+grip. Wheels that slip, or hang in the air, spin.
+"""
+
+from __future__ import annotations
+
+from math import hypot
+from typing import Final
+
+from wayfarer.angles import clamp
+from wayfarer.config.settings import STANDARD_GRAVITY_M_S2
+from wayfarer.simhal.world.wheeled_body import ROLLING_RESISTANCE, WheeledBody
+
+# On ideal ground a body goes as commanded; where it is held, its wheels have the grip of dry soil.
+IDEAL_FRICTION: Final = 0.65
+# Of wheels that slip: half of that of mud, as in ``DetectorSettings.gain_m_s2``.
+SLIP_FRICTION: Final = 0.05
+# Of a rover whose file gives no body: stall force over weight. ForestRover's is 1.16, MiniRover's 0.54.
+PLAIN_PUSH: Final = 1.0
+PLAIN_SIDEWAYS: Final = 0.6  # of a wheel's friction in a turn, as of four wheels at the corners of a square
+
+
+class Rims:
+    """Follows the rims of both sides: how far they have turned, ``left_m`` and ``right_m``, and the load of the motors.
+
+    A load is the size of the current as a share of that of a motor which is held at full duty: 0 to 2, as a motor
+    that is reversed at full speed takes twice.
+
+    Args:
+        body: the rover; None if its file does not say.
+        friction: of tyre on ground; None on ideal ground.
+    """
+
+    def __init__(self, body: WheeledBody | None, friction: float | None) -> None:
+        push, sideways = PLAIN_PUSH, PLAIN_SIDEWAYS
+        if body is not None:
+            a_m, b_m, radius_m = body.wheels
+            push = body.motors_n_m / radius_m / (body.weight_kg * STANDARD_GRAVITY_M_S2)
+            sideways = a_m / hypot(a_m, b_m)
+        self._per_friction = 1.0 / push  # what friction takes of the stall force
+        self._grip = (IDEAL_FRICTION if friction is None else friction) * self._per_friction
+        self._resistance = ROLLING_RESISTANCE * self._per_friction
+        # Ideal ground takes nothing from a turn; a real one does, and that is what a motor in a turn has to carry.
+        self._turning = IDEAL_FRICTION * sideways * self._per_friction if friction is None else 0.0
+        self.left_m = self.right_m = self.left_load = self.right_load = 0.0
+
+    def held(self, step_s: float, left: float, right: float, full_m_s: tuple[float, float], *, slips: bool) -> None:
+        """Take a step in which the body stood, for these duties and the sides' free speeds."""
+        grip = SLIP_FRICTION * self._per_friction if slips else self._grip
+        self.left_load, self.right_load = min(abs(left), grip), min(abs(right), grip)
+        self.left_m += (left - clamp(left, -grip, grip)) * full_m_s[0] * step_s
+        self.right_m += (right - clamp(right, -grip, grip)) * full_m_s[1] * step_s
+
+    def rolled(
+        self, step_s: float, left: float, right: float, full_m_s: tuple[float, float], rims_m_s: tuple[float, float]
+    ) -> None:
+        """Take a step in which the rims turned so fast, as the ground under them passed."""
+        left_m_s, right_m_s = rims_m_s
+        left_share, right_share = left_m_s / full_m_s[0], right_m_s / full_m_s[1]
+        carried = self._turning * min(abs(left_share - right_share), 1.0)
+        if self._turning and (left_m_s or right_m_s):
+            carried += self._resistance
+        self.left_load = min(abs(left - left_share) + carried, 2.0)
+        self.right_load = min(abs(right - right_share) + carried, 2.0)
+        self.left_m += left_m_s * step_s
+        self.right_m += right_m_s * step_s
