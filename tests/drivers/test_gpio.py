@@ -15,9 +15,9 @@ from tests.virtual import virtual
 from wayfarer.drivers.bumper import Bumper, BumperSettings
 from wayfarer.drivers.gpio_light import GpioLight, GpioLightSettings
 from wayfarer.drivers.gpio_motors import GpioMotors, GpioMotorsSettings
+from wayfarer.drivers.linux import LinuxBuses
 from wayfarer.errors import NotResponding
 from wayfarer.hal import STOP, Colour, ContactSensor, DriveMotors, Side, StatusLight
-from wayfarer.simhal.buses import FakeBuses
 from wayfarer.testing import check_contact_sensor, check_motors, check_status_light
 
 gpiozero = pytest.importorskip("gpiozero")
@@ -28,15 +28,15 @@ BUSY = 26
 
 
 def bumper(rear: int = 27) -> Bumper:
-    return Bumper(BumperSettings(front=5, rear=rear), FakeBuses())
+    return Bumper(BumperSettings(front=5, rear=rear), LinuxBuses())
 
 
 def light(blue: int = 27) -> GpioLight:
-    return GpioLight(GpioLightSettings(red=16, blue=blue), FakeBuses())
+    return GpioLight(GpioLightSettings(red=16, blue=blue), LinuxBuses())
 
 
 def motors(right_backward: int = 27) -> GpioMotors:
-    return GpioMotors(GpioMotorsSettings(17, 18, 22, right_backward), FakeBuses())
+    return GpioMotors(GpioMotorsSettings(17, 18, 22, right_backward), LinuxBuses())
 
 
 each_part = pytest.mark.parametrize("make", [bumper, light, motors])
@@ -88,7 +88,7 @@ async def test_use_before_open_and_pins_that_fail_are_told(
     with pytest.raises(NotResponding, match=rf"{part.name}: not open"):
         await use(part)
     await part.open()
-    for device in part._devices.values():
+    for device in part._claimed:
         device.close()
     with pytest.raises(NotResponding, match=rf"{part.name}: the pins failed"):
         await use(part)
@@ -143,7 +143,7 @@ ALL_ROUND = BumperSettings(front=5, left=6, right=12, rear=13)
 
 
 async def opened_bumper(settings: BumperSettings = ALL_ROUND) -> Bumper:
-    bumper = Bumper(settings, FakeBuses())
+    bumper = Bumper(settings, LinuxBuses())
     await bumper.open()
     return bumper
 
@@ -245,7 +245,7 @@ def shining(board: Any, settings: GpioLightSettings) -> set[str]:
 async def test_each_part_of_the_colour_is_a_pin(
     board: Any, settings: GpioLightSettings, colour: Colour, lit: set[str]
 ) -> None:
-    light = GpioLight(settings, FakeBuses())
+    light = GpioLight(settings, LinuxBuses())
     await light.open()
     assert shining(board, settings) == set()
     await light.show(colour)
@@ -257,7 +257,7 @@ async def test_each_part_of_the_colour_is_a_pin(
 async def test_a_light_is_dark_only_for_the_dark_colour(
     board: Any, colour: Colour, settings: GpioLightSettings
 ) -> None:
-    light = GpioLight(settings, FakeBuses())
+    light = GpioLight(settings, LinuxBuses())
     await light.open()
     await light.show(colour)
     assert bool(shining(board, settings)) == any(colour)
@@ -278,7 +278,7 @@ async def test_a_light_is_dark_only_for_the_dark_colour(
 )
 @virtual
 async def test_pins_that_cannot_be_had_say_what_helps(monkeypatch: pytest.MonkeyPatch, said: str, remedy: str) -> None:
-    def refuse(_: object) -> None:
+    def refuse() -> None:
         raise Exception(said)
 
     part = light()

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 
 from tests.virtual import virtual
 from wayfarer.drivers.gpio_motors import GpioMotors, GpioMotorsSettings
+from wayfarer.drivers.linux import LinuxBuses
 from wayfarer.errors import NotResponding
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.simhal.buses import FakeBuses
 
 pytestmark = pytest.mark.usefixtures("board")
 PIN_CLASS = "MockPWMPin"
@@ -26,7 +26,7 @@ duties = st.floats(-1, 1)
 
 
 async def opened(**settings: Any) -> GpioMotors:
-    motors = GpioMotors(GpioMotorsSettings(*PINS, **settings), FakeBuses())
+    motors = GpioMotors(GpioMotorsSettings(*PINS, **settings), LinuxBuses())
     await motors.open()
     return motors
 
@@ -47,7 +47,7 @@ def test_devices_that_nobody_closed_are_no_deadlock_for_the_next_ones(monkeypatc
 
     @virtual
     async def claim() -> None:
-        motors = GpioMotors(GpioMotorsSettings(5, 6, 12, 13), FakeBuses())
+        motors = GpioMotors(GpioMotorsSettings(5, 6, 12, 13), LinuxBuses())
         await motors.open()
         motors.itself = motors  # type: ignore[attr-defined]  # a cycle: left to the garbage collector
         del motors

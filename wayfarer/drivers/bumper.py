@@ -1,4 +1,4 @@
-"""Bumper switches at the GPIO pins, through gpiozero: one switch for each side of the body.
+"""Bumper switches at the GPIO pins: one switch for each side of the body.
 
 A switch that closes and opens again between two reads is not missed: the pin's own event is remembered until the next
 read. A switch whose wire is broken looks like one that nothing touches; this driver cannot detect that.
@@ -9,9 +9,9 @@ from __future__ import annotations
 import asyncio
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from wayfarer.drivers.buses import Buses
+from wayfarer.drivers.buses import Buses, InputPin
 from wayfarer.drivers.gpio import GpioPart, Pin
 from wayfarer.hal import ContactReading, Side
 
@@ -49,10 +49,10 @@ class Bumper(GpioPart):
     part: ClassVar[str] = "contact"
     Settings = BumperSettings
 
-    def __init__(self, settings: BumperSettings, _buses: Buses) -> None:
-        super().__init__(f"bumper on GPIO {', '.join(map(str, settings.pins.values()))}")
+    def __init__(self, settings: BumperSettings, buses: Buses) -> None:
+        super().__init__(f"bumper on GPIO {', '.join(map(str, settings.pins.values()))}", buses.pins())
         self._settings = settings
-        self._pressed: dict[Side, bool] = {}  # since the last read; gpiozero's thread writes it, item by item
+        self._pressed: dict[Side, bool] = {}  # since the last read; the pins' thread writes it, item by item
 
     async def open(self) -> None:
         """Claim the pins, and forget earlier presses; raises as ``GpioPart.open``."""
@@ -68,9 +68,9 @@ class Bumper(GpioPart):
             sides = tuple(side for side, switch in switches.items() if self._forget(side) or switch.is_active)
         return ContactReading(asyncio.get_running_loop().time(), sides, None)
 
-    def _make(self, gpiozero: Any) -> dict[Side, Any]:
+    def _make(self) -> dict[Side, InputPin]:
         pull_up = self._settings.pull_up
-        return {side: gpiozero.DigitalInputDevice(pin, pull_up=pull_up) for side, pin in self._settings.pins.items()}
+        return {side: self._input(pin, pull_up=pull_up) for side, pin in self._settings.pins.items()}
 
     def _remember(self, side: Side) -> None:
         self._pressed[side] = True

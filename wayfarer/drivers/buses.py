@@ -1,4 +1,4 @@
-"""Bus protocols, as the drivers see them: I2C, SPI, serial, camera.
+"""Bus protocols, as the drivers see them: I2C, SPI, serial, camera, GPIO pins.
 
 A driver asks ``Buses`` for the bus that its settings name and awaits transfers on it. It does not know whether these
 use the device files of a Raspberry Pi (``linux.py``), simulated chips (``simhal.buses``) or another process. No
@@ -117,6 +117,43 @@ class Camera(Protocol):
         """
 
 
+class OutputPin(Protocol):
+    """A pin that the computer drives. Setting it takes microseconds, and any thread may do it."""
+
+    value: float  # the share of time that it is active, 0 to 1; a pin without PWM knows only the two
+
+    def close(self) -> None:
+        """Let go of it."""
+
+
+class InputPin(Protocol):
+    """A pin that something else drives."""
+
+    when_activated: Callable[[], None] | None  # called by another thread, as is the next
+    when_deactivated: Callable[[], None] | None
+
+    @property
+    def is_active(self) -> bool:
+        """Whether it is high, or with a pull-up low, now."""
+
+    def close(self) -> None:
+        """Let go of it."""
+
+
+class Pins(Protocol):
+    """The GPIO pins, by their GPIO numbers; a pin has one user.
+
+    Any error means that a pin cannot be had or failed: gpiozero and lgpio have a dozen kinds, of which
+    ``drivers/gpio.py`` makes ``NotResponding``.
+    """
+
+    def output(self, pin: int, *, pwm_hz: float | None = None, active_high: bool = True) -> OutputPin:
+        """Claim a pin and hold it inactive; with PWM of this frequency, or else only on and off."""
+
+    def input(self, pin: int, *, pull_up: bool) -> InputPin:
+        """Claim a pin, pulled up and active when low, or pulled down and active when high."""
+
+
 class Buses(Protocol):
     """Hands out buses by name; the same name gives the same bus, and nothing is touched until it is used."""
 
@@ -131,6 +168,9 @@ class Buses(Protocol):
 
     def camera(self, name: str, *, width: int, height: int, rate_hz: float, exposure_us: int | None) -> Camera:
         """Return a camera by its number among the connected ones, as text; ``exposure_us`` None is automatic."""
+
+    def pins(self) -> Pins:
+        """Return the GPIO pins; who claims one lets go of it."""
 
     async def close(self, wait_s: float = CLOSE_WAIT_S) -> None:
         """Send the posted commands, then release everything; never raises, and waits at most ``wait_s`` in total."""

@@ -1,20 +1,16 @@
-"""GPIO pins through gpiozero: claims pins, and converts gpiozero's errors to driver errors.
-
-gpiozero is imported when the first pin is claimed. Its pin library (lgpio) comes from the distribution.
-"""
+"""What parts at GPIO pins have in common: they claim pins, and make driver errors of those of the pins."""
 
 from __future__ import annotations
 
 import gc
-import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from importlib import import_module
 from typing import Annotated, Any
 
 from annotated_types import Interval
 
+from wayfarer.drivers.buses import InputPin, OutputPin, Pins
 from wayfarer.errors import NotInstalled, NotResponding, how_to_install, one_line
 
 # What helps, by what lgpio or gpiozero says; the last one if it says nothing of that.
@@ -31,14 +27,17 @@ Pin = Annotated[int, Interval(ge=0, le=27)]  # GPIO numbers of the 40-pin header
 
 
 class GpioPart(ABC):
-    """A part at GPIO pins: ``open`` claims them, ``close`` releases them; ``_make`` of a driver makes their devices.
+    """A part at GPIO pins: ``open`` claims them, ``close`` releases them.
 
-    Every other use of the pins raises ``NotResponding`` if they are not open or failed.
+    ``_make`` of a driver claims its pins with ``_output`` and ``_input``, and gives ``_devices``. Every other use of
+    the pins raises ``NotResponding`` if they are not open or failed.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, pins: Pins) -> None:
         self.name = name
+        self._pins = pins
         self._devices: Mapping[Any, Any] = {}
+        self._claimed: list[OutputPin | InputPin] = []
 
     async def open(self) -> None:
         """Claim the pins.
@@ -47,31 +46,40 @@ class GpioPart(ABC):
             NotResponding: gpiozero is missing, or it cannot claim the pins.
         """
         await self.close()
-        self._devices = self._claim()
+        try:
+            self._devices = self._claim()
+        except NotResponding:
+            await self.close()  # the pins that it did claim
+            raise
 
     async def close(self) -> None:
         """Release the pins."""
-        devices, self._devices = self._devices, {}
+        claimed, self._claimed, self._devices = self._claimed, [], {}
         with _uncollected():
-            for device in devices.values():
+            for pin in claimed:
                 with suppress(Exception):
-                    device.close()
+                    pin.close()
 
     @abstractmethod
-    def _make(self, gpiozero: Any) -> Mapping[Any, Any]:
-        """Return the devices of the module gpiozero on this part's pins."""
+    def _make(self) -> Mapping[Any, Any]:
+        """Claim the pins of this part."""
+
+    def _output(self, pin: int, *, pwm_hz: float | None = None, active_high: bool = True) -> OutputPin:
+        """Claim a pin that this part drives."""
+        self._claimed.append(output := self._pins.output(pin, pwm_hz=pwm_hz, active_high=active_high))
+        return output
+
+    def _input(self, pin: int, *, pull_up: bool) -> InputPin:
+        """Claim a pin that this part reads."""
+        self._claimed.append(read := self._pins.input(pin, pull_up=pull_up))
+        return read
 
     def _claim(self) -> Mapping[Any, Any]:
         try:
-            gpiozero = import_module("gpiozero")
-        except ImportError as error:
+            with _uncollected():
+                return self._make()
+        except ModuleNotFoundError as error:
             raise NotInstalled(self.name, error, {"gpiozero": how_to_install("pi")}) from None
-        try:
-            with _uncollected(), warnings.catch_warnings():
-                # gpiozero warns in two lines of each missing pin library; if all are missing, the error below says so.
-                for expected in (gpiozero.PinFactoryFallback, gpiozero.NativePinFactoryFallback):
-                    warnings.simplefilter("ignore", expected)
-                return self._make(gpiozero)
         except Exception as error:  # lgpio's own error, for one, is a bare Exception
             reason = one_line(error)
             remedy = next((text for said, text in _REMEDIES.items() if said in reason.casefold()), _REMEDIES[""])

@@ -1,4 +1,4 @@
-"""A status light at the GPIO pins, through gpiozero: one LED, one of three colours, or a buzzer.
+"""A status light at the GPIO pins: one LED, one of three colours, or a buzzer.
 
 Each pin is on or off, with nothing between: eight colours are enough at ten metres, and a buzzer is only on or off.
 """
@@ -6,9 +6,9 @@ Each pin is on or off, with nothing between: eight colours are enough at ten met
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from wayfarer.drivers.buses import Buses
+from wayfarer.drivers.buses import Buses, OutputPin
 from wayfarer.drivers.gpio import GpioPart, Pin
 from wayfarer.hal import Colour
 
@@ -43,8 +43,8 @@ class GpioLight(GpioPart):
     part: ClassVar[str] = "light"
     Settings = GpioLightSettings
 
-    def __init__(self, settings: GpioLightSettings, _buses: Buses) -> None:
-        super().__init__(f"light on GPIO {', '.join(map(str, settings.pins.values()))}")
+    def __init__(self, settings: GpioLightSettings, buses: Buses) -> None:
+        super().__init__(f"light on GPIO {', '.join(map(str, settings.pins.values()))}", buses.pins())
         self._settings = settings
 
     async def show(self, colour: Colour) -> None:
@@ -56,6 +56,6 @@ class GpioLight(GpioPart):
             for part, lamp in lamps.items():
                 lamp.value = part in lit
 
-    def _make(self, gpiozero: Any) -> dict[str, Any]:
-        pins, high = self._settings.pins, self._settings.active_high
-        return {part: gpiozero.DigitalOutputDevice(pin, active_high=high) for part, pin in pins.items()}
+    def _make(self) -> dict[str, OutputPin]:
+        high = self._settings.active_high
+        return {part: self._output(pin, active_high=high) for part, pin in self._settings.pins.items()}

@@ -1,4 +1,4 @@
-"""Motors on a plain H-bridge at the GPIO pins, through gpiozero.
+"""Motors on a plain H-bridge at the GPIO pins.
 
 **Nothing stops these wheels if the computer fails.** Such a board has no timeout: after SIGKILL, or if the kernel
 hangs, the pins keep their state, and the rover drives on until a person catches it. So ``deadman_s`` is None, and the
@@ -17,15 +17,17 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass
 from math import isnan
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 from annotated_types import Interval
 
 from wayfarer.angles import clamp
-from wayfarer.drivers.buses import Buses
+from wayfarer.drivers.buses import Buses, OutputPin
 from wayfarer.drivers.gpio import GpioPart, Pin
 from wayfarer.errors import NotResponding
 from wayfarer.hal import MotorHealth, WheelCommand
+
+_PWM_HZ = 100.0  # gpiozero's own
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +52,31 @@ class GpioMotorsSettings:
     a curve keeps its shape. For motors whose rated voltage is below that of the battery."""
 
 
+class _Bridge:
+    """An H-bridge with a PWM input for each direction."""
+
+    def __init__(self, forward: OutputPin, backward: OutputPin) -> None:
+        self._forward, self._backward = forward, backward
+
+    @property
+    def value(self) -> float:
+        """The duty that its pins are set to."""
+        return self._forward.value - self._backward.value
+
+    @value.setter
+    def value(self, duty: float) -> None:
+        drives, other = (self._forward, self._backward) if duty >= 0.0 else (self._backward, self._forward)
+        other.value = 0.0  # first: both high brake
+        drives.value = abs(duty)
+
+    def stop(self) -> None:
+        """Set both pins low, the second one even if the first fails."""
+        try:
+            self._forward.value = 0.0
+        finally:
+            self._backward.value = 0.0
+
+
 class GpioMotors(GpioPart):
     """Two H-bridges as ``hal.DriveMotors``, without a deadman."""
 
@@ -57,9 +84,9 @@ class GpioMotors(GpioPart):
     Settings = GpioMotorsSettings
     deadman_s: float | None = None
 
-    def __init__(self, settings: GpioMotorsSettings, _buses: Buses) -> None:
+    def __init__(self, settings: GpioMotorsSettings, buses: Buses) -> None:
         left, right = (settings.left_forward, settings.left_backward), (settings.right_forward, settings.right_backward)
-        super().__init__(f"motors on GPIO {left[0]}/{left[1]} and {right[0]}/{right[1]}")
+        super().__init__(f"motors on GPIO {left[0]}/{left[1]} and {right[0]}/{right[1]}", buses.pins())
         self._settings = settings
 
     async def open(self) -> None:
@@ -68,8 +95,7 @@ class GpioMotors(GpioPart):
         Pins that are claimed already and obey are stopped and kept; released pins would float.
         """
         if not self._stopped():
-            await super().close()
-            self._devices = self._claim()
+            await super().open()
 
     async def close(self) -> None:
         """Stop, and release the pins."""
@@ -112,12 +138,19 @@ class GpioMotors(GpioPart):
         """Return an empty report: the board measures nothing."""
         return MotorHealth(None, ())
 
-    def _make(self, gpiozero: Any) -> dict[str, Any]:
+    def _make(self) -> dict[str, _Bridge]:
         pins = self._settings
-        return {
-            "left": gpiozero.Motor(pins.left_forward, pins.left_backward, enable=pins.left_enable),
-            "right": gpiozero.Motor(pins.right_forward, pins.right_backward, enable=pins.right_enable),
+        sides = {
+            "left": self._bridge(pins.left_forward, pins.left_backward),
+            "right": self._bridge(pins.right_forward, pins.right_backward),
         }
+        for enable in (pins.left_enable, pins.right_enable):
+            if enable is not None:
+                self._output(enable).value = 1.0
+        return sides
+
+    def _bridge(self, forward: int, backward: int) -> _Bridge:
+        return _Bridge(self._output(forward, pwm_hz=_PWM_HZ), self._output(backward, pwm_hz=_PWM_HZ))
 
     def _stopped(self) -> bool:
         """Stop each side, even if the other fails; return whether both were claimed and obeyed."""

@@ -1,4 +1,4 @@
-"""The buses of a Raspberry Pi or another Linux board: smbus2, spidev, pyserial and picamera2.
+"""The buses of a Raspberry Pi or another Linux board: smbus2, spidev, pyserial, picamera2 and gpiozero.
 
 Each library is imported when a bus of its kind is used for the first time.
 """
@@ -9,8 +9,10 @@ import asyncio
 import errno
 import re
 import select
+import warnings
 from collections.abc import Callable
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -54,6 +56,10 @@ class LinuxBuses:
         opener = partial(LibCamera, int(name), (width, height), rate_hz, exposure_us)
         deadlines_s = FRAME_DEADLINE_S, CAMERA_OPEN_DEADLINE_S
         return self._once(f"camera {name}", lambda: ThreadedCamera(f"camera {name}", opener, *deadlines_s))
+
+    def pins(self) -> GpiozeroPins:
+        """Return the pins, through gpiozero."""
+        return GpiozeroPins()
 
     async def close(self, wait_s: float = CLOSE_WAIT_S) -> None:
         """Release all buses at once; a thread that has not ended after ``wait_s`` ends later, or with the process."""
@@ -156,6 +162,28 @@ class SerialDevice:
     def close(self) -> None:
         """Close the device file."""
         self._port.close()
+
+
+class GpiozeroPins:
+    """The GPIO pins through gpiozero, whose devices these are; its pin library (lgpio) comes from the distribution."""
+
+    def output(self, pin: int, *, pwm_hz: float | None = None, active_high: bool = True) -> Any:
+        """Claim an output."""
+        if pwm_hz is None:
+            return self._device("DigitalOutputDevice", pin, active_high=active_high)
+        return self._device("PWMOutputDevice", pin, active_high=active_high, frequency=pwm_hz)
+
+    def input(self, pin: int, *, pull_up: bool) -> Any:
+        """Claim an input."""
+        return self._device("DigitalInputDevice", pin, pull_up=pull_up)
+
+    def _device(self, name: str, pin: int, **details: Any) -> Any:
+        gpiozero = import_module("gpiozero")
+        with warnings.catch_warnings():
+            # gpiozero warns in two lines of each missing pin library; if all are missing, its error says so.
+            for expected in (gpiozero.PinFactoryFallback, gpiozero.NativePinFactoryFallback):
+                warnings.simplefilter("ignore", expected)
+            return getattr(gpiozero, name)(pin, **details)
 
 
 def _picamera2() -> Any:

@@ -14,6 +14,7 @@ from typing import Protocol
 
 from wayfarer.drivers.buses import ANSWER_WITHIN_S, CLOSE_WAIT_S, Camera, Frame, Missing, whole
 from wayfarer.errors import NotResponding
+from wayfarer.simhal.pins import FakePins
 
 
 class ChipMisuse(AssertionError):
@@ -140,6 +141,7 @@ class FakeBuses:
         self._spi: dict[str, FakeSPI] = {}
         self._serial: dict[str, FakeSerial] = {}
         self.cameras: dict[str, Callable[[float, int, int], Frame]] = {}
+        self._pins = FakePins()
 
     def i2c(self, name: str) -> FakeI2C:
         """Return the I2C bus of that name."""
@@ -156,6 +158,10 @@ class FakeBuses:
     def camera(self, name: str, *, width: int, height: int, rate_hz: float, exposure_us: int | None) -> Camera:  # noqa: ARG002
         """Return the camera of that name."""
         return FakeCamera(name, width, height, self.cameras.get(name))
+
+    def pins(self) -> FakePins:
+        """Return the GPIO pins."""
+        return self._pins
 
     async def close(self, wait_s: float = CLOSE_WAIT_S) -> None:
         """Nothing to release."""
