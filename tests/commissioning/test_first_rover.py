@@ -104,8 +104,19 @@ def test_rover_of_neither_has_its_parts_where_they_were_found(tmp_path: Path, ru
         "forestrover", compass={"bus": "/dev/i2c-3", "address": 0x62}, motors={"port": port}
     )
     text = first_rover_file("otter", "forestrover", found)
-    assert f"nothing is sent to one to find out. Ports here: {port}\n" in text
+    assert f"nothing is sent to a port to find out. Ports here: {port}\n" in text
     assert 'A rover without motion sensor needs anomaly_source = "contact"' in text
+
+
+def test_roboclaw_at_usb_is_known_by_its_port_s_name_and_nothing_is_sent_to_it(
+    tmp_path: Path, runner: asyncio.Runner
+) -> None:
+    machine = computers.empty(tmp_path, runner)
+    port = "/dev/serial/by-id/usb-03eb_USB_Roboclaw_2x30A-if00"
+    machine.file(port)
+    found = machine.look()
+    assert ("found", f"serial port {port}; nothing is sent to it") in found.seen
+    assert written(found).parts["motors"] == {"driver": "roboclaw", "port": port}
 
 
 def test_empty_machine(tmp_path: Path, runner: asyncio.Runner) -> None:

@@ -1,4 +1,4 @@
-"""What is true of every motor board that cuts duties to its own steps and has a deadman: ThunderBorg and Sabertooth."""
+"""What is true of every motor board that cuts duties to its own steps and has a deadman of its own."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from tests.kit.boards import MotorBench, SabertoothBench, ThunderBorgBench, now_s
+from tests.kit.boards import MotorBench, RoboClawBench, SabertoothBench, ThunderBorgBench, now_s
 from tests.virtual import virtual
 from wayfarer.hal import STOP, DriveMotors, WheelCommand
 from wayfarer.simhal.parts import SimMotors
@@ -20,7 +20,7 @@ from wayfarer.testing import check_motors
 AHEAD = WheelCommand(0.5, 0.5)
 DUTIES = st.floats(-1.0, 1.0)
 
-each_board = pytest.mark.parametrize("make", [ThunderBorgBench, SabertoothBench])
+each_board = pytest.mark.parametrize("make", [ThunderBorgBench, SabertoothBench, RoboClawBench])
 
 
 @each_board
@@ -30,7 +30,9 @@ async def test_it_keeps_what_motors_promise(make: Any) -> None:
     await check_motors(lambda: make().motors, make.unreachable)
 
 
-@pytest.mark.parametrize(("make", "lefts"), [(ThunderBorgBench, ("A", "B")), (SabertoothBench, (1, 2))])
+@pytest.mark.parametrize(
+    ("make", "lefts"), [(ThunderBorgBench, ("A", "B")), (SabertoothBench, (1, 2)), (RoboClawBench, (1, 2))]
+)
 @given(
     command=st.builds(WheelCommand, DUTIES, DUTIES),
     duty_limit=st.floats(0.1, 1.0),
@@ -68,18 +70,23 @@ async def test_duties_beyond_full_are_full_and_what_is_no_number_reaches_no_moto
 
 
 @pytest.mark.parametrize(
-    ("make", "sent"), [(ThunderBorgBench, "0E 00"), (SabertoothBench, " ".join(["80 00 00 00 80 04 00 04"] * 3))]
+    ("make", "packet", "times"),
+    [
+        (ThunderBorgBench, "0E 00", (1, 1)),
+        (SabertoothBench, "80 00 00 00 80 04 00 04", (3, 3)),
+        (RoboClawBench, "80 22 00 00 00 00 98 17", (1, 3)),  # it acknowledges the first
+    ],
 )
 @virtual
-async def test_stop_and_halt_switch_both_motors_off(make: Any, sent: str) -> None:
+async def test_stop_and_halt_switch_both_motors_off(make: Any, packet: str, times: tuple[int, int]) -> None:
     bench: MotorBench = await make().opened()
-    for stop in (bench.motors.stop, bench.motors.halt):
+    for stop, often in zip((bench.motors.stop, bench.motors.halt), times, strict=True):
         await bench.motors.drive(AHEAD)
         assert bench.world.commanded != STOP
         bench.sent()
         if (waiting := stop()) is not None:
             await waiting
-        assert bench.sent() == [sent]
+        assert bench.sent() == [" ".join([packet] * often)]
         assert bench.world.commanded == STOP
 
 
@@ -90,11 +97,11 @@ async def test_halt_that_comes_amid_a_drive_command_wins(make: Any) -> None:
     takes = "write" if make is ThunderBorgBench else "receive"
     take = getattr(bench, takes)
 
-    def halted_first(data: bytes) -> None:
-        if data != b"\x14":  # the ThunderBorg's failsafe, which is asked for before
+    def halted_first(data: bytes) -> Any:
+        if data not in (b"\x14", b"\x80\x0f"):  # what asks for a failsafe or a timeout before
             setattr(bench, takes, take)
             bench.motors.halt()
-        take(data)  # the drive command, which was under way
+        return take(data)  # the drive command, which was under way
 
     setattr(bench, takes, halted_first)
     assert await bench.motors.drive(AHEAD) == STOP
@@ -129,6 +136,9 @@ async def test_the_deadman_that_is_told_is_the_time_after_which_the_board_stops_
         *((SabertoothBench, wrong) for wrong in (
             {"address": 127}, {"address": 136}, {"baud": 115200}, {"left": 3}, {"timeout_s": 0.35}, {"timeout_s": 0.0},
             {"timeout_s": 12.8}, {"battery_min_v": 5.9}, {"duty_limit": 1.1}
+        )),
+        *((RoboClawBench, wrong) for wrong in (
+            {"address": 127}, {"address": 136}, {"baud": 9600}, {"left": 3}, {"timeout_s": 0.1}, {"timeout_s": 0.25},
         )),
     ],
 )  # fmt: skip

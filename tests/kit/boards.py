@@ -1,11 +1,13 @@
-"""Both motor boards, each on a wire that can be troubled, over a world; nothing has spoken to them yet."""
+"""The motor boards, each on a wire that can be troubled, over a world; nothing has spoken to them yet."""
 
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from typing import Any, Self
 
 from tests.simhal.clearing import steady_world
+from wayfarer.drivers.roboclaw import RoboClaw, RoboClawSettings
 from wayfarer.drivers.sabertooth import Sabertooth, SabertoothSettings
 from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
 from wayfarer.drivers.thunderborg_board import ThunderBorgLight, ThunderBorgLightSettings
@@ -13,6 +15,7 @@ from wayfarer.errors import NotResponding
 from wayfarer.hal import DriveMotors
 from wayfarer.simhal.buses import FakeBuses, FakeSerial
 from wayfarer.simhal.chips.motor_boards import SabertoothChip, ThunderBorgChip
+from wayfarer.simhal.chips.roboclaw import RoboClawChip
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 WIRING = ("left", "reverse_left", "reverse_right")
@@ -144,3 +147,31 @@ class SabertoothBench(MotorBench):
         bench = SabertoothBench()
         bench.line.gone = True
         return bench.motors
+
+
+class RoboClawBench(MotorBench):
+    """A RoboClaw of some ``firmware`` at the end of a serial line.
+
+    ``change`` is what the line makes of an answer, which it gets after what was asked; what was ``lost`` is not heard.
+    """
+
+    Settings = RoboClawSettings
+    motors: RoboClaw
+
+    def __init__(self, firmware: dict[str, Any] | None = None, **settings: Any) -> None:
+        given = RoboClawSettings(**settings)
+        super().__init__(32767, given)
+        self.chip = RoboClawChip(self.world, now_s, address=given.address, **firmware or {}, **self.wiring)
+        self.change: Callable[[bytes, bytes], bytes] = lambda _, answer: answer
+        self.lost: Callable[[bytes], bool] = lambda _: False
+        self.buses.serial(given.port).chip = self
+        self.motors = RoboClaw(given, self.buses)
+
+    def receive(self, data: bytes) -> bytes:
+        self.seen.append(data)
+        return b"" if self.lost(data) else self.change(data, self.chip.receive(data))
+
+    @staticmethod
+    def unreachable() -> RoboClaw:
+        """Motors whose board is not there."""
+        return RoboClaw(RoboClawSettings(), FakeBuses())

@@ -169,6 +169,8 @@ def _list_ports(host: HostEnvironment, found: Inventory) -> None:
     if debug := ports.pop(PI5_DEBUG_PORT, None):
         found.seen.append(("skipped", f"{debug}: {PI5_DEBUG_PORT}, the debug connector of a Pi 5"))
     found.ports.extend(ports.values())
+    for device in (device for device in found.ports if "roboclaw" in device.lower()):  # its USB tells its name
+        found.parts.setdefault("motors", FoundPart("roboclaw", {"port": device}, f"RoboClaw at {device}, by that name"))
     found.seen += [("found", f"serial port {port}; nothing is sent to it") for port in found.ports] or [
         ("nothing", f"serial ports: {', '.join(f'/{pattern}' for pattern in PORTS)}")
     ]
@@ -193,7 +195,8 @@ FILL_IN = {
 }
 # A part that did not answer, or cannot be asked, by its driver.
 UNSEEN = {
-    "sabertooth": "which serial port; nothing is sent to one to find out. Ports here: {ports}",
+    "sabertooth": "which serial port, and which board, such as a roboclaw; nothing is sent to a port to find out. "
+    "Ports here: {ports}",
     "pmw3901": "it did not answer; correct where it is, or put in the driver that you have. A rover without motion "
     'sensor needs anomaly_source = "contact" at the top, and a [parts.contact]',
     "camera_motion": "which camera, if not the first. Cameras here: {cameras}",

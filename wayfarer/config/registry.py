@@ -27,6 +27,7 @@ BUILT_IN_DRIVERS: Mapping[str, str] = {
     "gpio_motors": "wayfarer.drivers.gpio_motors:GpioMotors",
     "gpsd": "wayfarer.drivers.gpsd:Gpsd",
     "pmw3901": "wayfarer.drivers.pmw3901:PMW3901",
+    "roboclaw": "wayfarer.drivers.roboclaw:RoboClaw",
     "sabertooth": "wayfarer.drivers.sabertooth:Sabertooth",
     "thunderborg": "wayfarer.drivers.thunderborg:ThunderBorg",
     "thunderborg_light": "wayfarer.drivers.thunderborg_board:ThunderBorgLight",

@@ -8,16 +8,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from wayfarer.drivers import cmps14, pmw3901, sabertooth, thunderborg
+from wayfarer.drivers import cmps14, pmw3901, roboclaw_board, sabertooth, thunderborg
 from wayfarer.drivers.camera_motion import CameraMotionSettings
 from wayfarer.drivers.cmps14 import CMPS14Settings
 from wayfarer.drivers.pmw3901 import PMW3901Settings
+from wayfarer.drivers.roboclaw import RoboClawSettings
 from wayfarer.drivers.sabertooth import SabertoothSettings
 from wayfarer.drivers.thunderborg import ThunderBorgSettings
 from wayfarer.simhal.chip_wiring import ChipWiring, SimulatedChip
 from wayfarer.simhal.chips.cmps14 import CMPS14Chip
 from wayfarer.simhal.chips.motor_boards import SabertoothChip, ThunderBorgChip
 from wayfarer.simhal.chips.pmw3901 import PMW3901Chip
+from wayfarer.simhal.chips.roboclaw import RoboClawChip
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FlowSensorModel, GroundCamera, HeadingSensorModel
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
@@ -83,8 +85,15 @@ def _attach_sabertooth(settings: SabertoothSettings, wiring: ChipWiring) -> None
     wiring.buses.serial(settings.port).chip = chip
 
 
-def _motors(settings: ThunderBorgSettings | SabertoothSettings, full_level: int) -> dict[str, Any]:
-    """Return what both motor boards take; the steps of duty reach up to the highest that the driver allows."""
+def _attach_roboclaw(settings: RoboClawSettings, wiring: ChipWiring) -> None:
+    motors = {**_motors(settings, roboclaw_board.FULL_DUTY), "left": settings.left}
+    chip = RoboClawChip(wiring.world, wiring.clock, address=settings.address, **motors)
+    wiring.boards.append(chip)
+    wiring.buses.serial(settings.port).chip = chip
+
+
+def _motors(settings: ThunderBorgSettings | SabertoothSettings | RoboClawSettings, full_level: int) -> dict[str, Any]:
+    """Return what all motor boards take; the steps of duty reach up to the highest that the driver allows."""
     return {
         "full_level": full_level * settings.duty_limit,
         "reverse_left": settings.reverse_left,
@@ -97,6 +106,7 @@ PMW3901 = SimulatedChip(
     _attach_pmw3901, lambda settings: {"m_per_count": settings.m_per_count, "opens_s": pmw3901.OPEN_S}
 )
 CAMERA = SimulatedChip(_attach_camera)
+ROBOCLAW = SimulatedChip(_attach_roboclaw, lambda settings: {"steps": roboclaw_board.FULL_DUTY * settings.duty_limit})
 SABERTOOTH = SimulatedChip(_attach_sabertooth, lambda settings: {"steps": sabertooth.FULL_LEVEL * settings.duty_limit})
 THUNDERBORG = SimulatedChip(
     _attach_thunderborg, lambda settings: {"steps": thunderborg.FULL_LEVEL * settings.duty_limit}

@@ -25,6 +25,7 @@ BUILT_IN_CHIPS: Final[Mapping[str, str]] = {
     "camera_motion": "wayfarer.simhal.built_in_chips:CAMERA",
     "cmps14": "wayfarer.simhal.built_in_chips:CMPS14",
     "pmw3901": "wayfarer.simhal.built_in_chips:PMW3901",
+    "roboclaw": "wayfarer.simhal.built_in_chips:ROBOCLAW",
     "sabertooth": "wayfarer.simhal.built_in_chips:SABERTOOTH",
     "thunderborg": "wayfarer.simhal.built_in_chips:THUNDERBORG",
     "thunderborg_light": "wayfarer.simhal.built_in_chips:ON_THE_MOTOR_BOARD",

@@ -5,15 +5,19 @@ from __future__ import annotations
 import asyncio
 from math import inf
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from tests.kit.boards import now_s
 from tests.kit.rover import ChipRig, Script
 from tests.virtual import run_virtually
 from wayfarer.commissioning.checks import CheckVerdict, Finding, parts, run_checks
+from wayfarer.drivers.roboclaw import RoboClaw, RoboClawSettings
 from wayfarer.drivers.sabertooth import SabertoothSettings
 from wayfarer.hal import WheelCommand
 from wayfarer.simhal.chips.motor_boards import ThunderBorgChip
+from wayfarer.simhal.chips.roboclaw import RoboClawChip
 
 either = pytest.mark.parametrize(("acts", "verdict"), [(True, CheckVerdict.OK), (False, CheckVerdict.FAIL)])
 
@@ -73,3 +77,67 @@ def test_real_parts_answer_their_checks_and_a_fault_of_the_last_mission_is_found
     well, fault = run_virtually(look())
     assert {finding.verdict for finding in well} == {CheckVerdict.OK}, well
     assert fault.verdict is CheckVerdict.FAIL
+
+
+# -- a RoboClaw --------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def claw(rig: ChipRig) -> RoboClawChip:
+    """The board that the rig drives by."""
+    chip = RoboClawChip(rig.world, now_s)
+    rig.buses.serial("/dev/serial0").chip = chip
+    rig.drive_by(RoboClaw(RoboClawSettings(), rig.buses))
+    return chip
+
+
+@either
+@pytest.mark.parametrize("fed", [True, False])
+def test_a_roboclaw_is_asked_whether_its_timeout_tripped(
+    rig: ChipRig, claw: RoboClawChip, monkeypatch: pytest.MonkeyPatch, fed: bool, acts: bool, verdict: CheckVerdict
+) -> None:
+    claw.fed_by_requests = fed
+    someone = Script(rig.world, {})
+    if not acts:
+        monkeypatch.setattr(RoboClawChip, "stops_by_s", inf)
+    assert rig.look(someone.watch_the_deadman).verdict is verdict
+    assert rig.world.most > 0.0
+    assert someone.told == []
+
+
+def test_a_healthy_roboclaw_passes_and_its_emergency_stop_is_a_sentence(rig: ChipRig, claw: RoboClawChip) -> None:
+    looks = [parts.motor_board, parts.battery, parts.motor_faults]
+    well = run_virtually(run_checks(rig.inspection(), looks))
+    assert {finding.verdict for finding in well} == {CheckVerdict.OK}, well
+    claw.status = 1
+    pressed = rig.look(parts.motor_faults)
+    assert pressed.verdict is CheckVerdict.FAIL
+    assert pressed.text.startswith("emergency stop: release it")
+
+
+@pytest.mark.parametrize(
+    ("answer", "text"),
+    [
+        pytest.param(lambda *_: b"", "nothing came); battery off, another address or baud rate", id="absent"),
+        pytest.param(lambda _, data: data[:-1], "only 55 53 42", id="slow"),
+        pytest.param(lambda *_: b"$GPGGA,0,0\0ok", "expected RoboClaw, got no answer of one", id="wrong"),
+        pytest.param(lambda *_: bytes(range(255, 200, -1)), "expected RoboClaw, got no answer of one", id="garbage"),
+    ],
+)
+def test_what_is_wrong_with_a_roboclaw_is_one_line_with_a_remedy(
+    rig: ChipRig, claw: RoboClawChip, monkeypatch: pytest.MonkeyPatch, answer: Any, text: str
+) -> None:
+    receive = claw.receive
+    monkeypatch.setattr(claw, "receive", lambda data: answer(data, receive(data)))
+    found = rig.look(parts.motor_board)
+    assert (found.verdict, "\n" in found.text) == (CheckVerdict.FAIL, False)
+    assert text in found.text
+    assert found.remedy
+
+
+def test_a_roboclaw_that_acknowledges_and_does_nothing_fails_when_it_is_to_turn(
+    rig: ChipRig, claw: RoboClawChip, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(claw, "_drive", lambda *_: None)
+    found = rig.look(Script(rig.world, {}).watch_the_deadman)
+    assert (found.verdict, found.text[:27]) == (CheckVerdict.FAIL, "the wheels did not start; l")

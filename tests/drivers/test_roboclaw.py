@@ -1,0 +1,255 @@
+"""The RoboClaw driver proves its deadman, lets no request prolong a command, and believes no answer without its CRC."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.kit.boards import RoboClawBench, now_s
+from tests.virtual import virtual
+from wayfarer.drivers.roboclaw import RoboClawSettings
+from wayfarer.drivers.roboclaw_board import Opcode, link_to, with_crc
+from wayfarer.errors import BadReading, DriverError, NotResponding, PowerLost, WrongPart
+from wayfarer.hal import STOP, WheelCommand
+from wayfarer.simhal.buses import FakeBuses
+
+AHEAD = WheelCommand(0.5, 0.5)
+ASK_TIMEOUT, STAND = "80 0F", "80 22 00 00 00 00 98 17"
+
+# -- what goes over the wire -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("command", "data", "sent"),
+    [
+        (34, "40 00 C0 00", "80 22 40 00 C0 00 E0 DF"),
+        (34, "7F FF 7F FF", "80 22 7F FF 7F FF C7 78"),
+        (34, "80 01 80 01", "80 22 80 01 80 01 79 A6"),
+        (14, "03", "80 0E 03 28 36"),
+        (14, "00", "80 0E 00 18 55"),
+    ],
+)
+def test_packets_are_those_that_the_makers_library_sends(command: int, data: str, sent: str) -> None:
+    assert with_crc(0x80, command, bytes.fromhex(data)).hex(" ").upper() == sent
+
+
+@virtual
+async def test_opening_asks_who_it_is_sets_the_timeout_reads_it_back_and_stands_still() -> None:
+    bench = RoboClawBench()
+    await bench.motors.open()
+    assert bench.sent() == ["80 15", with_crc(0x80, 14, b"\x02").hex(" ").upper(), ASK_TIMEOUT, STAND]
+    assert bench.chip.timeout == 2
+    assert bench.motors.name == "RoboClaw 128 on /dev/serial0 (2x15a v4.1.34)"
+
+
+@virtual
+async def test_each_command_to_move_is_after_a_look_at_the_timeout_and_a_stop_is_at_once() -> None:
+    bench = await RoboClawBench(left=2, address=0x87, reverse_right=True).opened()
+    await bench.motors.drive(WheelCommand(1.0, 0.5))
+    assert bench.sent() == ["87 0F", with_crc(0x87, 34, bytes.fromhex("C0 01 7F FF")).hex(" ").upper()]
+    await bench.motors.drive(STOP)
+    assert bench.sent() == ["87 22 00 00 00 00 50 56"]
+
+
+def test_baud_rate_that_is_too_slow_for_the_control_rate_is_refused() -> None:
+    assert RoboClawSettings().keeps_up_with(20.0) is None
+    assert RoboClawSettings(baud=115200).keeps_up_with(50.0) is None
+    assert RoboClawSettings().keeps_up_with(50.0) == "baud = 38400: the board would answer too late"
+
+
+# -- the deadman -------------------------------------------------------------------------------------------------------
+
+
+@virtual
+async def test_firmware_that_does_not_acknowledge_the_timeout_is_opened_because_it_is_read_back() -> None:
+    bench = await RoboClawBench({"acknowledges_one_byte": False}).opened()
+    assert bench.chip.timeout == 2
+    assert await bench.motors.drive(AHEAD) == pytest.approx(AHEAD, abs=1e-4)
+
+
+@virtual
+async def test_board_that_does_not_keep_its_timeout_does_not_open() -> None:
+    bench = RoboClawBench()
+    bench.chip.keeps_timeout = False
+    with pytest.raises(NotResponding, match=r"its timeout does not stay at 0\.2 s: set 3 times, another is read"):
+        await bench.motors.open()
+    assert bench.world.commanded == STOP
+
+
+@pytest.mark.parametrize("fed", [True, False])
+@pytest.mark.parametrize("asks_each_s", [0.02, 0.05, 0.15, 0.35, 10.0])
+@virtual
+async def test_no_request_lets_the_wheels_turn_longer_than_the_deadman_that_is_told(
+    asks_each_s: float, fed: bool
+) -> None:
+    """The control tick hangs; health and wheels are still asked for, also by another driver of the board."""
+    bench = await RoboClawBench({"fed_by_requests": fed}).opened()
+    other = link_to(bench.buses.serial("/dev/serial0"), 0x80)
+    await bench.motors.drive(AHEAD)
+    began_s, asked_s, deadman_s = now_s(), now_s(), bench.motors.deadman_s
+    assert deadman_s == 0.4
+    while bench.world.commanded != STOP:
+        await asyncio.sleep(0.01)
+        bench.chip.tick()
+        if now_s() - asked_s >= asks_each_s:
+            asked_s = now_s()
+            await bench.motors.health()
+            await other.ask(Opcode.GET_TIMEOUT, 1)
+    assert 0.19 < now_s() - began_s <= deadman_s + 0.01
+
+
+@virtual
+async def test_late_request_is_answered_truly_before_the_stop_behind_it() -> None:
+    """So a check that waits for the deadman to trip still proves something."""
+    bench = await RoboClawBench().opened()
+    await bench.motors.drive(AHEAD)
+    bench.chip.timeout = 20  # the board's clock is slow
+    await asyncio.sleep(0.5)
+    assert await bench.motors.read_back() == pytest.approx(AHEAD, abs=1e-4)
+    assert await bench.motors.read_back() == STOP
+
+
+@virtual
+async def test_standing_rover_is_asked_without_stops() -> None:
+    bench = await RoboClawBench().opened()
+    await asyncio.sleep(5.0)
+    await bench.motors.health()
+    assert bench.sent() == ["80 18", "80 5A", "80 0F"]
+
+
+@virtual
+async def test_board_that_lost_its_power_gets_no_command_to_move_before_it_is_opened() -> None:
+    bench = await RoboClawBench().opened()
+    await bench.motors.drive(AHEAD)
+    bench.chip.power_cycle()
+    bench.sent()
+    for _ in range(2):
+        with pytest.raises(PowerLost):
+            await bench.motors.drive(AHEAD)
+    assert not any(sent.startswith("80 22") and sent != STAND for sent in bench.sent())
+    assert bench.chip.timeout == 2
+    assert bench.world.commanded == STOP
+    assert bench.motors.error_counts["power lost"] == 1
+    await bench.motors.open()
+    await bench.motors.drive(AHEAD)
+    assert bench.world.commanded != STOP
+
+
+# -- answers -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("status_bytes", "status", "said"),
+    [
+        (4, 0, []),
+        (2, 0, []),
+        (4, 0x1, ["emergency stop"]),
+        (2, 0x4, ["emergency stop"]),
+        (4, 0x40, ["M1 (right): driver fault"]),
+        (2, 0x200, ["M2 (left): driver fault"]),
+        (4, 0x2 | 0x20, ["too hot", "logic voltage too low"]),
+        (4, 0x10000 | 0x80000, []),  # warnings
+        (2, 0x1 | 0x800, []),
+    ],
+)
+@virtual
+async def test_status_of_either_firmware_is_the_same_sentences(status_bytes: Any, status: int, said: list[str]) -> None:
+    bench = await RoboClawBench({"status_bytes": status_bytes}, left=2).opened()
+    bench.chip.status = status
+    battery_v, faults = await bench.motors.health()
+    assert battery_v == 12.6
+    assert [fault[: len(text)] for fault, text in zip(faults, said, strict=True)] == said
+
+
+@virtual
+async def test_side_whose_current_is_limited_obeys_and_another_does_not() -> None:
+    bench = await RoboClawBench().opened()
+    await bench.motors.drive(WheelCommand(0.5, -0.5))
+    bench.chip.levels = (4000, -4000)
+    bench.chip.status = 0x10000
+    await bench.motors.health()
+    left, right = await bench.motors.read_back()
+    assert (left, right) == pytest.approx((0.5, -4000 / 32767), abs=1e-4)
+    bench.chip.levels = (-4000, 20000)
+    assert await bench.motors.read_back() == pytest.approx((-4000 / 32767, 20000 / 32767))
+
+
+@virtual
+async def test_acknowledgements_of_a_posted_stop_do_not_spoil_the_next_answer() -> None:
+    bench = await RoboClawBench().opened()
+    bench.chip.levels = (-1, -1)  # FF FF FF FF
+    for strays in range(4):
+        bench.change = lambda _, answer, strays=strays: b"\xff" * strays + answer  # type: ignore[misc]
+        assert await bench.motors.read_back() == pytest.approx((0.0, 0.0), abs=1e-4)
+        assert (await bench.motors.health()).battery_v == 12.6
+    assert bench.motors.error_counts["requests retried"] == 0
+
+
+def torn(_: bytes, answer: bytes) -> bytes:
+    return answer[:-1]
+
+
+def noise(_: bytes, answer: bytes) -> bytes:
+    return bytes(byte ^ 0x11 for byte in answer)
+
+
+@pytest.mark.parametrize(
+    ("change", "kind", "text"),
+    [
+        (lambda *_: b"", NotResponding, "no answer .*nothing came.*battery off, another address or baud rate"),
+        (torn, NotResponding, "no answer .*only 55 53 42"),
+        (noise, NotResponding, "no answer .*only 44 42 53 .* came.*another address or baud rate"),
+        (lambda *_: b"hello\n\0\x12\x34", WrongPart, "expected RoboClaw, got no answer of one"),
+        (lambda *_: b"\xff" * 60, WrongPart, "expected RoboClaw, got no answer of one"),
+    ],
+)
+@virtual
+async def test_what_is_no_roboclaw_does_not_open(
+    change: Callable[[bytes, bytes], bytes], kind: type[DriverError], text: str
+) -> None:
+    bench = RoboClawBench()
+    bench.change = change
+    with pytest.raises(kind, match=text):
+        await bench.motors.open()
+    assert bench.world.commanded == STOP
+
+
+@pytest.mark.parametrize("change", [torn, noise])
+@virtual
+async def test_one_bad_answer_is_asked_for_again_after_the_board_has_dropped_the_packet(change: Any) -> None:
+    bench = await RoboClawBench().opened()
+    bad = iter((True,))
+    bench.change = lambda asked, answer: change(asked, answer) if next(bad, False) else answer
+    assert (await bench.motors.health()).battery_v == 12.6
+    bad = iter((True,))
+    await bench.motors.drive(AHEAD)
+    assert bench.world.commanded == pytest.approx(AHEAD, abs=1e-4)
+    assert bench.motors.error_counts["requests retried"] == 2
+
+
+@virtual
+async def test_answer_to_something_else_is_no_reading() -> None:
+    """A board whose answers repeat is caught by the CRC, which is over the question too."""
+    bench = await RoboClawBench().opened()
+    frozen = bench.chip.receive(bytes.fromhex("80 18"))
+    bench.change = lambda *_: frozen
+    for use in (bench.motors.read_back, lambda: bench.motors.drive(AHEAD)):
+        with pytest.raises(DriverError):
+            await use()
+    assert bench.world.commanded == STOP
+
+
+@given(answer=st.binary(max_size=12))
+@virtual
+async def test_no_answer_without_the_right_crc_is_taken(answer: bytes) -> None:
+    buses = FakeBuses()
+    bench = RoboClawBench()
+    bench.change = lambda *_: answer
+    buses.serial("/dev/serial0").chip = bench
+    with pytest.raises((NotResponding, BadReading)):
+        await link_to(buses.serial("/dev/serial0"), 0x80).ask(Opcode.GET_STATUS, 2, 4)

@@ -1,0 +1,215 @@
+"""Basicmicro RoboClaw over packet serial: how to speak to it, for the drivers of its motors and of its wheels.
+
+Commands, numbers and the CRC are those of the RoboClaw Series User Manual, pages 58 to 74 (docs/reference/hardware.md).
+A request is two bytes, address and command; its answer ends with a CRC over both and the data. A command that changes
+something has the CRC itself, and is acknowledged by FF.
+
+**What only asks may keep the motors running**: the board's timeout counts the bytes that it receives, and no source
+says that a request is not counted. So a request that comes later than the timeout after the last command to move has a
+stop right behind it. Whatever still asks while nothing drives any more, the wheels stop after twice the timeout.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from binascii import crc_hqx
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from enum import IntEnum
+from math import inf
+from struct import pack
+from typing import TypeVar
+from weakref import WeakValueDictionary
+
+from wayfarer.drivers.buses import SerialPort
+from wayfarer.errors import BadReading, DriverError, NotResponding, WrongPart
+
+T = TypeVar("T")
+
+CHIP = "RoboClaw"  # motors and wheels are two drivers' at one address
+FULL_DUTY = 32767
+TIMEOUT_UNITS_PER_S = 10
+
+_CRC_BYTES = 2
+_ACKNOWLEDGED = b"\xff"
+_STOPS = 3  # as many go out at once: the first may end up in a packet that broke off
+_GAP_S = 0.011  # page 59: after more than 10 ms without a byte the board drops a packet that is not whole
+_RETRIES = 2
+_RETRY_WITHIN_S = 0.1  # after this no retry: the board is not there, or the process was suspended
+_VERSION_BYTES_MAX = 48 + _CRC_BYTES
+
+
+class Opcode(IntEnum):
+    """The commands that are used, with the manual's numbers."""
+
+    SET_TIMEOUT = 14
+    GET_TIMEOUT = 15
+    GET_VERSION = 21
+    GET_BATTERY = 24
+    SET_DUTIES = 34
+    GET_DUTIES = 48
+    GET_CURRENTS = 49
+    GET_ENCODERS = 78
+    GET_STATUS = 90
+
+
+def with_crc(address: int, command: int, data: bytes = b"") -> bytes:
+    """Return the packet of a command that changes something (page 59)."""
+    packet = bytes((address, command)) + data
+    return packet + crc_hqx(packet, 0).to_bytes(_CRC_BYTES, "big")
+
+
+class RoboClawLink:
+    """Requests and commands to one RoboClaw; counts its ``retries``."""
+
+    def __init__(self, port: SerialPort, address: int) -> None:
+        self.where = f"RoboClaw {address} on {port.name}"
+        self.retries = 0
+        self._port = port
+        self._address = address
+        self._stops = with_crc(address, Opcode.SET_DUTIES, bytes(4)) * _STOPS
+        self._moves_until_s = inf  # a request after that has a stop behind it; infinite while the wheels stand
+
+    async def drive(self, first: int, second: int, timeout_s: float) -> None:
+        """Give both motors their duties, of ``FULL_DUTY``.
+
+        Raises:
+            NotResponding: not acknowledged.
+            BadReading: something else was answered.
+        """
+        if first or second:
+            self._moves_until_s = asyncio.get_running_loop().time() + timeout_s
+        duties = pack(">hh", first, second)
+        await self._retry(lambda: self._send_once(Opcode.SET_DUTIES, duties))
+        if not first and not second:
+            self._moves_until_s = inf
+
+    async def set_timeout(self, units: bytes) -> bool:
+        """Set the serial timeout and read it back; return whether it is set.
+
+        There is firmware that does not acknowledge a command with one byte of data. Raises as ``ask``.
+        """
+        with suppress(DriverError):
+            await self._send_once(Opcode.SET_TIMEOUT, units)
+        return await self.ask(Opcode.GET_TIMEOUT, 1) == units
+
+    def post_stop(self) -> None:
+        """Stop both motors without waiting, from any thread; it never raises."""
+        self._port.post(self._stops)
+
+    async def ask(self, command: int, *counts: int) -> bytes:
+        """Return the data of an answer, which has one of these numbers of bytes, the smallest first.
+
+        Raises:
+            NotResponding: no answer, or too short a one.
+            BadReading: its CRC is wrong.
+        """
+
+        def data_in(received: bytes) -> bytes | None:
+            answers = (self._checked(command, received, count) for count in counts)
+            return next((data for data in answers if data is not None), None)
+
+        def missing(received: bytes) -> int:
+            if data_in(received) is not None:
+                return 0
+            counted = next((count + _CRC_BYTES for count in counts if count + _CRC_BYTES > len(received)), 0)
+            return counted - len(received) if counted else _stray(received, counts[-1])
+
+        return await self._retry(lambda: self._ask_once(command, missing, data_in))
+
+    async def identify(self) -> str:
+        """Return the board's name and firmware, such as ``2x15a v4.1.34``.
+
+        Raises:
+            NotResponding: nothing answers.
+            WrongPart: something else does.
+        """
+
+        def data_in(received: bytes) -> bytes | None:
+            text, end, _ = received.partition(b"\0")
+            return self._checked(Opcode.GET_VERSION, received, len(text) + 1) if end else None
+
+        def missing(received: bytes) -> int:
+            if (end := received.find(b"\0")) < 0:
+                return int(len(received) < _VERSION_BYTES_MAX)
+            return max(0, end + 1 + _CRC_BYTES - len(received))
+
+        try:
+            version = await self._retry(lambda: self._ask_once(Opcode.GET_VERSION, missing, data_in))
+        except BadReading as error:
+            raise WrongPart(self.where, CHIP, f"no answer of one ({error})") from error
+        name = version.rstrip(b"\n\0").decode("ascii", "replace")
+        return name.removeprefix("USB ").removeprefix("Roboclaw ").removeprefix("RoboClaw ")
+
+    async def _send_once(self, command: int, data: bytes) -> None:
+        packet = with_crc(self._address, command, data)
+        answer = await self._port.exchange(packet, lambda received: 1 - len(received))
+        if answer[:1] != _ACKNOWLEDGED:
+            raise self._not_understood(command, answer)
+
+    async def _ask_once(
+        self, command: int, missing: Callable[[bytes], int], data_in: Callable[[bytes], bytes | None]
+    ) -> bytes:
+        """Ask, and have the motors stopped behind that if nobody commands them any more."""
+        try:
+            answer = await self._port.exchange(bytes((self._address, command)), missing)
+        finally:
+            if asyncio.get_running_loop().time() > self._moves_until_s:
+                self.post_stop()
+        if (data := data_in(answer)) is None:
+            raise self._not_understood(command, answer)
+        return data
+
+    def _checked(self, command: int, received: bytes, count: int) -> bytes | None:
+        """Return the last so many bytes before the CRC if that is right.
+
+        Before them there may be the acknowledgement of a stop that was posted.
+        """
+        answer = received[-count - _CRC_BYTES :]
+        if len(answer) == count + _CRC_BYTES and crc_hqx(bytes((self._address, command)) + answer, 0) == 0:
+            return answer[:count]
+        return None
+
+    def _not_understood(self, command: int, answer: bytes) -> BadReading:
+        return BadReading(
+            f"{self.where}: asked {command}, and {answer.hex(' ') or 'nothing'} is no answer to that; noise on the "
+            "wires, another baud rate, or another program at the port"
+        )
+
+    async def _retry(self, transfer: Callable[[], Awaitable[T]]) -> T:
+        clock = asyncio.get_running_loop().time
+        ends_s = clock() + _RETRY_WITHIN_S
+        for left in range(_RETRIES, -1, -1):
+            try:
+                return await transfer()
+            except NotResponding as error:
+                if error.remedy:  # no wire is the reason
+                    raise
+                if not left or clock() > ends_s:
+                    raise NotResponding(
+                        f"{self.where}: no answer ({error}); battery off, another address or baud rate, or "
+                        "it is not in packet serial mode: check its power and its settings in Motion Studio"
+                    ) from error
+            except DriverError:
+                if not left or clock() > ends_s:
+                    raise
+            self.retries += 1
+            await asyncio.sleep(_GAP_S)
+        raise AssertionError("the last try returns or raises")
+
+
+def _stray(received: bytes, count: int) -> int:
+    """Return 1 while all that is too much may be acknowledgements of posted stops, which came first; otherwise 0."""
+    extra = len(received) - count - _CRC_BYTES + 1
+    return int(extra <= _STOPS and received[:extra] == _ACKNOWLEDGED * extra)
+
+
+_LINKS: WeakValueDictionary[tuple[int, int], RoboClawLink] = WeakValueDictionary()
+
+
+def link_to(port: SerialPort, address: int) -> RoboClawLink:
+    """Return the link to a board, the same one for all its drivers: it must know of each command to move."""
+    key = id(port), address  # the link keeps its port, so that no other has this id meanwhile
+    if (link := _LINKS.get(key)) is None:
+        link = _LINKS[key] = RoboClawLink(port, address)
+    return link
