@@ -115,7 +115,8 @@ def test_minirover_with_its_camera_and_board_runs_a_trial_to_its_end() -> None:
 
 def test_rover_with_a_roboclaw_runs_the_same_trial_at_both_depths() -> None:
     claw = {"driver": "roboclaw", "left": 2, "reverse_right": True, "duty_limit": 0.9}
-    config = with_part(load_rover("forestrover"), motors=claw)
+    wheels = {"driver": "roboclaw_wheels", "left": 2, "reverse_left": True, "counts_per_m": 3000.0}
+    config = with_part(load_rover("forestrover"), wheels=wheels, motors=claw)
     spec = TrialSpec(0, "forest-pledge", generate_forest(1, 0, 0), 0, config, budget_m=20.0)
     device = run_trial(spec)
     assert run_trial(replace(spec, depth=Depth.BUS)) == device

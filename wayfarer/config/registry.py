@@ -28,6 +28,7 @@ BUILT_IN_DRIVERS: Mapping[str, str] = {
     "gpsd": "wayfarer.drivers.gpsd:Gpsd",
     "pmw3901": "wayfarer.drivers.pmw3901:PMW3901",
     "roboclaw": "wayfarer.drivers.roboclaw:RoboClaw",
+    "roboclaw_wheels": "wayfarer.drivers.roboclaw_wheels:RoboClawWheels",
     "sabertooth": "wayfarer.drivers.sabertooth:Sabertooth",
     "thunderborg": "wayfarer.drivers.thunderborg:ThunderBorg",
     "thunderborg_light": "wayfarer.drivers.thunderborg_board:ThunderBorgLight",

@@ -29,6 +29,7 @@ T = TypeVar("T")
 CHIP = "RoboClaw"  # motors and wheels are two drivers' at one address
 FULL_DUTY = 32767
 TIMEOUT_UNITS_PER_S = 10
+A_PER_STEP = 0.01  # of a motor's current
 
 _CRC_BYTES = 2
 _ACKNOWLEDGED = b"\xff"

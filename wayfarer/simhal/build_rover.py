@@ -59,7 +59,7 @@ def device_depth(world: SimulatedWorld, streams: RandomStreams, config: RoverCon
     )
 
 
-def _quanta(part: str, config: RoverConfig) -> Mapping[str, float]:
+def _quanta(part: str, config: RoverConfig) -> Mapping[str, Any]:
     """Return the quanta of a part's chip, none where the file has no such part or its driver no chip."""
     if part not in config.parts:
         return {}
@@ -112,7 +112,7 @@ def _receiver(world: SimulatedWorld, streams: RandomStreams, config: RoverConfig
 
 
 def _wheels(world: SimulatedWorld, config: RoverConfig) -> SimWheels | None:
-    return SimWheels(world, _quanta("wheels", config).get("m_per_count", 0.0)) if "wheels" in config.parts else None
+    return SimWheels(world, **_quanta("wheels", config)) if "wheels" in config.parts else None
 
 
 def _has_bumper(config: RoverConfig) -> bool:

@@ -13,13 +13,14 @@ from wayfarer.drivers.camera_motion import CameraMotionSettings
 from wayfarer.drivers.cmps14 import CMPS14Settings
 from wayfarer.drivers.pmw3901 import PMW3901Settings
 from wayfarer.drivers.roboclaw import RoboClawSettings
+from wayfarer.drivers.roboclaw_wheels import RoboClawWheelsSettings
 from wayfarer.drivers.sabertooth import SabertoothSettings
 from wayfarer.drivers.thunderborg import ThunderBorgSettings
 from wayfarer.simhal.chip_wiring import ChipWiring, SimulatedChip
 from wayfarer.simhal.chips.cmps14 import CMPS14Chip
 from wayfarer.simhal.chips.motor_boards import SabertoothChip, ThunderBorgChip
 from wayfarer.simhal.chips.pmw3901 import PMW3901Chip
-from wayfarer.simhal.chips.roboclaw import RoboClawChip
+from wayfarer.simhal.chips.roboclaw import Encoders, RoboClawChip
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FlowSensorModel, GroundCamera, HeadingSensorModel
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
@@ -89,7 +90,19 @@ def _attach_roboclaw(settings: RoboClawSettings, wiring: ChipWiring) -> None:
     motors = {**_motors(settings, roboclaw_board.FULL_DUTY), "left": settings.left}
     chip = RoboClawChip(wiring.world, wiring.clock, address=settings.address, **motors)
     wiring.boards.append(chip)
-    wiring.buses.serial(settings.port).chip = chip
+    line = wiring.buses.serial(settings.port)
+    if isinstance(line.chip, RoboClawChip):  # of its wheels, which came first
+        chip.encoders = line.chip.encoders
+    line.chip = chip
+
+
+def _attach_roboclaw_wheels(settings: RoboClawWheelsSettings, wiring: ChipWiring) -> None:
+    line = wiring.buses.serial(settings.port)
+    if not isinstance(line.chip, RoboClawChip):
+        line.chip = RoboClawChip(wiring.world, wiring.clock, address=settings.address)
+    if settings.counts_per_m is not None:
+        left, right = (-1 if settings.reverse_left else 1), (-1 if settings.reverse_right else 1)
+        line.chip.encoders = Encoders(1.0 / settings.counts_per_m, settings.left == 2, left, right)
 
 
 def _motors(settings: ThunderBorgSettings | SabertoothSettings | RoboClawSettings, full_level: int) -> dict[str, Any]:
@@ -107,6 +120,14 @@ PMW3901 = SimulatedChip(
 )
 CAMERA = SimulatedChip(_attach_camera)
 ROBOCLAW = SimulatedChip(_attach_roboclaw, lambda settings: {"steps": roboclaw_board.FULL_DUTY * settings.duty_limit})
+ROBOCLAW_WHEELS = SimulatedChip(
+    _attach_roboclaw_wheels,
+    lambda settings: {
+        "m_per_count": 1.0 / settings.counts_per_m if settings.counts_per_m else 0.0,
+        "way": settings.counts_per_m is not None,
+        "a_per_step": roboclaw_board.A_PER_STEP,
+    },
+)
 SABERTOOTH = SimulatedChip(_attach_sabertooth, lambda settings: {"steps": sabertooth.FULL_LEVEL * settings.duty_limit})
 THUNDERBORG = SimulatedChip(
     _attach_thunderborg, lambda settings: {"steps": thunderborg.FULL_LEVEL * settings.duty_limit}

@@ -26,6 +26,7 @@ BUILT_IN_CHIPS: Final[Mapping[str, str]] = {
     "cmps14": "wayfarer.simhal.built_in_chips:CMPS14",
     "pmw3901": "wayfarer.simhal.built_in_chips:PMW3901",
     "roboclaw": "wayfarer.simhal.built_in_chips:ROBOCLAW",
+    "roboclaw_wheels": "wayfarer.simhal.built_in_chips:ROBOCLAW_WHEELS",
     "sabertooth": "wayfarer.simhal.built_in_chips:SABERTOOTH",
     "thunderborg": "wayfarer.simhal.built_in_chips:THUNDERBORG",
     "thunderborg_light": "wayfarer.simhal.built_in_chips:ON_THE_MOTOR_BOARD",
@@ -94,7 +95,7 @@ class SimulatedChip:
     Args:
         attach: makes the chip and puts it on the buses of a ``ChipWiring``.
         quanta: what the part at device depth needs to give the same readings: arguments of ``SimCompass``
-            (``opens_s``), ``SimFlow`` (``m_per_count``, ``opens_s``) or ``SimMotors`` (``steps``).
+            (``opens_s``), ``SimFlow`` (``m_per_count``, ``opens_s``), ``SimMotors`` (``steps``) or ``SimWheels``.
     """
 
     attach: Callable[[Any, ChipWiring], None]

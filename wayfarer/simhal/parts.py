@@ -137,18 +137,24 @@ class SimBumper(SimPart):
 class SimWheels(SimPart):
     """Encoders of the wheels and a measurement of the motors' currents, or one of the two.
 
-    ``m_per_count`` is the way of a rim for a count, 0 for the exact way.
+    ``m_per_count`` is the way of a rim for a count, 0 for the exact way; ``a_per_step`` the same of the currents.
     """
 
     name = "simulated wheels"
 
     def __init__(
-        self, world: SimulatedWorld, m_per_count: float = 0.0, *, way: bool = True, current: bool = True
+        self,
+        world: SimulatedWorld,
+        m_per_count: float = 0.0,
+        a_per_step: float = 0.0,
+        *,
+        way: bool = True,
+        current: bool = True,
     ) -> None:
         super().__init__(world)
         self._way, self._current = way, current
-        self._m_per_count = m_per_count
-        self._left_m = self._right_m = 0.0
+        self._m_per_count, self._a_per_step = m_per_count, a_per_step
+        self._left = self._right = 0.0  # in counts, or metres if the way is exact
         self._is_first = True
 
     async def open(self) -> None:
@@ -167,15 +173,18 @@ class SimWheels(SimPart):
         world.advance_to(t_s)
         left_way_m = right_way_m = left_a = right_a = None
         if self._way:
-            left_m, right_m = world.rims_m
+            left, right = world.rims_m
             if m_per_count := self._m_per_count:
-                left_m, right_m = round(left_m / m_per_count) * m_per_count, round(right_m / m_per_count) * m_per_count
+                left, right = float(round(left / m_per_count)), float(round(right / m_per_count))
             if not self._is_first:
-                left_way_m, right_way_m = left_m - self._left_m, right_m - self._right_m
-            self._left_m, self._right_m, self._is_first = left_m, right_m, False
+                m_each = m_per_count or 1.0
+                left_way_m, right_way_m = (left - self._left) * m_each, (right - self._right) * m_each
+            self._left, self._right, self._is_first = left, right, False
         if self._current:
             left_load, right_load = world.motor_load
             left_a, right_a = left_load * world.stall_current_a, right_load * world.stall_current_a
+            if a_per_step := self._a_per_step:
+                left_a, right_a = round(left_a / a_per_step) * a_per_step, round(right_a / a_per_step) * a_per_step
         return WheelReading(t_s, left_way_m, right_way_m, left_a, right_a)
 
 

@@ -51,6 +51,7 @@ def test_duties_turn_the_motors_and_are_acknowledged(sent: str, levels: tuple[in
         ({"status": 0, "status_bytes": 2}, "80 5A", "00 00 44 37"),
         ({"status": 1, "status_bytes": 2}, "80 5A", "00 01 54 16"),
         ({"timeout": 5}, "80 0F", "05 7B C1"),
+        ({"counters_began": (-100000, 100000)}, "80 4E", "00 01 86 A0 FF FE 79 60 6E C9"),
         ({"levels": (16384, -16384)}, "80 30", "40 00 C0 00 A0 06"),
         ({}, "80 15", b"USB Roboclaw 2x15a v4.1.34\n\0".hex(" ").upper() + " 34 6A"),
     ],
@@ -67,6 +68,13 @@ def test_battery_is_in_tenths_of_a_volt() -> None:
     for volts, answer in ((12.3, "00 7B F8 06"), (24.0, "00 F0 D8 E5")):
         bench.world.battery_v = volts
         assert bench.send("80 18") == answer
+
+
+def test_currents_are_in_steps_of_ten_milliamperes(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench()
+    monkeypatch.setattr(type(bench.world), "motor_load", (0.15, 0.025))
+    bench.world.stall_current_a = 10.0
+    assert bench.send("80 31") == "00 96 00 19 3B 1E"
 
 
 def test_timeout_stops_the_motors_at_its_own_time_and_the_next_command_moves_them_again() -> None:

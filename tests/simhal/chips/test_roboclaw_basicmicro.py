@@ -83,6 +83,9 @@ def test_library_understands_every_answer(line: Line, library: Any) -> None:
     assert library.SetTimeout(ADDRESS, 0.5)
     assert library.GetTimeout(ADDRESS) == (True, 0.5)
     assert library.ReadMainBatteryVoltage(ADDRESS) == (True, 126)
+    line.chip.counters_began = (-7, 1)
+    assert library.GetEncoders(ADDRESS) == (True, 7, 2**32 - 1)
+    assert library.ReadCurrents(ADDRESS) == (True, 0, 0)
     line.chip.status = 0x00010001
     assert library.ReadError(ADDRESS) == (True, 0x00010001)
     assert line.chip.dropped == 0

@@ -11,7 +11,7 @@ from binascii import crc_hqx
 from collections.abc import Callable, Mapping
 from math import inf
 from struct import pack, unpack
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 from wayfarer.simhal.buses import ChipMisuse
 from wayfarer.simhal.chips.motor_boards import MotorBoardChip
@@ -22,11 +22,21 @@ ROBOCLAW_FULL_LEVEL: Final = 32767.0  # the level that is duty 1 in the world
 
 _PACKET_GAP_S: Final = 0.010  # page 59: after a longer one a packet that is not whole is dropped
 _TIMEOUT_UNIT_S: Final = 0.1
+_A_PER_STEP: Final = 0.01
 _ACKNOWLEDGED: Final = b"\xff"
 _CRC_BYTES: Final = 2
 _SET_TIMEOUT: Final = 14
 _DUTIES: Final = {32: 2, 33: 2, 34: 4}  # of M1, of M2, of both: bytes of data
 _WRITES: Final = {_SET_TIMEOUT: 1, **_DUTIES}
+
+
+class Encoders(NamedTuple):
+    """How the wheels' encoders are wired: the way of a rim for a count, at which input the left one is, their signs."""
+
+    m_per_count: float
+    left_is_second: bool
+    left_sign: int
+    right_sign: int
 
 
 class RoboClawChip(MotorBoardChip):
@@ -40,6 +50,7 @@ class RoboClawChip(MotorBoardChip):
         acknowledges_one_byte: False for firmware 4.3.6, which does not acknowledge a command with one byte of data.
         fed_by_requests: whether a request keeps the serial timeout from tripping.
 
+    ``encoders`` are None if there are none: their counters stay where they are. Counters wrap at 32 bits.
     ``timeout`` is in tenths of a second, 0 is off; ``keeps_timeout`` is False for a board that takes none. ``dropped``
     counts packets that broke off or whose CRC was wrong.
     """
@@ -59,6 +70,8 @@ class RoboClawChip(MotorBoardChip):
         self.acknowledges_one_byte, self.fed_by_requests = acknowledges_one_byte, fed_by_requests
         self.status = self.timeout = self.dropped = 0
         self.keeps_timeout = True
+        self.encoders: Encoders | None = None
+        self.counters_began = (0, 0)  # what the encoders had counted when the board got its power
         self._address = address
         self._packet = b""
         self._byte_s = self._fed_s = -inf
@@ -66,7 +79,9 @@ class RoboClawChip(MotorBoardChip):
             15: lambda: bytes((self.timeout,)),
             21: lambda: self.version.encode() + b"\n\0",
             24: lambda: round(self._world.battery_v * 10.0).to_bytes(2, "big"),
+            78: lambda: pack(">II", *(count % 2**32 for count in self._counters())),
             48: lambda: pack(">hh", *map(int, self.levels)),
+            49: lambda: pack(">hh", *self._currents()),
             90: lambda: self.status.to_bytes(self.status_bytes, "big"),
         }
 
@@ -79,6 +94,7 @@ class RoboClawChip(MotorBoardChip):
         """Lose power for a moment: motors off, timeout forgotten."""
         self.tick()
         self.timeout, self._packet = 0, b""
+        self.counters_began = self._counted()
         self._stop(self._clock())
 
     def receive(self, data: bytes) -> bytes:
@@ -124,6 +140,28 @@ class RoboClawChip(MotorBoardChip):
         elif self.keeps_timeout:
             self.timeout = data[0]
         return _ACKNOWLEDGED if self.acknowledges_one_byte or len(data) > 1 else b""
+
+    def _counted(self) -> tuple[int, int]:
+        """Return what encoders 1 and 2 have counted so far."""
+        if self.encoders is None:
+            return 0, 0
+        self._world.advance_to(self._clock())
+        left_m, right_m = self._world.rims_m
+        m_per_count, left_is_second, left_sign, right_sign = self.encoders
+        left, right = left_sign * round(left_m / m_per_count), right_sign * round(right_m / m_per_count)
+        return (right, left) if left_is_second else (left, right)
+
+    def _counters(self) -> tuple[int, int]:
+        (first, second), (began_first, began_second) = self._counted(), self.counters_began
+        return first - began_first, second - began_second
+
+    def _currents(self) -> list[int]:
+        """Return the currents of M1 and M2, positive."""
+        self._world.advance_to(self._clock())
+        currents = [0, 0]
+        for output, load in zip((self._left, self._right), self._world.motor_load, strict=True):
+            currents[output] = round(load * self._world.stall_current_a / _A_PER_STEP)
+        return currents
 
     def _drive(self, command: int, data: bytes) -> None:
         duties, (first, second) = unpack(f">{len(data) // 2}h", data), self.levels
