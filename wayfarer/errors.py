@@ -94,11 +94,11 @@ class NothingReadable(BadInput):
 class UnknownName(BadInput):
     """No such algorithm, driver or rover."""
 
-    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+    def __init__(self, kind: str, name: str, known: Iterable[str], end: str = "") -> None:
         known = sorted(known)
         near = near_names(name, known)
         hint = f"did you mean {' or '.join(near)}?" if near else f"known: {', '.join(_in_short(name, known))}"
-        super().__init__(f"unknown {kind} '{one_line(name)}': {hint}")
+        super().__init__(f"unknown {kind} '{one_line(name)}': {hint}{end}")
 
 
 class NotThereYet(WayfarerError):

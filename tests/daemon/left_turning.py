@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
 
 from tests.simhal.clearing import steady_world
 from wayfarer.daemon.stop_motors import stop_motors
+from wayfarer.drivers.thunderborg import ThunderBorg
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chips.motor_boards import SabertoothChip, ThunderBorgChip
 
@@ -49,10 +50,13 @@ def buses() -> FakeBuses:
     return bench.buses
 
 
-class Careless:
-    """A third party's driver without settings."""
+class Careless(ThunderBorg):
+    """A third party's driver that takes no settings as they are."""
 
-    part: ClassVar[str] = "motors"
+    @dataclass(frozen=True)
+    class Settings:
+        def __post_init__(self) -> None:
+            raise AttributeError("careless")
 
 
 def stop(rover_file: Path, text: str) -> str:

@@ -24,7 +24,7 @@ KEYS = {
 
 def test_every_setting_has_a_sentence_and_is_checked_by_its_type_or_has_a_form() -> None:
     about = sentences(CampaignSettings)
-    assert about.keys() == {*NAMES, "version"}
+    assert about.keys() == {*NAMES, "version", "files"}
     assert {*plain_kind().__dataclass_fields__, *FORMS} == set(NAMES)
 
 

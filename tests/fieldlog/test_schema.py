@@ -19,6 +19,7 @@ import pytest
 import wayfarer
 from tests.kit.logs import read_log
 from tests.logview.outing import outing
+from wayfarer.config.own_file import used
 from wayfarer.config.rover_file import load_rover
 from wayfarer.control.tick import TickRecord
 from wayfarer.experiments.trial import run_trial
@@ -115,7 +116,9 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Json]]:
     )
     rigid.close("requested", "enough")
     on_mud = replace(trial, budget_m=1.0, ground=GroundName.mud)
-    run_trial(replace(on_mud, physics=Physics(slope_deg=5.0, blind_share=0.1)), folder / "mud")
+    (mine := folder / "mine.py").touch()
+    own = used({"mine.py:It": f"{mine}:It"})
+    run_trial(replace(on_mud, physics=Physics(slope_deg=5.0, blind_share=0.1), files=own), folder / "mud")
     driven, tick = FieldLog(Sink(folder / "driven"), {}), TickRecord(1.0)
     tick.manual = ManualSample(1, 1.0, 0.0, 0.9)
     tick.rims = WheelReading(1.0, 0.01, None, 0.5, 0.0)

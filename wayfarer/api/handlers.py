@@ -27,7 +27,8 @@ def make_handler(
     right, each -1 to 1 of ``vehicle.max_speed_m_s``, to your motors. Or let a ``FailSafe`` call it.
 
     Args:
-        algorithm: a name that ``wayfarer list`` prints, or one of your own as ``"module:attribute"``.
+        algorithm: a name that ``wayfarer list`` prints, or one of your own as ``"FILE.py:NAME"`` or
+            ``"module:attribute"``.
         vehicle: the measures of the body, metres, and its top speed, metres a second.
         settings: distances, angles and speeds of the manoeuvres; the paper's by default.
         seed: of the algorithms that draw at random. Without it each handler draws differently.

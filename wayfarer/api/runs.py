@@ -121,7 +121,7 @@ def replay(
         run: as of ``open_run``.
         rover: settings to try, as a rover's name, its file or what ``load_rover`` returned; as logged by default.
         log_dir: as of ``open_run``.
-        allow_code: import the algorithm that the log names as ``"module:attribute"``: only if you trust the writer.
+        allow_code: import the algorithm that the log names as a file or a module: only if you trust the writer.
 
     Raises:
         BadInput: there is no such run, or it cannot be replayed.

@@ -79,7 +79,8 @@ def run_trial(
 
     Args:
         number: of the trial, from 0, and of its layout if the forests are generated or of a site.
-        algorithm: a name that ``wayfarer list`` prints, or one of your own as ``"module:attribute"``.
+        algorithm: a name that ``wayfarer list`` prints, or one of your own as ``"FILE.py:NAME"`` or
+            ``"module:attribute"``.
         settings: those of a campaign, in the page of that name.
         log_dir: a new or empty folder for the full field log, which ``open_run`` reads.
 

@@ -68,6 +68,9 @@ def list_names(
     console.print()
     console.print("rovers: ", ", ".join(rover_names()) or "none", highlight=False)
     console.print("drivers:", ", ".join(driver_names()) or "none", highlight=False)
+    console.print(
+        "your own: FILE.py:NAME, looked for beside the rover file, then here; or module:NAME", highlight=False
+    )
 
 
 def _algorithm_table(algorithms: Iterable[Described]) -> Table:

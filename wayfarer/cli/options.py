@@ -125,7 +125,7 @@ AllowCode = Annotated[
     bool,
     typer.Option(
         "--allow-code",
-        help="Import what a log or results name as 'module:attribute': only if you trust the writer.",
+        help="Run code that a log or results name, 'FILE.py' or 'module:attribute': only if you trust the writer.",
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for scripts; docs/reference/json.md describes it.")]

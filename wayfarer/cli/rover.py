@@ -18,7 +18,7 @@ from wayfarer.cli.viewer_options import (
     ground_station,
     live_page,
 )
-from wayfarer.config.rover_path import ROVER_FILE
+from wayfarer.config.rover_path import ROVER_FILE, own_folder
 from wayfarer.errors import BadInput
 from wayfarer.extras import import_structlog, require
 
@@ -96,7 +96,7 @@ def run(
         addresses["mavlink"] = mavlink
     service = Service(
         config=loaded,
-        algorithm=find_algorithm(algorithm),
+        algorithm=find_algorithm(algorithm, own_folder(name)),
         seed=seed,
         make_rover=make_rover,
         logs=folder,

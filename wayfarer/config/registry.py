@@ -1,19 +1,30 @@
-"""Finds algorithms and drivers by name: built in, from an installed package, or ``"module:attribute"``.
+"""Finds algorithms and drivers by name.
 
-A third party adds an algorithm with an entry point in the group ``wayfarer.algorithms`` and a driver with one in
-``wayfarer.drivers``; no file of wayfarer is touched.
+A name is looked for in this order:
+
+1. built in;
+2. installed: an entry point in the group ``wayfarer.algorithms`` or ``wayfarer.drivers``;
+3. a file, ``FILE.py`` or ``FILE.py:NAME``, in the rover file's folder, else in the current one (``own_file``);
+4. ``"module:attribute"``.
+
+So nobody has to touch a file of wayfarer for one of his own.
 """
 
 from __future__ import annotations
 
-import importlib
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import is_dataclass, replace
 from importlib.metadata import EntryPoint, entry_points
-from typing import Any
+from inspect import signature
+from pathlib import Path
+from types import ModuleType
+from typing import Any, get_args, get_type_hints
 
-from wayfarer.errors import BadInput, UnknownName, WayfarerError, kind_and_text, one_line
+from wayfarer.config.own_file import attribute, beside, load, names_file, split, whole_name
+from wayfarer.errors import BadInput, UnknownName, WayfarerError, kind_and_text
+from wayfarer.escape.api import EscapeHandler
 from wayfarer.escape.catalogue import BUILT_IN, Algorithm
+from wayfarer.hal import Rover
 
 ALGORITHM_GROUP = "wayfarer.algorithms"
 DRIVER_GROUP = "wayfarer.drivers"
@@ -41,29 +52,43 @@ def algorithm_names() -> list[str]:
     return [*BUILT_IN, *sorted(set(installed_points(ALGORITHM_GROUP)) - set(BUILT_IN))]
 
 
-def find_algorithm(name: str) -> Algorithm:
-    """Return an algorithm by name or ``"module:attribute"``.
+def find_algorithm(name: str, folder: Path | None = None) -> Algorithm:
+    """Return an algorithm, under the name by which it was asked for; files are looked for in ``folder`` first.
 
     Raises:
         UnknownName: nothing of that name; the text offers the nearest ones.
-        BadInput: the module cannot be imported, or what it gives is no ``Algorithm``.
+        BadInput: it is not there, failed while it was loaded, or is no algorithm.
     """
     if name in BUILT_IN:
         return BUILT_IN[name]
-    found, origin = _find("algorithm", name, installed_points(ALGORITHM_GROUP), algorithm_names())
-    if not isinstance(found, Algorithm):
-        raise BadInput(f"algorithm '{name}': {origin} is not a wayfarer.escape.catalogue.Algorithm")
-    return replace(found, origin=origin)
+    found, origin = _find("algorithm", name, installed_points(ALGORITHM_GROUP), algorithm_names(), folder)
+    return replace(algorithm_of(found), name=name, origin=origin)
+
+
+def algorithm_of(given: Any) -> Algorithm:
+    """Return an algorithm that somebody has written as one, or as the class of its handlers.
+
+    Of a class its attribute ``requires`` counts, and the first line of its docstring is its summary.
+    """
+    if isinstance(given, Algorithm):
+        return given
+    summary = (given.__doc__ or "").strip().partition("\n")[0]
+    return Algorithm(given.__name__, "own", summary, given, frozenset(getattr(given, "requires", ())))
+
+
+def names_code(name: str) -> bool:
+    """Return whether a name stands for code to import, and not for something that is built in or installed."""
+    return ":" in name or names_file(name)
 
 
 def refuse_code(*names: str) -> None:
     """Refuse names that stand for code to import, in what somebody else may have written: a log, or results.
 
     Raises:
-        BadInput: one is a ``"module:attribute"``; importing it would run code of the sender's choice.
+        BadInput: one is a file or a ``"module:attribute"``; importing it would run code of the sender's choice.
     """
     for name in names:
-        if ":" in name:
+        if names_code(name):
             raise BadInput(f"it names code to run, {name[:80]!a}: if you trust who wrote it, add --allow-code")
 
 
@@ -73,11 +98,11 @@ def driver_names() -> list[str]:
 
 
 def find_driver(name: str) -> Any:
-    """Return a driver class by name or ``"module:attribute"``; its bus adapter is imported only now.
+    """Return a driver class; its bus adapter is imported only now.
 
     Raises:
         UnknownName: nothing of that name; the text offers the nearest ones.
-        BadInput: the module cannot be imported.
+        BadInput: it is not there, failed while it was loaded, or is no driver.
     """
     if name in BUILT_IN_DRIVERS:
         return load_path("driver", BUILT_IN_DRIVERS[name])
@@ -121,28 +146,99 @@ def installed_points(group: str) -> dict[str, EntryPoint]:
     return {point.name: point for point in entry_points(group=group)}
 
 
-def _find(kind: str, name: str, installed: Mapping[str, EntryPoint], known: list[str]) -> tuple[Any, str]:
+def _find(
+    kind: str, name: str, installed: Mapping[str, EntryPoint], known: list[str], folder: Path | None = None
+) -> tuple[Any, str]:
+    """Return what a name means, if it fits, and where it comes from."""
     if name in installed:
         point = installed[name]
-        return load_path(kind, point.value), point.dist.name if point.dist else point.value
-    if ":" in name:
-        return load_path(kind, name), name
-    raise UnknownName(kind, name, known)
+        path, origin = point.value, point.dist.name if point.dist else point.value
+    elif names_code(name):
+        path = origin = whole_name(kind, name, folder)
+    else:
+        raise UnknownName(kind, name, known, beside(name, folder))
+    module, misfit = load(kind, path), MISFITS[kind]
+    if not split(path)[1]:
+        path = _only_one(kind, path, module, misfit)
+    found = attribute(kind, path, module)
+    if why := misfit(found):
+        raise BadInput(f"{kind} '{name}': {path} {why}; {MORE[kind]}")
+    return found, origin
+
+
+def _only_one(kind: str, path: str, module: ModuleType, misfit: Callable[[Any], str]) -> str:
+    """Return the name of the one thing in a file that fits; an algorithm counts before the classes it is made of.
+
+    Raises:
+        BadInput: several fit, or none.
+    """
+    own = {
+        name: each for name, each in vars(module).items()
+        if isinstance(each, Algorithm) or (isinstance(each, type) and each.__module__ == module.__name__)
+    }  # fmt: skip
+    fit = [name for name, each in own.items() if not misfit(each)]
+    rows = [name for name in fit if isinstance(own[name], Algorithm)]
+    file = Path(path).name
+    if len(found := rows or fit) == 1:
+        return f"{path}:{found[0]}"
+    if found:
+        raise BadInput(f"{kind} '{path}': several in it fit; write {' or '.join(f'{file}:{each}' for each in found)}")
+    seen = "; ".join(f"{name} {misfit(each)}" for name, each in own.items()) or "no class is in it"
+    raise BadInput(f"{kind} '{path}': nothing in it fits: {seen}; {MORE[kind]}")
+
+
+def _algorithm_misfit(found: Any) -> str:
+    """Return why something is no algorithm; nothing if it can be one."""
+    if isinstance(found, Algorithm):
+        return ""
+    if not isinstance(found, type):
+        return f"is a {type(found).__name__}, and neither a class nor a wayfarer.escape.catalogue.Algorithm"
+    if lacks := _lacks(found, EscapeHandler):
+        return f"lacks {lacks}"
+    return _call_misfit(found, "settings", "vehicle", "rng")
+
+
+def _driver_misfit(found: Any) -> str:
+    """Return why something is no driver; nothing if it can be one."""
+    kinds = get_type_hints(Rover)
+    if not isinstance(found, type):
+        return f"is a {type(found).__name__} and no class"
+    if (part := getattr(found, "part", None)) not in list(kinds):
+        return f"lacks the class attribute part, one of {', '.join(kinds)}"
+    protocol = next(each for each in (*get_args(kinds[part]), kinds[part]) if each is not type(None))
+    settings = "" if is_dataclass(getattr(found, "Settings", None)) else "the dataclass Settings"
+    if lacks := ", ".join(filter(None, (settings, _lacks(found, protocol)))):
+        return f"lacks {lacks}"
+    return _call_misfit(found, "settings", "buses")
+
+
+# What somebody's own may be; each says why something is not.
+MISFITS: Mapping[str, Callable[[Any], str]] = {"algorithm": _algorithm_misfit, "driver": _driver_misfit}
+MORE = {
+    "algorithm": "write that, then check_algorithm of wayfarer.testing says more",
+    "driver": "write that, then the checks of wayfarer.testing say more",
+}
+
+
+def _lacks(found: type, protocol: type) -> str:
+    needed = {name for base in protocol.__mro__ for name in vars(base) if not name.startswith("_")}
+    return ", ".join(f"{name}()" for name in sorted(needed) if not callable(getattr(found, name, None)))
+
+
+def _call_misfit(found: type, *names: str) -> str:
+    try:
+        signature(found).bind(*names)
+    except TypeError:
+        return f"cannot be made with ({', '.join(names)})"
+    except ValueError:  # written in C
+        pass
+    return ""
 
 
 def load_path(kind: str, path: str) -> Any:
-    """Import ``"module:attribute"``.
+    """Import ``FILE.py:NAME`` or ``"module:attribute"``.
 
     Raises:
         BadInput: it cannot be imported; the text names the kind of thing that was wanted.
     """
-    module_name, _, attribute = path.partition(":")
-    try:
-        module = importlib.import_module(module_name)
-    except (Exception, SystemExit) as error:  # a third party's module may raise anything while it is imported
-        reason = one_line(error) or type(error).__name__
-        raise BadInput(f"{kind} '{path}': cannot import {module_name} ({reason}); is it installed?") from error
-    try:
-        return getattr(module, attribute)
-    except AttributeError as error:
-        raise BadInput(f"{kind} '{path}': module {module_name} has no '{attribute}'") from error
+    return attribute(kind, path, load(kind, path))

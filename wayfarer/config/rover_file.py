@@ -11,6 +11,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
+from pathlib import Path
 from posixpath import normpath
 from typing import Annotated, Any, Literal, Self
 
@@ -18,8 +19,9 @@ from annotated_types import Interval
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from wayfarer.config.messages import located, shown, validated
+from wayfarer.config.own_file import forget_changed, names_file, whole_name
 from wayfarer.config.registry import check_buses, driver_names, find_driver
-from wayfarer.config.rover_path import ROVER_FILE_BYTES, SHIPPED, is_rover_file, rover_path
+from wayfarer.config.rover_path import ROVER_FILE_BYTES, SHIPPED, is_rover_file, own_folder, rover_path
 from wayfarer.config.settings import Chassis, MavlinkSettings
 from wayfarer.detector import DetectorSettings
 from wayfarer.errors import BadConfig, BadInput, UnknownName, one_line
@@ -160,6 +162,7 @@ class RoverConfig(BaseModel):
     @classmethod
     def _parts_have_their_drivers(cls, parts: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
         """Refuse a part whose driver is unknown or does not understand its settings, and two chips at one address."""
+        parts = _with_whole_names(parts)
         there: dict[tuple[str, int], tuple[str, object]] = {}  # drivers of one chip, such as a board's light, share it
         for part, table in parts.items():
             driver, settings = part_settings(part, table)
@@ -189,6 +192,18 @@ class RoverConfig(BaseModel):
         return self.model_copy(update={"anomaly_source": source})
 
 
+def _with_whole_names(parts: Mapping[str, Any], folder: Path | None = None) -> dict[str, Any]:
+    """Return the tables of parts, in which a driver's file has its whole path: a worker may be in another folder."""
+    found = dict(parts)
+    for part, table in parts.items():
+        if isinstance(table, dict) and isinstance(name := table.get("driver"), str):
+            try:
+                found[part] = table | {"driver": whole_name("driver", name, folder)}
+            except BadInput as error:
+                raise BadConfig(f"key 'parts.{part}.driver': {error}") from None
+    return found
+
+
 def part_settings(part: str, table: Mapping[str, Any]) -> tuple[Any, Any]:
     """Return the driver class of a part and its settings, from the part's table in a rover file.
 
@@ -198,7 +213,8 @@ def part_settings(part: str, table: Mapping[str, Any]) -> tuple[Any, Any]:
     key = f"parts.{part}"
     settings = dict(table)
     for setting, value in settings.items():
-        if isinstance(value, str) and len(value.encode()) > _TEXT_MAX:
+        path = setting == "driver" and isinstance(value, str) and names_file(value)
+        if isinstance(value, str) and len(value.encode()) > _TEXT_MAX and not path:
             raise ValueError(
                 f"key '{key}.{setting}' = {shown(value)}: {len(value.encode())} bytes; allowed are at most {_TEXT_MAX}"
             )
@@ -267,9 +283,13 @@ def parse_rover(name_or_path: str, text: str) -> RoverConfig:
         BadConfig: the text is not right; the error names key and what is allowed.
     """
     where = name_or_path if is_rover_file(name_or_path) else f"{name_or_path}.toml"
+    forget_changed()
     try:
         # The end of line lets the parser name the line of an error that is at the very end.
-        return validated(RoverConfig, tomllib.loads(text + "\n"))
+        table = tomllib.loads(text + "\n")
+        if isinstance(parts := table.get("parts"), dict):
+            table["parts"] = _with_whole_names(parts, own_folder(name_or_path))
+        return validated(RoverConfig, table)
     except BadConfig as error:
         raise BadConfig(located(where, str(error))) from None
     except (ValueError, RecursionError) as error:  # tomllib: syntax, endless numbers, brackets without end

@@ -23,3 +23,8 @@ def is_rover_file(name_or_path: str) -> bool:
 def rover_path(name_or_path: str) -> Path:
     """Return the file that is named, or that of a shipped rover."""
     return Path(name_or_path) if is_rover_file(name_or_path) else SHIPPED / f"{name_or_path}.toml"
+
+
+def own_folder(name_or_path: str) -> Path | None:
+    """Return where somebody's own drivers and algorithms are looked for first: beside his rover file."""
+    return rover_path(name_or_path).parent if is_rover_file(name_or_path) else None

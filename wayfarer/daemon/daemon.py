@@ -23,6 +23,7 @@ from wayfarer.commissioning.checks import ARMING, Check, HostEnvironment, Inspec
 from wayfarer.commissioning.checks.system import card_health
 from wayfarer.config.calibration_file import Calibration
 from wayfarer.config.factory import UNCALIBRATED
+from wayfarer.config.own_file import used
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.modes import Mode
 from wayfarer.control.run_log import RunLog, Tee
@@ -339,9 +340,12 @@ class Daemon:
                     feeding.cancel()
 
     def _header(self, about: dict[str, Any]) -> dict[str, Any]:
-        config = self._service.config.model_dump(mode="json")
+        config, algorithm = self._service.config.model_dump(mode="json"), self._service.algorithm
+        drivers = [table["driver"] for table in config["parts"].values()]
+        files = used({algorithm.name: algorithm.origin, **dict(zip(drivers, drivers, strict=True))})
         return {
             **about,
+            "files": {name: file._asdict() for name, file in files.items()},
             "world": msgspec.convert(self._setup.world, World | None),
             "seed": self._service.seed,
             "algorithm_seed": self._service.seed,

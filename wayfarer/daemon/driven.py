@@ -16,6 +16,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from wayfarer.config.registry import names_code
 from wayfarer.daemon.socket import paths
 from wayfarer.errors import BadInput
 from wayfarer.files import write_atomically
@@ -40,7 +41,7 @@ class DrivenBoard(NamedTuple):
     @property
     def names_code(self) -> bool:
         """Whether it names a function to import, and not only drivers and buses that are installed."""
-        return ":" in self.motors["driver"] or ":" in self.buses
+        return names_code(self.motors["driver"]) or names_code(self.buses)
 
 
 def write_record(socket_path: Path, driven: DrivenBoard) -> None:

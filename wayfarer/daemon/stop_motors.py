@@ -19,6 +19,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import NamedTuple
 
+from wayfarer.config.own_file import whole_name
 from wayfarer.config.registry import find_driver, make_buses
 from wayfarer.config.rover_path import ROVER_FILE_BYTES, rover_path
 from wayfarer.daemon.driven import DrivenBoard, device_of, known_records, other_commander, read_record
@@ -112,7 +113,7 @@ def motors_of(path: Path) -> tuple[DrivenBoard, os.stat_result]:
     Only ``[parts.motors]`` and ``buses`` are looked at: no mistake elsewhere may prevent a stop.
 
     Raises:
-        BadInput: the file cannot be read.
+        BadInput: the file cannot be read, or the driver's file is not there.
         BadConfig: it is no TOML, or there are no motors in it.
     """
     try:
@@ -128,6 +129,7 @@ def motors_of(path: Path) -> tuple[DrivenBoard, os.stat_result]:
     table = parts.get("motors") if isinstance(parts, dict) else None
     if not isinstance(table, dict) or not isinstance(table.get("driver"), str):
         raise BadConfig("no [parts.motors] with a driver: this rover has no wheels to stop")
+    table["driver"] = whole_name("driver", table["driver"], path.parent)  # as the daemon records it
     return DrivenBoard(table, str(rover.get("buses", "linux"))), about
 
 

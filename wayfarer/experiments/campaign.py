@@ -138,6 +138,7 @@ class Campaign(CampaignSettings):
             task.trial, task.algorithm, forest, self.trial_seed(task.trial), met.rover, met.budget_m, self.depth,
             faults, physics=met.physics, site=self.field_site, terrain=met.terrain,
             ground=met.ground, drawn=drawn, go_on=self.go_on,
+            files=self.files,
         )  # fmt: skip
 
     def settings(self) -> dict[str, Any]:
@@ -145,6 +146,7 @@ class Campaign(CampaignSettings):
         return {name: _as_json(getattr(self, name)) for name in ("version", *NAMES)} | {
             "rover": self.rover.model_dump(mode="json", warnings=False),  # that of a folder is not checked
             "forests": self.forests and {"file": self.forests.name, "blake2b": self.forests.blake2b},
+            **({"files": {name: file._asdict() for name, file in self.files.items()}} if self.files else {}),
         }
 
 

@@ -8,13 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wayfarer.config.messages import located, shown
+from wayfarer.config.own_file import forget_changed, used, whole_name
 from wayfarer.config.registry import find_algorithm
 from wayfarer.config.rover_file import RoverConfig, load_rover
+from wayfarer.config.rover_path import own_folder
 from wayfarer.config.settings import CLIMBING_KEYS
 from wayfarer.errors import BadConfig, BadInput, MissingPackage, UnknownName, one_line
 from wayfarer.escape.catalogue import CATALOGUE
 from wayfarer.experiments.campaign import Campaign
-from wayfarer.experiments.keys import OWN, check_keys, check_ranges, corners, settings_of
+from wayfarer.experiments.keys import OWN, PARTS, check_keys, check_ranges, corners, settings_of
 from wayfarer.experiments.settings import FORMS, NAMES, checked_plain
 from wayfarer.extras import require
 from wayfarer.simhal.world.forest_file import read_forest_file
@@ -52,12 +54,19 @@ def make_campaign(asked: Mapping[str, Any], spell: Callable[[str], str] = str, s
         raise BadInput(f"{spell('site')} and {spell('forests')} do not go together: leave one of them out")
     if site is not None and asked.get("go_on"):
         raise BadInput(f"{spell('go_on')} has no effect with {spell('site')}: a rover goes on there; leave it out")
+    folder = None if isinstance(rover, RoverConfig) else own_folder(where)
+    values = settings_of(texts.get("set", {}), spell("set"))
+    for key, value in values.items():
+        if key.startswith(PARTS) and key.endswith(".driver"):  # a worker may be in another folder
+            values[key] = whole_name("driver", str(value), folder)
+    forget_changed()
+    names = algorithms(texts.get("algorithms", Campaign.algorithms), folder)
     campaign = Campaign(
-        algorithms(texts.get("algorithms", Campaign.algorithms)),
+        names,
         rover=rover if isinstance(rover, RoverConfig) else load_rover(where),
         forests=None if forests is None else read_forest_file(forests),
         site=site,
-        set=settings_of(texts.get("set", {}), spell("set")),
+        set=values,
         faults=tuple(texts.get("faults", ())),
         **plain,
     )
@@ -71,7 +80,8 @@ def make_campaign(asked: Mapping[str, Any], spell: Callable[[str], str] = str, s
     campaign = check_ranges(replace(campaign, set=rest, **checked_plain(own, "key '{}'".format)))
     check_points([campaign], where)
     checked_faults(campaign.faults, campaign.fixed.rover, campaign.depth)
-    return campaign
+    drivers = [str(table["driver"]) for table in campaign.fixed.rover.parts.values()]
+    return replace(campaign, files=used({name: whole_name("file", name, folder) for name in [*names, *drivers]}))
 
 
 def _in_form(name: str, value: Any, spell: Callable[[str], str]) -> Any:
@@ -122,8 +132,8 @@ def check_together(campaign: Campaign, spell: Callable[[str], str], swept: Seque
         )
 
 
-def algorithms(asked: Iterable[str]) -> tuple[str, ...]:
-    """Return the algorithms that texts with commas name, each once, in the order asked.
+def algorithms(asked: Iterable[str], folder: Path | None = None) -> tuple[str, ...]:
+    """Return the algorithms that texts with commas name, each once, in the order asked; ``folder``: the rover file's.
 
     Raises:
         UnknownName: no such algorithm; the text offers the nearest names.
@@ -132,7 +142,7 @@ def algorithms(asked: Iterable[str]) -> tuple[str, ...]:
     names = [name.strip() for name in ",".join(asked).split(",")]
     expanded = dict.fromkeys(name for item in names for name in (CATALOGUE if item == PAPER_SET else [item]))
     for name in expanded:
-        find_algorithm(name)
+        find_algorithm(name, folder)
     return tuple(expanded)
 
 

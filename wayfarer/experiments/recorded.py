@@ -15,6 +15,7 @@ from typing import Annotated, Any, TypeVar
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from wayfarer.config.messages import key_and_problem, shown
+from wayfarer.config.own_file import OwnFile
 from wayfarer.config.registry import refuse_code
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import BadInput, one_line
@@ -83,6 +84,15 @@ class _AxisAsWritten(BaseModel):
     now: bool | Number | Name | None
 
 
+class _OwnFileAsWritten(BaseModel):
+    """Which file somebody's own algorithm or driver was in."""
+
+    model_config = ConfigDict(strict=True)
+
+    path: Name
+    blake2b: Name
+
+
 class _AsWritten(BaseModel):
     """The settings that people write in another form than ``campaign.json`` has them; none may be missing."""
 
@@ -95,6 +105,7 @@ class _AsWritten(BaseModel):
     site: str | None
     set: dict[Name, bool | Number | Name | tuple[Number, Number]]
     faults: list[Annotated[str, AfterValidator(_is_fault)]]
+    files: dict[Name, _OwnFileAsWritten] = {}
     axes: Annotated[list[_AxisAsWritten], Field(max_length=MOST_AXES)] = []
 
 
@@ -132,6 +143,7 @@ def recorded(table: Any) -> Plan:
         set=found.set,
         faults=tuple(found.faults),
         version=found.version,
+        files={name: OwnFile(file.path, file.blake2b) for name, file in found.files.items()},
         **plain,
     )
     if not found.axes:
@@ -168,7 +180,7 @@ def rebuild(campaign: Campaign, folder: Path, *, allow_code: bool = False) -> Ca
     Args:
         campaign: as ``read_plan`` gives it.
         folder: where its forests are.
-        allow_code: import what the settings name as ``"module:attribute"``, which may be any module.
+        allow_code: import what the settings name as a file or ``"module:attribute"``, which may be any one.
 
     Raises:
         BadInput: this version does not understand the rover, the forests are not in the folder, or the settings

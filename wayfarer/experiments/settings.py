@@ -31,6 +31,7 @@ from wayfarer.setting_ranges import Metres
 from wayfarer.simhal.world.physics import Depth, GroundName, PhysicsName
 
 if TYPE_CHECKING:
+    from wayfarer.config.own_file import OwnFile
     from wayfarer.config.rover_file import RoverConfig
     from wayfarer.simhal.world.forest_file import ForestFile
 
@@ -49,8 +50,8 @@ class CampaignSettings:
     """All that decides the results of a campaign: the same settings give the same rows, on any computer."""
 
     algorithms: tuple[str, ...] = ("forest-pledge",)
-    """Escape algorithms: names that ``wayfarer list`` prints, or your own as ``module:attribute``; ``paper`` means all
-    ten of the paper. A name given twice runs once."""
+    """Escape algorithms: names that ``wayfarer list`` prints, or your own as ``FILE.py:NAME`` or ``module:attribute``;
+    ``paper`` means all ten of the paper. A name given twice runs once."""
     trials: Annotated[int, Interval(ge=1, le=MOST_TRIALS)] = 1000
     """Trials of each algorithm."""
     rover: RoverConfig = "sim"  # type: ignore[assignment]  # a name, until it is checked
@@ -87,6 +88,8 @@ class CampaignSettings:
     and at a site; slower. Without it its trial ends there, entrapped."""
     version: str = __version__
     """Of the software: not asked for, but kept with the results."""
+    files: Mapping[str, OwnFile] = field(default_factory=dict)
+    """The files of one's own that algorithms and drivers are in, by their names: kept with the results, too."""
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
@@ -99,7 +102,7 @@ class CampaignSettings:
         return {key: value for key, value in self.set.items() if not isinstance(value, tuple)}
 
 
-NAMES = tuple(each.name for each in fields(CampaignSettings) if each.name != "version")
+NAMES = tuple(each.name for each in fields(CampaignSettings) if each.name not in {"version", "files"})
 
 
 class Form(NamedTuple):
@@ -132,7 +135,7 @@ def option_of(name: str) -> str:
 @cache
 def plain_kind() -> Any:
     """Return a dataclass of the settings that are a number, a switch or one of a few words: what pydantic checks."""
-    unchecked = {"RoverConfig": object, "ForestFile": object}
+    unchecked = {"RoverConfig": object, "ForestFile": object, "OwnFile": object}
     types = get_type_hints(CampaignSettings, None, unchecked, include_extras=True)
     plain = [each for each in fields(CampaignSettings) if each.name in NAMES and each.name not in FORMS]
     return make_dataclass("Plain", [(each.name, types[each.name], field(default=each.default)) for each in plain])

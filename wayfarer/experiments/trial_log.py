@@ -61,6 +61,8 @@ def field_log(
         "world": msgspec.convert(as_row(forest), World),
         "budget_m": spec.budget_m,
     }
+    if spec.files:
+        details["files"] = {name: file._asdict() for name, file in spec.files.items()}
     if spec.terrain is not None:
         details["mujoco"] = asdict(spec.terrain)
     if spec.ground is not GroundName.ideal:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import TYPE_CHECKING
 
+from wayfarer.config.own_file import OwnFile, as_used, check_same
 from wayfarer.config.registry import find_algorithm
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.run_log import RunLog
@@ -39,6 +40,7 @@ class TrialSpec:
     its time is limited. With a ``terrain`` the body moves in MuJoCo and not in physics-light; of ``physics`` then count
     the noise of the senses, the slope, unequal sides, slips (as mud) and tipping. ``ground`` is what physics-light has
     under the wheels. ``drawn`` are the keys that this trial drew, whose values are in the other fields, for its row.
+    ``files`` are the files that algorithm and drivers are in, if they are somebody's own, by their names here.
     At a site, and with ``go_on``, the trial of a rover that is lost does not end before its budget or its time.
     """
 
@@ -57,6 +59,7 @@ class TrialSpec:
     ground: GroundName = GroundName.ideal
     drawn: Mapping[str, float] = field(default_factory=dict)
     go_on: bool = False
+    files: Mapping[str, OwnFile] = field(default_factory=dict)
 
 
 class TrialSetup:
@@ -70,7 +73,8 @@ class TrialSetup:
     def __init__(self, spec: TrialSpec, make_log: MakeLog) -> None:
         self.config = spec.rover
         loop, streams = asyncio.get_running_loop(), RandomStreams(spec.seed, spec.sensor_noise)
-        algorithm = find_algorithm(spec.algorithm)
+        check_same(spec.files.values())
+        algorithm = find_algorithm(as_used(spec.algorithm, spec.files))
         handler = algorithm.make(spec.rover.escape, spec.rover.vehicle, streams.random("algorithm"))
         self.world = _world(spec, streams)
         if spec.faults:

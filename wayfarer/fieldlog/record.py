@@ -100,6 +100,7 @@ class Header(Record, kw_only=True, tag="run"):
     ladder_seed: int | str | None = None
     config: dict[str, Any] | None = None
     config_hash: str | None = None
+    files: dict[str, dict[str, str]] = {}
     parts: dict[str, str] = {}
     calibration: dict[str, Any] | None = None
     simulated: bool | None = None

@@ -18,6 +18,7 @@ import msgspec
 from pydantic import ValidationError
 
 from wayfarer.config.messages import explain
+from wayfarer.config.own_file import OwnFile, as_used
 from wayfarer.config.registry import find_algorithm, refuse_code
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.controller import Controller
@@ -65,7 +66,7 @@ def replay(run: Path, config: RoverConfig | None = None, *, allow_code: bool = F
     Args:
         run: a run's folder.
         config: settings to try instead of those that the rover had.
-        allow_code: import the algorithm that the log names as ``"module:attribute"``, which may be any module.
+        allow_code: import the algorithm that the log names as a file or ``"module:attribute"``, which may be any one.
 
     Raises:
         BadInput: no log, one whose beginning is gone, or one of an algorithm or settings that there are no more.
@@ -106,7 +107,8 @@ class Rerun:
         if not allow_code:
             refuse_code(header.algorithm)
         config = config or _config_of(header.config)
-        algorithm = find_algorithm(header.algorithm)
+        files = {name: OwnFile(file.get("path", ""), file.get("blake2b", "")) for name, file in header.files.items()}
+        algorithm = find_algorithm(as_used(header.algorithm, files))
         handler = algorithm.make(config.escape, config.vehicle, Random(header.algorithm_seed))
         detector = make_detector(
             config, needs_of(algorithm, config),

@@ -1,16 +1,19 @@
 """Finds the simulated chip of a driver and puts it on the simulated buses.
 
 Built-in chips are in ``built_in_chips.py``. A third party adds one with an entry point in the group ``wayfarer.chips``,
-under the driver's name, or by the attribute ``simulated_chip = "module:attribute"`` of its driver class; no file of
-wayfarer is touched.
+under the driver's name, or by the attribute ``simulated_chip = "FILE.py:NAME"`` of its driver class, or
+``"module:attribute"``; no file of wayfarer is touched.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from inspect import getfile
+from pathlib import Path
 from typing import Any, Final, Protocol
 
+from wayfarer.config.own_file import whole_name
 from wayfarer.config.registry import BUILT_IN_DRIVERS, installed_points, load_path
 from wayfarer.config.rover_file import part_settings
 from wayfarer.errors import BadInput
@@ -121,7 +124,7 @@ def chip_of(part: str, table: Mapping[str, Any]) -> tuple[SimulatedChip | None, 
     elif name in (points := installed_points(CHIP_GROUP)):
         path = points[name].value
     elif hasattr(driver, "simulated_chip"):
-        path = driver.simulated_chip
+        path = whole_name("chip", driver.simulated_chip, Path(getfile(driver)).parent)
     else:
         return None, settings
     chip = load_path("chip", path)

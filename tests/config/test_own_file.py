@@ -1,0 +1,318 @@
+"""A driver or an algorithm in a file of one's own: which file it is, what in it is meant, and what is wrong with it."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import sys
+from collections.abc import Iterator
+from hashlib import blake2b
+from pathlib import Path
+
+import pytest
+
+import wayfarer
+from wayfarer.config.own_file import as_used, check_same, forget_changed, names_file, split, used, whole_name
+from wayfarer.config.registry import find_algorithm, find_driver
+from wayfarer.config.rover_file import RoverConfig, load_rover
+from wayfarer.errors import BadConfig, BadInput, UnknownName
+
+HANDLER = """
+from __future__ import annotations
+from dataclasses import dataclass
+from wayfarer.escape.catalogue import CATALOGUE
+
+@dataclass
+class Memory:
+    turns: int = 0
+
+class Spiral:
+    \"\"\"Round and round.\"\"\"
+
+    def __init__(self, settings, vehicle, rng):
+        self._inner = CATALOGUE["rand-pledge"].make(settings, vehicle, rng)
+        self.decide, self.reset, self.memory = self._inner.decide, self._inner.reset, self._inner.memory
+
+    def decide(self, observation): ...
+    def reset(self): ...
+    def memory(self): ...
+"""
+DRIVER = """
+from dataclasses import dataclass
+
+class Needle:
+    part, name = "compass", "needle"
+
+    @dataclass(frozen=True)
+    class Settings:
+        address: int = 0x28
+
+    def __init__(self, settings, buses): ...
+    async def open(self): ...
+    async def read(self): ...
+    async def close(self): ...
+"""
+
+
+@pytest.fixture(autouse=True)
+def nothing_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Each test is in an empty folder, and what it loads is forgotten."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    before = {*sys.modules}
+    yield
+    for name in {*sys.modules} - before:
+        if name.startswith("wayfarer_own_"):
+            del sys.modules[name]
+
+
+def written(folder: Path, name: str, text: str) -> Path:
+    folder.mkdir(exist_ok=True)
+    (folder / name).write_text(text)
+    return folder / name
+
+
+# -- which file --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "parts"),
+    [
+        ("spiral.py", ("spiral.py", "")),
+        ("spiral.py:Spiral", ("spiral.py", "Spiral")),
+        ("a/b:c/spiral.py", ("a/b:c/spiral.py", "")),
+        ("/a:b/spiral.py:In.Ner", ("/a:b/spiral.py", "In.Ner")),
+        ("a:b.py", ("a:b.py", "")),
+        ("./rules:Spiral", ("./rules", "Spiral")),
+    ],
+)
+def test_slash_or_py_decides_that_a_name_is_a_file_s(name: str, parts: tuple[str, str]) -> None:
+    assert (names_file(name), split(name)) == (True, parts)
+
+
+@pytest.mark.parametrize("name", ["forest-pledge", "module:attribute", "pkg.module:Class.inner", "cmps14", ""])
+def test_other_names_are_no_file_s(name: str) -> None:
+    assert not names_file(name)
+    assert whole_name("algorithm", name) == name
+
+
+def test_file_beside_the_rover_file_comes_before_one_in_the_current_folder(tmp_path: Path) -> None:
+    here = written(tmp_path, "spiral.py", HANDLER)
+    there = written(tmp_path / "rover", "spiral.py", HANDLER)
+    assert whole_name("algorithm", "spiral.py:Spiral", tmp_path / "rover") == f"{there}:Spiral"
+    assert whole_name("algorithm", "spiral.py:Spiral", tmp_path / "elsewhere") == f"{here}:Spiral"
+    assert whole_name("algorithm", "rover/../spiral.py") == str(here)
+
+
+def test_driver_s_file_has_its_whole_path_in_a_rover_that_was_read(tmp_path: Path) -> None:
+    file = written(tmp_path / "rover", "needle.py", DRIVER)
+    rover = written(tmp_path / "rover", "rover.toml", ROVER)
+    assert load_rover(str(rover)).parts["compass"]["driver"] == f"{file}:Needle"
+    with pytest.raises(BadConfig, match=rf"needle\.py; looked in {tmp_path}; the name"):
+        RoverConfig.model_validate({"name": "r", "vehicle": {}, "parts": {"compass": {"driver": "needle.py:Needle"}}})
+
+
+ROVER = """
+name = "mine"
+[vehicle]
+length_m = 0.4
+width_m = 0.4
+track_m = 0.5
+max_speed_m_s = 1.0
+[parts.compass]
+driver = "needle.py:Needle"
+"""
+
+
+def test_long_path_of_a_driver_is_no_long_text(tmp_path: Path) -> None:
+    folder = tmp_path / ("long" * 40) / ("folder" * 30)
+    folder.mkdir(parents=True)
+    written(folder, "needle.py", DRIVER)
+    assert load_rover(str(written(folder, "rover.toml", ROVER))).parts["compass"]["driver"].endswith("needle.py:Needle")
+
+
+# -- what in it --------------------------------------------------------------------------------------------------------
+
+
+def test_class_of_a_file_is_an_algorithm_under_the_name_that_was_asked_for(tmp_path: Path) -> None:
+    file = written(tmp_path, "spiral.py", HANDLER)
+    found = find_algorithm("spiral.py")
+    assert (found.name, found.origin, found.summary) == ("spiral.py", str(file), "Round and round.")
+    assert found.make is find_algorithm(f"{file}:Spiral").make
+
+
+def test_row_in_a_file_counts_before_the_class_it_is_made_of(tmp_path: Path) -> None:
+    row = 'from wayfarer.escape.catalogue import Algorithm\nmine = Algorithm("m", "f", "a row", Spiral)\n'
+    written(tmp_path, "spiral.py", HANDLER + row)
+    assert find_algorithm("spiral.py").summary == "a row"
+
+
+def test_driver_s_class_is_found_without_its_name(tmp_path: Path) -> None:
+    written(tmp_path, "needle.py", DRIVER)
+    assert find_driver("needle.py").__name__ == "Needle"
+
+
+def test_two_that_fit_are_listed_with_the_text_to_write(tmp_path: Path) -> None:
+    written(tmp_path, "needle.py", DRIVER + "class Other(Needle): ...\n")
+    with pytest.raises(BadInput, match=r"several in it fit; write needle\.py:Needle or needle\.py:Other$"):
+        find_driver("needle.py")
+
+
+def test_objects_of_a_file_can_be_pickled_and_one_file_is_executed_once(tmp_path: Path) -> None:
+    written(tmp_path, "spiral.py", HANDLER)
+    handler = find_algorithm("spiral.py").make
+    memory = sys.modules[handler.__module__].Memory(3)
+    assert pickle.loads(pickle.dumps(memory)) == memory
+    assert find_algorithm("./spiral.py:Spiral").make is handler
+
+
+def test_file_imports_its_neighbours_and_hides_no_installed_module(tmp_path: Path) -> None:
+    written(tmp_path, "json.py", "raise RuntimeError('hidden')")
+    written(tmp_path, "neighbour_of_spiral.py", "ANGLE = 7")
+    written(tmp_path, "spiral.py", HANDLER + "\nimport json\nfrom neighbour_of_spiral import ANGLE\n")
+    sys.modules.pop("neighbour_of_spiral", None)
+    find_algorithm("spiral.py")
+    assert sys.path[-1] == str(tmp_path)
+    assert not list(tmp_path.glob("__pycache__/spiral.*")), "nothing is written beside it"
+
+
+def test_file_that_was_edited_is_loaded_again(tmp_path: Path) -> None:
+    file = written(tmp_path, "spiral.py", HANDLER)
+    before, names = used({"s": str(file)}), find_algorithm("spiral.py").make
+    forget_changed()
+    assert find_algorithm("spiral.py").make is names
+    written(tmp_path, "spiral.py", HANDLER.replace("Round and round", "Straight on"))
+    forget_changed()
+    assert find_algorithm("spiral.py").summary == "Straight on."
+    assert used({"s": str(file)})["s"].blake2b != before["s"].blake2b
+
+
+# -- three errors ------------------------------------------------------------------------------------------------------
+
+
+def test_file_that_is_not_there_is_told_with_the_folders_and_near_names(tmp_path: Path) -> None:
+    written(tmp_path / "rover", "spiral.py", HANDLER)
+    with pytest.raises(BadInput) as caught:
+        find_algorithm("spirl.py:Spiral", tmp_path / "rover")
+    looked = f"looked in {tmp_path / 'rover'} and {tmp_path}"
+    assert str(caught.value) == (
+        f"algorithm 'spirl.py:Spiral': no such file spirl.py; {looked}; did you mean spiral.py?"
+    )
+
+
+def test_name_without_its_file_s_ending_is_told_what_to_write(tmp_path: Path) -> None:
+    written(tmp_path, "spiral.py", HANDLER)
+    with pytest.raises(UnknownName, match=rf"; a file spiral\.py is in {tmp_path}: write spiral\.py$"):
+        find_algorithm("spiral")
+    with pytest.raises(BadInput, match=r"cannot import spiral .*: write spiral\.py:Spiral$"):
+        find_algorithm("spiral:Spiral")
+    with pytest.raises(BadInput, match=r"no such file spiral; .* did you mean spiral\.py\?"):
+        find_algorithm("./spiral:Spiral")
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("\n\nprint(undefined)\n", r"broken\.py:3: NameError: name 'undefined' is not defined$"),
+        ("def f(:\n", r"broken\.py:1: SyntaxError: invalid syntax$"),
+        ("x = 1\nimport no_such_thing.inner\n", r"broken\.py:2: ModuleNotFoundError: .*; install no_such_thing for /"),
+        ("import json\n\njson.loads('{')\n", r"broken\.py:3: JSONDecodeError: .* \(raised in decoder\.py:\d+\)$"),
+        ("def f():\n    return 1 / 0\n\nf()\n", r"broken\.py:2: ZeroDivisionError: division by zero$"),
+        ("raise SystemExit(3)\n", r"broken\.py:1: SystemExit: 3$"),
+        ("x = '\0'\n", r"broken(\.py)?: .*null byte"),
+    ],
+)
+@pytest.mark.parametrize("name", ["broken.py:It", "broken:It"])
+def test_file_that_fails_is_told_by_its_last_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, text: str, says: str
+) -> None:
+    written(tmp_path, "broken.py", text)
+    monkeypatch.syspath_prepend(tmp_path)
+    for find in (find_algorithm, find_driver):
+        sys.modules.pop("broken", None)
+        with pytest.raises(BadInput, match=rf"broken.*:It' failed while it was loaded: {says}") as caught:
+            find(name)
+        assert "\n" not in str(caught.value)
+        assert caught.value.__cause__ is not None, "for whoever wants the traceback"
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "says"),
+    [
+        ("", "own.py", "nothing in it fits: no class is in it"),
+        ("class A: ...", "own.py:A", r"own\.py:A lacks decide\(\), memory\(\), reset\(\); write that, then check_algo"),
+        ("def a(): ...", "own.py:a", r"own\.py:a is a function, and neither a class nor a wayfarer"),
+        (HANDLER, "own.py:Spirale", r"own\.py has no 'Spirale': did you mean Spiral\?$"),
+        (HANDLER.replace(", rng):", "):"), "own.py", r"Spiral cannot be made with \(settings, vehicle, rng\)"),
+    ],
+)
+def test_what_is_no_algorithm_is_told_by_what_is_missing(tmp_path: Path, text: str, name: str, says: str) -> None:
+    written(tmp_path, "own.py", text)
+    with pytest.raises(BadInput, match=says):
+        find_algorithm(name)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (DRIVER.replace("part,", "prt,"), r"lacks the class attribute part, one of compass, motors, "),
+        (DRIVER.replace('"compass"', '"compas"'), r"lacks the class attribute part, one of compass, "),
+        (DRIVER.replace("async def read", "async def get"), r"Needle lacks read\(\); write that, then the checks of"),
+        (DRIVER.replace('"compass"', '"motors"'), r"lacks drive\(\), halt\(\), health\(\), read_back\(\), stop\(\); "),
+        (DRIVER.replace("    @dataclass(frozen=True)\n", ""), r"lacks the dataclass Settings"),
+        (DRIVER.replace(", buses):", "):"), r"cannot be made with \(settings, buses\)"),
+    ],
+)
+def test_what_is_no_driver_is_told_by_what_is_missing(tmp_path: Path, text: str, says: str) -> None:
+    written(tmp_path, "needle.py", text)
+    with pytest.raises(BadInput, match=says):
+        find_driver("needle.py:Needle")
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root is careful whose code it runs")
+@pytest.mark.parametrize(
+    ("spoil", "order"),
+    [
+        (lambda file: os.chown(file, 12345, 0), "sudo chown root {file}, or"),
+        (lambda file: file.chmod(0o664), "sudo chmod go-w {file}, or"),
+        (lambda file: file.parent.chmod(0o1777), "sudo chmod go-w {folder}, or"),
+        (lambda file: os.chown(file.parent, 12345, 0), "sudo chown root {folder}, or"),
+        (lambda file: file.parent.parent.chmod(0o777), "sudo chmod go-w {above}, or"),
+    ],
+)
+def test_root_loads_no_file_that_another_user_could_change(tmp_path: Path, spoil: object, order: str) -> None:
+    file = written(tmp_path / "above", "x", "").parent / "rover" / "spiral.py"
+    written(file.parent, "spiral.py", HANDLER)
+    find_algorithm(str(file))
+    forget_changed()
+    file.write_text(HANDLER + "# another\n")
+    forget_changed()
+    spoil(file)  # type: ignore[operator]
+    said = order.format(file=file, folder=file.parent, above=file.parent.parent)
+    with pytest.raises(BadInput, match=f"another user can change {file}, and root would run it; {said}"):
+        find_algorithm(str(file))
+
+
+def test_worker_that_has_an_earlier_version_of_a_file_loads_the_one_that_is_asked_for(tmp_path: Path) -> None:
+    file = written(tmp_path, "spiral.py", HANDLER)
+    (earlier,) = used({"s": str(file)}).values()
+    written(tmp_path, "spiral.py", HANDLER + "# edited\n")
+    now = earlier._replace(blake2b=blake2b((HANDLER + "# edited\n").encode(), digest_size=16).hexdigest())
+    check_same([now])
+    with pytest.raises(BadInput, match="is not the file that the campaign began with"):
+        check_same([earlier])
+
+
+# -- where it is used --------------------------------------------------------------------------------------------------
+
+
+def test_trials_say_which_file_they_used_and_refuse_another_one(tmp_path: Path) -> None:
+    file = written(tmp_path, "spiral.py", HANDLER)
+    results = wayfarer.run_campaign("spiral.py:Spiral", trials=1, out=tmp_path / "out")
+    assert [row["algorithm"] for row in results.trials] == ["spiral.py:Spiral"]
+    files = results.plan.base.files
+    assert files["spiral.py:Spiral"].path == str(file)
+    assert as_used("spiral.py:Spiral", files) == f"{file}:Spiral"
+    written(tmp_path, "spiral.py", HANDLER + "# edited\n")
+    with pytest.raises(BadInput, match=r"belongs to another campaign: files\.spiral\.py:Spiral\.blake2b is"):
+        wayfarer.run_campaign("spiral.py:Spiral", trials=1, out=tmp_path / "out", resume=True)
