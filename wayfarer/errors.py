@@ -109,19 +109,18 @@ class NotThereYet(WayfarerError):
 
 
 class DriverError(WayfarerError):
-    """A part did not do what was asked of it."""
+    """A part did not do what was asked of it.
 
-
-class NotResponding(DriverError):
-    """No answer from the part.
-
-    ``what`` is what happened. ``remedy`` is what to do if the computer is the reason, such as a missing permission;
-    without it, look at wiring, power and address.
+    ``what`` is what happened. ``remedy`` is what to do, if the driver knows better than to look at wiring and power.
     """
 
     def __init__(self, what: str, remedy: str = "") -> None:
         super().__init__(f"{what}; {remedy}" if remedy else what)
         self.what, self.remedy = what, remedy
+
+
+class NotResponding(DriverError):
+    """No answer from the part; with a ``remedy`` if the computer is the reason, such as a missing permission."""
 
 
 class NotInstalled(NotResponding):

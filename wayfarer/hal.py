@@ -253,6 +253,13 @@ class HasErrorCounts(Driver, Protocol):
         """The number of each error since the part was made, by a short name: ``{"reads retried": 3}``."""
 
 
+@runtime_checkable
+class HasNote(Driver, Protocol):
+    """An optional attribute of a compass: what a person should know of how it is connected, for ``wayfarer check``."""
+
+    note: str
+
+
 def error_counts_of(part: Driver) -> Mapping[str, int]:
     """Return the error counts of a part; empty if it does not count."""
     return part.error_counts if isinstance(part, HasErrorCounts) else {}

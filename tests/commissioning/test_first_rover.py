@@ -61,6 +61,7 @@ def test_forestrover(tmp_path: Path, runner: asyncio.Runner) -> None:
     machine = computers.forestrover(tmp_path, runner)
     found = machine.look()
     assert found.seen == [
+        ("nothing", "BNO055 at 0x28 on /dev/i2c-1, nor at 0x29"),
         ("found", "CMPS14 firmware 7 at 0x60 on /dev/i2c-1"),
         ("nothing", "CMPS14 at 0x61 on /dev/i2c-1, nor at 6 more addresses up to 0x67"),
         ("nothing", "gpsd at 127.0.0.1:2947"),
@@ -184,7 +185,8 @@ def test_looking_writes_nothing(
     for bus in ("/dev/i2c-1", "/dev/i2c-3"):
         watched = machine.buses.i2c(bus)
         assert isinstance(watched, computers.WatchedI2C)
-        assert watched.written <= {*((address, b"\0") for address in range(0x60, 0x68)), (0x15, bytes([153]))}
+        compasses = {(address, b"\0") for address in (0x28, 0x29, *range(0x60, 0x68))}
+        assert watched.written <= compasses | {(0x15, bytes([153]))}
     for device in ("/dev/spidev0.0", "/dev/spidev0.1"):
         spi = machine.buses.spi(device)
         assert isinstance(spi, computers.WatchedSPI)

@@ -268,6 +268,22 @@ def test_two_chips_at_one_address_of_a_bus_are_refused(tmp_path: Path, parts: st
     )
 
 
+SERIAL_COMPASS = '[parts.compass]\ndriver = "bno055"\nport = "{}"\n'
+SERIAL_MOTORS = '[parts.motors]\ndriver = "sabertooth"\nport = "/dev/serial0"\n'
+
+
+def test_two_parts_at_one_serial_port_are_refused_and_the_address_of_a_part_on_a_port_does_not_count(
+    tmp_path: Path,
+) -> None:
+    for port in ("/dev/serial0", "/dev/../dev/serial0"):
+        assert complaint(tmp_path, rover_toml(rest=SERIAL_COMPASS.format(port) + SERIAL_MOTORS)) == (
+            "key 'parts.motors.port' = '/dev/serial0': parts.compass is on this port already; correct one of them"
+        )
+    elsewhere = SERIAL_COMPASS.format("/dev/ttyAMA2")
+    assert load(tmp_path, rover_toml(rest=elsewhere + SERIAL_MOTORS)).parts
+    assert load(tmp_path, rover_toml(rest=elsewhere + I2C_MOTORS.format("0x28"))).parts
+
+
 def test_stopping_the_motors_reads_past_a_byte_order_mark(tmp_path: Path) -> None:
     """With its first key unread, the file's ``buses`` would be taken for the Raspberry Pi's own."""
     path = tmp_path / "rover.toml"

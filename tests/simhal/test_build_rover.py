@@ -123,6 +123,15 @@ def test_rover_with_a_roboclaw_runs_the_same_trial_at_both_depths() -> None:
     assert device.path_m > 15.0
 
 
+@pytest.mark.parametrize("place", [{"bus": "/dev/i2c-1"}, {"port": "/dev/ttyAMA2"}])
+def test_bno055_steers_a_trial_on_each_of_its_lines(place: dict[str, str]) -> None:
+    rover = with_part(load_rover("sim"), compass={"driver": "bno055", "heading_offset_deg": 90.0} | place)
+    spec = TrialSpec(0, "forest-pledge", generate_forest(1, 0, 0), 1, rover, budget_m=6.0, depth=Depth.BUS)
+    result = run_trial(spec)
+    assert result.outcome == "entrapped", "its budget is over"
+    assert result.path_m > 1.0
+
+
 # -- motors ------------------------------------------------------------------------------------------------------
 
 

@@ -149,7 +149,8 @@ async def _ask(
             found.parts.setdefault(driver.part, FoundPart(name, place, there.name))
             found.seen.append(("found", there.name))
     if silent:
-        more = f", nor at {len(silent) - 1} more addresses up to 0x{places[-1]['address']:02X}" if silent[1:] else ""
+        more = f"{len(silent) - 1} more addresses up to " if silent[2:] else ""
+        more = f", nor at {more}0x{places[-1]['address']:02X}" if silent[1:] else ""
         found.seen.append(("nothing", silent[0] + more))
 
 

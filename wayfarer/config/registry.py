@@ -31,6 +31,7 @@ DRIVER_GROUP = "wayfarer.drivers"
 
 # Built-in drivers, by the name that a rover file uses. The module is imported when the part is chosen, never before.
 BUILT_IN_DRIVERS: Mapping[str, str] = {
+    "bno055": "wayfarer.drivers.bno055:BNO055",
     "bumper": "wayfarer.drivers.bumper:Bumper",
     "camera_motion": "wayfarer.drivers.camera_motion:CameraMotion",
     "cmps14": "wayfarer.drivers.cmps14:CMPS14",

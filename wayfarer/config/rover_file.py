@@ -161,15 +161,24 @@ class RoverConfig(BaseModel):
     @field_validator("parts")
     @classmethod
     def _parts_have_their_drivers(cls, parts: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
-        """Refuse a part whose driver is unknown or does not understand its settings, and two chips at one address."""
+        """Refuse a part whose driver is unknown or does not understand its settings, and two chips at one place."""
         parts = _with_whole_names(parts)
-        there: dict[tuple[str, int], tuple[str, object]] = {}  # drivers of one chip, such as a board's light, share it
+        # By serial port, or bus and address; drivers of one chip, such as a board's light, share it.
+        there: dict[tuple[str, int | None], tuple[str, object]] = {}
         for part, table in parts.items():
             driver, settings = part_settings(part, table)
-            if (address := getattr(settings, "address", None)) is None:
+            port, address = getattr(settings, "port", None), getattr(settings, "address", None)
+            bus = port if port and isinstance(port, str) else str(getattr(settings, "bus", ""))
+            if bus == port:
+                address = None
+            elif address is None:
                 continue
-            chip, bus = getattr(driver, "chip", driver), str(getattr(settings, "bus", getattr(settings, "port", "")))
+            chip = getattr(driver, "chip", driver)
             other, of = there.setdefault((normpath(bus), address), (part, chip))
+            if of != chip and address is None:
+                raise ValueError(
+                    f"key 'parts.{part}.port' = '{bus}': parts.{other} is on this port already; correct one of them"
+                )
             if of != chip:
                 raise ValueError(
                     f"key 'parts.{part}.address' = 0x{address:02X}: parts.{other} has this address on {bus} already; "

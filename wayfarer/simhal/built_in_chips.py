@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from wayfarer.drivers import cmps14, pmw3901, roboclaw_board, sabertooth, thunderborg
+from wayfarer.drivers import bno055, cmps14, pmw3901, roboclaw_board, sabertooth, thunderborg
+from wayfarer.drivers.bno055 import BNO055Settings
 from wayfarer.drivers.camera_motion import CameraMotionSettings
 from wayfarer.drivers.cmps14 import CMPS14Settings
 from wayfarer.drivers.pmw3901 import PMW3901Settings
@@ -17,6 +18,7 @@ from wayfarer.drivers.roboclaw_wheels import RoboClawWheelsSettings
 from wayfarer.drivers.sabertooth import SabertoothSettings
 from wayfarer.drivers.thunderborg import ThunderBorgSettings
 from wayfarer.simhal.chip_wiring import ChipWiring, SimulatedChip
+from wayfarer.simhal.chips.bno055 import BNO055Chip
 from wayfarer.simhal.chips.cmps14 import CMPS14Chip
 from wayfarer.simhal.chips.motor_boards import SabertoothChip, ThunderBorgChip
 from wayfarer.simhal.chips.pmw3901 import PMW3901Chip
@@ -31,7 +33,9 @@ GROUND_M_PER_PIXEL = 0.0015  # of the simulated camera, where the rover file giv
 class MountedCompass(HeadingSensorModel):
     """What a compass feels that is mounted as the rover file says: the driver's settings, undone."""
 
-    def __init__(self, world: SimulatedWorld, streams: RandomStreams, settings: CMPS14Settings) -> None:
+    def __init__(
+        self, world: SimulatedWorld, streams: RandomStreams, settings: CMPS14Settings | BNO055Settings
+    ) -> None:
         super().__init__(world, streams)
         self._settings = settings
 
@@ -44,6 +48,14 @@ class MountedCompass(HeadingSensorModel):
         if settings.swap_pitch_roll:
             pitch, roll = roll, pitch
         return (heading - round(settings.heading_offset_deg * 10.0)) % 3600, pitch, roll
+
+
+def _attach_bno055(settings: BNO055Settings, wiring: ChipWiring) -> None:
+    chip = BNO055Chip(MountedCompass(wiring.world, wiring.streams, settings), wiring.sense_clock)
+    if settings.port:
+        wiring.buses.serial(settings.port).chip = chip
+    else:
+        wiring.buses.i2c(settings.bus).attach(settings.address, chip)
 
 
 def mounted(settings: PMW3901Settings) -> Callable[[int, int], tuple[int, int]]:
@@ -114,6 +126,7 @@ def _motors(settings: ThunderBorgSettings | SabertoothSettings | RoboClawSetting
     }
 
 
+BNO055 = SimulatedChip(_attach_bno055, lambda _: {"opens_s": bno055.OPEN_S})
 CMPS14 = SimulatedChip(_attach_cmps14, lambda _: {"opens_s": cmps14.OPEN_S})
 PMW3901 = SimulatedChip(
     _attach_pmw3901, lambda settings: {"m_per_count": settings.m_per_count, "opens_s": pmw3901.OPEN_S}

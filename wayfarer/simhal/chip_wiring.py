@@ -25,6 +25,7 @@ CHIP_GROUP: Final = "wayfarer.chips"
 
 # Built-in chips, by the driver's name in a rover file.
 BUILT_IN_CHIPS: Final[Mapping[str, str]] = {
+    "bno055": "wayfarer.simhal.built_in_chips:BNO055",
     "camera_motion": "wayfarer.simhal.built_in_chips:CAMERA",
     "cmps14": "wayfarer.simhal.built_in_chips:CMPS14",
     "pmw3901": "wayfarer.simhal.built_in_chips:PMW3901",

@@ -189,8 +189,8 @@ async def test_part_that_does_not_answer_is_looked_for_at_its_wires(
 
 
 DRIVERS = {  # of each driver on a bus: its bus
-    "cmps14": "i2c", "thunderborg": "i2c", "thunderborg_light": "i2c", "pmw3901": "spi", "sabertooth": "serial",
-    "roboclaw": "serial", "roboclaw_wheels": "serial", "camera_motion": "camera",
+    "bno055": "i2c", "cmps14": "i2c", "thunderborg": "i2c", "thunderborg_light": "i2c", "pmw3901": "spi",
+    "sabertooth": "serial", "roboclaw": "serial", "roboclaw_wheels": "serial", "camera_motion": "camera",
 }  # fmt: skip
 OF_NO_BUS = {"bumper", "gpio_light", "gpio_motors", "gpsd"}
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -13,11 +14,16 @@ from tests.kit.boards import now_s
 from tests.kit.rover import ChipRig, Script
 from tests.virtual import run_virtually
 from wayfarer.commissioning.checks import CheckVerdict, Finding, parts, run_checks
+from wayfarer.drivers.bno055 import BNO055, BNO055Settings
 from wayfarer.drivers.roboclaw import RoboClaw, RoboClawSettings
 from wayfarer.drivers.sabertooth import SabertoothSettings
-from wayfarer.hal import WheelCommand
+from wayfarer.errors import NotResponding
+from wayfarer.hal import Rover, WheelCommand
+from wayfarer.simhal.chips.bno055 import BNO055Chip
 from wayfarer.simhal.chips.motor_boards import ThunderBorgChip
 from wayfarer.simhal.chips.roboclaw import RoboClawChip
+from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.sensor_models import HeadingSensorModel
 
 either = pytest.mark.parametrize(("acts", "verdict"), [(True, CheckVerdict.OK), (False, CheckVerdict.FAIL)])
 
@@ -141,3 +147,77 @@ def test_a_roboclaw_that_acknowledges_and_does_nothing_fails_when_it_is_to_turn(
     monkeypatch.setattr(claw, "_drive", lambda *_: None)
     found = rig.look(Script(rig.world, {}).watch_the_deadman)
     assert (found.verdict, found.text[:27]) == (CheckVerdict.FAIL, "the wheels did not start; l")
+
+
+# -- a BNO055: what a person reads on each of its lines --------------------------------------------------------------
+
+
+class Torn(BNO055Chip):
+    """Answers come shifted by a byte."""
+
+    def _read(self, register: int, count: int) -> bytes:
+        return super()._read(register, count)[1:] + b"\xff"
+
+
+class Another(BNO055Chip):
+    """Another part at its address."""
+
+    def _read(self, register: int, count: int) -> bytes:
+        return bytes(count)
+
+
+class Frozen(BNO055Chip):
+    """Its sensors measure nothing new."""
+
+    frozen = True
+
+    def _measure(self, *, is_asked: bool) -> None:
+        pass
+
+
+class Slow(BNO055Chip):
+    """Takes longer than a driver waits."""
+
+    def receive(self, data: bytes) -> bytes:
+        return b""
+
+    def read(self, count: int) -> bytes:
+        raise NotResponding("/dev/i2c-1: a transfer did not end within 0.1 s; a device holds the bus")
+
+
+AGAIN = "turn its power off and on"
+ON_I2C = "on I2C, where a Raspberry Pi up to 4 may read it wrongly; its UART avoids that"
+ON_UART = "FAIL BNO055 on /dev/serial0: no answer"
+
+
+@pytest.mark.parametrize(
+    ("chip", "port", "said"),
+    [
+        (BNO055Chip, "", rf"OK heading \d+°, pitch -?\d°, roll -?\d°; {ON_I2C}"),
+        (BNO055Chip, "/dev/serial0", r"OK heading \d+°, pitch -?\d°, roll -?\d°"),
+        (None, "", "FAIL BNO055 at 0x28 on /dev/i2c-1: no answer .*: check its four wires .*`i2cdetect -y 1`.*"),
+        (None, "/dev/serial0", f"{ON_UART} .*nothing came.* PS1 was high .*: check its plug.*"),
+        (
+            Another,
+            "",
+            "FAIL .*expected the identities a0 fb 32 0f of a BNO055, got 00 00 00 00.*: correct .parts.comp.*",
+        ),
+        (Torn, "/dev/serial0", "FAIL .*expected the identities .*, got fb 32 0f ff.*: correct .parts.compass.*"),
+        (Frozen, "", f"FAIL BNO055 at 0x28 on /dev/i2c-1: its sensors measure nothing new, .*: {AGAIN}"),
+        (Frozen, "/dev/serial0", f"FAIL BNO055 on /dev/serial0: its sensors measure nothing new, .*: {AGAIN}"),
+        (Slow, "", "FAIL .*a transfer did not end within 0.1 s; a device holds the bus.*"),
+        (Slow, "/dev/serial0", f"{ON_UART} .*no whole answer within 0.05 s, nothing came.*"),
+    ],
+)
+def test_bno055_that_is_absent_another_frozen_garbled_or_slow_is_one_line_with_its_remedy(
+    rig: ChipRig, chip: type[BNO055Chip] | None, port: str, said: str
+) -> None:
+    if chip is not None:
+        there = chip(HeadingSensorModel(rig.world, RandomStreams(0)), now_s)
+        if port:
+            rig.buses.serial(port).chip = there
+        else:
+            rig.buses.i2c("/dev/i2c-1").attach(0x28, there)
+    rig.rover = Rover(BNO055(BNO055Settings(port=port), rig.buses), rig.rover.motors)
+    found = rig.look(parts.compass)
+    assert re.fullmatch(said, f"{found.verdict.name} {found.text}" + (f": {found.remedy}" if found.remedy else ""))

@@ -11,11 +11,12 @@ import re
 
 from wayfarer.commissioning.checks.api import CheckVerdict, Finding, Inspection, fail, ok, skipped, warn
 from wayfarer.commissioning.checks.system import diagnose
-from wayfarer.errors import BadReading, DriverError, NotInstalled, NotResponding, WrongPart
+from wayfarer.errors import BadReading, DriverError, NotInstalled, WrongPart
 from wayfarer.hal import (
     CompassReading,
     ContactReading,
     ExplainsNoFix,
+    HasNote,
     MotionReading,
     NoFix,
     WheelReading,
@@ -42,7 +43,7 @@ def part_failed(inspection: Inspection, name: str, part: str, error: DriverError
             return skipped(name, f"{device} cannot be used: see there")
         if trouble := diagnose(inspection.host, device):
             return fail(name, *trouble)
-    if isinstance(error, NotResponding) and error.remedy:
+    if error.remedy:
         return fail(name, error.what, error.remedy)
     cause, remedy = _advice(where, part, error)
     return fail(name, f"{error}; likely {cause}", remedy)
@@ -78,6 +79,8 @@ async def compass(inspection: Inspection) -> Finding:
     except DriverError as error:
         return part_failed(inspection, "compass", "compass", error)
     text = f"heading {reading.heading_deg:.0f}°, pitch {reading.pitch_deg:.0f}°, roll {reading.roll_deg:.0f}°"
+    if isinstance(part := inspection.rover.compass, HasNote) and part.note:
+        text += f"; {part.note}"
     if max(abs(reading.pitch_deg), abs(reading.roll_deg)) > LEVEL_DEG:
         text += "; the rover does not stand level, or its compass is not mounted as the rover file says"
         return warn("compass", text, "stand it on level ground; if it does, correct [parts.compass]")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from random import Random
@@ -23,8 +23,13 @@ from wayfarer.simhal.faults.wires import ANSWERING, CAMERA, CHIPS, I2C, SERIAL, 
 Byte = Annotated[int, Interval(ge=0, le=255)]
 
 _DARK_SQUAL, _LONGEST_SHUTTER = 0, 0x1FFF
-# What asks a part who it is, and which byte of the answer says so.
-_IDENTITY = {"cmps14": (0x00, 0), "pmw3901": (0x00, 1), "thunderborg": (153, 1)}
+# What asks a part who it is, and which byte of the answer says so; a BNO055 is on I2C or on a serial line.
+_IDENTITY = {
+    "bno055": {b"\x00": 0, b"\xaa\x01\x00": 2},
+    "cmps14": {b"\x00": 0},
+    "pmw3901": {b"\x00": 1},
+    "thunderborg": {bytes((Opcode.GET_ID,)): 1},
+}
 
 
 class BusFault(FaultKind):
@@ -112,11 +117,14 @@ class ShiftedBlock(BusFault):
         return listed(wired.wire.answers, shift)
 
 
-def _answering(wired: WiredPart, question: int, at: int, says: int) -> AbstractContextManager[None]:
-    """Change a byte of the answer to a question."""
+def _answering(wired: WiredPart, questions: Mapping[bytes, int], says: int) -> AbstractContextManager[None]:
+    """Change a byte of the answer to each question: the one at its place."""
 
     def lie(asked: bytes, answer: bytes) -> bytes:
-        return answer[:at] + bytes((says,)) + answer[at + 1 :] if asked[:1] == bytes((question,)) else answer
+        for question, at in questions.items():
+            if asked.startswith(question):
+                return answer[:at] + bytes((says,)) + answer[at + 1 :]
+        return answer
 
     return listed(wired.wire.answers, lie)
 
@@ -129,7 +137,7 @@ class WrongId(BusFault):
     says: Byte = 0x2A
 
     def effect(self, wired: WiredPart, _: Random) -> AbstractContextManager[None]:
-        return _answering(wired, *_IDENTITY[wired.driver], self.says)
+        return _answering(wired, _IDENTITY[wired.driver], self.says)
 
 
 class Reset(BusFault):
@@ -187,7 +195,7 @@ class FailsafeOff(BusFault):
     fits = ("thunderborg",)
 
     def effect(self, wired: WiredPart, _: Random) -> AbstractContextManager[None]:
-        return _answering(wired, Opcode.GET_FAILSAFE, 1, 0)
+        return _answering(wired, {bytes((Opcode.GET_FAILSAFE,)): 1}, 0)
 
 
 class BoardFault(BusFault):
@@ -268,7 +276,7 @@ class Uncalibrated(BusFault):
     """The part reports that its calibration is lost."""
 
     targets = ("compass",)
-    fits = ("cmps14",)
+    fits = ("bno055", "cmps14")
 
     def effect(self, wired: WiredPart, _: Random) -> AbstractContextManager[None]:
         return changed(wired.chip, calibration=0)

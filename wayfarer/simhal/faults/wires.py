@@ -320,7 +320,7 @@ def is_on(part: str, places: tuple[str, ...], config: RoverConfig) -> bool:
 def _bus_of(part: str, table: Mapping[str, Any]) -> tuple[str, str, Any]:
     """Return the kind and name of the bus that a part is on, by its settings, and these; no name if it is on none."""
     _, settings = part_settings(part, table)
-    for key, kind in (("bus", I2C if hasattr(settings, "address") else SPI), ("port", SERIAL), ("camera", CAMERA)):
-        if isinstance(name := getattr(settings, key, None), str):
+    for key, kind in (("port", SERIAL), ("bus", I2C if hasattr(settings, "address") else SPI), ("camera", CAMERA)):
+        if isinstance(name := getattr(settings, key, None), str) and name:
             return kind, name, settings
     return "no bus", "", settings
