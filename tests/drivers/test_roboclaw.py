@@ -202,8 +202,8 @@ def noise(_: bytes, answer: bytes) -> bytes:
     ("change", "kind", "text"),
     [
         (lambda *_: b"", NotResponding, "no answer .*nothing came.*battery off, another address or baud rate"),
-        (torn, NotResponding, "no answer .*only 55 53 42"),
-        (noise, NotResponding, "no answer .*only 44 42 53 .* came.*another address or baud rate"),
+        (torn, BadReading, "asked 21, and 55 53 42 .* is no whole answer to that"),
+        (noise, WrongPart, "expected RoboClaw, got no answer of one"),
         (lambda *_: b"hello\n\0\x12\x34", WrongPart, "expected RoboClaw, got no answer of one"),
         (lambda *_: b"\xff" * 60, WrongPart, "expected RoboClaw, got no answer of one"),
     ],

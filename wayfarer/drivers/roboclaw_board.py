@@ -37,7 +37,7 @@ _STOPS = 3  # as many go out at once: the first may end up in a packet that brok
 _GAP_S = 0.011  # page 59: after more than 10 ms without a byte the board drops a packet that is not whole
 _RETRIES = 2
 _RETRY_WITHIN_S = 0.1  # after this no retry: the board is not there, or the process was suspended
-_VERSION_BYTES_MAX = 48 + _CRC_BYTES
+_VERSION_BYTES_MIN = 8 + _CRC_BYTES  # a shorter name says nothing; the manual's longest is 48
 
 
 class Opcode(IntEnum):
@@ -102,21 +102,19 @@ class RoboClawLink:
         """Return the data of an answer, which has one of these numbers of bytes, the smallest first.
 
         Raises:
-            NotResponding: no answer, or too short a one.
-            BadReading: its CRC is wrong.
+            NotResponding: no answer.
+            BadReading: an answer to something else, or a damaged one.
         """
 
         def data_in(received: bytes) -> bytes | None:
-            answers = (self._checked(command, received, count) for count in counts)
-            return next((data for data in answers if data is not None), None)
+            for count in counts:
+                # The last bytes: before them there may be acknowledgements of stops that were posted.
+                answer = received[-count - _CRC_BYTES :]
+                if len(answer) == count + _CRC_BYTES and self._is_answer(command, answer):
+                    return answer[:count]
+            return None
 
-        def missing(received: bytes) -> int:
-            if data_in(received) is not None:
-                return 0
-            counted = next((count + _CRC_BYTES for count in counts if count + _CRC_BYTES > len(received)), 0)
-            return counted - len(received) if counted else _stray(received, counts[-1])
-
-        return await self._retry(lambda: self._ask_once(command, missing, data_in))
+        return await self._retry(lambda: self._ask_once(command, data_in, counts[0] + _CRC_BYTES))
 
     async def identify(self) -> str:
         """Return the board's name and firmware, such as ``2x15a v4.1.34``.
@@ -124,23 +122,22 @@ class RoboClawLink:
         Raises:
             NotResponding: nothing answers.
             WrongPart: something else does.
+            BadReading: a RoboClaw does, damaged or too late.
         """
+        seen = b""
 
         def data_in(received: bytes) -> bytes | None:
-            text, end, _ = received.partition(b"\0")
-            return self._checked(Opcode.GET_VERSION, received, len(text) + 1) if end else None
-
-        def missing(received: bytes) -> int:
-            if (end := received.find(b"\0")) < 0:
-                return int(len(received) < _VERSION_BYTES_MAX)
-            return max(0, end + 1 + _CRC_BYTES - len(received))
+            nonlocal seen
+            seen = received
+            return received[:-_CRC_BYTES] if self._is_answer(Opcode.GET_VERSION, received) else None
 
         try:
-            version = await self._retry(lambda: self._ask_once(Opcode.GET_VERSION, missing, data_in))
+            version = await self._retry(lambda: self._ask_once(Opcode.GET_VERSION, data_in, _VERSION_BYTES_MIN))
         except BadReading as error:
+            if b"claw" in seen.lower():
+                raise
             raise WrongPart(self.where, CHIP, f"no answer of one ({error})") from error
-        name = version.rstrip(b"\n\0").decode("ascii", "replace")
-        return name.removeprefix("USB ").removeprefix("Roboclaw ").removeprefix("RoboClaw ")
+        return version.rstrip(b"\n\0").decode("ascii", "replace").removeprefix("USB ").removeprefix("Roboclaw ")
 
     async def _send_once(self, command: int, data: bytes) -> None:
         packet = with_crc(self._address, command, data)
@@ -148,33 +145,37 @@ class RoboClawLink:
         if answer[:1] != _ACKNOWLEDGED:
             raise self._not_understood(command, answer)
 
-    async def _ask_once(
-        self, command: int, missing: Callable[[bytes], int], data_in: Callable[[bytes], bytes | None]
-    ) -> bytes:
-        """Ask, and have the motors stopped behind that if nobody commands them any more."""
+    async def _ask_once(self, command: int, data_in: Callable[[bytes], bytes | None], least: int) -> bytes:
+        """Ask, and have the motors stopped behind that if nobody commands them any more.
+
+        An answer has come when there is data in it; it has so many bytes at least.
+        """
+        came = b""
+
+        def missing(received: bytes) -> int:
+            nonlocal came
+            came = received
+            return 0 if data_in(received) is not None else max(1, least - len(received))
+
         try:
-            answer = await self._port.exchange(bytes((self._address, command)), missing)
+            data = data_in(await self._port.exchange(bytes((self._address, command)), missing))
+        except NotResponding:
+            if came:
+                raise self._not_understood(command, came) from None
+            raise
         finally:
             if asyncio.get_running_loop().time() > self._moves_until_s:
                 self.post_stop()
-        if (data := data_in(answer)) is None:
-            raise self._not_understood(command, answer)
+        assert data is not None
         return data
 
-    def _checked(self, command: int, received: bytes, count: int) -> bytes | None:
-        """Return the last so many bytes before the CRC if that is right.
-
-        Before them there may be the acknowledgement of a stop that was posted.
-        """
-        answer = received[-count - _CRC_BYTES :]
-        if len(answer) == count + _CRC_BYTES and crc_hqx(bytes((self._address, command)) + answer, 0) == 0:
-            return answer[:count]
-        return None
+    def _is_answer(self, command: int, answer: bytes) -> bool:
+        return crc_hqx(bytes((self._address, command)) + answer, 0) == 0
 
     def _not_understood(self, command: int, answer: bytes) -> BadReading:
         return BadReading(
-            f"{self.where}: asked {command}, and {answer.hex(' ') or 'nothing'} is no answer to that; noise on the "
-            "wires, another baud rate, or another program at the port"
+            f"{self.where}: asked {command}, and {answer.hex(' ').upper()} is no whole answer to that; noise on the "
+            "wires, another baud rate, or another part or program at the port"
         )
 
     async def _retry(self, transfer: Callable[[], Awaitable[T]]) -> T:
@@ -197,12 +198,6 @@ class RoboClawLink:
             self.retries += 1
             await asyncio.sleep(_GAP_S)
         raise AssertionError("the last try returns or raises")
-
-
-def _stray(received: bytes, count: int) -> int:
-    """Return 1 while all that is too much may be acknowledgements of posted stops, which came first; otherwise 0."""
-    extra = len(received) - count - _CRC_BYTES + 1
-    return int(extra <= _STOPS and received[:extra] == _ACKNOWLEDGED * extra)
 
 
 _LINKS: WeakValueDictionary[tuple[int, int], RoboClawLink] = WeakValueDictionary()
