@@ -13,12 +13,13 @@ from hypothesis import strategies as st
 
 from tests.virtual import virtual
 from wayfarer.drivers.bumper import Bumper, BumperSettings
+from wayfarer.drivers.encoders import Encoders, EncodersSettings
 from wayfarer.drivers.gpio_light import GpioLight, GpioLightSettings
 from wayfarer.drivers.gpio_motors import GpioMotors, GpioMotorsSettings
 from wayfarer.drivers.linux import LinuxBuses
 from wayfarer.errors import NotResponding
-from wayfarer.hal import STOP, Colour, ContactSensor, DriveMotors, Side, StatusLight
-from wayfarer.testing import check_contact_sensor, check_motors, check_status_light
+from wayfarer.hal import STOP, Colour, ContactSensor, DriveMotors, Side, StatusLight, WheelSensor
+from wayfarer.testing import check_contact_sensor, check_motors, check_status_light, check_wheel_sensor
 
 gpiozero = pytest.importorskip("gpiozero")
 
@@ -39,7 +40,11 @@ def motors(right_backward: int = 27) -> GpioMotors:
     return GpioMotors(GpioMotorsSettings(17, 18, 22, right_backward), LinuxBuses())
 
 
-each_part = pytest.mark.parametrize("make", [bumper, light, motors])
+def encoders(right_b: int = 27) -> Encoders:
+    return Encoders(EncodersSettings(5, 6, 12, right_b, 3000.0), LinuxBuses())
+
+
+each_part = pytest.mark.parametrize("make", [bumper, light, motors, encoders])
 each_use = pytest.mark.parametrize(
     ("make", "use"),
     [
@@ -47,6 +52,7 @@ each_use = pytest.mark.parametrize(
         (light, lambda part: part.show(Colour(1.0, 0.0, 0.0))),
         (motors, lambda part: part.drive(STOP)),
         (motors, GpioMotors.read_back),
+        (encoders, Encoders.read),
     ],
 )
 
@@ -57,6 +63,7 @@ each_use = pytest.mark.parametrize(
         (bumper, ContactSensor, check_contact_sensor),
         (light, StatusLight, check_status_light),
         (motors, DriveMotors, check_motors),
+        (encoders, WheelSensor, check_wheel_sensor),
     ],
 )
 @virtual

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from tests.kit.boards import RoboClawBench, now_s
 from tests.virtual import virtual
 from wayfarer.drivers.roboclaw_wheels import RoboClawWheels, RoboClawWheelsSettings
-from wayfarer.errors import NotResponding
 from wayfarer.hal import STOP, WheelCommand, WheelReading, WheelSensor
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chips.roboclaw import Encoders
+from wayfarer.testing import check_wheel_sensor
 
 COUNTS_PER_M = 4000.0
 
@@ -40,8 +40,10 @@ class Bench(RoboClawBench):
         return await self.wheels.read()
 
 
-def test_it_is_a_wheel_sensor() -> None:
+@virtual
+async def test_it_keeps_what_a_wheel_sensor_promises() -> None:
     assert isinstance(Bench().wheels, WheelSensor)
+    await check_wheel_sensor(lambda: Bench().wheels, lambda: RoboClawWheels(RoboClawWheelsSettings(), FakeBuses()))
 
 
 @pytest.mark.parametrize("wiring", [{}, {"left": 2}, {"reverse_left": True}, {"left": 2, "reverse_right": True}])
@@ -107,9 +109,3 @@ async def test_wheels_that_are_read_on_do_not_keep_the_motors_running() -> None:
         await bench.wheels.read()
     assert bench.motors.deadman_s is not None
     assert now_s() - began_s <= bench.motors.deadman_s
-
-
-@virtual
-async def test_board_that_is_not_there_does_not_open() -> None:
-    with pytest.raises(NotResponding, match=r"RoboClaw 128 on /dev/serial0: no answer"):
-        await RoboClawWheels(RoboClawWheelsSettings(), FakeBuses()).open()

@@ -113,9 +113,14 @@ def test_minirover_with_its_camera_and_board_runs_a_trial_to_its_end() -> None:
     assert run_trial(spec) == result
 
 
-def test_rover_with_a_roboclaw_runs_the_same_trial_at_both_depths() -> None:
+CLAW_WHEELS = {"driver": "roboclaw_wheels", "left": 2, "reverse_left": True, "counts_per_m": 3000.0}
+PINS = {"left_a": 5, "left_b": 6, "right_a": 12, "right_b": 13}
+ENCODERS = {"driver": "encoders", **PINS, "reverse_right": True, "counts_per_m": 1000.0}
+
+
+@pytest.mark.parametrize("wheels", [CLAW_WHEELS, ENCODERS])
+def test_rover_with_a_roboclaw_runs_the_same_trial_at_both_depths(wheels: dict[str, Any]) -> None:
     claw = {"driver": "roboclaw", "left": 2, "reverse_right": True, "duty_limit": 0.9}
-    wheels = {"driver": "roboclaw_wheels", "left": 2, "reverse_left": True, "counts_per_m": 3000.0}
     config = with_part(load_rover("forestrover"), wheels=wheels, motors=claw)
     spec = TrialSpec(0, "forest-pledge", generate_forest(1, 0, 0), 0, config, budget_m=20.0)
     device = run_trial(spec)

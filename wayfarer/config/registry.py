@@ -35,6 +35,7 @@ BUILT_IN_DRIVERS: Mapping[str, str] = {
     "bumper": "wayfarer.drivers.bumper:Bumper",
     "camera_motion": "wayfarer.drivers.camera_motion:CameraMotion",
     "cmps14": "wayfarer.drivers.cmps14:CMPS14",
+    "encoders": "wayfarer.drivers.encoders:Encoders",
     "gpio_light": "wayfarer.drivers.gpio_light:GpioLight",
     "gpio_motors": "wayfarer.drivers.gpio_motors:GpioMotors",
     "gpsd": "wayfarer.drivers.gpsd:Gpsd",

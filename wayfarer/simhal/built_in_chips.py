@@ -12,6 +12,7 @@ from wayfarer.drivers import bno055, cmps14, pmw3901, roboclaw_board, sabertooth
 from wayfarer.drivers.bno055 import BNO055Settings
 from wayfarer.drivers.camera_motion import CameraMotionSettings
 from wayfarer.drivers.cmps14 import CMPS14Settings
+from wayfarer.drivers.encoders import EncodersSettings
 from wayfarer.drivers.pmw3901 import PMW3901Settings
 from wayfarer.drivers.roboclaw import RoboClawSettings
 from wayfarer.drivers.roboclaw_wheels import RoboClawWheelsSettings
@@ -20,6 +21,7 @@ from wayfarer.drivers.thunderborg import ThunderBorgSettings
 from wayfarer.simhal.chip_wiring import ChipWiring, SimulatedChip
 from wayfarer.simhal.chips.bno055 import BNO055Chip
 from wayfarer.simhal.chips.cmps14 import CMPS14Chip
+from wayfarer.simhal.chips.encoders import QuadratureEncoders
 from wayfarer.simhal.chips.motor_boards import SabertoothChip, ThunderBorgChip
 from wayfarer.simhal.chips.pmw3901 import PMW3901Chip
 from wayfarer.simhal.chips.roboclaw import Encoders, RoboClawChip
@@ -113,8 +115,23 @@ def _attach_roboclaw_wheels(settings: RoboClawWheelsSettings, wiring: ChipWiring
     if not isinstance(line.chip, RoboClawChip):
         line.chip = RoboClawChip(wiring.world, wiring.clock, address=settings.address)
     if settings.counts_per_m is not None:
-        left, right = (-1 if settings.reverse_left else 1), (-1 if settings.reverse_right else 1)
-        line.chip.encoders = Encoders(1.0 / settings.counts_per_m, settings.left == 2, left, right)
+        line.chip.encoders = Encoders(1.0 / settings.counts_per_m, settings.left == 2, *_signs(settings))
+
+
+def _attach_encoders(settings: EncodersSettings, wiring: ChipWiring) -> None:
+    wire = wiring.buses.pins().wire
+    encoders = QuadratureEncoders(
+        wiring.world,
+        ((wire(settings.left_a), wire(settings.left_b)), (wire(settings.right_a), wire(settings.right_b))),
+        1.0 / settings.counts_per_m,
+        _signs(settings),
+        active_low=settings.pull_up,
+    )
+    wiring.buses.pins().before_read.append(encoders.follow)
+
+
+def _signs(settings: EncodersSettings | RoboClawWheelsSettings) -> tuple[int, int]:
+    return (-1 if settings.reverse_left else 1), (-1 if settings.reverse_right else 1)
 
 
 def _motors(settings: ThunderBorgSettings | SabertoothSettings | RoboClawSettings, full_level: int) -> dict[str, Any]:
@@ -132,6 +149,9 @@ PMW3901 = SimulatedChip(
     _attach_pmw3901, lambda settings: {"m_per_count": settings.m_per_count, "opens_s": pmw3901.OPEN_S}
 )
 CAMERA = SimulatedChip(_attach_camera)
+ENCODERS = SimulatedChip(
+    _attach_encoders, lambda settings: {"m_per_count": 1.0 / settings.counts_per_m, "current": False}
+)
 ROBOCLAW = SimulatedChip(_attach_roboclaw, lambda settings: {"steps": roboclaw_board.FULL_DUTY * settings.duty_limit})
 ROBOCLAW_WHEELS = SimulatedChip(
     _attach_roboclaw_wheels,

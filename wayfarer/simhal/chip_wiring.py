@@ -28,6 +28,7 @@ BUILT_IN_CHIPS: Final[Mapping[str, str]] = {
     "bno055": "wayfarer.simhal.built_in_chips:BNO055",
     "camera_motion": "wayfarer.simhal.built_in_chips:CAMERA",
     "cmps14": "wayfarer.simhal.built_in_chips:CMPS14",
+    "encoders": "wayfarer.simhal.built_in_chips:ENCODERS",
     "pmw3901": "wayfarer.simhal.built_in_chips:PMW3901",
     "roboclaw": "wayfarer.simhal.built_in_chips:ROBOCLAW",
     "roboclaw_wheels": "wayfarer.simhal.built_in_chips:ROBOCLAW_WHEELS",

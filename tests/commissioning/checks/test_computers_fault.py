@@ -192,7 +192,7 @@ DRIVERS = {  # of each driver on a bus: its bus
     "bno055": "i2c", "cmps14": "i2c", "thunderborg": "i2c", "thunderborg_light": "i2c", "pmw3901": "spi",
     "sabertooth": "serial", "roboclaw": "serial", "roboclaw_wheels": "serial", "camera_motion": "camera",
 }  # fmt: skip
-OF_NO_BUS = {"bumper", "gpio_light", "gpio_motors", "gpsd"}
+OF_NO_BUS = {"bumper", "encoders", "gpio_light", "gpio_motors", "gpsd"}
 
 
 def test_each_driver_is_on_a_bus_or_on_none() -> None:

@@ -16,7 +16,9 @@ from wayfarer.commissioning.checks.api import ok
 from wayfarer.commissioning.checks.deadman import WATCH_S
 from wayfarer.commissioning.checks.motion import check_motion, judge_push
 from wayfarer.commissioning.manual_drive import Push
-from wayfarer.hal import WheelCommand
+from wayfarer.errors import NotResponding
+from wayfarer.hal import WheelCommand, WheelReading
+from wayfarer.simhal.parts import SimWheels
 
 OK, FAIL, SKIPPED = CheckVerdict.OK, CheckVerdict.FAIL, CheckVerdict.SKIPPED
 NAMES = ["deadman trips", "left wheels", "right wheels", "notices being stuck", "push"]
@@ -220,6 +222,48 @@ def test_each_side_is_turned_alone_ahead_and_back(rig: Rig) -> None:
     look(rig, person(rig, {}))
     turns = list(dict.fromkeys(rig.motors.commands))
     assert turns[1:5] == [(0.25, 0.0), (-0.25, 0.0), (0.0, 0.25), (0.0, -0.25)]
+
+
+class Wired(SimWheels):
+    """Wheels whose encoders are wired as a test says."""
+
+    wired: Callable[[float, float], tuple[float | None, float | None]]
+
+    async def read(self) -> WheelReading:
+        reading = await super().read()
+        left_m, right_m = self.wired(reading.left_m or 0.0, reading.right_m or 0.0)
+        return reading._replace(left_m=left_m, right_m=right_m)
+
+
+@pytest.mark.parametrize(
+    ("wired", "found", "remedy"),
+    [
+        (lambda left, right: (left, right), None, ""),
+        (lambda *_: (None, None), None, ""),
+        (lambda _, right: (0.0, right), "their encoder counted nothing; a loose wire", "check the encoder's wires"),
+        (lambda left, right: (right, left), "the right encoder counted; left and right are swapped", "change left"),
+        (lambda left, right: (-left, right), "their encoder counted down", "change reverse_left under [parts.wheels]"),
+    ],
+)
+def test_encoder_that_is_wired_otherwise_than_the_file_says_names_the_setting(
+    rig: Rig, wired: Any, found: str | None, remedy: str
+) -> None:
+    rig.rover = replace(rig.rover, wheels=(wheels := Wired(rig.world)))
+    wheels.wired = wired
+    finding = look(rig, person(rig, {}))["left wheels"]
+    assert finding.verdict is (FAIL if found else OK)
+    assert (found or "turn forwards and backwards") in finding.text
+    assert remedy in finding.remedy
+
+
+def test_wheels_sensor_that_does_not_answer_hides_nothing_of_the_motors(rig: Rig) -> None:
+    rig.rover = replace(rig.rover, wheels=(wheels := Wired(rig.world)))
+
+    def gone(*_: float) -> tuple[float, float]:
+        raise NotResponding("encoders: not there")
+
+    wheels.wired = gone
+    assert look(rig, person(rig, {}))["left wheels"].verdict is OK
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ No duty exceeds the rover file's ``safety.duty_max``.
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from functools import partial
 
 from wayfarer.commissioning.checks.api import Ask, Finding, Inspection, fail, ok, skipped
@@ -20,7 +21,7 @@ from wayfarer.commissioning.manual_drive import RATE_HZ, Push, keep_driving, mea
 from wayfarer.control.rate import Rate
 from wayfarer.detector import StallMonitor
 from wayfarer.errors import DriverError
-from wayfarer.hal import DriveMotors, MotionReading, WheelCommand
+from wayfarer.hal import MotionReading, WheelCommand, WheelReading
 from wayfarer.safety.tick_interval import Moved, TickInterval
 
 ON_BLOCKS = (
@@ -32,6 +33,7 @@ PUSH = "Set the rover on the ground and push it half a metre straight ahead by h
 DUTY = 0.25  # enough to turn free wheels, too little to jump off the blocks
 STALL_DUTY = 0.5
 STALL_S = 1.0
+ROLLED_MIN_M = 0.01  # of a rim at DUTY for half a second; chosen by us
 # Of the half metre asked for: scales are wrong by up to a half before calibration (docs/reference/hardware.md).
 PUSHED_MIN_M = 0.15
 UNKNOWN_MAX = 0.5  # share of readings without quality beyond which nothing was seen
@@ -73,25 +75,54 @@ async def _why_not(ask: Ask, inspection: Inspection) -> str:
 async def side(which: str, ask: Ask, inspection: Inspection) -> Finding:
     """Turn one side ahead and back, and ask what was seen; a wrong answer gives the setting to change.
 
+    So does what the wheels' own sensor has counted meanwhile, if the rover has one.
+
     Raises:
         DriverError: the board did not answer.
     """
     name, other = f"{which} wheels", "right" if which == "left" else "left"
-    motors, duty = inspection.rover.motors, min(DUTY, inspection.config.safety.duty_max)
-    await _turn(motors, which, duty)
+    duty = min(DUTY, inspection.config.safety.duty_max)
+    counted = await _turn(inspection, which, duty)
     if not await ask(f"Did the {which} wheels turn, only they, and forwards (their tops moved to the front)?"):
         return await _name_the_mistake(name, which, other, ask)
-    await _turn(motors, which, -duty)
+    await _turn(inspection, which, -duty)
     if not await ask(f"Did the {which} wheels turn again, only they, and backwards?"):
         text = "turn forwards, but not backwards; half of the board's output, or of its wiring, is dead"
         return fail(name, text, f"swap the plugs of the {which} and {other} motors to find out")
+    if counted is not None and (wrong := _wrong_encoder(which, other, counted)):
+        return fail(name, *wrong)
     return ok(name, "turn forwards and backwards")
 
 
-async def _turn(motors: DriveMotors, which: str, duty: float) -> None:
+async def _turn(inspection: Inspection, which: str, duty: float) -> WheelReading | None:
+    """Turn one side, and return what the wheels' sensor says of that; None if there is none, or it does not answer."""
     command = WheelCommand(duty, 0.0) if which == "left" else WheelCommand(0.0, duty)
+    motors, counted = inspection.rover.motors, None
+    with suppress(DriverError):  # its own check says so
+        if inspection.rover.wheels is not None:
+            counted = await inspection.read("wheels")  # what came before is not ours
     async with wheels_stopped_after(motors):
         await keep_driving(motors, command, DRIVE_S)
+    with suppress(DriverError):
+        return await inspection.read("wheels") if counted is not None else None
+    return None
+
+
+def _wrong_encoder(which: str, other: str, counted: WheelReading) -> tuple[str, str] | None:
+    """Return what is wrong with the encoders if only this side turned, and ahead, and what to do."""
+    if counted.left_m is None or counted.right_m is None:
+        return None  # it measures the current only
+    own_m, other_m = (counted.left_m, counted.right_m)[:: 1 if which == "left" else -1]
+    if max(abs(own_m), abs(other_m)) < ROLLED_MIN_M:
+        text = "they turned, and their encoder counted nothing; a loose wire, no power, or a wrong counts_per_m"
+        return text, "check the encoder's wires; correct [parts.wheels]"
+    if abs(other_m) > abs(own_m):
+        text = f"they turned, and the {other} encoder counted; left and right are swapped"
+        return text, "change left under [parts.wheels], or swap the pins there"
+    if own_m < 0.0:
+        text = "they turned forwards, and their encoder counted down"
+        return text, f"change reverse_{which} under [parts.wheels]: true if it is false or not there, else false"
+    return None
 
 
 async def _name_the_mistake(name: str, which: str, other: str, ask: Ask) -> Finding:
